@@ -1,0 +1,49 @@
+# make demo        fit the example boom into build/demo
+# make test        lint, types and the quick tests (under 10 minutes on 2 cores)
+# make test-full   wheel in an empty environment, notebooks, the long tests (under 50 minutes)
+# make bench       print the timings that README and CHANGELOG quote
+# make wheel       build the distribution into dist/
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+WORKERS ?= 2
+
+.PHONY: demo test test-full bench wheel wheel-test lint clean
+
+$(VENV)/.installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,notebooks]'
+	touch $@
+
+demo: $(VENV)/.installed
+	$(BIN)/beamchain fit generator/beamchain/examples/seed_boom.toml -o build/demo --force
+
+lint: $(VENV)/.installed
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/basedpyright
+
+test: lint
+	$(BIN)/pytest -n $(WORKERS) -m "not slow and not host"
+
+test-full: $(VENV)/.installed wheel-test
+	$(BIN)/pytest -n $(WORKERS) -m "slow or host"
+
+bench: $(VENV)/.installed
+	$(BIN)/python tests/benchmarks/fit_time.py
+
+wheel: $(VENV)/.installed
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist .
+
+# the wheel in an environment that has never seen the checkout, tested from outside it
+wheel-test: wheel
+	rm -rf build/wheel && mkdir -p build/wheel
+	$(PYTHON) -m venv build/wheel/venv
+	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl pytest pytest-xdist hypothesis sympy nbclient nbformat ipykernel
+	cp -r tests notebooks pyproject.toml build/wheel/
+	cd build/wheel && venv/bin/pytest -n $(WORKERS) -m "not slow and not host"
+
+clean:
+	rm -rf build dist .pytest_cache .ruff_cache

@@ -1,0 +1,79 @@
+"""Flexible spacecraft appendages for MuJoCo: hinge chains that push back on the hub exactly as the beam does.
+
+MuJoCo is imported when it is first needed, so that `import beamchain` is quick.
+"""
+
+from importlib import import_module
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from beamchain.assess.error import Comparison as Comparison
+    from beamchain.assess.error import compare as compare
+    from beamchain.chain.chain import Chain as Chain
+    from beamchain.chain.realise import planar_chain as planar_chain
+    from beamchain.chain.realise import realise as realise
+    from beamchain.chain.rivals import equal_links as equal_links
+    from beamchain.chain.rivals import seed_chain as seed_chain
+    from beamchain.engine.linearise import Linearisation as Linearisation
+    from beamchain.engine.linearise import linearise as linearise
+    from beamchain.errors import BeamchainError as BeamchainError
+    from beamchain.port import PortModel as PortModel
+    from beamchain.seed import seed_beam as seed_beam
+    from beamchain.seed import seed_table as seed_table
+    from beamchain.spec import Damping as Damping
+    from beamchain.spec import FitOptions as FitOptions
+    from beamchain.spec import Hub as Hub
+    from beamchain.spec import Modes as Modes
+    from beamchain.spec import Payload as Payload
+    from beamchain.spec import Root as Root
+    from beamchain.spec import Scene as Scene
+    from beamchain.spec import Spec as Spec
+    from beamchain.spec import read_spec as read_spec
+    from beamchain.structure.beam import Beam as Beam
+    from beamchain.structure.beam import Joint as Joint
+    from beamchain.structure.beam import Lump as Lump
+    from beamchain.structure.beam import Segment as Segment
+    from beamchain.structure.exact import UniformBeam as UniformBeam
+    from beamchain.structure.material import Material as Material
+    from beamchain.structure.section import Box as Box
+    from beamchain.structure.section import Custom as Custom
+    from beamchain.structure.section import Equivalent as Equivalent
+    from beamchain.structure.section import Rectangle as Rectangle
+    from beamchain.structure.section import Round as Round
+    from beamchain.structure.section import Tube as Tube
+    from beamchain.workflow import Fit as Fit
+    from beamchain.workflow import fit as fit
+
+_PLACES = {
+    "assess.error": ("Comparison", "compare"),
+    "chain.chain": ("Chain",),
+    "chain.realise": ("planar_chain", "realise"),
+    "chain.rivals": ("equal_links", "seed_chain"),
+    "engine.linearise": ("Linearisation", "linearise"),
+    "errors": ("BeamchainError",),
+    "port": ("PortModel",),
+    "seed": ("seed_beam", "seed_table"),
+    "spec": ("Damping", "FitOptions", "Hub", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
+    "structure.beam": ("Beam", "Joint", "Lump", "Segment"),
+    "structure.exact": ("UniformBeam",),
+    "structure.material": ("Material",),
+    "structure.section": ("Box", "Custom", "Equivalent", "Rectangle", "Round", "Tube"),
+    "workflow": ("Fit", "fit"),
+}
+_HOME = {name: module for module, names in _PLACES.items() for name in names}
+
+__version__ = version("beamchain")
+__all__ = sorted([*_HOME, "__version__"])  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'beamchain' has no attribute {name!r}; it has {', '.join(__all__)}")
+    value = getattr(import_module(f"beamchain.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,5 @@
+"""`python -m beamchain`."""
+
+from beamchain.cli import main
+
+main()

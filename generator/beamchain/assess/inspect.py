@@ -1,0 +1,92 @@
+"""Modes, masses and step limits of any MuJoCo model, from its own linearisation."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from beamchain.assess.stability import StepLimits, step_limits
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model, linearise
+from beamchain.port import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """What MuJoCo makes of a model about its rest pose.
+
+    Args:
+        frequencies: `(n,)` of the oscillating modes [rad/s], with their `damping` ratios.
+        springs: name, stiffness, damping of every sprung joint.
+        limits: step limits.
+    """
+
+    name: str
+    bodies: int
+    joints: int
+    dofs: int
+    mass: float
+    frequencies: Array
+    damping: Array
+    springs: list[tuple[str, float, float]]
+    integrator: str
+    timestep: float
+    limits: StepLimits
+
+    def as_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {
+            "name": self.name,
+            "bodies": self.bodies,
+            "joints": self.joints,
+            "dofs": self.dofs,
+            "mass": self.mass,
+            "modes": [{"frequency": w, "damping": z} for w, z in zip(self.frequencies, self.damping, strict=True)],
+            "springs": [{"joint": n, "stiffness": k, "damping": c} for n, k, c in self.springs],
+            "integrator": self.integrator,
+            "timestep": self.timestep,
+            "stability": {"omega_max": self.limits.omega_max, "largest_step": self.limits.largest_step},
+            "accuracy": {k: {"1%": a, "0.1%": b} for k, (a, b) in self.limits.accuracy.items()},
+        }
+
+
+def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
+    """Inspect a model: path, MJCF text or compiled.
+
+    Raises:
+        InputError: there is no such file.
+        EngineError: MuJoCo refuses it, or it has no degree of freedom.
+    """
+    model = compile_model(source)
+    linear = linearise(model)
+    nv = model.nv
+    a = np.block([[np.zeros((nv, nv)), np.eye(nv)], [-linear.stiffness, -linear.damping]])
+    poles = np.linalg.eigvals(a)
+    floor = 1e-5 * float(np.max(np.abs(poles), initial=0.0))  # rigid motion, at rounding level for a free joint
+    poles = poles[(poles.imag > floor)]
+    poles = poles[np.argsort(np.abs(poles))]
+    frequencies, ratios = np.abs(poles), np.clip(-poles.real / np.abs(poles), 0.0, None)
+    ratios[ratios < 1e-10] = 0.0
+    springs: list[tuple[str, float, float]] = []
+    for j in range(model.njnt):
+        stiffness = float(np.atleast_1d(model.jnt_stiffness[j])[0])
+        if stiffness > 0.0:
+            dof = int(model.jnt_dofadr[j])
+            springs.append(
+                (model.joint(j).name or f"joint {j}", stiffness, float(np.atleast_1d(model.dof_damping[dof])[0]))
+            )
+    tendon = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0.0))
+    return Inspection(
+        name=model.names[: model.names.index(b"\0")].decode(),
+        bodies=model.nbody - 1,
+        joints=model.njnt,
+        dofs=nv,
+        mass=float(np.sum(model.body_mass)),
+        frequencies=frequencies,
+        damping=ratios,
+        springs=springs,
+        integrator=linear.integrator,
+        timestep=linear.timestep,
+        limits=step_limits(frequencies, ratios, tendon=tendon),
+    )

@@ -1,0 +1,110 @@
+"""What a time step does to an oscillation, per integrator: stability limits, frequency shift, numerical damping."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from beamchain.checks import one_of
+from beamchain.port import Array
+
+Poles = NDArray[np.complex128]
+
+INTEGRATORS = ("Euler", "implicit", "implicitfast", "discrete", "RK4")
+
+
+def step_pole(integrator: str, angle: ArrayLike, ratio: ArrayLike = 0.0, *, tendon: bool = False) -> Poles:
+    """Pole z of one step of `q'' + 2 ratio w q' + w^2 q = 0` with `angle = w h`, the one with the larger modulus.
+
+    Args:
+        integrator: MuJoCo's name. Euler, implicit, implicitfast: stiffness explicit, joint damping implicit;
+            "discrete": both implicit; "RK4": the classical Runge-Kutta polynomial.
+        angle: w h, any shape.
+        ratio: damping ratio, below 1.
+        tendon: the damping sits on a tendon, which Euler integrates explicitly.
+    """
+    one_of("integrator", integrator, INTEGRATORS)
+    angle, ratio = np.asarray(angle, dtype=np.float64), np.asarray(ratio, dtype=np.float64)
+    spring, damper = angle**2, 2.0 * ratio * angle
+    if integrator == "RK4":
+        s = angle * (-ratio + 1j * np.sqrt(1.0 - ratio**2))
+        return 1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0)))
+    # v+ = (keep v - spring q / h) , q+ = q + h v+: z^2 - (1 + keep - pull) z + keep = 0
+    if integrator == "discrete":
+        keep, pull = 1.0 / (1.0 + damper + spring), spring / (1.0 + damper + spring)
+    elif integrator == "Euler" and tendon:
+        keep, pull = 1.0 - damper, spring
+    else:
+        keep, pull = 1.0 / (1.0 + damper), spring / (1.0 + damper)
+    half = (1.0 + keep - pull) / 2.0
+    root = np.sqrt((half**2 - keep).astype(np.complex128))
+    return half + np.where(half < 0.0, -root, root)
+
+
+def largest_angle(integrator: str, ratio: float = 0.0, *, tendon: bool = False) -> float:
+    """Largest stable `w h`; infinity for "discrete".
+
+    Closed forms for the semi-implicit steps, the root of the Runge-Kutta polynomial for RK4.
+    """
+    one_of("integrator", integrator, INTEGRATORS)
+    if integrator == "discrete":
+        return float("inf")
+    if integrator == "RK4":
+        grid = np.linspace(1.0, 4.0, 301)  # the polynomial's region is left once, between 2 and 3.3
+        inside = int(np.flatnonzero(np.abs(step_pole("RK4", grid, ratio)) <= 1.0 + 1e-12)[-1])
+        return float(brentq(lambda x: abs(complex(step_pole("RK4", x, ratio))) - 1.0, grid[inside], grid[inside + 1]))
+    root = 2.0 * np.sqrt(1.0 + ratio**2)
+    return float(root - 2.0 * ratio if integrator == "Euler" and tendon else root + 2.0 * ratio)
+
+
+def numerical_pole(integrator: str, omega: float, ratio: float, timestep: float, *, tendon: bool = False) -> complex:
+    """`log(z) / h` of the oscillating pole of one step [rad/s]: what the simulation shows instead of the structure."""
+    return complex(np.log(step_pole(integrator, omega * timestep, ratio, tendon=tendon)) / timestep)
+
+
+def step_for_error(integrator: str, omega: float, error: float) -> float:
+    """Largest step [s] up to which the simulated frequency of an undamped oscillation stays within `error`, relative."""
+    limit = min(largest_angle(integrator), 3.0)
+
+    def miss(angle: ArrayLike) -> Array:
+        return np.abs(np.abs(np.angle(step_pole(integrator, angle))) / angle - 1.0) - error
+
+    grid = limit * np.linspace(0.002, 0.999, 500)
+    over = np.flatnonzero(miss(grid) > 0.0)
+    if over.size == 0:
+        return limit / omega
+    return float(brentq(miss, 1e-5 * limit, grid[over[0]], rtol=1e-12)) / omega
+
+
+@dataclass(frozen=True)
+class StepLimits:
+    """Step limits of a model.
+
+    Args:
+        omega_max: fastest coupled frequency [rad/s].
+        ratio: its damping ratio.
+        largest_step: per integrator [s]; infinity: no limit.
+        accuracy: per integrator, steps for 1 % and 0.1 % error of the first kept frequency [s].
+    """
+
+    omega_max: float
+    ratio: float
+    largest_step: dict[str, float]
+    accuracy: dict[str, tuple[float, float]]
+
+
+def step_limits(frequencies: Array, ratios: Array, *, tendon: bool = False) -> StepLimits:
+    """Step limits of a model with the given coupled frequencies [rad/s] and damping ratios."""
+    if frequencies.size == 0:
+        return StepLimits(0.0, 0.0, dict.fromkeys(INTEGRATORS, float("inf")), {})
+    limits: dict[str, float] = {}
+    for name in INTEGRATORS:
+        steps = [
+            largest_angle(name, float(z), tendon=tendon) / float(w) for w, z in zip(frequencies, ratios, strict=True)
+        ]
+        limits[name] = min(steps)
+    fastest = int(np.argmax(frequencies))
+    first = float(np.min(frequencies))
+    accuracy = {name: (step_for_error(name, first, 1e-2), step_for_error(name, first, 1e-3)) for name in INTEGRATORS}
+    return StepLimits(float(frequencies[fastest]), float(ratios[fastest]), limits, accuracy)

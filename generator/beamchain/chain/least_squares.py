@@ -1,0 +1,288 @@
+"""Chains by constrained least squares: links the user fixed, a payload that the scene attaches, a second plane.
+
+Logarithms keep every number positive, the rigid mass properties are held exactly, the Jacobian is a complex step.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from beamchain.chain.chain import Chain
+from beamchain.chain.realise import Nodes, realise
+from beamchain.chain.rods import Numbers, Payload, Rods, jacobian, nodes_to_rods, rod_modes
+from beamchain.errors import RealisationError
+from beamchain.port import Array, PortModel
+from beamchain.structure.beam import Beam
+
+FREE = ("stiffness", "lengths", "masses")
+PARTICIPATION_WEIGHT = 0.2  # against 1 for a relative frequency error
+REACH = np.log(1e4)  # how far a parameter may leave its start, in log space
+GOOD_ENOUGH = 1e-7  # cost below which no further start is tried: residuals of some 1e-4
+NOTHING = Payload(0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What the chain shall do with one payload at its tip.
+
+    Args:
+        payload: carried at the tip.
+        target: cantilever frequencies and participation with it, the modes that count.
+    """
+
+    payload: Payload
+    target: PortModel
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A fit by least squares.
+
+    Args:
+        positions: `(N - 1,)` x of the hinges [m].
+        stiffness: `(N - 1,)` [N m/rad].
+        nodes: the canonical chain where the masses were free; None: links are pieces of the beam.
+        cost: half the sum of squared residuals.
+        ok: the solver converged.
+        message: one sentence.
+        history: one line per start.
+    """
+
+    positions: Array
+    stiffness: Array
+    nodes: Nodes | None
+    cost: float
+    ok: bool
+    message: str
+    history: tuple[str, ...]
+
+
+def fit_planar(
+    beam: Beam,
+    port: str,
+    cases: Sequence[Case],
+    links: Array,
+    free: Sequence[str] = FREE,
+) -> Found:
+    """Fit a planar chain whose link 1 is welded to the root.
+
+    Args:
+        beam: gives pieces and rigid mass.
+        port: "xy" or "xz".
+        cases: targets, one per payload.
+        links: `(N,)` lengths to start from, or that stand where "lengths" is not free [m].
+        free: what may vary, of "stiffness", "lengths", "masses".
+
+    Raises:
+        RealisationError: no start converges to a physical chain.
+    """
+    starts = _starts(beam, port, links, "lengths" in free)
+    best: Found | None = None
+    history: list[str] = []
+    for label, lengths in starts:
+        problem = _Problem(beam, port, cases, lengths, tuple(free))
+        try:
+            solved = least_squares(
+                problem.residuals, problem.start, jac=problem.jacobian, bounds=(problem.start - REACH, problem.start + REACH),
+                xtol=1e-11, ftol=1e-10, gtol=1e-15, max_nfev=150,
+            )  # fmt: skip
+            found = problem.result(solved.x, float(solved.cost), solved.status > 0, tuple(history))
+        except (RealisationError, np.linalg.LinAlgError, ValueError) as error:
+            history.append(f"start {label}: {error}")
+            continue
+        history.append(f"start {label}: cost {solved.cost:.3e} after {solved.nfev} evaluations ({solved.message})")
+        if best is None or found.cost < best.cost:
+            best = found
+        if best.cost < GOOD_ENOUGH:
+            break
+    if best is None:
+        raise RealisationError(f"least squares found no physical chain with {links.size} links: {history[-1]}")
+    return Found(best.positions, best.stiffness, best.nodes, best.cost, best.ok, best.message, tuple(history))
+
+
+def fit_stiffness(chain: Chain, port: str, target: PortModel, start: Array) -> tuple[Chain, float]:
+    """Springs of one port on links that stand: least squares on frequencies and participation.
+
+    Args:
+        chain: links and hinges; what the hinges do in other ports stays.
+        port: which port gets springs.
+        target: the modes that count.
+        start: `(h,)` springs to start from.
+
+    Returns:
+        the chain with springs in every hinge, and the worst relative residual.
+    """
+    scale = np.sqrt(np.diag(target.rigid_mass))
+    weight = np.linalg.norm(target.participation / scale, axis=1)[:, None]
+
+    def with_springs(theta: Array) -> Chain:
+        springs = np.exp(theta)
+        hinges = [
+            replace(h, stiffness={**h.stiffness, port: float(c)}) for h, c in zip(chain.hinges, springs, strict=True)
+        ]
+        return replace(chain, hinges=tuple(hinges))
+
+    def residuals(theta: Array) -> Array:
+        modes = with_springs(theta).port(port)
+        n = target.modes
+        gap = (modes.participation[:n] - target.participation) / scale / weight
+        return np.concatenate([np.log(modes.frequencies[:n] / target.frequencies), PARTICIPATION_WEIGHT * gap.ravel()])
+
+    first = np.log(start)
+    solved = least_squares(residuals, first, bounds=(first - REACH, first + REACH), xtol=1e-12, ftol=1e-12, gtol=1e-14)
+    return with_springs(solved.x), float(np.max(np.abs(residuals(solved.x))))
+
+
+def payload_cases(beam: Beam, port: str, modes: int, payload: Payload | None) -> list[Case]:
+    """The beam alone; with a payload, also with 2 %, 20 % and all of it.
+
+    The ladder is geometric, so that a chain that holds at its ends holds between them.
+    """
+    from beamchain.structure.beam import Lump
+
+    out: list[Case] = []
+    for factor in (0.0,) if payload is None else (0.0, 0.02, 0.2, 1.0):
+        load = NOTHING if payload is None else Payload(factor * payload.mass, factor * payload.inertia)
+        inertia = 0.0 if payload is None else load.inertia
+        lumps = beam.lumps
+        if load.mass > 0.0:
+            lumps = (*lumps, Lump(x=beam.length, mass=load.mass, inertia=(inertia, inertia, inertia)))
+        loaded = Beam(segments=beam.segments, joints=beam.joints, lumps=lumps)
+        out.append(Case(load, loaded.port(port, modes + 2).truncated(modes)))
+    return out
+
+
+def _starts(beam: Beam, port: str, links: Array, lengths_free: bool) -> list[tuple[str, Array]]:
+    """Link lengths to start from: the user's, and where they may move, the exact chain's with as many links."""
+    out = [("given links", links)]
+    if lengths_free:
+        for modes in range(links.size - 1, 0, -1):
+            try:
+                nodes = realise(beam.port(port, modes + 2).truncated(modes))
+            except RealisationError:
+                continue
+            if modes == links.size - 1:
+                exact = nodes.lengths.copy()
+                exact[-1] += beam.length - exact.sum()
+                if np.all(exact > 0.0):
+                    out.insert(0, ("exact chain", exact))
+            break
+        graded = np.linspace(1.0, 3.0, links.size)
+        out.append(("graded links", graded / graded.sum() * beam.length))
+    return out
+
+
+class _Problem:
+    """Parameters (logarithms) -> rods -> residuals."""
+
+    def __init__(self, beam: Beam, port: str, cases: Sequence[Case], lengths: Array, free: tuple[str, ...]) -> None:
+        self.beam, self.port, self.cases, self.free = beam, port, list(cases), free
+        self.lengths = lengths
+        self.second = 4 if port == "xy" else 5  # rotary inertia of the plane in Moments
+        total = beam.moments(0.0, beam.length, closed=True)
+        self.rigid = np.array([total.mass, total.first, total.second + total[self.second]])
+        edges = np.concatenate([[0.0], np.cumsum(lengths)])
+        middles = (edges[:-1] + edges[1:]) / 2.0
+        # the compliance between the middles of neighbouring links, the first and last link's own ends included
+        bounds = (
+            np.concatenate([[0.0], middles[1:-1], [beam.length]]) if lengths.size > 2 else np.array([0.0, beam.length])
+        )
+        self.stiffness = np.array(
+            [1.0 / beam.compliance(float(a), float(b), port) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+        )
+        parts = [np.log(self.stiffness)]
+        if "lengths" in free:
+            parts.append(np.log(lengths))
+        if "masses" in free:
+            pieces = [
+                beam.moments(float(a), float(b), closed=b >= beam.length * (1 - 1e-12)).mass
+                for a, b in zip(edges[:-1], edges[1:], strict=True)
+            ]
+            nodes = np.convolve(np.array(pieces), [0.5, 0.5])
+            parts.append(np.log(nodes))
+        self.start = np.concatenate(parts)
+
+    def unpack(self, theta: Numbers) -> tuple[Numbers, Numbers, Numbers | None]:
+        """Stiffness, lengths, and raw node masses where they are free."""
+        n = self.stiffness.size
+        stiffness = np.exp(theta[:n])
+        at = n
+        lengths: Numbers = self.lengths
+        if "lengths" in self.free:
+            lengths = np.exp(theta[at : at + self.lengths.size])
+            at += self.lengths.size
+            if "masses" not in self.free:  # pieces of the beam: they fill it
+                lengths = lengths * (self.beam.length / np.sum(lengths))
+        return stiffness, lengths, np.exp(theta[at:]) if "masses" in self.free else None
+
+    def nodes(self, theta: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+        """Node masses (rigid mass properties held exactly), lengths, stiffness."""
+        stiffness, lengths, raw = self.unpack(theta)
+        assert raw is not None
+        x = np.concatenate([np.zeros(1), np.cumsum(lengths)])
+        # masses times a parabola in x, the one that makes mass, centre and inertia the beam's own
+        unit = x / self.beam.length
+        powers = np.vstack([unit**p for p in range(3)])
+        system = powers @ (raw[:, None] * powers.T)
+        wanted = self.rigid / np.array([1.0, self.beam.length, self.beam.length**2])
+        return raw * (np.linalg.solve(system, wanted.astype(system.dtype)) @ powers), lengths, stiffness
+
+    def rods(self, theta: Numbers) -> Rods:
+        """The chain of these parameters."""
+        if "masses" in self.free:
+            masses, lengths, stiffness = self.nodes(theta)
+            return nodes_to_rods(masses, lengths, np.zeros(lengths.size), stiffness)
+        stiffness, lengths, _ = self.unpack(theta)
+        edges = np.concatenate([np.zeros(1), np.cumsum(lengths)])
+        table = np.array([self.cumulative(x, last=i == edges.size - 1) for i, x in enumerate(edges)])
+        pieces = np.diff(table, axis=0)
+        mass, centre = pieces[:, 0], pieces[:, 1] / pieces[:, 0]
+        return Rods(edges[:-1], mass, centre, pieces[:, 2] - mass * centre**2, stiffness)
+
+    def cumulative(self, x: complex, last: bool) -> Numbers:
+        """Mass, first and second moment from the root to `x`; a complex step moves the edge."""
+        at = float(np.real(x))
+        m = self.beam.moments(0.0, at, closed=last)
+        value = np.array([m.mass, m.first, m.second + m[self.second]])
+        slope = np.imag(x)
+        if slope == 0.0 or last:
+            return value.astype(np.complex128) if np.iscomplexobj(np.asarray(x)) else value
+        density = self.beam.density(at, self.port)
+        return value + 1j * slope * density
+
+    def residuals(self, theta: Numbers) -> Numbers:
+        """Relative errors of frequencies and weighted participation, all cases."""
+        rods = self.rods(theta)
+        if np.any(np.real(rods.masses) <= 0.0) or np.any(np.real(rods.inertias) <= 0.0):
+            return np.full(sum(3 * c.target.modes for c in self.cases), 1e3, dtype=theta.dtype)
+        parts: list[Numbers] = []
+        for case in self.cases:
+            modes = rod_modes(rods, self.beam.length, case.payload)
+            n = case.target.modes
+            scale = np.linalg.norm(case.target.participation / np.sqrt(np.diag(case.target.rigid_mass)), axis=1)
+            gap = (modes.participation[:n] - case.target.participation) / np.sqrt(np.diag(case.target.rigid_mass))
+            parts.append(np.log(modes.frequencies[:n] / case.target.frequencies))
+            parts.append((PARTICIPATION_WEIGHT * gap / scale[:, None]).ravel())
+        return np.concatenate(parts)
+
+    def jacobian(self, theta: Array) -> Array:
+        """Complex-step derivative of the residuals."""
+        return jacobian(self.residuals, theta)
+
+    def result(self, theta: Array, cost: float, ok: bool, history: tuple[str, ...]) -> Found:
+        """The fit as numbers."""
+        rods = self.rods(theta)
+        if cost > 1e3 or np.any(rods.masses <= 0.0):
+            raise RealisationError("a mass turned negative")
+        nodes = None
+        if "masses" in self.free:
+            masses, lengths, stiffness = self.nodes(theta)
+            if np.any(masses <= 0.0):
+                raise RealisationError("a mass turned negative")
+            nodes = Nodes(masses, lengths, stiffness)
+        miss = self.residuals(theta)
+        worst = float(np.max(np.abs(miss)))
+        message = f"least squares, {', '.join(self.free)} free: worst relative residual {worst:.2e}."
+        return Found(rods.starts[1:], rods.stiffness, nodes, cost, ok, message, history)

@@ -1,0 +1,111 @@
+"""Polar inertia and torsion: which hinges turn, and how much of each group's polar inertia every link carries."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from beamchain.chain.chain import Link
+from beamchain.errors import RealisationError
+from beamchain.port import Array
+from beamchain.structure.beam import Beam
+
+TINY = 1e-6  # polar over transverse inertia of a link where the appendage states none
+TRIES = 400
+
+
+def real_polar(beam: Beam, cuts: Array) -> Array:
+    """`(c + 1,)` polar inertia of the beam's pieces between the cuts [kg m^2]."""
+    edges = [0.0, *cuts.tolist(), beam.length]
+    return np.array(
+        [beam.moments(a, b, closed=b >= beam.length).polar for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    )
+
+
+def with_polar(links: Sequence[Link], inertias: Sequence[float]) -> list[Link]:
+    """The links with the given polar inertias."""
+    return [replace(l, inertia=(p, l.inertia[1], l.inertia[2])) for l, p in zip(links, inertias, strict=True)]
+
+
+def natural_positions(beam: Beam, shares: Array, kind: str) -> Array:
+    """x at which the beam's own cumulative mass or polar inertia reaches the given inertias.
+
+    Args:
+        shares: `(n + 1,)` inertias of the groups from the root; n positions come back.
+        kind: "mass" or "polar".
+    """
+    grid = np.linspace(0.0, beam.length, 201)
+    own = np.array([getattr(beam.moments(0.0, float(x), closed=x >= beam.length), kind) for x in grid])
+    wanted = np.cumsum(shares)[:-1] * (own[-1] / np.sum(shares))
+    return np.interp(wanted, own, grid)
+
+
+def share(links: list[Link], wanted: list[float], groups: list[list[int]], real: Array) -> list[float]:
+    """Polar inertia of every link: each group's sum as wanted, each link's a rigid body's, near to the real pieces'.
+
+    Args:
+        links: with the transverse inertias that stand.
+        wanted: polar inertia per group [kg m^2].
+        groups: link numbers per group.
+        real: `(N,)` the real pieces' polar inertia.
+
+    Raises:
+        RealisationError: a group cannot carry what is wanted.
+    """
+    out = [0.0] * len(links)
+    for total, members in zip(wanted, groups, strict=True):
+        low = np.array([abs(links[i].inertia[2] - links[i].inertia[1]) for i in members]) * (1.0 + 1e-12)
+        high = np.array([links[i].inertia[2] + links[i].inertia[1] for i in members]) * (1.0 - 1e-12)
+        floor = np.minimum(np.maximum(low, TINY * high / 2.0 * (total <= 0.0)), high)
+        if total <= 0.0:
+            for i, value in zip(members, floor, strict=True):
+                out[i] = float(value)
+            continue
+        if not low.sum() * (1.0 - 1e-9) <= total <= high.sum():
+            raise RealisationError(
+                f"links {members[0] + 1} to {members[-1] + 1} would need a polar inertia of {total:.4g} kg m^2, but rigid "
+                f"bodies of their shape carry {low.sum():.4g} to {high.sum():.4g}: the appendage is too wide for its length "
+                'here; keep fewer modes, or use theory = "timoshenko" (rotary inertia).'
+            )
+        weight = np.maximum(real[members], 1e-12 * total)
+        lo, hi = 0.0, float(np.max(high / weight)) + 1.0
+        for _ in range(200):
+            t = (lo + hi) / 2.0
+            lo, hi = (t, hi) if np.clip(t * weight, low, high).sum() < total else (lo, t)
+        values = np.clip((lo + hi) / 2.0 * weight, low, high)
+        inner = (values > low * (1.0 + 1e-9)) & (values < high * (1.0 - 1e-9))
+        if inner.any():  # the bisection's rounding goes to a link with room
+            values[np.argmax(inner * values)] += total - values.sum()
+        for i, value in zip(members, values, strict=True):
+            out[i] = float(value)
+    return out
+
+
+def place(beam: Beam, links: list[Link], cuts: Array, inertias: Array, real: Array) -> tuple[list[int], list[float]]:
+    """Which hinges turn in torsion, and every link's polar inertia.
+
+    Args:
+        links: between the cuts, with transverse inertias.
+        cuts: `(c,)` hinge positions [m].
+        inertias: `(n + 1,)` polar inertia of the groups; one entry: rigid in torsion.
+        real: `(c + 1,)` real pieces' polar inertia.
+
+    Returns:
+        indices of the n hinges that carry a torsion spring, and `(c + 1,)` polar inertias.
+
+    Raises:
+        RealisationError: no choice of hinges gives rigid bodies.
+    """
+    n = inertias.size - 1
+    wish = natural_positions(beam, inertias, "polar") if n else np.zeros(0)
+    choices = sorted(combinations(range(cuts.size), n), key=lambda c: float(np.sum((cuts[list(c)] - wish) ** 2)))
+    reason = RealisationError(f"{n} torsion modes need {n} hinges, but there are {cuts.size}.")
+    for choice in choices[:TRIES]:
+        bounds = [0, *(i + 1 for i in choice), len(links)]
+        groups = [list(range(a, b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+        try:
+            return list(choice), share(links, inertias.tolist(), groups, real)
+        except RealisationError as error:
+            reason = error
+    raise reason

@@ -1,0 +1,101 @@
+"""Recipes in use, kept as honest rivals: equal links with hinge stiffness from EI, and the 2008 paper's three links."""
+
+import numpy as np
+from scipy.optimize import brentq
+
+from beamchain.chain.chain import Chain, Hinge, Link
+from beamchain.checks import one_of, whole
+from beamchain.errors import InputError
+from beamchain.port import Array
+from beamchain.structure.beam import Beam
+
+RECIPES = ("naive", "classical", "midpoint")
+
+
+def rigid_link(beam: Beam, start: float, end: float) -> Link:
+    """The piece of the beam between `start` and `end`, frozen."""
+    m = beam.moments(start, end, closed=end >= beam.length * (1.0 - 1e-12))
+    bending = m.second - m.first**2 / m.mass
+    return Link(
+        start=start,
+        length=end - start,
+        mass=m.mass,
+        com=m.first / m.mass,
+        inertia=(m.polar, bending + m.rotary_xz, bending + m.rotary_xy),
+    )
+
+
+def cut(beam: Beam, hinges: Array, stiffness: Array, port: str) -> Chain:
+    """Freeze the beam between the given hinge positions.
+
+    Args:
+        hinges: `(h,)` ascending x [m]; 0 gives a hinge at the root.
+        stiffness: `(h,)` [N m/rad].
+        port: "xy" or "xz".
+    """
+    edges = [0.0, *hinges.tolist(), beam.length]
+    links = [
+        Link(0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)) if b <= a else rigid_link(beam, a, b)
+        for a, b in zip(edges[:-1], edges[1:], strict=True)
+    ]
+    springs = tuple(Hinge(x=float(x), stiffness={port: float(c)}) for x, c in zip(hinges, stiffness, strict=True))
+    return Chain(links=tuple(links), hinges=springs, length=beam.length)
+
+
+def equal_links(beam: Beam, count: int, recipe: str, port: str = "xy") -> Chain:
+    """`count` equal segments with one hinge each.
+
+    Args:
+        count: number of hinges.
+        recipe: "naive": a hinge with EI N/L at the inner end of every link, the root included; "classical": the same
+            with 2 EI N/L at the root; "midpoint": a hinge with EI N/L in the middle of every segment.
+        port: "xy" or "xz".
+
+    Where EI varies, EI N/L is the inverse compliance of the stretch that the hinge stands for.
+    """
+    one_of("recipe", recipe, RECIPES)
+    whole("links", count, 1, 5000)
+    h = beam.length / count
+    inner = h * np.arange(count)
+    if recipe == "midpoint":
+        hinges, stretches = inner + h / 2.0, [(a, a + h) for a in inner]
+    elif recipe == "classical":
+        hinges, stretches = inner, [(max(a - h / 2.0, 0.0), a + h / 2.0) for a in inner]
+    else:
+        hinges, stretches = inner, [(a, a + h) for a in inner]
+    stiffness = np.array([1.0 / beam.compliance(float(a), float(b), port) for a, b in stretches])
+    return cut(beam, hinges, stiffness, port)
+
+
+def seed_frequency_factors(k: float) -> tuple[float, float]:
+    """`w1*`, `w2*` of the paper's chain, equation (17): w = w* sqrt(c/m) / l.
+
+    Args:
+        k: length of the middle link over the whole, between 0 and 1.
+    """
+    root6 = 4.0 * np.sqrt(6.0)
+    w1 = root6 / ((1.0 - k) * np.sqrt(1.0 + 2.0 * k - 3.0 * k**2))
+    w2 = root6 / (k * (1.0 - k) * np.sqrt(3.0 - 2.0 * k - k**2))
+    return float(w1), float(w2)
+
+
+def seed_ratio(k: float) -> float:
+    """`w1 / w2`, equation (18)."""
+    return float(k * np.sqrt(k + 3.0) / np.sqrt(3.0 * k + 1.0))
+
+
+def seed_parameters(mass: float, length: float, omega1: float, omega2: float) -> tuple[float, float]:
+    """The paper's `k` and `c` [N m] for two free frequencies [rad/s] of a beam of `mass` [kg] and `length` [m]."""
+    ratio = omega1 / omega2
+    if not 0.0 < ratio < 1.0:
+        raise InputError(f"omega1 / omega2 = {ratio!r} must lie between 0 and 1 for the paper's three links.")
+    k = float(brentq(lambda x: seed_ratio(x) - ratio, 1e-12, 1.0 - 1e-12, xtol=1e-15, rtol=1e-14))
+    return k, mass * (omega1 * length / seed_frequency_factors(k)[0]) ** 2
+
+
+def seed_chain(beam: Beam, k: float, c: float, port: str = "xy") -> Chain:
+    """Three uniform links `(1-k)l/2, k l, (1-k)l/2` and two equal springs `c` [N m/rad] (Belonozhko 2008, section 3)."""
+    if not beam.uniform:
+        raise InputError('method = "seed" is the paper\'s recipe for a uniform beam; use "exact" for this appendage.')
+    ends = np.array([(1.0 - k) / 2.0, (1.0 + k) / 2.0]) * beam.length
+    return cut(beam, ends, np.array([c, c]), port)

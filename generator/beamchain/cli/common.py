@@ -1,0 +1,48 @@
+"""What all commands share: options, error sentences, JSON output."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+SpecPath = Annotated[
+    Path, typer.Argument(metavar="SPEC.toml", help="The appendage; see `beamchain schema`.", show_default=False)
+]
+Folder = Annotated[
+    Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.", show_default=False)
+]
+Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+
+
+def version(value: bool) -> None:
+    """Print the version and stop."""
+    if value:
+        from beamchain import __version__
+
+        typer.echo(f"beamchain {__version__}")
+        raise typer.Exit
+
+
+def explain(sentence: str) -> None:
+    """An error as one sentence on stderr."""
+    print(f"beamchain: {' '.join(sentence.split())}", file=sys.stderr)  # noqa: T201
+
+
+def console() -> "Console":
+    """The terminal; plain text and no colours when piped or with NO_COLOR."""
+    from rich.console import Console
+
+    return Console(highlight=False, soft_wrap=False, width=None if sys.stdout.isatty() else 120)
+
+
+def print_json(record: dict[str, Any]) -> None:
+    """A record on stdout."""
+    from beamchain.report.record import to_json
+
+    sys.stdout.write(to_json(record))

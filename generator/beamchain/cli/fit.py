@@ -1,0 +1,94 @@
+"""`beamchain fit`: the main job."""
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console, print_json
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from beamchain.workflow import Fit
+
+
+def fit(spec: SpecPath, output: Folder, as_json: Json = False, force: Force = False, quiet: Quiet = False) -> None:
+    """Fit a hinge chain to an appendage, prove it through MuJoCo, write the drop-in file and a report.
+
+    Writes appendage.xml, scene.xml, report.html, pictures and fit.json into DIR.
+
+    Example: beamchain fit boom.toml -o boom
+    """
+    from rich.progress import Progress, SpinnerColumn, TextColumn
+
+    from beamchain.spec import read_spec
+    from beamchain.workflow import fit as fit_chain
+
+    with Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        transient=True,
+        disable=quiet or as_json,
+        redirect_stdout=False,
+    ) as progress:
+        step = progress.add_task("reading the spec")
+        read = read_spec(spec)
+        progress.update(step, description="fitting the chain and reading it back from MuJoCo")
+        result = fit_chain(read)
+        progress.update(step, description="drawing and writing")
+        files = result.write(output, force=force)
+    if as_json:
+        print_json(result.as_dict())
+    elif not quiet:
+        _show(result, files)
+    if not result.status.ok:
+        raise typer.Exit(3)
+
+
+def _show(result: "Fit", files: "list[Path]") -> None:
+    from rich.table import Table
+
+    out = console()
+    out.print(f"[bold]{result.spec.name}[/bold]: {result.status.message}")
+    table = Table(title="modes, read back from MuJoCo (mjd_transitionFD)", title_justify="left")
+    headings = (
+        "port",
+        "mode",
+        "cantilever rad/s",
+        "free rad/s",
+        "participation",
+        "frequency error",
+        "participation error",
+    )
+    for column in headings:
+        table.add_column(column, justify="left" if column == "port" else "right")
+    for port, achieved in result.achieved.items():
+        error = result.error[port]
+        for (i, j), df, dp in zip(error.matches, error.frequency_errors, error.participation_errors, strict=True):
+            free = achieved.free_frequencies
+            row = ", ".join(f"{v:.5g}" for v in achieved.participation[i])
+            loose = f"{free[i]:.6g}" if i < free.size else "none"
+            table.add_row(port, str(j + 1), f"{achieved.frequencies[i]:.6g}", loose, row, f"{df:+.1e}", f"{dp:.1e}")
+    out.print(table)
+    chain = Table(title="chain", title_justify="left")
+    for column in ("link", "from m", "length m", "mass kg", "inertia kg m2", "hinge behind it N m/rad"):
+        chain.add_column(column, justify="right")
+    for i, link in enumerate(result.chain.links):
+        hinge = result.chain.hinges[i] if i < len(result.chain.hinges) else None
+        springs = ", ".join(f"{p} {c:.5g}" for p, c in hinge.stiffness.items()) if hinge else "-"
+        chain.add_row(
+            str(i + 1), f"{link.start:.5g}", f"{link.length:.5g}", f"{link.mass:.5g}", f"{link.inertia[2]:.5g}", springs
+        )
+    out.print(chain)
+    for port, error in result.error.items():
+        band = result.bandwidth[port]
+        on = "on the hub given" if result.spec.root.hub else "worst of three hubs"
+        out.print(
+            f"in-band error {port} up to {band:.4g} rad/s, {on}, against the whole beam: {error.accelerance_in_band:.2e}"
+        )
+    steps = ", ".join(f"{k} {v:.4g} s" if v < 1e9 else f"{k} none" for k, v in result.limits.largest_step.items())
+    out.print(f"largest stable step: {steps}")
+    took = sum(result.seconds.values())
+    out.print(f"spec to verified chain: {took * 1e3:.1f} ms")
+    for file in files:
+        out.print(f"wrote {file}")

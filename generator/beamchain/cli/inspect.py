@@ -1,0 +1,52 @@
+"""`beamchain inspect`: what MuJoCo makes of a model."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from beamchain.cli.common import Json, Quiet, console, print_json
+
+
+def inspect(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.xml", help="Any MuJoCo model.", show_default=False)],
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Modes, masses and step limits of any MuJoCo model with hinge chains, as MuJoCo sees them.
+
+    Example: beamchain inspect boom/scene.xml
+    """
+    from beamchain.assess.inspect import inspect_model
+
+    found = inspect_model(model)
+    if as_json:
+        print_json(found.as_dict())
+        return
+    if quiet:
+        return
+    from rich.table import Table
+
+    out = console()
+    out.print(
+        f"[bold]{found.name}[/bold]: {found.bodies} bodies, {found.joints} joints, {found.dofs} degrees of freedom, mass {found.mass:.6g} kg"
+    )
+    modes = Table(title="modes about the rest pose", title_justify="left")
+    for column in ("mode", "rad/s", "Hz", "damping ratio"):
+        modes.add_column(column, justify="right")
+    for i, (w, z) in enumerate(zip(found.frequencies, found.damping, strict=True), 1):
+        modes.add_row(str(i), f"{w:.6g}", f"{w / 6.283185307179586:.6g}", f"{z:.3g}")
+    out.print(modes)
+    hinges = Table(title="sprung joints", title_justify="left")
+    for column in ("joint", "stiffness", "damping"):
+        hinges.add_column(column, justify="left" if column == "joint" else "right")
+    for name, stiffness, damping in found.springs:
+        hinges.add_row(name, f"{stiffness:.6g}", f"{damping:.6g}")
+    out.print(hinges)
+    limits = Table(title=f"steps (the model asks for {found.integrator}, {found.timestep:g} s)", title_justify="left")
+    for column in ("integrator", "largest stable s", "1 % frequency s", "0.1 % frequency s"):
+        limits.add_column(column, justify="left" if column == "integrator" else "right")
+    for name, step in found.limits.largest_step.items():
+        one, tenth = found.limits.accuracy.get(name, (float("inf"), float("inf")))
+        limits.add_row(name, f"{step:.5g}" if step < 1e9 else "none", f"{one:.4g}", f"{tenth:.4g}")
+    out.print(limits)

@@ -1,0 +1,81 @@
+"""The test bench: an appendage's root driven in MuJoCo, and the port models that A and B give back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from lxml.etree import _Element as Element
+
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import Linearisation, compile_model, linearise
+from beamchain.mjcf import write
+from beamchain.port import PORT_MOTION, Array, PortModel, body_mass_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What MuJoCo says of an appendage.
+
+    Args:
+        ports: port model per port, from A and B of `mjd_transitionFD`.
+        rigid_mass: `(6, 6)` about the root, from the compiled bodies.
+        coupling: largest coupling between ports, relative.
+        linearisation: of the bench.
+    """
+
+    ports: dict[str, PortModel]
+    rigid_mass: Array
+    coupling: float
+    linearisation: Linearisation
+
+
+def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballast: Array | None = None) -> Measured:
+    """Put the appendage on the bench, linearise, and read the port models back.
+
+    Args:
+        appendage: from `mjcf.write.appendage`.
+        ports: the ports that are free on the bench.
+        timestep: [s].
+        ballast: `(4,)` mass and principal inertias at the root; see `mjcf.write.bench`.
+    """
+    model = compile_model(write.text(write.bench(appendage, ports, timestep, ballast)))
+    linear = linearise(model)
+    groups: dict[str, tuple[int, ...]] = {}
+    for port in ports:
+        groups[port] = tuple(
+            i for i, joint in enumerate(linear.joints) if joint in write.ROOT_JOINTS[port] or joint.endswith(f"_{port}")
+        )
+    extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
+    models = {}
+    for port, dofs in groups.items():
+        motion = PORT_MOTION[port]
+        models[port] = linear.port(dofs, motion.T @ extra @ motion)
+    return Measured(models, rigid_mass(model, "bench") - extra, linear.coupling(list(groups.values())), linear)
+
+
+def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
+    """`(6, 6)` mass matrix of a body's frozen subtree about the body's frame, axes of that frame, in the model's rest pose.
+
+    Args:
+        model: compiled.
+        body: name.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    root = model.body(body).id
+    origin, frame = data.xpos[root], data.xmat[root].reshape(3, 3)
+    out = np.zeros((6, 6))
+    for i in range(model.nbody):
+        top = i
+        while top not in (0, root):
+            top = int(model.body_parentid[top])
+        if top != root:
+            continue
+        turn = frame.T @ data.ximat[i].reshape(3, 3)
+        out += body_mass_matrix(
+            float(model.body_mass[i]),
+            frame.T @ (data.xipos[i] - origin),
+            turn @ np.diag(model.body_inertia[i]) @ turn.T,
+        )
+    return out

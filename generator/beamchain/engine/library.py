@@ -1,0 +1,18 @@
+"""The one place that imports MuJoCo, so that a broken installation is met with its cure."""
+
+from beamchain.errors import EngineError
+
+OLDEST = (3, 13)
+
+try:
+    import mujoco as mujoco
+except ImportError as error:  # an upgrade 3.x -> 4 by plain pip leaves the split wheels half replaced
+    raise EngineError(
+        f"MuJoCo cannot be imported ({error}). If it was upgraded from 3.x to 4.x, repair it with: "
+        "pip install --force-reinstall --no-deps mujoco mujoco-core mujoco-studio"
+    ) from error
+
+if tuple(int(part) for part in mujoco.__version__.split(".")[:2]) < OLDEST:
+    raise EngineError(
+        f"MuJoCo {mujoco.__version__} is too old; beamchain needs {OLDEST[0]}.{OLDEST[1]} or newer: pip install -U mujoco"
+    )

@@ -1,0 +1,270 @@
+"""MuJoCo's own linearisation, undone exactly: A, B of `mjd_transitionFD` -> the continuous system -> a port model.
+
+The semi-implicit step is `v+ = v + h a(q, v+)`, `q+ = q + h v+`, so that the blocks of A and B give `M^-1 K`, `M^-1 D`
+and `M^-1 B` without a limit h -> 0, even at a step at which the simulation would be unstable.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamchain.engine.library import mujoco
+from beamchain.errors import EngineError, InputError
+from beamchain.port import Array, PortModel, locked
+
+if TYPE_CHECKING:
+    import control
+
+EPSILON = 1e-6  # perturbation of the centred differences
+
+INTEGRATORS = {name: int(value) for name, value in (
+    ("Euler", mujoco.mjtIntegrator.mjINT_EULER),
+    ("RK4", mujoco.mjtIntegrator.mjINT_RK4),
+    ("implicit", mujoco.mjtIntegrator.mjINT_IMPLICIT),
+    ("implicitfast", mujoco.mjtIntegrator.mjINT_IMPLICITFAST),
+)}  # fmt: skip
+if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
+    INTEGRATORS["discrete"] = int(mujoco.mjtIntegrator.mjINT_DISCRETE)
+
+
+def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
+    """A compiled model from a model, MJCF text or a path.
+
+    Raises:
+        EngineError: MuJoCo refuses the text or file; its sentence is passed on.
+        InputError: there is no such file.
+    """
+    if isinstance(source, mujoco.MjModel):
+        return source
+    if isinstance(source, str) and source.lstrip().startswith("<"):
+        try:
+            return mujoco.MjModel.from_xml_string(source)
+        except ValueError as error:
+            raise EngineError(f"MuJoCo refuses the model: {error}") from None
+    path = Path(source)
+    if not path.is_file():
+        raise InputError(f"model {str(path)!r} is not a file; give the path of an MJCF (.xml) file.")
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise EngineError(f"MuJoCo refuses {str(path)!r}: {error}") from None
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """A MuJoCo model linearised about a state.
+
+    Args:
+        stiffness: `(nv, nv)` `M^-1 K` [1/s^2].
+        damping: `(nv, nv)` `M^-1 D` [1/s].
+        inputs: `(nv, nu)` `M^-1 B`.
+        a, b, c, d: discrete matrices of the model's own integrator and step; states (q, v).
+        timestep: [s].
+        integrator: MuJoCo's name.
+        joints: `(nv,)` joint name of each degree of freedom.
+        driven: `(nu,)` degree of freedom each motor drives.
+    """
+
+    stiffness: Array
+    damping: Array
+    inputs: Array
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+    timestep: float
+    integrator: str
+    joints: tuple[str, ...]
+    driven: tuple[int, ...]
+
+    @property
+    def discrete(self) -> "control.StateSpace":
+        """The step as MuJoCo takes it, `control.StateSpace` with dt."""
+        import control
+
+        return control.ss(self.a, self.b, self.c, self.d, self.timestep)
+
+    @property
+    def continuous(self) -> "control.StateSpace":
+        """The system behind the step: `q'' = -M^-1 K q - M^-1 D q' + M^-1 B u`, states (q, q'), outputs as discrete."""
+        import control
+
+        a, b = self._continuous()
+        return control.ss(a, b, self.c, self.d)
+
+    def _continuous(self) -> tuple[Array, Array]:
+        nv = self.stiffness.shape[0]
+        a = np.block([[np.zeros((nv, nv)), np.eye(nv)], [-self.stiffness, -self.damping]])
+        return a, np.vstack([np.zeros((nv, self.inputs.shape[1])), self.inputs])
+
+    def frequencies(self) -> Array:
+        """Undamped natural frequencies above zero, ascending [rad/s]."""
+        # rigid motions are exact zero columns for slides and hinges; a free joint leaves them at rounding level
+        squares = np.linalg.eigvals(self.stiffness).real
+        return np.sqrt(np.sort(squares[squares > 1e-11 * max(float(np.max(squares, initial=0.0)), 1e-300)]))
+
+    def discrete_frequencies(self) -> tuple[Array, Array]:
+        """`|log z| / h` [rad/s] and damping ratios of the oscillating discrete poles of the model's integrator."""
+        poles = np.linalg.eigvals(self.a)
+        s = np.log(poles[np.imag(poles) > 1e-9].astype(np.complex128)) / self.timestep
+        s = s[np.argsort(np.abs(s))]
+        return np.abs(s), -s.real / np.abs(s)
+
+    def port(self, dofs: "tuple[int, ...] | None" = None, ballast: Array | None = None) -> PortModel:
+        """The port model seen at the driven joints.
+
+        Args:
+            dofs: degrees of freedom that take part (driven ones and hinges of one port); all where left out.
+            ballast: `(m, m)` mass matrix on the port that is not the appendage's.
+
+        Raises:
+            EngineError: no joint is driven, or the port's inertia is singular.
+        """
+        use = set(range(self.stiffness.shape[0]) if dofs is None else dofs)
+        motors = [(i, dof) for i, dof in enumerate(self.driven) if dof in use]
+        if not motors:
+            raise EngineError("no joint of the port is driven; give every motion of the root a <motor> with unit gear.")
+        root = [dof for _, dof in motors]
+        inner = sorted(use - set(root))
+        columns = [i for i, _ in motors]
+        g_root, g_inner = self.inputs[np.ix_(root, columns)], self.inputs[np.ix_(inner, columns)]
+        apparent = np.linalg.inv(g_root)  # the port's mass with the hinges loose
+        pull = self.stiffness[np.ix_(root, inner)]
+        follow = g_inner @ apparent
+        held = self.stiffness[np.ix_(inner, inner)] - follow @ pull
+        if not inner:
+            return PortModel(
+                (apparent + apparent.T) / 2.0 - (0.0 if ballast is None else ballast),
+                np.zeros(0),
+                np.zeros((0, len(root))),
+            )
+        squares, right = np.linalg.eig(held)
+        order = np.argsort(squares.real)
+        squares, right = squares.real[order], right.real[:, order]
+        if np.any(squares <= 0.0):
+            raise EngineError(
+                "a hinge of the held appendage has no positive stiffness; the port model needs every hinge sprung."
+            )
+        left = np.linalg.inv(right)
+        reaction, drive = apparent @ pull @ right, left @ follow
+        rows: list[Array] = []
+        for k, square in enumerate(squares):
+            # reaction x drive = W^2 L L^T: its symmetric part's leading eigenpair
+            both = np.outer(reaction[:, k], drive[k]) / square
+            values, vectors = np.linalg.eigh((both + both.T) / 2.0)
+            rows.append(vectors[:, -1] * np.sqrt(max(float(values[-1]), 0.0)))
+        participation = np.array(rows)
+        damping = self.damping[np.ix_(inner, inner)] - follow @ self.damping[np.ix_(root, inner)]
+        w = np.sqrt(squares)
+        ratios = np.diag(left @ damping @ right) / (2.0 * w)
+        rigid = (apparent + apparent.T) / 2.0 + participation.T @ participation
+        return PortModel(
+            rigid - (0.0 if ballast is None else ballast),
+            w,
+            participation,
+            np.where(np.abs(ratios) < 1e-14, 0.0, ratios),
+        )
+
+    def coupling(self, groups: "list[tuple[int, ...]]") -> float:
+        """Largest coupling between groups of degrees of freedom, relative: how far ports are from independent."""
+        worst = 0.0
+        for i, first in enumerate(groups):
+            for second in groups[i + 1 :]:
+                for matrix in (self.stiffness, self.damping):
+                    across = np.abs(matrix[np.ix_(first, second)]) * np.abs(matrix[np.ix_(second, first)]).T
+                    inside = np.outer(np.abs(np.diag(matrix)[list(first)]), np.abs(np.diag(matrix)[list(second)]))
+                    with np.errstate(divide="ignore", invalid="ignore"):
+                        ratio = np.sqrt(np.where(inside > 0.0, across / inside, 0.0))
+                    worst = max(worst, float(np.max(ratio, initial=0.0)))
+        return worst
+
+
+def linearise(
+    source: "mujoco.MjModel | str | Path", data: "mujoco.MjData | None" = None, epsilon: float = EPSILON
+) -> Linearisation:
+    """Linearise a MuJoCo model through `mjd_transitionFD`, centred.
+
+    Args:
+        source: a compiled model, MJCF text, or a path.
+        data: the state to linearise about; the initial one where left out.
+        epsilon: perturbation.
+
+    Returns:
+        The continuous system recovered exactly (the model is linearised with implicitfast) and the discrete one of
+        the model's own integrator and step (RK4's from the continuous system, by its polynomial).
+
+    Raises:
+        EngineError: the model does not compile, has no degree of freedom, or a motor is not a plain joint motor.
+    """
+    model = compile_model(source)
+    if model.nv == 0:
+        raise EngineError("the model has no degree of freedom to linearise; put it on a joint (the bench does).")
+    if data is None:
+        data = mujoco.MjData(model)
+    own = int(model.opt.integrator)
+    a, b, c, d = _transition(model, data, epsilon, INTEGRATORS["implicitfast"])
+    nv, h = model.nv, float(model.opt.timestep)
+    x = np.linalg.inv(a[nv : 2 * nv, nv : 2 * nv])
+    stiffness = -x @ a[nv : 2 * nv, :nv] / h
+    damping = (x - np.eye(nv)) / h
+    inputs = x @ b[nv : 2 * nv] / h
+    name = next(key for key, value in INTEGRATORS.items() if value == own)
+    result = Linearisation(
+        *(locked(v) for v in (stiffness, damping, inputs, a, b, c, d)),
+        timestep=h,
+        integrator=name,
+        joints=_dof_joints(model),
+        driven=_driven(model),
+    )
+    if own == INTEGRATORS["RK4"]:
+        f, g = result._continuous()
+        step, pull, term = np.eye(2 * nv), h * np.eye(2 * nv), np.eye(2 * nv)
+        for k in range(1, 5):
+            term = term @ (h * f) / k
+            step = step + term
+            if k < 4:
+                pull = pull + h / (k + 1) * term
+        a, b = step, pull @ g
+    elif own != INTEGRATORS["implicitfast"]:
+        a, b, c, d = _transition(model, data, epsilon, own)
+    return Linearisation(
+        result.stiffness, result.damping, result.inputs, locked(a), locked(b), locked(c), locked(d),
+        h, name, result.joints, result.driven,
+    )  # fmt: skip
+
+
+def _transition(
+    model: "mujoco.MjModel", data: "mujoco.MjData", epsilon: float, integrator: int
+) -> tuple[Array, Array, Array, Array]:
+    n, nu, ns = 2 * model.nv + model.na, model.nu, model.nsensordata
+    a, b = np.zeros((n, n)), np.zeros((n, nu))
+    c, d = np.zeros((ns, n)), np.zeros((ns, nu))
+    before = int(model.opt.integrator)
+    model.opt.integrator = integrator
+    try:
+        mujoco.mjd_transitionFD(
+            model, data, epsilon, True, a, b if nu else None, c if ns else None, d if ns and nu else None
+        )
+    except (mujoco.FatalError, ValueError) as error:
+        raise EngineError(f"MuJoCo could not linearise the model: {error}") from None
+    finally:
+        model.opt.integrator = before
+    if not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
+        raise EngineError("MuJoCo's linearisation is not finite; the model's masses or stiffnesses are out of range.")
+    return a, b, c, d
+
+
+def _dof_joints(model: "mujoco.MjModel") -> tuple[str, ...]:
+    return tuple(model.joint(int(j)).name for j in model.dof_jntid)
+
+
+def _driven(model: "mujoco.MjModel") -> tuple[int, ...]:
+    out: list[int] = []
+    for i in range(model.nu):
+        if int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT):
+            out.append(int(model.jnt_dofadr[int(model.actuator_trnid[i, 0])]))
+        else:
+            out.append(-1)
+    return tuple(out)

@@ -1,0 +1,57 @@
+"""Outputs are written whole or not at all: a temporary file beside the place, then a rename."""
+
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from beamchain.errors import OutputError
+
+
+def write_files(files: Mapping[Path, str | bytes], *, force: bool) -> None:
+    """Write all files, or none.
+
+    Args:
+        files: content by path, in the order in which they shall appear.
+        force: replace files that exist.
+
+    Raises:
+        OutputError: a file exists and `force` is False, or a folder cannot be made or written; nothing is left behind.
+    """
+    for path in files:
+        if path.is_dir():
+            raise OutputError(f"output {str(path)!r} is a folder; give another name.")
+        if path.exists() and not force:
+            raise OutputError(f"output {str(path)!r} exists; use --force to replace it, or give another place.")
+    made: list[Path] = []
+    waiting: list[tuple[Path, Path]] = []
+    try:
+        for path, content in files.items():
+            _make_folder(path.parent, made)
+            handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+            waiting.append((Path(name), path))
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(content.encode("utf-8") if isinstance(content, str) else content)
+                stream.flush()
+                os.fsync(stream.fileno())
+        for temporary, path in waiting:
+            temporary.chmod(0o644)
+            temporary.replace(path)
+    except OSError as error:
+        for temporary, _ in waiting:
+            temporary.unlink(missing_ok=True)
+        for folder in reversed(made):
+            if not any(folder.iterdir()):
+                folder.rmdir()
+        place = error.filename or next(iter(files)).parent
+        raise OutputError(
+            f"cannot write to {str(place)!r}: {error.strerror}; choose a folder you may write to."
+        ) from None
+
+
+def _make_folder(folder: Path, made: list[Path]) -> None:
+    missing = [folder, *folder.parents]
+    missing = [place for place in missing if not place.exists()]
+    for place in reversed(missing):
+        place.mkdir()
+        made.append(place)

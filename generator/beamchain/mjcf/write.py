@@ -1,0 +1,282 @@
+"""Chain -> MJCF: lxml fills the templates of `mjcf_templates/`."""
+
+from collections.abc import Iterable
+from copy import deepcopy
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+from lxml.etree import _Element as Element
+from numpy.typing import ArrayLike
+
+from beamchain.chain.chain import Chain, Hinge, Link
+from beamchain.chain.damping import Damper
+from beamchain.errors import EngineError
+from beamchain.port import PORTS, Array
+from beamchain.structure.beam import Beam
+
+_PACKAGED = Path(__file__).parent.parent / "mjcf_templates"
+_CHECKOUT = Path(__file__).parents[3] / "mjcf_templates"
+TEMPLATES = _PACKAGED if _PACKAGED.is_dir() else _CHECKOUT
+
+JOINTS = {
+    "xy": ("hinge", "0 0 1"),
+    "xz": ("hinge", "0 -1 0"),
+    "torsion": ("hinge", "1 0 0"),
+    "axial": ("slide", "1 0 0"),
+}
+
+#: Motions of the root that belong to each port, as the bench names them.
+ROOT_JOINTS = {
+    "xy": ("root_xy_displacement", "root_xy_rotation"),
+    "xz": ("root_xz_displacement", "root_xz_rotation"),
+    "torsion": ("root_torsion",),
+    "axial": ("root_axial",),
+}
+
+SMALLEST = 1e-15  # mjMINVAL: mass and principal inertia of a moving body
+DEEPEST = 496  # bodies nested in one MJCF file
+
+
+def number(values: float | ArrayLike) -> str:
+    """17 digits, so that what MuJoCo reads is what was computed."""
+    return " ".join(repr(float(v)) for v in np.atleast_1d(np.asarray(values, dtype=np.float64)))
+
+
+def template(name: str) -> Element:
+    """The root element of `mjcf_templates/NAME.xml`."""
+    parser = etree.XMLParser(remove_blank_text=True, remove_comments=True, resolve_entities=False, no_network=True)
+    return etree.parse(str(TEMPLATES / f"{name}.xml"), parser).getroot()
+
+
+def text(root: Element) -> str:
+    """The document as indented text."""
+    etree.indent(root, space="  ")
+    return etree.tostring(root, encoding="unicode", pretty_print=True)
+
+
+def find(root: Element, path: str) -> Element:
+    """The element at an XPath-like `path`; templates always hold it."""
+    element = root.find(path)
+    if element is None:
+        raise EngineError(f"template element {path} is missing; reinstall beamchain.")
+    return element
+
+
+def joint_name(name: str, hinge: int, port: str) -> str:
+    """Name of the joint of hinge 1, 2, ... in a port."""
+    return f"{name}_hinge{hinge}_{port}"
+
+
+def _check(chain: Chain) -> None:
+    if len(chain.links) > DEEPEST:
+        raise EngineError(
+            f"{len(chain.links)} links are more than the {DEEPEST} nested bodies one MJCF file can hold; use fewer links."
+        )
+    for i, link in enumerate(chain.links):
+        if i == 0:
+            continue  # welded to its carrier, which has mass of its own
+        a, b, c = sorted(link.inertia)
+        least = min(link.mass, a)
+        if least < SMALLEST:
+            raise EngineError(
+                f"link {i + 1} would have mass {link.mass:.3g} kg and smallest inertia {a:.3g} kg m^2; MuJoCo takes "
+                f"nothing below {SMALLEST:g}. Use a larger unit of length or mass, fewer links, or state polar inertia."
+            )
+        if a + b < c:
+            raise EngineError(
+                f"link {i + 1} would have inertias {a:.6g}, {b:.6g}, {c:.6g} kg m^2, which no body has (largest above "
+                "the sum of the others); use fewer links."
+            )
+
+
+def appendage(
+    chain: Chain,
+    name: str,
+    *,
+    beam: Beam | None = None,
+    dampers: Iterable[Damper] = (),
+    visuals: bool = True,
+    tip: bool = True,
+) -> Element:
+    """The drop-in file: nested link bodies from the root outwards, frame of the root: x along the appendage.
+
+    Args:
+        chain: what to write.
+        name: prefix of every body, joint, site and geom.
+        beam: gives the links' drawn depth; none: a thin bar.
+        dampers: one fixed tendon per damped mode.
+        visuals: write massless, collision-free geoms.
+        tip: write the tip site.
+
+    Raises:
+        EngineError: MuJoCo would refuse the chain (too deep, masses below mjMINVAL).
+    """
+    _check(chain)
+    root = template("appendage")
+    root.set("model", name)
+    world = find(root, "worldbody")
+    prototype = find(world, "body")
+    world.remove(prototype)
+    parent, origin = world, 0.0
+    for i, link in enumerate(chain.links):
+        body = deepcopy(prototype)
+        hinge = chain.hinges[i - 1] if i else None
+        x = hinge.x if hinge else 0.0
+        body.set("name", f"{name}_link{i + 1}")
+        body.set("pos", number([x - origin, 0.0, 0.0]))
+        _joints(body, name, i, hinge)
+        _inertial(find(body, "inertial"), link, x)
+        _shape(body, name, i, link, x, beam if visuals else None, visuals, chain.length)
+        for site, keep, at in (("root", i == 0, 0.0), ("tip", tip and i == len(chain.links) - 1, chain.length - x)):
+            element = find(body, f"site[@name='{site}']")
+            if keep:
+                element.set("name", f"{name}_{site}")
+                element.set("pos", number([at, 0.0, 0.0]))
+            else:
+                body.remove(element)
+        parent.append(body)
+        parent, origin = body, x
+    _tendons(root, name, dampers)
+    return root
+
+
+def _joints(body: Element, name: str, index: int, hinge: Hinge | None) -> None:
+    prototype = find(body, "joint")
+    place = body.index(prototype)
+    body.remove(prototype)
+    if hinge is None:
+        return
+    for port in PORTS:
+        if port not in hinge.stiffness:
+            continue
+        joint = deepcopy(prototype)
+        kind, axis = JOINTS[port]
+        joint.set("name", joint_name(name, index, port))
+        joint.set("type", kind)
+        joint.set("axis", axis)
+        joint.set("stiffness", number(hinge.stiffness[port]))
+        joint.set("damping", number(hinge.damping.get(port, 0.0)))
+        body.insert(place, joint)
+        place += 1
+
+
+def _inertial(element: Element, link: Link, x: float) -> None:
+    element.set("pos", number([link.com - x, 0.0, 0.0]))
+    element.set("mass", number(link.mass))
+    element.set("diaginertia", number(link.inertia))
+
+
+def _shape(
+    body: Element, name: str, index: int, link: Link, x: float, beam: Beam | None, visuals: bool, length: float
+) -> None:
+    geom = find(body, "geom")
+    if not visuals or link.length <= 0.0:
+        body.remove(geom)
+        return
+    middle = link.start + link.length / 2.0
+    depth = [beam.depth(middle, plane) if beam is not None else 0.0 for plane in ("xy", "xz")]
+    half = [d / 2.0 if d > 0.0 else length / 200.0 for d in depth]
+    geom.set("name", f"{name}_shape{index + 1}")
+    geom.set("size", number([link.length / 2.0, *half]))
+    geom.set("pos", number([middle - x, 0.0, 0.0]))
+
+
+def _tendons(root: Element, name: str, dampers: Iterable[Damper]) -> None:
+    dampers = list(dampers)
+    if not dampers:
+        return
+    tendon = etree.SubElement(root, "tendon")
+    for damper in dampers:
+        label = f"{name}_mode{damper.mode}_{damper.port}"
+        fixed = etree.SubElement(tendon, "fixed", name=label, damping=number(damper.damping), limited="false")
+        for hinge, coefficient in damper.coefficients:
+            etree.SubElement(fixed, "joint", joint=joint_name(name, hinge, damper.port), coef=number(coefficient))
+
+
+def hang(appendage_root: Element, host_root: Element, body: Element) -> None:
+    """Put the appendage's bodies below `body` of `host_root`, its tendons beside the host's."""
+    for child in find(appendage_root, "worldbody"):
+        body.append(deepcopy(child))
+    tendon = appendage_root.find("tendon")
+    if tendon is not None:
+        host = host_root.find("tendon")
+        if host is None:
+            host = etree.SubElement(host_root, "tendon")
+        for child in tendon:
+            host.append(deepcopy(child))
+
+
+def bench(appendage_root: Element, ports: Iterable[str], timestep: float, ballast: Array | None = None) -> Element:
+    """The appendage with its root on slides and hinges, one motor each.
+
+    Args:
+        appendage_root: from `appendage`.
+        ports: which ports are free; all other root motions are held.
+        timestep: [s].
+        ballast: `(4,)` mass [kg] and principal inertias [kg m^2] added at the root, where the chain itself leaves the
+            root massless (a hinge at the root).
+    """
+    root = template("bench")
+    find(root, "option").set("timestep", number(timestep))
+    body = find(root, "worldbody/body")
+    kept = {joint for port in ports for joint in ROOT_JOINTS[port]}
+    for path in ("worldbody/body/joint", "actuator/motor", "sensor/jointpos"):
+        for element in root.findall(path):
+            if (element.get("joint") or element.get("name")) not in kept:
+                parent = element.getparent()
+                assert parent is not None
+                parent.remove(element)
+    inertial = find(body, "inertial")
+    if ballast is None:
+        body.remove(inertial)
+    else:
+        inertial.set("mass", number(ballast[0]))
+        inertial.set("diaginertia", number(ballast[1:]))
+    hang(appendage_root, root, body)
+    return root
+
+
+def scene(
+    appendage_root: Element,
+    name: str,
+    *,
+    mass: float,
+    inertia: ArrayLike,
+    offset: ArrayLike,
+    timestep: float,
+    integrator: str,
+) -> Element:
+    """A free-flying hub with the appendage on its `mount`, ready to simulate.
+
+    Args:
+        appendage_root: from `appendage`.
+        name: of the appendage.
+        mass: of the hub [kg].
+        inertia: `(3,)` of the hub about its centre [kg m^2].
+        offset: `(3,)` from the hub's centre to the root [m].
+        timestep: [s].
+        integrator: MuJoCo's name.
+    """
+    root = template("scene")
+    root.set("model", f"{name}_scene")
+    option = find(root, "option")
+    option.set("timestep", number(timestep))
+    option.set("integrator", integrator)
+    hub = find(template("hub"), "worldbody/body")
+    inertial = find(hub, "inertial")
+    inertial.set("mass", number(mass))
+    inertial.set("diaginertia", number(inertia))
+    offset = np.asarray(offset, dtype=np.float64)
+    # a box of that mass and those inertias where one exists, else one that reaches the root
+    ix, iy, iz = np.asarray(inertia, dtype=np.float64)
+    squares = 6.0 / mass * np.array([iy + iz - ix, ix + iz - iy, ix + iy - iz])
+    half = np.sqrt(np.clip(squares, 1e-6 * float(squares.max()), None)) / 2.0
+    find(hub, "geom").set("size", number(half))
+    mount = find(hub, "site")
+    mount.set("pos", number(offset))
+    find(root, "worldbody").append(hub)
+    hang(appendage_root, root, hub)
+    link = find(hub, "body")
+    link.set("pos", number(offset))
+    return root

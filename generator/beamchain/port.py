@@ -1,0 +1,327 @@
+"""The port: how a thing pushes back at its root. The common language of the package.
+
+A beam, a hinge chain, imported finite-element modes and a linearised MuJoCo model all become a `PortModel`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from beamchain.errors import InputError
+
+if TYPE_CHECKING:
+    import control
+
+Array = NDArray[np.float64]
+
+PORTS = ("xy", "xz", "torsion", "axial")
+
+#: Motion of the root in space (x, y, z, rotations about x, y, z) per unit of each port's own motion.
+#: Plane xz uses the rotation about -y, so that a round beam has the same numbers in both planes.
+PORT_MOTION: dict[str, Array] = {}
+for _name, _columns in {
+    "xy": (((1, 1.0),), ((5, 1.0),)),
+    "xz": (((2, 1.0),), ((4, -1.0),)),
+    "torsion": (((3, 1.0),),),
+    "axial": (((0, 1.0),),),
+}.items():
+    _motion = np.zeros((6, len(_columns)))
+    for _column, _entries in enumerate(_columns):
+        for _row, _value in _entries:
+            _motion[_row, _column] = _value
+    _motion.setflags(write=False)
+    PORT_MOTION[_name] = _motion
+
+
+def locked(values: ArrayLike) -> Array:
+    """A read-only copy as float64, so that frozen objects really are."""
+    result = np.array(values, dtype=np.float64)
+    result.setflags(write=False)
+    return result
+
+
+def square_root(matrix: Array) -> Array:
+    """`R` with `R^T R = matrix` for a symmetric positive semidefinite matrix; rounding below zero is clipped."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.sqrt(np.clip(values, 0.0, None))[:, None] * vectors.T
+
+
+def body_mass_matrix(mass: float, centre: Array, inertia: Array) -> Array:
+    """`(6, 6)` mass matrix about the origin of a rigid body: `centre` `(3,)`, `inertia` `(3, 3)` about the centre."""
+    x, y, z = centre
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.block([[mass * np.eye(3), -mass * cross], [mass * cross, inertia - mass * cross @ cross]])
+
+
+@dataclass(frozen=True, eq=False)
+class PortModel:
+    """An elastic thing seen from its root: rigid mass, cantilever modes, damping.
+
+    `D(s) = M - s^2 sum_k L_k L_k^T / (s^2 + 2 zeta_k W_k s + W_k^2)` is the wrench the root needs per unit
+    acceleration; `W(s) = D(s)^-1` is the accelerance. `m` is the number of motions of the port: 2 in a bending plane
+    (displacement, rotation), 1 in torsion or axial motion, 6 in space.
+
+    Source: P. P. Belonozhko (2008), equations (13)-(16) (equality of `W` at the root is his dynamic equivalence);
+    D. Alazard, F. Sanfedino, the TITOP model, for the cantilever form.
+
+    Args:
+        rigid_mass: `(m, m)` mass matrix of the frozen thing about the port, `D(0)` [kg, kg m, kg m^2].
+        frequencies: `(n,)` cantilever frequencies (port held), ascending [rad/s].
+        participation: `(n, m)` rows `L_k` of the mass-normalised cantilever modes.
+        damping: `(n,)` damping ratios of the cantilever modes; zero when left out.
+        tip: `(n, 2)` or `(n, 1)`: tip motion in each mass-normalised cantilever mode, where known.
+
+    Raises:
+        InputError: shapes disagree, a number is not finite, or the residual mass is not positive semidefinite.
+    """
+
+    rigid_mass: Array
+    frequencies: Array
+    participation: Array
+    damping: Array = field(default_factory=lambda: np.zeros(0))
+    tip: Array | None = None
+
+    def __post_init__(self) -> None:
+        mass = locked(self.rigid_mass)
+        frequencies = locked(self.frequencies)
+        n, m = frequencies.size, mass.shape[0] if mass.ndim == 2 else -1
+        participation = np.array(self.participation, dtype=np.float64).reshape(n, -1 if n else max(m, 0))
+        damping = np.zeros(n) if np.size(self.damping) == 0 else np.array(self.damping, dtype=np.float64)
+        if mass.shape != (m, m) or participation.shape != (n, m) or damping.shape != (n,):
+            raise InputError(
+                f"a port model needs rigid_mass (m, m), frequencies (n,), participation (n, m), damping (n,); got "
+                f"{mass.shape}, {frequencies.shape}, {participation.shape}, {damping.shape}."
+            )
+        for name, values in (("rigid_mass", mass), ("frequencies", frequencies), ("participation", participation)):
+            if not np.all(np.isfinite(values)):
+                raise InputError(f"{name} holds a value that is not finite; give finite numbers only.")
+        if np.any(frequencies <= 0.0) or np.any(np.diff(frequencies) < 0.0):
+            raise InputError(f"frequencies = {frequencies.tolist()} must be positive and ascending.")
+        tip = None if self.tip is None else np.array(self.tip, dtype=np.float64)
+        for k in range(n):  # a mode's sign makes its first participation that is not noise positive
+            row = participation[k]
+            scale = np.abs(row) / np.sqrt(np.clip(np.diag(mass), 1e-300, None))
+            leading = int(np.argmax(scale > 1e-9 * max(float(scale.max(initial=0.0)), 1e-300)))
+            if row[leading] < 0.0:
+                participation[k] = -row
+                if tip is not None:
+                    tip[k] = -tip[k]
+        for name, values in (
+            ("rigid_mass", mass),
+            ("frequencies", frequencies),
+            ("participation", locked(participation)),
+            ("damping", locked(damping)),
+            ("tip", None if tip is None else locked(tip)),
+        ):
+            object.__setattr__(self, name, values)
+        scale = np.sqrt(np.clip(np.diag(mass), 1e-300, None))
+        smallest = float(np.linalg.eigvalsh(self.residual_mass / np.outer(scale, scale))[0])
+        if not smallest > -1e-9:
+            raise InputError(
+                f"the residual mass (rigid mass minus effective masses) has eigenvalue {smallest:.3e} relative to the "
+                "rigid mass, which is negative: check the reference point, the units and the rigid mass."
+            )
+
+    # -- sizes ---------------------------------------------------------------------------------------------------
+    @property
+    def modes(self) -> int:
+        """Number of flexible modes."""
+        return self.frequencies.size
+
+    @property
+    def motions(self) -> int:
+        """Number of motions of the port, `m`."""
+        return self.rigid_mass.shape[0]
+
+    # -- mass ----------------------------------------------------------------------------------------------------
+    @property
+    def effective_mass(self) -> Array:
+        """`(n, m, m)` effective masses `L_k L_k^T`."""
+        return self.participation[:, :, None] * self.participation[:, None, :]
+
+    @property
+    def residual_mass(self) -> Array:
+        """`(m, m)` rigid mass minus the effective masses: what the root feels at infinite frequency."""
+        return self.rigid_mass - self.participation.T @ self.participation
+
+    @property
+    def gains(self) -> Array:
+        """`(m, m)` accelerance at infinite frequency, the paper's gains `k`."""
+        return np.linalg.inv(self.residual_mass)
+
+    # -- free modes ----------------------------------------------------------------------------------------------
+    def _rows(self) -> tuple[Array, Array]:
+        """Motion rows weighted by the square root of mass: rigid `(n+m, m)` and elastic `(n+m, n)`."""
+        rigid = np.vstack([self.participation, square_root(self.residual_mass)])
+        elastic = np.vstack([np.diag(1.0 / self.frequencies), np.zeros((self.motions, self.modes))])
+        return rigid, elastic
+
+    @cached_property
+    def _free(self) -> tuple[Array, Array, Array, Array]:
+        """Free frequencies, port values, right singular vectors, and rigid port values `P0`, `P0 P0^T = M^-1`."""
+        rigid, elastic = self._rows()
+        q, r = np.linalg.qr(rigid)
+        along = q.T @ elastic
+        _, s, vt = np.linalg.svd(elastic - q @ along, full_matrices=False)
+        finite = s > 1e-13 * s.max(initial=0.0)  # a singular residual sends a mode to infinity
+        s, v = s[finite], vt[finite].T
+        values = -np.linalg.solve(r, along @ v) / s
+        return 1.0 / s, values.T, v, np.linalg.inv(r)
+
+    @property
+    def free_frequencies(self) -> Array:
+        """`(n,)` free frequencies, the poles of `W` [rad/s]."""
+        return self._free[0]
+
+    @property
+    def free_port_values(self) -> Array:
+        """`(n, m)` port motion in each mass-normalised free mode."""
+        return self._free[1]
+
+    @property
+    def rigid_port_values(self) -> Array:
+        """`(m, m)` port motion in the rigid modes: column i is mode i; `P0 P0^T = M^-1`."""
+        return self._free[3]
+
+    @classmethod
+    def from_free_modes(cls, rigid_mass: ArrayLike, frequencies: ArrayLike, port_values: ArrayLike) -> "PortModel":
+        """The model whose free modes are given: `W(s) = M^-1 + sum_i s^2 p_i p_i^T / (s^2 + w_i^2)`.
+
+        Args:
+            rigid_mass: `(m, m)`.
+            frequencies: `(n,)` free frequencies [rad/s].
+            port_values: `(n, m)` port motion in the mass-normalised free modes.
+        """
+        mass = np.asarray(rigid_mass, dtype=np.float64)
+        w = np.asarray(frequencies, dtype=np.float64)
+        p = np.asarray(port_values, dtype=np.float64)
+        n = w.size
+        if n == 0:
+            return cls(mass, np.zeros(0), np.zeros((0, mass.shape[0])))
+        p0 = np.linalg.inv(np.linalg.cholesky(mass)).T  # p0 p0^T = M^-1
+        # Holding the port: q_rigid = -p0^-1 p^T y / w, with y scaled by the strain energy, q_flexible = y / w.
+        held = -np.linalg.solve(p0, p.T) / w
+        u, s, _ = np.linalg.svd(np.vstack([np.diag(1.0 / w), held]), full_matrices=False)
+        rigid = np.vstack([np.zeros((n, mass.shape[0])), np.linalg.inv(p0)])
+        return cls(mass, 1.0 / s, u.T @ rigid)
+
+    # -- responses -----------------------------------------------------------------------------------------------
+    def D(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802 (the field's letter)
+        """Dynamic mass `(m, m, k)`: wrench per unit acceleration at `omega` `(k,)` [rad/s]."""
+        s = 1j * np.atleast_1d(np.asarray(omega, dtype=np.float64))
+        w = self.frequencies[:, None]
+        weight = s**2 / (s**2 + 2.0 * self.damping[:, None] * w * s + w**2)
+        return self.rigid_mass[:, :, None] - np.einsum("ki,kj,kf->ijf", self.participation, self.participation, weight)
+
+    def W(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802
+        """Accelerance `(m, m, k)`: acceleration per unit wrench at `omega` `(k,)` [rad/s]."""
+        if np.any(self.damping > 0.0):
+            return np.moveaxis(np.linalg.inv(np.moveaxis(self.D(omega), -1, 0)), 0, -1)
+        frequency = np.atleast_1d(np.asarray(omega, dtype=np.float64))
+        weight = -(frequency**2) / (self.free_frequencies[:, None] ** 2 - frequency**2)
+        p, p0 = self.free_port_values, self.rigid_port_values
+        return ((p0 @ p0.T)[:, :, None] + np.einsum("ki,kj,kf->ijf", p, p, weight)).astype(np.complex128)
+
+    def zeros(self, output: int = 0, input: int = 0) -> NDArray[np.complex128]:
+        """`(n,)` zeros of one entry of `W` as frequencies: `W_ij` carries the factors `s^2 + zero^2`.
+
+        Source: Belonozhko (2008), equation (15), the `n_1`, `n_2`.
+        """
+        gain = self.gains[output, input]
+        residues = self.free_port_values[:, output] * self.free_port_values[:, input]
+        w2 = self.free_frequencies**2
+        matrix = np.diag(w2) - np.outer(np.ones(self.modes), residues * w2) / gain
+        squares = np.linalg.eigvals(matrix).astype(np.complex128)
+        return np.sqrt(squares[np.argsort(squares.real)])
+
+    def to_control(self) -> "control.StateSpace":
+        """The accelerance as `control.StateSpace`, 2n states, exact.
+
+        States: modal coordinates of the held appendage and their rates; inputs: wrench; outputs: acceleration.
+        """
+        import control
+
+        a, b, c, d = self.state_space()
+        return control.ss(a, b, c, d)
+
+    def state_space(self) -> tuple[Array, Array, Array, Array]:
+        """The matrices of `to_control`: A `(2n, 2n)`, B `(2n, m)`, C `(m, 2n)`, D `(m, m)`."""
+        n, m = self.modes, self.motions
+        gain = self.gains
+        spring = np.hstack([np.diag(self.frequencies**2), np.diag(2.0 * self.damping * self.frequencies)])
+        c = gain @ self.participation.T @ spring
+        a = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), -spring - self.participation @ c])
+        b = np.vstack([np.zeros((n, m)), -self.participation @ gain])
+        return a, b, c, gain
+
+    # -- made from this one --------------------------------------------------------------------------------------
+    def with_hub(self, hub_mass: ArrayLike) -> "PortModel":
+        """The same thing with a rigid hub's mass matrix `(m, m)` on its port: its free modes are the coupled modes."""
+        return self.replaced(rigid_mass=self.rigid_mass + np.asarray(hub_mass, dtype=np.float64))
+
+    def truncated(self, modes: int) -> "PortModel":
+        """Only the first `modes` cantilever modes; the rigid mass stays."""
+        return self.replaced(
+            frequencies=self.frequencies[:modes],
+            participation=self.participation[:modes],
+            damping=self.damping[:modes],
+            tip=None if self.tip is None else self.tip[:modes],
+        )
+
+    def reduced(self, modes: int, hub_mass: ArrayLike) -> "PortModel":
+        """Galerkin reduction on the first `modes` modes of the model with `hub_mass` `(m, m)` on its port.
+
+        Zeros give the free target (the paper's); the reduction for an infinite hub is `truncated`.
+        Damping is left out: it belongs to the cantilever modes of the full model.
+        """
+        if modes == 0:
+            return self.truncated(0)
+        v = self.with_hub(hub_mass)._free[2][:, :modes]
+        rigid, elastic = self._rows()
+        u, s, wt = np.linalg.svd(elastic @ v, full_matrices=False)
+        tip = None
+        if self.tip is not None:  # tip rows are per mass-normalised mode: y / w in the scaled coordinates
+            tip = ((self.tip / self.frequencies[:, None]).T @ v @ wt.T / s).T
+        return PortModel(self.rigid_mass, 1.0 / s, u.T @ rigid, tip=tip)
+
+    def replaced(self, **changes: Any) -> "PortModel":
+        """A copy with some fields changed."""
+        names = ("rigid_mass", "frequencies", "participation", "damping", "tip")
+        return PortModel(**{name: changes.get(name, getattr(self, name)) for name in names})
+
+
+def in_space(ports: Mapping[str, PortModel], rigid_mass: ArrayLike) -> PortModel:
+    """One model with six motions from independent ports.
+
+    Args:
+        ports: model per port.
+        rigid_mass: `(6, 6)` of the frozen thing about the root.
+    """
+    rows = [model.participation @ PORT_MOTION[port].T for port, model in ports.items()]
+    frequencies = np.concatenate([np.zeros(0), *(model.frequencies for model in ports.values())])
+    damping = np.concatenate([np.zeros(0), *(model.damping for model in ports.values())])
+    order = np.argsort(frequencies, kind="stable")
+    participation = np.vstack([np.zeros((0, 6)), *rows])[order]
+    return PortModel(np.asarray(rigid_mass), frequencies[order], participation, damping[order])
+
+
+def port_from_rows(rigid: Array, elastic: Array, tip: Array | None = None) -> PortModel:
+    """The port model of a body given by mass-weighted motion rows.
+
+    Args:
+        rigid: `(r, m)`: square root of mass times motion, per unit motion of the port.
+        elastic: `(r, n)`: the same per elastic coordinate, scaled so that the strain energy is `|y|^2 / 2`.
+        tip: `(t, n)`: tip motion per elastic coordinate.
+
+    One-sided (singular values of the rows, not eigenvalues of their squares), so that every frequency keeps
+    nearly the relative precision of the rows.
+    """
+    u, s, vt = np.linalg.svd(elastic, full_matrices=False)
+    keep = s > 1e-14 * s.max(initial=0.0)
+    u, s, vt = u[:, keep], s[keep], vt[keep]
+    tip_modes = None if tip is None else (tip @ vt.T / s).T
+    return PortModel(rigid.T @ rigid, 1.0 / s, u.T @ rigid, tip=tip_modes)

@@ -1,0 +1,192 @@
+"""What pictures and tables show of a fit: its rivals, accelerances and errors over frequency. Draws nothing."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.assess.error import DEFAULT_RATIO, STANDARD_HUBS, damped
+from beamchain.chain import rivals
+from beamchain.chain.chain import Chain
+from beamchain.port import Array, PortModel
+from beamchain.spec import port_hub_mass
+from beamchain.structure.exact import UniformBeam
+
+if TYPE_CHECKING:
+    from beamchain.workflow import Fit
+
+PLANES = ("xy", "xz")
+PAPER = "the 2008 paper's chain"
+METHODS = {"seed": PAPER, "classical": "classical chain", "midpoint": "midpoint chain", "naive": "naive chain"}
+EDGE = 1.0 + 1e-12  # the end of a band belongs to it
+
+Accelerance = Callable[[Array], Array]
+
+
+class Response(NamedTuple):
+    """An undamped accelerance.
+
+    Args:
+        omega: `(k,)`, dense at every pole and zero [rad/s].
+        values: `(m, m, k)`, real.
+    """
+
+    omega: Array
+    values: Array
+
+    def crossings(self, i: int, j: int) -> tuple[Array, Array]:
+        """Poles and zeros of one entry within the range [rad/s]: where its sign changes."""
+        values = self.values[i, j]
+        at = np.flatnonzero(np.diff(np.sign(values)) != 0.0)
+        at = at[(at >= 2) & (at + 3 < values.size)]
+        middle = (self.omega[at] + self.omega[at + 1]) / 2.0
+        size = np.abs(values)
+        pole = size[at] + size[at + 1] > size[at - 2] + size[at + 3]
+        return middle[pole], middle[~pole]
+
+
+class ErrorCurve(NamedTuple):
+    """The in-band error before its maximum is taken: `error` `(k,)` at `omega` `(k,)` [rad/s]."""
+
+    omega: Array
+    error: Array
+
+    def peak(self, bandwidth: float) -> int:
+        """Where it is largest up to `bandwidth` [rad/s]."""
+        return int(np.argmax(np.where(self.omega <= bandwidth * EDGE, self.error, -1.0)))
+
+
+def chain_label(fit: "Fit") -> str:
+    """What the fitted chain is called."""
+    return METHODS.get(fit.spec.fit.method, "our chain")
+
+
+def count(number: int, word: str) -> str:
+    """`1 hinge`, `2 hinges`."""
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
+def moving(chain: Chain, port: str) -> int:
+    """Number of hinges that move in a port."""
+    return sum(port in hinge.stiffness for hinge in chain.hinges)
+
+
+def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
+    """Recipes to hold the fitted chain against, by name.
+
+    The classical chain with as many hinges and, for a uniform beam, the paper's three links; none that the fit itself
+    is, and none in torsion and axial motion.
+    """
+    if port not in PLANES:
+        return {}
+    beam, hinges, method = fit.spec.beam, moving(fit.chain, port), fit.spec.fit.method
+    out: dict[str, Chain] = {}
+    if method != "classical" and hinges:
+        out[METHODS["classical"]] = rivals.equal_links(beam, hinges, "classical", port)
+    if method != "seed" and beam.uniform and fit.full[port].free_frequencies.size >= 2:
+        first, second = (float(w) for w in fit.full[port].free_frequencies[:2])
+        k, c = rivals.seed_parameters(float(beam.rigid_mass()[0, 0]), beam.length, first, second)
+        out[PAPER] = rivals.seed_chain(beam, k, c, port)
+    return out
+
+
+def undamped(model: PortModel) -> Accelerance:
+    """Accelerance of a port model without damping, as the inverse of its dynamic mass.
+
+    A hinge at the root makes the residual mass singular, so that no finite gain exists; the inverse at each frequency
+    does.
+    """
+    bare = model.replaced(damping=np.zeros(model.modes))
+
+    def accelerance(omega: Array) -> Array:
+        inverse: Array = np.linalg.inv(np.moveaxis(bare.D(omega).real, -1, 0)).astype(np.float64)
+        return np.moveaxis(inverse, 0, -1)
+
+    return accelerance
+
+
+def exact_accelerance(fit: "Fit", port: str) -> Accelerance:
+    """Accelerance of the beam: the transcendental solution where there is one, else all modes of the discretisation."""
+    beam = fit.spec.beam
+    if port in PLANES and beam.uniform:
+        at = beam.segments[0].at(np.array([0.5]))
+        stiffness = at.bending_xy if port == "xy" else at.bending_xz
+        return UniformBeam(beam.length, float(stiffness[0]), float(at.mass[0])).W
+    return undamped(fit.full[port])
+
+
+def span(fit: "Fit", port: str) -> tuple[float, float]:
+    """Frequencies shown [rad/s]: from well below the first cantilever mode to past the first free mode left out."""
+    full, kept = fit.full[port], fit.target[port].modes
+    low = 0.3 * min(float(full.frequencies[0]), float(fit.achieved[port].frequencies[0]))
+    beyond = float(full.free_frequencies[min(kept, full.free_frequencies.size - 1)])
+    return low, max(1.3 * beyond, 1.6 * fit.bandwidth[port])
+
+
+def response(accelerance: Accelerance, limits: tuple[float, float], points: int = 280) -> Response:
+    """Evaluate on a logarithmic grid, then three times closer wherever an entry changes sign."""
+    omega = np.geomspace(*limits, points)
+    with np.errstate(all="ignore"):
+        values = accelerance(omega)
+        for _ in range(3):
+            turns = np.flatnonzero(np.any(np.diff(np.sign(values)) != 0.0, axis=(0, 1)))
+            if turns.size == 0:
+                break
+            new = (omega[turns, None] + (omega[turns + 1] - omega[turns])[:, None] * np.arange(1, 7) / 7.0).ravel()
+            order = np.argsort(np.concatenate([omega, new]))
+            values = np.concatenate([values, accelerance(new)], axis=-1)[..., order]
+            omega = np.concatenate([omega, new])[order]
+    good = np.all(np.isfinite(values), axis=(0, 1))
+    return Response(omega[good], values[..., good])
+
+
+def responses(fit: "Fit", port: str, *, with_rivals: bool) -> dict[str, Response]:
+    """Undamped accelerances by name: the beam, the chain through MuJoCo, then the rivals."""
+    limits = span(fit, port)
+    out = {"beam": response(exact_accelerance(fit, port), limits)}
+    out[f"{chain_label(fit)}, through MuJoCo"] = response(undamped(fit.achieved[port]), limits)
+    if with_rivals:
+        for label, chain in rival_chains(fit, port).items():
+            out[f"{label}, {count(moving(chain, port), 'hinge')}"] = response(undamped(chain.port(port)), limits)
+    return out
+
+
+def worst_hub(fit: "Fit", port: str) -> tuple[Array, str]:
+    """The hub `(m, m)` of the in-band error, in words too: the spec's, or the worst of the standard three."""
+    if fit.hub_mass is not None:
+        return port_hub_mass(fit.hub_mass, port), "on the hub of the spec"
+    rigid, band = fit.full[port].rigid_mass, fit.bandwidth[port]
+    limits = (min(span(fit, port)[0], 0.5 * band), band)
+    worst = max(STANDARD_HUBS, key=lambda f: error_curve(fit, port, fit.achieved[port], f * rigid, limits).error.max())
+    return worst * rigid, f"on a hub of {worst:g} times the appendage's mass (the worst of three)"
+
+
+def error_curve(fit: "Fit", port: str, model: PortModel, hub: Array, limits: tuple[float, float]) -> ErrorCurve:
+    """Error of `model` against the beam, both on the hub; its largest in the band is the in-band error.
+
+    Args:
+        fit: gives the beam and the band.
+        port: of the fit.
+        model: a chain's; without damping of its own it gets the beam's ratios.
+        hub: `(m, m)` mass matrix.
+        limits: frequencies evaluated [rad/s].
+    """
+    beam, band = damped(fit.full[port]), fit.bandwidth[port]
+    if model.modes and not np.any(model.damping > 0.0):
+        model = model.replaced(damping=beam.damping[np.minimum(np.arange(model.modes), beam.modes - 1)])
+    peaks = np.concatenate([thing.with_hub(hub).free_frequencies for thing in (beam, model)])
+    steps = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0]) * float(np.max(beam.damping, initial=DEFAULT_RATIO))
+    near = peaks[:, None] * (1.0 + np.concatenate([-steps[1:], steps]))
+    omega = np.unique(np.concatenate([np.geomspace(*limits, 320), near.ravel(), [band]]))
+    omega = omega[(omega >= limits[0]) & (omega <= limits[1])]
+    scale = np.sqrt(np.diag(hub + beam.rigid_mass))
+    scale = np.outer(scale, scale)
+
+    def moved(thing: PortModel) -> NDArray[np.complex128]:
+        return (np.linalg.inv(np.moveaxis(hub[:, :, None] + thing.D(omega), -1, 0)) * scale).astype(np.complex128)
+
+    exact = moved(beam)
+    rigid = float(np.linalg.norm(np.linalg.inv(hub + beam.rigid_mass) * scale, 2))
+    largest = float(np.linalg.norm(exact[omega <= band * EDGE], 2, axis=(1, 2)).max(initial=0.0))
+    return ErrorCurve(omega, np.linalg.norm(moved(model) - exact, 2, axis=(1, 2)) / max(largest, rigid))

@@ -1,0 +1,357 @@
+"""Pictures of a fit, drawn with matplotlib's objects: no figure manager, no state left behind."""
+
+import io
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from beamchain.chain.chain import Chain
+from beamchain.report.curves import (
+    PLANES,
+    Response,
+    chain_label,
+    count,
+    error_curve,
+    moving,
+    responses,
+    rival_chains,
+    span,
+    worst_hub,
+)
+from beamchain.structure.beam import Beam
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from beamchain.workflow import Fit
+
+# blue, black and grey differ in lightness too, and rivals by their dashes: readable without colour
+OURS, BEAM, RIVAL, SHADE = "#0a5fb4", "#000000", "#8a8a8a", "#e9f1fa"
+DASHES = ("solid", (0, (5, 2)), (0, (1.2, 1.6)))
+STYLE: Any = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": 9.5,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.5,
+    "axes.edgecolor": "#444444",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": False,
+    "legend.frameon": False,
+    "legend.fontsize": 9.0,
+    "svg.fonttype": "none",
+}
+
+#: Entries of the accelerance drawn: row, column, what drives and what answers, unit.
+_PLANE = (
+    (0, 0, "force → displacement", "(m/s²)/N"),
+    (0, 1, "moment → displacement (the same as force → rotation)", "(m/s²)/(N m)"),
+    (1, 1, "moment → rotation", "(rad/s²)/(N m)"),
+)
+ENTRIES = {
+    "xy": _PLANE,
+    "xz": _PLANE,
+    "torsion": ((0, 0, "moment → rotation about the axis", "(rad/s²)/(N m)"),),
+    "axial": ((0, 0, "force → displacement along the axis", "(m/s²)/N"),),
+}
+
+
+def percent(value: float) -> str:
+    """A relative error as people read it: per cent where it is not tiny."""
+    if not 1e-4 <= abs(value) < 100.0:
+        return f"{value:.1e}" if value else "0"
+    return f"{100.0 * value:.{2 if abs(value) < 0.095 else 3}g} %" if abs(value) < 9.995 else f"{100.0 * value:.0f} %"
+
+
+# -- accelerance -----------------------------------------------------------------------------------------------------
+def plot_accelerance(fit: "Fit", ax: "Axes | None" = None, port: str | None = None) -> "Axes":
+    """Draw the first accelerance of a port: the beam, and the chain read back through MuJoCo.
+
+    Args:
+        fit: from `beamchain.fit`.
+        ax: drawn into; those of a new figure where left out.
+        port: the first port of the fit where left out.
+    """
+    port = next(iter(fit.target)) if port is None else port
+    if ax is None:
+        ax = Figure(figsize=(6.4, 3.6), layout="constrained").add_subplot()
+    _panel(ax, fit, port, 0, responses(fit, port, with_rivals=False))
+    ax.set_xlabel("frequency, rad/s")
+    ax.legend(loc="best")
+    return ax
+
+
+def accelerance_figure(fit: "Fit", port: str) -> Figure:
+    """The port's accelerances over frequency: beam, chain through MuJoCo, rivals; undamped."""
+    panels = len(ENTRIES[port])
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 1.6 + 2.1 * panels))
+        curves = responses(fit, port, with_rivals=True)
+        axes = [figure.add_subplot(panels, 1, i + 1) for i in range(panels)]
+        for i, ax in enumerate(axes):
+            _panel(ax, fit, port, i, curves)
+            ax.tick_params(labelbottom=i == panels - 1)
+        axes[-1].set_xlabel("frequency, rad/s")
+        figure.subplots_adjust(left=0.125, right=0.98, bottom=0.48 / figure.get_figheight(), hspace=0.24)
+        _legend(figure, axes[0], list(curves)[:2])
+    return figure
+
+
+def _panel(ax: "Axes", fit: "Fit", port: str, panel: int, curves: Mapping[str, Response]) -> None:
+    i, j, title, unit = ENTRIES[port][panel]
+    beam, ours, *others = curves
+    _frame(ax, span(fit, port), _heights(curves[beam], i, j), fit.bandwidth[port])
+
+    def draw(label: str, **style: Any) -> None:
+        ax.plot(curves[label].omega, np.abs(curves[label].values[i, j]), label=label, **style)
+
+    for order, label in enumerate(others):
+        draw(label, color=RIVAL, linestyle=DASHES[order % 3], linewidth=1.2)
+    draw(ours, color=OURS, linewidth=3.4, solid_joinstyle="round")
+    draw(beam, color=BEAM, linewidth=1.1)
+    poles, zeros = curves[beam].crossings(i, j)
+    edge: Any = {"transform": ax.get_xaxis_transform(), "color": BEAM, "linestyle": "none", "clip_on": False}
+    ax.plot(poles, np.ones(poles.size), marker="x", markersize=5.5, label="beam's poles", **edge)
+    edge["markerfacecolor"] = "white"
+    ax.plot(zeros, np.zeros(zeros.size), marker="o", markersize=5.0, label="beam's zeros", **edge)
+    ax.set_title(title, pad=8.0)
+    ax.set_ylabel(f"|W|, {unit}")
+
+
+def _heights(curve: Response, i: int, j: int) -> tuple[float, float]:
+    """Limits that hold the curve but cut its peaks and dips."""
+    even = np.geomspace(curve.omega[0], curve.omega[-1], 150)
+    size = np.log10(np.clip(np.abs(curve.values[i, j]), 1e-300, None))
+    low, high = np.quantile(np.interp(even, curve.omega, size), [0.05, 0.95])
+    return float(10.0 ** (low - 0.7)), float(10.0 ** (high + 0.9))
+
+
+# -- error -----------------------------------------------------------------------------------------------------------
+def error_figure(fit: "Fit", port: str) -> Figure:
+    """Error of the hub's motion over frequency; its largest in the band is the in-band error."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 4.0))
+        ax = figure.add_subplot()
+        hub, place = worst_hub(fit, port)
+        limits, band = span(fit, port), fit.bandwidth[port]
+        ours = error_curve(fit, port, fit.achieved[port], hub, limits)
+        others = {
+            f"{label}, {count(moving(chain, port), 'hinge')}": error_curve(fit, port, chain.port(port), hub, limits)
+            for label, chain in rival_chains(fit, port).items()
+        }
+        top = max(float(curve.error.max()) for curve in (ours, *others.values()))
+        bottom = float(np.clip(ours.error.min(), 1e-7 * top, 0.1 * top))
+        _frame(ax, limits, (bottom / 2.0, 3.0 * top), band)
+        for order, (rival, curve) in enumerate(others.items()):
+            ax.plot(curve.omega, curve.error, color=RIVAL, linestyle=DASHES[order % 3], linewidth=1.2, label=rival)
+        name = f"{chain_label(fit)}, through MuJoCo"
+        ax.plot(ours.omega, ours.error, color=OURS, linewidth=2.0, label=name)
+        at = ours.peak(band)
+        x, y = float(ours.omega[at]), float(ours.error[at])
+        ax.plot(x, y, marker="o", markersize=5.5, color=OURS, linestyle="none", label="largest in band")
+        stated = fit.error[port].accelerance_in_band
+        box: Any = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+        place_right = x < limits[0] * (limits[1] / limits[0]) ** 0.85
+        ax.annotate(
+            percent(y if stated is None else stated), (x, y), xytext=(7 if place_right else -7, 4),
+            textcoords="offset points", ha="left" if place_right else "right", color=OURS, fontweight="bold", bbox=box,
+        )  # fmt: skip
+        ax.set_xlabel("frequency, rad/s")
+        ax.set_ylabel("error of the hub's motion, relative")
+        ax.set_title(place, pad=6.0)
+        figure.subplots_adjust(left=0.125, right=0.98, bottom=0.125)
+        _legend(figure, ax, [name])
+    return figure
+
+
+# -- logarithmic axes ------------------------------------------------------------------------------------------------
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def _power(value: float, _: float = 0.0) -> str:
+    exponent = round(np.log10(value))
+    return {0: "1", 1: "10"}.get(exponent, f"10{str(exponent).translate(_SUPERSCRIPT)}")
+
+
+def _plain(value: float, _: float = 0.0) -> str:
+    return f"{value:g}" if 1e-4 <= value < 1e5 else _power(value)
+
+
+def _log_axis(axis: Any, limits: tuple[float, float], text: Callable[[float, float], str]) -> None:
+    """Powers of ten labelled, 2 and 5 too on a short axis; none of it mathtext, which is slow and no plain text."""
+    decades = float(np.log10(limits[1] / limits[0]))
+    short = decades < 2.2
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=12 if short else 8))
+    axis.set_minor_locator(LogLocator(subs=tuple(np.arange(2.0, 10.0)) if decades < 6.0 else (1.0,), numticks=60))
+    axis.set_major_formatter(FuncFormatter(_plain if short else text))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _frame(ax: "Axes", limits: tuple[float, float], heights: tuple[float, float], band: float) -> None:
+    """Logarithmic axes with the kept band shaded."""
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xlim(*limits)
+    ax.set_ylim(*heights)
+    _log_axis(ax.xaxis, limits, _plain)
+    _log_axis(ax.yaxis, heights, _power)
+    ax.grid(visible=True, color="#e3e3e3", linewidth=0.6)
+    ax.set_axisbelow(True)
+    ax.axvspan(limits[0], min(band, limits[1]), color=SHADE, linewidth=0, zorder=0, label="kept band")
+
+
+def _legend(figure: Figure, ax: "Axes", first: Sequence[str]) -> None:
+    """A legend in two columns above all panels; sets the panels' upper edge below it."""
+    handles, labels = ax.get_legend_handles_labels()
+    entries = dict(zip(labels, handles, strict=True))
+    order = [*first, *(label for label in labels if label not in first)]
+    figure.legend(
+        [entries[label] for label in order], order, loc="upper left", ncols=2, bbox_to_anchor=(0.0, 1.0),
+        handlelength=2.2, columnspacing=1.4, borderaxespad=0.2,
+    )  # fmt: skip
+    inches = 0.42 + 0.192 * ((len(order) + 1) // 2)
+    figure.subplots_adjust(top=1.0 - inches / figure.get_figheight())
+
+
+# -- the chain -------------------------------------------------------------------------------------------------------
+_MARKERS = {"xy": "o", "xz": "s", "torsion": "D", "axial": "^"}
+_LABEL, _ROWS = 8.5, 3  # size of a label [pt]; rows of labels above and below the chain
+_CENTRE: Any = {"marker": r"$\oplus$", "markersize": 9.0, "color": "black", "markeredgewidth": 0.3, "linestyle": "none"}
+
+
+def chain_figure(fit: "Fit") -> Figure:
+    """The chain to scale along x, and below it the classical chain with as many hinges."""
+    plane = next((port for port in fit.target if port in PLANES), next(iter(fit.target)))
+    chains = {chain_label(fit): fit.chain}
+    classical = rival_chains(fit, plane).get("classical chain")
+    if classical is not None:
+        chains["classical chain"] = classical
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 1.05 + 1.5 * len(chains)))
+        height = figure.get_figheight()
+        figure.subplots_adjust(left=0.02, right=0.98, top=1.0 - 0.28 / height, bottom=0.77 / height, hspace=0.22)
+        for i, (label, chain) in enumerate(chains.items()):
+            ax = figure.add_subplot(len(chains), 1, i + 1)
+            _draw_chain(ax, chain, fit.spec.beam, plane, label, OURS if i == 0 else "#6f6f6f")
+            ax.tick_params(labelbottom=i == len(chains) - 1)
+        figure.axes[-1].set_xlabel("x from the root, m")
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        figure.legend(
+            handles, labels, loc="lower center", ncols=6, handlelength=1.2, columnspacing=1.0, borderaxespad=0.2
+        )
+    return figure
+
+
+def _draw_chain(ax: "Axes", chain: Chain, beam: Beam, plane: str, title: str, color: str) -> None:
+    length = chain.length
+    left, right = -0.055 * length, 1.03 * length
+    ax.set_xlim(left, right)
+    ax.set_ylim(-1.05, 1.05)
+    ax.yaxis.set_visible(False)
+    ax.spines["left"].set_visible(False)
+    x = np.linspace(0.0, length, 121)
+    depth = np.array([beam.depth(float(at), plane) for at in x])
+    depth = 0.24 * (depth / depth.max() if depth.max() > 0.0 else np.ones(x.size))
+    ax.fill_between(x, -depth, depth, color="#dddddd", linewidth=0, label="beam")
+    ax.fill_between([left, 0.0], -0.3, 0.3, facecolor="#f4f4f4", edgecolor="#777777", hatch="////", linewidth=0.8)
+    for lump in beam.lumps:
+        ax.plot(lump.x, 0.27, marker="v", color="#777777", markersize=6.0)
+    real = [link for link in chain.links if link.mass > 0.0]
+    gap = 0.004 * length
+    for link in real:
+        ends = [link.start + gap, min(link.start + link.length, length) - gap]
+        ax.plot(ends, [0.0, 0.0], color=color, linewidth=5.0, solid_capstyle="butt")
+    ax.plot([link.com for link in real], np.zeros(len(real)), label="centre of mass", **_CENTRE)
+    for port in chain.ports:
+        at = [hinge.x for hinge in chain.hinges if port in hinge.stiffness]
+        style: Any = {"marker": _MARKERS[port], "markersize": 6.5 if port == "xy" else 5.5, "linestyle": "none"}
+        label = "hinge" if len(chain.ports) == 1 else f"hinge {port}"
+        ax.plot(
+            at, np.zeros(len(at)), markerfacecolor="white", markeredgecolor=color, markeredgewidth=1.8, label=label,
+            **style,
+        )  # fmt: skip
+    masses = [(link.com, f"{short(link.mass)} kg") for link in real]
+    springs = [(hinge.x, _springs(hinge.stiffness)) for hinge in chain.hinges]
+    rows = [_rows(ax, masses), _rows(ax, springs)]
+    told = all(placed or not labels for placed, labels in zip(rows, (masses, springs), strict=True))
+    if told:
+        _write(ax, rows[0], 1.0, color)
+        _write(ax, rows[1], -1.0, "#222222")
+    what = f"{title}: {count(len(real), 'link')}, {count(len(chain.hinges), 'hinge')}"
+    ax.set_title(what if told else f"{what} (too many to label; see the table)", pad=3.0, color=color)
+
+
+def short(value: float) -> str:
+    """Three digits without an exponent where that reads well."""
+    return f"{float(f'{value:.3g}'):.15g}" if 1e-4 <= abs(value) < 1e5 else f"{value:.3g}"
+
+
+def prefixed(value: float, unit: str) -> str:
+    """Three digits with k, M, G before the unit."""
+    for size, prefix in ((1e9, "G"), (1e6, "M"), (1e4, "k")):
+        if abs(value) >= size:
+            return f"{short(value / (1e3 if prefix == 'k' else size))} {prefix}{unit}"
+    return f"{short(value)} {unit}"
+
+
+def _springs(stiffness: Mapping[str, float]) -> str:
+    if len(stiffness) == 1:
+        ((port, value),) = stiffness.items()
+        return prefixed(value, "N/m" if port == "axial" else "N m/rad")
+    return ", ".join(f"{port} {prefixed(value, '').strip()}" for port, value in stiffness.items())
+
+
+class _Label(NamedTuple):
+    x: float
+    centre: float
+    row: int
+    text: str
+
+
+def _rows(ax: "Axes", labels: Sequence[tuple[float, str]]) -> list[_Label]:
+    """Places for labels in rows, so that none overlap; none where they do not all fit."""
+    left, right = ax.get_xlim()
+    figure = ax.get_figure()
+    width = 72.0 * ax.get_position().width * (figure.get_size_inches()[0] if isinstance(figure, Figure) else 6.4)
+    ends: list[float] = [-np.inf] * _ROWS
+    placed: list[_Label] = []
+    for x, text in sorted(labels):
+        half = 0.5 * (right - left) / width * (0.62 * _LABEL * len(text) + 5.0)
+        centre = min(max(x, left + half), right - half)
+        row = next((i for i, end in enumerate(ends) if centre - half >= end), None)
+        if row is None:
+            return []
+        ends[row] = centre + half
+        placed.append(_Label(x, centre, row, text))
+    return placed
+
+
+def _write(ax: "Axes", labels: Sequence[_Label], side: float, color: str) -> None:
+    """Labels above (`side` 1) or below (-1) the chain, each with a thin line to its place."""
+    for x, centre, row, text in labels:
+        y = side * (0.47 + 0.21 * row)
+        ax.plot([x, x], [side * 0.14, y - side * 0.1], color="#b0b0b0", linewidth=0.6, zorder=1)
+        ax.text(centre, y, text, ha="center", va="center", fontsize=_LABEL, color=color)
+
+
+# -- to a file -------------------------------------------------------------------------------------------------------
+def to_svg(figure: Figure, name: str) -> str:
+    """SVG text of a figure, the same for the same fit; ids carry `name`, so that several can stand in one page.
+
+    Args:
+        figure: any figure of this module.
+        name: unique within the page, a letter first.
+    """
+    stream = io.StringIO()
+    style: Any = {**STYLE, "svg.hashsalt": name}
+    with mpl.rc_context(style):
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": "beamchain"})
+    text = stream.getvalue()
+    for before in ('id="', "url(#", 'href="#'):
+        text = text.replace(before, f"{before}{name}-")
+    return text

@@ -1,0 +1,349 @@
+"""SPEC.toml: the appendage, what to keep of it, and what the scene needs; read once, checked on construction."""
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+
+from beamchain.checks import not_negative, number, one_of, positive, whole
+from beamchain.errors import InputError
+from beamchain.port import PORT_MOTION, PORTS, Array, body_mass_matrix
+from beamchain.structure.beam import Beam, Joint, Lump, Segment, body_inertia
+from beamchain.structure.material import Material
+from beamchain.structure.section import Box, Custom, Equivalent, Rectangle, Round, Tube
+
+LARGEST_FILE = 10_000_000  # bytes; a spec is a page of text
+MOST_MODES = 20
+
+Target = Literal["clamped", "free", "hub", "auto"]
+Method = Literal["exact", "least_squares", "classical", "midpoint", "naive", "seed"]
+Integrator = Literal["Euler", "RK4", "implicit", "implicitfast", "discrete"]
+Triple = tuple[float, float, float]
+
+
+class Payload(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the user's scene will attach at the tip: fitted for, not written. SI, about its own centre at the tip."""
+
+    mass: float
+    inertia: Triple = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        positive("mass", self.mass, "kg")
+        body_inertia("inertia", self.inertia)
+
+
+class Damping(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Damping ratios of the cantilever modes: one for all, or a list per port. "modal": tendons; "hinge": joints."""
+
+    ratio: float | dict[str, tuple[float, ...]] = 0.0
+    form: Literal["modal", "hinge"] = "modal"
+
+    def __post_init__(self) -> None:
+        one_of("form", self.form, ("modal", "hinge"))
+        if isinstance(self.ratio, dict):
+            for port, values in self.ratio.items():
+                one_of("ratio", port, PORTS)
+                for i, value in enumerate(values):
+                    _ratio(f"ratio.{port}[{i}]", value)
+        else:
+            _ratio("ratio", self.ratio)
+
+    def ratios(self, port: str, modes: int) -> Array:
+        """`(modes,)` ratios of a port; a list that is too short repeats its last."""
+        if not isinstance(self.ratio, dict):
+            return np.full(modes, float(self.ratio))
+        given = self.ratio.get(port, ())
+        return np.array([given[min(k, len(given) - 1)] if given else 0.0 for k in range(modes)])
+
+
+def _ratio(name: str, value: object) -> None:
+    if not_negative(name, value, "") >= 1.0:
+        raise InputError(
+            f"{name} = {value!r} is not an oscillation; damping ratios lie between 0 and 1 (0.005 is usual)."
+        )
+
+
+class Modes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Flexible modes kept per port; 0: left out, rigid."""
+
+    xy: int = 0
+    xz: int = 0
+    torsion: int = 0
+    axial: int = 0
+
+    def __post_init__(self) -> None:
+        for port in PORTS:
+            whole(port, getattr(self, port), 0, MOST_MODES)
+
+    def counts(self) -> dict[str, int]:
+        """Modes per port, ports that keep none left out."""
+        return {port: count for port in PORTS if (count := int(getattr(self, port))) > 0}
+
+
+class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The rigid spacecraft that carries the appendage.
+
+    Args:
+        mass: [kg].
+        inertia: principal, about its centre, in appendage axes [kg m^2].
+        offset: from its centre to the root, in appendage axes [m].
+    """
+
+    mass: float
+    inertia: Triple
+    offset: Triple = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        positive("mass", self.mass, "kg")
+        body_inertia("inertia", self.inertia)
+        for i, value in enumerate(self.inertia):
+            positive(f"inertia[{i}]", value, "kg m^2")
+        for i, value in enumerate(self.offset):
+            number(f"offset[{i}]", value, "m")
+
+    def mass_matrix(self) -> Array:
+        """`(6, 6)` mass matrix about the root, motions (x, y, z, rotations)."""
+        return body_mass_matrix(self.mass, -np.array(self.offset), np.diag(self.inertia))
+
+
+def port_hub_mass(hub: Array, port: str) -> Array:
+    """`(m, m)` the hub's mass matrix as one port sees it: its block of the `(6, 6)` matrix."""
+    motion = PORT_MOTION[port]
+    return motion.T @ hub @ motion
+
+
+class Root(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How the kept modes are chosen (`target`), and the hub."""
+
+    target: Target | None = None
+    hub: Hub | None = None
+
+    def __post_init__(self) -> None:
+        if self.target is not None:
+            one_of("target", self.target, ("clamped", "free", "hub", "auto"))
+        if self.target == "hub" and self.hub is None:
+            raise InputError(
+                'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, or use target = "clamped".'
+            )
+
+
+class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How the chain is found."""
+
+    method: Method = "exact"
+    links: int | tuple[float, ...] | None = None
+    free: tuple[Literal["stiffness", "lengths", "masses"], ...] = ("stiffness", "lengths", "masses")
+    form: Literal["chain", "oscillators"] = "chain"
+    timestep: float = 0.0
+
+    def __post_init__(self) -> None:
+        one_of("method", self.method, ("exact", "least_squares", "classical", "midpoint", "naive", "seed"))
+        one_of("form", self.form, ("chain", "oscillators"))
+        not_negative("timestep", self.timestep, "s")
+        for word in self.free:
+            one_of("free", word, ("stiffness", "lengths", "masses"))
+        if isinstance(self.links, tuple):
+            for i, value in enumerate(self.links):
+                positive(f"links[{i}]", value, "m")
+        elif self.links is not None:
+            whole("links", self.links, 1, 496)
+        if self.links is not None and self.method in ("exact", "seed"):
+            raise InputError(
+                f'links = {self.links!r} is given but method = "{self.method}" fixes the links itself (modes + 1); '
+                'remove links, or use method = "least_squares".'
+            )
+
+
+class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the scene needs; what it does not need is left out."""
+
+    bandwidth: float | None = None
+    tolerance: float = 1e-3
+    axes: tuple[Literal["x", "y", "z", "tx", "ty", "tz"], ...] = ("x", "y", "z", "tx", "ty", "tz")
+    tip: bool = False
+    visuals: bool = True
+    contacts: bool = False
+    integrator: Integrator = "implicitfast"
+    timestep: float = 0.01
+
+    def __post_init__(self) -> None:
+        if self.bandwidth is not None:
+            positive("bandwidth", self.bandwidth, "rad/s")
+        positive("tolerance", self.tolerance, "")
+        positive("timestep", self.timestep, "s")
+        one_of("integrator", self.integrator, ("Euler", "RK4", "implicit", "implicitfast", "discrete"))
+        for axis in self.axes:
+            one_of("axes", axis, ("x", "y", "z", "tx", "ty", "tz"))
+
+
+class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A whole SPEC.toml. Lengths in m, masses in kg, frequencies in rad/s."""
+
+    name: str = "appendage"
+    segment: tuple[Segment, ...] = ()
+    joint: tuple[Joint, ...] = ()
+    lump: tuple[Lump, ...] = ()
+    payload: Payload | None = None
+    damping: Damping | None = None
+    modes: Modes | None = None
+    root: Root = Root()
+    fit: FitOptions = FitOptions()
+    scene: Scene | None = None
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name):
+            raise InputError(
+                f"name = {self.name!r} must start with a small letter and hold only a-z, 0-9 and _ (at most 63), "
+                'because every body is named after it; for example name = "boom".'
+            )
+        if not self.segment:
+            raise InputError("the spec has no [[segment]]; add at least one with length, section and material.")
+        if self.scene is not None and self.fit.timestep > 0.0 and self.fit.timestep != self.scene.timestep:
+            raise InputError(
+                f"fit.timestep = {self.fit.timestep!r} and scene.timestep = {self.scene.timestep!r} differ; "
+                "the chain is right at one step only: give the same, or leave fit.timestep out."
+            )
+        if self.modes is not None and not self.modes.counts():
+            raise InputError(
+                "[modes] keeps no mode at all; set xy, xz, torsion or axial to 1 or more, or remove [modes]."
+            )
+        self.beam  # noqa: B018  (built once so that what the parts say of each other is checked)
+
+    @property
+    def beam(self) -> Beam:
+        """The elastic appendage."""
+        return Beam(segments=self.segment, joints=self.joint, lumps=self.lump)
+
+    @property
+    def kept(self) -> dict[str, int]:
+        """Modes kept per port."""
+        return (self.modes or Modes(xy=2)).counts()
+
+
+def read_spec(path: str | Path) -> Spec:
+    """Read and check a SPEC.toml.
+
+    Raises:
+        InputError: the file cannot be read, is no TOML, or a value is not allowed; the message names the place.
+    """
+    return spec_from_dict(_read_toml(Path(path)), str(path))
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        if not path.is_file():
+            kind = "is a folder" if path.is_dir() else "does not exist" if not path.exists() else "is no regular file"
+            raise InputError(f"spec {str(path)!r} {kind}; give the path of a SPEC.toml file.")
+        size = path.stat().st_size
+        if size > LARGEST_FILE:
+            raise InputError(
+                f"spec {str(path)!r} has {size} bytes, more than the {LARGEST_FILE} taken; a spec is a page of text."
+            )
+        content = path.read_bytes().decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"spec {str(path)!r} is not UTF-8 text ({error.reason} at byte {error.start}); save it as UTF-8."
+        ) from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"spec {str(path)!r} cannot be read ({error}); check the path and its permissions.") from None
+    try:
+        return tomllib.loads(content)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"spec {str(path)!r} is not TOML: {error}. Strings need quotes, tables [brackets].") from None
+    except RecursionError:
+        raise InputError(f"spec {str(path)!r} is nested too deeply to be a spec; flatten its tables.") from None
+
+
+def spec_from_dict(data: Mapping[str, Any], source: str = "spec") -> Spec:
+    """A checked `Spec` from the parsed TOML."""
+    try:
+        return msgspec.convert(data, Spec)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{source}: {_sentence(str(error), data)}") from None
+    except RecursionError:
+        raise InputError(f"{source}: nested too deeply to be a spec; flatten its tables.") from None
+
+
+_KINDS = {
+    "float": "a number", "int": "a whole number", "str": "a text in quotes", "object": "a table { ... }",
+    "array": "a list [ ... ]", "bool": "true or false", "null": "nothing",
+}  # fmt: skip
+
+
+def _sentence(message: str, data: Mapping[str, Any]) -> str:
+    """msgspec's words as a sentence: where, what was given, what is allowed, what to do."""
+    match = re.fullmatch(r"(.*?)(?: - at `(?:key in )?\$\.?(.*)`)?", message, re.DOTALL)
+    assert match is not None
+    what, place = match[1], _people_count(match[2] or "")
+    unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
+    if unknown:
+        near = difflib.get_close_matches(unknown[1], _keys(), n=1)
+        cure = f"did you mean {near[0]!r}?" if near else "remove it."
+        return f"{place + ': ' if place else ''}unknown key {unknown[1]!r}; {cure}"
+    missing = re.fullmatch(r"Object missing required field `(.*)`", what)
+    if missing:
+        return f"{place + ': ' if place else ''}{missing[1]} is missing; add {missing[1]} = ... there."
+    wrong = re.fullmatch(r"Expected `(.*)`, got `(.*)`", what)
+    if wrong:
+        wanted = " or ".join(
+            _KINDS.get(kind.strip(), kind.strip()) for kind in wrong[1].split("|") if kind.strip() != "null"
+        )
+        value = _value(data, match[2] or "")
+        shown = (
+            "" if value is None else f" = {str(value)[:60]!r}" if isinstance(value, str) else f" = {str(value)[:60]}"
+        )
+        return f"{place or 'the file'}{shown} is {_KINDS.get(wrong[2], wrong[2])}, but {wanted} is needed; write it so."
+    invalid = re.fullmatch(r"Invalid value (.*)", what)
+    if invalid:
+        word = invalid[1].strip("'\"")
+        near = difflib.get_close_matches(word, _WORDS, n=1)
+        cure = f"did you mean {near[0]!r}?" if near else "see `beamchain schema` for what is allowed."
+        return f"{place} = {word!r} is not allowed; {cure}"
+    return f"{place + ': ' if place else ''}{what}"
+
+
+_WORDS = [
+    "round", "tube", "rectangle", "box", "custom", "equivalent", "euler", "timoshenko", "modal", "hinge", "clamped",
+    "free", "hub", "auto", "exact", "least_squares", "classical", "midpoint", "naive", "seed", "chain", "oscillators",
+    "Euler", "RK4", "implicit", "implicitfast", "discrete", "stiffness", "lengths", "masses",
+]  # fmt: skip
+
+
+def _people_count(place: str) -> str:
+    """`segment[0].length` as `segment 1: length`: people count from one."""
+    return re.sub(r"\[(\d+)\]", lambda m: f"[{m[1]}]", place)
+
+
+def _keys() -> list[str]:
+    structs: list[Any] = [
+        Spec, Segment, Joint, Lump, Payload, Damping, Modes, Hub, Root, FitOptions, Scene, Material, Round, Tube,
+        Rectangle, Box, Custom, Equivalent,
+    ]  # fmt: skip
+    return sorted({field for struct in structs for field in struct.__struct_fields__})
+
+
+def _value(data: Any, place: str) -> Any:
+    for step in re.findall(r"[^.\[\]]+", place):
+        try:
+            data = data[int(step)] if isinstance(data, list) else data[step]
+        except (KeyError, IndexError, TypeError, ValueError):
+            return None
+    return None if isinstance(data, (dict, list)) else data
+
+
+def schema() -> dict[str, Any]:
+    """JSON schema of SPEC.toml."""
+    return msgspec.json.schema(Spec)
+
+
+def finite_or_none(value: float) -> float | None:
+    """A number as JSON can hold it: infinity becomes null (no limit)."""
+    return float(value) if math.isfinite(value) else None

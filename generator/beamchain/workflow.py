@@ -1,0 +1,329 @@
+"""`fit`: the whole walk from a beam to a verified drop-in file, and its result."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from lxml.etree import _Element as Element
+
+from beamchain.assess.error import Comparison, compare, in_band_error
+from beamchain.assess.stability import StepLimits, step_limits
+from beamchain.chain.build import (
+    Built,
+    Status,
+    build_exact,
+    build_least_squares,
+    build_recipe,
+    with_real_polar,
+)
+from beamchain.chain.chain import Chain
+from beamchain.chain.damping import Damper, joint_damping, tendons
+from beamchain.chain.rods import Payload
+from beamchain.engine.bench import Measured, measure
+from beamchain.engine.library import mujoco
+from beamchain.errors import InputError
+from beamchain.files import write_files
+from beamchain.mjcf import write
+from beamchain.port import PORTS, Array, PortModel, in_space
+from beamchain.spec import Damping, FitOptions, Hub, Modes, Root, Scene, Spec, port_hub_mass
+from beamchain.structure.beam import Beam
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An appendage as a hinge chain, proved through MuJoCo.
+
+    Args:
+        spec: what was asked for.
+        chain: what came out.
+        full: per port, all modes of the beam's discretisation: the truth.
+        target: per port, the reduced model the chain was made for.
+        achieved: per port, read back through `mjd_transitionFD`.
+        error: per port, achieved against target; in band, against the whole beam.
+        measured: the bench.
+        limits: step limits on the hub of the spec, or alone.
+        status: ok, message, history.
+        seconds: model, realise, write, verify.
+    """
+
+    spec: Spec
+    chain: Chain
+    full: dict[str, PortModel]
+    target: dict[str, PortModel]
+    achieved: dict[str, PortModel]
+    error: dict[str, Comparison]
+    measured: Measured
+    limits: StepLimits
+    status: Status
+    seconds: dict[str, float]
+    bandwidth: dict[str, float]
+    dampers: tuple[Damper, ...] = ()
+
+    @cached_property
+    def hub_mass(self) -> Array | None:
+        """`(6, 6)` mass matrix of the spec's hub about the root; None without one."""
+        return None if self.spec.root.hub is None else self.spec.root.hub.mass_matrix()
+
+    @property
+    def tip_error(self) -> dict[str, Array]:
+        """Per port `(n,)`: relative error of the tip displacement (or angle) in each kept mode."""
+        out: dict[str, Array] = {}
+        for port, target in self.target.items():
+            ours = self.chain.port(port)
+            if ours.tip is not None and target.tip is not None:
+                k = min(ours.modes, target.modes)
+                out[port] = ours.tip[:k, 0] / target.tip[:k, 0] - 1.0
+        return out
+
+    def appendage(self) -> Element:
+        """The drop-in MJCF as an lxml tree."""
+        scene = self.spec.scene or Scene()
+        return write.appendage(
+            self.chain, self.spec.name, beam=self.spec.beam, dampers=self.dampers, visuals=scene.visuals
+        )
+
+    def to_mjcf(self) -> str:
+        """The drop-in MJCF file as text."""
+        return write.text(self.appendage())
+
+    def scene_mjcf(self) -> str:
+        """A free-flying hub with the appendage on it, as text. Without a hub in the spec: ten times the appendage."""
+        scene = self.spec.scene or Scene()
+        hub = self.spec.root.hub or default_hub(self.spec.beam)
+        root = write.scene(
+            self.appendage(), self.spec.name, mass=hub.mass, inertia=hub.inertia, offset=hub.offset,
+            timestep=self.spec.fit.timestep or (scene.timestep if self.spec.scene else self._safe_step(scene.integrator)),
+            integrator=scene.integrator,
+        )  # fmt: skip
+        return write.text(root)
+
+    def _safe_step(self, integrator: str) -> float:
+        """A round step: a fifth of the stability limit at most."""
+        bound = 0.2 * min(self.limits.largest_step[integrator], 5.0)
+        exponent = np.floor(np.log10(bound))
+        return float(max(m for m in (1.0, 2.0, 5.0) if m * 10**exponent <= bound * (1 + 1e-12)) * 10**exponent)
+
+    def attach(self, spec: "mujoco.MjSpec", site: str) -> None:
+        """Attach the appendage to a site of an `mujoco.MjSpec` (x of the site's frame outwards), names unprefixed.
+
+        Raises:
+            InputError: the spec has no such site.
+        """
+        place = spec.site(site)
+        if place is None:
+            known = ", ".join(s.name for s in spec.sites if s.name) or "none"
+            raise InputError(f"site {site!r} is not in the model; its sites are: {known}.")
+        child = mujoco.MjSpec.from_string(self.to_mjcf())
+        spec.attach(child, site=place, prefix="")
+
+    def plot(self, ax: "Axes | None" = None, port: str | None = None) -> "Axes":
+        """Accelerance of the first kept port: beam, chain through MuJoCo. Returns the axes; shows nothing."""
+        from beamchain.report.plots import plot_accelerance
+
+        return plot_accelerance(self, ax=ax, port=port)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What fit.json holds."""
+        from beamchain.report.record import fit_record
+
+        return fit_record(self)
+
+    def write(self, folder: str | Path, *, force: bool = False) -> list[Path]:
+        """Write appendage.xml, scene.xml, pictures, report.html and fit.json (last) into `folder`; all or none.
+
+        Raises:
+            OutputError: a file exists and `force` is False, or the folder cannot be written.
+        """
+        from beamchain.report.html import fit_report
+        from beamchain.report.record import to_json
+
+        folder = Path(folder)
+        report, pictures = fit_report(self)
+        files: dict[Path, str | bytes] = {
+            folder / "appendage.xml": self.to_mjcf(),
+            folder / "scene.xml": self.scene_mjcf(),
+            **{folder / name: content for name, content in pictures.items()},
+            folder / "report.html": report,
+            folder / "fit.json": to_json(self.as_dict()),
+        }
+        write_files(files, force=force)
+        return list(files)
+
+
+def default_hub(beam: Beam) -> Hub:
+    """Ten times the appendage's mass, a cube as wide as a tenth of its length, root at a face."""
+    mass, side = 10.0 * beam.rigid_mass()[0, 0], 0.1 * beam.length
+    inertia = max(mass * side**2 / 6.0, 1e-12)
+    return Hub(mass=mass, inertia=(inertia, inertia, inertia), offset=(side / 2.0, 0.0, 0.0))
+
+
+def fit(
+    appendage: Beam | Spec,
+    *,
+    name: str | None = None,
+    modes: Mapping[str, int] | Modes | None = None,
+    root: Root | None = None,
+    damping: Damping | None = None,
+    options: FitOptions | None = None,
+    scene: Scene | None = None,
+) -> Fit:
+    """Fit a hinge chain to an appendage and prove it through MuJoCo's own linearisation.
+
+    Args:
+        appendage: a beam, or a whole spec (what is given beside it replaces what the spec says).
+        name: prefix of bodies, joints and sites.
+        modes: flexible modes per port, `{"xy": 2}` where nothing is said.
+        root: target and hub.
+        damping: ratios of the cantilever modes.
+        options: method and its settings.
+        scene: what the scene needs.
+
+    Returns:
+        The fit; `status.ok` is False where less came out than was asked for, with the reason.
+
+    Raises:
+        InputError: what is asked for contradicts itself or is not available.
+        RealisationError: no chain exists even with one mode.
+        EngineError: MuJoCo refuses the model (sizes beyond its limits).
+    """
+    if isinstance(appendage, Spec):
+        spec = appendage
+    else:
+        spec = Spec(segment=appendage.segments, joint=appendage.joints, lump=appendage.lumps)
+    if modes is not None and not isinstance(modes, Modes):
+        unknown = set(modes) - set(Modes.__struct_fields__)
+        if unknown:
+            raise InputError(
+                f"modes: unknown port {sorted(unknown)[0]!r}; choose from {', '.join(Modes.__struct_fields__)}."
+            )
+        modes = Modes(**dict(modes))
+    given = {"name": name, "modes": modes, "root": root, "damping": damping, "fit": options, "scene": scene}
+    changes = {key: value for key, value in given.items() if value is not None}
+    if changes:
+        spec = Spec(**{field: changes.get(field, getattr(spec, field)) for field in Spec.__struct_fields__})
+    return _fit(spec)
+
+
+def _fit(spec: Spec) -> Fit:
+    clock = [time.perf_counter()]
+    beam, kept = spec.beam, spec.kept
+    hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
+    full = {port: beam.port(port, 2 * count + 4) for port, count in kept.items()}
+    clock.append(time.perf_counter())
+    built = _build(spec, beam, kept, full, hub)
+    chain, dampers = _damped(spec, built)
+    clock.append(time.perf_counter())
+    scene = spec.scene or Scene()
+    tree = write.appendage(chain, spec.name, beam=beam, dampers=dampers, visuals=scene.visuals)
+    clock.append(time.perf_counter())
+    free = tuple(kept) if tuple(kept) == ("xy",) else PORTS  # a planar boom is tested as the paper does
+    measured = measure(tree, free, timestep=scene.timestep, ballast=_ballast(chain))
+    bandwidth, error = {}, {}
+    for port, target in built.targets.items():
+        bandwidth[port] = scene.bandwidth or float(target.frequencies[-1])
+        port_hub = None if hub is None else port_hub_mass(hub, port)
+        plain = compare(measured.ports[port], target)
+        in_band = in_band_error(measured.ports[port], with_ratios(spec, port, full[port]), port_hub, bandwidth[port])
+        error[port] = replace(plain, accelerance_in_band=in_band)
+    tendon = bool(dampers)
+    limits = _limits(measured, built.targets, hub, tendon)
+    clock.append(time.perf_counter())
+    steps = ("model", "realise", "write", "verify")
+    seconds = {step: b - a for step, a, b in zip(steps, clock[:-1], clock[1:], strict=True)}
+    achieved = {port: measured.ports[port] for port in built.targets}
+    return Fit(
+        spec, chain, full, built.targets, achieved, error, measured, limits, built.status, seconds, bandwidth, dampers
+    )
+
+
+def with_ratios(spec: Spec, port: str, model: PortModel) -> PortModel:
+    """The model with the spec's damping ratios in its cantilever modes."""
+    return model if spec.damping is None else model.replaced(damping=spec.damping.ratios(port, model.modes))
+
+
+def _build(spec: Spec, beam: Beam, kept: dict[str, int], full: dict[str, PortModel], hub: Array | None) -> Built:
+    target = spec.root.target or "clamped"
+
+    def target_of(port: str, count: int) -> PortModel:
+        model = full[port]
+        if target == "free":
+            out = model.reduced(count, np.zeros((model.motions, model.motions)))
+        elif target == "hub":
+            assert hub is not None
+            out = model.reduced(count, port_hub_mass(hub, port))
+        else:
+            out = model.truncated(count)
+        return with_ratios(spec, port, out)
+
+    options = spec.fit
+    payload = spec.payload
+    if options.method == "exact" and payload is None:
+        return build_exact(beam, kept, target_of, tip=spec.scene is not None and spec.scene.tip)
+    if options.method in ("exact", "least_squares"):
+        loads = None
+        if payload is not None:
+            ix, iy, iz = payload.inertia
+            del ix
+            loads = {"xy": Payload(payload.mass, iz), "xz": Payload(payload.mass, iy)}
+        free = options.free if options.links is None or options.method == "least_squares" else ("stiffness",)
+        return build_least_squares(beam, kept, _links(spec, beam, kept), free, loads, target_of)
+    links = options.links if isinstance(options.links, int) else None
+    built = build_recipe(beam, options.method, kept, links, target_of)
+    return replace(built, chain=with_real_polar(built.chain, beam))
+
+
+def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
+    """Link lengths for least squares: the user's, or as many equal ones as the modes need."""
+    links = spec.fit.links
+    if isinstance(links, tuple):
+        total = sum(links)
+        if abs(total / beam.length - 1.0) > 1e-6:
+            raise InputError(
+                f"fit.links = {list(links)!r} add up to {total!r} m, but the appendage is {beam.length!r} m long; "
+                "make them add up to its length."
+            )
+        return np.array(links) * (beam.length / total)
+    most = max(kept.values())
+    count = links if links is not None else most + 1 if spec.payload is None else max(most + 2, 2 * most)
+    return np.full(count, beam.length / count)
+
+
+def _damped(spec: Spec, built: Built) -> tuple[Chain, tuple[Damper, ...]]:
+    """The wanted damping: tendons beside the chain, or dampers in its hinges."""
+    chain, dampers = built.chain, []
+    if spec.damping is None:
+        return chain, ()
+    for port, target in built.targets.items():
+        ratios = spec.damping.ratios(port, chain.port(port).modes)
+        if spec.damping.form == "hinge":
+            chain = joint_damping(chain, port, ratios)
+        else:
+            dampers += tendons(chain, port, ratios[: max(target.modes, 1)])
+    return chain, tuple(dampers)
+
+
+def _ballast(chain: Chain) -> Array | None:
+    """Something to hold where a hinge at the root leaves the bench massless: as much as the chain weighs."""
+    if chain.links[0].mass > 0.0:
+        return None
+    rigid = np.diag(chain.rigid_mass())
+    return np.array([rigid[0], *np.full(3, max(rigid[3:]))])
+
+
+def _limits(measured: Measured, targets: Mapping[str, PortModel], hub: Array | None, tendon: bool) -> StepLimits:
+    """Step limits on the hub in space, or of the free appendage without one."""
+    model = in_space({port: measured.ports[port] for port in targets}, measured.rigid_mass)
+    coupled = model if hub is None else model.with_hub(hub)
+    a, *_ = coupled.state_space()
+    poles = np.linalg.eigvals(a)
+    poles = poles[poles.imag > 0.0]
+    frequencies = np.abs(poles)
+    ratios = np.where(np.abs(poles.real) < 1e-12 * frequencies, 0.0, -poles.real / frequencies)
+    return step_limits(frequencies, np.clip(ratios, 0.0, None), tendon=tendon)

@@ -1,0 +1,300 @@
+"""A beam's moments, rigid mass and compliance are the integrals they claim to be, and unusable beams are refused."""
+
+import numpy as np
+import pytest
+from appendages import STEEL, close, panels, seed_boom, stepped_boom, tapered_boom, timoshenko_boom, unit_beam
+from beamchain.errors import InputError
+from beamchain.structure.beam import Beam, Joint, Lump, Segment, body_inertia
+from beamchain.structure.section import Box, Equivalent, Rectangle, Round, Tube
+from scipy.integrate import quad
+
+QUADRATURE = 1e-12  # scipy's quad on a smooth integrand, asked for 1e-13
+CLOSED = 1e-13  # a closed form in another order, summed over a few segments
+STRONG = 1e-8  # one Gauss rule of 40 points on x^-4 over a taper of 30 to 1
+
+TAPERS = {
+    "cone": tapered_boom,
+    "tube": lambda: Beam(
+        segments=(
+            Segment(
+                length=7.0,
+                section=Tube(outer_diameter=0.1, wall=0.004),
+                section_end=Tube(outer_diameter=0.04, wall=0.001),
+                material=STEEL,
+                nonstructural_mass=0.3,
+            ),
+        )
+    ),
+    "rectangle": lambda: Beam(
+        segments=(
+            Segment(
+                length=3.0,
+                section=Rectangle(width_y=0.02, width_z=0.3),
+                section_end=Rectangle(width_y=0.05, width_z=0.1),
+                material=STEEL,
+            ),
+        )
+    ),
+    "box": lambda: Beam(
+        segments=(
+            Segment(
+                length=3.0,
+                section=Box(width_y=0.2, width_z=0.3, wall=0.01),
+                section_end=Box(width_y=0.1, width_z=0.1, wall=0.002),
+                material=STEEL,
+            ),
+        )
+    ),
+    "equivalent": lambda: Beam(
+        segments=(
+            Segment(
+                length=4.0,
+                section=Equivalent(bending_stiffness_xy=10.0, bending_stiffness_xz=30.0, linear_mass=2.0, polar_inertia=0.4),
+                section_end=Equivalent(bending_stiffness_xy=2.0, bending_stiffness_xz=4.0, linear_mass=0.5, polar_inertia=0.1),
+            ),
+        )
+    ),
+}  # fmt: skip
+
+
+def station(beam, x, name):
+    """One property of a one-segment beam at x."""
+    segment = beam.segments[0]
+    return float(np.ravel(getattr(segment.at(np.array([x / segment.length])), name))[0])
+
+
+def integral(function, a, b):
+    return quad(function, a, b, epsabs=0.0, epsrel=1e-13, limit=200)[0]
+
+
+# -- moments ---------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", TAPERS)
+@pytest.mark.parametrize(("start", "end"), [(0.0, 1.0), (0.2, 0.65)])
+def test_moments_are_the_integrals(name, start, end):
+    beam = TAPERS[name]()
+    a, b = start * beam.length, end * beam.length
+    m = beam.moments(a, b)
+    for value, power, what in ((m.mass, 0, "mass"), (m.first, 1, "mass"), (m.second, 2, "mass"), (m.polar, 0, "polar")):
+        assert value == close(integral(lambda x, p=power, w=what: station(beam, x, w) * x**p, a, b), rel=QUADRATURE)
+    assert m.rotary_xy == m.rotary_xz == 0.0  # Euler
+
+
+def test_moments_of_pieces_add_up():
+    beam = stepped_boom()
+    edges = [0.0, 1.1, 3.0, 6.9, beam.length]
+    parts = np.array([beam.moments(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    assert np.sum(parts, axis=0) == close(np.array(beam.moments(0.0, beam.length)), rel=CLOSED)
+
+
+def test_seed_boom_s_mass_is_the_papers():
+    assert seed_boom().moments(0.0, 15.0).mass == close(13.232, abs=5e-4)  # printed to three decimals
+
+
+def test_a_lump_belongs_to_the_stretch_that_starts_at_it():
+    lump = Lump(x=0.5, mass=3.0, inertia=(0.1, 0.2, 0.25))
+    beam = Beam(segments=unit_beam().segments, lumps=(lump,))
+    bare = unit_beam().moments(0.5, 1.0)
+    inner, outer = beam.moments(0.0, 0.5), beam.moments(0.5, 1.0)
+    assert inner.mass == close(0.5, rel=CLOSED)
+    assert outer.mass == close(3.5, rel=CLOSED)
+    assert np.subtract(outer, bare) == close(np.array([3.0, 1.5, 0.75, 0.1, 0.25, 0.2]), rel=CLOSED)
+
+
+def test_a_lump_at_the_tip_needs_a_closed_stretch():
+    beam = Beam(segments=unit_beam().segments, lumps=(Lump(x=1.0, mass=2.0),))
+    assert beam.moments(0.0, 1.0).mass == close(1.0, rel=CLOSED)
+    assert beam.moments(0.0, 1.0, closed=True).mass == close(3.0, rel=CLOSED)
+    assert beam.moments(0.0, 0.7, closed=True).mass == close(0.7, rel=CLOSED)
+
+
+@pytest.mark.parametrize("x", [0.0, 1.0 / 3.0, 0.999999, 1.0])
+def test_every_lump_is_counted_once_whatever_the_cuts(x):
+    beam = Beam(segments=unit_beam().segments, lumps=(Lump(x=x, mass=1.0),))
+    for edges in ([0.0, 1.0], [0.0, 1.0 / 3.0, 1.0], [0.0, 0.25, 0.5, 1.0]):
+        stretches = zip(edges[:-1], edges[1:], strict=True)
+        assert sum(beam.moments(a, b, closed=b == 1.0).mass for a, b in stretches) == close(2.0, rel=CLOSED)
+
+
+def test_rigid_mass_of_the_uniform_rod():
+    beam = seed_boom()
+    m, length, r = 7800.0 * np.pi * 0.006**2 * 15.0, 15.0, 0.006
+    expected = np.diag([m, m, m, m * r**2 / 2, m * length**2 / 3, m * length**2 / 3])
+    expected[1, 5] = expected[5, 1] = m * length / 2
+    expected[2, 4] = expected[4, 2] = -m * length / 2
+    assert beam.rigid_mass() == close(expected, rel=CLOSED)
+
+
+def test_rigid_mass_agrees_with_every_port():
+    beam = panels()
+    mass = beam.rigid_mass()
+    planes = {"xy": mass[np.ix_([1, 5], [1, 5])], "torsion": mass[3:4, 3:4], "axial": mass[0:1, 0:1]}
+    planes["xz"] = mass[np.ix_([2, 4], [2, 4])] * np.array([[1, -1], [-1, 1]])  # plane xz turns about -y
+    for port, expected in planes.items():
+        assert beam.port(port, 3).rigid_mass == close(expected, rel=CLOSED)
+
+
+def test_timoshenko_adds_its_rotary_inertia():
+    beam = timoshenko_boom()
+    b, h, length, rho = 0.3, 0.2, 2.0, 7800.0
+    moments = beam.moments(0.0, length)
+    assert moments.rotary_xy == close(rho * h * b**3 / 12 * length, rel=CLOSED)
+    assert moments.rotary_xz == close(rho * b * h**3 / 12 * length, rel=CLOSED)
+    # with it, the bar's inertia is the solid block's about the middle of its end
+    block = rho * b * h * length * (length**2 / 3 + b**2 / 12)
+    assert beam.rigid_mass()[5, 5] == close(block, rel=CLOSED)
+    assert beam.port("xy", 2).rigid_mass[1, 1] == close(block, rel=CLOSED)
+
+
+# -- compliance ------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", TAPERS)
+@pytest.mark.parametrize(("port", "property_"), [("xy", "bending_xy"), ("xz", "bending_xz"), ("torsion", "torsion")])
+def test_compliance_is_the_integral_of_the_inverse_stiffness(name, port, property_):
+    beam = TAPERS[name]()
+    if name == "equivalent" and port == "torsion":
+        pytest.skip("this section states no torsion stiffness")
+    a, b = 0.1 * beam.length, 0.95 * beam.length
+    expected = integral(lambda x: 1.0 / station(beam, x, property_), a, b)
+    assert beam.compliance(a, b, port) == close(expected, rel=QUADRATURE)
+
+
+@pytest.mark.parametrize(("ratio", "tolerance"), [(2.0, CLOSED), (10.0, CLOSED), (30.0, STRONG)])
+def test_compliance_of_a_strong_cone(ratio, tolerance):
+    d0, length = 0.3, 2.0
+    d1 = d0 / ratio
+    segment = Segment(length=length, section=Round(diameter=d0), section_end=Round(diameter=d1), material=STEEL)
+    e = STEEL.youngs_modulus
+    expected = 64 / (np.pi * e) * length / (3 * (d0 - d1)) * (1 / d1**3 - 1 / d0**3)
+    assert Beam(segments=(segment,)).compliance(0.0, length, "xy") == close(expected, rel=tolerance)
+
+
+def test_compliance_takes_in_the_joints_of_the_stretch():
+    beam = panels()
+    per_panel = 2.0 / 4000.0
+    total = 3 * per_panel + 1 / 2500 + 2 / 1800
+    assert beam.compliance(0.0, 6.0, "xy") == close(total, rel=CLOSED)
+    assert beam.compliance(0.0, 2.0, "xy") == close(per_panel + 1 / 2500, rel=CLOSED)  # the joint at 2 m is beyond
+    assert beam.compliance(2.0, 4.0, "xy") == close(per_panel + 1 / 1800, rel=CLOSED)
+    assert beam.compliance(2.1, 3.9, "xy") == close(1.8 / 4000.0, rel=CLOSED)
+    assert beam.compliance(0.0, 6.0, "xz") == close(6.0 / 9000.0, rel=CLOSED)  # the joints are rigid there
+
+
+# -- the whole -------------------------------------------------------------------------------------------------------
+def test_lengths_and_starts():
+    beam = stepped_boom()
+    assert beam.length == 10.5
+    assert beam.starts == [0.0, 3.0, 7.0]
+
+
+@pytest.mark.parametrize(
+    ("make", "uniform"),
+    [(seed_boom, True), (unit_beam, True), (tapered_boom, False), (stepped_boom, False), (panels, False), (timoshenko_boom, False)],
+)  # fmt: skip
+def test_uniform_means_one_prismatic_euler_segment_and_nothing_else(make, uniform):
+    assert make().uniform is uniform
+
+
+def test_round_booms_are_alike_in_both_planes():
+    beam = tapered_boom()
+    a, b = beam.port("xy", 4), beam.port("xz", 4)
+    assert b.frequencies == close(a.frequencies, rel=0.0)
+    assert b.participation == close(a.participation, rel=0.0)
+
+
+def test_depth_follows_the_taper():
+    beam = tapered_boom()
+    assert [beam.depth(x, "xy") for x in (0.0, 5.0, 10.0)] == close([0.05, 0.035, 0.02], rel=CLOSED)
+
+
+def test_an_xz_stiffness_left_out_at_one_end_is_the_xy_stiffness_there():
+    segment = Segment(
+        length=1.0,
+        section=Equivalent(bending_stiffness_xy=4.0, linear_mass=1.0),
+        section_end=Equivalent(bending_stiffness_xy=2.0, bending_stiffness_xz=8.0, linear_mass=1.0),
+    )
+    assert segment.at(np.array([0.0, 0.25, 1.0])).bending_xz == close(np.array([4.0, 5.0, 8.0]), rel=CLOSED)
+
+
+# -- what is refused -------------------------------------------------------------------------------------------------
+BAR = Segment(length=1.0, section=Round(diameter=0.1), material=STEEL)
+TRUSS = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Segment(length=0.0, section=TRUSS), r"length = 0\.0 must be above zero \(m\)"),
+        (lambda: Segment(length=1.0, section=Round(diameter=0.1)), "material is missing; add material"),
+        (lambda: Segment(length=1.0, section=TRUSS, material=STEEL), 'material is given beside an "equivalent" section'),
+        (lambda: Segment(length=1.0, section=TRUSS, theory="timoshenko"), 'theory = "timoshenko" needs a drawn section'),
+        (
+            lambda: Segment(length=1.0, section=Round(diameter=0.1), material=STEEL, theory="reissner"),
+            "theory = 'reissner' is unknown; choose one of euler, timoshenko",
+        ),
+        (
+            lambda: Segment(length=1.0, section=Round(diameter=0.1), material=STEEL, shear_factor=0.9),
+            'shear_factor is given but theory = "euler" has no shear',
+        ),
+        (
+            lambda: Segment(length=1.0, section=Round(diameter=0.1), section_end=Tube(outer_diameter=1.0, wall=0.1), material=STEEL),
+            'section_end has shape "tube" but section has "round"',
+        ),
+        (
+            lambda: Segment(length=1.0, section=TRUSS, nonstructural_mass=-0.5),
+            r"nonstructural_mass = -0\.5 must not be negative",
+        ),
+        (lambda: Beam(segments=()), "the beam has no segment"),
+        (lambda: Beam(segments=(BAR,) * 1001), "1001 segments are given; at most 1000"),
+        (
+            lambda: Beam(segments=(BAR,), joints=(Joint(after_segment=1, stiffness_xy=1.0),)),
+            "after_segment = 1 must lie between 0 .* and 0: there are 1 segments",
+        ),
+        (
+            lambda: Beam(segments=(BAR,), joints=(Joint(after_segment=0, stiffness_xy=1.0), Joint(after_segment=0, stiffness_xz=1.0))),
+            r"two joints stand after the same segment \(after_segment = \[0, 0\]\)",
+        ),
+        (
+            lambda: Beam(segments=(BAR,), lumps=(Lump(x=1.1, mass=1.0),)),
+            r"lump\.x = 1\.1 m lies beyond the tip at 1\.0 m",
+        ),
+        (lambda: Joint(after_segment=0), "the joint gives no stiffness"),
+        (lambda: Joint(after_segment=-1, stiffness_xy=1.0), "after_segment = -1 must be a whole number from 0"),
+        (lambda: Joint(after_segment=0, stiffness_xy=0.0), r"stiffness_xy = 0\.0 must be above zero .* rigid joint"),
+        (lambda: Lump(x=-0.1, mass=1.0), r"x = -0\.1 must not be negative"),
+        (lambda: Lump(x=0.0, mass=0.0), r"mass = 0\.0 must be above zero \(kg\)"),
+        (lambda: Lump(x=0.0, mass=1.0, inertia=(1.0, 1.0, 2.1)), r"inertia = \[1\.0, 1\.0, 2\.1\] belongs to no rigid body"),
+        (lambda: Lump(x=0.0, mass=1.0, inertia=(1.0, 1.0, -1.0)), r"inertia\[2\] = -1\.0 must not be negative"),
+        (lambda: body_inertia("inertia", (1.0, 2.0)), r"must hold three numbers"),
+    ],
+)  # fmt: skip
+def test_unusable_beams_are_refused(make, message):
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: unit_beam().port("zx"), "port = 'zx' is unknown; choose one of xy, xz, torsion, axial"),
+        (lambda: unit_beam().port("xy", 61), "modes = 61 must be a whole number from 0 to 60"),
+        (lambda: unit_beam().port("xy", 2.0), "modes = 2.0 must be a whole number"),
+        (lambda: Beam(segments=(Segment(length=1.0, section=TRUSS),)).port("torsion"), 'port "torsion": a segment states no stiffness'),
+        (lambda: Beam(segments=(Segment(length=1.0, section=TRUSS),)).port("axial"), 'port "axial": a segment states no stiffness'),
+        (
+            lambda: Beam(
+                segments=(Segment(length=1.0, section=Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0, torsion_stiffness=1.0)),)
+            ).port("torsion"),
+            'port "torsion": the appendage has no polar inertia',
+        ),
+    ],
+)  # fmt: skip
+def test_ports_that_do_not_exist_are_refused(call, message):
+    with pytest.raises(InputError, match=message):
+        call()
+
+
+def test_beams_are_frozen_and_compare_by_value():
+    assert seed_boom() == seed_boom()
+    assert hash(seed_boom()) == hash(seed_boom())
+    with pytest.raises(AttributeError, match="immutable"):
+        seed_boom().segments = ()  # type: ignore[misc]
+    assert isinstance(Beam(segments=[BAR]).segments, tuple)  # a list is taken and frozen
