@@ -13,6 +13,7 @@ import pytest
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.material import Material
 from beamchain.structure.section import Equivalent, Rectangle, Round
+from scipy.linalg import eigh
 
 def close(expected: object, rel: float = 0.0, abs: float = 0.0) -> object:
     """`pytest.approx` without its silent absolute tolerance of 1e-12, which swallows small SI numbers whole."""
@@ -195,3 +196,28 @@ def sign_changes(function: Callable[[float], object], start: float, end: float, 
     """Roots of `function` between `start` and `end` that `points` see, spread evenly in sqrt(w) as a beam's roots are."""
     values = [float(np.sign(float(function(w)))) for w in np.linspace(np.sqrt(start), np.sqrt(end), points) ** 2]  # type: ignore[arg-type]
     return int(np.sum(np.diff(values) != 0.0))
+
+
+def dense_port(
+    rigid: Sequence[tuple[float, float, float]], hinges: Sequence[tuple[float, float]]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rigid mass `(2, 2)`, held frequencies and participation of a planar chain, from its mass and stiffness matrices.
+
+    Written out with coordinates (root displacement, root rotation, hinge angles) and LAPACK's generalised
+    eigenproblem: an independent way to what `Chain.port` computes from weighted rows.
+
+    Args:
+        rigid: (mass, x of the mass centre, inertia about it) per link.
+        hinges: (x, stiffness) between the links.
+    """
+    count = len(hinges)
+    mass = np.zeros((count + 2, count + 2))
+    for i, (m, x, inertia) in enumerate(rigid):
+        turns = np.array([0.0, 1.0] + [1.0 if j < i else 0.0 for j in range(count)])
+        moves = np.array([1.0, x] + [x - hinges[j][0] if j < i else 0.0 for j in range(count)])
+        mass += m * np.outer(moves, moves) + inertia * np.outer(turns, turns)
+    spring = np.diag([c for _, c in hinges])
+    inverse, shapes = eigh(mass[2:, 2:], spring)  # for 1 / w^2: the low frequencies keep their digits
+    inverse, shapes = inverse[::-1], shapes[:, ::-1]
+    participation = (mass[:2, 2:] @ shapes / np.sqrt(inverse)).T
+    return mass[:2, :2], 1.0 / np.sqrt(inverse), participation

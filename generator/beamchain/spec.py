@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
@@ -274,6 +274,7 @@ def spec_from_dict(data: Mapping[str, Any], source: str = "spec") -> Spec:
 
 _KINDS = {
     "float": "a number", "int": "a whole number", "str": "a text in quotes", "object": "a table { ... }",
+    "date": "a date", "time": "a time", "datetime": "a date",
     "array": "a list [ ... ]", "bool": "true or false", "null": "nothing",
 }  # fmt: skip
 
@@ -282,11 +283,13 @@ def _sentence(message: str, data: Mapping[str, Any]) -> str:
     """msgspec's words as a sentence: where, what was given, what is allowed, what to do."""
     match = re.fullmatch(r"(.*?)(?: - at `(?:key in )?\$\.?(.*)`)?", message, re.DOTALL)
     assert match is not None
-    what, place = match[1], _people_count(match[2] or "")
+    what, place = match[1], match[2] or ""
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
         near = difflib.get_close_matches(unknown[1], _keys(), n=1)
         cure = f"did you mean {near[0]!r}?" if near else "remove it."
+        if near and near[0] == unknown[1]:
+            cure = "it belongs elsewhere; see `beamchain schema` for what stands here."
         return f"{place + ': ' if place else ''}unknown key {unknown[1]!r}; {cure}"
     missing = re.fullmatch(r"Object missing required field `(.*)`", what)
     if missing:
@@ -301,33 +304,36 @@ def _sentence(message: str, data: Mapping[str, Any]) -> str:
             "" if value is None else f" = {str(value)[:60]!r}" if isinstance(value, str) else f" = {str(value)[:60]}"
         )
         return f"{place or 'the file'}{shown} is {_KINDS.get(wrong[2], wrong[2])}, but {wanted} is needed; write it so."
-    invalid = re.fullmatch(r"Invalid value (.*)", what)
+    short = re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", what)
+    if short:
+        return f"{place} holds {short[2]} numbers, but {short[1]} are needed; give all {short[1]}."
+    invalid = re.fullmatch(r"Invalid (?:enum )?value '?(.*?)'?", what)
     if invalid:
-        word = invalid[1].strip("'\"")
-        near = difflib.get_close_matches(word, _WORDS, n=1)
-        cure = f"did you mean {near[0]!r}?" if near else "see `beamchain schema` for what is allowed."
-        return f"{place} = {word!r} is not allowed; {cure}"
+        key = place.rpartition(".")[2].partition("[")[0]
+        return f"{place} = {invalid[1]!r} is not allowed; {_choose(invalid[1], key)}"
     return f"{place + ': ' if place else ''}{what}"
 
 
-_WORDS = [
-    "round", "tube", "rectangle", "box", "custom", "equivalent", "euler", "timoshenko", "modal", "hinge", "clamped",
-    "free", "hub", "auto", "exact", "least_squares", "classical", "midpoint", "naive", "seed", "chain", "oscillators",
-    "Euler", "RK4", "implicit", "implicitfast", "discrete", "stiffness", "lengths", "masses",
+def _choose(word: str, key: str) -> str:
+    """The nearest allowed word for a key, and all of them."""
+    allowed = [str(config.tag) for config in (s.__struct_config__ for s in _SECTIONS)] if key == "shape" else []
+    for struct in _STRUCTS:
+        hint = get_type_hints(struct).get(key)
+        literals = [hint, *get_args(hint), *(a for h in get_args(hint) for a in get_args(h))]
+        allowed += [str(w) for h in literals if get_origin(h) is Literal for w in get_args(h)]
+    near = difflib.get_close_matches(word, allowed, n=1)
+    guess = f"did you mean {near[0]!r}? Choose" if near else "choose"
+    return f"{guess} one of {', '.join(dict.fromkeys(allowed))}." if allowed else "see `beamchain schema`."
+
+
+_SECTIONS: list[Any] = [Round, Tube, Rectangle, Box, Custom, Equivalent]
+_STRUCTS: list[Any] = [
+    Spec, Segment, Joint, Lump, Payload, Damping, Modes, Hub, Root, FitOptions, Scene, Material, *_SECTIONS,
 ]  # fmt: skip
 
 
-def _people_count(place: str) -> str:
-    """`segment[0].length` as `segment 1: length`: people count from one."""
-    return re.sub(r"\[(\d+)\]", lambda m: f"[{m[1]}]", place)
-
-
 def _keys() -> list[str]:
-    structs: list[Any] = [
-        Spec, Segment, Joint, Lump, Payload, Damping, Modes, Hub, Root, FitOptions, Scene, Material, Round, Tube,
-        Rectangle, Box, Custom, Equivalent,
-    ]  # fmt: skip
-    return sorted({field for struct in structs for field in struct.__struct_fields__})
+    return sorted({field for struct in _STRUCTS for field in struct.__struct_fields__})
 
 
 def _value(data: Any, place: str) -> Any:

@@ -283,6 +283,13 @@ def _draw_chain(ax: "Axes", chain: Chain, beam: Beam, plane: str, title: str, co
         _write(ax, rows[0], 1.0, color)
         _write(ax, rows[1], -1.0, "#222222")
     what = f"{title}: {count(len(real), 'link')}, {count(len(chain.hinges), 'hinge')}"
+    what += (
+        ""
+        if len(chain.ports) < 2
+        else "; stiffness in N m/rad, axial N/m"
+        if "axial" in chain.ports
+        else "; stiffness in N m/rad"
+    )
     ax.set_title(what if told else f"{what} (too many to label; see the table)", pad=3.0, color=color)
 
 
@@ -350,8 +357,8 @@ def to_svg(figure: Figure, name: str) -> str:
     stream = io.StringIO()
     style: Any = {**STYLE, "svg.hashsalt": name}
     with mpl.rc_context(style):
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": "beamchain"})
-    text = stream.getvalue()
+        figure.savefig(stream, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+    text = stream.getvalue().replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
     for before in ('id="', "url(#", 'href="#'):
         text = text.replace(before, f"{before}{name}-")
     return text

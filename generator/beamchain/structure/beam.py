@@ -194,7 +194,7 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             if joint.after_segment >= len(self.segments):
                 raise InputError(
                     f"joint.after_segment = {joint.after_segment} must lie between 0 (the root) and "
-                    f"{len(self.segments) - 1}: there are {len(self.segments)} segments and nothing hangs behind the last."
+                    f"{len(self.segments) - 1}, since nothing hangs behind the last of {len(self.segments)} segments."
                 )
         after = [joint.after_segment for joint in self.joints]
         if len(set(after)) != len(after):

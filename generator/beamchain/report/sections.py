@@ -1,0 +1,397 @@
+"""The sections of report.html as plain tables, pictures and sentences; the template lays them out."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from beamchain.assess.error import in_band_error
+from beamchain.port import Array
+from beamchain.report.curves import chain_label, count, moving, rival_chains, worst_hub
+from beamchain.report.plots import percent, short
+from beamchain.report.record import mass_record
+from beamchain.report.spec_text import spec_toml
+from beamchain.spec import port_hub_mass
+
+if TYPE_CHECKING:
+    from beamchain.workflow import Fit
+
+TARGETS = {
+    "clamped": "clamped: the first cantilever modes, right on every hub",
+    "free": "free: the first modes with nothing attached (the 2008 paper's)",
+    "hub": "hub: the first modes of hub and appendage together",
+    "auto": "auto: whichever needs fewest modes",
+}
+
+
+class Table(NamedTuple):
+    """A table; its first column names the row. `words`: cells are text, not numbers."""
+
+    rows: Sequence[Sequence[str]]
+    head: Sequence[str] = ()
+    caption: str = ""
+    note: str = ""
+    words: bool = False
+    kind: str = "table"
+
+
+class Picture(NamedTuple):
+    """An inline SVG."""
+
+    svg: str
+    caption: str
+    kind: str = "figure"
+
+
+class Text(NamedTuple):
+    """A paragraph, heading or code."""
+
+    text: str
+    kind: str = "paragraph"
+
+
+class Lines(NamedTuple):
+    """A list."""
+
+    lines: Sequence[str]
+    kind: str = "list"
+
+
+Block = Table | Picture | Text | Lines
+Pictures = dict[str, str]
+RivalErrors = dict[str, dict[str, float]]
+
+
+class Section(NamedTuple):
+    """A part of the page."""
+
+    title: str
+    blocks: Sequence[Block]
+
+
+def inline(svg: str, label: str) -> str:
+    """An SVG file's text as it may stand inside a page."""
+    body = svg[svg.index("<svg") :]
+    body = body.replace('<style type="text/css">*{stroke-linejoin: round; stroke-linecap: butt}</style>', "")
+    body = body.replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "").replace("xlink:href", "href")
+    body = body.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
+    quoted = label.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
+    return body.replace("<svg", f'<svg role="img" aria-label="{quoted}"', 1).strip()
+
+
+# -- words and numbers -----------------------------------------------------------------------------------------------
+def _number(value: float) -> str:
+    return f"{value:.6g}"
+
+
+def _vector(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:.5g}" for value in values)
+
+
+def _step(value: float) -> str:
+    return "no limit" if math.isinf(value) else f"{value:.4g}"
+
+
+def _kept(fit: "Fit") -> str:
+    """`2 modes in xy, 1 in torsion`."""
+    first, *more = [(port, model.modes) for port, model in fit.target.items()]
+    parts = [f"{count(first[1], 'mode')} in {first[0]}", *(f"{n} in {port}" for port, n in more)]
+    return parts[0] if not more else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def _left_out(item: Any) -> str:
+    return "; ".join(f"{key}: {value}" for key, value in item.items()) if isinstance(item, dict) else str(item)
+
+
+def rival_errors(fit: "Fit") -> RivalErrors:
+    """Per port and rival its in-band error, computed as the chain's own."""
+    out: RivalErrors = {}
+    for port in fit.target:
+        hub = None if fit.hub_mass is None else port_hub_mass(fit.hub_mass, port)
+        out[port] = {
+            f"{label}, {count(moving(chain, port), 'hinge')}": in_band_error(
+                chain.port(port), fit.full[port], hub, fit.bandwidth[port]
+            )
+            for label, chain in rival_chains(fit, port).items()
+        }
+    return out
+
+
+class Verdict(NamedTuple):
+    """The report in one sentence, and whether all that was asked for was reached."""
+
+    good: bool
+    sentence: str
+
+
+def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
+    """What to tell somebody who reads one sentence."""
+    frequency = max(error.frequency for error in fit.error.values())
+    errors = {port: error.accelerance_in_band or 0.0 for port, error in fit.error.items()}
+    worst = max(errors, key=lambda port: errors[port])
+    links = sum(link.mass > 0.0 for link in fit.chain.links)
+    hub = "the hub of the spec" if fit.hub_mass is not None else "any hub from 0.1 to 10 times the appendage's mass"
+    text = (
+        f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for the beam's {_kept(fit)}: "
+        f"frequencies within {percent(frequency)}, read back through MuJoCo; {hub} moves as with the beam within "
+        f"{percent(errors[worst])} of its motion up to {short(fit.bandwidth[worst])} rad/s"
+    )
+    classical = next((error for label, error in rivals[worst].items() if label.startswith("classical")), None)
+    if classical is not None:
+        text += f" (classical chain with as many hinges: {percent(classical)})"
+    scene = fit.spec.scene
+    missed = scene is not None and errors[worst] > scene.tolerance
+    if scene is not None and missed:
+        text += f", more than the tolerance of {percent(scene.tolerance)}"
+    if not fit.status.ok:
+        return Verdict(False, f"Less than was asked for: {fit.status.message.rstrip('.')}. {text}.")
+    return Verdict(not missed, f"{text}.")
+
+
+def all_sections(fit: "Fit", pictures: Pictures, rivals: RivalErrors, left_out: Sequence[Any]) -> list[Section]:
+    """The page from top to bottom.
+
+    Args:
+        fit: what is told.
+        pictures: SVG texts by file name.
+        rivals: from `rival_errors`.
+        left_out: what the scene does not need, as in fit.json.
+    """
+    out = [
+        Section("What was asked", _asked(fit)),
+        Section("At the root, over frequency", _accelerances(fit, pictures)),
+        Section("Modes kept, and what MuJoCo makes of them", [_modes(fit, port) for port in fit.target]),
+        Section("Against the whole beam", _against_beam(fit, rivals, pictures)),
+        Section("Mass, centre, inertia", [_mass(fit)]),
+        Section("The chain", _chain(fit, pictures)),
+        Section("Time steps", _steps(fit)),
+    ]
+    if left_out:
+        out.append(Section("Left out", [Lines([_left_out(item) for item in left_out])]))
+    return [*out, Section("How it went", _history(fit)), Section("To reproduce", _reproduce(fit))]
+
+
+# -- the sections ----------------------------------------------------------------------------------------------------
+def _asked(fit: "Fit") -> list[Block]:
+    spec, beam = fit.spec, fit.spec.beam
+    carried = [count(len(beam.segments), "segment")]
+    carried += [count(len(beam.joints), "compliant joint")] if beam.joints else []
+    carried += [count(len(beam.lumps), "lumped body").replace("bodys", "bodies")] if beam.lumps else []
+    asked = ", ".join(f"{n} in {port}" for port, n in spec.kept.items())
+    rows = [
+        ("appendage", f"{short(beam.length)} m long, {short(float(beam.rigid_mass()[0, 0]))} kg: {', '.join(carried)}"),
+        ("modes to keep", asked),
+        ("method", spec.fit.method),
+        ("target", TARGETS[spec.root.target or "clamped"]),
+        ("hub", "none given" if spec.root.hub is None else _hub(fit)),
+        ("band", "; ".join(f"{port} up to {_number(band)} rad/s" for port, band in fit.bandwidth.items())),
+    ]
+    if spec.damping is not None:
+        form = "a tendon per mode" if spec.damping.form == "modal" else "plain joint damping"
+        given = spec.damping.ratio
+        ratios = "; ".join(f"{k} {_vector(v)}" for k, v in given.items()) if isinstance(given, dict) else f"{given:g}"
+        rows.append(("damping", f"ratio {ratios}, as {form}"))
+    if spec.payload is not None:
+        rows.append(("payload", f"{short(spec.payload.mass)} kg at the tip, attached by the scene"))
+    if spec.scene is not None:
+        scene = spec.scene
+        rows.append(("scene", f"{scene.integrator}, step {scene.timestep:g} s, tolerance {scene.tolerance:g}"))
+    return [Table(rows, words=True)]
+
+
+def _hub(fit: "Fit") -> str:
+    hub = fit.spec.root.hub
+    assert hub is not None
+    text = f"{short(hub.mass)} kg, inertia {_vector(hub.inertia)} kg m² about its centre"
+    return text if not any(hub.offset) else f"{text}, root at {_vector(hub.offset)} m from it"
+
+
+def _accelerances(fit: "Fit", pictures: Pictures) -> list[Block]:
+    blocks: list[Block] = []
+    for port in fit.target:
+        label = (
+            f"Accelerance of the root in {port} over frequency: the beam, the chain through MuJoCo, and other chains."
+        )
+        caption = (
+            f"Port {port}: acceleration of the free root per wrench on it, undamped. Where blue has a black core, "
+            "chain and beam agree; the shaded band is the one kept."
+        )
+        blocks.append(Picture(inline(pictures[f"accelerance_{port}.svg"], label), caption))
+    return blocks
+
+
+def _modes(fit: "Fit", port: str) -> Table:
+    target, achieved, error = fit.target[port], fit.achieved[port], fit.error[port]
+    ratios, tip = bool(np.any(target.damping > 0.0) or np.any(achieved.damping > 0.0)), fit.tip_error.get(port)
+    head = ["mode", "target, rad/s", "target, Hz", "through MuJoCo, rad/s", "relative error"]
+    head += ["participation, target", "participation, through MuJoCo", "relative error"]
+    head += ["damping ratio, asked", "damping ratio, through MuJoCo"] if ratios else []
+    head += ["tip motion, relative error"] if tip is not None else []
+    rows: list[list[str]] = []
+    order = np.argsort(error.matches[:, 1])
+    for (i, j), df, dp in zip(
+        error.matches[order], error.frequency_errors[order], error.participation_errors[order], strict=True
+    ):
+        want, have = float(target.frequencies[j]), float(achieved.frequencies[i])
+        row = [str(int(j) + 1), _number(want), _number(want / (2.0 * np.pi)), _number(have), percent(df)]
+        row += [_vector(target.participation[j]), _vector(achieved.participation[i]), percent(dp)]
+        row += [f"{target.damping[j]:.4g}", f"{achieved.damping[i]:.4g}"] if ratios else []
+        row += [percent(float(tip[j])) if j < tip.size else ""] if tip is not None else []
+        rows.append(row)
+    unit = {"torsion": "√(kg m²)", "axial": "√kg"}.get(port, "force √kg, moment √kg m")
+    note = f"Cantilever modes, root held. Participation in {unit}."
+    if fit.spec.root.target in ("free", "hub"):
+        note += " The target keeps other modes exactly (next section); its own cantilever modes differ from the beam's."
+    return Table(rows, head, caption=f"Port {port}", note=note)
+
+
+def _against_beam(fit: "Fit", rivals: RivalErrors, pictures: Pictures) -> list[Block]:
+    labels = list(dict.fromkeys(label for found in rivals.values() for label in found))
+    rows: list[list[str]] = []
+    for port, error in fit.error.items():
+        own = percent(error.accelerance_in_band or 0.0)
+        others = [percent(rivals[port][label]) if label in rivals[port] else "" for label in labels]
+        rows.append([port, f"0 to {_number(fit.bandwidth[port])}", own, *others])
+    place = "On the hub of the spec." if fit.hub_mass is not None else (
+        "No hub is given: the worst of three, 0.1, 1 and 10 times the appendage's rigid mass."
+    )  # fmt: skip
+    head = ["port", "band, rad/s", chain_label(fit), *labels]
+    blocks: list[Block] = [Table(rows, head, caption="In-band error", note=place)]
+    for port in fit.target:
+        label = f"Relative error of the hub's motion in {port} over frequency, for the chain and for other chains."
+        caption = (
+            f"Port {port}: error of the hub's motion at each frequency, {worst_hub(fit, port)[1]}; its largest in the "
+            "band is the in-band error."
+        )
+        blocks.append(Picture(inline(pictures[f"error_{port}.svg"], label), caption))
+    blocks += [_frequencies(fit, port) for port in fit.target]
+    return blocks
+
+
+def _frequencies(fit: "Fit", port: str) -> Table:
+    """Model error: frequencies held, free and on the hub, of the beam and of the chain in continuous time."""
+    full, achieved = fit.full[port], fit.achieved[port]
+    kept = min(fit.target[port].modes, achieved.modes, achieved.free_frequencies.size)
+    cases = [("root held", full.frequencies, achieved.frequencies)]
+    cases.append(("nothing attached", full.free_frequencies, achieved.free_frequencies))
+    if fit.hub_mass is not None:
+        hub = port_hub_mass(fit.hub_mass, port)
+        cases.append(("on the hub", full.with_hub(hub).free_frequencies, achieved.with_hub(hub).free_frequencies))
+    rows = [
+        [f"{name}, mode {k + 1}", _number(exact[k]), _number(ours[k]), percent(ours[k] / exact[k] - 1.0)]
+        for name, exact, ours in cases
+        for k in range(kept)
+    ]
+    head = ["frequencies, rad/s", "beam", "chain, through MuJoCo", "model error"]
+    return Table(
+        rows, head, caption=f"Model error in {port}", note="Continuous time: no integrator is in these numbers."
+    )
+
+
+def _mass(fit: "Fit") -> Table:
+    want, have = fit.spec.beam.rigid_mass(), fit.measured.rigid_mass
+    target, got = mass_record(want), mass_record(have)
+
+    def row(name: str, a: float, b: float) -> list[str]:
+        return [name, _number(a), _number(b), percent(b / a - 1.0) if a else "0" if b == a else "-"]
+
+    rows = [row("mass, kg", target["mass"], got["mass"])]
+    rows += [
+        row(f"centre of mass {axis}, m", a, b) for axis, a, b in zip("xyz", target["com"], got["com"], strict=True)
+    ]
+    inertia: tuple[Array, Array] = target["inertia"], got["inertia"]
+    pairs = [(0, 0), (1, 1), (2, 2)] + [
+        (i, j) for i, j in ((0, 1), (0, 2), (1, 2)) if inertia[0][i, j] or inertia[1][i, j]
+    ]
+    rows += [row(f"inertia {'xyz'[i]}{'xyz'[j]}, kg m²", inertia[0][i, j], inertia[1][i, j]) for i, j in pairs]
+    note = "Frozen, inertia about the root; the chain's from MuJoCo's compiled bodies."
+    return Table(rows, ["", "beam", "chain", "relative difference"], note=note)
+
+
+def _chain(fit: "Fit", pictures: Pictures) -> list[Block]:
+    label = "The chain drawn to scale along its axis, and the classical chain with as many hinges below it."
+    caption = "To scale along x; the depth of the beam (grey) is exaggerated. The first link is welded to the hub."
+    blocks: list[Block] = [Picture(inline(pictures["chain.svg"], label), caption)]
+    rows = [
+        [
+            str(i),
+            _number(link.start),
+            _number(link.length),
+            _number(link.mass),
+            _number(link.com),
+            _vector(link.inertia),
+        ]
+        for i, link in enumerate(fit.chain.links, 1)
+    ]
+    head = [
+        "link",
+        "starts at x, m",
+        "length, m",
+        "mass, kg",
+        "centre of mass x, m",
+        "inertia xx, yy, zz about it, kg m²",
+    ]
+    blocks.append(Table(rows, head, caption="Links"))
+    ports = fit.chain.ports
+    damped = [port for port in ports if any(port in hinge.damping for hinge in fit.chain.hinges)]
+    rows = [
+        [
+            str(i), _number(hinge.x),
+            *(_number(hinge.stiffness[port]) if port in hinge.stiffness else "rigid" for port in ports),
+            *(_number(hinge.damping[port]) if port in hinge.damping else "" for port in damped),
+        ]
+        for i, hinge in enumerate(fit.chain.hinges, 1)
+    ]  # fmt: skip
+    head = ["hinge", "x, m", *(f"stiffness {port}, {'N/m' if port == 'axial' else 'N m/rad'}" for port in ports)]
+    head += [f"damping {port}, {'N s/m' if port == 'axial' else 'N m s/rad'}" for port in damped]
+    blocks.append(Table(rows, head, caption="Hinges"))
+    return blocks
+
+
+def _steps(fit: "Fit") -> list[Block]:
+    limits, linear = fit.limits, fit.measured.linearisation
+    rows: list[list[str]] = []
+    for name, largest in limits.largest_step.items():
+        steps = limits.accuracy.get(name)
+        rows.append([name, _step(largest), *([_step(step) for step in steps] if steps else ["", ""])])
+    where = "on the hub of the spec" if fit.hub_mass is not None else "with nothing attached, the safe case"
+    head = ["integrator", "stable up to, s", "first mode within 1 % up to, s", "within 0.1 % up to, s"]
+    note = f"Fastest mode {where}: {_number(limits.omega_max)} rad/s."
+    blocks: list[Block] = [Table(rows, head, caption="Largest time step", note=note)]
+    continuous, (discrete, ratios) = linear.frequencies(), linear.discrete_frequencies()
+    if continuous.size == discrete.size:
+        rows = [
+            [str(k + 1), _number(w), _number(d), percent(d / w - 1.0), f"{0.0 if abs(z) < 1e-9 else z:.3g}"]
+            for k, (w, d, z) in enumerate(zip(continuous, discrete, ratios, strict=True))
+        ]
+        caption = f"Integrator error: {linear.integrator} at a step of {linear.timestep:g} s"
+        head = [
+            "mode on the bench",
+            "continuous, rad/s",
+            "at this step, rad/s",
+            "integrator error",
+            "damping ratio at this step",
+        ]
+        note = "Bench: the root driven, nothing else attached. The model error is under “Against the whole beam”."
+        blocks.append(Table(rows, head, caption=caption, note=note))
+    else:
+        step = f"{linear.timestep:g} s ({linear.integrator})"
+        blocks.append(Text(f"At the bench's step of {step} not every mode oscillates: too large for this chain."))
+    return blocks
+
+
+def _history(fit: "Fit") -> list[Block]:
+    lines = [*fit.status.history, fit.status.message]
+    time = ", ".join(f"{step} {1e3 * seconds:.1f} ms" for step, seconds in fit.seconds.items())
+    coupling = f"Largest coupling between ports that MuJoCo sees: {percent(fit.measured.coupling)}."
+    return [Lines(lines), Text(f"Time taken: {time}." + (f" {coupling}" if len(fit.target) > 1 else ""))]
+
+
+def _reproduce(fit: "Fit") -> list[Block]:
+    name = fit.spec.name
+    return [
+        Text(f"Save the lines below as {name}.toml, then:"),
+        Text(f"beamchain fit {name}.toml -o {name}", "code"),
+        Text(spec_toml(fit.spec), "code"),
+    ]
