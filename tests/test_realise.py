@@ -6,6 +6,9 @@ and solves them with LAPACK.
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from appendages import (
     REALISABLE,
     close,
@@ -22,8 +25,6 @@ from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.realise import Nodes, planar_chain, realise, split
 from beamchain.errors import RealisationError
 from beamchain.port import PortModel
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 PRINTED = 1.0  # units of the last printed digit of THEORY.md section 4
 FORWARD = 1e-9  # LAPACK's generalised eigenproblem on matrices whose entries span 1e4; the recursion itself keeps 4e-12
@@ -182,7 +183,9 @@ def test_eight_clamped_modes_of_a_uniform_beam_are_not_physical(make):
 
 
 def test_the_message_names_the_cure():
-    with pytest.raises(RealisationError, match='Keep fewer modes, or choose another target \\("clamped", "free", "hub"'):
+    with pytest.raises(
+        RealisationError, match='Keep fewer modes, or choose another target \\("clamped", "free", "hub"'
+    ):
         realise(unit_beam().port("xy", 8).truncated(8))
 
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
+
 PORTS = ("xy", "xz", "torsion", "axial")
 
 #: Motion of the root in space (x, y, z, rotations about x, y, z) per unit of each port's own motion.
@@ -96,9 +98,17 @@ class PortModel:
                 f"a port model needs rigid_mass (m, m), frequencies (n,), participation (n, m), damping (n,); got "
                 f"{mass.shape}, {frequencies.shape}, {participation.shape}, {damping.shape}."
             )
-        for name, values in (("rigid_mass", mass), ("frequencies", frequencies), ("participation", participation)):
+        given = {"rigid_mass": mass, "frequencies": frequencies, "participation": participation, "damping": damping}
+        for name, values in given.items():
             if not np.all(np.isfinite(values)):
                 raise InputError(f"{name} holds a value that is not finite; give finite numbers only.")
+        if np.any(damping < DAMPING_NOISE):
+            raise InputError(f"damping = {damping.tolist()} holds a negative ratio; give zero or more.")
+        size = np.sqrt(np.clip(np.diag(mass), 0.0, None))
+        if np.any(np.diag(mass) <= 0.0):
+            raise InputError(f"rigid_mass has the diagonal {np.diag(mass).tolist()}; masses and inertias must be positive.")
+        if np.any(np.abs(mass - mass.T) > 1e-6 * np.outer(size, size)):
+            raise InputError("rigid_mass is not symmetric; give the mass matrix about one point, the port.")
         if np.any(frequencies <= 0.0) or np.any(np.diff(frequencies) < 0.0):
             raise InputError(f"frequencies = {frequencies.tolist()} must be positive and ascending.")
         tip = None if self.tip is None else np.array(self.tip, dtype=np.float64)
@@ -170,7 +180,7 @@ class PortModel:
         finite = s > 1e-13 * s.max(initial=0.0)  # a singular residual sends a mode to infinity
         s, v = s[finite], vt[finite].T
         values = -np.linalg.solve(r, along @ v) / s
-        return 1.0 / s, values.T, v, np.linalg.inv(r)
+        return locked(1.0 / s), locked(values.T), locked(v), locked(np.linalg.inv(r))
 
     @property
     def free_frequencies(self) -> Array:
@@ -219,7 +229,7 @@ class PortModel:
 
     def W(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802
         """Accelerance `(m, m, k)`: acceleration per unit wrench at `omega` `(k,)` [rad/s]."""
-        if np.any(self.damping > 0.0):
+        if np.any(self.damping > 0.0) or self.free_frequencies.size < self.modes:  # a massless root follows its spring
             return np.moveaxis(np.linalg.inv(np.moveaxis(self.D(omega), -1, 0)), 0, -1)
         frequency = np.atleast_1d(np.asarray(omega, dtype=np.float64))
         weight = -(frequency**2) / (self.free_frequencies[:, None] ** 2 - frequency**2)

@@ -91,9 +91,8 @@ class Segment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         if isinstance(self.section, Equivalent):
             v = self.section.at(end, fraction)
             nothing = np.zeros_like(fraction)
-            other = np.where(v["bending_stiffness_xz"] > 0.0, v["bending_stiffness_xz"], v["bending_stiffness_xy"])
             return Stations(
-                v["bending_stiffness_xy"], other, v["torsion_stiffness"], v["axial_stiffness"],
+                v["bending_stiffness_xy"], v["bending_stiffness_xz"], v["torsion_stiffness"], v["axial_stiffness"],
                 v["linear_mass"] + self.nonstructural_mass, v["polar_inertia"], nothing, nothing, nothing, nothing,
             )  # fmt: skip
         assert self.material is not None
@@ -270,7 +269,7 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             ]  # fmt: skip
         edge = 1e-9 * self.length
         for lump in self.lumps:
-            if start - edge <= lump.x < end - edge or (closed and lump.x >= end - edge >= start):
+            if start - edge <= lump.x < end - edge or (closed and abs(lump.x - end) <= edge):
                 ix, iy, iz = lump.inertia
                 m, x = lump.mass, lump.x
                 total += [m, m * x, m * x**2, ix, iz, iy]

@@ -16,6 +16,9 @@ from beamchain.port import Array
 _FROZEN: dict[str, Any] = {"frozen": True, "kw_only": True, "forbid_unknown_fields": True, "tag_field": "shape"}
 
 
+ZETA_5 = 1.03692775514337  # Riemann's zeta at 5
+
+
 class Geometry(NamedTuple):
     """Properties of a section at `k` stations, each `(k,)`, SI."""
 
@@ -35,10 +38,12 @@ class _Section(msgspec.Struct, frozen=True, kw_only=True):
 
     def at(self, end: "_Section", fraction: Array) -> dict[str, Array]:
         """Dimensions at `fraction` `(k,)` of the way to `end`, a section of the same shape."""
-        return {
-            name: (1.0 - fraction) * getattr(self, name) + fraction * getattr(end, name)
-            for name in self.__struct_fields__
-        }
+        here, there = self.dimensions(), end.dimensions()
+        return {name: (1.0 - fraction) * here[name] + fraction * there[name] for name in here}
+
+    def dimensions(self) -> dict[str, float]:
+        """The numbers that are interpolated; what was left out stands at its default."""
+        return {name: float(getattr(self, name)) for name in self.__struct_fields__}
 
     def ratio(self, end: "_Section") -> float:
         """Largest ratio of a dimension between the two ends (at least 1): how strongly the segment tapers."""
@@ -204,8 +209,12 @@ class Custom(_Solid, tag="custom", **_FROZEN):
     def geometry(self, end: _Section, fraction: Array) -> Geometry:
         v = self.at(end, fraction)
         iz, iy = v["second_moment_z"], v["second_moment_y"]
-        polar = np.where(v["polar_moment"] > 0.0, v["polar_moment"], iz + iy)
-        return Geometry(v["area"], iz, iy, v["torsion_constant"], polar)
+        return Geometry(v["area"], iz, iy, v["torsion_constant"], v["polar_moment"])
+
+    def dimensions(self) -> dict[str, float]:
+        """Dimensions; the polar moment is the sum of the other two where left out."""
+        out = super().dimensions()
+        return {**out, "polar_moment": out["polar_moment"] or out["second_moment_y"] + out["second_moment_z"]}
 
 
 class Equivalent(_Section, tag="equivalent", **_FROZEN):
@@ -235,6 +244,11 @@ class Equivalent(_Section, tag="equivalent", **_FROZEN):
             not_negative(name, getattr(self, name), unit)
         not_negative("polar_inertia", self.polar_inertia, "kg m")
 
+    def dimensions(self) -> dict[str, float]:
+        """Dimensions; EI in xz is that in xy where left out."""
+        out = super().dimensions()
+        return {**out, "bending_stiffness_xz": out["bending_stiffness_xz"] or out["bending_stiffness_xy"]}
+
 
 Section = Round | Tube | Rectangle | Box | Custom | Equivalent
 
@@ -242,6 +256,9 @@ Section = Round | Tube | Rectangle | Box | Custom | Equivalent
 def rectangle_torsion(b: Array, h: Array) -> Array:
     """Saint-Venant torsion constant of solid rectangles `b` x `h`, the exact series (Timoshenko, Goodier, art. 109)."""
     long, short = np.maximum(b, h), np.minimum(b, h)
-    odd = np.arange(1, 60, 2)[:, None]
-    series = np.sum(np.tanh(odd * np.pi * long / (2.0 * short)) / odd**5, axis=0)
+    odd = np.arange(1, 16, 2)[:, None]
+    # tanh - 1 dies out at once; what it leaves is the sum of 1 / n^5 over odd n
+    decay = np.exp(-odd * np.pi * long / short)
+    rest = -2.0 * decay / (1.0 + decay) / odd**5
+    series = np.sum(rest, axis=0) + 31.0 / 32.0 * ZETA_5
     return long * short**3 / 3.0 * (1.0 - 192.0 / np.pi**5 * short / long * series)
