@@ -129,7 +129,8 @@ class Root(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             one_of("target", self.target, ("clamped", "free", "hub", "auto"))
         if self.target == "hub" and self.hub is None:
             raise InputError(
-                'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, or use target = "clamped".'
+                'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, '
+                'or use target = "clamped".'
             )
 
 

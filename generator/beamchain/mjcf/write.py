@@ -71,7 +71,8 @@ def joint_name(name: str, hinge: int, port: str) -> str:
 def _check(chain: Chain) -> None:
     if len(chain.links) > DEEPEST:
         raise EngineError(
-            f"{len(chain.links)} links are more than the {DEEPEST} nested bodies one MJCF file can hold; use fewer links."
+            f"{len(chain.links)} links are more than the {DEEPEST} nested bodies one MJCF file can hold; "
+            "use fewer links."
         )
     for i, link in enumerate(chain.links):
         if i == 0:
