@@ -10,10 +10,12 @@ from dataclasses import dataclass
 import mpmath
 import numpy as np
 import pytest
+from scipy.linalg import eigh
+
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.material import Material
 from beamchain.structure.section import Equivalent, Rectangle, Round
-from scipy.linalg import eigh
+
 
 def close(expected: object, rel: float = 0.0, abs: float = 0.0) -> object:
     """`pytest.approx` without its silent absolute tolerance of 1e-12, which swallows small SI numbers whole."""
@@ -40,9 +42,7 @@ def unit_beam() -> Beam:
 def tapered_boom() -> Beam:
     """A solid cone, diameter falling linearly to 40 %."""
     return Beam(
-        segments=(
-            Segment(length=10.0, section=Round(diameter=0.05), section_end=Round(diameter=0.02), material=STEEL),
-        )
+        segments=(Segment(length=10.0, section=Round(diameter=0.05), section_end=Round(diameter=0.02), material=STEEL),)
     )
 
 
@@ -193,7 +193,7 @@ def roots_within(function: Callable[[float], object], frequencies: Sequence[floa
 
 
 def sign_changes(function: Callable[[float], object], start: float, end: float, points: int) -> int:
-    """Roots of `function` between `start` and `end` that `points` see, spread evenly in sqrt(w) as a beam's roots are."""
+    """Roots of `function` from `start` to `end` that `points` see, spread evenly in sqrt(w) as a beam's roots are."""
     values = [float(np.sign(float(function(w)))) for w in np.linspace(np.sqrt(start), np.sqrt(end), points) ** 2]  # type: ignore[arg-type]
     return int(np.sum(np.diff(values) != 0.0))
 

@@ -1,12 +1,15 @@
 """A beam's moments, rigid mass and compliance are the integrals they claim to be, and unusable beams are refused."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from scipy.integrate import quad
+
 from appendages import STEEL, close, panels, seed_boom, stepped_boom, tapered_boom, timoshenko_boom, unit_beam
 from beamchain.errors import InputError
 from beamchain.structure.beam import Beam, Joint, Lump, Segment, body_inertia
 from beamchain.structure.section import Box, Equivalent, Rectangle, Round, Tube
-from scipy.integrate import quad
 
 QUADRATURE = 1e-12  # scipy's quad on a smooth integrand, asked for 1e-13
 CLOSED = 1e-13  # a closed form in another order, summed over a few segments
@@ -49,12 +52,24 @@ TAPERS = {
         segments=(
             Segment(
                 length=4.0,
-                section=Equivalent(bending_stiffness_xy=10.0, bending_stiffness_xz=30.0, linear_mass=2.0, polar_inertia=0.4),
-                section_end=Equivalent(bending_stiffness_xy=2.0, bending_stiffness_xz=4.0, linear_mass=0.5, polar_inertia=0.1),
+                section=Equivalent(
+                    bending_stiffness_xy=10.0,
+                    bending_stiffness_xz=30.0,
+                    linear_mass=2.0,
+                    polar_inertia=0.4,
+                    torsion_stiffness=6.0,
+                ),
+                section_end=Equivalent(
+                    bending_stiffness_xy=2.0,
+                    bending_stiffness_xz=4.0,
+                    linear_mass=0.5,
+                    polar_inertia=0.1,
+                    torsion_stiffness=1.0,
+                ),
             ),
         )
     ),
-}  # fmt: skip
+}
 
 
 def station(beam, x, name):
@@ -82,7 +97,7 @@ def test_moments_are_the_integrals(name, start, end):
 def test_moments_of_pieces_add_up():
     beam = stepped_boom()
     edges = [0.0, 1.1, 3.0, 6.9, beam.length]
-    parts = np.array([beam.moments(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    parts = np.array([beam.moments(a, b) for a, b in pairwise(edges)])
     assert np.sum(parts, axis=0) == close(np.array(beam.moments(0.0, beam.length)), rel=CLOSED)
 
 
@@ -111,7 +126,7 @@ def test_a_lump_at_the_tip_needs_a_closed_stretch():
 def test_every_lump_is_counted_once_whatever_the_cuts(x):
     beam = Beam(segments=unit_beam().segments, lumps=(Lump(x=x, mass=1.0),))
     for edges in ([0.0, 1.0], [0.0, 1.0 / 3.0, 1.0], [0.0, 0.25, 0.5, 1.0]):
-        stretches = zip(edges[:-1], edges[1:], strict=True)
+        stretches = pairwise(edges)
         assert sum(beam.moments(a, b, closed=b == 1.0).mass for a, b in stretches) == close(2.0, rel=CLOSED)
 
 
@@ -150,8 +165,6 @@ def test_timoshenko_adds_its_rotary_inertia():
 @pytest.mark.parametrize(("port", "property_"), [("xy", "bending_xy"), ("xz", "bending_xz"), ("torsion", "torsion")])
 def test_compliance_is_the_integral_of_the_inverse_stiffness(name, port, property_):
     beam = TAPERS[name]()
-    if name == "equivalent" and port == "torsion":
-        pytest.skip("this section states no torsion stiffness")
     a, b = 0.1 * beam.length, 0.95 * beam.length
     expected = integral(lambda x: 1.0 / station(beam, x, property_), a, b)
     assert beam.compliance(a, b, port) == close(expected, rel=QUADRATURE)
@@ -187,8 +200,15 @@ def test_lengths_and_starts():
 
 @pytest.mark.parametrize(
     ("make", "uniform"),
-    [(seed_boom, True), (unit_beam, True), (tapered_boom, False), (stepped_boom, False), (panels, False), (timoshenko_boom, False)],
-)  # fmt: skip
+    [
+        (seed_boom, True),
+        (unit_beam, True),
+        (tapered_boom, False),
+        (stepped_boom, False),
+        (panels, False),
+        (timoshenko_boom, False),
+    ],
+)
 def test_uniform_means_one_prismatic_euler_segment_and_nothing_else(make, uniform):
     assert make().uniform is uniform
 
@@ -224,8 +244,14 @@ TRUSS = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
     [
         (lambda: Segment(length=0.0, section=TRUSS), r"length = 0\.0 must be above zero \(m\)"),
         (lambda: Segment(length=1.0, section=Round(diameter=0.1)), "material is missing; add material"),
-        (lambda: Segment(length=1.0, section=TRUSS, material=STEEL), 'material is given beside an "equivalent" section'),
-        (lambda: Segment(length=1.0, section=TRUSS, theory="timoshenko"), 'theory = "timoshenko" needs a drawn section'),
+        (
+            lambda: Segment(length=1.0, section=TRUSS, material=STEEL),
+            'material is given beside an "equivalent" section',
+        ),
+        (
+            lambda: Segment(length=1.0, section=TRUSS, theory="timoshenko"),
+            'theory = "timoshenko" needs a drawn section',
+        ),
         (
             lambda: Segment(length=1.0, section=Round(diameter=0.1), material=STEEL, theory="reissner"),
             "theory = 'reissner' is unknown; choose one of euler, timoshenko",
@@ -235,7 +261,9 @@ TRUSS = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
             'shear_factor is given but theory = "euler" has no shear',
         ),
         (
-            lambda: Segment(length=1.0, section=Round(diameter=0.1), section_end=Tube(outer_diameter=1.0, wall=0.1), material=STEEL),
+            lambda: Segment(
+                length=1.0, section=Round(diameter=0.1), section_end=Tube(outer_diameter=1.0, wall=0.1), material=STEEL
+            ),
             'section_end has shape "tube" but section has "round"',
         ),
         (
@@ -243,13 +271,16 @@ TRUSS = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
             r"nonstructural_mass = -0\.5 must not be negative",
         ),
         (lambda: Beam(segments=()), "the beam has no segment"),
-        (lambda: Beam(segments=(BAR,) * 1001), "1001 segments are given; at most 1000"),
+        (lambda: Beam(segments=(BAR,) * 1001), "1001 segments are given; at most 200"),
         (
             lambda: Beam(segments=(BAR,), joints=(Joint(after_segment=1, stiffness_xy=1.0),)),
-            "after_segment = 1 must lie between 0 .* and 0: there are 1 segments",
+            "after_segment = 1 must lie between 0 .* and 0",
         ),
         (
-            lambda: Beam(segments=(BAR,), joints=(Joint(after_segment=0, stiffness_xy=1.0), Joint(after_segment=0, stiffness_xz=1.0))),
+            lambda: Beam(
+                segments=(BAR,),
+                joints=(Joint(after_segment=0, stiffness_xy=1.0), Joint(after_segment=0, stiffness_xz=1.0)),
+            ),
             r"two joints stand after the same segment \(after_segment = \[0, 0\]\)",
         ),
         (
@@ -261,11 +292,14 @@ TRUSS = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
         (lambda: Joint(after_segment=0, stiffness_xy=0.0), r"stiffness_xy = 0\.0 must be above zero .* rigid joint"),
         (lambda: Lump(x=-0.1, mass=1.0), r"x = -0\.1 must not be negative"),
         (lambda: Lump(x=0.0, mass=0.0), r"mass = 0\.0 must be above zero \(kg\)"),
-        (lambda: Lump(x=0.0, mass=1.0, inertia=(1.0, 1.0, 2.1)), r"inertia = \[1\.0, 1\.0, 2\.1\] belongs to no rigid body"),
+        (
+            lambda: Lump(x=0.0, mass=1.0, inertia=(1.0, 1.0, 2.1)),
+            r"inertia = \[1\.0, 1\.0, 2\.1\] belongs to no rigid body",
+        ),
         (lambda: Lump(x=0.0, mass=1.0, inertia=(1.0, 1.0, -1.0)), r"inertia\[2\] = -1\.0 must not be negative"),
         (lambda: body_inertia("inertia", (1.0, 2.0)), r"must hold three numbers"),
     ],
-)  # fmt: skip
+)
 def test_unusable_beams_are_refused(make, message):
     with pytest.raises(InputError, match=message):
         make()
@@ -277,16 +311,26 @@ def test_unusable_beams_are_refused(make, message):
         (lambda: unit_beam().port("zx"), "port = 'zx' is unknown; choose one of xy, xz, torsion, axial"),
         (lambda: unit_beam().port("xy", 61), "modes = 61 must be a whole number from 0 to 60"),
         (lambda: unit_beam().port("xy", 2.0), "modes = 2.0 must be a whole number"),
-        (lambda: Beam(segments=(Segment(length=1.0, section=TRUSS),)).port("torsion"), 'port "torsion": a segment states no stiffness'),
-        (lambda: Beam(segments=(Segment(length=1.0, section=TRUSS),)).port("axial"), 'port "axial": a segment states no stiffness'),
+        (
+            lambda: Beam(segments=(Segment(length=1.0, section=TRUSS),)).port("torsion"),
+            'port "torsion": a segment states no stiffness',
+        ),
+        (
+            lambda: Beam(segments=(Segment(length=1.0, section=TRUSS),)).port("axial"),
+            'port "axial": a segment states no stiffness',
+        ),
         (
             lambda: Beam(
-                segments=(Segment(length=1.0, section=Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0, torsion_stiffness=1.0)),)
+                segments=(
+                    Segment(
+                        length=1.0, section=Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0, torsion_stiffness=1.0)
+                    ),
+                )
             ).port("torsion"),
             'port "torsion": the appendage has no polar inertia',
         ),
     ],
-)  # fmt: skip
+)
 def test_ports_that_do_not_exist_are_refused(call, message):
     with pytest.raises(InputError, match=message):
         call()

@@ -4,11 +4,13 @@ References: characteristic equations of uniform beams (Blevins, Formulas for Nat
 functions for the truncated wedge and cone (Kirchhoff 1879), transfer matrices in 30 digits for everything piecewise.
 """
 
+from itertools import pairwise
 from math import pi
 
 import mpmath
 import numpy as np
 import pytest
+
 from appendages import (
     STEEL,
     TransferMatrix,
@@ -32,7 +34,9 @@ from beamchain.structure.section import Equivalent, Rectangle, Round
 FREQUENCY = 1e-11  # what `Beam.port` promises for the modes asked for, with room for the rounding of ten modes
 PARTICIPATION = 1e-10  # a mode shape converges half as fast as its frequency and carries the SVD's rounding
 RESPONSE = 1e-9  # the dynamic mass is a sum over modes, some beyond those asked for; taken away from resonance
-LOPSIDED = 1e-10  # free modes of a beam far lighter at its root than at its tip: the rigid motion that is taken off is large
+LOPSIDED = (
+    1e-10  # free modes of a beam far lighter at its root than at its tip: the rigid motion that is taken off is large
+)
 MASS = 1e-12  # residual mass: a difference that leaves 1e-3 of the rigid mass or less, in double precision
 SLOPE = 0.15  # log-log slope between two refinements, before the asymptote is quite reached
 
@@ -49,6 +53,14 @@ def test_uniform_beam_held_and_free(make):
     assert port.frequencies[:MODES] == close(exact.cantilever_frequencies(MODES), rel=FREQUENCY)
     free = exact.coupled_frequencies(np.zeros((2, 2)), MODES)
     assert port.free_frequencies[:MODES] == close(free, rel=FREQUENCY)
+
+
+@pytest.mark.parametrize("segments", [1, 20])
+def test_many_modes_and_many_segments(segments):
+    one = Segment(length=1.0 / segments, section=unit_beam().segments[0].section)
+    port, exact = Beam(segments=(one,) * segments).port("xy", 20), UniformBeam(1.0, 1.0, 1.0)
+    assert port.frequencies[:20] == close(exact.cantilever_frequencies(20), rel=FREQUENCY)
+    assert port.free_frequencies[:20] == close(exact.coupled_frequencies(np.zeros((2, 2)), 20), rel=FREQUENCY)
 
 
 @pytest.mark.parametrize("hub", [(0.1, 0.0, 0.01), (1.0, 0.0, 0.1), (10.0, 3.0, 2.0), (1000.0, -40.0, 100.0)])
@@ -344,7 +356,7 @@ def test_h_convergence_has_twice_the_order_of_the_strain(functions, order):
 def test_p_convergence_is_faster_than_any_power():
     exact = UniformBeam(1.0, 1.0, 1.0).cantilever_frequencies(3)[2]
     errors = [uniform_pieces(1, p).frequencies[2] / exact - 1.0 for p in (5, 7, 9, 11)]
-    falls = [a / b for a, b in zip(errors[:-1], errors[1:], strict=True)]
+    falls = [a / b for a, b in pairwise(errors)]
     assert falls[0] > 10.0
     assert falls == sorted(falls)  # every pair of functions is worth more than the pair before
 

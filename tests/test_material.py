@@ -1,6 +1,7 @@
 """A material gives its shear modulus and Poisson's ratio from whichever was stated, and refuses contradictions."""
 
 import pytest
+
 from appendages import close
 from beamchain.errors import BeamchainError, InputError
 from beamchain.structure.material import Material
@@ -33,9 +34,7 @@ def test_both_may_be_given_when_they_agree():
 
 @pytest.mark.parametrize("nu", [-0.99, 0.0, 0.5])
 def test_ratios_at_the_ends_of_the_range(nu):
-    assert Material(youngs_modulus=1.0, density=1.0, poissons_ratio=nu).g == close(
-        0.5 / (1 + nu), rel=CLOSED
-    )
+    assert Material(youngs_modulus=1.0, density=1.0, poissons_ratio=nu).g == close(0.5 / (1 + nu), rel=CLOSED)
 
 
 @pytest.mark.parametrize(

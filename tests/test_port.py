@@ -3,16 +3,19 @@
 import control
 import numpy as np
 import pytest
+from scipy.linalg import eigh
+
 from appendages import REALISABLE, close, panels, seed_boom, unit_beam
 from beamchain.chain.rivals import equal_links
 from beamchain.errors import InputError
 from beamchain.port import PORT_MOTION, PortModel, locked, port_from_rows, square_root
 from beamchain.structure.exact import UniformBeam
-from scipy.linalg import eigh
 
 ROUNDING = 1e-12  # one small eigenproblem or solve there and back
 INVERSE = 1e-9  # products and inverses near resonance: the condition number of D there, up to 1e4, times rounding
-DENSE = 1e-9  # LAPACK's generalised eigenproblem, which loses w_max^2 / w_min^2 digits: the reference is the weaker side
+DENSE = (
+    1e-9  # LAPACK's generalised eigenproblem, which loses w_max^2 / w_min^2 digits: the reference is the weaker side
+)
 EXACT = 1e-11  # the elements' own promise for the modes asked for
 CONTROL = 1e-9  # a state-space solve of 2n states
 
@@ -125,7 +128,9 @@ def test_a_rigid_port_has_no_modes():
     assert port.free_frequencies.size == 0
     assert port.zeros().size == 0
     for response in (port.W, lambda w: np.moveaxis(np.linalg.inv(np.moveaxis(port.D(w), -1, 0)), 0, -1)):
-        assert response(np.array([0.0, 3.0]))[:, :, 1] == close(np.linalg.inv(port.rigid_mass).astype(complex), rel=1e-14)
+        assert response(np.array([0.0, 3.0]))[:, :, 1] == close(
+            np.linalg.inv(port.rigid_mass).astype(complex), rel=1e-14
+        )
 
 
 @ports
@@ -203,6 +208,12 @@ def test_hub_gives_the_transcendental_coupled_frequencies(mass, offset):
     hub = mass * np.array([[1.0, -offset], [-offset, 0.09 + offset**2]])
     exact = UniformBeam(1.0, 1.0, 1.0).coupled_frequencies(hub, 6)
     assert unit_beam().port("xy", 6).with_hub(hub).free_frequencies[:6] == close(exact, rel=EXACT)
+
+
+@pytest.mark.parametrize("hub", [(1.0, 0.0), (0.0, 1.0), (1e9, 0.0), (0.0, 1e9), (1e9, 1e9)])
+def test_hubs_without_mass_or_without_inertia(hub):
+    exact = UniformBeam(1.0, 1.0, 1.0).coupled_frequencies(np.diag(hub), 6)
+    assert unit_beam().port("xy", 6).with_hub(np.diag(hub)).free_frequencies[:6] == close(exact, rel=EXACT)
 
 
 def test_hub_leaves_the_held_modes_alone():
@@ -376,7 +387,10 @@ ROW = np.array([[0.1, 0.1]])
         (lambda: PortModel(np.diag([np.inf, 1.0]), ONE, ROW), "rigid_mass holds a value that is not finite"),
         (lambda: PortModel(I2, ONE, ROW * np.nan), "participation holds a value that is not finite"),
         (lambda: PortModel(I2, np.array([0.0]), ROW), r"frequencies = \[0\.0\] must be positive and ascending"),
-        (lambda: PortModel(I2, np.array([2.0, 1.0]), np.vstack([ROW, ROW])), r"\[2\.0, 1\.0\] must be positive and asc"),
+        (
+            lambda: PortModel(I2, np.array([2.0, 1.0]), np.vstack([ROW, ROW])),
+            r"\[2\.0, 1\.0\] must be positive and asc",
+        ),
         (
             lambda: PortModel(I2, ONE, np.array([[1.2, 0.0]])),
             r"the residual mass .* has eigenvalue -4\.400e-01 relative to the rigid mass, which is negative",

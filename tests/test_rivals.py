@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from appendages import close, seed_boom, soft_root_boom, stepped_boom, tapered_boom, unit_beam
 from beamchain.chain.rivals import (
     RECIPES,

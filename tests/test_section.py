@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from appendages import close
 from beamchain.errors import InputError
 from beamchain.structure.section import Box, Custom, Equivalent, Rectangle, Round, Tube, rectangle_torsion
@@ -34,9 +35,7 @@ def test_tube_is_the_outer_circle_less_the_inner():
 
 
 def test_tube_whose_wall_closes_it_is_round():
-    assert properties(Tube(outer_diameter=0.1, wall=0.05)) == close(
-        properties(Round(diameter=0.1)), rel=CLOSED
-    )
+    assert properties(Tube(outer_diameter=0.1, wall=0.05)) == close(properties(Round(diameter=0.1)), rel=CLOSED)
 
 
 @pytest.mark.parametrize("wall", [1e-3, 1e-6, 1e-9, 1e-12])

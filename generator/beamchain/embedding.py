@@ -9,8 +9,9 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from lxml import etree
 
-from beamchain.appendage import Appendage, carried, check_names, judged, names
+from beamchain.appendage import PROBE, Appendage, carried, check_names, judged, moved_by_load, names
 from beamchain.assess.assembly import Assembly, prove
 from beamchain.assess.spoilers import check_flags
 from beamchain.checks import one_of
@@ -26,6 +27,8 @@ from beamchain.mjcf.craft import Craft, bare, craft_from_text, read_craft, reloc
 from beamchain.mjcf.place import find_target, split
 from beamchain.spec import Hub, Root, Spec, read_spec, spec_from_dict
 from beamchain.workflow import fit
+
+RIGID = 1e-6  # relative: a hub that differs from a rigid body by more has loose joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +111,7 @@ def embed(
 ) -> Embedded:
     """Put appendages into a spacecraft and prove the assembled model.
 
-    A file that holds appendages of an earlier run keeps them, except where `at` names the same place: those are replaced.
+    A file that holds appendages of an earlier run keeps them; those at a place that `at` names are replaced.
 
     Args:
         craft: path or text of an MJCF file, or an `MjSpec`, which is then changed in place.
@@ -118,7 +121,7 @@ def embed(
         prefixes: one per entry of `at`, instead of `NAME_` of the appendage.
 
     Raises:
-        InputError: no such place, a frame that is none, a static body, names that clash, switches that would spoil it.
+        InputError: no such place, a frame that is none, a static body, clashing names, switches that would spoil it.
         EngineError: MuJoCo refuses the spacecraft.
         RealisationError: no chain exists.
     """
@@ -178,12 +181,12 @@ def _embed_in_document(original: Craft, wanted: dict[str, tuple[Spec, str]], for
     # an empty body at every place: a hub whose frame MuJoCo would move while it carries nothing stays where it is
     probe = relocate(original, None)
     targets = {name: find_target(probe, name) for name in wanted}
-    for target in targets.values():
-        write.etree.SubElement(target.body, "body")
-    craft = compile_model(relocate(original, None).to_bytes().decode("utf-8"))
-    model = compile_model(probe.to_bytes().decode("utf-8"))
-    mounts = {name: mounting.mount(model, name, t.kind, t.name) for name, t in targets.items()}
-    appendages, warnings = _fit_all(model, mounts, wanted)
+    for i, target in enumerate(targets.values()):
+        etree.SubElement(target.body, "body", name=f"{PROBE}{i}")
+    craft = compile_model(probe.to_bytes().decode("utf-8"))
+    mounts = {name: mounting.mount(craft, name, t.kind, t.name) for name, t in targets.items()}
+    appendages, warnings = _fit_all(craft, mounts, wanted)
+    warnings += moved_by_load(compile_model(relocate(original, None).to_bytes().decode("utf-8")), craft)
     check_flags(craft)
     check_names(craft, appendages)
     links = [link for a in appendages for link in a.fit.chain.links[1:]]
@@ -209,14 +212,13 @@ def _assemble(
 ) -> tuple[Craft, dict[str, str]]:
     """The document with its appendages for a folder, and the files of the attached ones."""
     out = relocate(original, folder)
-    items = []
-    for a in appendages:
-        items.append(
-            document.Insertion(
-                find_target(out, a.at), a.mount.position, a.mount.quaternion, a.fit.appendage(), a.fit.spec.name, a.prefix,
-                msgspec.to_builtins(a.spec),
-            )
-        )  # fmt: skip
+    items = [
+        document.Insertion(
+            find_target(out, a.at), a.mount.position, a.mount.quaternion, a.fit.appendage(), a.spec.name, a.prefix,
+            msgspec.to_builtins(a.spec),
+        )
+        for a in appendages
+    ]  # fmt: skip
     keyed = document.keys_to_extend(out)
     files = {a.prefix: f"{stem}_{a.prefix.rstrip('_.-')}.xml" for a in appendages}
     absolute = {p: str((beside or Path.cwd()) / n) if folder is None else n for p, n in files.items()}
@@ -229,18 +231,17 @@ def _assemble(
 def _layout(original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjModel") -> dict[str, Any]:
     """Which old position and velocity every new one is: compiled without keyframes, compared by bodies' order."""
     out, _ = _assemble(original, appendages, "inline", None, "craft", None)
-    for part in [out.root]:
-        for include in out.includes():
-            marks.inline(include.element, include.content)
-        for keyframe in list(part.iter("keyframe")):
-            parent = keyframe.getparent()
-            assert parent is not None
-            parent.remove(keyframe)
+    for include in out.includes():
+        marks.inline(include.element, include.content)
+    for keyframe in list(out.root.iter("keyframe")):
+        parent = keyframe.getparent()
+        assert parent is not None
+        parent.remove(keyframe)
     model = compile_model(out.to_bytes().decode("utf-8"))
     mine = appended(model, names(appendages))
     old = [j for j in range(model.njnt) if j not in set(mine["jnt"])]
     if len(old) != craft.njnt:
-        raise EngineError(f"the spacecraft has {craft.njnt} joints, with its appendages {len(old)} of its own remain.")
+        raise EngineError(f"the spacecraft has {craft.njnt} joints, with appendages {len(old)} of them.")
     sizes = {0: (7, 6), 1: (4, 3), 2: (1, 1), 3: (1, 1)}
     qpos: list[int | None] = [None] * model.nq
     qvel: list[int | None] = [None] * model.nv
@@ -255,29 +256,33 @@ def _layout(original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjM
 
 # -- into an MjSpec --------------------------------------------------------------------------------------------------
 def _embed_in_spec(spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]]) -> Embedded:
-    try:
-        craft = spec.copy().compile()
-    except ValueError as error:
-        raise EngineError(f"MuJoCo refuses the spacecraft: {error}") from None
-    mounts: dict[str, mounting.Mount] = {}
+    places: dict[str, tuple[str, str]] = {}
+    probe = spec.copy()
     for at in wanted:
         kinds, name = split(at)
         found = [kind for kind in kinds if getattr(spec, kind)(name) is not None]
         if len(found) != 1:
             known = ", ".join(s.name for s in [*spec.sites, *spec.bodies] if s.name)
             raise InputError(
-                f"--at {at}: the spacecraft has {'no' if not found else 'both a'} site {'or' if not found else 'and a'} "
-                f"body {name!r}; write site:{name} or body:{name}, or choose from: {known}."
+                f"--at {at}: the spacecraft has {'both a site and a' if found else 'no site or'} body "
+                f"{name!r}; write site:{name} or body:{name}, or choose from: {known}."
             )
-        mounts[at] = mounting.mount(craft, at, found[0], name)
+        places[at] = found[0], name
+        _owner(probe, *places[at]).add_body(name=f"{PROBE}{len(places)}")
+    try:
+        plain, craft = spec.copy().compile(), probe.compile()
+    except ValueError as error:
+        raise EngineError(f"MuJoCo refuses the spacecraft: {error}") from None
+    mounts = {at: mounting.mount(craft, at, kind, name) for at, (kind, name) in places.items()}
     appendages, warnings = _fit_all(craft, mounts, wanted)
+    warnings += moved_by_load(plain, craft)
     check_flags(craft)
     check_names(craft, appendages)
     trial = spec.copy()
     for place in (trial, spec):  # the user's spec is touched only after a copy has proved itself
         for a in appendages:
-            frame = place.body(craft.body(a.mount.body).name).add_frame(pos=a.mount.position, quat=a.mount.quaternion)
-            text = write.text(document.renamed(a.fit.appendage(), a.fit.spec.name, ""))
+            frame = _owner(place, *places[a.at]).add_frame(pos=a.mount.position, quat=a.mount.quaternion)
+            text = write.text(document.renamed(a.fit.appendage(), a.spec.name, ""))
             place.attach(mujoco.MjSpec.from_string(text), frame=frame, prefix=a.prefix)
         if place is trial:
             model = trial.compile()
@@ -285,38 +290,44 @@ def _embed_in_spec(spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]]) -
     return Embedded(appendages, craft, spec.copy().compile(), tuple(warnings))
 
 
+def _owner(spec: "mujoco.MjSpec", kind: str, name: str) -> Any:
+    """The body that a site or body means."""
+    return spec.body(name) if kind == "body" else spec.site(name).parent
+
+
 # -- both ------------------------------------------------------------------------------------------------------------
 def _fit_all(
     model: "mujoco.MjModel", mounts: dict[str, mounting.Mount], wanted: dict[str, tuple[Spec, str]]
 ) -> tuple[tuple[Appendage, ...], list[str]]:
     rigid = {name: spec.beam.rigid_mass() for name, (spec, _) in wanted.items()}
-    hubs = mounting.hub_with_others(model, list(mounts.values()), rigid)
+    places = list(mounts.values())
+    behind, felt = mounting.rigid_hubs(model, places, rigid), mounting.apparent_hubs(model, places, rigid)
     out: list[Appendage] = []
     warnings: list[str] = []
     for name, (spec, prefix) in wanted.items():
-        place, hub = mounts[name], Hub.from_mass_matrix(hubs[name])
-        target = spec.root.target
-        drives = [f"{joint} ({kind})" for joint, kind in place.joints if kind != "free"]
-        planar = model.body_parentid[place.top] == 0
-        if drives and not planar:
-            warnings.append(
-                f"{name}: stands behind the joint {', '.join(drives)}; the hub its root feels is what turns with it, "
-                f"{hub.mass:.6g} kg, and what the joint passes on is the simulation's business."
-            )
+        place, hub = mounts[name], Hub.from_mass_matrix(behind[name])
+        size = np.sqrt(np.diag(behind[name]))
+        if np.max(np.abs(felt[name] - behind[name]) / np.outer(size, size)) > RIGID:
+            hub = msgspec.structs.replace(hub, apparent=tuple(tuple(float(v) for v in row) for row in felt[name]))
+        for joint in place.joints:
+            taken = "locked, since a spring holds it" if joint.sprung else "free, since no spring holds it"
+            if not joint.own:
+                warnings.append(
+                    f"{name}: stands behind the joint {joint.name} ({joint.kind}); {hub.mass:.6g} kg are rigidly behind "
+                    f"its root. The fit takes that joint as {taken}."
+                )
         held = place.held(spec.kept)
-        if held and target == "hub":
-            target = "clamped"
-            warnings.append(
-                f'{name}: the spacecraft\'s joints hold port {", ".join(held)}, so target = "hub" has no hub there; '
-                'fitted with target = "clamped", which serves every hub.'
-            )
+        if held:
+            warnings.append(f"{name}: the spacecraft's joints hold port {', '.join(held)}; the hub is infinite there.")
         given = spec.root.hub
-        if given is not None and not np.allclose(given.mass_matrix(), hubs[name], rtol=1e-6, atol=1e-9 * hub.mass):
+        if given is not None and not np.allclose(
+            given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=1e-9 * hub.mass
+        ):
             warnings.append(
                 f"{name}: the hub of the spec ({given.mass:g} kg) is not the spacecraft's ({hub.mass:.6g} kg), "
                 "which was used instead."
             )
-        result = fit(spec, root=Root(target=target, hub=hub))
+        result = fit(spec, root=Root(target=spec.root.target, hub=hub))
         if not result.status.ok:
             warnings.append(f"{name}: {result.status.message}")
         out.append(Appendage(name, prefix, place, hub, spec, result))

@@ -94,12 +94,15 @@ class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
         inertia: about its centre, in appendage axes: Ixx, Iyy, Izz [kg m^2].
         offset: from its centre to the root, in appendage axes [m].
         products: Ixy, Ixz, Iyz where those axes are not principal [kg m^2].
+        apparent: `(6, 6)` mass matrix about the root (x, y, z, rotations) in place of all that, for a hub with loose
+            joints, which is no rigid body.
     """
 
     mass: float
     inertia: Triple
     offset: Triple = (0.0, 0.0, 0.0)
     products: Triple = (0.0, 0.0, 0.0)
+    apparent: tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self) -> None:
         positive("mass", self.mass, "kg")
@@ -110,6 +113,10 @@ class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
             number(f"offset[{i}]", value, "m")
         for i, value in enumerate(self.products):
             number(f"products[{i}]", value, "kg m^2")
+        if self.apparent is not None:
+            matrix = np.array([[number("apparent", v, "") for v in row] for row in self.apparent if len(row) == 6])
+            if matrix.shape != (6, 6) or float(np.linalg.eigvalsh(matrix)[0]) <= 0.0 or np.any(matrix != matrix.T):
+                raise InputError("apparent must be a symmetric positive definite 6 x 6 matrix [kg, kg m, kg m^2].")
         a, b, c = (float(v) for v in np.linalg.eigvalsh(self.inertia_matrix()))
         if a <= 0.0 or c > (a + b) * (1.0 + 1e-9):
             raise InputError(
@@ -124,6 +131,8 @@ class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
     def mass_matrix(self) -> Array:
         """`(6, 6)` mass matrix about the root, motions (x, y, z, rotations)."""
+        if self.apparent is not None:
+            return np.array(self.apparent, dtype=np.float64)
         return body_mass_matrix(self.mass, -np.array(self.offset), self.inertia_matrix())
 
     @classmethod

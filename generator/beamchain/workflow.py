@@ -11,7 +11,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from beamchain.assess.error import Comparison, compare, in_band_error
-from beamchain.assess.stability import StepLimits, step_limits
+from beamchain.assess.stability import StepLimits, numerical_pole, step_limits
 from beamchain.chain.build import (
     Built,
     Status,
@@ -35,6 +35,8 @@ from beamchain.structure.beam import Beam
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+DECOUPLED = 1e-9  # relative: what two independent ports may share
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:
@@ -51,6 +53,9 @@ class Fit:
         limits: step limits on the hub of the spec, or alone.
         status: ok, message, history.
         seconds: model, realise, write, verify.
+        bandwidth: per port, of the in-band error [rad/s].
+        dampers: the damping tendons.
+        warnings: what to know before the file is used; shown by `beamchain fit` and in the report.
     """
 
     spec: Spec
@@ -65,6 +70,7 @@ class Fit:
     seconds: dict[str, float]
     bandwidth: dict[str, float]
     dampers: tuple[Damper, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @cached_property
     def hub_mass(self) -> Array | None:
@@ -97,10 +103,10 @@ class Fit:
         """A free-flying hub with the appendage on it, as text. Without a hub in the spec: ten times the appendage."""
         scene = self.spec.scene or Scene()
         hub = self.spec.root.hub or default_hub(self.spec.beam)
+        timestep = self.spec.fit.timestep or (scene.timestep if self.spec.scene else self._safe_step(scene.integrator))
         root = write.scene(
             self.appendage(), self.spec.name, mass=hub.mass, inertia=hub.inertia_matrix(), offset=hub.offset,
-            timestep=self.spec.fit.timestep or (scene.timestep if self.spec.scene else self._safe_step(scene.integrator)),
-            integrator=scene.integrator,
+            timestep=timestep, integrator=scene.integrator,
         )  # fmt: skip
         return write.text(root)
 
@@ -120,8 +126,10 @@ class Fit:
         if place is None:
             known = ", ".join(s.name for s in spec.sites if s.name) or "none"
             raise InputError(f"site {site!r} is not in the model; its sites are: {known}.")
-        child = mujoco.MjSpec.from_string(self.to_mjcf())
-        spec.attach(child, site=place, prefix="")
+        # MuJoCo warns of an empty prefix: take the name off every element, and have MuJoCo put it back
+        prefix = f"{self.spec.name}_"
+        child = mujoco.MjSpec.from_string(self.to_mjcf().replace(f'"{prefix}', '"'))
+        spec.attach(child, site=place, prefix=prefix)
 
     def plot(self, ax: "Axes | None" = None, port: str | None = None) -> "Axes":
         """Accelerance of the first kept port: beam, chain through MuJoCo. Returns the axes; shows nothing."""
@@ -204,7 +212,14 @@ def fit(
                 f"modes: unknown port {sorted(unknown)[0]!r}; choose from {', '.join(Modes.__struct_fields__)}."
             )
         modes = Modes(**dict(modes))
-    given = {"name": name, "modes": modes, "root": root, "damping": damping, "fit": options, "scene": scene}
+    given: dict[str, Any] = {
+        "name": name,
+        "modes": modes,
+        "root": root,
+        "damping": damping,
+        "fit": options,
+        "scene": scene,
+    }
     changes = {key: value for key, value in given.items() if value is not None}
     if changes:
         spec = Spec(**{field: changes.get(field, getattr(spec, field)) for field in Spec.__struct_fields__})
@@ -244,8 +259,54 @@ def _fit(spec: Spec) -> Fit:
     seconds = {step: b - a for step, a, b in zip(steps, clock[:-1], clock[1:], strict=True)}
     achieved = {port: measured.ports[port] for port in built.targets}
     return Fit(
-        spec, chain, full, built.targets, achieved, error, measured, limits, built.status, seconds, bandwidth, dampers
-    )
+        spec, chain, full, built.targets, achieved, error, measured, limits, built.status, seconds, bandwidth, dampers,
+        _warnings(spec, measured, achieved, dampers, limits),
+    )  # fmt: skip
+
+
+def _warnings(
+    spec: Spec, measured: Measured, achieved: Mapping[str, PortModel], dampers: tuple[Damper, ...], limits: StepLimits
+) -> tuple[str, ...]:
+    """What to know before the file is used."""
+    out: list[str] = []
+    if dampers:
+        euler, other = limits.largest_step["Euler"], limits.largest_step["implicitfast"]
+        text = (
+            "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo takes where nothing "
+            f"is said, integrates tendon damping explicitly and is stable up to {euler:.4g} s only "
+            f"(implicitfast {other:.4g} s)"
+        )
+        scene = spec.scene or Scene()
+        if scene.integrator == "Euler":
+            worst = max(dampers, key=lambda d: d.damping)
+            model = achieved[worst.port]
+            k = min(worst.mode, model.modes) - 1
+            w, zeta = float(model.frequencies[k]), float(model.damping[k])
+            pole = numerical_pole("Euler", w, zeta, scene.timestep, tendon=True)
+            seen = -pole.real / abs(pole)
+            text += (
+                f"; at the scene's step of {scene.timestep:g} s mode {worst.mode} in {worst.port} will show a damping "
+                f"ratio of {seen:.4g} instead of {zeta:.4g}"
+            )
+        out.append(f'{text}. Use implicitfast, or damping.form = "hinge".')
+    if spec.damping is not None and spec.damping.form == "hinge":
+        missed: list[str] = []
+        for port, model in achieved.items():
+            wanted = spec.damping.ratios(port, min(model.modes, spec.kept[port]))
+            missed += [
+                f"{port} {k + 1}: {have:.4g} for {want:.4g}"
+                for k, (want, have) in enumerate(zip(wanted, model.damping, strict=False))
+                if abs(have - want) > 0.01 * want
+            ]
+        if missed:
+            out.append(
+                f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}); "
+                'damping.form = "modal" is exact.'
+            )
+    for pair, value in measured.couplings.items():
+        if value > DECOUPLED:
+            out.append(f"MuJoCo sees the ports {pair} coupled, by {value:.1e} relative: they are not independent.")
+    return tuple(out)
 
 
 def with_ratios(spec: Spec, port: str, model: PortModel) -> PortModel:
@@ -281,7 +342,7 @@ def _build(spec: Spec, beam: Beam, kept: dict[str, int], full: dict[str, PortMod
         return build_least_squares(beam, kept, _links(spec, beam, kept), free, loads, target_of)
     links = options.links if isinstance(options.links, int) else None
     built = build_recipe(beam, options.method, kept, links, target_of)
-    return replace(built, chain=with_real_polar(built.chain, beam))
+    return replace(built, chain=with_real_polar(built.chain))
 
 
 def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:

@@ -46,7 +46,7 @@ class Carried:
 class Mode:
     """A coupled mode: exact and MuJoCo's frequency [rad/s], None where the other has no partner.
 
-    `kept`: most of its strain energy is in modes that the chains were asked to keep (or in the spacecraft's own springs).
+    `kept`: most of its strain energy is in modes that the chains were asked to keep, or in the craft's own springs.
     """
 
     exact: float | None
@@ -190,7 +190,7 @@ def _matrices(model: "mujoco.MjModel") -> tuple[Array, Array, Array]:
 
 
 def _craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
-    """The spacecraft's own damping; 0.5 % in its own sprung joints where they have none, so that no peak is infinite."""
+    """The spacecraft's own damping; 0.5 % in its sprung joints where it has none, so that no peak is infinite."""
     values, shapes = eigh(stiffness, mass)
     moving = values > 1e-12 * max(float(np.max(values, initial=0.0)), 1e-300)
     if not np.any(moving) or np.max(np.abs(damping)) > 0.0:
@@ -283,7 +283,7 @@ def _matched(
     pairs: dict[int, int] = {}
     for group in (np.flatnonzero(kept), np.flatnonzero(~kept)):
         free = np.array([i for i in range(ours.size) if i not in pairs.values()], dtype=np.int64)
-        first, second = linear_sum_assignment(cost[np.ix_(free, group)])
+        first, second = linear_sum_assignment(cost[free][:, group])
         pairs |= {int(group[j]): int(free[i]) for i, j in zip(first, second, strict=True)}
     modes = [
         Mode(float(w), float(ours[pairs[j]]) if j in pairs else None, bool(kept[j]))

@@ -23,7 +23,7 @@ def check_flags(model: "mujoco.MjModel") -> None:
         bit = getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", None)
         if bit is not None and int(model.opt.disableflags) & int(bit):
             raise InputError(
-                f'the spacecraft switches off its passive forces (option flag {name.lower()}="disable"), and with them '
+                f'the spacecraft switches off its passive forces (option flag {name.lower()}="disable"), and so '
                 f'every hinge spring or damper of the appendage; write {name.lower()}="enable".'
             )
 
@@ -50,18 +50,18 @@ def spoilers(
     gravity = np.asarray(option.gravity)
     if np.any(gravity != 0.0) and not int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
         out.append(
-            f"gravity is {' '.join(f'{g:g}' for g in gravity)} m/s^2: it falls, and bends its appendages wherever it is "
-            'held; in orbit write <option gravity="0 0 0">.'
+            f"gravity is {' '.join(f'{g:g}' for g in gravity)} m/s^2: it falls, and where it is held its appendages "
+            'bend; in orbit write <option gravity="0 0 0">.'
         )
     if option.density > 0.0 or option.viscosity > 0.0:
         out.append(
-            f"the medium (density {option.density:g}, viscosity {option.viscosity:g}) drags on the links as on all bodies; "
-            "in space set both to 0."
+            f"the medium (density {option.density:g}, viscosity {option.viscosity:g}) drags on the links as on all "
+            "bodies; in space set both to 0."
         )
     collide = [i for i in geoms if int(model.geom_contype[i]) or int(model.geom_conaffinity[i])]
     if collide and not int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
         out.append(
-            f"{len(collide)} shapes of the appendages collide; links next to each other touch: leave scene.contacts off."
+            f"{len(collide)} shapes of the appendages collide, and neighbouring links touch; leave scene.contacts off."
         )
     if int(model.neq):
         out.append(
@@ -74,15 +74,15 @@ def spoilers(
     largest = limits.largest_step[integrator]
     if step > largest:
         out.append(
-            f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes unstable (fastest coupled "
-            f'mode {limits.omega_max:.5g} rad/s); write <option timestep="{_round_down(0.5 * largest):g}">.'
+            f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes unstable (fastest "
+            f'coupled mode {limits.omega_max:.5g} rad/s); write <option timestep="{_round_down(0.5 * largest):g}">.'
         )
     if integrator == "discrete":
         added = step * float(np.max(np.asarray(kept))) / 2.0
         if added > DAMPS * max(zeta, 1e-3):
             out.append(
-                f"the integrator discrete adds a damping ratio of {added:.2g} to the fastest kept mode at timestep {step:g} s "
-                f"(the structure has {zeta:g}); take implicitfast, or a timestep below "
+                f"the integrator discrete adds a damping ratio of {added:.2g} to the fastest kept mode at timestep "
+                f"{step:g} s (the structure has {zeta:g}); take implicitfast, or a timestep below "
                 f"{_round_down(DAMPS * max(zeta, 1e-3) * 2.0 / float(np.max(np.asarray(kept)))):g} s."
             )
     eulerdamp = int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)

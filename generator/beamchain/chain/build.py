@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -276,7 +277,7 @@ def build_least_squares(
         pieces = planar_links(found.nodes, beam)
     else:
         edges = [0.0, *found.positions.tolist(), beam.length]
-        pieces = [rivals.rigid_link(beam, a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        pieces = [rivals.rigid_link(beam, a, b) for a, b in pairwise(edges)]
     real = polar.real_polar(beam, found.positions)
     if found.nodes is not None:
         _, polars = polar.place(beam, pieces, found.positions, np.array([real.sum()]), real)
@@ -315,7 +316,7 @@ def build_recipe(beam: Beam, method: str, kept: Mapping[str, int], links: int | 
     return Built(chain, targets, Status(True, f"{method} recipe with {count} equal segments and as many hinges."))
 
 
-def with_real_polar(chain: Chain, beam: Beam) -> Chain:
+def with_real_polar(chain: Chain) -> Chain:
     """A recipe's chain with a little polar inertia where the appendage states none, which MuJoCo needs."""
     links = list(chain.links)
     for i, link in enumerate(links):

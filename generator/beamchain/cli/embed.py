@@ -98,10 +98,10 @@ def _show(result: "Embedded", files: list[Path]) -> None:
 
     out, assembly = console(), result.assembly
     table = Table(title="appendages", title_justify="left")
-    for column in ("at", "prefix", "hub behind the port kg", "on", "target"):
+    for column in ("at", "prefix", "rigidly behind it kg", "on", "target"):
         table.add_column(column, justify="left")
     for a in result.appendages:
-        on = ", ".join(f"{kind} joint {name}" for name, kind in a.mount.joints)
+        on = ", ".join(f"{joint.kind} joint {joint.name}" for joint in a.mount.joints)
         table.add_row(a.at, a.prefix, f"{a.hub.mass:.6g}", on, a.fit.spec.root.target or "clamped")
     out.print(table)
     modes = Table(title="coupled modes of the whole spacecraft, rad/s", title_justify="left")

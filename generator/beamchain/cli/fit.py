@@ -60,6 +60,8 @@ def _show(result: "Fit", files: "list[Path]") -> None:
         "frequency error",
         "participation error",
     )
+    damping = result.spec.damping
+    headings += ("damping wanted", "achieved") if damping is not None else ()
     for column in headings:
         table.add_column(column, justify="left" if column == "port" else "right")
     for port, achieved in result.achieved.items():
@@ -68,7 +70,10 @@ def _show(result: "Fit", files: "list[Path]") -> None:
             free = achieved.free_frequencies
             row = ", ".join(f"{v:.5g}" for v in achieved.participation[i])
             loose = f"{free[i]:.6g}" if i < free.size else "none"
-            table.add_row(port, str(j + 1), f"{achieved.frequencies[i]:.6g}", loose, row, f"{df:+.1e}", f"{dp:.1e}")
+            cells = [port, str(j + 1), f"{achieved.frequencies[i]:.6g}", loose, row, f"{df:+.1e}", f"{dp:.1e}"]
+            if damping is not None:
+                cells += [f"{damping.ratios(port, j + 1)[j]:.6g}", f"{achieved.damping[i]:.6g}"]
+            table.add_row(*cells)
     out.print(table)
     chain = Table(title="chain", title_justify="left")
     for column in ("link", "from m", "length m", "mass kg", "inertia kg m2", "hinge behind it N m/rad"):
@@ -84,11 +89,14 @@ def _show(result: "Fit", files: "list[Path]") -> None:
         band = result.bandwidth[port]
         on = "on the hub given" if result.spec.root.hub else "worst of three hubs"
         out.print(
-            f"in-band error {port} up to {band:.4g} rad/s, {on}, against the whole beam: {error.accelerance_in_band:.2e}"
+            f"in-band error {port} up to {band:.4g} rad/s, {on}, against the whole beam: "
+            f"{error.accelerance_in_band:.2e}"
         )
     steps = ", ".join(f"{k} {v:.4g} s" if v < 1e9 else f"{k} none" for k, v in result.limits.largest_step.items())
     out.print(f"largest stable step: {steps}")
     took = sum(result.seconds.values())
     out.print(f"spec to verified chain: {took * 1e3:.1f} ms")
+    for text in result.warnings:
+        out.print(f"[bold yellow]warning[/bold yellow]: {text}")
     for file in files:
         out.print(f"wrote {file}")

@@ -6,7 +6,7 @@ and `M^-1 B` without a limit h -> 0, even at a step at which the simulation woul
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -84,7 +84,7 @@ class Linearisation:
         """The step as MuJoCo takes it, `control.StateSpace` with dt."""
         import control
 
-        return control.ss(self.a, self.b, self.c, self.d, self.timestep)
+        return cast("control.StateSpace", control.ss(self.a, self.b, self.c, self.d, self.timestep))
 
     @property
     def continuous(self) -> "control.StateSpace":
@@ -92,7 +92,7 @@ class Linearisation:
         import control
 
         a, b = self._continuous()
-        return control.ss(a, b, self.c, self.d)
+        return cast("control.StateSpace", control.ss(a, b, self.c, self.d))
 
     def _continuous(self) -> tuple[Array, Array]:
         nv = self.stiffness.shape[0]
@@ -141,8 +141,8 @@ class Linearisation:
                 np.zeros((0, len(root))),
             )
         squares, right = np.linalg.eig(held)
-        order = np.argsort(squares.real)
-        squares, right = squares.real[order], right.real[:, order]
+        order = np.argsort(np.real(squares))
+        squares, right = np.real(squares)[order], np.real(right)[:, order]
         if np.any(squares <= 0.0):
             raise EngineError(
                 "a hinge of the held appendage has no positive stiffness; the port model needs every hinge sprung."
@@ -263,7 +263,8 @@ def _dof_joints(model: "mujoco.MjModel") -> tuple[str, ...]:
 def _driven(model: "mujoco.MjModel") -> tuple[int, ...]:
     out: list[int] = []
     for i in range(model.nu):
-        if int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT):
+        plain = int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        if plain and float(model.actuator_gear[i, 0]) == 1.0:
             out.append(int(model.jnt_dofadr[int(model.actuator_trnid[i, 0])]))
         else:
             out.append(-1)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,20 @@ from beamchain.errors import InputError
 from beamchain.port import PORT_MOTION, PORTS, Array
 
 JOINT_KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
+HELD = 1e9  # mass of a motion that is held, relative to the largest that is not
 RANK = 1e-9  # relative singular value below which a motion of the port is held
+
+
+class Carrier(NamedTuple):
+    """A joint between the port and the world.
+
+    `own`: it carries the spacecraft as a whole, not a part of it. `sprung`: a spring or a position servo holds it.
+    """
+
+    name: str
+    kind: str
+    own: bool
+    sprung: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +38,7 @@ class Mount:
         position, quaternion: of the port in that body.
         origin, axes: `(3,)`, `(3, 3)` of the port in the world, axes in columns.
         top: id of the body on top of what is rigid with `body`.
-        joints: name and kind of the joints that carry `top`.
+        joints: between the port and the world, innermost first.
         hub: `(6, 6)` what is rigidly behind the port, with all that hangs on it, about the port in its axes.
         jacobian: `(6, nv)` motion of the port in its axes per degree of freedom.
     """
@@ -36,7 +50,7 @@ class Mount:
     origin: Array
     axes: Array
     top: int
-    joints: tuple[tuple[str, str], ...]
+    joints: tuple[Carrier, ...]
     hub: Array
     jacobian: Array
 
@@ -89,15 +103,10 @@ def mount(model: "mujoco.MjModel", at: str, kind: str, name: str) -> Mount:
             f"--at {at}: {kind} {name!r} belongs to a body welded to the world, which no appendage can move; give the "
             "spacecraft's body a <freejoint/>, or name a body that moves."
         )
-    first = int(model.body_jntadr[top])
-    joints = tuple(
-        (model.joint(j).name or f"joint {j}", JOINT_KINDS[int(model.jnt_type[j])])
-        for j in range(first, first + int(model.body_jntnum[top]))
-    )
     translation, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
     mujoco.mj_jac(model, data, translation, rotation, origin, body)
     return Mount(
-        at, body, position, quaternion, origin, axes, top, joints,
+        at, body, position, quaternion, origin, axes, top, _carriers(model, top),
         frozen_mass(model, data, top, origin, axes), np.vstack([axes.T @ translation, axes.T @ rotation]),
     )  # fmt: skip
 
@@ -107,7 +116,6 @@ def rest(model: "mujoco.MjModel") -> "mujoco.MjData":
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    mujoco.mj_crb(model, data)
     return data
 
 
@@ -122,8 +130,33 @@ def full_mass(model: "mujoco.MjModel") -> Array:
     return (out + out.T) / 2.0
 
 
-def hub_with_others(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
-    """`(6, 6)` hub seen by each port: the spacecraft behind it with all other appendages rigid, by name.
+def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
+    held = sprung(model)
+    out: list[Carrier] = []
+    while top:
+        parent = int(model.body_weldid[int(model.body_parentid[top])])
+        first = int(model.body_jntadr[top])
+        for j in range(first, first + int(model.body_jntnum[top])):
+            name = model.joint(j).name or f"joint {j}"
+            out.append(Carrier(name, JOINT_KINDS[int(model.jnt_type[j])], parent == 0, j in held))
+        top = parent
+    return tuple(out)
+
+
+def sprung(model: "mujoco.MjModel") -> set[int]:
+    """Joints that a spring or a position servo holds."""
+    springs = {j for j in range(model.njnt) if np.any(np.atleast_1d(model.jnt_stiffness[j]) > 0.0)}
+    on_joint = int(mujoco.mjtTrn.mjTRN_JOINT)
+    servos = {
+        int(model.actuator_trnid[i, 0])
+        for i in range(model.nu)
+        if int(model.actuator_trntype[i]) == on_joint and float(model.actuator_biasprm[i][1]) < 0.0
+    }
+    return springs | servos
+
+
+def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
+    """`(6, 6)` what is rigidly behind each port with all that hangs on it, other appendages rigid, by name.
 
     Args:
         model: the bare spacecraft.
@@ -138,6 +171,33 @@ def hub_with_others(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Map
                 motion = own.from_port(other)
                 total += motion.T @ rigid[other.at] @ motion
         out[own.at] = (total + total.T) / 2.0
+    return out
+
+
+def apparent_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
+    """`(6, 6)` hub that each port feels: wrench per acceleration, by name; arguments as in `rigid_hubs`.
+
+    `(J M^-1 J^T)^-1` over the degrees of freedom that no spring holds: loose joints free, sprung ones locked. On one
+    rigid body this is its mass matrix; behind a solar-array drive it is the rotor about the drive's axis and the whole
+    spacecraft in all else. Motions that the spacecraft's joints hold get 1e9 times the largest mass.
+    """
+    held = sprung(model)
+    loose = [i for i in range(model.nv) if int(model.dof_jntid[i]) not in held]
+    bare = full_mass(model)
+    out: dict[str, Array] = {}
+    for own in mounts:
+        mass = bare.copy()
+        for other in mounts:
+            if other.at != own.at:
+                mass += other.jacobian.T @ rigid[other.at] @ other.jacobian
+        jacobian = own.jacobian[:, loose]
+        mobility = jacobian @ np.linalg.solve(mass[np.ix_(loose, loose)], jacobian.T)
+        scale = np.sqrt(np.diag(own.hub))
+        values, vectors = np.linalg.eigh(mobility * np.outer(scale, scale))
+        moving = values > RANK * values.max()
+        masses = np.where(moving, 1.0 / np.where(moving, values, 1.0), HELD / values[moving].min())
+        hub = (vectors * masses) @ vectors.T * np.outer(scale, scale)
+        out[own.at] = (hub + hub.T) / 2.0
     return out
 
 

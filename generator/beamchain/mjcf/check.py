@@ -1,4 +1,4 @@
-"""What in a spacecraft's file would spoil an appendage put into it: compiler switches and defaults that reach its elements."""
+"""What in a spacecraft's file would spoil an appendage put into it: compiler switches, defaults that reach it."""
 
 from collections.abc import Iterable, Mapping
 
@@ -33,7 +33,7 @@ REACHES = {"joint": "joint", "geom": "geom", "site": "site", "tendon": "fixed"}
 
 
 def hostile(parts: Iterable[Element]) -> dict[str, dict[str, int]]:
-    """Attributes that the document's default classes set, per tag of ours, with the most numbers one of them holds."""
+    """Attributes that the document's defaults set, per tag of ours, with the most numbers one of them holds."""
     out: dict[str, dict[str, int]] = {}
     for part in parts:
         for default in part.iter("default"):
@@ -85,12 +85,13 @@ def check_compiler(parts: Iterable[Element], least_mass: float, least_inertia: f
         value = _number(settings.get(name))
         if value > least:
             raise InputError(
-                f"compiler {name} = {value:g} {unit} would raise the lightest link's {least:.4g} {unit} and with it the "
-                f"modes; {cure}, or write {name} below {least:.4g}."
+                f"compiler {name} = {value:g} {unit} would raise the lightest link's {least:.4g} {unit} and shift "
+                f"its modes; {cure}, or write {name} below {least:.4g}."
             )
     if _number(settings.get("settotalmass")) > 0.0:
         raise InputError(
-            f"compiler settotalmass = {settings['settotalmass']} would scale the links' masses with the spacecraft's; {cure}."
+            f"compiler settotalmass = {settings['settotalmass']} would scale the links' masses with the "
+            f"spacecraft's; {cure}."
         )
     if settings.get("fusestatic") == "true":
         raise InputError(

@@ -66,7 +66,7 @@ class Include:
     Args:
         element: where it stands.
         path: the file.
-        content: root of that file, what it includes in turn put in place, asset paths as the main file would write them.
+        content: root of that file, its own includes put in place, asset paths as the main file would write them.
         nested: it includes further files.
     """
 
@@ -146,25 +146,25 @@ class Craft:
             out.append(Include(element, path, content, nested))
         folders = self.asset_folders([self.root, *(include.content for include in out)])
         for element, beside in files:
-            start = self.folder / folders[ASSETS[element.tag]] if element.tag in ASSETS else self.folder
+            inner = folders.get(ASSETS.get(str(element.tag), ""), "")
+            start = Path(os.path.normpath(self.folder.absolute() / inner))
             for name, value in file_attributes(element):
-                places = [
-                    beside / value,
-                    *([beside / folders[ASSETS[element.tag]] / value] if element.tag in ASSETS else []),
-                ]
+                places = [start / value, beside / value, beside / inner / value]
                 found = next((place for place in places if place.is_file()), None)
-                if found is not None and not (start / value).is_file():
+                if found is not None and found != places[0]:
                     element.set(name, os.path.relpath(found.absolute(), start.absolute()).replace(os.sep, "/"))
         return out
 
     def _read(self, element: Element, beside: Path, seen: list[Path]) -> tuple[Path, Element]:
         file = element.get("file") or ""
-        places = [self.folder / file, beside / file]  # MuJoCo looks beside the main file first
+        # MuJoCo looks beside the main file first; the main file's folder need not exist yet
+        places = [Path(os.path.normpath(folder / file)) for folder in (self.folder.absolute(), beside.absolute())]
         path = next((place for place in places if place.is_file()), places[0])
         if path.resolve() in seen:
             raise InputError(
                 f"{self.label} includes {path.name!r} twice or in a cycle "
-                f"({' -> '.join(place.name for place in [*seen, path])}), which MuJoCo refuses; include every file once."
+                f"({' -> '.join(place.name for place in [*seen, path])}), which MuJoCo refuses; include every file "
+                "once."
             )
         seen.append(path.resolve())
         return path, parse(path, f"{self.label}: included file").getroot()
@@ -245,11 +245,13 @@ def relocate(craft: Craft, folder: Path | None) -> Craft:
         if include.nested or any(file_attributes(node) for node in include.content.iter()):
             marks.inline(include.element, include.content)
     parts = out.parts()
+    relative = any(file_attributes(node) for part in parts for node in part.iter())
     for element in list(out.root.iter("include", "model")):
         file = element.get("file")
         if file and not os.path.isabs(file):
             marks.change(element, "path", {"file": marks.moved(file, craft.folder, folder)})
-    if any(file_attributes(node) for part in parts for node in part.iter(*ASSETS)) or folder is not None:
+            relative = True
+    if relative:
         folders = out.asset_folders(parts)
         compiler = etree.Element("compiler")
         for kind, value in folders.items():

@@ -111,7 +111,7 @@ def child_text(item: Insertion) -> str:
 
 
 def keys_to_extend(craft: Craft) -> bool:
-    """Whether a keyframe of the document or its includes states positions or velocities; includes are put in place."""
+    """Whether a keyframe states positions or velocities; an included file that does is put in place."""
     for include in craft.includes():
         if any(key.get("qpos") or key.get("qvel") for key in include.content.iter("key")):
             marks.inline(include.element, include.content)
@@ -139,8 +139,8 @@ def extend_keys(craft: Craft, qpos: Sequence[int | None], qvel: Sequence[int | N
             words, wanted = text.split(), sum(place is not None for place in places)
             if len(words) != wanted:
                 raise InputError(
-                    f"keyframe {key.get('name') or ''!r}: {name} holds {len(words)} numbers, the spacecraft has {wanted}; "
-                    "correct the spacecraft's file."
+                    f"keyframe {key.get('name') or ''!r}: {name} holds {len(words)} numbers, the spacecraft has "
+                    f"{wanted}; correct the spacecraft's file."
                 )
             values = [
                 words[place] if place is not None else write.number(rest[i]) if name == "qpos" else "0"

@@ -71,7 +71,8 @@ def joint_name(name: str, hinge: int, port: str) -> str:
 def _check(chain: Chain) -> None:
     if len(chain.links) > DEEPEST:
         raise EngineError(
-            f"{len(chain.links)} links are more than the {DEEPEST} nested bodies one MJCF file can hold; use fewer links."
+            f"{len(chain.links)} links are more than the {DEEPEST} nested bodies one MJCF file can hold; "
+            "use fewer links."
         )
     for i, link in enumerate(chain.links):
         if i == 0:
@@ -253,7 +254,7 @@ def scene(
         appendage_root: from `appendage`.
         name: of the appendage.
         mass: of the hub [kg].
-        inertia: `(3, 3)` of the hub about its centre [kg m^2].
+        inertia: `(3,)` or `(3, 3)` of the hub about its centre [kg m^2].
         offset: `(3,)` from the hub's centre to the root [m].
         timestep: [s].
         integrator: MuJoCo's name.
@@ -267,6 +268,7 @@ def scene(
     inertial = find(hub, "inertial")
     inertial.set("mass", number(mass))
     inertia = np.asarray(inertia, dtype=np.float64)
+    inertia = np.diag(inertia) if inertia.ndim == 1 else inertia
     if np.any(inertia != np.diag(np.diag(inertia))):
         del inertial.attrib["diaginertia"]
         inertial.set("fullinertia", number([*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]))

@@ -1,12 +1,12 @@
 """What pictures and tables show of a fit: its rivals, accelerances and errors over frequency. Draws nothing."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.assess.error import DEFAULT_RATIO, STANDARD_HUBS, damped
+from beamchain.assess.error import DEFAULT_RATIO, STANDARD_HUBS, band_grid, damped
 from beamchain.chain import rivals
 from beamchain.chain.chain import Chain
 from beamchain.port import Array, PortModel
@@ -91,6 +91,21 @@ def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
     return out
 
 
+def beam_model(fit: "Fit", port: str) -> PortModel:
+    """The whole beam in a port with the damping that in-band errors are stated with: the spec's, else 0.5 %."""
+    return damped(_with_ratios(fit, port, fit.full[port]))
+
+
+def rival_model(fit: "Fit", port: str, chain: Chain) -> PortModel:
+    """A rival's port model with the same damping ratios as the beam's."""
+    return damped(_with_ratios(fit, port, chain.port(port)))
+
+
+def _with_ratios(fit: "Fit", port: str, model: PortModel) -> PortModel:
+    wanted = fit.spec.damping
+    return model if wanted is None else model.replaced(damping=wanted.ratios(port, model.modes))
+
+
 def undamped(model: PortModel) -> Accelerance:
     """Accelerance of a port model without damping, as the inverse of its dynamic mass.
 
@@ -158,27 +173,34 @@ def worst_hub(fit: "Fit", port: str) -> tuple[Array, str]:
         return port_hub_mass(fit.hub_mass, port), "on the hub of the spec"
     rigid, band = fit.full[port].rigid_mass, fit.bandwidth[port]
     limits = (min(span(fit, port)[0], 0.5 * band), band)
-    worst = max(STANDARD_HUBS, key=lambda f: error_curve(fit, port, fit.achieved[port], f * rigid, limits).error.max())
+    worst = max(
+        STANDARD_HUBS,
+        key=lambda f: error_curves(fit, port, [fit.achieved[port]], f * rigid, limits)[0].error.max(),
+    )
     return worst * rigid, f"on a hub of {worst:g} times the appendage's mass (the worst of three)"
 
 
-def error_curve(fit: "Fit", port: str, model: PortModel, hub: Array, limits: tuple[float, float]) -> ErrorCurve:
-    """Error of `model` against the beam, both on the hub; its largest in the band is the in-band error.
+def error_curves(
+    fit: "Fit", port: str, models: Sequence[PortModel], hub: Array, limits: tuple[float, float]
+) -> list[ErrorCurve]:
+    """Errors of `models` against the beam, all on the hub; a curve's largest in the band is the in-band error.
 
     Args:
         fit: gives the beam and the band.
         port: of the fit.
-        model: a chain's; without damping of its own it gets the beam's ratios.
+        models: chains'.
         hub: `(m, m)` mass matrix.
         limits: frequencies evaluated [rad/s].
     """
-    beam, band = damped(fit.full[port]), fit.bandwidth[port]
-    if model.modes and not np.any(model.damping > 0.0):
-        model = model.replaced(damping=beam.damping[np.minimum(np.arange(model.modes), beam.modes - 1)])
-    peaks = np.concatenate([thing.with_hub(hub).free_frequencies for thing in (beam, model)])
+    beam, band = beam_model(fit, port), fit.bandwidth[port]
+    damped_models = [damped(model) for model in models]
+    loaded = [thing.with_hub(hub) for thing in (beam, *damped_models)]
+    peaks = np.concatenate([thing.free_frequencies for thing in loaded])
     steps = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0]) * float(np.max(beam.damping, initial=DEFAULT_RATIO))
-    near = peaks[:, None] * (1.0 + np.concatenate([-steps[1:], steps]))
-    omega = np.unique(np.concatenate([np.geomspace(*limits, 320), near.ravel(), [band]]))
+    beyond = (peaks[:, None] * (1.0 + np.concatenate([-steps[1:], steps]))).ravel()
+    omega = np.unique(
+        np.concatenate([np.geomspace(*limits, 280), beyond[beyond > band], band_grid(loaded, band), [band]])
+    )
     omega = omega[(omega >= limits[0]) & (omega <= limits[1])]
     scale = np.sqrt(np.diag(hub + beam.rigid_mass))
     scale = np.outer(scale, scale)
@@ -189,4 +211,5 @@ def error_curve(fit: "Fit", port: str, model: PortModel, hub: Array, limits: tup
     exact = moved(beam)
     rigid = float(np.linalg.norm(np.linalg.inv(hub + beam.rigid_mass) * scale, 2))
     largest = float(np.linalg.norm(exact[omega <= band * EDGE], 2, axis=(1, 2)).max(initial=0.0))
-    return ErrorCurve(omega, np.linalg.norm(moved(model) - exact, 2, axis=(1, 2)) / max(largest, rigid))
+    below = max(largest, rigid)
+    return [ErrorCurve(omega, np.linalg.norm(moved(model) - exact, 2, axis=(1, 2)) / below) for model in damped_models]

@@ -15,10 +15,11 @@ from beamchain.report.curves import (
     Response,
     chain_label,
     count,
-    error_curve,
+    error_curves,
     moving,
     responses,
     rival_chains,
+    rival_model,
     span,
     worst_hub,
 )
@@ -61,11 +62,18 @@ ENTRIES = {
 }
 
 
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
 def percent(value: float) -> str:
-    """A relative error as people read it: per cent where it is not tiny."""
-    if not 1e-4 <= abs(value) < 100.0:
-        return f"{value:.1e}" if value else "0"
-    return f"{100.0 * value:.{2 if abs(value) < 0.095 else 3}g} %" if abs(value) < 9.995 else f"{100.0 * value:.0f} %"
+    """A relative error as people read it: per cent where it is not tiny, else a power of ten; kept on one line."""
+    size = abs(value)
+    if size == 0.0:
+        return "0"
+    if not 1e-4 <= size < 100.0:
+        mantissa, exponent = f"{value:.1e}".split("e")
+        return f"{mantissa}\u00a0×\u00a010{str(int(exponent)).translate(_SUPERSCRIPT)}"
+    return f"{100.0 * value:.{2 if size < 0.095 else 3}g}\u00a0%" if size < 9.995 else f"{100.0 * value:.0f}\u00a0%"
 
 
 # -- accelerance -----------------------------------------------------------------------------------------------------
@@ -139,11 +147,11 @@ def error_figure(fit: "Fit", port: str) -> Figure:
         ax = figure.add_subplot()
         hub, place = worst_hub(fit, port)
         limits, band = span(fit, port), fit.bandwidth[port]
-        ours = error_curve(fit, port, fit.achieved[port], hub, limits)
-        others = {
-            f"{label}, {count(moving(chain, port), 'hinge')}": error_curve(fit, port, chain.port(port), hub, limits)
-            for label, chain in rival_chains(fit, port).items()
-        }
+        rivals = rival_chains(fit, port)
+        models = [fit.achieved[port], *(rival_model(fit, port, chain) for chain in rivals.values())]
+        ours, *curves = error_curves(fit, port, models, hub, limits)
+        labels = [f"{label}, {count(moving(chain, port), 'hinge')}" for label, chain in rivals.items()]
+        others = dict(zip(labels, curves, strict=True))
         top = max(float(curve.error.max()) for curve in (ours, *others.values()))
         bottom = float(np.clip(ours.error.min(), 1e-7 * top, 0.1 * top))
         _frame(ax, limits, (bottom / 2.0, 3.0 * top), band)
@@ -170,9 +178,6 @@ def error_figure(fit: "Fit", port: str) -> Figure:
 
 
 # -- logarithmic axes ------------------------------------------------------------------------------------------------
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
 def _power(value: float, _: float = 0.0) -> str:
     exponent = round(np.log10(value))
     return {0: "1", 1: "10"}.get(exponent, f"10{str(exponent).translate(_SUPERSCRIPT)}")

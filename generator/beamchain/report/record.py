@@ -99,6 +99,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         },
         "accuracy": {name: {"1%": steps[0], "0.1%": steps[1]} for name, steps in limits.accuracy.items()},
         "left_out": [],
+        "warnings": fit.warnings,
         "status": {"ok": fit.status.ok, "message": fit.status.message, "history": fit.status.history},
         "seconds": fit.seconds,
     }

@@ -8,7 +8,8 @@ import numpy as np
 
 from beamchain.assess.error import in_band_error
 from beamchain.port import Array
-from beamchain.report.curves import chain_label, count, moving, rival_chains, worst_hub
+from beamchain.report.curves import METHODS, beam_model, chain_label, count, rival_chains, rival_model
+from beamchain.report.page import Block, Lines, Picture, Pictures, Section, Table, Text, inline
 from beamchain.report.plots import percent, short
 from beamchain.report.record import mass_record
 from beamchain.report.spec_text import spec_toml
@@ -18,71 +19,23 @@ if TYPE_CHECKING:
     from beamchain.workflow import Fit
 
 TARGETS = {
-    "clamped": "clamped: the first cantilever modes, right on every hub",
+    "clamped": "clamped: the first cantilever modes, the better the heavier the hub",
     "free": "free: the first modes with nothing attached (the 2008 paper's)",
     "hub": "hub: the first modes of hub and appendage together",
     "auto": "auto: whichever needs fewest modes",
 }
+_EXACT = {
+    "clamped": "The chain is exact with the root held; the heavier the hub, the closer the modes on it.",
+    "free": "The chain is exact with nothing attached; the lighter the hub, the closer the modes on it.",
+    "hub": "The chain is exact on the hub.",
+}
 
-
-class Table(NamedTuple):
-    """A table; its first column names the row. `words`: cells are text, not numbers."""
-
-    rows: Sequence[Sequence[str]]
-    head: Sequence[str] = ()
-    caption: str = ""
-    note: str = ""
-    words: bool = False
-    kind: str = "table"
-
-
-class Picture(NamedTuple):
-    """An inline SVG."""
-
-    svg: str
-    caption: str
-    kind: str = "figure"
-
-
-class Text(NamedTuple):
-    """A paragraph, heading or code."""
-
-    text: str
-    kind: str = "paragraph"
-
-
-class Lines(NamedTuple):
-    """A list."""
-
-    lines: Sequence[str]
-    kind: str = "list"
-
-
-Block = Table | Picture | Text | Lines
-Pictures = dict[str, str]
 RivalErrors = dict[str, dict[str, float]]
-
-
-class Section(NamedTuple):
-    """A part of the page."""
-
-    title: str
-    blocks: Sequence[Block]
-
-
-def inline(svg: str, label: str) -> str:
-    """An SVG file's text as it may stand inside a page."""
-    body = svg[svg.index("<svg") :]
-    body = body.replace('<style type="text/css">*{stroke-linejoin: round; stroke-linecap: butt}</style>', "")
-    body = body.replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "").replace("xlink:href", "href")
-    body = body.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
-    quoted = label.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
-    return body.replace("<svg", f'<svg role="img" aria-label="{quoted}"', 1).strip()
 
 
 # -- words and numbers -----------------------------------------------------------------------------------------------
 def _number(value: float) -> str:
-    return f"{value:.6g}"
+    return f"{value + 0.0:.6g}"  # no minus before a zero
 
 
 def _vector(values: Iterable[float]) -> str:
@@ -94,25 +47,28 @@ def _step(value: float) -> str:
 
 
 def _kept(fit: "Fit") -> str:
-    """`2 modes in xy, 1 in torsion`."""
-    first, *more = [(port, model.modes) for port, model in fit.target.items()]
-    parts = [f"{count(first[1], 'mode')} in {first[0]}", *(f"{n} in {port}" for port, n in more)]
-    return parts[0] if not more else f"{', '.join(parts[:-1])} and {parts[-1]}"
+    """`first 2 modes in xy and 1 in torsion`."""
+    (port, modes), *more = [(port, model.modes) for port, model in fit.target.items()]
+    first = f"first {'mode' if modes == 1 else f'{modes} modes'} in {port}"
+    parts = [first, *(f"{n} in {other}" for other, n in more)]
+    return first if not more else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
 def _left_out(item: Any) -> str:
     return "; ".join(f"{key}: {value}" for key, value in item.items()) if isinstance(item, dict) else str(item)
 
 
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
 def rival_errors(fit: "Fit") -> RivalErrors:
     """Per port and rival its in-band error, computed as the chain's own."""
     out: RivalErrors = {}
     for port in fit.target:
-        hub = None if fit.hub_mass is None else port_hub_mass(fit.hub_mass, port)
+        beam, hub = beam_model(fit, port), None if fit.hub_mass is None else port_hub_mass(fit.hub_mass, port)
         out[port] = {
-            f"{label}, {count(moving(chain, port), 'hinge')}": in_band_error(
-                chain.port(port), fit.full[port], hub, fit.bandwidth[port]
-            )
+            label: in_band_error(rival_model(fit, port, chain), beam, hub, fit.bandwidth[port])
             for label, chain in rival_chains(fit, port).items()
         }
     return out
@@ -131,13 +87,13 @@ def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     errors = {port: error.accelerance_in_band or 0.0 for port, error in fit.error.items()}
     worst = max(errors, key=lambda port: errors[port])
     links = sum(link.mass > 0.0 for link in fit.chain.links)
-    hub = "the hub of the spec" if fit.hub_mass is not None else "any hub from 0.1 to 10 times the appendage's mass"
+    hub = "the hub of the spec" if fit.hub_mass is not None else "a hub of 0.1, 1 or 10 times the appendage's mass"
     text = (
         f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for the beam's {_kept(fit)}: "
-        f"frequencies within {percent(frequency)}, read back through MuJoCo; {hub} moves as with the beam within "
-        f"{percent(errors[worst])} of its motion up to {short(fit.bandwidth[worst])} rad/s"
+        f"frequencies within {percent(frequency)}, read back through MuJoCo; the motion of {hub} is off by "
+        f"at most {percent(errors[worst])} up to {short(fit.bandwidth[worst])} rad/s"
     )
-    classical = next((error for label, error in rivals[worst].items() if label.startswith("classical")), None)
+    classical = rivals[worst].get(METHODS["classical"])
     if classical is not None:
         text += f" (classical chain with as many hinges: {percent(classical)})"
     scene = fit.spec.scene
@@ -167,6 +123,8 @@ def all_sections(fit: "Fit", pictures: Pictures, rivals: RivalErrors, left_out: 
         Section("The chain", _chain(fit, pictures)),
         Section("Time steps", _steps(fit)),
     ]
+    if fit.warnings:
+        out.append(Section("Before you use it", [Lines([_sentence(text) for text in fit.warnings])]))
     if left_out:
         out.append(Section("Left out", [Lines([_left_out(item) for item in left_out])]))
     return [*out, Section("How it went", _history(fit)), Section("To reproduce", _reproduce(fit))]
@@ -256,13 +214,13 @@ def _against_beam(fit: "Fit", rivals: RivalErrors, pictures: Pictures) -> list[B
     place = "On the hub of the spec." if fit.hub_mass is not None else (
         "No hub is given: the worst of three, 0.1, 1 and 10 times the appendage's rigid mass."
     )  # fmt: skip
-    head = ["port", "band, rad/s", chain_label(fit), *labels]
+    names = [f"{label}, as many hinges" if label == METHODS["classical"] else label for label in labels]
+    head = ["port", "band, rad/s", chain_label(fit), *names]
     blocks: list[Block] = [Table(rows, head, caption="In-band error", note=place)]
     for port in fit.target:
         label = f"Relative error of the hub's motion in {port} over frequency, for the chain and for other chains."
         caption = (
-            f"Port {port}: error of the hub's motion at each frequency, {worst_hub(fit, port)[1]}; its largest in the "
-            "band is the in-band error."
+            f"Port {port}: error of the hub's motion at each frequency; its largest in the band is the in-band error."
         )
         blocks.append(Picture(inline(pictures[f"error_{port}.svg"], label), caption))
     blocks += [_frequencies(fit, port) for port in fit.target]
@@ -284,9 +242,10 @@ def _frequencies(fit: "Fit", port: str) -> Table:
         for k in range(kept)
     ]
     head = ["frequencies, rad/s", "beam", "chain, through MuJoCo", "model error"]
-    return Table(
-        rows, head, caption=f"Model error in {port}", note="Continuous time: no integrator is in these numbers."
-    )
+    note = "Continuous time: no integrator is in these numbers."
+    if fit.spec.fit.method == "exact":
+        note += " " + _EXACT.get(fit.spec.root.target or "clamped", "")
+    return Table(rows, head, caption=f"Model error in {port}", note=note)
 
 
 def _mass(fit: "Fit") -> Table:
@@ -294,7 +253,7 @@ def _mass(fit: "Fit") -> Table:
     target, got = mass_record(want), mass_record(have)
 
     def row(name: str, a: float, b: float) -> list[str]:
-        return [name, _number(a), _number(b), percent(b / a - 1.0) if a else "0" if b == a else "-"]
+        return [name, _number(a), _number(b), percent(b / a - 1.0) if a else "0" if b == a else "–"]
 
     rows = [row("mass, kg", target["mass"], got["mass"])]
     rows += [

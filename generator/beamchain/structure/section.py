@@ -4,7 +4,7 @@ Only sections whose y and z axes are principal and whose shear centre lies on th
 have both by symmetry, and `custom` asks the user for principal values.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -13,7 +13,7 @@ from beamchain.checks import not_negative, positive
 from beamchain.errors import InputError
 from beamchain.port import Array
 
-_FROZEN: dict[str, Any] = {"frozen": True, "kw_only": True, "forbid_unknown_fields": True, "tag_field": "shape"}
+ZETA_5 = 1.03692775514337  # Riemann's zeta at 5
 
 
 class Geometry(NamedTuple):
@@ -35,10 +35,12 @@ class _Section(msgspec.Struct, frozen=True, kw_only=True):
 
     def at(self, end: "_Section", fraction: Array) -> dict[str, Array]:
         """Dimensions at `fraction` `(k,)` of the way to `end`, a section of the same shape."""
-        return {
-            name: (1.0 - fraction) * getattr(self, name) + fraction * getattr(end, name)
-            for name in self.__struct_fields__
-        }
+        here, there = self.dimensions(), end.dimensions()
+        return {name: (1.0 - fraction) * here[name] + fraction * there[name] for name in here}
+
+    def dimensions(self) -> dict[str, float]:
+        """The numbers that are interpolated; what was left out stands at its default."""
+        return {name: float(getattr(self, name)) for name in self.__struct_fields__}
 
     def ratio(self, end: "_Section") -> float:
         """Largest ratio of a dimension between the two ends (at least 1): how strongly the segment tapers."""
@@ -54,7 +56,7 @@ class _Section(msgspec.Struct, frozen=True, kw_only=True):
         return 1.0
 
 
-class _Solid(_Section):
+class _Solid(_Section, frozen=True, kw_only=True):
     """A section that a drawing fixes, so that a material gives its stiffness and mass."""
 
     def geometry(self, end: "_Section", fraction: Array) -> Geometry:
@@ -62,7 +64,7 @@ class _Solid(_Section):
         raise NotImplementedError
 
 
-class Round(_Solid, tag="round", **_FROZEN):
+class Round(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="round"):
     """Solid circle of `diameter` [m]."""
 
     diameter: float
@@ -79,7 +81,7 @@ class Round(_Solid, tag="round", **_FROZEN):
         return 6.0 * (1.0 + nu) / (7.0 + 6.0 * nu)
 
 
-class Tube(_Solid, tag="tube", **_FROZEN):
+class Tube(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="tube"):
     """Hollow circle of `outer_diameter` and `wall` thickness [m]."""
 
     outer_diameter: float
@@ -109,7 +111,7 @@ class Tube(_Solid, tag="tube", **_FROZEN):
         return 6.0 * (1.0 + nu) * (1.0 + m2) ** 2 / ((7.0 + 6.0 * nu) * (1.0 + m2) ** 2 + (20.0 + 12.0 * nu) * m2)
 
 
-class Rectangle(_Solid, tag="rectangle", **_FROZEN):
+class Rectangle(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="rectangle"):
     """Solid rectangle of `width_y` and `width_z` [m]."""
 
     width_y: float
@@ -128,7 +130,7 @@ class Rectangle(_Solid, tag="rectangle", **_FROZEN):
         return 10.0 * (1.0 + nu) / (12.0 + 11.0 * nu)
 
 
-class Box(_Solid, tag="box", **_FROZEN):
+class Box(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="box"):
     """Hollow rectangle of outer `width_y`, `width_z` and `wall` thickness [m]; thin-walled in torsion (Bredt)."""
 
     width_y: float
@@ -172,7 +174,7 @@ class Box(_Solid, tag="box", **_FROZEN):
         return above / below
 
 
-class Custom(_Solid, tag="custom", **_FROZEN):
+class Custom(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="custom"):
     """Any section by its numbers: `area` [m^2], moments [m^4] about principal axes through the centroid.
 
     Args:
@@ -197,18 +199,22 @@ class Custom(_Solid, tag="custom", **_FROZEN):
         both = self.second_moment_z + self.second_moment_y
         if self.polar_moment and abs(self.polar_moment / both - 1.0) > 0.05:
             raise InputError(
-                f"polar_moment = {self.polar_moment!r} m^4 should be second_moment_y + second_moment_z = {both:.6g} m^4 "
-                "(the axes must be principal); leave it out, or state polar inertia with an `equivalent` section."
+                f"polar_moment = {self.polar_moment!r} m^4 should be second_moment_y + second_moment_z = {both:.6g} "
+                "m^4 (the axes must be principal); leave it out, or state polar inertia with an `equivalent` section."
             )
 
     def geometry(self, end: _Section, fraction: Array) -> Geometry:
         v = self.at(end, fraction)
         iz, iy = v["second_moment_z"], v["second_moment_y"]
-        polar = np.where(v["polar_moment"] > 0.0, v["polar_moment"], iz + iy)
-        return Geometry(v["area"], iz, iy, v["torsion_constant"], polar)
+        return Geometry(v["area"], iz, iy, v["torsion_constant"], v["polar_moment"])
+
+    def dimensions(self) -> dict[str, float]:
+        """Dimensions; the polar moment is the sum of the other two where left out."""
+        out = super().dimensions()
+        return {**out, "polar_moment": out["polar_moment"] or out["second_moment_y"] + out["second_moment_z"]}
 
 
-class Equivalent(_Section, tag="equivalent", **_FROZEN):
+class Equivalent(_Section, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="equivalent"):
     """A truss or array by its measured stiffness and mass per length; takes no material.
 
     Args:
@@ -235,6 +241,11 @@ class Equivalent(_Section, tag="equivalent", **_FROZEN):
             not_negative(name, getattr(self, name), unit)
         not_negative("polar_inertia", self.polar_inertia, "kg m")
 
+    def dimensions(self) -> dict[str, float]:
+        """Dimensions; EI in xz is that in xy where left out."""
+        out = super().dimensions()
+        return {**out, "bending_stiffness_xz": out["bending_stiffness_xz"] or out["bending_stiffness_xy"]}
+
 
 Section = Round | Tube | Rectangle | Box | Custom | Equivalent
 
@@ -242,6 +253,9 @@ Section = Round | Tube | Rectangle | Box | Custom | Equivalent
 def rectangle_torsion(b: Array, h: Array) -> Array:
     """Saint-Venant torsion constant of solid rectangles `b` x `h`, the exact series (Timoshenko, Goodier, art. 109)."""
     long, short = np.maximum(b, h), np.minimum(b, h)
-    odd = np.arange(1, 60, 2)[:, None]
-    series = np.sum(np.tanh(odd * np.pi * long / (2.0 * short)) / odd**5, axis=0)
+    odd = np.arange(1, 16, 2)[:, None]
+    # tanh - 1 dies out at once; what it leaves is the sum of 1 / n^5 over odd n
+    decay = np.exp(-odd * np.pi * long / short)
+    rest = -2.0 * decay / (1.0 + decay) / odd**5
+    series = np.sum(rest, axis=0) + 31.0 / 32.0 * ZETA_5
     return long * short**3 / 3.0 * (1.0 - 192.0 / np.pi**5 * short / long * series)
