@@ -275,7 +275,7 @@ REFUSED = {
     "no XML": ("<mujoco>", "mount", "not XML"),
     "name taken": (craft('<site name="mount"/><site name="rod_root"/>'), "mount", "--prefix"),
     "inertiafromgeom": (
-        craft('<geom size=".1"/><site name="mount"/>', '<compiler inertiafromgeom="true"/>'), "mount", "inertiafromgeom"),
+        craft(before='<compiler inertiafromgeom="true"/>'), "mount", "inertiafromgeom"),
     "boundmass": (craft(before='<compiler boundmass="1"/>'), "mount", "boundmass = 1 kg"),
     "boundinertia": (craft(before='<compiler boundinertia="1"/>'), "mount", "boundinertia = 1 kg m^2"),
     "settotalmass": (craft(before='<compiler settotalmass="100"/>'), "mount", "settotalmass = 100"),
