@@ -313,8 +313,8 @@ def _fit_all(
             taken = "locked, since a spring holds it" if joint.sprung else "free, since no spring holds it"
             if not joint.own:
                 warnings.append(
-                    f"{name}: stands behind the joint {joint.name} ({joint.kind}); {hub.mass:.6g} kg are rigidly behind "
-                    f"its root. The fit takes that joint as {taken}."
+                    f"{name}: stands behind the joint {joint.name} ({joint.kind}); {hub.mass:.6g} kg are rigidly "
+                    f"behind its root. The fit takes that joint as {taken}."
                 )
         held = place.held(spec.kept)
         if held:

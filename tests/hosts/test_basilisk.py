@@ -1,16 +1,19 @@
 """Basilisk's MJScene with a file that embed wrote: string and file, against plain MuJoCo's RK4.
 
-Basilisk brings a MuJoCo of its own and integrates with its own RK4 at the task's rate; it ignores the file's integrator.
+Basilisk brings a MuJoCo of its own and integrates with its own RK4 at the task's rate, whatever the file says.
 """
 
-import beamchain as bc
 import mujoco
 import numpy as np
 import pytest
+
+import beamchain as bc
 from spacecraft import APPENDAGES, CRAFTS
 
 pytestmark = pytest.mark.host
-bsk = pytest.importorskip("Basilisk.simulation.mujoco", reason="Basilisk is not installed: pip install 'beamchain[basilisk]'")
+bsk = pytest.importorskip(
+    "Basilisk.simulation.mujoco", reason="Basilisk is not installed: pip install 'beamchain[basilisk]'"
+)
 
 DIFFERENCE = 1e-9  # of the peak: the issue's bound; two MuJoCo versions, the same Runge-Kutta steps
 STEP, SECONDS = 0.002, 20.0
@@ -19,9 +22,8 @@ KICK = [0.01, -0.02, 0.015, 0.02, 0.03, -0.01]
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
-    """drive.xml with its array; the drive's limits off, since Basilisk's MuJoCo and ours solve constraints differently."""
-    text = (CRAFTS / "drive.xml").read_text()
-    done = bc.embed(text, {"panel_mount": APPENDAGES / "array_left.toml"})
+    """A spacecraft with a solar-array drive and its array."""
+    done = bc.embed(CRAFTS / "drive.xml", {"panel_mount": APPENDAGES / "array_left.toml"})
     return done.write(tmp_path_factory.mktemp("bsk") / "craft.xml")[-1]
 
 

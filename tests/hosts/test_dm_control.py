@@ -1,8 +1,9 @@
 """dm_control's mjcf with a file that embed wrote, and with a bare appendage that it attaches itself."""
 
-import beamchain as bc
 import numpy as np
 import pytest
+
+import beamchain as bc
 from spacecraft import APPENDAGES, CRAFTS, frequencies, response
 
 pytestmark = pytest.mark.host

@@ -5,10 +5,11 @@
 
 from pathlib import Path
 
-import beamchain as bc
 import mujoco
 import numpy as np
 import pytest
+
+import beamchain as bc
 from beamchain.mjcf.write import number
 from spacecraft import APPENDAGES, frequencies, response
 

@@ -9,6 +9,8 @@ from beamchain.cli.common import Force, Json, Quiet, console, print_json
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from beamchain.embedding import Embedded
 
 
@@ -73,7 +75,9 @@ def embed(
         named = [name for name, _ in places]
         if len(set(named)) < len(named):
             raise InputError(f"--at names {max(named, key=named.count)!r} twice; one place carries one appendage.")
-        result = embed_all(craft, dict(places), form=form, prefixes=prefix)
+        with _working(quiet or as_json, "fitting the appendages and proving the whole"):
+            result = embed_all(craft, dict(places), form=form, prefixes=prefix)
+            result.assembly  # noqa: B018  (computed here, shown below)
     also = {} if plot is None else {plot: result.plot()}
     files = result.write(output, force=force, also=also)
     if as_json:
@@ -82,6 +86,17 @@ def embed(
         _show(result, files)
     if not all(a.fit.status.ok for a in result.appendages):
         raise typer.Exit(3)
+
+
+def _working(silent: bool, what: str) -> "Progress":
+    """A spinner while it takes its time."""
+    from rich.progress import Progress, SpinnerColumn, TextColumn
+
+    progress = Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), transient=True, disable=silent, redirect_stdout=False
+    )
+    progress.add_task(what)
+    return progress
 
 
 def _split(word: str, remove: bool) -> tuple[str, str]:
