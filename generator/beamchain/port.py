@@ -233,7 +233,7 @@ class PortModel:
         s = 1j * np.atleast_1d(np.asarray(omega, dtype=np.float64))
         w = self.frequencies[:, None]
         weight = s**2 / (s**2 + 2.0 * self.damping[:, None] * w * s + w**2)
-        return self.rigid_mass[:, :, None] - _outer_sum(self.participation, weight)
+        return self.rigid_mass.astype(np.complex128)[:, :, None] - _outer_sum(self.participation, weight)
 
     def W(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802
         """Accelerance `(m, m, k)`: acceleration per unit wrench at `omega` `(k,)` [rad/s]."""

@@ -127,6 +127,8 @@ def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, A
     inertia = a * b / mass * nodes.lengths**2
     if nodes.excess is not None:
         inertia = inertia + nodes.excess
+        if np.any(inertia <= 0.0) and share < 0.5:
+            return split(nodes, beam_mass, 0.5)  # halves leave each rod the most inertia
         if np.any(inertia <= 0.0):
             raise RealisationError(
                 "a link's rotary inertia would be negative; set scene.tip = false or keep other modes."

@@ -93,17 +93,12 @@ def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
 
 def beam_model(fit: "Fit", port: str) -> PortModel:
     """The whole beam in a port with the damping that in-band errors are stated with: the spec's, else 0.5 %."""
-    return damped(_with_ratios(fit, port, fit.full[port]))
+    return damped(fit.spec.with_ratios(port, fit.full[port]))
 
 
 def rival_model(fit: "Fit", port: str, chain: Chain) -> PortModel:
     """A rival's port model with the same damping ratios as the beam's."""
-    return damped(_with_ratios(fit, port, chain.port(port)))
-
-
-def _with_ratios(fit: "Fit", port: str, model: PortModel) -> PortModel:
-    wanted = fit.spec.damping
-    return model if wanted is None else model.replaced(damping=wanted.ratios(port, model.modes))
+    return damped(fit.spec.with_ratios(port, chain.port(port)))
 
 
 def undamped(model: PortModel) -> Accelerance:

@@ -141,7 +141,7 @@ def _asked(fit: "Fit") -> list[Block]:
         ("appendage", f"{short(beam.length)} m long, {short(float(beam.rigid_mass()[0, 0]))} kg: {', '.join(carried)}"),
         ("modes to keep", asked),
         ("method", spec.fit.method),
-        ("target", TARGETS[spec.root.target or "clamped"]),
+        ("target", TARGETS[fit.kept_for]),
         ("hub", "none given" if spec.root.hub is None else _hub(fit)),
         ("band", "; ".join(f"{port} up to {_number(band)} rad/s" for port, band in fit.bandwidth.items())),
     ]
@@ -199,7 +199,7 @@ def _modes(fit: "Fit", port: str) -> Table:
         rows.append(row)
     unit = {"torsion": "√(kg m²)", "axial": "√kg"}.get(port, "force √kg, moment √kg m")
     note = f"Cantilever modes, root held. Participation in {unit}."
-    if fit.spec.root.target in ("free", "hub"):
+    if fit.kept_for in ("free", "hub"):
         note += " The target keeps other modes exactly (next section); its own cantilever modes differ from the beam's."
     return Table(rows, head, caption=f"Port {port}", note=note)
 
@@ -244,7 +244,7 @@ def _frequencies(fit: "Fit", port: str) -> Table:
     head = ["frequencies, rad/s", "beam", "chain, through MuJoCo", "model error"]
     note = "Continuous time: no integrator is in these numbers."
     if fit.spec.fit.method == "exact":
-        note += " " + _EXACT.get(fit.spec.root.target or "clamped", "")
+        note += " " + _EXACT.get(fit.kept_for, "")
     return Table(rows, head, caption=f"Model error in {port}", note=note)
 
 
