@@ -69,6 +69,7 @@ class TestStyles:
         np.testing.assert_allclose(frequencies(model), frequencies(inline.model), rtol=SAME)
         np.testing.assert_array_equal(model.key_qpos, inline.model.key_qpos)
         np.testing.assert_array_equal(model.key_qvel, inline.model.key_qvel)
+        assert take_out(files[-1]).canonical() == canonical(CRAFTS / file)
 
 
 class TestTheUsersFile:
@@ -133,6 +134,7 @@ class TestTheUsersFile:
     def test_one_taken_out(self, written):
         left = take_out(written, ["left"])
         assert [a.at for a in left.appendages] == ["right", "boom_mount"]
+        assert left.form == "inline"
         with pytest.raises(BeamchainError, match="no appendage at 'nowhere'"):
             take_out(written, ["nowhere"])
 
@@ -193,6 +195,17 @@ class TestHub:
         done = bc.embed(loose, {"panel_mount": spec("array_left")})
         assert any("free, since no spring" in w for w in done.warnings)
         assert done.assembly.worst < 1e-10
+
+    def test_scene_chooses_with_the_hub_of_the_craft(self):
+        given = bc.read_spec(spec("rod"))
+        own = bc.Spec(name="rod", segment=given.segment, scene=bc.Scene(bandwidth=10.0, tolerance=1e-3, axes=("z",)))
+        done = bc.embed(CRAFTS / "planar.xml", {"mount": own})
+        first = next(m for m in done.assembly.modes if m.kept)
+        assert abs(first.error) < COUPLED
+        again = bc.embed(
+            done.to_mjcf(), {"side": own}, prefixes=["side_"]
+        )  # the choice is made anew from the spec kept
+        assert [a.at for a in again.appendages] == ["mount", "side"]
 
     def test_hub_of_the_spec_is_replaced(self):
         given = bc.read_spec(spec("rod"))

@@ -143,8 +143,7 @@ def carried(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[Ca
                 whole = spec.beam.port(port, 2 * kept.get(port, 0) + EXTRA_MODES)
             except InputError:
                 continue  # rigid there
-            ratios = spec.damping and spec.damping.ratios(port, whole.modes)
-            ports[port] = whole if ratios is None else whole.replaced(damping=ratios)
+            ports[port] = spec.with_ratios(port, whole)
         band = {port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes}
         flags = np.concatenate([np.arange(own.modes) < kept.get(port, 0) for port, own in ports.items()])
         order = np.argsort(np.concatenate([own.frequencies for own in ports.values()]), kind="stable")

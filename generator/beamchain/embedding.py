@@ -141,7 +141,7 @@ def embed(
         wanted[name] = (spec, prefix)
     if isinstance(craft, mujoco.MjSpec):
         return _embed_in_spec(craft, wanted)
-    original, before = _read(craft)
+    original, before, _ = _read(craft)
     return _embed_in_document(original, before | wanted, form)
 
 
@@ -158,7 +158,7 @@ def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
     Raises:
         InputError: there is no such appendage.
     """
-    original, before = _read(craft)
+    original, before, form = _read(craft)
     missing = [name for name in at if name not in before]
     if not before or missing:
         place = f"at {missing[0]!r} " if missing else ""
@@ -166,14 +166,16 @@ def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
             f"{original.label} holds no appendage {place}that embed put in; it has: {', '.join(before) or 'none'}."
         )
     left = {name: entry for name, entry in before.items() if at and name not in at}
-    return _embed_in_document(original, left, "inline") if left else original
+    return _embed_in_document(original, left, form) if left else original
 
 
-def _read(craft: str | Path) -> tuple[Craft, dict[str, tuple[Spec, str]]]:
+def _read(craft: str | Path) -> tuple[Craft, dict[str, tuple[Spec, str]], str]:
+    """The bare spacecraft, what was embedded in it by place, and in which form."""
     text = isinstance(craft, str) and craft.lstrip().startswith("<")
     read = craft_from_text(str(craft)) if text else read_craft(craft)
     facts = marks.embedded(read.root)
-    return bare(read), {f["at"]: (spec_from_dict(f["spec"], f"mark of {f['at']}"), f["prefix"]) for f in facts}
+    before = {f["at"]: (spec_from_dict(f["spec"], f"mark of {f['at']}"), f["prefix"]) for f in facts}
+    return bare(read), before, facts[0]["form"] if facts else "inline"
 
 
 # -- into a document -------------------------------------------------------------------------------------------------
@@ -330,5 +332,6 @@ def _fit_all(
         result = fit(spec, root=Root(target=spec.root.target, hub=hub))
         if not result.status.ok:
             warnings.append(f"{name}: {result.status.message}")
+        warnings += [f"{name}: {warning}" for warning in result.warnings]
         out.append(Appendage(name, prefix, place, hub, spec, result))
     return tuple(out), warnings

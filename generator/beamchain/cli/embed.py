@@ -117,7 +117,7 @@ def _show(result: "Embedded", files: list[Path]) -> None:
         table.add_column(column, justify="left")
     for a in result.appendages:
         on = ", ".join(f"{joint.kind} joint {joint.name}" for joint in a.mount.joints)
-        table.add_row(a.at, a.prefix, f"{a.hub.mass:.6g}", on, a.fit.spec.root.target or "clamped")
+        table.add_row(a.at, a.prefix, f"{a.hub.mass:.6g}", on, a.fit.kept_for)
     out.print(table)
     modes = Table(title="coupled modes of the whole spacecraft, rad/s", title_justify="left")
     for column in ("exact beams on the same hub", "MuJoCo (mjd_transitionFD)", "difference"):

@@ -21,7 +21,7 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
                     "apparent": a.hub.apparent,
                     "joints": [{"name": j.name, "type": j.kind, "sprung": j.sprung} for j in a.mount.joints],
                 },
-                "target": a.fit.spec.root.target or "clamped",
+                "target": a.fit.kept_for,
                 "ports": {port: {"frequencies": target.frequencies} for port, target in a.fit.target.items()},
                 "status": {"ok": a.fit.status.ok, "message": a.fit.status.message},
             }
