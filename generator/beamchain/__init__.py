@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from beamchain.chain.realise import realise as realise
     from beamchain.chain.rivals import equal_links as equal_links
     from beamchain.chain.rivals import seed_chain as seed_chain
+    from beamchain.embedding import Embedded as Embedded
+    from beamchain.embedding import embed as embed
     from beamchain.engine.linearise import Linearisation as Linearisation
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
@@ -50,6 +52,7 @@ _PLACES = {
     "chain.chain": ("Chain",),
     "chain.realise": ("planar_chain", "realise"),
     "chain.rivals": ("equal_links", "seed_chain"),
+    "embedding": ("Embedded", "embed"),
     "engine.linearise": ("Linearisation", "linearise"),
     "errors": ("BeamchainError",),
     "port": ("PortModel",),

@@ -120,7 +120,7 @@ class Fit:
         hub = self.spec.root.hub or default_hub(self.spec.beam)
         timestep = self.spec.fit.timestep or (scene.timestep if self.spec.scene else self._safe_step(scene.integrator))
         root = write.scene(
-            self.appendage(), self.spec.name, mass=hub.mass, inertia=hub.inertia, offset=hub.offset,
+            self.appendage(), self.spec.name, mass=hub.mass, inertia=hub.inertia_matrix(), offset=hub.offset,
             timestep=timestep, integrator=scene.integrator, contacts=scene.contacts,
         )  # fmt: skip
         return write.text(root)
@@ -244,6 +244,11 @@ def fit(
 def _fit(spec: Spec) -> Fit:
     clock = [time.perf_counter()]
     beam = spec.beam
+    if spec.root.target == "hub" and spec.root.hub is None:
+        raise InputError(
+            'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, or use '
+            'target = "clamped" (`beamchain embed` reads the hub from the spacecraft).'
+        )
     hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
     full = whole_beam(spec, beam)
     clock.append(time.perf_counter())
