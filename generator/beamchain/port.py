@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass than this is none, and its mode lies at infinity
 DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
 
 PORTS = ("xy", "xz", "torsion", "axial")
@@ -46,10 +47,10 @@ def locked(values: ArrayLike) -> Array:
     return result
 
 
-def square_root(matrix: Array) -> Array:
-    """`R` with `R^T R = matrix` for a symmetric positive semidefinite matrix; rounding below zero is clipped."""
+def square_root(matrix: Array, noise: float = 0.0) -> Array:
+    """`R` with `R^T R = matrix` for a symmetric positive semidefinite matrix; eigenvalues below `noise` become zero."""
     values, vectors = np.linalg.eigh(matrix)
-    return np.sqrt(np.clip(values, 0.0, None))[:, None] * vectors.T
+    return np.sqrt(np.where(values > noise, values, 0.0))[:, None] * vectors.T
 
 
 def body_mass_matrix(mass: float, centre: Array, inertia: Array) -> Array:
@@ -166,7 +167,13 @@ class PortModel:
     # -- free modes ----------------------------------------------------------------------------------------------
     def _rows(self) -> tuple[Array, Array]:
         """Motion rows weighted by the square root of mass: rigid `(n+m, m)` and elastic `(n+m, n)`."""
-        rigid = np.vstack([self.participation, square_root(self.residual_mass)])
+        scale = np.sqrt(np.diag(self.rigid_mass))
+        scaled = self.residual_mass / np.outer(scale, scale)
+        if np.linalg.eigvalsh(scaled)[0] < RESIDUAL_NOISE:  # a direction without residual mass shall be one exactly
+            root = square_root(scaled, RESIDUAL_NOISE) * scale
+        else:
+            root = square_root(self.residual_mass)
+        rigid = np.vstack([self.participation, root])
         elastic = np.vstack([np.diag(1.0 / self.frequencies), np.zeros((self.motions, self.modes))])
         return rigid, elastic
 

@@ -15,7 +15,8 @@ from beamchain.chain.chain import Link
 from beamchain.chain.realise import Nodes
 from beamchain.errors import RealisationError
 from beamchain.port import Array
-from beamchain.structure.beam import Beam, Moments
+from beamchain.structure.beam import Moments
+from beamchain.structure.mass_line import MassLine
 
 SAME_PLACE = 1e-9  # hinges closer than this share of the length are one
 NARROWEST = 0.005  # share of the length whose mass a shorter cell takes as its own to start from
@@ -71,7 +72,7 @@ def merge_cuts(positions: Sequence[Array], length: float) -> Array:
     return np.array(cuts)
 
 
-def cells(beam: Beam, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGroups | None = None) -> list[Link]:
+def cells(beam: MassLine, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGroups | None = None) -> list[Link]:
     """Bodies between the cuts that satisfy every port; polar inertia is left at zero.
 
     Args:
@@ -84,6 +85,8 @@ def cells(beam: Beam, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGr
     """
     length, total = beam.length, float(xy.moments[:, 0].sum())
     edges = np.array([0.0, *cuts, length])
+    marks = edges.copy()  # a cell of no length before a hinge at the root belongs before it
+    marks[0] = -1e-6 * length
     count = edges.size - 1
     real = [_stretch(beam, float(a), float(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
     # unit length and mass from here on: moments of the real piece (m, s, j_xy, j_xz)
@@ -117,7 +120,7 @@ def cells(beam: Beam, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGr
     for plane, second in planes:
         x = plane.hinges / length
         for i, (m, s, j) in enumerate(plane.moments / unit[:3]):
-            members = _members(edges, plane.hinges, i, length)
+            members = _members(marks, plane.hinges, i, length)
             for moment, value, power in ((0, m, 0), (1, s, 1), (second, j, 2)):
                 row = add(members, moment, value)
                 if i < x.size:
@@ -127,7 +130,7 @@ def cells(beam: Beam, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGr
         start += x.size
     if axial is not None:
         for i, mass in enumerate(axial.masses / total):
-            add(_members(edges, axial.hinges, i, length), 0, float(mass))
+            add(_members(marks, axial.hinges, i, length), 0, float(mass))
     sheared = abs(xy.moments[:, 2].sum() - xz.moments[:, 2].sum()) > 1e-12 * xy.moments[:, 2].sum()
     cost = np.zeros(variables)
     cost[0] = -1.0
@@ -157,7 +160,7 @@ def cells(beam: Beam, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGr
     return out
 
 
-def _stretch(beam: Beam, start: float, end: float) -> Moments:
+def _stretch(beam: MassLine, start: float, end: float) -> Moments:
     """The beam between two cuts; between cuts that nearly coincide, a little of it on either side."""
     widen = max(NARROWEST * beam.length - (end - start), 0.0) / 2.0
     end = min(end + widen, beam.length)

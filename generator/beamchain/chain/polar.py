@@ -9,13 +9,13 @@ import numpy as np
 from beamchain.chain.chain import Link
 from beamchain.errors import RealisationError
 from beamchain.port import Array
-from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 
 TINY = 1e-6  # polar over transverse inertia of a link where the appendage states none
 TRIES = 400
 
 
-def real_polar(beam: Beam, cuts: Array) -> Array:
+def real_polar(beam: MassLine, cuts: Array) -> Array:
     """`(c + 1,)` polar inertia of the beam's pieces between the cuts [kg m^2]."""
     edges = [0.0, *cuts.tolist(), beam.length]
     return np.array(
@@ -28,7 +28,7 @@ def with_polar(links: Sequence[Link], inertias: Sequence[float]) -> list[Link]:
     return [replace(l, inertia=(p, l.inertia[1], l.inertia[2])) for l, p in zip(links, inertias, strict=True)]
 
 
-def natural_positions(beam: Beam, shares: Array, kind: str) -> Array:
+def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
     """x at which the beam's own cumulative mass or polar inertia reaches the given inertias.
 
     Args:
@@ -82,7 +82,7 @@ def share(links: list[Link], wanted: list[float], groups: list[list[int]], real:
     return out
 
 
-def place(beam: Beam, links: list[Link], cuts: Array, inertias: Array, real: Array) -> tuple[list[int], list[float]]:
+def place(beam: MassLine, links: list[Link], cuts: Array, inertias: Array, real: Array) -> tuple[list[int], list[float]]:
     """Which hinges turn in torsion, and every link's polar inertia.
 
     Args:
