@@ -232,7 +232,10 @@ class PortModel:
         s = 1j * np.atleast_1d(np.asarray(omega, dtype=np.float64))
         w = self.frequencies[:, None]
         weight = s**2 / (s**2 + 2.0 * self.damping[:, None] * w * s + w**2)
-        return self.rigid_mass[:, :, None] - np.einsum("ki,kj,kf->ijf", self.participation, self.participation, weight)
+        m, effective = self.motions, self.effective_mass.reshape(self.modes, self.motions**2)
+        # real times complex as real products, which is what takes the time where modes are many
+        parts = effective.T @ np.ascontiguousarray(weight, dtype=np.complex128).view(np.float64)
+        return self.rigid_mass[:, :, None] - parts.view(np.complex128).reshape(m, m, s.size)
 
     def W(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802
         """Accelerance `(m, m, k)`: acceleration per unit wrench at `omega` `(k,)` [rad/s]."""

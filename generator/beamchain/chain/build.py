@@ -213,8 +213,8 @@ def _shared(nodes: Mapping[str, Nodes], rotary: float) -> Nodes | None:
         if other.masses.size != first.masses.size:
             return None
         if (
-            np.max(np.abs(other.masses / first.masses - 1.0)) > SAME
-            or np.max(np.abs(other.lengths / first.lengths - 1.0)) > SAME
+            np.any(np.abs(other.masses - first.masses) > SAME * first.masses)
+            or np.any(np.abs(other.lengths - first.lengths) > SAME * first.lengths)
         ):
             return None
     return first

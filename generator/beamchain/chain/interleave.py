@@ -24,6 +24,7 @@ EXTRA_SHARE = 0.8  # of a cell's polar inertia: how far its transverse inertias 
 GRID = (-0.1, 1.2, 66)  # where point masses may sit, in lengths of the appendage
 EXTRA_COST = 0.05  # of the objective, if every cell used all of it
 FLOOR = 1e-6  # of a cell's mass: what every place of the grid carries at least, so that the solution is not a corner
+ROOT_SHARE = 0.002  # of the whole mass: what a root body without length starts from
 LEAST_SHARE = 1e-3  # least part of its real mass a cell may keep
 
 
@@ -92,7 +93,11 @@ def cells(beam: MassLine, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: Ma
     # unit length and mass from here on: moments of the real piece (m, s, j_xy, j_xz)
     unit = np.array([1.0, length, length**2, length**2]) * total
     own = np.array([[r.mass, r.first, r.second + r.rotary_xy, r.second + r.rotary_xz] for r in real]) / unit
+    at_root = cuts.size > 0 and cuts[0] <= SAME_PLACE * length
+    if at_root:  # a hinge at the root: the cell before it is a point there
+        own[0] = [ROOT_SHARE, 0.0, 0.0, 0.0]
     grid = np.linspace(*GRID)
+    grid[np.argmin(np.abs(grid))] = 0.0
     points = np.column_stack([np.ones_like(grid), grid, grid**2, grid**2])
     size = grid.size
     planes = ((xy, 2), (xz, 3))
@@ -137,6 +142,9 @@ def cells(beam: MassLine, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: Ma
     bounds: list[tuple[float | None, float | None]] = [(0.0, 1.0)]
     for k in range(count):
         extra = EXTRA_SHARE * real[k].polar / unit[2] if sheared else 0.0
+        if at_root and k == 0:
+            bounds += [(0.0, None if x == 0.0 else 0.0) for x in grid] + [(0.0, 0.0)] * 2
+            continue
         bounds += [(FLOOR * own[k, 0] / size, None)] * size + [(0.0, extra)] * 2
         cost[1 + k * per_cell + size : 1 + (k + 1) * per_cell] = EXTRA_COST / extra / count if extra else 0.0
     bounds += [(None, None)] * free
@@ -148,6 +156,8 @@ def cells(beam: MassLine, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: Ma
         jxy += solution[at + size] * unit[2]
         jxz += solution[at + size + 1] * unit[3]
         com = s / m
+        if at_root and k == 0:
+            com = jxy = jxz = s = 0.0
         out.append(
             Link(
                 start=float(edges[k]),

@@ -37,6 +37,8 @@ def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
     """
     grid = np.linspace(0.0, beam.length, 201)
     own = np.array([getattr(beam.moments(0.0, float(x), closed=x >= beam.length), kind) for x in grid])
+    if not np.sum(shares) > 0.0:
+        return np.zeros(shares.size - 1)
     wanted = np.cumsum(shares)[:-1] * (own[-1] / np.sum(shares))
     return np.interp(wanted, own, grid)
 

@@ -356,7 +356,8 @@ def settled(rigid_mass: Array, participation: Array, tolerance: float) -> tuple[
     if values[0] < 0.0 or np.any((values > 0.0) & (values <= tolerance)):
         clipped = np.where(values <= tolerance, 0.0, values)
         kept = (vectors * clipped) @ vectors.T
-    out = effective + kept * np.outer(scale, scale)
+    present = np.where(diagonal > 0.0, scale, 0.0)  # a motion without inertia has none afterwards
+    out = effective * np.outer(diagonal > 0.0, diagonal > 0.0) + kept * np.outer(present, present)
     return out, float(np.max(np.abs(kept - residual)))
 
 
