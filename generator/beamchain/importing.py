@@ -1,4 +1,5 @@
-"""Imported modes -> a verified drop-in file: chain or oscillators, chosen by how much the modes leak between the ports."""
+"""Imported modes -> a verified drop-in file: chain or oscillators, chosen by how much the modes leak between the "
+"ports."""
 
 import time
 from collections.abc import Mapping
@@ -106,7 +107,8 @@ def _case(spec: Spec, data: ModalData) -> _Case:
     if spec.modes is not None:
         if wanted is not None:
             raise InputError(
-                "[modes] and imported.modes are both given; name the modes by number (imported.modes) or count them per "
+                "[modes] and imported.modes are both given; name the modes by number (imported.modes) or count them "
+                "per "
                 "port ([modes])."
             )
         numbers: list[int] = []
@@ -167,7 +169,8 @@ def _chain_fit(case: _Case, why: str, started: float, *, ok: bool = True) -> Fit
     achieved = _living(in_space(measured.ports, measured.rigid_mass), live)
     space = _space(case, "chain", why, achieved, live, None)
     loss = (
-        f"against all six motions of the imported modes its in-band error is {space.error.accelerance_in_band:.2e} up to "
+        f"against all six motions of the imported modes its in-band error is {space.error.accelerance_in_band:.2e} "
+        "up to "
         f"{case.band(kept.space()):.4g} rad/s."
     )
     message = " ".join([f"{why}.", built.status.message, *notes, loss])
@@ -178,9 +181,17 @@ def _chain_fit(case: _Case, why: str, started: float, *, ok: bool = True) -> Fit
 def _build(
     line: MassLine, counts: Mapping[str, int], targets: Mapping[str, PortModel], target_of: TargetOf
 ) -> tuple[Built, MassLine, list[str]]:
-    """The exact chain, else the nearest; thin links that cannot carry a wide appendage's polar inertia carry less of it."""
+    """The exact chain, else the nearest; thin links that cannot carry a wide appendage's polar inertia carry less "
+    "of it."""
     reasons: list[RealisationError] = []
-    for build in (lambda own: build_exact(own, counts, target_of), lambda own: build_near(own, targets)):
+
+    def exact(own: MassLine) -> Built:
+        return build_exact(own, counts, target_of)
+
+    def near(own: MassLine) -> Built:
+        return build_near(own, targets)
+
+    for build in (exact, near):
         for share in POLAR_SHARES:
             own = line if share == 1.0 else _narrowed(line, share)
             try:
@@ -240,7 +251,8 @@ def _oscillator_fit(case: _Case, why: str, started: float) -> Fit:
     spec, data, kept = case.spec, case.data, case.kept
     if spec.root.target in ("free", "hub"):
         raise InputError(
-            f'root.target = "{spec.root.target}" and form = "oscillators" do not go together: oscillators are the clamped '
+            f'root.target = "{spec.root.target}" and form = "oscillators" do not go together: oscillators are the '
+            "clamped "
             'modes; use target = "clamped".'
         )
     clock = [started, time.perf_counter()]
@@ -255,15 +267,21 @@ def _oscillator_fit(case: _Case, why: str, started: float) -> Fit:
     live = tuple(data.live)
     measured, achieved = measure_in_space(tree, timestep=case.scene.timestep, ballast=_root_ballast(made), live=live)
     space = _space(case, "oscillators", why, achieved, live, made)
-    alive = [port for port in PORTS if np.all((PORT_MOTION[port].T @ kept.rigid_mass @ PORT_MOTION[port]).diagonal() > 0.0)]
+    alive = [
+        port for port in PORTS if np.all((PORT_MOTION[port].T @ kept.rigid_mass @ PORT_MOTION[port]).diagonal() > 0.0)
+    ]
     targets = {port: model for port in alive if (model := _shown(kept, port)).modes}
     kinds = [item.kind for item in made.items]
     parts = ", ".join(
         f"{n} {kind}{'s' if n > 1 else ''}" for kind in ("slider", "rotor", "screw") if (n := kinds.count(kind))
     )
-    message = f"{why}. {len(kinds)} modes as {parts} on one rigid root body of {made.root.mass:.6g} kg, exact at the port."
+    message = (
+        f"{why}. {len(kinds)} modes as {parts} on one rigid root body of {made.root.mass:.6g} kg, exact at the port."
+    )
     if made.repair > 1e-12:
-        message += f" The root body's moments moved by {made.repair:.1e} of the appendage's, within the print, to be a body's."
+        message += (
+            f" The root body's moments moved by {made.repair:.1e} of the appendage's, within the print, to be a body's."
+        )
     if made.leak > 1e-12:
         message += f" Left out: {made.leak:.1e} of a mode (a twist along its force, within the print)."
     status = Status(True, message, data.steps)
@@ -293,7 +311,11 @@ def _root_ballast(made: Oscillators) -> Array | None:
     """Something to hold on the bench where the modes leave nothing at the root."""
     rigid = made.rigid_mass()
     scale = np.sqrt(np.where(np.diag(rigid) > 0.0, np.diag(rigid), 1.0))
-    left = np.linalg.eigvalsh(made.space().residual_mass / np.outer(scale, scale))[0] if np.all(np.diag(rigid) > 0) else 0.0
+    left = (
+        np.linalg.eigvalsh(made.space().residual_mass / np.outer(scale, scale))[0]
+        if np.all(np.diag(rigid) > 0)
+        else 0.0
+    )
     if left > EMPTY and made.root.mass > 0.0 and float(made.root.principal()[0].min()) > LEAST:
         return None
     return np.array([rigid[0, 0], *np.full(3, max(float(np.max(np.diag(rigid)[3:])), 1e-9))])
@@ -349,7 +371,9 @@ def _finish(
     if limits_hub is None and np.linalg.eigvalsh(residual / np.outer(scale, scale))[0] < EMPTY:
         # alone such an appendage has a root without mass, whose fastest mode lies at infinity
         limits_hub = default_hub(line).mass_matrix()
-        status = replace(status, message=f"{status.message} Step limits: on ten times its mass, as its root has none of its own.")
+        status = replace(
+            status, message=f"{status.message} Step limits: on ten times its mass, as its root has none of its own."
+        )
     if space.made is None:
         limits = _limits(measured, targets, limits_hub, bool(dampers))
     else:
@@ -357,10 +381,10 @@ def _finish(
         limits = coupled_limits(space.achieved, held, tendon=False)
     clock.append(time.perf_counter())
     seconds = {
-        step: b - a
-        for step, a, b in zip(("model", "realise", "write", "verify"), clock[:-1], clock[1:], strict=True)
+        step: b - a for step, a, b in zip(("model", "realise", "write", "verify"), clock[:-1], clock[1:], strict=True)
     }
     achieved = {port: measured.ports[port] for port in targets}
     return Fit(
-        case.spec, chain, full, targets, achieved, error, measured, limits, status, seconds, bandwidth, dampers, line, space
+        case.spec, chain, full, targets, achieved, error, measured, limits, status, seconds, bandwidth, dampers,
+        line, space,
     )  # fmt: skip

@@ -114,7 +114,7 @@ def in_band_error(
 
     def response(model: PortModel) -> NDArray[np.complex128]:
         h = np.linalg.inv(np.moveaxis(hub[:, :, None] + model.D(omega), -1, 0))
-        return h[:, pick][:, :, pick] * scaled
+        return (h[:, pick][:, :, pick] * scaled).astype(np.complex128)
 
     ha, hb = response(a), response(b)
     rigid = np.linalg.inv(hub + b.rigid_mass)[np.ix_(pick, pick)] * scaled

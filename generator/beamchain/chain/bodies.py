@@ -64,7 +64,9 @@ def from_mass_matrix(matrix: Array) -> tuple[Body, float]:
     """The body with a `(6, 6)` mass matrix, and how far the matrix is from a body's, relative."""
     mass = float(np.trace(matrix[:3, :3])) / 3.0
     coupling = (matrix[3:, :3] + matrix[:3, 3:].T) / 2.0 / mass
-    centre = np.array([coupling[2, 1] - coupling[1, 2], coupling[0, 2] - coupling[2, 0], coupling[1, 0] - coupling[0, 1]])
+    centre = np.array(
+        [coupling[2, 1] - coupling[1, 2], coupling[0, 2] - coupling[2, 0], coupling[1, 0] - coupling[0, 1]]
+    )
     centre = centre / 2.0
     about = (matrix[3:, 3:] + matrix[3:, 3:].T) / 2.0
     spread = np.trace(about) / 2.0 * np.eye(3) - about - mass * np.outer(centre, centre)

@@ -159,7 +159,9 @@ def _starts(beam: MassLine, port: str, links: Array, lengths_free: bool) -> list
     """Link lengths to start from: the user's, and where they may move, the exact chain's with as many links."""
     out = [("given links", links)]
     if lengths_free:
-        for modes in range(links.size - 1, 0, -1) if isinstance(beam, Beam) else ():
+        for modes in range(links.size - 1, 0, -1):
+            if not isinstance(beam, Beam):
+                break  # no exact chain to start from
             try:
                 nodes = realise(beam.port(port, modes + 2).truncated(modes))
             except RealisationError:

@@ -31,14 +31,17 @@ def build_near(line: MassLine, targets: Mapping[str, PortModel]) -> Built:
     if not planes:
         raise RealisationError("no mode moves mainly in a bending plane, which a chain needs.")
     first = max(planes, key=lambda port: targets[port].modes)
-    for most in range(MOST, 0, -1):
+    most = MOST
+    while True:
         cut = {port: model.truncated(min(model.modes, most)) for port, model in targets.items() if port != "axial"}
         links = np.full(cut[first].modes + 1, line.length / (cut[first].modes + 1))
         found = fit_planar(line, first, [Case(NOTHING, cut[first])], links)
-        assert found.nodes is not None
-        if most == 1 or found.nodes.masses.min() > LEAST_NODE * found.nodes.masses.sum():
+        nodes = found.nodes
+        assert nodes is not None  # the masses are free
+        if most == 1 or nodes.masses.min() > LEAST_NODE * nodes.masses.sum():
             break
-    pieces = planar_links(found.nodes, line)
+        most -= 1
+    pieces = planar_links(nodes, line)
     real = polar.real_polar(line, found.positions)
     _, polars = polar.place(line, pieces, found.positions, np.array([real.sum()]), real)
     hinges = tuple(

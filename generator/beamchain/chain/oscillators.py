@@ -2,8 +2,8 @@
 
 A mode that pushes without a twist about its own line of force is a point mass on a slide: mass `|f|^2` on the line that
 the moment `g = p x f` gives. A mode without force is a body on a hinge. A mode whose moment has a part along its force
-(a screw) is a body on a hinge perpendicular to the force, its product of inertia giving that part. Masses can be shared:
-where the sliders of different directions together weigh more than the appendage, they ride in one another.
+(a screw) is a body on a hinge perpendicular to the force, its product of inertia giving that part. Masses can be
+shared: where the sliders of different directions together weigh more than the appendage, they ride in one another.
 """
 
 from collections.abc import Sequence
@@ -138,8 +138,10 @@ def realise_oscillators(
     tolerance = max(20.0 * precision, ROUNDING)
     if miss > tolerance:
         raise RealisationError(
-            f"the rigid mass matrix differs by {miss:.1e} from a rigid body's (its mass depends on the direction, as when "
-            "an a-set leaves freedoms out), which no set of bodies can be; give the mass of the grid point weight generator."
+            f"the rigid mass matrix differs by {miss:.1e} from a rigid body's (its mass depends on the direction, as "
+            "when "
+            "an a-set leaves freedoms out), which no set of bodies can be; give the mass of the grid point weight "
+            "generator."
         )
     worst = -np.inf
     # first a star around the mass centre; then with free places where most is left; then with shared masses
@@ -211,7 +213,11 @@ class _Builder:
         else:
             e1 = f / force
             across = g - (g @ e1) * e1
-            e2 = across / np.linalg.norm(across) if np.linalg.norm(across) > 1e-9 * force * self.size else self._across(e1)
+            e2 = (
+                across / np.linalg.norm(across)
+                if np.linalg.norm(across) > 1e-9 * force * self.size
+                else self._across(e1)
+            )
         e3 = np.cross(e1, e2)
         basis = np.array([e1, e2, e3])
         twist, moment = float(g @ e1), float(g @ e2)
@@ -236,7 +242,9 @@ class _Builder:
             spread[0, 1] = spread[1, 0] = -product
             spread[1, 1] = product**2 / first + thin
         else:
-            inside = basis[[0, 2]] @ self.total.spread @ basis[[0, 2]].T  # as the appendage itself lies around the hinge
+            inside = (
+                basis[[0, 2]] @ self.total.spread @ basis[[0, 2]].T
+            )  # as the appendage itself lies around the hinge
             values, vectors = np.linalg.eigh(inside)
             values = np.clip(values, 0.0, None)
             inside = (vectors * values) @ vectors.T if values.sum() > 0.0 else np.eye(2)
@@ -253,7 +261,9 @@ class _Builder:
     def _across(self, direction: Array) -> Array:
         """A unit vector perpendicular to `direction`, along which the mass is spread most."""
         off = np.eye(3) - np.outer(direction, direction)
-        return np.linalg.eigh(off @ (self.total.spread + 1e-12 * np.trace(self.total.spread) * np.eye(3)) @ off)[1][:, -1]
+        return np.linalg.eigh(off @ (self.total.spread + 1e-12 * np.trace(self.total.spread) * np.eye(3)) @ off)[1][
+            :, -1
+        ]
 
     def _small(self, mass: float) -> Array:
         """Second moments of a slider: the appendage's own, much smaller."""
@@ -289,7 +299,7 @@ class _Builder:
                     )
                 )  # fmt: skip
                 above = len(items) - 1
-        return tuple([*items, *self.others])
+        return (*items, *self.others)
 
     def _left(self, axis: Array, own: Sequence[tuple[float, Array, Array]]) -> float:
         """Mass centre along `axis`, from that of the whole, of what does not have to stand somewhere along it."""

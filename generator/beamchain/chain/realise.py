@@ -79,7 +79,7 @@ def _rods(r: Array, phi: Array, lam: Array, count: int) -> tuple[Array, Array, A
         count: number of rods.
     """
     nodes = [r]
-    masses, lengths, springs = [1.0 / (r @ r)], [], []
+    masses, lengths, springs = [float(1.0 / (r @ r))], list[float](), list[float]()
     shear, moment = np.zeros(r.size), np.zeros(r.size)
     with np.errstate(all="ignore"):
         for j in range(1, count + 1):

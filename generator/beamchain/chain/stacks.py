@@ -90,7 +90,9 @@ def stacked(slides: Sequence[Slide], precision: float, reach: float) -> list[Sta
             fitted = place([*stack, slide], reach)
             if fitted is None:
                 continue
-            far = sum(mass * float(at @ at) for mass, at in fitted) - sum(m * float(a @ a) for m, a in place(stack, reach) or [])
+            far = sum(mass * float(at @ at) for mass, at in fitted) - sum(
+                m * float(a @ a) for m, a in place(stack, reach) or []
+            )
             if best is None or far < best[0]:
                 best = far, i
         if best is None:

@@ -12,7 +12,14 @@ from beamchain.mjcf import write
 from beamchain.port import PORT_MOTION, PORTS, Array, PortModel
 from beamchain.structure.planes import into_planes, near_groups
 
-ROOT = ("root_axial", "root_xy_displacement", "root_xz_displacement", "root_torsion", "root_xz_rotation", "root_xy_rotation")
+ROOT = (
+    "root_axial",
+    "root_xy_displacement",
+    "root_xz_displacement",
+    "root_torsion",
+    "root_xz_rotation",
+    "root_xy_rotation",
+)
 SIGNS = np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0])  # the bench turns about -y
 TOGETHER = 1e-6  # relative: frequencies this close are taken together, as their eigenvectors are not their own
 
@@ -66,8 +73,8 @@ def _port(linear: Linearisation, extra: Array, live: list[int]) -> PortModel:
     pull = turn @ linear.stiffness[np.ix_(root, inner)]
     follow = g_inner @ apparent
     squares, right = np.linalg.eig(linear.stiffness[np.ix_(inner, inner)] - follow @ pull)
-    order = np.argsort(squares.real)
-    squares, right = squares.real[order], right.real[:, order]
+    order = np.argsort(np.real(squares))
+    squares, right = np.real(squares)[order], np.real(right)[:, order]
     if np.any(squares <= 0.0):
         raise EngineError(
             "a joint of the held appendage has no positive stiffness; the port model needs every joint sprung."

@@ -59,7 +59,8 @@ def oscillators(made: Oscillators, name: str, *, visuals: bool = True) -> Elemen
         if item.body.mass < SMALLEST or float(item.body.principal()[0].min()) < SMALLEST:
             raise EngineError(
                 f"mode {item.mode} would be a body of {item.body.mass:.3g} kg, smallest inertia "
-                f"{float(item.body.principal()[0].min()):.3g} kg m^2; MuJoCo takes nothing below {SMALLEST:g}. Leave the "
+                f"{float(item.body.principal()[0].min()):.3g} kg m^2; MuJoCo takes nothing below {SMALLEST:g}. Leave "
+                "the "
                 "mode out (imported.modes), or use larger units."
             )
         at = np.asarray(item.point)
@@ -83,7 +84,9 @@ def oscillators(made: Oscillators, name: str, *, visuals: bool = True) -> Elemen
         geom = find(element, "geom")
         if visuals:
             geom.set("name", f"{body_name(name, item)}_shape")
-            geom.set("size", number(max(0.04 * made.length * (item.body.mass / largest) ** (1 / 3), 0.002 * made.length)))
+            geom.set(
+                "size", number(max(0.04 * made.length * (item.body.mass / largest) ** (1 / 3), 0.002 * made.length))
+            )
             geom.set("pos", number(np.asarray(item.body.centre) - at))
         else:
             element.remove(geom)
@@ -112,10 +115,10 @@ def _quaternion(axes: Array) -> Array:
     if k == 0:
         q = np.array([1.0 + squares[0], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
     else:
-        i, j, l = k - 1, k % 3, (k + 1) % 3
+        a, b, c = k - 1, k % 3, (k + 1) % 3
         q = np.zeros(4)
-        q[0] = m[l, j] - m[j, l]
-        q[1 + i] = 1.0 + m[i, i] - m[j, j] - m[l, l]
-        q[1 + j] = m[j, i] + m[i, j]
-        q[1 + l] = m[l, i] + m[i, l]
+        q[0] = m[c, b] - m[b, c]
+        q[1 + a] = 1.0 + m[a, a] - m[b, b] - m[c, c]
+        q[1 + b] = m[b, a] + m[a, b]
+        q[1 + c] = m[c, a] + m[a, c]
     return q / np.linalg.norm(q)

@@ -60,7 +60,9 @@ class Imported(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         for i, value in enumerate(self.modes or ()):
             whole(f"modes[{i}]", value, 1, 10_000)
         if self.modes is not None and not 1 <= len(self.modes) <= MOST_MODES:
-            raise InputError(f"modes holds {len(self.modes)} numbers; name 1 to {MOST_MODES}, or leave modes out for all.")
+            raise InputError(
+                f"modes holds {len(self.modes)} numbers; name 1 to {MOST_MODES}, or leave modes out for all."
+            )
         if self.length is not None:
             positive("length", self.length, "m")
 

@@ -77,7 +77,8 @@ class ModalData:
                 )
         if np.any(w <= 0.0):
             raise InputError(
-                f"{self.source}: mode {int(np.argmin(w)) + 1} has the frequency {float(w.min()):.4g}: the structure was "
+                f"{self.source}: mode {int(np.argmin(w)) + 1} has the frequency {float(w.min()):.4g}: the structure "
+                "was "
                 "not held at its port; clamp the port (SPC) and compute the modes again."
             )
         order = np.argsort(w, kind="stable")
@@ -86,13 +87,15 @@ class ModalData:
         size = np.sqrt(np.clip(np.diag(mass), 0.0, None))
         if np.any(np.diag(mass)[:3] <= 0.0) or np.any(np.diag(mass) < 0.0):
             raise InputError(
-                f"{self.source}: the rigid mass matrix has the diagonal {np.diag(mass).tolist()}; masses must be positive."
+                f"{self.source}: the rigid mass matrix has the diagonal {np.diag(mass).tolist()}; masses must be "
+                "positive."
             )
         worst = np.abs(mass - mass.T) - max(self.tolerance, 1e-6) * np.outer(size, size)
         if np.any(worst > 0.0):
             i, j = np.unravel_index(int(np.argmax(worst)), (6, 6))
             raise InputError(
-                f"{self.source}: the rigid mass matrix is not symmetric ({MOTIONS[i]}, {MOTIONS[j]}: {mass[i, j]:.6g} and "
+                f"{self.source}: the rigid mass matrix is not symmetric ({MOTIONS[i]}, {MOTIONS[j]}: "
+                f"{mass[i, j]:.6g} and "
                 f"{mass[j, i]:.6g}); give it about one point, the port."
             )
         try:
@@ -198,7 +201,9 @@ class ModalData:
         turn = np.array([1.0, 1.0, 1.0, length, length, length])
         points = self.points * np.array([length, mass, *([mass * length**2] * 3)])
         pieces = [
-            Piece(p.start * length, p.length * length, p.densities * mass * np.array([1 / length, length, length, length]))
+            Piece(
+                p.start * length, p.length * length, p.densities * mass * np.array([1 / length, length, length, length])
+            )
             for p in self.pieces
         ]
         return replace(
@@ -226,7 +231,8 @@ class ModalData:
         turn = np.eye(3) if axes is None else np.asarray(axes, dtype=np.float64)
         if np.max(np.abs(turn @ turn.T - np.eye(3))) > 1e-6 or np.linalg.det(turn) < 0.0:
             raise InputError(
-                f"axes = {turn.tolist()} are not three perpendicular unit vectors, right-handed; give appendage x, y, z "
+                f"axes = {turn.tolist()} are not three perpendicular unit vectors, right-handed; give appendage x, "
+                "y, z "
                 "as rows, each of length 1, with z = x cross y."
             )
         left, _, right = np.linalg.svd(turn)  # six printed digits of a direction are not exactly orthonormal
@@ -258,7 +264,9 @@ class ModalData:
         """
         for k in modes:
             if not 1 <= k <= self.modes:
-                raise InputError(f"modes: {k} is not in the file, which holds modes 1 to {self.modes}; choose among them.")
+                raise InputError(
+                    f"modes: {k} is not in the file, which holds modes 1 to {self.modes}; choose among them."
+                )
         if len(set(modes)) != len(modes) or not modes:
             raise InputError(f"modes = {list(modes)!r} must name at least one mode, and each only once.")
         pick = np.array(sorted(modes)) - 1
@@ -314,7 +322,9 @@ class ModalData:
             modes: lowest modes per port.
         """
         ports = {port: beam.port(port, 2 * count + 4).truncated(count) for port, count in modes.items()}
-        every = in_space(ports, beam.rigid_mass() + np.diag([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]) * (beam.rigid_mass()[3, 3] <= 0))
+        every = in_space(
+            ports, beam.rigid_mass() + np.diag([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]) * (beam.rigid_mass()[3, 3] <= 0)
+        )
         tip = np.vstack([m.tip @ PORT_MOTION[p].T for p, m in ports.items() if m.tip is not None])
         order = np.argsort(np.concatenate([m.frequencies for m in ports.values()]), kind="stable")
         pieces, points = line_of(beam)
@@ -348,9 +358,12 @@ def settled(rigid_mass: Array, participation: Array, tolerance: float) -> tuple[
         worst = int(np.argmax(np.abs(vectors[:, 0])))
         names = MOTIONS if scale.size == 6 else ("displacement", "rotation")
         raise InputError(
-            f"the residual mass (rigid mass minus the effective masses of all modes) has the eigenvalue {values[0]:.3g} "
-            f"relative to the rigid mass, mainly in {names[worst]}; it must not be negative. Likely causes: participation "
-            "and mass about different reference points, different units, modes that are not mass-normalised, or a rigid "
+            "the residual mass (rigid mass minus the effective masses of all modes) has the eigenvalue "
+            f"{values[0]:.3g} "
+            f"relative to the rigid mass, mainly in {names[worst]}; it must not be negative. Likely causes: "
+            "participation "
+            "and mass about different reference points, different units, modes that are not mass-normalised, or a "
+            "rigid "
             "mass without that of the clamped nodes."
         )
     if values[0] < 0.0 or np.any((values > 0.0) & (values <= tolerance)):

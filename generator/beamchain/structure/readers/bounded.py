@@ -23,7 +23,8 @@ def check_size(path: Path, largest: int = LARGEST_FILE) -> None:
         raise InputError(f"file {str(path)!r} is empty; export the modes again.")
     if size > largest:
         raise InputError(
-            f"file {str(path)!r} has {size} bytes, more than the {largest} taken; print the modes without the mode shapes."
+            f"file {str(path)!r} has {size} bytes, more than the {largest} taken; print the modes without the mode "
+            "shapes."
         )
 
 

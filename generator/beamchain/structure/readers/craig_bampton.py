@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import io, linalg, sparse
+from scipy import io, linalg
 
 from beamchain.errors import InputError
 from beamchain.port import Array
@@ -28,10 +28,12 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
     """Modal data of a .npz (freedoms counted from 0) or .mat file (from 1) with mass, stiffness and boundary.
 
     Raises:
-        InputError: a matrix is missing, not symmetric, too large or not finite, or six boundary freedoms do not hold it.
+        InputError: a matrix is missing, not symmetric, too large or not finite, or the boundary does not hold it.
     """
     if subcase is not None:
-        raise InputError(f"subcase = {subcase} is given, but {path.name!r} holds one set of matrices; leave subcase out.")
+        raise InputError(
+            f"subcase = {subcase} is given, but {path.name!r} holds one set of matrices; leave subcase out."
+        )
     check_size(path, LARGEST_FILE)
     first = 0 if path.suffix.lower() == ".npz" else 1
     try:
@@ -65,12 +67,16 @@ def read_matrix_market(mass: Path, stiffness: Path, boundary: Sequence[int], nam
     matrices: list[Array] = []
     for path in (mass, stiffness):
         if not path.is_file():
-            raise InputError(f"file {str(path)!r}, named in {name!r}, does not exist; give its path relative to that file.")
+            raise InputError(
+                f"file {str(path)!r}, named in {name!r}, does not exist; give its path relative to that file."
+            )
         check_size(path, LARGEST_FILE)
         try:
             rows, columns, *_ = io.mminfo(str(path))
             if max(rows, columns) > LARGEST:
-                raise InputError(f"{path.name}: {rows} freedoms are more than the {LARGEST} taken; reduce the model first.")
+                raise InputError(
+                    f"{path.name}: {rows} freedoms are more than the {LARGEST} taken; reduce the model first."
+                )
             matrices.append(_dense(io.mmread(str(path)), path.name))
         except (ValueError, OSError, OverflowError) as error:
             if isinstance(error, InputError):
@@ -83,7 +89,7 @@ def _dense(matrix: Any, name: str) -> Array:
     shape = tuple(getattr(matrix, "shape", ()))
     if len(shape) != 2 or shape[0] != shape[1] or shape[0] > LARGEST:
         raise InputError(f"{name}: a matrix has the shape {shape}; give a square one of at most {LARGEST} freedoms.")
-    out = matrix.toarray() if sparse.issparse(matrix) else np.asarray(matrix)
+    out = np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)  # sparse or not
     if out.dtype.kind not in "fiu" or not np.all(np.isfinite(out)):
         raise InputError(f"{name}: a matrix holds entries that are no finite real numbers; save it again.")
     return np.asarray(out, dtype=np.float64)
@@ -103,10 +109,14 @@ def from_matrices(mass: Array, stiffness: Array, boundary: Sequence[int], name: 
     """
     d = mass.shape[0]
     if stiffness.shape != (d, d):
-        raise InputError(f"{name}: mass {mass.shape} and stiffness {stiffness.shape} differ in size; give both for the same freedoms.")
+        raise InputError(
+            f"{name}: mass {mass.shape} and stiffness {stiffness.shape} differ in size; give both for the same "
+            "freedoms."
+        )
     if len(boundary) != 6 or len(set(boundary)) != 6 or not all(0 <= b < d for b in boundary):
         raise InputError(
-            f"{name}: boundary = {list(boundary)} must name six different freedoms of the {d} (x, y, z and rotations of "
+            f"{name}: boundary = {list(boundary)} must name six different freedoms of the {d} (x, y, z and rotations "
+            "of "
             "the port); tie several interface nodes to one first (RBE2)."
         )
     for word, matrix in (("mass", mass), ("stiffness", stiffness)):
@@ -129,7 +139,8 @@ def from_matrices(mass: Array, stiffness: Array, boundary: Sequence[int], name: 
     scale = np.sqrt(np.abs(np.diag(stiffness)[outer]) + np.abs(np.einsum("ib,ib->b", k_ib, follow)) + 1e-300)
     if np.max(np.abs(stiffness[outer])) > 0.0 and np.max(np.abs(left / np.outer(scale, scale))) > DETERMINATE:
         raise InputError(
-            f"{name}: moving the port as a rigid body strains the structure; it is held elsewhere too, or boundary does "
+            f"{name}: moving the port as a rigid body strains the structure; it is held elsewhere too, or boundary "
+            "does "
             "not name the port's freedoms in the order x, y, z, rotations."
         )
     rigid = mass[np.ix_(outer, outer)] + follow.T @ m_ib + m_ib.T @ follow + follow.T @ m_ii @ follow

@@ -83,7 +83,8 @@ def _real(token: str, path: Path, line: int) -> float:
         value = float("nan")
     if not np.isfinite(value):
         raise InputError(
-            f"file {str(path)!r}, line {line}: {token!r} is no number; the print is damaged or the run failed: run it again."
+            f"file {str(path)!r}, line {line}: {token!r} is no number; the print is damaged or the run failed: run "
+            "it again."
         )
     return value
 
@@ -108,7 +109,11 @@ def _scan(path: Path) -> tuple[dict[int, _Case], _Case]:
             case.fractions |= table == "fractions"
             continue
         if "REFERENCEPOINT" in squeezed:
-            where = "the origin" if "ORIGIN" in squeezed or re.search(r"=0$", squeezed) else f"grid {squeezed.split('POINT')[-1].lstrip('=')}"
+            where = (
+                "the origin"
+                if "ORIGIN" in squeezed or re.search(r"=0$", squeezed)
+                else f"grid {squeezed.split('POINT')[-1].lstrip('=')}"
+            )
             (shared if table == "weight" else case).points["grid point mass" if table == "weight" else "modes"] = where
             continue
         if table in ("a-set mass", "grid point mass"):
@@ -129,13 +134,16 @@ def _scan(path: Path) -> tuple[dict[int, _Case], _Case]:
             tokens = [token for token in _REAL.findall(row[2]) if token.strip()]
             if len(tokens) != _COLUMNS[table]:
                 raise InputError(
-                    f"file {str(path)!r}, line {number}: a row of the {table} table holds {len(tokens) + 1} columns instead "
+                    f"file {str(path)!r}, line {number}: a row of the {table} table holds {len(tokens) + 1} columns "
+                    "instead "
                     f"of {_COLUMNS[table] + 1}; the print is cut or damaged: run it again."
                 )
             values = [_real(token, path, number) for token in tokens]
             rows = case.tables.setdefault(table, {})
             mode = int(row[1])
-            if mode in rows and max(abs(a - b) for a, b in zip(rows[mode], values, strict=True)) > 1e-6 * max(map(abs, values)):
+            if mode in rows and max(abs(a - b) for a, b in zip(rows[mode], values, strict=True)) > 1e-6 * max(
+                map(abs, values)
+            ):
                 raise InputError(
                     f"file {str(path)!r}, line {number}: mode {mode} stands twice in the {table} table with different "
                     "numbers; print one run only."
@@ -164,7 +172,8 @@ def _choose(path: Path, cases: dict[int, _Case], subcase: int | None) -> tuple[i
     every = list(cases.values())
     if not any("eigenvalues" in c.tables for c in every):
         raise InputError(
-            f"file {str(path)!r} holds no table of real eigenvalues; it is no print of a normal-modes run, or it is cut: {ASK}."
+            f"file {str(path)!r} holds no table of real eigenvalues; it is no print of a normal-modes run, or it is "
+            f"cut: {ASK}."
         )
     if any("participation" in c.tables for c in every):
         raise InputError(
@@ -172,7 +181,8 @@ def _choose(path: Path, cases: dict[int, _Case], subcase: int | None) -> tuple[i
         )
     if any(c.fractions or "effective mass" in c.tables for c in every):
         raise InputError(
-            f"file {str(path)!r} holds effective masses but no MODAL PARTICIPATION FACTORS; effective masses and fractions "
+            f"file {str(path)!r} holds effective masses but no MODAL PARTICIPATION FACTORS; effective masses and "
+            "fractions "
             f"have lost the signs between force and moment: {ASK}."
         )
     raise InputError(f"file {str(path)!r} holds eigenvalues but no MODAL PARTICIPATION FACTORS; {ASK}.")
@@ -190,15 +200,21 @@ def _assemble(path: Path, number: int, case: _Case, shared: _Case) -> ModalData:
     table = np.array([factors[k] for k in sorted(factors)])  # Hz, six factors
     if rows[0, 1] <= 0.0 or rows[0, 2] < 1e-5 * rows[-1, 2]:
         raise InputError(
-            f"file {str(path)!r}: mode 1 has the eigenvalue {rows[0, 1]:.3g}: the structure moves as a rigid body; clamp "
+            f"file {str(path)!r}: mode 1 has the eigenvalue {rows[0, 1]:.3g}: the structure moves as a rigid body; "
+            "clamp "
             "the port (SPC) and run it again."
         )
     radians = np.sqrt(rows[:, 1])
-    for name, other in (("radians", rows[:, 2]), ("cycles", rows[:, 3] * 2.0 * np.pi), ("frequency", table[:, 0] * 2.0 * np.pi)):
+    for name, other in (
+        ("radians", rows[:, 2]),
+        ("cycles", rows[:, 3] * 2.0 * np.pi),
+        ("frequency", table[:, 0] * 2.0 * np.pi),
+    ):
         worst = int(np.argmax(np.abs(other / radians - 1.0)))
         if abs(other[worst] / radians[worst] - 1.0) > AGREE:
             raise InputError(
-                f"file {str(path)!r}: mode {worst + 1}: eigenvalue {rows[worst, 1]:.6g} and its {name} disagree; the print "
+                f"file {str(path)!r}: mode {worst + 1}: eigenvalue {rows[worst, 1]:.6g} and its {name} disagree; the "
+                "print "
                 "is damaged: run it again."
             )
     steps = [f"subcase {number}" if number else "no subcase named"]
@@ -232,7 +248,8 @@ def _compare(path: Path, participation: Array, effective: dict[int, list[float]]
         if np.any(bad):
             i = int(np.argmax(bad))
             raise InputError(
-                f"file {str(path)!r}: mode {mode}: participation squared {ours[i]:.6g} and effective mass {theirs[i]:.6g} "
+                f"file {str(path)!r}: mode {mode}: participation squared {ours[i]:.6g} and effective mass "
+                f"{theirs[i]:.6g} "
                 "disagree; were the modes normalised otherwise in one table? Print one run only."
             )
 
@@ -246,7 +263,8 @@ def _mass(path: Path, case: _Case, shared: _Case, participation: Array) -> tuple
             continue
         if len(rows) % 6 or any(len(row) != 6 for row in rows):
             raise InputError(
-                f"file {str(path)!r}: the rigid mass matrix ({name}) is not 6 x 6 ({len(rows)} rows); the print is cut: run it again."
+                f"file {str(path)!r}: the rigid mass matrix ({name}) is not 6 x 6 ({len(rows)} rows); the print is "
+                "cut: run it again."
             )
         found[name] = np.array(rows[:6])
     if not found:

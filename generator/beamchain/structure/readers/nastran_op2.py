@@ -29,7 +29,8 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
         from pyNastran.op2.op2 import OP2  # pyright: ignore[reportMissingImports]
     except ImportError as error:
         raise InputError(
-            f"reading {path.name!r} needs pyNastran ({error}); pip install 'beamchain[nastran]' in an environment of its "
+            f"reading {path.name!r} needs pyNastran ({error}); pip install 'beamchain[nastran]' in an environment of "
+            "its "
             "own, or give the .f06."
         ) from None
     model: Any = OP2(debug=None)
@@ -72,7 +73,8 @@ def from_tables(
     modal_mass = np.asarray(table.generalized_mass, dtype=np.float64)
     if participation.shape != (radians.size, 6) or mass.shape != (6, 6):
         raise InputError(
-            f"file {name!r}: MPFACS {participation.shape} and RBMASS {mass.shape} do not fit {radians.size} modes; give the .f06."
+            f"file {name!r}: MPFACS {participation.shape} and RBMASS {mass.shape} do not fit {radians.size} modes; "
+            "give the .f06."
         )
     scaled = bool(np.max(np.abs(modal_mass - 1.0)) > PRECISION)
     return ModalData(
