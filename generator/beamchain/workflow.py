@@ -364,7 +364,7 @@ def _build(spec: Spec, plan: Plan, beam: Beam) -> Built:
 
     options = spec.fit
     payload = spec.payload
-    if options.method == "exact" and payload is None:
+    if not kept or (options.method == "exact" and payload is None):
         return build_exact(beam, kept, target_of, tip=(spec.scene or Scene()).tip)
     if options.method in ("exact", "least_squares"):
         loads = None

@@ -102,7 +102,7 @@ def build_exact(beam: Beam, kept: Mapping[str, int], target_of: TargetOf, *, tip
                 try:
                     targets[least], nodes[least] = _plane(beam, least, more[1], target_of, [], tip)
                     found = _assemble(beam, nodes, strings)
-                    extra = f" {least} keeps {targets[least].modes} modes, more than asked for: with {kept[least]} no bodies exist."
+                    extra = f" {least} keeps {targets[least].modes} modes: with {kept[least]} no bodies exist."
                 except RealisationError:
                     targets[least], nodes[least] = saved
             elif len(nodes) == 2:

@@ -90,7 +90,7 @@ def fit_planar(
                 bounds=(problem.start - REACH, problem.start + REACH),
                 xtol=1e-11, ftol=1e-6, gtol=1e-15, max_nfev=150,
             )  # fmt: skip
-            good = solved.status > 0 or solved.cost < GOOD_ENOUGH
+            good = bool(solved.status > 0 or solved.cost < GOOD_ENOUGH)
             found = problem.result(solved.x, float(solved.cost), good, tuple(history))
         except (RealisationError, np.linalg.LinAlgError, ValueError) as error:
             history.append(f"start {label}: {error}")

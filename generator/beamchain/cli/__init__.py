@@ -1,5 +1,6 @@
 """The command line: parse, call, print."""
 
+import os
 import sys
 
 import typer
@@ -37,6 +38,7 @@ app.command(name="schema")(schema.schema)
 
 def main() -> None:
     """Entry point: 0 done, 2 bad input, 3 done but a stated tolerance was missed."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small: threads only wait for each other
     try:
         app()
     except BeamchainError as error:
