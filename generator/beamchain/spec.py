@@ -15,6 +15,7 @@ from beamchain.checks import not_negative, number, one_of, positive, whole
 from beamchain.errors import InputError
 from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, body_mass_matrix
 from beamchain.structure.beam import Beam, Joint, Lump, Segment, body_inertia
+from beamchain.structure.imported import Imported, Units
 from beamchain.structure.material import Material
 from beamchain.structure.section import Box, Custom, Equivalent, Rectangle, Round, Tube
 
@@ -180,12 +181,13 @@ class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     method: Method = "exact"
     links: int | tuple[float, ...] | None = None
     free: tuple[Literal["stiffness", "lengths", "masses"], ...] = ("stiffness", "lengths", "masses")
-    form: Literal["chain", "oscillators"] = "chain"
+    form: Literal["chain", "oscillators"] | None = None
     timestep: float = 0.0
 
     def __post_init__(self) -> None:
         one_of("method", self.method, ("exact", "least_squares", "classical", "midpoint", "naive", "seed"))
-        one_of("form", self.form, ("chain", "oscillators"))
+        if self.form is not None:
+            one_of("form", self.form, ("chain", "oscillators"))
         not_negative("timestep", self.timestep, "s")
         for word in self.free:
             one_of("free", word, ("stiffness", "lengths", "masses"))
@@ -234,6 +236,7 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     segment: tuple[Segment, ...] = ()
     joint: tuple[Joint, ...] = ()
     lump: tuple[Lump, ...] = ()
+    imported: Imported | None = None
     payload: Payload | None = None
     damping: Damping | None = None
     modes: Modes | None = None
@@ -247,8 +250,13 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
                 f"name = {self.name!r} must start with a small letter and hold only a-z, 0-9 and _ (at most 63), "
                 'because every body is named after it; for example name = "boom".'
             )
-        if not self.segment:
-            raise InputError("the spec has no [[segment]]; add at least one with length, section and material.")
+        if self.imported is not None:
+            self._check_imported()
+        elif not self.segment:
+            raise InputError(
+                "the spec has no [[segment]]; add at least one with length, section and material, or an [imported] "
+                "table."
+            )
         if self.root.target == "auto" and not self.chooses:
             raise InputError('root.target = "auto" chooses for a scene; give scene.bandwidth, or target = "clamped".')
         if self.scene is not None and self.fit.timestep > 0.0 and self.fit.timestep != self.scene.timestep:
@@ -260,11 +268,34 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             raise InputError(
                 "[modes] keeps no mode at all; set xy, xz, torsion or axial to 1 or more, or remove [modes]."
             )
-        self.beam  # noqa: B018  (built once so that what the parts say of each other is checked)
+        if self.imported is None:
+            self.beam  # noqa: B018  (built once so that what the parts say of each other is checked)
+
+    def _check_imported(self) -> None:
+        """What stands beside [imported] must make sense without a beam."""
+        for key in ("segment", "joint", "lump", "payload"):
+            if getattr(self, key):
+                raise InputError(
+                    f"[imported] and {key} are both given; modes from a file replace the beam: remove {key}"
+                    + (", or put the payload into the finite-element model." if key == "payload" else ".")
+                )
+        if self.fit.method != "exact":
+            raise InputError(
+                f'method = "{self.fit.method}" needs a beam, but the modes are imported; leave fit.method out.'
+            )
 
     @property
     def beam(self) -> Beam:
-        """The elastic appendage."""
+        """The elastic appendage.
+
+        Raises:
+            InputError: the modes are imported, so that there is no beam.
+        """
+        if self.imported is not None:
+            raise InputError(
+                f"the appendage {self.name!r} is imported modes ({self.imported.file}), but this needs a beam; give it "
+                "as [[segment]] instead."
+            )
         return Beam(segments=self.segment, joints=self.joint, lumps=self.lump)
 
     def with_ratios(self, port: str, model: PortModel) -> PortModel:
@@ -278,7 +309,9 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     @property
     def kept(self) -> dict[str, int]:
-        """Modes kept per port, where the scene does not decide."""
+        """Modes kept per port, where the scene does not decide; empty: all that were imported."""
+        if self.imported is not None and self.modes is None:
+            return {}
         return (self.modes or Modes(xy=2)).counts()
 
 
@@ -288,7 +321,10 @@ def read_spec(path: str | Path) -> Spec:
     Raises:
         InputError: the file cannot be read, is no TOML, or a value is not allowed; the message names the place.
     """
-    return spec_from_dict(_read_toml(Path(path)), str(path))
+    spec = spec_from_dict(_read_toml(Path(path)), str(path))
+    if spec.imported is None:
+        return spec
+    return msgspec.structs.replace(spec, imported=spec.imported.beside(Path(path).parent))
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
@@ -384,7 +420,8 @@ def _choose(word: str, key: str) -> str:
 
 _SECTIONS: list[Any] = [Round, Tube, Rectangle, Box, Custom, Equivalent]
 _STRUCTS: list[Any] = [
-    Spec, Segment, Joint, Lump, Payload, Damping, Modes, Hub, Root, FitOptions, Scene, Material, *_SECTIONS,
+    Spec, Segment, Joint, Lump, Payload, Damping, Modes, Hub, Root, FitOptions, Scene, Material, Imported, Units,
+    *_SECTIONS,
 ]  # fmt: skip
 
 

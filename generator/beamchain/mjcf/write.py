@@ -13,7 +13,7 @@ from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.damping import Damper
 from beamchain.errors import EngineError
 from beamchain.port import PORTS, Array
-from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 
 _PACKAGED = Path(__file__).parent.parent / "mjcf_templates"
 _CHECKOUT = Path(__file__).parents[3] / "mjcf_templates"
@@ -96,7 +96,7 @@ def appendage(
     chain: Chain,
     name: str,
     *,
-    beam: Beam | None = None,
+    beam: MassLine | None = None,
     dampers: Iterable[Damper] = (),
     visuals: bool = True,
     tip: bool = True,
@@ -172,7 +172,7 @@ def _inertial(element: Element, link: Link, x: float) -> None:
 
 
 def _shape(
-    body: Element, name: str, index: int, link: Link, x: float, beam: Beam | None, length: float, kind: str | None
+    body: Element, name: str, index: int, link: Link, x: float, beam: MassLine | None, length: float, kind: str | None
 ) -> None:
     geom = find(body, "geom")
     if kind is None or link.length <= 0.0:
