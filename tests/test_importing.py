@@ -163,7 +163,7 @@ BEAMS = {
 }
 
 
-@pytest.mark.parametrize("name", BEAMS)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in ("panels", "tapered") else n for n in BEAMS])
 def test_a_beam_comes_back_as_the_same_chain(tmp_path, name):
     make, modes = BEAMS[name]
     path = tmp_path / "modes.toml"

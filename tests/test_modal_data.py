@@ -300,6 +300,7 @@ def test_op2_tables():
     rows[:, 2] = 0.5, 0.1
     data = from_tables("a.op2", {"run": Table}, {"MPFACS": rows.T, "RBMASS": np.eye(6)})
     assert data.participation[:, 2].tolist() == [0.5, 0.2]
+    assert from_tables("a.op2", {"run": Table}, {"MPFACS": rows, "RBMASSS": np.eye(6)}).modes == 2
     with pytest.raises(InputError, match=r"MPFACS, RBMASS.*give me the f06"):
         from_tables("a.op2", {"run": Table}, {})
 
