@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamchain.assess.error import Comparison, compare, in_band_error
+from beamchain.assess.error import DEFAULT_RATIO, Comparison, compare, in_band_error
 from beamchain.assess.stability import coupled_limits
 from beamchain.chain.build import Built, Status, TargetOf, build_exact
 from beamchain.chain.chain import Chain, Link
@@ -29,6 +29,7 @@ from beamchain.structure.modal_data import ModalData
 DECOUPLED = 1e-3  # part of a mode outside its port up to which a chain is taken: its loss is of that order
 SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
 POLAR_SHARES = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01)  # of the polar inertia a chain is tried with
+UNDAMPED = 1e-8  # ratio up to which a mode counts as undamped
 EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode
 
 
@@ -152,11 +153,13 @@ def _chain_fit(case: _Case, why: str, started: float, *, ok: bool = True) -> Fit
 
     def target_of(port: str, count: int) -> PortModel:
         if target == "free":
-            return whole[port].reduced(count, np.zeros((whole[port].motions,) * 2))
+            model = whole[port].reduced(count, np.zeros((whole[port].motions,) * 2))
+            return model.replaced(damping=whole[port].damping[:count])
         if target == "hub":
             if case.hub is None:
                 raise InputError('target = "hub" needs the hub; add root.hub, or use target = "clamped".')
-            return whole[port].reduced(count, port_hub_mass(case.hub, port))
+            model = whole[port].reduced(count, port_hub_mass(case.hub, port))
+            return model.replaced(damping=whole[port].damping[:count])
         return targets[port].truncated(count)
 
     counts = {port: model.modes for port, model in targets.items()}
@@ -340,6 +343,11 @@ def _living(model: PortModel, live: tuple[int, ...]) -> PortModel:
     return block(model, np.eye(6)[:, list(live)])
 
 
+def _resolvable(model: PortModel) -> PortModel:
+    """The model with 0.5 % in every mode that has no damping, of which MuJoCo's differences leave rounding."""
+    return model.replaced(damping=np.where(model.damping > UNDAMPED, model.damping, DEFAULT_RATIO))
+
+
 def _space(
     case: _Case, form: str, why: str, achieved: PortModel, live: tuple[int, ...], made: Oscillators | None
 ) -> InSpace:
@@ -347,7 +355,8 @@ def _space(
     full, target = case.data.space(), case.kept.space()
     hub = None if case.hub is None else case.hub[np.ix_(live, live)]
     error = compare(achieved, target)
-    error = replace(error, accelerance_in_band=in_band_error(achieved, full, hub, case.band(target)))
+    in_band = in_band_error(_resolvable(achieved), _resolvable(full), hub, case.band(target))
+    error = replace(error, accelerance_in_band=in_band)
     return InSpace(case.data, form, why, full, target, achieved, error, live, made)
 
 
@@ -364,7 +373,7 @@ def _finish(
         bandwidth[port] = case.band(target)
         hub = None if case.hub is None else port_hub_mass(case.hub, port)
         plain = compare(measured.ports[port], target)
-        in_band = in_band_error(measured.ports[port], full[port], hub, bandwidth[port])
+        in_band = in_band_error(_resolvable(measured.ports[port]), _resolvable(full[port]), hub, bandwidth[port])
         error[port] = replace(plain, accelerance_in_band=in_band)
     limits_hub = case.hub
     residual = space.achieved.residual_mass
