@@ -30,7 +30,7 @@ OURS = {
     "least squares": 4,
 }
 EQUAL = {"equal links, midpoint": "midpoint", "equal links, classical": "classical"}
-EQUAL_COUNTS = (3, 5, 7, 10, 14, 20, 28, 40, 57, 80)
+EQUAL_COUNTS = (3, 5, 7, 10, 14, 20, 24, 27, 30, 40, 57, 80)
 SOFT_COUNTS = (5, 7, 10, 14, 20, 28)
 PAPER = "paper's 3 links"
 RIGID_HUB = "rigid hub"

@@ -1,6 +1,7 @@
 """Error and run time of one entry of the field over a ladder of steps."""
 
 import statistics
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +20,8 @@ FLOOR = 0.01  # two steps whose errors differ by less, relative, stand on the mo
 FINE_ENOUGH = 1e-5  # error below which no finer step is of interest
 REPEATS = 3
 SHORT = 0.02  # simulations shorter than this are repeated [s]
-FIRST = 10.0  # a single step of the ladder may take this many budgets, so that slow rivals show one point
+FIRST = 30.0  # a single step of the ladder may take this many budgets, so that slow rivals show one point
+HUB_STEPS = 2000  # of the rigid hub beside each simulation, at most
 PROBE = 300  # steps simulated to foresee the cost of the first
 
 #: Where an integrator's own clock stands after a step: the semi-implicit steps show motion half a step early.
@@ -131,27 +133,59 @@ def rigid_motion(task: Task, integrator: str, timestep: float, wrench: Array) ->
 def _timed(
     task: Task, scenario: Scenario, entry: Entry, found: list[tuple[float, int, float, float, float, Any]]
 ) -> list[Point]:
-    """Repetitions of all steps in turns, each with the rigid hub beside it."""
+    """Repetitions of all short simulations in turns, each with the rigid hub beside it."""
+    runs = [Run(model, entry.integrator, h, scenario.profile.mean(h, count)) for h, count, *_, model in found]
+    known = [[] if seconds < SHORT else [seconds] for *_, seconds, _ in found]
     hub = field.model_of(task, Entry(RIGID_HUB, 0, entry.integrator), 0.01)
-    times: list[list[float]] = [[] for _ in found]
-    ratios: list[list[float]] = [[] for _ in found]
-    for turn in range(REPEATS):
-        for i, (h, count, _, _, seconds, model) in enumerate(found):
-            if turn and seconds > SHORT:
+    times = in_turns(runs, hub, REPEATS, known)
+    return [
+        Point(*entry, h, error, own, t.seconds, t.seconds / count, t.spread, t.over_rigid_hub, t.repeats)
+        for (h, count, error, own, *_), t in zip(found, times, strict=True)
+    ]
+
+
+class Run(NamedTuple):
+    """One simulation to be timed: model, integrator, step and `(t, 6)` wrench on the hub."""
+
+    model: Any
+    integrator: str
+    timestep: float
+    wrench: Array
+
+
+class Time(NamedTuple):
+    """Median time [s], spread (half the range of the middle half, relative), per step over the rigid hub's, repeats."""
+
+    seconds: float
+    spread: float
+    over_rigid_hub: float
+    repeats: int
+
+
+def in_turns(runs: Sequence[Run], hub: Any, repeats: int, known: Sequence[Sequence[float]]) -> list[Time]:
+    """Time simulations in turns, `repeats` rounds, the rigid hub alone before each.
+
+    Args:
+        runs: what to time.
+        hub: the rigid hub's model.
+        repeats: rounds.
+        known: per run, times already taken; a run with one is not timed again.
+    """
+    times = [list(t) for t in known]
+    ratios: list[list[float]] = [[] for _ in runs]
+    fixed = [bool(t) for t in known]
+    for turn in range(repeats):
+        for i, run in enumerate(runs):
+            if fixed[i] and turn:
                 continue
-            wrench = scenario.profile.mean(h, count)
-            alone = simulate(hub, entry.integrator, h, wrench[: min(count, 2000)])
-            taken = simulate(model, entry.integrator, h, wrench).seconds
-            times[i].append(taken)
-            ratios[i].append(taken / count / (alone.seconds / min(count, 2000)))
-    out: list[Point] = []
-    for (h, count, error, own, _, _), taken, ratio in zip(found, times, ratios, strict=True):
+            few = run.wrench[:HUB_STEPS]
+            alone = simulate(hub, run.integrator, run.timestep, few).seconds / few.shape[0]
+            if not fixed[i]:
+                times[i].append(simulate(*run).seconds)
+            ratios[i].append(times[i][-1] / run.wrench.shape[0] / alone)
+    out: list[Time] = []
+    for taken, ratio in zip(times, ratios, strict=True):
         middle = statistics.median(taken)
         low, high = np.quantile(taken, [0.25, 0.75])
-        out.append(
-            Point(
-                *entry, h, error, own, middle, middle / count, float(high - low) / 2.0 / middle,
-                statistics.median(ratio), len(taken),
-            )  # fmt: skip
-        )
+        out.append(Time(middle, float(high - low) / 2.0 / middle, statistics.median(ratio), len(taken)))
     return out
