@@ -204,7 +204,8 @@ def study(
     store = None if folder is None else folder / STORE
     results = run_jobs(measure_entry, jobs, executor=executor, store=store, resume=resume, progress=progress)
     ladders = [
-        Ladder(Entry(*value["entry"]), [Point(*p) for p in value["points"]], value["note"]) for value in results.values()
+        Ladder(Entry(*value["entry"]), [Point(*p) for p in value["points"]], value["note"])
+        for value in results.values()
     ]
     if executor is not None:
         ladders = _one_clock(ladders)
@@ -235,9 +236,7 @@ def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
     as_tendons = spec.damping is None or spec.damping.form == "modal"
     task = Task(beam, full, spec.kept, rigid, as_tendons)
     profile = None if options.profile is None else read_profile(Path(options.profile))
-    return task, make_scenario(
-        full, beam.rigid_mass(), rigid, beam.length, profile=profile, duration=options.duration
-    )
+    return task, make_scenario(full, beam.rigid_mass(), rigid, beam.length, profile=profile, duration=options.duration)
 
 
 def _one_clock(ladders: Sequence[Ladder]) -> list[Ladder]:
@@ -284,9 +283,7 @@ def _duel(task: Task, scenario: Scenario, found: Study) -> list[Ladder]:
                 seconds=t.seconds, seconds_per_step=per_step, spread=t.spread, over_rigid_hub=t.over_rigid_hub,
                 repeats=t.repeats,
             )  # fmt: skip
-    return [
-        ladder._replace(points=[fresh.get(p[:4], p) for p in ladder.points]) for ladder in found.ladders
-    ]
+    return [ladder._replace(points=[fresh.get(p[:4], p) for p in ladder.points]) for ladder in found.ladders]
 
 
 def machine() -> dict[str, Any]:

@@ -31,7 +31,7 @@ OURS = {
 }
 EQUAL = {"equal links, midpoint": "midpoint", "equal links, classical": "classical"}
 EQUAL_COUNTS = (3, 5, 7, 10, 14, 20, 24, 27, 30, 40, 57, 80)
-SOFT_COUNTS = (5, 7, 10, 14, 20, 28)
+SOFT_COUNTS = (5, 7, 10, 14)
 PAPER = "paper's 3 links"
 RIGID_HUB = "rigid hub"
 ONE_EVALUATION = ("Euler", "implicitfast")
@@ -221,5 +221,3 @@ def buildable(task: Task, entry: Entry) -> str | None:
     except (BeamchainError, np.linalg.LinAlgError) as error:
         return str(error)
     return None
-
-

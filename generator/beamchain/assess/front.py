@@ -9,8 +9,7 @@ from beamchain.assess.run_time import Ladder, Point
 
 Metric = Literal["error", "error_appendage"]
 
-FEWEST_FOR_SLOPE = 2  # points of a front that an extrapolation needs
-SLOPE_POINTS = 4  # and takes, from its accurate end
+SLOPE_POINTS = 3  # sizes n that an extrapolation takes, from the accurate end
 STEEPEST = 3.0  # decades of time per decade of error that an extrapolation believes
 
 
@@ -59,17 +58,30 @@ def reach(ladders: Sequence[Ladder], model: str, target: float, metric: Metric) 
     for error, point in own:
         if error <= target:
             return Reach(model, point.seconds, point, False)
-    if len(own) < FEWEST_FOR_SLOPE:
-        return None
-    slope = _slope(own[-SLOPE_POINTS:])
-    if slope is None:
+    if not own:
         return None
     error, point = own[-1]
+    slope = _slope(_sizes(ladders, point, metric))
+    if slope is None:
+        return None
     return Reach(model, point.seconds * (error / target) ** slope, point, True, slope)
+
+
+def _sizes(ladders: Sequence[Ladder], last: Point, metric: Metric) -> list[tuple[float, Point]]:
+    """The most accurate point of each size n with the model and integrator of `last`, up to it."""
+    out: list[tuple[float, Point]] = []
+    for ladder in sorted(ladders, key=lambda l: l.entry.n):
+        if ladder.entry.model == last.model and ladder.entry.integrator == last.integrator and ladder.points:
+            error, point = max(honest(ladder, metric), key=lambda pair: (-pair[0], -pair[1].seconds))
+            if point.n <= last.n and (not out or error < out[-1][0]):
+                out.append((error, point))
+    return out[-SLOPE_POINTS:]
 
 
 def _slope(points: Sequence[tuple[float, Point]]) -> float | None:
     """Least-squares slope of log time over log 1/error; None where the front does not fall."""
+    if len(points) < 2:
+        return None
     x = [-math.log(error) for error, _ in points]
     y = [math.log(point.seconds) for _, point in points]
     mean_x, mean_y = sum(x) / len(x), sum(y) / len(y)

@@ -73,7 +73,9 @@ class HubResponse:
                 state = self._advance(state, pull, np.array([end - start]))[0]
         return out
 
-    def _advance(self, state: NDArray[np.complex128], pull: NDArray[np.complex128], after: Array) -> NDArray[np.complex128]:
+    def _advance(
+        self, state: NDArray[np.complex128], pull: NDArray[np.complex128], after: Array
+    ) -> NDArray[np.complex128]:
         grown = np.exp(np.outer(after, self.poles))
         return grown * state + (grown - 1.0) / self.poles * pull
 

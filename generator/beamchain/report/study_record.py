@@ -27,7 +27,12 @@ def study_record(study: "Study") -> dict[str, Any]:
         },
         "points": [point._asdict() for point in study.points],
         "notes": [
-            {"model": ladder.entry.model, "n": ladder.entry.n, "integrator": ladder.entry.integrator, "note": ladder.note}
+            {
+                "model": ladder.entry.model,
+                "n": ladder.entry.n,
+                "integrator": ladder.entry.integrator,
+                "note": ladder.note,
+            }
             for ladder in study.ladders
         ],
         "rigid_hub": study.rigid_hub,

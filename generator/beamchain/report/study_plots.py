@@ -1,0 +1,108 @@
+"""Pictures of a study: error against run time, and time against the number of links."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from beamchain.assess import field
+from beamchain.assess.front import Metric, front
+from beamchain.assess.run_time import Point
+from beamchain.report.plots import OURS, STYLE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from beamchain.assess.growth import Growth
+    from beamchain.study import Study
+
+#: Ours in colours that differ in lightness, rivals in grey, each told by its mark too.
+COLOURS = {
+    "exact, hub": OURS,
+    "pre-warped": "#003366",
+    "exact, clamped": "#3d8fd6",
+    "exact, free": "#8dbbe6",
+    "least squares": "#2b7a6f",
+}
+MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
+TITLES: dict[Metric, str] = {
+    "error": "hub motion as simulated",
+    "error_appendage": "the integrator's own rigid-hub error taken off",
+}
+WORST = 2.0  # errors above are left out of the picture: nothing of the appendage is right there
+
+
+def pareto_figure(study: "Study", peers: Mapping[str, Sequence[Mapping[str, Any]]] | None = None) -> Figure:
+    """Error against run time, both metrics, log-log: every point, and each model's front as a line.
+
+    Args:
+        study: what was measured.
+        peers: points of other simulators by name, as in study.json.
+    """
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 9.2))
+        metrics: tuple[Metric, ...] = ("error", "error_appendage")
+        for i, metric in enumerate(metrics):
+            ax = figure.add_subplot(2, 1, i + 1)
+            _panel(ax, study, metric, peers or {})
+        figure.axes[-1].set_xlabel(f"time to simulate {study.scenario.duration:g} s, ms")
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="upper left", ncols=2, bbox_to_anchor=(0.09, 1.0))
+        rows = (len(labels) + 1) // 2
+        figure.subplots_adjust(left=0.11, right=0.98, bottom=0.055, top=0.955 - 0.022 * rows, hspace=0.16)
+    return figure
+
+
+def _panel(ax: "Axes", study: "Study", metric: Metric, peers: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_title(TITLES[metric])
+    ax.set_ylabel("error / largest elastic motion")
+    ax.grid(which="major", color="#e6e6e6", linewidth=0.6)
+    order = [m for m in study.models if m not in field.OURS] + [m for m in study.models if m in field.OURS]
+    grey = 0
+    for model in order:
+        ours = model in field.OURS
+        mark = MARKS[list(field.OURS).index(model) if ours else grey]
+        colour = COLOURS[model] if ours else ("#9a9a9a", "#707070", "#b4b4b4", "#555555", "#c4c4c4")[grey % 5]
+        grey += not ours
+        points = [p for p in study.points if p.model == model and getattr(p, metric) < WORST]
+        _cloud(ax, points, metric, colour, mark)
+        line = [pair for pair in front([x for x in study.ladders if x.entry.model == model], metric) if pair[0] < WORST]
+        style: Any = {"color": colour, "marker": mark, "markersize": 4.5, "linewidth": 1.8 if ours else 1.1}
+        ax.plot([1e3 * p.seconds for _, p in line], [e for e, _ in line], label=model, zorder=3 if ours else 2, **style)
+    for i, (name, points) in enumerate(peers.items()):
+        pairs = sorted((1e3 * p["seconds"], p[metric]) for p in points if p[metric] < WORST)
+        lower: list[tuple[float, float]] = []
+        for seconds, error in pairs:
+            if not lower or error < lower[-1][1]:
+                lower.append((seconds, error))
+        ax.plot(
+            [x for x, _ in lower], [y for _, y in lower], color="#a5641e", linestyle=(0, (4, 2)), linewidth=1.2,
+            marker=MARKS[i % len(MARKS)], markersize=4.0, markerfacecolor="white", label=name,
+        )  # fmt: skip
+
+
+def _cloud(ax: "Axes", points: Sequence[Point], metric: Metric, colour: str, mark: str) -> None:
+    style: Any = {"color": colour, "marker": mark, "markersize": 2.2, "linestyle": "none", "alpha": 0.35}
+    ax.plot([1e3 * p.seconds for p in points], [getattr(p, metric) for p in points], zorder=1, **style)
+
+
+def growth_figure(growth: "Growth") -> Figure:
+    """Time per step against links, and time to find a chain against modes."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 3.0), layout="constrained")
+        for i, (title, points, exponent, unit, factor) in enumerate(
+            (
+                ("Euler step against hinges", growth.step, growth.exponent, "µs", 1e6),
+                ("exact chain, found and compiled", growth.fit, growth.fit_exponent, "ms", 1e3),
+            )
+        ):
+            ax = figure.add_subplot(1, 2, i + 1)
+            ax.loglog([n for n, _ in points], [factor * t for _, t in points], color=OURS, marker="o", markersize=4.0)
+            ax.set_title(title if exponent is None else f"{title}: n^{exponent:.2f}")
+            ax.set_xlabel("n")
+            ax.set_ylabel(unit)
+            ax.grid(which="both", color="#ececec", linewidth=0.5)
+    return figure
