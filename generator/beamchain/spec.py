@@ -13,7 +13,7 @@ import numpy as np
 
 from beamchain.checks import not_negative, number, one_of, positive, whole
 from beamchain.errors import InputError
-from beamchain.port import PORT_MOTION, PORTS, Array, body_mass_matrix
+from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, body_mass_matrix
 from beamchain.structure.beam import Beam, Joint, Lump, Segment, body_inertia
 from beamchain.structure.material import Material
 from beamchain.structure.section import Box, Custom, Equivalent, Rectangle, Round, Tube
@@ -70,20 +70,25 @@ def _ratio(name: str, value: object) -> None:
 
 
 class Modes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Flexible modes kept per port; 0: left out, rigid."""
+    """Flexible modes kept per port; 0 or absent: left out, rigid (with a scene's bandwidth, absent: chosen)."""
 
-    xy: int = 0
-    xz: int = 0
-    torsion: int = 0
-    axial: int = 0
+    xy: int | None = None
+    xz: int | None = None
+    torsion: int | None = None
+    axial: int | None = None
 
     def __post_init__(self) -> None:
         for port in PORTS:
-            whole(port, getattr(self, port), 0, MOST_MODES)
+            if getattr(self, port) is not None:
+                whole(port, getattr(self, port), 0, MOST_MODES)
 
     def counts(self) -> dict[str, int]:
         """Modes per port, ports that keep none left out."""
-        return {port: count for port in PORTS if (count := int(getattr(self, port))) > 0}
+        return {port: count for port in PORTS if (count := int(getattr(self, port) or 0)) > 0}
+
+    def given(self) -> dict[str, int]:
+        """Ports whose number was stated, 0 included."""
+        return {port: int(count) for port in PORTS if (count := getattr(self, port)) is not None}
 
 
 class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -129,7 +134,8 @@ class Root(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             one_of("target", self.target, ("clamped", "free", "hub", "auto"))
         if self.target == "hub" and self.hub is None:
             raise InputError(
-                'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, or use target = "clamped".'
+                'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, '
+                'or use target = "clamped".'
             )
 
 
@@ -178,6 +184,10 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         positive("tolerance", self.tolerance, "")
         positive("timestep", self.timestep, "s")
         one_of("integrator", self.integrator, ("Euler", "RK4", "implicit", "implicitfast", "discrete"))
+        if not self.axes:
+            raise InputError(
+                "axes = [] leaves no hub motion that matters; name some of x y z tx ty tz, or leave axes out."
+            )
         for axis in self.axes:
             one_of("axes", axis, ("x", "y", "z", "tx", "ty", "tz"))
 
@@ -204,12 +214,14 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             )
         if not self.segment:
             raise InputError("the spec has no [[segment]]; add at least one with length, section and material.")
+        if self.root.target == "auto" and not self.chooses:
+            raise InputError('root.target = "auto" chooses for a scene; give scene.bandwidth, or target = "clamped".')
         if self.scene is not None and self.fit.timestep > 0.0 and self.fit.timestep != self.scene.timestep:
             raise InputError(
                 f"fit.timestep = {self.fit.timestep!r} and scene.timestep = {self.scene.timestep!r} differ; "
                 "the chain is right at one step only: give the same, or leave fit.timestep out."
             )
-        if self.modes is not None and not self.modes.counts():
+        if self.modes is not None and not self.modes.counts() and not self.chooses:
             raise InputError(
                 "[modes] keeps no mode at all; set xy, xz, torsion or axial to 1 or more, or remove [modes]."
             )
@@ -220,9 +232,18 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """The elastic appendage."""
         return Beam(segments=self.segment, joints=self.joint, lumps=self.lump)
 
+    def with_ratios(self, port: str, model: PortModel) -> PortModel:
+        """A port's model with the damping ratios wanted in its cantilever modes; as it is where none are stated."""
+        return model if self.damping is None else model.replaced(damping=self.damping.ratios(port, model.modes))
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the scene decides which modes are kept."""
+        return self.scene is not None and self.scene.bandwidth is not None and self.fit.method == "exact"
+
     @property
     def kept(self) -> dict[str, int]:
-        """Modes kept per port."""
+        """Modes kept per port, where the scene does not decide."""
         return (self.modes or Modes(xy=2)).counts()
 
 

@@ -11,7 +11,10 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from beamchain.assess.error import Comparison, compare, in_band_error
-from beamchain.assess.stability import StepLimits, step_limits
+from beamchain.assess.needs import AXES, Choice, LeftOut
+from beamchain.assess.plan import Plan, ledger, make_plan, verdict, whole_beam
+from beamchain.assess.stability import StepLimits, numerical_pole, step_limits
+from beamchain.assess.steps import StepChoice, choose_step
 from beamchain.chain.build import (
     Built,
     Status,
@@ -21,7 +24,7 @@ from beamchain.chain.build import (
     with_real_polar,
 )
 from beamchain.chain.chain import Chain
-from beamchain.chain.damping import Damper, joint_damping, tendons
+from beamchain.chain.damping import Damper, joint_damping, modal_ratios, tendons
 from beamchain.chain.rods import Payload
 from beamchain.engine.bench import Measured, measure
 from beamchain.engine.library import mujoco
@@ -34,6 +37,8 @@ from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+DECOUPLED = 1e-9  # relative: what two independent ports may share
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +56,9 @@ class Fit:
         limits: step limits on the hub of the spec, or alone.
         status: ok, message, history.
         seconds: model, realise, write, verify.
+        bandwidth: per port, of the in-band error [rad/s].
+        dampers: the damping tendons.
+        warnings: what to know before the file is used; shown by `beamchain fit` and in the report.
     """
 
     spec: Spec
@@ -64,7 +72,12 @@ class Fit:
     status: Status
     seconds: dict[str, float]
     bandwidth: dict[str, float]
+    kept_for: str = "clamped"
     dampers: tuple[Damper, ...] = ()
+    choice: Choice | None = None
+    promise: float | None = None
+    left_out: tuple[LeftOut, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @cached_property
     def hub_mass(self) -> Array | None:
@@ -82,12 +95,20 @@ class Fit:
                 out[port] = ours.tip[:k, 0] / target.tip[:k, 0] - 1.0
         return out
 
+    @cached_property
+    def steps(self) -> tuple[StepChoice, ...]:
+        """Integrators, each with its largest step within the tolerance, cheapest first; empty without a bandwidth."""
+        scene = self.spec.scene
+        if scene is None or scene.bandwidth is None or not self.achieved:
+            return ()
+        model = in_space(self.achieved, self.measured.rigid_mass)
+        hub = self.hub_mass if self.hub_mass is not None else self.measured.rigid_mass
+        keep = sorted(AXES[axis] for axis in scene.axes)
+        return choose_step(model, hub, keep, scene.bandwidth, scene.tolerance, tendon=bool(self.dampers))
+
     def appendage(self) -> Element:
         """The drop-in MJCF as an lxml tree."""
-        scene = self.spec.scene or Scene()
-        return write.appendage(
-            self.chain, self.spec.name, beam=self.spec.beam, dampers=self.dampers, visuals=scene.visuals
-        )
+        return _tree(self.spec, self.chain, self.dampers)
 
     def to_mjcf(self) -> str:
         """The drop-in MJCF file as text."""
@@ -97,10 +118,10 @@ class Fit:
         """A free-flying hub with the appendage on it, as text. Without a hub in the spec: ten times the appendage."""
         scene = self.spec.scene or Scene()
         hub = self.spec.root.hub or default_hub(self.spec.beam)
+        timestep = self.spec.fit.timestep or (scene.timestep if self.spec.scene else self._safe_step(scene.integrator))
         root = write.scene(
             self.appendage(), self.spec.name, mass=hub.mass, inertia=hub.inertia, offset=hub.offset,
-            timestep=self.spec.fit.timestep or (scene.timestep if self.spec.scene else self._safe_step(scene.integrator)),
-            integrator=scene.integrator,
+            timestep=timestep, integrator=scene.integrator, contacts=scene.contacts,
         )  # fmt: skip
         return write.text(root)
 
@@ -120,8 +141,10 @@ class Fit:
         if place is None:
             known = ", ".join(s.name for s in spec.sites if s.name) or "none"
             raise InputError(f"site {site!r} is not in the model; its sites are: {known}.")
-        child = mujoco.MjSpec.from_string(self.to_mjcf())
-        spec.attach(child, site=place, prefix="")
+        # MuJoCo warns of an empty prefix: take the name off every element, and have MuJoCo put it back
+        prefix = f"{self.spec.name}_"
+        child = mujoco.MjSpec.from_string(self.to_mjcf().replace(f'"{prefix}', '"'))
+        spec.attach(child, site=place, prefix=prefix)
 
     def plot(self, ax: "Axes | None" = None, port: str | None = None) -> "Axes":
         """Accelerance of the first kept port: beam, chain through MuJoCo. Returns the axes; shows nothing."""
@@ -204,7 +227,14 @@ def fit(
                 f"modes: unknown port {sorted(unknown)[0]!r}; choose from {', '.join(Modes.__struct_fields__)}."
             )
         modes = Modes(**dict(modes))
-    given = {"name": name, "modes": modes, "root": root, "damping": damping, "fit": options, "scene": scene}
+    given: dict[str, Any] = {
+        "name": name,
+        "modes": modes,
+        "root": root,
+        "damping": damping,
+        "fit": options,
+        "scene": scene,
+    }
     changes = {key: value for key, value in given.items() if value is not None}
     if changes:
         spec = Spec(**{field: changes.get(field, getattr(spec, field)) for field in Spec.__struct_fields__})
@@ -213,15 +243,17 @@ def fit(
 
 def _fit(spec: Spec) -> Fit:
     clock = [time.perf_counter()]
-    beam, kept = spec.beam, spec.kept
+    beam = spec.beam
     hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
-    full = {port: beam.port(port, 2 * count + 4) for port, count in kept.items()}
+    full = whole_beam(spec, beam)
     clock.append(time.perf_counter())
-    built = _build(spec, beam, kept, full, hub)
-    chain, dampers = _damped(spec, built)
+    plan = make_plan(spec, full, beam.rigid_mass(), hub)
+    kept = plan.kept
+    built = _build(spec, plan, beam)
+    chain, dampers = _damped(spec, plan, built)
     clock.append(time.perf_counter())
     scene = spec.scene or Scene()
-    tree = write.appendage(chain, spec.name, beam=beam, dampers=dampers, visuals=scene.visuals)
+    tree = _tree(spec, chain, dampers)
     clock.append(time.perf_counter())
     free = tuple(kept) if tuple(kept) == ("xy",) else PORTS  # a planar boom is tested as the paper does
     measured = measure(tree, free, timestep=scene.timestep, ballast=_ballast(chain))
@@ -230,7 +262,7 @@ def _fit(spec: Spec) -> Fit:
         bandwidth[port] = scene.bandwidth or float(target.frequencies[-1])
         port_hub = None if hub is None else port_hub_mass(hub, port)
         plain = compare(measured.ports[port], target)
-        in_band = in_band_error(measured.ports[port], with_ratios(spec, port, full[port]), port_hub, bandwidth[port])
+        in_band = in_band_error(measured.ports[port], spec.with_ratios(port, full[port]), port_hub, bandwidth[port])
         error[port] = replace(plain, accelerance_in_band=in_band)
     tendon = bool(dampers)
     limits = _limits(measured, built.targets, hub, tendon)
@@ -238,34 +270,97 @@ def _fit(spec: Spec) -> Fit:
     steps = ("model", "realise", "write", "verify")
     seconds = {step: b - a for step, a, b in zip(steps, clock[:-1], clock[1:], strict=True)}
     achieved = {port: measured.ports[port] for port in built.targets}
+    promise = plan.promise.error(achieved, dict.fromkeys(achieved, "achieved")) if plan.promise else None
     return Fit(
-        spec, chain, full, built.targets, achieved, error, measured, limits, built.status, seconds, bandwidth, dampers
+        spec=spec,
+        chain=chain,
+        full=full,
+        target=built.targets,
+        achieved=achieved,
+        error=error,
+        measured=measured,
+        limits=limits,
+        status=verdict(spec, built.status, promise),
+        seconds=seconds,
+        bandwidth=bandwidth,
+        kept_for=plan.target,
+        dampers=dampers,
+        choice=plan.choice,
+        promise=promise,
+        left_out=ledger(spec, plan, bool(dampers)),
+        warnings=_warnings(spec, measured, achieved, dampers, limits),
     )
 
 
-def with_ratios(spec: Spec, port: str, model: PortModel) -> PortModel:
-    """The model with the spec's damping ratios in its cantilever modes."""
-    return model if spec.damping is None else model.replaced(damping=spec.damping.ratios(port, model.modes))
+def _tree(spec: Spec, chain: Chain, dampers: tuple[Damper, ...]) -> Element:
+    """The drop-in file with the elements that the scene uses."""
+    scene = spec.scene or Scene(tip=True)
+    return write.appendage(
+        chain,
+        spec.name,
+        beam=spec.beam,
+        dampers=dampers,
+        visuals=scene.visuals,
+        tip=scene.tip or spec.payload is not None,
+        contacts=scene.contacts,
+    )
 
 
-def _build(spec: Spec, beam: Beam, kept: dict[str, int], full: dict[str, PortModel], hub: Array | None) -> Built:
-    target = spec.root.target or "clamped"
+def _warnings(
+    spec: Spec, measured: Measured, achieved: Mapping[str, PortModel], dampers: tuple[Damper, ...], limits: StepLimits
+) -> tuple[str, ...]:
+    """What to know before the file is used."""
+    out: list[str] = []
+    if dampers:
+        euler, other = limits.largest_step["Euler"], limits.largest_step["implicitfast"]
+        text = (
+            "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo takes where nothing "
+            f"is said, integrates tendon damping explicitly and is stable up to {euler:.4g} s only "
+            f"(implicitfast {other:.4g} s)"
+        )
+        scene = spec.scene or Scene()
+        if scene.integrator == "Euler":
+            worst = max(dampers, key=lambda d: d.damping)
+            model = achieved[worst.port]
+            k = min(worst.mode, model.modes) - 1
+            w, zeta = float(model.frequencies[k]), float(model.damping[k])
+            pole = numerical_pole("Euler", w, zeta, scene.timestep, tendon=True)
+            seen = -pole.real / abs(pole)
+            text += (
+                f"; at the scene's step of {scene.timestep:g} s mode {worst.mode} in {worst.port} will show a damping "
+                f"ratio of {seen:.4g} instead of {zeta:.4g}"
+            )
+        out.append(f'{text}. Use implicitfast, or damping.form = "hinge".')
+    if spec.damping is not None and spec.damping.form == "hinge":
+        missed: list[str] = []
+        for port, model in achieved.items():
+            wanted = spec.damping.ratios(port, min(model.modes, spec.kept[port]))
+            missed += [
+                f"{port} {k + 1}: {have:.4g} for {want:.4g}"
+                for k, (want, have) in enumerate(zip(wanted, model.damping, strict=False))
+                if abs(have - want) > 0.01 * want
+            ]
+        if missed:
+            out.append(
+                f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}); "
+                'damping.form = "modal" is exact.'
+            )
+    for pair, value in measured.couplings.items():
+        if value > DECOUPLED:
+            out.append(f"MuJoCo sees the ports {pair} coupled, by {value:.1e} relative: they are not independent.")
+    return tuple(out)
+
+
+def _build(spec: Spec, plan: Plan, beam: Beam) -> Built:
+    kept = plan.kept
 
     def target_of(port: str, count: int) -> PortModel:
-        model = full[port]
-        if target == "free":
-            out = model.reduced(count, np.zeros((model.motions, model.motions)))
-        elif target == "hub":
-            assert hub is not None
-            out = model.reduced(count, port_hub_mass(hub, port))
-        else:
-            out = model.truncated(count)
-        return with_ratios(spec, port, out)
+        return spec.with_ratios(port, plan.reduce(plan.target, port, count))
 
     options = spec.fit
     payload = spec.payload
     if options.method == "exact" and payload is None:
-        return build_exact(beam, kept, target_of, tip=spec.scene is not None and spec.scene.tip)
+        return build_exact(beam, kept, target_of, tip=(spec.scene or Scene()).tip)
     if options.method in ("exact", "least_squares"):
         loads = None
         if payload is not None:
@@ -276,7 +371,7 @@ def _build(spec: Spec, beam: Beam, kept: dict[str, int], full: dict[str, PortMod
         return build_least_squares(beam, kept, _links(spec, beam, kept), free, loads, target_of)
     links = options.links if isinstance(options.links, int) else None
     built = build_recipe(beam, options.method, kept, links, target_of)
-    return replace(built, chain=with_real_polar(built.chain, beam))
+    return replace(built, chain=with_real_polar(built.chain))
 
 
 def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
@@ -295,17 +390,22 @@ def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
     return np.full(count, beam.length / count)
 
 
-def _damped(spec: Spec, built: Built) -> tuple[Chain, tuple[Damper, ...]]:
-    """The wanted damping: tendons beside the chain, or dampers in its hinges."""
+def _damped(spec: Spec, plan: Plan, built: Built) -> tuple[Chain, tuple[Damper, ...]]:
+    """The wanted damping: tendons beside the chain, or dampers in its hinges where asked for or good enough."""
     chain, dampers = built.chain, []
     if spec.damping is None:
         return chain, ()
+    hinged = chain
+    for port in built.targets:
+        hinged = joint_damping(hinged, port, spec.damping.ratios(port, chain.port(port).modes))
+    if spec.damping.form == "hinge":
+        return hinged, ()
+    if plan.choice is not None and plan.promise is not None and spec.scene is not None:
+        models = {port: hinged.port(port).replaced(damping=modal_ratios(hinged, port)) for port in built.targets}
+        if plan.promise.error(models, dict.fromkeys(models, "hinge damping")) <= spec.scene.tolerance:
+            return hinged, ()
     for port, target in built.targets.items():
-        ratios = spec.damping.ratios(port, chain.port(port).modes)
-        if spec.damping.form == "hinge":
-            chain = joint_damping(chain, port, ratios)
-        else:
-            dampers += tendons(chain, port, ratios[: max(target.modes, 1)])
+        dampers += tendons(chain, port, spec.damping.ratios(port, target.modes))
     return chain, tuple(dampers)
 
 

@@ -39,7 +39,8 @@ def step_pole(integrator: str, angle: ArrayLike, ratio: ArrayLike = 0.0, *, tend
         keep, pull = 1.0 / (1.0 + damper), spring / (1.0 + damper)
     half = (1.0 + keep - pull) / 2.0
     root = np.sqrt((half**2 - keep).astype(np.complex128))
-    return half + np.where(half < 0.0, -root, root)
+    outward: Poles = np.where(half < 0.0, -root, root)
+    return half + outward
 
 
 def largest_angle(integrator: str, ratio: float = 0.0, *, tendon: bool = False) -> float:
@@ -64,7 +65,7 @@ def numerical_pole(integrator: str, omega: float, ratio: float, timestep: float,
 
 
 def step_for_error(integrator: str, omega: float, error: float) -> float:
-    """Largest step [s] up to which the simulated frequency of an undamped oscillation stays within `error`, relative."""
+    """Largest step [s] that keeps the simulated frequency of an undamped oscillation within `error`, relative."""
     limit = min(largest_angle(integrator), 3.0)
 
     def miss(angle: ArrayLike) -> Array:
@@ -74,7 +75,7 @@ def step_for_error(integrator: str, omega: float, error: float) -> float:
     over = np.flatnonzero(miss(grid) > 0.0)
     if over.size == 0:
         return limit / omega
-    return float(brentq(miss, 1e-5 * limit, grid[over[0]], rtol=1e-12)) / omega
+    return float(brentq(lambda x: float(miss(x)), 1e-5 * limit, float(grid[over[0]]), rtol=1e-12)) / omega
 
 
 @dataclass(frozen=True)

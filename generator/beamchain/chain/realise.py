@@ -6,6 +6,7 @@ redistributed mass, in closed form.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -93,7 +94,8 @@ def _check(nodes: Nodes, scale_length: float) -> None:
     if nodes.positions[-1] > 1e6 * scale_length:
         raise RealisationError(
             f"the exact chain with {nodes.stiffness.size} flexible modes is {nodes.positions[-1]:.3g} m long, far "
-            f"beyond the appendage (mass centre at {scale_length:.3g} m): too many modes for double precision; keep fewer."
+            f"beyond the appendage (mass centre at {scale_length:.3g} m): too many modes for double precision; "
+            "keep fewer."
         )
 
 
@@ -125,6 +127,8 @@ def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, A
     inertia = a * b / mass * nodes.lengths**2
     if nodes.excess is not None:
         inertia = inertia + nodes.excess
+        if np.any(inertia <= 0.0) and share < 0.5:
+            return split(nodes, beam_mass, 0.5)  # halves leave each rod the most inertia
         if np.any(inertia <= 0.0):
             raise RealisationError(
                 "a link's rotary inertia would be negative; set scene.tip = false or keep other modes."
@@ -141,7 +145,7 @@ def planar_links(nodes: Nodes, beam: Beam) -> list[Link]:
     """
     x = nodes.positions
     edges = [*x[:-1].tolist(), max(beam.length, float(x[-1]))]
-    own = [beam.moments(a, b, closed=b >= beam.length).mass for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    own = [beam.moments(a, b, closed=b >= beam.length).mass for a, b in pairwise(edges)]
     mass, com, inertia = split(nodes, np.array(own))
     ends = [*edges[1:-1], beam.length]
     return [

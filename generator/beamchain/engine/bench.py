@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from lxml.etree import _Element as Element
@@ -19,14 +20,19 @@ class Measured:
     Args:
         ports: port model per port, from A and B of `mjd_transitionFD`.
         rigid_mass: `(6, 6)` about the root, from the compiled bodies.
-        coupling: largest coupling between ports, relative.
+        couplings: relative, per pair of ports (`"xy, torsion"`).
         linearisation: of the bench.
     """
 
     ports: dict[str, PortModel]
     rigid_mass: Array
-    coupling: float
+    couplings: dict[str, float]
     linearisation: Linearisation
+
+    @property
+    def coupling(self) -> float:
+        """Largest coupling between two ports, relative."""
+        return max(self.couplings.values(), default=0.0)
 
 
 def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballast: Array | None = None) -> Measured:
@@ -50,11 +56,12 @@ def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballas
     for port, dofs in groups.items():
         motion = PORT_MOTION[port]
         models[port] = linear.port(dofs, motion.T @ extra @ motion)
-    return Measured(models, rigid_mass(model, "bench") - extra, linear.coupling(list(groups.values())), linear)
+    pairs = {f"{a}, {b}": linear.coupling([groups[a], groups[b]]) for a, b in combinations(groups, 2)}
+    return Measured(models, rigid_mass(model, "bench") - extra, pairs, linear)
 
 
 def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
-    """`(6, 6)` mass matrix of a body's frozen subtree about the body's frame, axes of that frame, in the model's rest pose.
+    """`(6, 6)` mass matrix of a body's frozen subtree in the rest pose, about the body's own frame and in its axes.
 
     Args:
         model: compiled.

@@ -1,0 +1,63 @@
+"""What beamchain uses of MuJoCo, which ships no types."""
+
+from typing import Any
+
+from numpy import float64
+from numpy.typing import NDArray
+
+__version__: str
+
+class FatalError(Exception): ...
+
+class mjtIntegrator:
+    mjINT_EULER: mjtIntegrator
+    mjINT_RK4: mjtIntegrator
+    mjINT_IMPLICIT: mjtIntegrator
+    mjINT_IMPLICITFAST: mjtIntegrator
+    mjINT_DISCRETE: mjtIntegrator
+    def __int__(self) -> int: ...
+
+class mjtTrn:
+    mjTRN_JOINT: mjtTrn
+    def __int__(self) -> int: ...
+
+class MjModel:
+    @staticmethod
+    def from_xml_string(xml: str, assets: dict[str, bytes] | None = ...) -> MjModel: ...
+    @staticmethod
+    def from_xml_path(filename: str, assets: dict[str, bytes] | None = ...) -> MjModel: ...
+    # sizes are int, everything else arrays and views by name
+    nq: int
+    nv: int
+    nu: int
+    na: int
+    nbody: int
+    njnt: int
+    ntendon: int
+    nsensordata: int
+    names: bytes
+    def __getattr__(self, name: str) -> Any: ...
+
+class MjData:
+    def __init__(self, model: MjModel) -> None: ...
+    def __getattr__(self, name: str) -> Any: ...
+
+class MjSpec:
+    @staticmethod
+    def from_string(
+        xml: str, include: dict[str, bytes] | None = ..., assets: dict[str, bytes] | None = ...
+    ) -> MjSpec: ...
+    def __getattr__(self, name: str) -> Any: ...
+
+def mj_kinematics(m: MjModel, d: MjData) -> None: ...
+def mj_comPos(m: MjModel, d: MjData) -> None: ...
+def mjd_transitionFD(
+    m: MjModel,
+    d: MjData,
+    eps: float,
+    flg_centered: bool,
+    A: NDArray[float64] | None = ...,
+    B: NDArray[float64] | None = ...,
+    C: NDArray[float64] | None = ...,
+    D: NDArray[float64] | None = ...,
+) -> None: ...
