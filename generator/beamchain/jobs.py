@@ -1,8 +1,9 @@
 """Many independent jobs over any `concurrent.futures.Executor`: stored as they come, resumed where they stopped."""
 
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import BrokenExecutor, Executor, FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from multiprocessing import get_context
 from pathlib import Path
@@ -13,6 +14,7 @@ from beamchain.errors import EngineError, InputError, OutputError
 #: Called after every job with the number done and the number of all.
 Progress = Callable[[int, int], None]
 
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 AHEAD = 4  # jobs handed out per worker before the first comes back
 
 
@@ -106,10 +108,23 @@ def workers(count: int, dask: str | None = None) -> Iterator[Executor | None]:
         with client:
             yield client.get_executor(pure=False, retries=3)
     elif count > 1:
-        with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+        with _one_thread_each(), ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
             yield pool
     else:
         yield None
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes started meanwhile keep their linear algebra to one thread: matrices here are small, cores are shared."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update({name: "1" for name in THREADS if before[name] is None})
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
 
 
 def _read(store: Path) -> dict[str, Any]:

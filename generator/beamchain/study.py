@@ -6,6 +6,7 @@ import os
 import platform
 import statistics
 import time
+import tomllib
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -20,15 +21,16 @@ from beamchain.assess import field, front
 from beamchain.assess.field import Entry, Task
 from beamchain.assess.front import Metric, Reach
 from beamchain.assess.growth import Growth, growth
+from beamchain.assess.plan import make_plan, whole_beam
 from beamchain.assess.run_time import Ladder, Point, Run, climb, in_turns
-from beamchain.assess.scenario import Rigid, Scenario, make_scenario, read_profile
+from beamchain.assess.scenario import Rigid, Scenario, make_scenario, parse_profile
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.files import write_files
 from beamchain.jobs import Progress, run_jobs
 from beamchain.report.spec_text import spec_toml
-from beamchain.spec import FitOptions, Modes, Root, Scene, Spec
-from beamchain.workflow import default_hub, with_ratios
+from beamchain.spec import FitOptions, Modes, Root, Scene, Spec, spec_from_dict
+from beamchain.workflow import default_hub
 
 TARGETS = (1e-2, 1e-3, 1e-4)
 METRICS: tuple[Metric, ...] = ("error", "error_appendage")
@@ -43,7 +45,7 @@ class Options(NamedTuple):
     """What a study may be told.
 
     Args:
-        profile: CSV file of the wrench on the hub; a doublet where left out.
+        profile: CSV text of the wrench on the hub; a doublet where left out.
         duration: [s]; found from the first coupled mode where left out.
         budget: time for the errors of one entry [s].
         models: names of the models to run; all where empty.
@@ -55,6 +57,9 @@ class Options(NamedTuple):
     models: tuple[str, ...] = ()
 
 
+DEFAULTS = Options()
+
+
 @dataclass(frozen=True, eq=False)
 class Study:
     """Everything measured.
@@ -62,6 +67,7 @@ class Study:
     Args:
         spec: the appendage and hub.
         options: what was asked.
+        kept: modes per port of the spec; the planes' numbers were varied.
         scenario: what was simulated.
         ladders: per entry, its points.
         growth: time against n.
@@ -70,6 +76,7 @@ class Study:
 
     spec: Spec
     options: Options
+    kept: dict[str, int]
     scenario: Scenario
     ladders: tuple[Ladder, ...]
     growth: Growth
@@ -92,7 +99,7 @@ class Study:
     @property
     def models(self) -> list[str]:
         """Names of the models measured, ours first."""
-        return list(dict.fromkeys(l.entry.model for l in self.ladders if l.points and l.entry.model != field.RIGID_HUB))
+        return list(dict.fromkeys(p.model for p in self.points))
 
     def reach(self, target: float, metric: Metric) -> dict[str, Reach]:
         """Per model, the cheapest setting for a target error."""
@@ -108,6 +115,12 @@ class Study:
         """The rivals' cheapest settings, extrapolated where they did not get there."""
         return {model: r for model, r in self.reach(target, metric).items() if model not in field.OURS}
 
+    def short_of(self, target: float, metric: Metric) -> dict[str, float]:
+        """Rivals that do not get there, and show no slope to follow: the best error of each."""
+        reached = self.reach(target, metric)
+        fronts = {m: front.front([x for x in self.ladders if x.entry.model == m], metric) for m in self.models}
+        return {m: f[-1][0] for m, f in fronts.items() if f and m not in reached and m not in field.OURS}
+
     def recommended(self, target: float, metric: Metric) -> Spec | None:
         """The spec that gives the best setting for a target."""
         best = self.best(target, metric)
@@ -115,8 +128,8 @@ class Study:
             return None
         point = best.point
         word = {"exact, hub": "hub", "exact, free": "free", "pre-warped": "hub"}.get(point.model, "clamped")
-        planes = [p for p in ("xy", "xz") if p in self.spec.kept] or list(self.spec.kept)
-        counts = {port: point.n if port in planes else n for port, n in self.spec.kept.items()}
+        planes = [p for p in ("xy", "xz") if p in self.kept] or list(self.kept)
+        counts = {port: point.n if port in planes else n for port, n in self.kept.items()}
         scene = self.spec.scene or Scene()
         changes = {
             "modes": Modes(**counts),
@@ -169,7 +182,7 @@ def power(target: float) -> str:
 
 def study(
     spec: Spec,
-    options: Options = Options(),
+    options: Options = DEFAULTS,
     *,
     executor: Executor | None = None,
     folder: Path | None = None,
@@ -209,9 +222,9 @@ def study(
     ]
     if executor is not None:
         ladders = _one_clock(ladders)
-    found = Study(spec, options, scenario, tuple(ladders), growth(task), 0.0)
+    found = Study(spec, options, task.kept, scenario, tuple(ladders), growth(task), 0.0)
     ladders = _duel(task, scenario, found)
-    return Study(spec, options, scenario, tuple(ladders), found.growth, time.perf_counter() - start)
+    return Study(spec, options, task.kept, scenario, tuple(ladders), found.growth, time.perf_counter() - start)
 
 
 def measure_entry(text: str, options: Sequence[Any], entry: Sequence[Any]) -> dict[str, Any]:
@@ -225,17 +238,16 @@ def measure_entry(text: str, options: Sequence[Any], entry: Sequence[Any]) -> di
 @lru_cache(maxsize=4)
 def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
     """Task and scenario of a spec, given as the text of its TOML so that workers can share it."""
-    import tomllib
-
-    from beamchain.spec import spec_from_dict
-
     spec = spec_from_dict(tomllib.loads(text))
     beam, hub = spec.beam, spec.root.hub or default_hub(spec.beam)
-    full = {port: with_ratios(spec, port, beam.port(port, FULL_MODES)) for port in spec.kept}
+    kept = spec.kept
+    if spec.chooses:
+        kept = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub.mass_matrix()).kept
+    full = {port: spec.with_ratios(port, beam.port(port, FULL_MODES)) for port in kept}
     rigid = Rigid(hub.mass, np.array(hub.inertia), np.array(hub.offset), hub.mass_matrix())
     as_tendons = spec.damping is None or spec.damping.form == "modal"
-    task = Task(beam, full, spec.kept, rigid, as_tendons)
-    profile = None if options.profile is None else read_profile(Path(options.profile))
+    task = Task(beam, full, kept, rigid, as_tendons)
+    profile = None if options.profile is None else parse_profile(options.profile, "--profile")
     return task, make_scenario(full, beam.rigid_mass(), rigid, beam.length, profile=profile, duration=options.duration)
 
 

@@ -70,7 +70,7 @@ def reach(ladders: Sequence[Ladder], model: str, target: float, metric: Metric) 
 def _sizes(ladders: Sequence[Ladder], last: Point, metric: Metric) -> list[tuple[float, Point]]:
     """The most accurate point of each size n with the model and integrator of `last`, up to it."""
     out: list[tuple[float, Point]] = []
-    for ladder in sorted(ladders, key=lambda l: l.entry.n):
+    for ladder in sorted(ladders, key=lambda each: each.entry.n):
         if ladder.entry.model == last.model and ladder.entry.integrator == last.integrator and ladder.points:
             error, point = max(honest(ladder, metric), key=lambda pair: (-pair[0], -pair[1].seconds))
             if point.n <= last.n and (not out or error < out[-1][0]):

@@ -4,7 +4,6 @@ import csv
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -61,8 +60,8 @@ class Scenario:
         Args:
             motion: `(t, 6)` simulated, at the ends of the steps.
             timestep: [s].
-            rigid: `(t, 6)` the frozen appendage by the same integrator, taken off first; then only the elastic parts are
-                compared.
+            rigid: `(t, 6)` the frozen appendage by the same integrator, taken off first; then only the elastic parts
+                are compared.
             shift: the simulated time after step k is `(k + shift) timestep`: the integrator's own clock.
         """
         at = timestep * (np.arange(1, motion.shape[0] + 1) + shift)
@@ -133,33 +132,29 @@ def _beat(times: Array) -> float:
     return unit * float(np.gcd.reduce(np.rint(times[1:] / unit).astype(np.int64)))
 
 
-def read_profile(path: Path) -> Profile:
-    """A profile from CSV: a column `time` [s] and any of fx fy fz [N], mx my mz [N m]; a row holds until the next.
+def parse_profile(content: str, source: str) -> Profile:
+    """A profile from CSV text: a column `time` [s] and any of fx fy fz [N], mx my mz [N m]; a row holds until the next.
 
     The last row only ends the profile.
 
     Raises:
-        InputError: the file cannot be read, a column is unknown, a number is missing, or the times do not ascend from 0.
+        InputError: a column is unknown, a number is missing, or the times do not ascend from 0.
     """
-    try:
-        content = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"profile {str(path)!r} cannot be read ({error}); give a CSV file of text.") from None
     rows = [row for row in csv.reader(io.StringIO(content)) if row and not row[0].lstrip().startswith("#")]
     head = [cell.strip() for cell in rows[0]] if rows else []
     unknown = [name for name in head if name not in ("time", *COLUMNS)]
     if "time" not in head or unknown or len(head) < 2 or not 3 <= len(rows) <= LONGEST_CSV:
         raise InputError(
-            f"profile {str(path)!r} has the head {', '.join(head) or 'nothing'} and {max(len(rows) - 1, 0)} rows; give a "
-            f"column time, one or more of {', '.join(COLUMNS)}, and at least two rows."
+            f"profile {source!r} has the head {', '.join(head) or 'nothing'} and {max(len(rows) - 1, 0)} rows; give "
+            f"a column time, one or more of {', '.join(COLUMNS)}, and at least two rows."
         )
     try:
         values = np.array([[float(cell) for cell in row] for row in rows[1:]])
     except ValueError as error:
-        raise InputError(f"profile {str(path)!r}: {error}; give one number per column in every row.") from None
+        raise InputError(f"profile {source!r}: {error}; give one number per column in every row.") from None
     times = values[:, head.index("time")]
     if not np.all(np.isfinite(values)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
-        raise InputError(f"profile {str(path)!r}: times must start at 0 and ascend, and every number must be finite.")
+        raise InputError(f"profile {source!r}: times must start at 0 and ascend, and every number must be finite.")
     wrench = np.zeros((times.size - 1, 6))
     for name in head:
         if name != "time":

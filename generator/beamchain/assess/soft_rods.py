@@ -1,7 +1,7 @@
 """MuJoCo's own elastic rods as rivals: `flexcomp` rods and, where the installed version still has it, the cable.
 
-Both clamp at the middle of their first segment; to be fair to them that point is put at the root, and the last vertex of
-a rod weighs half.
+Both clamp at the middle of their first segment; to be fair to them that point is put at the root, and the last vertex
+of a rod weighs half.
 """
 
 import numpy as np
@@ -16,6 +16,8 @@ FLEXCOMP, CABLE = "flexcomp rod", "composite cable"
 
 #: flex elasticity is refused by MuJoCo 4's implicit and implicitfast
 INTEGRATORS = {FLEXCOMP: ("Euler", "RK4", "discrete"), CABLE: ("Euler", "implicitfast", "RK4")}
+
+ALONG = np.array([1.0, 0.0, 0.0])
 
 _SCENE = """<mujoco>
   <option timestep="0.001" gravity="0 0 0"><flag contact="disable"/></option>{extension}
@@ -88,10 +90,10 @@ def scene_model(name: str, beam: Beam, hub: Rigid, count: int) -> "mujoco.MjMode
     offset = np.asarray(hub.offset)
     if name == FLEXCOMP:
         text = _ROD.format(
-            first=number(offset + [spacing / 2.0, 0.0, 0.0]), piece=density * spacing,
+            first=number(offset + spacing / 2.0 * ALONG), piece=density * spacing,
             small=number(np.full(3, max(density * spacing * radius**2, 1e-12))),
             count=count + 1, spacing=spacing, total=density * spacing * (count + 1), radius=radius,
-            middle=number(offset + [spacing * (count - 1) / 2.0, 0.0, 0.0]), young=young,
+            middle=number(offset + spacing * (count - 1) / 2.0 * ALONG), young=young,
         )  # fmt: skip
         extension = ""
     else:

@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from beamchain.cli import fit, inspect, schema, seed, study
+from beamchain.cli import fit, inspect, schema, seed, study, sweep
 from beamchain.cli.common import explain, version
 from beamchain.errors import BeamchainError
 
@@ -31,6 +31,7 @@ def beamchain(
 app.command(name="fit")(fit.fit)
 app.command(name="seed")(seed.seed)
 app.command(name="study")(study.study)
+app.command(name="sweep")(sweep.sweep)
 app.command(name="inspect")(inspect.inspect)
 app.command(name="schema")(schema.schema)
 

@@ -1,5 +1,6 @@
 """`beamchain study`: error against run time."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -11,7 +12,7 @@ if TYPE_CHECKING:
     from beamchain.study import Study
 
 Profile = Annotated[
-    str | None, typer.Option(metavar="CSV", help="Wrench on the hub: columns time, fx fy fz [N], mx my mz [N m].")
+    Path | None, typer.Option(metavar="CSV", help="Wrench on the hub: columns time, fx fy fz [N], mx my mz [N m].")
 ]
 Duration = Annotated[float | None, typer.Option(metavar="SECONDS", help="What is simulated; four slow periods.")]
 Budget = Annotated[float, typer.Option(metavar="SECONDS", help="Simulation time spent per model and integrator.")]
@@ -58,7 +59,7 @@ def study(
         raise OutputError(
             f"output {str(output / 'study.json')!r} exists; use --force to replace it, or another folder."
         )
-    options = Options(profile, duration, budget, tuple(model or ()))
+    options = Options(None if profile is None else read_text(profile), duration, budget, tuple(model or ()))
     with pool(workers, dask) as executor, job_bar("measuring", quiet or as_json) as progress:
         result = measure(read, options, executor=executor, folder=output, resume=resume, progress=progress)
     files = result.write(output, force=force)
@@ -68,6 +69,16 @@ def study(
         show(result)
         for file in files:
             console().print(f"wrote {file}")
+
+
+def read_text(path: Path) -> str:
+    """The text of a file the user names."""
+    from beamchain.errors import InputError
+
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"--profile {str(path)!r} cannot be read ({error}); give a CSV file of text.") from None
 
 
 def show(result: "Study") -> None:
@@ -92,7 +103,8 @@ def show(result: "Study") -> None:
     growth = result.growth
     if growth.exponent is not None and growth.fit_exponent is not None:
         out.print(
-            f"time per step grows as n^{growth.exponent:.2f} (n 10..100), time to fit as n^{growth.fit_exponent:.2f} (n 1..6)"
+            f"time per step grows as n^{growth.exponent:.2f} (n 10..100), "
+            f"time to fit as n^{growth.fit_exponent:.2f} (n 1..6)"
         )
     for command in commands(result):
         out.print(command)

@@ -8,8 +8,8 @@ import jinja2
 
 from beamchain.assess.front import Metric, Reach
 from beamchain.report import study_plots
+from beamchain.report.page import Table, inline
 from beamchain.report.plots import to_svg
-from beamchain.report.sections import Table, inline
 
 if TYPE_CHECKING:
     from beamchain.study import Study
@@ -46,8 +46,8 @@ def scenario_sentence(study: "Study") -> str:
     watched = ", ".join(names[i] for i in scenario.watched)
     size = float(abs(scenario.profile.wrench).max())
     return (
-        f"{scenario.duration:g} s; a wrench of up to {size:.3g} (N, N m) on the hub until {scenario.profile.times[-1]:g} s; "
-        f"compared: the hub's {watched}, against the exact linear motion of hub and beam."
+        f"{scenario.duration:g} s; a wrench of up to {size:.3g} (N, N m) on the hub until "
+        f"{scenario.profile.times[-1]:g} s; compared: the hub's {watched}, against the exact linear motion of hub and beam."
     )
 
 
@@ -60,8 +60,8 @@ def verdict(study: "Study") -> str:
     point, rivals = best.point, study.rivals(target, "error")
     near = min(rivals.values(), key=lambda r: r.seconds, default=None)
     text = (
-        f"For an error of {target:g}, take {point.model} with n = {point.n}, {point.integrator}, step {point.timestep:.4g} s: "
-        f"{1e3 * best.seconds:.3g} ms for {study.scenario.duration:g} s."
+        f"For an error of {target:g}, take {point.model} with n = {point.n}, {point.integrator}, "
+        f"step {point.timestep:.4g} s: {1e3 * best.seconds:.3g} ms for {study.scenario.duration:g} s."
     )
     if near is None:
         return text
@@ -95,7 +95,9 @@ def table(study: "Study", metric: Metric) -> Table:
         rows.append(row(best, power(target), best.seconds))
         for reach in sorted(study.rivals(target, metric).values(), key=lambda r: r.seconds):
             rows.append(row(reach, "", best.seconds))
-    return Table(rows, HEAD, caption=f"Error of {study_plots.TITLES[metric]}")
+        for model, floor in study.short_of(target, metric).items():
+            rows.append(["", model, "any", "any", "any", f"never: {floor:.2g} at best", "-"])
+    return Table(rows, HEAD, caption=study_plots.TITLES[metric])
 
 
 def commands(study: "Study") -> list[str]:

@@ -27,8 +27,8 @@ COLOURS = {
 }
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
 TITLES: dict[Metric, str] = {
-    "error": "hub motion as simulated",
-    "error_appendage": "the integrator's own rigid-hub error taken off",
+    "error": "Error of the hub's motion as simulated",
+    "error_appendage": "Error with the integrator's own rigid-hub error taken off, on its clock",
 }
 WORST = 2.0  # errors above are left out of the picture: nothing of the appendage is right there
 
