@@ -18,7 +18,6 @@ from beamchain.assess.hub_response import Profile, hub_response
 from beamchain.assess.run_time import CLOCK, Ladder, Point, climb, rigid_motion, steps_below
 from beamchain.assess.scenario import parse_profile, rounded_up
 from beamchain.cli import app
-from beamchain.engine.linearise import compile_model
 from beamchain.engine.rollout import simulate
 from beamchain.report.spec_text import spec_toml
 
@@ -57,12 +56,16 @@ def test_response_against_a_general_integrator(ratio):
     load[1] = 1.0
 
     def slope(t, state, moment):
-        return np.concatenate([state[6:], np.linalg.solve(mass, moment * load[:, 0] - stiffness @ state[:6] - damping @ state[6:])])
+        return np.concatenate(
+            [state[6:], np.linalg.solve(mass, moment * load[:, 0] - stiffness @ state[:6] - damping @ state[6:])]
+        )
 
     state, got = np.zeros(12), []
     for start, end, moment in ((0.0, 2.0, 1.0), (2.0, 4.0, -1.0), (4.0, 30.0, 0.0)):
         at = np.linspace(start, end, 14)
-        solved = solve_ivp(slope, (start, end), state, args=(moment,), t_eval=at, rtol=1e-11, atol=1e-14, method="DOP853")
+        solved = solve_ivp(
+            slope, (start, end), state, args=(moment,), t_eval=at, rtol=1e-11, atol=1e-14, method="DOP853"
+        )
         state = solved.y[:, -1]
         got.append(np.column_stack([at, solved.y[0] - arm * solved.y[1], solved.y[1]])[:-1])
     t, y, angle = np.vstack(got).T
@@ -99,7 +102,9 @@ def test_rounded_up(value, expected):
 def test_profile_keeps_its_impulse_whatever_the_step():
     profile = parse_profile("time,mz\n0,1\n0.7,-2\n1.1,0\n", "p")
     for steps in (3, 7, 50):
-        assert profile.mean(3.0 / steps, steps).sum(axis=0)[5] * 3.0 / steps == pytest.approx(0.7 - 2.0 * 0.4, abs=1e-14)
+        assert profile.mean(3.0 / steps, steps).sum(axis=0)[5] * 3.0 / steps == pytest.approx(
+            0.7 - 2.0 * 0.4, abs=1e-14
+        )
 
 
 @pytest.mark.parametrize(
@@ -220,7 +225,11 @@ def test_soft_rods_bend_as_the_beam_does(prepared):
     for n in (8, 16):
         model = soft_rods.scene_model(soft_rods.FLEXCOMP, task.beam, task.hub, n)
         data = mujoco.MjData(model)
-        tips = [j for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE and abs(model.jnt_axis[j, 1]) > 0.5]
+        tips = [
+            j
+            for j in range(model.njnt)
+            if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE and abs(model.jnt_axis[j, 1]) > 0.5
+        ]
         places = [int(model.jnt_qposadr[j]) for j in tips]
         dofs = [int(model.jnt_dofadr[j]) for j in tips]
         step, stiffness = 1e-6, np.zeros((n - 1, n - 1))
@@ -288,7 +297,19 @@ def test_front_keeps_only_what_nothing_beats():
 # -- the whole -------------------------------------------------------------------------------------------------------
 def test_command(tmp_path):
     out = tmp_path / "study"
-    call = ["study", str(SEED), "-o", str(out), "--budget", "0.002", "--model", "exact, hub", "--model", field.PAPER, "--json"]
+    call = [
+        "study",
+        str(SEED),
+        "-o",
+        str(out),
+        "--budget",
+        "0.002",
+        "--model",
+        "exact, hub",
+        "--model",
+        field.PAPER,
+        "--json",
+    ]
     result = CliRunner().invoke(app, call)
     assert result.exit_code == 0, result.output
     record = json.loads(result.stdout)

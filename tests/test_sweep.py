@@ -23,7 +23,9 @@ from beamchain.uncertain import Uncertain, Uncertainty
 ARRAY = Path(str(files("beamchain"))) / "examples" / "array_uncertain.toml"
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
 SAMPLES = 12
-THROUGH_MUJOCO = 1e-7  # frequencies of a variant set into a compiled model: M from MuJoCo, six rigid modes to tell apart
+THROUGH_MUJOCO = (
+    1e-7  # frequencies of a variant set into a compiled model: M from MuJoCo, six rigid modes to tell apart
+)
 SAME = 1e-12  # numbers that went through the same formulas
 CHANCE = 5.0  # standard errors a statistic of 4,000 draws may lie off
 
@@ -75,7 +77,15 @@ def test_normal_draws_are_cut():
     ],
 )
 def test_bad_tables(table, match):
-    data = {"segment": [{"length": 1.0, "section": {"shape": "round", "diameter": 0.01}, "material": {"youngs_modulus": 7e10, "density": 2700.0}}]}
+    data = {
+        "segment": [
+            {
+                "length": 1.0,
+                "section": {"shape": "round", "diameter": 0.01},
+                "material": {"youngs_modulus": 7e10, "density": 2700.0},
+            }
+        ]
+    }
     with pytest.raises(bc.BeamchainError, match=match):
         spec_from_dict({**data, "uncertain": table})
 

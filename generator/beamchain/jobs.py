@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from multiprocessing import get_context
@@ -45,9 +45,11 @@ def run_jobs(
     """
     done = _read(store) if store is not None and resume else {}
     done = {key: value for key, value in done.items() if key in jobs}
-    if store is not None and not resume:
+    if store is not None:  # begun anew with what is whole: a line cut off while it was written would spoil the next
         store.unlink(missing_ok=True)
-    tell = progress or (lambda _done, _all: None)
+        for key, value in done.items():
+            _append(store, key, value)
+    tell = progress or _silent
     tell(len(done), len(jobs))
     for key, value in _results(function, {k: a for k, a in jobs.items() if k not in done}, executor):
         done[key] = value
@@ -55,6 +57,10 @@ def run_jobs(
             _append(store, key, value)
         tell(len(done), len(jobs))
     return {key: done[key] for key in jobs}
+
+
+def _silent(_done: int, _all: int) -> None:
+    return None
 
 
 def _results(
@@ -86,7 +92,7 @@ def _results(
 
 
 @contextmanager
-def workers(count: int, dask: str | None = None) -> Iterator[Executor | None]:
+def workers(count: int, dask: str | None = None) -> Generator[Executor | None]:
     """An executor: `count` local processes, or a Dask cluster; None for a single local worker.
 
     Args:
@@ -98,7 +104,7 @@ def workers(count: int, dask: str | None = None) -> Iterator[Executor | None]:
     """
     if dask is not None:
         try:
-            from distributed import Client
+            from distributed import Client  # pyright: ignore[reportMissingImports]
         except ImportError:
             raise InputError("--dask needs the extra: pip install 'beamchain[dask]'.") from None
         try:
@@ -115,8 +121,8 @@ def workers(count: int, dask: str | None = None) -> Iterator[Executor | None]:
 
 
 @contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Processes started meanwhile keep their linear algebra to one thread: matrices here are small, cores are shared."""
+def _one_thread_each() -> Generator[None]:
+    """Processes started meanwhile keep their linear algebra to one thread: matrices are small, cores shared."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update({name: "1" for name in THREADS if before[name] is None})
     try:

@@ -29,7 +29,7 @@ from beamchain.errors import InputError
 from beamchain.files import write_files
 from beamchain.jobs import Progress, run_jobs
 from beamchain.report.spec_text import spec_toml
-from beamchain.spec import FitOptions, Modes, Root, Scene, Spec, spec_from_dict
+from beamchain.spec import FitOptions, Modes, Root, Scene, Spec, Target, spec_from_dict
 from beamchain.workflow import default_hub
 
 TARGETS = (1e-2, 1e-3, 1e-4)
@@ -127,13 +127,13 @@ class Study:
         if best is None:
             return None
         point = best.point
-        word = {"exact, hub": "hub", "exact, free": "free", "pre-warped": "hub"}.get(point.model, "clamped")
+        words: dict[str, Target] = {"exact, hub": "hub", "exact, free": "free", "pre-warped": "hub"}
         planes = [p for p in ("xy", "xz") if p in self.kept] or list(self.kept)
         counts = {port: point.n if port in planes else n for port, n in self.kept.items()}
         scene = self.spec.scene or Scene()
         changes = {
             "modes": Modes(**counts),
-            "root": Root(target=word, hub=self.spec.root.hub),
+            "root": Root(target=words.get(point.model, "clamped"), hub=self.spec.root.hub),
             "scene": msgspec.structs.replace(scene, integrator=point.integrator, timestep=point.timestep),
             "fit": FitOptions(
                 method="least_squares" if point.model == "least squares" else "exact",
@@ -229,7 +229,8 @@ def study(
 
 def measure_entry(text: str, options: Sequence[Any], entry: Sequence[Any]) -> dict[str, Any]:
     """One job: all points of one entry, as plain data. A worker builds the task once."""
-    chosen = Options(*options[:3], tuple(options[3]))
+    profile, duration, budget, models = options
+    chosen = Options(profile, duration, budget, tuple(models))
     task, scenario = prepare(text, chosen)
     ladder = climb(task, scenario, Entry(*entry), chosen.budget)
     return {"entry": list(entry), "points": [list(p) for p in ladder.points], "note": ladder.note}

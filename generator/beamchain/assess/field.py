@@ -189,7 +189,14 @@ def _built(task: Task, entry: Entry, timestep: float) -> tuple[Chain, Mapping[st
         replace(hinge, stiffness={p: c.hinges[i].stiffness[p] for p, c in zip(bending, chains, strict=True)})
         for i, hinge in enumerate(chains[0].hinges)
     )
-    return with_real_polar(replace(chains[0], hinges=hinges)), {}
+    # a short piece of a wide panel, frozen, has more polar inertia than a thin body can have: it gets what it can
+    links = tuple(
+        replace(
+            link, inertia=(min(link.inertia[0], (1.0 - 1e-9) * (link.inertia[1] + link.inertia[2])), *link.inertia[1:])
+        )
+        for link in chains[0].links
+    )
+    return with_real_polar(replace(chains[0], hinges=hinges, links=links)), {}
 
 
 def _ours(task: Task, entry: Entry, kept: dict[str, int], timestep: float) -> Built:

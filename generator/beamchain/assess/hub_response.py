@@ -32,7 +32,7 @@ class Profile:
 
     def mean(self, timestep: float, steps: int) -> Array:
         """`(steps, 6)` mean wrench over each step, so that no impulse is lost where a step straddles a switch."""
-        return np.diff(self.impulse(timestep * np.arange(steps + 1)), axis=0) / timestep
+        return np.diff(self.impulse(np.arange(steps + 1, dtype=np.float64) * timestep), axis=0) / timestep
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,15 +97,17 @@ def hub_response(full: Mapping[str, PortModel], rigid_mass: Array, hub_mass: Arr
     values = model.free_port_values @ centre.T
     w, shapes = model.free_frequencies, model._free[2]
     if not np.any(model.damping > 0.0):
-        return HubResponse(locked(mobility), 1j * w, values.astype(np.complex128), (values / (1j * w)[:, None]).T)
+        poles = (1j * w).astype(np.complex128)
+        return HubResponse(locked(mobility), poles, values.astype(np.complex128), (values / poles[:, None]).T)
     # states (w q, q'): skew but for the dissipation, so that the small frequencies keep their digits
     loss = (w[:, None] * shapes.T) @ ((2.0 * model.damping / model.frequencies)[:, None] * shapes * w)
     system = np.block([[np.zeros_like(loss), np.diag(w)], [-np.diag(w), -loss]])
-    poles, right = np.linalg.eig(system)
+    found, right = np.linalg.eig(system)
+    poles, right = found.astype(np.complex128), right.astype(np.complex128)
     left = np.linalg.inv(right)
-    upper = poles.imag > 0.0
-    alone = np.abs(poles.imag) == 0.0  # an overdamped mode counts once, not as half of a pair
-    use = upper | alone
-    drive = left[use][:, w.size :] @ values
-    show = (values / w[:, None]).T @ right[: w.size][:, use] * np.where(upper[use], 2.0, 1.0)
+    upper = np.imag(poles) > 0.0
+    use = upper | (np.imag(poles) == 0.0)  # an overdamped mode counts once, not as half of a pair
+    weight = np.where(upper[use], 2.0, 1.0)
+    drive = np.asarray(left[use][:, w.size :] @ values, dtype=np.complex128)
+    show = np.asarray((values / w[:, None]).T @ right[: w.size][:, use] * weight, dtype=np.complex128)
     return HubResponse(locked(mobility), poles[use], drive, show)

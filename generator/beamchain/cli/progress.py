@@ -1,13 +1,13 @@
 """A progress bar with the time left, for work that takes over a second."""
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 from beamchain.jobs import Progress
 
 
 @contextmanager
-def job_bar(what: str, silent: bool) -> Iterator[Progress]:
+def job_bar(what: str, silent: bool) -> Generator[Progress]:
     """A bar over jobs; gone when done.
 
     Args:

@@ -1,4 +1,4 @@
-"""Apply the variants of `beamchain sweep` to one compiled model, as domain randomisation does: run it where they are."""
+"""Apply the variants of `beamchain sweep` to one compiled model, as domain randomisation does; run beside them."""
 
 import mujoco
 import numpy as np

@@ -47,7 +47,8 @@ def scenario_sentence(study: "Study") -> str:
     size = float(abs(scenario.profile.wrench).max())
     return (
         f"{scenario.duration:g} s; a wrench of up to {size:.3g} (N, N m) on the hub until "
-        f"{scenario.profile.times[-1]:g} s; compared: the hub's {watched}, against the exact linear motion of hub and beam."
+        f"{scenario.profile.times[-1]:g} s; compared: the hub's {watched}, against the exact linear motion of hub and "
+        "beam."
     )
 
 
