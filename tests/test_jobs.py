@@ -74,7 +74,7 @@ def test_one_worker_is_this_process():
 
 
 def test_dask_without_the_extra_or_without_a_scheduler():
-    with pytest.raises(bc.BeamchainError, match="extra|answers"), workers(1, "tcp://127.0.0.1:1"):
+    with pytest.raises(bc.BeamchainError, match=r"extra|answers"), workers(1, "tcp://127.0.0.1:1"):
         pass
 
 

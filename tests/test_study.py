@@ -42,7 +42,7 @@ def doublet(size: float = 1e-3) -> Profile:
 # -- reference -------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("ratio", [0.0, 0.02])
 def test_response_against_a_general_integrator(ratio):
-    """M q'' + C q' + K q = f in cantilever coordinates, integrated by SciPy: no modes of the coupled system involved."""
+    """M q'' + C q' + K q = f in cantilever coordinates by SciPy: no modes of the coupled system involved."""
     spec = bc.read_spec(SEED)
     beam, hub = spec.beam, spec.root.hub
     model = beam.port("xy", 6).truncated(4).replaced(damping=np.full(4, ratio))
