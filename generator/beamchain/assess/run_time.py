@@ -14,8 +14,8 @@ from beamchain.errors import BeamchainError
 from beamchain.port import Array
 
 #: Divisors of the beat (the common measure of all switching times): the ladder of steps, the next octaves alike.
-LADDER = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48)
-RUNGS = 18  # steps tried below the stability limit, at most
+LADDER = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 13, 14, 16, 18, 20, 22, 24, 28, 32, 36, 40, 44, 48, 56)
+RUNGS = 22  # steps tried below the stability limit, at most
 FLOOR = 0.01  # two steps whose errors differ by less, relative, stand on the model's floor
 FINE_ENOUGH = 1e-5  # error below which no finer step is of interest
 REPEATS = 3
@@ -70,7 +70,7 @@ def steps_below(scenario: Scenario, limit: float) -> list[tuple[float, int]]:
     if beat < period / 20.0:  # switching too often to step by: the mean wrench of each step is applied instead
         beat = scenario.duration / np.ceil(scenario.duration / (period / 4.0))
     first = max(int(np.ceil(beat / limit * (1.0 - 1e-9))), 1)  # the largest stable step is tried, whatever the ladder
-    divisors = [d for d in (*LADDER, *(m * 2**k for k in range(1, 40) for m in (32, 40, 48))) if d > first]
+    divisors = [d for d in (*LADDER, *(m * 2**k for k in range(1, 40) for m in (32, 40, 48, 56))) if d > first]
     return [(beat / d, round(scenario.duration / beat * d)) for d in [first, *divisors][:RUNGS]]
 
 

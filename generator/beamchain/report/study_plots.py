@@ -33,19 +33,18 @@ TITLES: dict[Metric, str] = {
 WORST = 2.0  # errors above are left out of the picture: nothing of the appendage is right there
 
 
-def pareto_figure(study: "Study", peers: Mapping[str, Sequence[Mapping[str, Any]]] | None = None) -> Figure:
+def pareto_figure(study: "Study") -> Figure:
     """Error against run time, both metrics, log-log: every point, and each model's front as a line.
 
     Args:
         study: what was measured.
-        peers: points of other simulators by name, as in study.json.
     """
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7.2, 9.2))
         metrics: tuple[Metric, ...] = ("error", "error_appendage")
         for i, metric in enumerate(metrics):
             ax = figure.add_subplot(2, 1, i + 1)
-            _panel(ax, study, metric, peers or {})
+            _panel(ax, study, metric)
         figure.axes[-1].set_xlabel(f"time to simulate {study.scenario.duration:g} s, ms")
         handles, labels = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="upper left", ncols=2, bbox_to_anchor=(0.09, 1.0))
@@ -54,12 +53,16 @@ def pareto_figure(study: "Study", peers: Mapping[str, Sequence[Mapping[str, Any]
     return figure
 
 
-def _panel(ax: "Axes", study: "Study", metric: Metric, peers: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
+def _frame(ax: "Axes", metric: Metric) -> None:
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_title(TITLES[metric])
     ax.set_ylabel("error / largest elastic motion")
     ax.grid(which="major", color="#e6e6e6", linewidth=0.6)
+
+
+def _panel(ax: "Axes", study: "Study", metric: Metric) -> None:
+    _frame(ax, metric)
     order = [m for m in study.models if m not in field.OURS] + [m for m in study.models if m in field.OURS]
     grey = 0
     for model in order:
@@ -72,16 +75,27 @@ def _panel(ax: "Axes", study: "Study", metric: Metric, peers: Mapping[str, Seque
         line = [pair for pair in front([x for x in study.ladders if x.entry.model == model], metric) if pair[0] < WORST]
         style: Any = {"color": colour, "marker": mark, "markersize": 4.5, "linewidth": 1.8 if ours else 1.1}
         ax.plot([1e3 * p.seconds for _, p in line], [e for e, _ in line], label=model, zorder=3 if ours else 2, **style)
-    for i, (name, points) in enumerate(peers.items()):
-        pairs = sorted((1e3 * p["seconds"], p[metric]) for p in points if p[metric] < WORST)
+
+
+Points = Sequence[Mapping[str, Any]]
+
+
+def peer_panel(ax: "Axes", own: Points, peers: Mapping[str, Points], metric: Metric) -> None:
+    """Fronts of the points of study.json and of other simulators' points by name, in one set of axes."""
+    _frame(ax, metric)
+    ax.set_xlabel("time, ms")
+    models = list(dict.fromkeys(str(p["model"]) for p in own))
+    curves = [(m, [p for p in own if p["model"] == m]) for m in models] + list(peers.items())
+    for i, (name, points) in enumerate(curves):
         lower: list[tuple[float, float]] = []
-        for seconds, error in pairs:
+        for seconds, error in sorted((1e3 * p["seconds"], p[metric]) for p in points if p[metric] < WORST):
             if not lower or error < lower[-1][1]:
                 lower.append((seconds, error))
+        colour = COLOURS.get(name, "#9a9a9a" if name in models else "#a5641e")
+        style: Any = {"linestyle": "solid" if name in models else (0, (4, 2)), "markersize": 4.0}
         ax.plot(
-            [x for x, _ in lower], [y for _, y in lower], color="#a5641e", linestyle=(0, (4, 2)), linewidth=1.2,
-            marker=MARKS[i % len(MARKS)], markersize=4.0, markerfacecolor="white", label=name,
-        )  # fmt: skip
+            *zip(*lower, strict=True), color=colour, marker=MARKS[i % len(MARKS)], label=name, **style
+        ) if lower else None
 
 
 def _cloud(ax: "Axes", points: Sequence[Point], metric: Metric, colour: str, mark: str) -> None:

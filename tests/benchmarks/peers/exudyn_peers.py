@@ -105,7 +105,9 @@ def modal(n: int) -> Peer:
     for i, value in enumerate(values):
         marker = mbs.AddMarker(item.MarkerNodeCoordinate(nodeNumber=node, coordinate=i))
         loads.append((mbs.AddLoad(item.LoadCoordinate(markerNumber=marker, load=0.0)), float(value)))
-    sensor = mbs.AddSensor(item.SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=exu.OutputVariableType.Coordinates))
+    sensor = mbs.AddSensor(
+        item.SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=exu.OutputVariableType.Coordinates)
+    )
     mbs.Assemble()
     return Peer("Exudyn modal", n, "RK44", Explicit(mbs, loads, sensor, lambda s: s[:, 1:] @ values), "linear only")
 
@@ -147,7 +149,9 @@ def floating(n: int) -> Peer:
     node = made["nRigidBody"]
     marker = mbs.AddMarker(item.MarkerNodeRigid(nodeNumber=node))
     load = mbs.AddLoad(item.LoadTorqueVector(markerNumber=marker, loadVector=[0, 0, 0]))
-    sensor = mbs.AddSensor(item.SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=exu.OutputVariableType.Rotation))
+    sensor = mbs.AddSensor(
+        item.SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=exu.OutputVariableType.Rotation)
+    )
     mbs.Assemble()
     return Peer("Exudyn FFRF", n, "RK44", Explicit(mbs, [(load, (0.0, 0.0, 1.0))], sensor, lambda s: s[:, 3]), "3-D")
 
@@ -170,15 +174,28 @@ def cables(n: int) -> Peer:
     mbs.AddObject(item.GenericJoint(markerNumbers=[first, second], constrainedAxes=[1, 1, 0, 0, 0, 1]))
     marker = mbs.AddMarker(item.MarkerNodeRigid(nodeNumber=body))
     load = mbs.AddLoad(item.LoadTorqueVector(markerNumber=marker, loadVector=[0, 0, 0]))
-    sensor = mbs.AddSensor(item.SensorNode(nodeNumber=body, storeInternal=True, outputVariableType=exu.OutputVariableType.Coordinates))
+    sensor = mbs.AddSensor(
+        item.SensorNode(nodeNumber=body, storeInternal=True, outputVariableType=exu.OutputVariableType.Coordinates)
+    )
     mbs.Assemble()
-    return Peer("Exudyn ANCF", n, "GeneralizedAlpha", Implicit(mbs, [(load, (0.0, 0.0, LARGER))], sensor, lambda s: s[:, 3] / LARGER), "2-D")
+    return Peer(
+        "Exudyn ANCF",
+        n,
+        "GeneralizedAlpha",
+        Implicit(mbs, [(load, (0.0, 0.0, LARGER))], sensor, lambda s: s[:, 3] / LARGER),
+        "2-D",
+    )
 
 
 def main(path: Path) -> None:
     peers = [cables(n) for n in (2, 3, 4, 6, 8)]
     peers += [make(n) for make in (modal, floating) for n in (1, 2, 3, 4, 5)]
-    limits = {f"{p.model} {p.n}": 2.7 / float(TASK.full["xy"].with_hub(TASK.hub.matrix[np.ix_([1, 5], [1, 5])]).free_frequencies[p.n - 1]) for p in peers if "ANCF" not in p.model}
+    limits = {
+        f"{p.model} {p.n}": 2.7
+        / float(TASK.full["xy"].with_hub(TASK.hub.matrix[np.ix_([1, 5], [1, 5])]).free_frequencies[p.n - 1])
+        for p in peers
+        if "ANCF" not in p.model
+    }
     points = measure(peers, 0.5, limits=limits)
     write(points, path)
     for p in points:

@@ -2,7 +2,6 @@
 
 import json
 import statistics
-import time
 from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamchain.assess.run_time import CLOCK, LADDER
+from beamchain.assess.run_time import LADDER
 from beamchain.report.spec_text import spec_toml
 from beamchain.spec import read_spec
 from beamchain.study import Options, prepare
@@ -29,8 +28,8 @@ HALF, END = float(SCENARIO.profile.times[1]), SCENARIO.duration
 class Peer(NamedTuple):
     """One model in another simulator, ready to run.
 
-    `run(timestep, record)` simulates the scenario and returns the hub's angle `(steps,)` where `record`, and the time [s]
-    of the simulation alone.
+    `run(timestep, record)` simulates the scenario and returns the hub's angle `(steps,)` where `record`, and the time
+    [s] of the simulation alone.
     """
 
     model: str
@@ -40,7 +39,9 @@ class Peer(NamedTuple):
     note: str
 
 
-def measure(peers: list[Peer], longest: float, rungs: int = 12, limits: dict[str, float] | None = None) -> list[dict[str, Any]]:
+def measure(
+    peers: list[Peer], longest: float, rungs: int = 12, limits: dict[str, float] | None = None
+) -> list[dict[str, Any]]:
     """Error and time over a ladder of steps, timed in turns."""
     points: list[dict[str, Any]] = []
     runs: list[tuple[dict[str, Any], Peer]] = []
@@ -56,7 +57,7 @@ def measure(peers: list[Peer], longest: float, rungs: int = 12, limits: dict[str
             spent += seconds
             motion = np.zeros((angle.size, 6))
             motion[:, 5] = angle
-            error = SCENARIO.error(motion, h, None, CLOCK.get(peer.integrator, 0.0) * 0.0)
+            error = SCENARIO.error(motion, h)
             if error < 2.0:
                 point = {"model": peer.model, "n": peer.n, "integrator": peer.integrator, "timestep": h, "error": error,
                          "error_appendage": error, "note": peer.note}  # fmt: skip
@@ -80,9 +81,3 @@ def measure(peers: list[Peer], longest: float, rungs: int = 12, limits: dict[str
 def write(points: list[dict[str, Any]], path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(points, indent=1))
-
-
-def clock(function: Callable[[], Any]) -> float:
-    start = time.thread_time()
-    function()
-    return time.thread_time() - start
