@@ -5,11 +5,12 @@ Run: python tests/benchmarks/peers/exudyn_peers.py build/peers/exudyn.json
 
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import exudyn as exu
 import numpy as np
-from exudyn import itemInterface as item
+from exudyn import itemInterface as item  # noqa: N813
 from exudyn.FEM import FEMinterface, ObjectFFRFreducedOrderInterface
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix
@@ -167,7 +168,7 @@ def cables(n: int) -> Peer:
         mbs.AddObject(item.ObjectANCFCable2D(
             physicsLength=LENGTH / n, physicsMassPerLength=MASS / LENGTH, physicsBendingStiffness=BENDING,
             physicsAxialStiffness=AXIAL, nodeNumbers=[a, b], useReducedOrderIntegration=1))
-        for a, b in zip(nodes[:-1], nodes[1:], strict=True)
+        for a, b in pairwise(nodes)
     ]  # fmt: skip
     first = mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=hub, localPosition=[ARM, 0, 0]))
     second = mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=made[0], localPosition=[0, 0, 0]))
