@@ -25,20 +25,51 @@ from beamchain.chain.build import (
 )
 from beamchain.chain.chain import Chain
 from beamchain.chain.damping import Damper, joint_damping, modal_ratios, tendons
+from beamchain.chain.oscillators import Oscillators
 from beamchain.chain.rods import Payload
 from beamchain.engine.bench import Measured, measure
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.files import write_files
 from beamchain.mjcf import write
+from beamchain.mjcf.oscillators import oscillators as write_oscillators
 from beamchain.port import PORTS, Array, PortModel, in_space
 from beamchain.spec import Damping, FitOptions, Hub, Modes, Root, Scene, Spec, port_hub_mass
 from beamchain.structure.beam import Beam
+from beamchain.structure.imported import Imported
+from beamchain.structure.mass_line import MassLine
+from beamchain.structure.modal_data import ModalData
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DECOUPLED = 1e-9  # relative: what two independent ports may share
+
+
+@dataclass(frozen=True, eq=False)
+class InSpace:
+    """A fit seen with all six motions of the root at once, which shows what ports do to each other.
+
+    Args:
+        data: the imported modes, about the port, in SI; what was done to them stands in its `steps`.
+        form: "chain" or "oscillators", and `why`.
+        full: all imported modes.
+        target: the modes that were asked for.
+        achieved: read back through `mjd_transitionFD`.
+        error: achieved against target; in band, against all modes.
+        live: motions in which the appendage has inertia; the models hold these only.
+        made: the oscillators, in that form.
+    """
+
+    data: ModalData
+    form: str
+    why: str
+    full: PortModel
+    target: PortModel
+    achieved: PortModel
+    error: Comparison
+    live: tuple[int, ...]
+    made: Oscillators | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +90,9 @@ class Fit:
         bandwidth: per port, of the in-band error [rad/s].
         dampers: the damping tendons.
         warnings: what to know before the file is used; shown by `beamchain fit` and in the report.
+        line: how the mass lies along x, where that is not the spec's beam.
+        space: all six motions at once, where the modes were imported. In the oscillator form `chain` is what stays when
+            nothing moves, one rigid link, and `space.made` holds the oscillators.
     """
 
     spec: Spec
@@ -78,6 +112,18 @@ class Fit:
     promise: float | None = None
     left_out: tuple[LeftOut, ...] = ()
     warnings: tuple[str, ...] = ()
+    line: MassLine | None = None
+    space: InSpace | None = None
+
+    @property
+    def mass_line(self) -> MassLine:
+        """How the appendage's mass lies along x: its beam, or what imported modes say of it."""
+        return self.spec.beam if self.line is None else self.line
+
+    @property
+    def oscillators(self) -> Oscillators | None:
+        """The oscillators, in that form."""
+        return None if self.space is None else self.space.made
 
     @cached_property
     def hub_mass(self) -> Array | None:
@@ -108,7 +154,10 @@ class Fit:
 
     def appendage(self) -> Element:
         """The drop-in MJCF as an lxml tree."""
-        return _tree(self.spec, self.chain, self.dampers)
+        scene = self.spec.scene or Scene()
+        if self.oscillators is not None:
+            return write_oscillators(self.oscillators, self.spec.name, visuals=scene.visuals)
+        return _tree(self.spec, self.chain, self.mass_line, self.dampers)
 
     def to_mjcf(self) -> str:
         """The drop-in MJCF file as text."""
@@ -117,10 +166,10 @@ class Fit:
     def scene_mjcf(self) -> str:
         """A free-flying hub with the appendage on it, as text. Without a hub in the spec: ten times the appendage."""
         scene = self.spec.scene or Scene()
-        hub = self.spec.root.hub or default_hub(self.spec.beam)
+        hub = self.spec.root.hub or default_hub(self.mass_line)
         timestep = self.spec.fit.timestep or (scene.timestep if self.spec.scene else self._safe_step(scene.integrator))
         root = write.scene(
-            self.appendage(), self.spec.name, mass=hub.mass, inertia=hub.inertia, offset=hub.offset,
+            self.appendage(), self.spec.name, mass=hub.mass, inertia=hub.inertia_matrix(), offset=hub.offset,
             timestep=timestep, integrator=scene.integrator, contacts=scene.contacts,
         )  # fmt: skip
         return write.text(root)
@@ -180,7 +229,7 @@ class Fit:
         return list(files)
 
 
-def default_hub(beam: Beam) -> Hub:
+def default_hub(beam: MassLine) -> Hub:
     """Ten times the appendage's mass, a cube as wide as a tenth of its length, root at a face."""
     mass, side = 10.0 * beam.rigid_mass()[0, 0], 0.1 * beam.length
     inertia = max(mass * side**2 / 6.0, 1e-12)
@@ -188,7 +237,7 @@ def default_hub(beam: Beam) -> Hub:
 
 
 def fit(
-    appendage: Beam | Spec,
+    appendage: Beam | Spec | ModalData,
     *,
     name: str | None = None,
     modes: Mapping[str, int] | Modes | None = None,
@@ -200,7 +249,7 @@ def fit(
     """Fit a hinge chain to an appendage and prove it through MuJoCo's own linearisation.
 
     Args:
-        appendage: a beam, or a whole spec (what is given beside it replaces what the spec says).
+        appendage: a beam, imported modes, or a whole spec (what is given beside it replaces what the spec says).
         name: prefix of bodies, joints and sites.
         modes: flexible modes per port, `{"xy": 2}` where nothing is said.
         root: target and hub.
@@ -218,6 +267,8 @@ def fit(
     """
     if isinstance(appendage, Spec):
         spec = appendage
+    elif isinstance(appendage, ModalData):
+        spec = Spec(imported=Imported(file=f"{Path(appendage.source).stem or 'modes'}.toml"))
     else:
         spec = Spec(segment=appendage.segments, joint=appendage.joints, lump=appendage.lumps)
     if modes is not None and not isinstance(modes, Modes):
@@ -238,12 +289,21 @@ def fit(
     changes = {key: value for key, value in given.items() if value is not None}
     if changes:
         spec = Spec(**{field: changes.get(field, getattr(spec, field)) for field in Spec.__struct_fields__})
+    if spec.imported is not None:
+        from beamchain.importing import fit_imported  # which returns a Fit
+
+        return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
     return _fit(spec)
 
 
 def _fit(spec: Spec) -> Fit:
     clock = [time.perf_counter()]
     beam = spec.beam
+    if spec.root.target == "hub" and spec.root.hub is None:
+        raise InputError(
+            'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, or use '
+            'target = "clamped" (`beamchain embed` reads the hub from the spacecraft).'
+        )
     hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
     full = whole_beam(spec, beam)
     clock.append(time.perf_counter())
@@ -253,7 +313,7 @@ def _fit(spec: Spec) -> Fit:
     chain, dampers = _damped(spec, plan, built)
     clock.append(time.perf_counter())
     scene = spec.scene or Scene()
-    tree = _tree(spec, chain, dampers)
+    tree = _tree(spec, chain, beam, dampers)
     clock.append(time.perf_counter())
     free = tuple(kept) if tuple(kept) == ("xy",) else PORTS  # a planar boom is tested as the paper does
     measured = measure(tree, free, timestep=scene.timestep, ballast=_ballast(chain))
@@ -292,13 +352,13 @@ def _fit(spec: Spec) -> Fit:
     )
 
 
-def _tree(spec: Spec, chain: Chain, dampers: tuple[Damper, ...]) -> Element:
+def _tree(spec: Spec, chain: Chain, line: MassLine, dampers: tuple[Damper, ...]) -> Element:
     """The drop-in file with the elements that the scene uses."""
     scene = spec.scene or Scene(tip=True)
     return write.appendage(
         chain,
         spec.name,
-        beam=spec.beam,
+        beam=line,
         dampers=dampers,
         visuals=scene.visuals,
         tip=scene.tip or spec.payload is not None,
@@ -359,7 +419,7 @@ def _build(spec: Spec, plan: Plan, beam: Beam) -> Built:
 
     options = spec.fit
     payload = spec.payload
-    if options.method == "exact" and payload is None:
+    if not kept or (options.method == "exact" and payload is None):
         return build_exact(beam, kept, target_of, tip=(spec.scene or Scene()).tip)
     if options.method in ("exact", "least_squares"):
         loads = None
@@ -411,7 +471,8 @@ def _damped(spec: Spec, plan: Plan, built: Built) -> tuple[Chain, tuple[Damper, 
 
 def _ballast(chain: Chain) -> Array | None:
     """Something to hold where a hinge at the root leaves the bench massless: as much as the chain weighs."""
-    if chain.links[0].mass > 0.0:
+    first = chain.links[0]
+    if first.mass > 0.0 and min(first.inertia[1:]) > 0.0:
         return None
     rigid = np.diag(chain.rigid_mass())
     return np.array([rigid[0], *np.full(3, max(rigid[3:]))])
@@ -419,7 +480,11 @@ def _ballast(chain: Chain) -> Array | None:
 
 def _limits(measured: Measured, targets: Mapping[str, PortModel], hub: Array | None, tendon: bool) -> StepLimits:
     """Step limits on the hub in space, or of the free appendage without one."""
-    model = in_space({port: measured.ports[port] for port in targets}, measured.rigid_mass)
+    return coupled_limits(in_space({port: measured.ports[port] for port in targets}, measured.rigid_mass), hub, tendon)
+
+
+def coupled_limits(model: PortModel, hub: Array | None, tendon: bool) -> StepLimits:
+    """Step limits of a port model on a hub `(m, m)`, or alone."""
     coupled = model if hub is None else model.with_hub(hub)
     a, *_ = coupled.state_space()
     poles = np.linalg.eigvals(a)

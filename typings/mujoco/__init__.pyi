@@ -21,6 +21,20 @@ class mjtTrn:
     mjTRN_JOINT: mjtTrn
     def __int__(self) -> int: ...
 
+class mjtObj:
+    def __int__(self) -> int: ...
+
+class mjtDisableBit:
+    mjDSBL_CONTACT: mjtDisableBit
+    mjDSBL_CONSTRAINT: mjtDisableBit
+    mjDSBL_GRAVITY: mjtDisableBit
+    mjDSBL_EULERDAMP: mjtDisableBit
+    def __int__(self) -> int: ...
+
+class mjtEnableBit:
+    mjENBL_SLEEP: mjtEnableBit
+    def __int__(self) -> int: ...
+
 class MjModel:
     @staticmethod
     def from_xml_string(xml: str, assets: dict[str, bytes] | None = ...) -> MjModel: ...
@@ -33,6 +47,8 @@ class MjModel:
     na: int
     nbody: int
     njnt: int
+    neq: int
+    ngeom: int
     ntendon: int
     nsensordata: int
     names: bytes
@@ -51,6 +67,17 @@ class MjSpec:
 
 def mj_kinematics(m: MjModel, d: MjData) -> None: ...
 def mj_comPos(m: MjModel, d: MjData) -> None: ...
+def mj_forward(m: MjModel, d: MjData) -> None: ...
+def mj_name2id(m: MjModel, type: mjtObj, name: str) -> int: ...
+def mj_mulM(m: MjModel, d: MjData, res: NDArray[float64], vec: NDArray[float64]) -> None: ...
+def mj_jac(
+    m: MjModel,
+    d: MjData,
+    jacp: NDArray[float64] | None,
+    jacr: NDArray[float64] | None,
+    point: NDArray[float64],
+    body: int,
+) -> None: ...
 def mjd_transitionFD(
     m: MjModel,
     d: MjData,

@@ -71,7 +71,19 @@ def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     root = model.body(body).id
-    origin, frame = data.xpos[root], data.xmat[root].reshape(3, 3)
+    return frozen_mass(model, data, root, data.xpos[root], data.xmat[root].reshape(3, 3))
+
+
+def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origin: Array, frame: Array) -> Array:
+    """`(6, 6)` mass matrix of a body's frozen subtree about any point, in any axes.
+
+    Args:
+        model: compiled.
+        data: with the kinematics of the pose.
+        root: id of the body.
+        origin: `(3,)` the point, in the world.
+        frame: `(3, 3)` the axes in columns, in the world.
+    """
     out = np.zeros((6, 6))
     for i in range(model.nbody):
         top = i
