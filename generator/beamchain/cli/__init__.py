@@ -5,7 +5,7 @@ import sys
 
 import typer
 
-from beamchain.cli import embed, fit, inspect, schema, seed
+from beamchain.cli import embed, fit, inspect, schema, seed, study, sweep
 from beamchain.cli.common import explain, version
 from beamchain.errors import BeamchainError
 
@@ -32,6 +32,8 @@ def beamchain(
 app.command(name="fit")(fit.fit)
 app.command(name="embed")(embed.embed)
 app.command(name="seed")(seed.seed)
+app.command(name="study")(study.study)
+app.command(name="sweep")(sweep.sweep)
 app.command(name="inspect")(inspect.inspect)
 app.command(name="schema")(schema.schema)
 
