@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from beamchain.cli import examples, fit, init, inspect, schema, seed
+from beamchain.cli import examples, fit, init, inspect, render, schema, seed
 from beamchain.cli.common import explain, version
 from beamchain.errors import BeamchainError
 
@@ -32,6 +32,8 @@ app.command(name="fit")(fit.fit)
 app.command(name="seed")(seed.seed)
 app.command(name="inspect")(inspect.inspect)
 app.command(name="schema")(schema.schema)
+app.command(name="render")(render.render)
+app.command(name="view")(render.view)
 app.command(name="init")(init.init)
 app.command(name="examples")(examples.examples)
 
