@@ -29,8 +29,8 @@ from beamchain.errors import InputError
 from beamchain.files import write_files
 from beamchain.jobs import Progress, run_jobs
 from beamchain.report.spec_text import spec_toml
+from beamchain.result import default_hub
 from beamchain.spec import FitOptions, Modes, Root, Scene, Spec, Target, spec_from_dict
-from beamchain.workflow import default_hub
 
 TARGETS = (1e-2, 1e-3, 1e-4)
 METRICS: tuple[Metric, ...] = ("error", "error_appendage")
