@@ -19,11 +19,10 @@ HEAVY = ("mujoco", "lxml", "matplotlib", "control")
 
 PUBLIC = {
     "Beam", "BeamchainError", "Box", "Chain", "Comparison", "Custom", "Damping", "Embedded", "Equivalent", "Fit",
-    "FitOptions",
-    "Hub", "Joint", "Linearisation", "Lump", "Material", "Modes", "Payload", "PortModel", "Rectangle", "Root", "Round",
-    "Scene", "Segment", "Spec", "Tube", "UniformBeam", "__version__", "compare", "embed", "equal_links",
-    "fit", "linearise",
-    "planar_chain", "read_spec", "realise", "seed_beam", "seed_chain", "seed_table",
+    "FitOptions", "Hub", "Imported", "Joint", "Linearisation", "Lump", "Material", "ModalData", "Modes", "Payload",
+    "PortModel", "Rectangle", "Root", "Round", "Scene", "Segment", "Spec", "Tube", "UniformBeam", "__version__",
+    "compare", "embed", "equal_links", "fit", "linearise", "planar_chain", "read_modes", "read_spec", "realise",
+    "seed_beam", "seed_chain", "seed_table",
 }  # fmt: skip
 
 

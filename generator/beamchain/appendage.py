@@ -16,8 +16,8 @@ from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import embed as document
 from beamchain.mjcf import write
 from beamchain.port import PORTS, Array, PortModel, in_space
+from beamchain.result import Fit
 from beamchain.spec import Hub, Spec
-from beamchain.workflow import Fit
 
 EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for
 PROBE = "beamchain probe "  # names of the empty bodies that stand for appendages while the spacecraft is measured
