@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ from beamchain.chain.build import (
 )
 from beamchain.chain.chain import Chain
 from beamchain.chain.damping import Damper, joint_damping, tendons
+from beamchain.chain.prewarp import Prewarp, loaded_tendons, prewarp
 from beamchain.chain.rods import Payload
 from beamchain.engine.bench import Measured, measure
 from beamchain.engine.library import mujoco
@@ -56,6 +57,7 @@ class Fit:
         bandwidth: per port, of the in-band error [rad/s].
         dampers: the damping tendons.
         warnings: what to know before the file is used; shown by `beamchain fit` and in the report.
+        prewarps: per port, where `fit.timestep` asks for it; the error in band is then that of what the step shows.
     """
 
     spec: Spec
@@ -71,6 +73,7 @@ class Fit:
     bandwidth: dict[str, float]
     dampers: tuple[Damper, ...] = ()
     warnings: tuple[str, ...] = ()
+    prewarps: Mapping[str, Prewarp] = field(default_factory=dict[str, Prewarp])
 
     @cached_property
     def hub_mass(self) -> Array | None:
@@ -109,6 +112,11 @@ class Fit:
             timestep=timestep, integrator=scene.integrator,
         )  # fmt: skip
         return write.text(root)
+
+    def bench_mjcf(self) -> str:
+        """The appendage on the test bench: its root free in every kept port, as text."""
+        ports = [port for port in PORTS if port in self.achieved]
+        return write.text(write.bench(self.appendage(), ports, 0.01, _ballast(self.chain)))
 
     def _safe_step(self, integrator: str) -> float:
         """A round step: a fifth of the stability limit at most."""
@@ -233,7 +241,8 @@ def _fit(spec: Spec) -> Fit:
     full = {port: beam.port(port, 2 * count + 4) for port, count in kept.items()}
     clock.append(time.perf_counter())
     built = _build(spec, beam, kept, full, hub)
-    chain, dampers = _damped(spec, built)
+    plans = {p: _prewarp(spec, p, full[p], t.modes, hub) for p, t in built.targets.items()} if spec.fit.timestep else {}
+    chain, dampers = _damped(spec, built, plans)
     clock.append(time.perf_counter())
     scene = spec.scene or Scene()
     tree = write.appendage(chain, spec.name, beam=beam, dampers=dampers, visuals=scene.visuals)
@@ -245,7 +254,8 @@ def _fit(spec: Spec) -> Fit:
         bandwidth[port] = scene.bandwidth or float(target.frequencies[-1])
         port_hub = None if hub is None else port_hub_mass(hub, port)
         plain = compare(measured.ports[port], target)
-        in_band = in_band_error(measured.ports[port], with_ratios(spec, port, full[port]), port_hub, bandwidth[port])
+        seen = plans[port].shown(measured.ports[port]) if port in plans else measured.ports[port]
+        in_band = in_band_error(seen, with_ratios(spec, port, full[port]), port_hub, bandwidth[port])
         error[port] = replace(plain, accelerance_in_band=in_band)
     tendon = bool(dampers)
     limits = _limits(measured, built.targets, hub, tendon)
@@ -255,7 +265,7 @@ def _fit(spec: Spec) -> Fit:
     achieved = {port: measured.ports[port] for port in built.targets}
     return Fit(
         spec, chain, full, built.targets, achieved, error, measured, limits, built.status, seconds, bandwidth, dampers,
-        _warnings(spec, measured, achieved, dampers, limits),
+        (*_warnings(spec, measured, achieved, dampers, limits), *_prewarp_note(plans)), plans,
     )  # fmt: skip
 
 
@@ -314,6 +324,8 @@ def _build(spec: Spec, beam: Beam, kept: dict[str, int], full: dict[str, PortMod
 
     def target_of(port: str, count: int) -> PortModel:
         model = full[port]
+        if spec.fit.timestep:
+            return _prewarp(spec, port, model, count, hub).target
         if target == "free":
             out = model.reduced(count, np.zeros((model.motions, model.motions)))
         elif target == "hub":
@@ -325,6 +337,11 @@ def _build(spec: Spec, beam: Beam, kept: dict[str, int], full: dict[str, PortMod
 
     options = spec.fit
     payload = spec.payload
+    if options.timestep and (options.method != "exact" or payload is not None):
+        raise InputError(
+            f"fit.timestep = {options.timestep!r} pre-warps the exact chain only; leave it out, or use "
+            'method = "exact" without a payload.'
+        )
     if options.method == "exact" and payload is None:
         return build_exact(beam, kept, target_of, tip=spec.scene is not None and spec.scene.tip)
     if options.method in ("exact", "least_squares"):
@@ -338,6 +355,29 @@ def _build(spec: Spec, beam: Beam, kept: dict[str, int], full: dict[str, PortMod
     links = options.links if isinstance(options.links, int) else None
     built = build_recipe(beam, options.method, kept, links, target_of)
     return replace(built, chain=with_real_polar(built.chain))
+
+
+def _prewarp(spec: Spec, port: str, model: PortModel, count: int, hub: Array | None) -> Prewarp:
+    """What the chain aims at in a port: the modes on the spec's hub unless another target is named."""
+    load = None if hub is None else port_hub_mass(hub, port)
+    if spec.root.target == "clamped":
+        load = None
+    elif spec.root.target == "free":
+        load = np.zeros((model.motions, model.motions))
+    integrator = (spec.scene or Scene()).integrator
+    return prewarp(with_ratios(spec, port, model), count, load, integrator, spec.fit.timestep)
+
+
+def _prewarp_note(plans: Mapping[str, Prewarp]) -> list[str]:
+    """For which step and integrator a pre-warped chain is right."""
+    if not plans:
+        return []
+    plan = next(iter(plans.values()))
+    on = "a held root: give root.hub for the coupled modes" if plan.hub_mass is None else "the modes on the hub"
+    return [
+        f"pre-warped for {plan.integrator} at {plan.timestep:g} s, on {on}: at any other step or integrator the "
+        "frequencies are off; the errors stated are those of what that step shows."
+    ]
 
 
 def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
@@ -356,12 +396,20 @@ def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
     return np.full(count, beam.length / count)
 
 
-def _damped(spec: Spec, built: Built) -> tuple[Chain, tuple[Damper, ...]]:
+def _damped(spec: Spec, built: Built, plans: Mapping[str, Prewarp]) -> tuple[Chain, tuple[Damper, ...]]:
     """The wanted damping: tendons beside the chain, or dampers in its hinges."""
     chain, dampers = built.chain, []
     if spec.damping is None:
         return chain, ()
     for port, target in built.targets.items():
+        if port in plans and plans[port].rates.size:
+            if spec.damping.form == "hinge":
+                raise InputError(
+                    'damping.form = "hinge" cannot give each mode what "discrete" leaves of its damping; '
+                    'use damping.form = "modal", or leave fit.timestep out.'
+                )
+            dampers += loaded_tendons(chain, port, plans[port])
+            continue
         ratios = spec.damping.ratios(port, chain.port(port).modes)
         if spec.damping.form == "hinge":
             chain = joint_damping(chain, port, ratios)

@@ -88,7 +88,8 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
     spring = linear.stiffness
     if "discrete" in engine.INTEGRATORS:
         spring = engine.implicit_stiffness(model, data, linear.damping)
-    return LinearModel(linear.stiffness, linear.damping, np.linalg.solve(own, np.diag(joints)), spring)
+    euler = np.asarray(np.linalg.solve(own, np.diag(joints)), dtype=np.float64)
+    return LinearModel(linear.stiffness, linear.damping, euler, spring)
 
 
 def oscillating(model: LinearModel) -> Poles:

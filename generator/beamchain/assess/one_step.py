@@ -6,8 +6,8 @@
 
 where `Di` is the damping the integrator treats implicitly, `De = D - Di` the rest, and `Ki` the implicit stiffness
 ("discrete" only; `Ki = K` for joint springs).
-A pole z of the step belongs to `a z^2 - (a + c - h^2 k) z + c = 0` with `a = m + h di + h^2 ki`, `c = m - h de` for some
-shape x (small letters: x* M x ...). For symmetric matrices it leaves the unit circle at z = -1, which is where
+A pole z of the step belongs to `a z^2 - (a + c - h^2 k) z + c = 0` with `a = m + h di + h^2 ki`, `c = m - h de` for
+some shape x (small letters: x* M x ...). For symmetric matrices it leaves the unit circle at z = -1, which is where
 `2 (A + C) - h^2 K` first turns singular: `4 M + 2 h (Di - De) + h^2 (2 Ki - K)`, a quadratic eigenvalue problem in 1/h
 whose roots are all real. So the limit needs no search and holds for damping that couples the modes.
 """
@@ -74,13 +74,13 @@ class LinearModel:
             for k in range(1, 5):
                 term = term @ f / k
                 out = out + term
-            return out
+            return np.asarray(out, dtype=np.float64)
         implicit, explicit, spring = self._parts(integrator)
         solved = np.linalg.solve(
             eye + h * implicit + h**2 * spring, np.hstack([h**2 * self.stiffness, eye - h * explicit])
         )
         pull, keep = solved[:, :n], solved[:, n:]
-        return np.block([[eye - pull, keep], [-pull, keep]])
+        return np.asarray(np.block([[eye - pull, keep], [-pull, keep]]), dtype=np.float64)
 
     def spectral_radius(self, integrator: str, timestep: float) -> float:
         """Largest modulus of a pole of the step, rigid motion left out."""
@@ -98,7 +98,7 @@ class LinearModel:
         fastest = float(np.max(np.abs(poles), initial=0.0))
         if np.any(poles.real > 1e-5 * fastest):
             raise EngineError(
-                f"the model is unstable about its rest pose whatever the step (a pole at {np.max(poles.real):.3g} 1/s): "
+                f"the model is unstable about its rest pose at any step (a pole at {np.max(poles.real):.3g} 1/s): "
                 "a spring or damper is negative, or gravity tips it over; linearise it about a stable pose."
             )
         if integrator == "RK4":

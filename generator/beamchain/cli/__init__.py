@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from beamchain.cli import fit, inspect, schema, seed
+from beamchain.cli import fit, inspect, schema, seed, stability
 from beamchain.cli.common import explain, version
 from beamchain.errors import BeamchainError
 
@@ -30,6 +30,7 @@ def beamchain(
 
 app.command(name="fit")(fit.fit)
 app.command(name="seed")(seed.seed)
+app.command(name="stability")(stability.stability)
 app.command(name="inspect")(inspect.inspect)
 app.command(name="schema")(schema.schema)
 
