@@ -1,0 +1,255 @@
+"""Runs the cases: each passes its tolerances by the independent check, is refused with a reason, or has failed."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import eigh
+
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model
+from beamchain.errors import BeamchainError
+from beamchain.extremes.cases import Case
+from beamchain.extremes.truth import Rod
+from beamchain.port import Array
+from beamchain.workflow import Fit, fit
+
+FREQUENCY = 1e-6  # relative: a natural frequency of the beam lies as near to each of MuJoCo's
+PARTICIPATION = 1e-4  # relative, of the outer product; the check itself is good to 3e-5
+MASS = 1e-9  # relative to the geometric means of the diagonal
+DAMPING = 1e-5  # relative, of every ratio
+TORSION = 1e-8  # relative, against the closed form of the prismatic rod
+CLASSICAL = 3.0  # error of mode k of N equal links is below this times k^2 / N^2 (0.5 is seen for k = 1)
+
+PASSED, REFUSED, FAILED = "passed", "refused", "failed"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a case.
+
+    Args:
+        case: the case.
+        verdict: "passed", "refused" or "failed".
+        reason: of a refusal or failure; of a pass, what was said where fewer modes came out.
+        modes: kept in plane xy.
+    """
+
+    case: Case
+    verdict: str
+    reason: str
+    modes: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """For stability.json."""
+        values = {name: getattr(self.case, name) for name in self.case.__dataclass_fields__}
+        return {**values, "verdict": self.verdict, "reason": self.reason, "modes_kept": self.modes}
+
+
+@dataclass(frozen=True, eq=False)
+class Extremes:
+    """All rows, with their counts."""
+
+    rows: list[Row]
+
+    def count(self, verdict: str) -> int:
+        """Rows with a verdict."""
+        return sum(row.verdict == verdict for row in self.rows)
+
+    @property
+    def failed(self) -> int:
+        """Silent failures."""
+        return self.count(FAILED)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For stability.json."""
+        return {
+            "cases": len(self.rows),
+            "passed": self.count(PASSED),
+            "refused": self.count(REFUSED),
+            "failed": self.failed,
+            "rows": [row.as_dict() for row in self.rows],
+        }
+
+
+def run(chosen: Sequence[Case], say: Callable[[int], None] = lambda _: None, workers: int = 1) -> Extremes:
+    """Run cases.
+
+    Args:
+        chosen: which.
+        say: told how many are done.
+        workers: processes.
+    """
+    rows: list[Row] = []
+    if workers == 1:
+        for case in chosen:
+            rows.append(verdict(case))
+            say(len(rows))
+        return Extremes(rows)
+    with ProcessPoolExecutor(workers) as pool:
+        for row in pool.map(verdict, chosen, chunksize=8):
+            rows.append(row)
+            say(len(rows))
+    return Extremes(rows)
+
+
+def verdict(case: Case) -> Row:
+    """Fit one case and judge it."""
+    try:
+        result = fit(case.spec())
+        judged = judge(case, result)
+    except BeamchainError as error:
+        return Row(case, REFUSED, str(error), 0)
+    except Exception as error:  # noqa: BLE001  (whatever else comes is what the suite is there to find)
+        return Row(case, FAILED, f"{type(error).__name__}: {error}", 0)
+    kept = result.target["xy"].modes
+    if judged:
+        return Row(case, FAILED, judged, kept)
+    return Row(case, PASSED, "" if result.status.ok else result.status.message, kept)
+
+
+def judge(case: Case, result: Fit) -> str:
+    """What is wrong with a fit by the independent check; empty: nothing.
+
+    MuJoCo compiles the files the user gets; its mass matrix and springs are read from there. What the package read
+    through A and B, and printed, is held against the same truth.
+    """
+    rod = case.rod()
+    held = compile_model(result.to_mjcf())
+    scene = compile_model(result.scene_mjcf())
+    wanted = {"xy": case.modes, **({"xz": case.modes, "torsion": min(case.modes, 1)} if case.space else {})}
+    for port, count in wanted.items():
+        modes = result.target[port].modes
+        if modes < count and result.status.ok:
+            return f"{port} keeps {modes} of {count} modes without saying so"
+    for port in [p for p in ("xy", "xz") if p in wanted]:
+        modes = result.target[port].modes
+        ours = _held(held, port)
+        if case.links:
+            for k in range(min(modes, 2)):
+                near = CLASSICAL * (k + 1) ** 2 / case.links**2
+                errors, _, below = rod.check_poles(np.array([ours[k]]) ** 2, min(near, 0.2))
+                if not np.isfinite(errors[0]) or below[0] not in (k, k + 1):
+                    return f"classical chain: mode {k + 1} is off by more than {near:.1e}"
+            continue
+        wrong = _plane(case, rod, result, scene, port, ours[:modes])
+        if wrong:
+            return f"{port}: {wrong}"
+    if "torsion" in wanted and case.taper == 1.0 and case.joint == 0.0:
+        truth = np.pi / 2.0 * np.sqrt(case.modulus / 2.6 / case.density) / case.length
+        seen = float(_held(held, "torsion")[0])
+        if abs(seen / truth - 1.0) > TORSION:
+            return f"torsion is off by {seen / truth - 1.0:.1e}"
+    return _mass(rod, scene, result.spec.name) or _damping(case, result)
+
+
+def _plane(case: Case, rod: Rod, result: Fit, scene: "mujoco.MjModel", port: str, ours: Array) -> str:
+    """One bending plane of the exact chain."""
+    achieved, n = result.achieved[port], ours.size
+    if case.target == "clamped":
+        errors, outer, below = rod.check_poles(ours**2, FREQUENCY)
+        size = np.sqrt(np.diag(rod.rigid()))
+        for k in range(n):
+            if not np.isfinite(errors[k]) or below[k] != k + 1:
+                return f"held mode {k + 1} of MuJoCo is not the beam's (error {errors[k]:.1e}, {below[k]} below)"
+            row = achieved.participation[k] / size
+            true = outer[k] / np.outer(size, size)
+            miss = float(np.linalg.norm(np.outer(row, row) - true) / np.linalg.norm(true))
+            if miss > PARTICIPATION:
+                return f"participation of mode {k + 1}, read through A and B, is off by {miss:.1e}"
+        read, what = achieved.frequencies[:n], "held"
+    else:
+        hub = case.hub_body
+        arm = hub.offset[0]
+        mass = np.array([[hub.mass, -hub.mass * arm], [-hub.mass * arm, hub.inertia[2] + hub.mass * arm**2]])
+        if case.target == "free":
+            mass = np.zeros((2, 2))
+            coupled = _coupled(scene, port, without_hub=True)[:n]
+        else:
+            coupled = _coupled(scene, port)[:n]
+        errors, _, below = rod.check_poles(coupled**2, FREQUENCY, mass)
+        for k in range(n):
+            if not np.isfinite(errors[k]) or below[k] != k + 1:
+                return f"{case.target} mode {k + 1} of MuJoCo is not the beam's (error {errors[k]:.1e}, {below[k]} below)"
+        ours = coupled
+        read, what = achieved.with_hub(mass).free_frequencies[:n], "coupled"
+    miss = float(np.max(np.abs(read / ours[: read.size] - 1.0)))
+    return f"{what} frequencies read through A and B are off by {miss:.1e}" if miss > FREQUENCY or read.size < n else ""
+
+
+def _dofs(model: "mujoco.MjModel", port: str) -> list[int]:
+    """Degrees of freedom of a port's hinges."""
+    return [
+        int(model.jnt_dofadr[j]) for j in range(model.njnt) if model.joint(j).name.endswith(f"_{port}")
+    ]  # fmt: skip
+
+
+def _inertia(model: "mujoco.MjModel") -> Array:
+    """MuJoCo's mass matrix in the rest pose."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    out = np.zeros((model.nv, model.nv))
+    row = np.zeros(model.nv)
+    for i, unit in enumerate(np.eye(model.nv)):
+        mujoco.mj_mulM(model, data, row, unit)
+        out[i] = row
+    return out
+
+
+def _springs(model: "mujoco.MjModel", dofs: list[int]) -> Array:
+    by_dof = {int(model.jnt_dofadr[j]): float(np.atleast_1d(model.jnt_stiffness[j])[0]) for j in range(model.njnt)}
+    return np.array([by_dof[i] for i in dofs])
+
+
+def _held(model: "mujoco.MjModel", port: str) -> Array:
+    """Frequencies of the welded appendage, ascending; scaled by the springs and taken as 1 / w^2, to keep all digits."""
+    dofs = _dofs(model, port)
+    roots = np.sqrt(_springs(model, dofs))
+    squares = np.linalg.eigvalsh(_inertia(model)[np.ix_(dofs, dofs)] / np.outer(roots, roots))
+    return 1.0 / np.sqrt(squares[::-1])
+
+
+def _coupled(model: "mujoco.MjModel", port: str, *, without_hub: bool = False) -> Array:
+    """Frequencies of the free-flying scene in one plane, the hub's motion condensed."""
+    mass = _inertia(model)
+    if without_hub:
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        bare = model.body("hub").id
+        mass[:6, :6] -= np.diag([float(model.body_mass[bare])] * 3 + [float(v) for v in model.body_inertia[bare]])
+    root = [1, 5] if port == "xy" else [2, 4]
+    inner = _dofs(model, port)
+    roots = np.sqrt(_springs(model, inner))
+    left = mass[np.ix_(inner, root)] / roots[:, None]
+    loose = mass[np.ix_(inner, inner)] / np.outer(roots, roots) - left @ np.linalg.solve(mass[np.ix_(root, root)], left.T)
+    squares = eigh((loose + loose.T) / 2.0, eigvals_only=True)
+    return 1.0 / np.sqrt(squares[::-1])
+
+
+def _mass(rod: Rod, scene: "mujoco.MjModel", name: str) -> str:
+    """Total mass, first and second moment about the root of the compiled bodies."""
+    data = mujoco.MjData(scene)
+    mujoco.mj_forward(scene, data)
+    origin = data.site("mount").xpos if False else data.body(f"{name}_link1").xpos
+    out = np.zeros((2, 2))
+    for i in range(scene.nbody):
+        if scene.body(i).name.startswith(f"{name}_"):
+            m, x = float(scene.body_mass[i]), float(data.xipos[i, 0] - origin[0])
+            out += [[m, m * x], [m * x, m * x * x + float(scene.body_inertia[i, 2])]]
+    truth = rod.rigid()
+    miss = float(np.max(np.abs(out - truth) / np.sqrt(np.outer(np.diag(truth), np.diag(truth)))))
+    return f"rigid mass is off by {miss:.1e}" if miss > MASS else ""
+
+
+def _damping(case: Case, result: Fit) -> str:
+    """Every kept mode's ratio, as MuJoCo reads it back."""
+    if case.damping == 0.0 or case.links:
+        return ""
+    for port, achieved in result.achieved.items():
+        kept = achieved.damping[: result.target[port].modes]
+        miss = float(np.max(np.abs(kept / case.damping - 1.0)))
+        if miss > DAMPING:
+            return f"{port}: a damping ratio is off by {miss:.1e}"
+    return ""
