@@ -210,12 +210,13 @@ def _sample(nominal: Fit, model: "mujoco.MjModel", seed: int, index: int) -> dic
         spec = varied(nominal.spec, seed, index)
         beam = spec.beam
         hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
-        plan = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub)
-        built = _build(spec, plan, beam)
+        full = whole_beam(spec, beam)
+        plan = make_plan(spec, full, beam.rigid_mass(), hub)
+        built = _build(spec, plan, beam, full, hub)
         fewer = [port for port, target in built.targets.items() if target.modes < nominal.target[port].modes]
         if fewer:
             return {"sample": index, "why": f"fewer modes in {fewer[0]}: {built.status.message}"}
-        chain, dampers = _damped(spec, plan, built)
+        chain, dampers = _damped(spec, plan, built, {})
         variant = replace(nominal, spec=spec, chain=chain, dampers=dampers)
         own = compile_model(variant.scene_mjcf())
     except BeamchainError as error:

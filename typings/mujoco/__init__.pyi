@@ -39,6 +39,7 @@ class mjtEnableBit:
 class mjtJoint:
     mjJNT_FREE: mjtJoint
     mjJNT_HINGE: mjtJoint
+    mjJNT_SLIDE: mjtJoint
     def __int__(self) -> int: ...
 
 class mjtGeom:
@@ -50,6 +51,10 @@ class mjtGeom:
 
 class mjtCatBit:
     mjCAT_DYNAMIC: mjtCatBit
+    def __int__(self) -> int: ...
+
+class mjtWarning:
+    mjWARN_BADQACC: mjtWarning
     def __int__(self) -> int: ...
 
 class MjModel:
