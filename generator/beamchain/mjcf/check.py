@@ -59,8 +59,9 @@ def shield(appendage: Element, found: Mapping[str, Mapping[str, int]]) -> None:
         turned = TURNS & set(names) if tag in ("geom", "site") else set()
         if turned:
             raise InputError(
-                f"a default class of the spacecraft sets {min(turned)} on every {tag}, which would turn the appendage's "
-                'too; use form "attach", which no default of the spacecraft reaches, or take it out of the default.'
+                f"a default class of the spacecraft sets {min(turned)} on every {tag}, which would turn the "
+                'appendage\'s too; use form "attach", which no default of the spacecraft reaches, or take '
+                f"{min(turned)} out of it."
             )
         for node in appendage.iter(tag):
             if node.get("name") is None:
