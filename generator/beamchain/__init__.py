@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
     from beamchain.port import PortModel as PortModel
+    from beamchain.result import Fit as Fit
     from beamchain.seed import seed_beam as seed_beam
     from beamchain.seed import seed_table as seed_table
     from beamchain.spec import Damping as Damping
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
     from beamchain.structure.section import Rectangle as Rectangle
     from beamchain.structure.section import Round as Round
     from beamchain.structure.section import Tube as Tube
-    from beamchain.workflow import Fit as Fit
     from beamchain.workflow import fit as fit
 
 _PLACES = {
@@ -68,7 +68,8 @@ _PLACES = {
     "structure.modal_data": ("ModalData",),
     "structure.readers": ("read_modes",),
     "structure.section": ("Box", "Custom", "Equivalent", "Rectangle", "Round", "Tube"),
-    "workflow": ("Fit", "fit"),
+    "result": ("Fit",),
+    "workflow": ("fit",),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 

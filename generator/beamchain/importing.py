@@ -7,27 +7,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from beamchain.assess.error import Comparison, compare, in_band_error
+from beamchain.assess.error import DEFAULT_RATIO, Comparison, compare, in_band_error
+from beamchain.assess.stability import coupled_limits
 from beamchain.chain.build import Built, Status, TargetOf, build_exact
 from beamchain.chain.chain import Chain, Link
 from beamchain.chain.damping import Damper, joint_damping, tendons
 from beamchain.chain.near import build_near
 from beamchain.chain.oscillators import LEAST, Oscillators, realise_oscillators
-from beamchain.engine.bench import Measured, measure
+from beamchain.engine.bench import Measured, ballast_for, measure
 from beamchain.engine.space import block, measure_in_space
 from beamchain.errors import InputError, RealisationError
 from beamchain.mjcf import write
 from beamchain.mjcf.oscillators import oscillators as write_oscillators
 from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, in_space
+from beamchain.result import Fit, InSpace, default_hub
 from beamchain.spec import Scene, Spec, port_hub_mass
 from beamchain.structure.imported import with_length
 from beamchain.structure.mass_line import MassLine, SpreadMass
 from beamchain.structure.modal_data import ModalData
-from beamchain.workflow import Fit, InSpace, _ballast, _limits, coupled_limits, default_hub
 
 DECOUPLED = 1e-3  # part of a mode outside its port up to which a chain is taken: its loss is of that order
 SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
 POLAR_SHARES = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01)  # of the polar inertia a chain is tried with
+UNDAMPED = 1e-8  # ratio up to which a mode counts as undamped
 EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode
 
 
@@ -151,11 +153,13 @@ def _chain_fit(case: _Case, why: str, started: float, *, ok: bool = True) -> Fit
 
     def target_of(port: str, count: int) -> PortModel:
         if target == "free":
-            return whole[port].reduced(count, np.zeros((whole[port].motions,) * 2))
+            model = whole[port].reduced(count, np.zeros((whole[port].motions,) * 2))
+            return model.replaced(damping=whole[port].damping[:count])
         if target == "hub":
             if case.hub is None:
                 raise InputError('target = "hub" needs the hub; add root.hub, or use target = "clamped".')
-            return whole[port].reduced(count, port_hub_mass(case.hub, port))
+            model = whole[port].reduced(count, port_hub_mass(case.hub, port))
+            return model.replaced(damping=whole[port].damping[:count])
         return targets[port].truncated(count)
 
     counts = {port: model.modes for port, model in targets.items()}
@@ -164,7 +168,7 @@ def _chain_fit(case: _Case, why: str, started: float, *, ok: bool = True) -> Fit
     clock.append(time.perf_counter())
     tree = write.appendage(chain, spec.name, beam=line, dampers=dampers, visuals=case.scene.visuals)
     clock.append(time.perf_counter())
-    measured = measure(tree, PORTS, timestep=case.scene.timestep, ballast=_ballast(chain))
+    measured = measure(tree, PORTS, timestep=case.scene.timestep, ballast=ballast_for(chain))
     live = tuple(data.live)
     achieved = _living(in_space(measured.ports, measured.rigid_mass), live)
     space = _space(case, "chain", why, achieved, live, None)
@@ -339,6 +343,11 @@ def _living(model: PortModel, live: tuple[int, ...]) -> PortModel:
     return block(model, np.eye(6)[:, list(live)])
 
 
+def _resolvable(model: PortModel) -> PortModel:
+    """The model with 0.5 % in every mode that has no damping, of which MuJoCo's differences leave rounding."""
+    return model.replaced(damping=np.where(model.damping > UNDAMPED, model.damping, DEFAULT_RATIO))
+
+
 def _space(
     case: _Case, form: str, why: str, achieved: PortModel, live: tuple[int, ...], made: Oscillators | None
 ) -> InSpace:
@@ -346,7 +355,8 @@ def _space(
     full, target = case.data.space(), case.kept.space()
     hub = None if case.hub is None else case.hub[np.ix_(live, live)]
     error = compare(achieved, target)
-    error = replace(error, accelerance_in_band=in_band_error(achieved, full, hub, case.band(target)))
+    in_band = in_band_error(_resolvable(achieved), _resolvable(full), hub, case.band(target))
+    error = replace(error, accelerance_in_band=in_band)
     return InSpace(case.data, form, why, full, target, achieved, error, live, made)
 
 
@@ -363,7 +373,7 @@ def _finish(
         bandwidth[port] = case.band(target)
         hub = None if case.hub is None else port_hub_mass(case.hub, port)
         plain = compare(measured.ports[port], target)
-        in_band = in_band_error(measured.ports[port], full[port], hub, bandwidth[port])
+        in_band = in_band_error(_resolvable(measured.ports[port]), _resolvable(full[port]), hub, bandwidth[port])
         error[port] = replace(plain, accelerance_in_band=in_band)
     limits_hub = case.hub
     residual = space.achieved.residual_mass
@@ -375,7 +385,8 @@ def _finish(
             status, message=f"{status.message} Step limits: on ten times its mass, as its root has none of its own."
         )
     if space.made is None:
-        limits = _limits(measured, targets, limits_hub, bool(dampers))
+        kept_ports = {port: measured.ports[port] for port in targets}
+        limits = coupled_limits(in_space(kept_ports, measured.rigid_mass), limits_hub, tendon=bool(dampers))
     else:
         held = None if limits_hub is None else limits_hub[np.ix_(space.live, space.live)]
         limits = coupled_limits(space.achieved, held, tendon=False)

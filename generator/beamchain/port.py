@@ -192,7 +192,7 @@ class PortModel:
         q, r = np.linalg.qr(rigid)
         along = q.T @ elastic
         _, s, vt = np.linalg.svd(elastic - q @ along, full_matrices=False)
-        finite = s > 1e-13 * s.max(initial=0.0)  # a singular residual sends a mode to infinity
+        finite = s > 1e-13 * np.max(1.0 / self.frequencies, initial=0.0)  # a singular residual sends a mode to infinity
         s, v = s[finite], vt[finite].T
         values = -np.linalg.solve(r, along @ v) / s
         return locked(1.0 / s), locked(values.T), locked(v), locked(np.linalg.inv(r))

@@ -24,9 +24,10 @@ from beamchain.files import write_files
 from beamchain.jobs import Progress, run_jobs
 from beamchain.port import Array, in_space
 from beamchain.report.spec_text import spec_toml
+from beamchain.result import Fit, default_hub
 from beamchain.spec import Damping, Modes, Spec, spec_from_dict
 from beamchain.structure.section import Equivalent
-from beamchain.workflow import Fit, _build, _damped, default_hub, fit
+from beamchain.workflow import _build, _damped, fit
 
 #: Fields of MuJoCo's model that differ between variants; they hold for the scene.xml written beside them.
 FIELDS = (

@@ -25,6 +25,7 @@ HEAVY = 100.0  # excess of such a body, whose force needs next to no mass
 EXCESS = (1.0, 0.3, 0.1, 0.03, 0.01)  # mass of a hinged body beyond what its force needs, relative; tried in turn
 LIGHT = 1e-9  # of the appendage's mass: a rotor's
 SMALL = 1e-6  # a slider's size squared, of the appendage's
+THIN = 1e-9  # second moment of a hinged body where it needs none, of what it has
 LEAST = 1e-14  # kg m^2: least second moment of a moving body; MuJoCo takes inertias from 1e-15
 ROUNDING = 1e-9  # what computing the remainder may lose, relative, beside the print's own precision
 
@@ -234,7 +235,7 @@ class _Builder:
         inertia = i22 * ratio_j
         root = float(np.sqrt(inertia))
         spread = np.zeros((3, 3))
-        thin = max(SMALL * i22, LEAST)
+        thin = max(THIN * i22, LEAST)
         if abs(twist) > 0.0:
             product = twist * root
             first = i22 - min(thin, 0.5 * i22)

@@ -9,7 +9,7 @@ from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console, 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 
 Explain = Annotated[bool, typer.Option("--explain", help="Print how the modes were chosen for the scene.")]

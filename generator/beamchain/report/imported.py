@@ -11,7 +11,7 @@ from beamchain.report.plots import OURS, STYLE, percent, short
 
 if TYPE_CHECKING:
     from beamchain.chain.oscillators import Oscillators
-    from beamchain.workflow import Fit, InSpace
+    from beamchain.result import Fit, InSpace
 
 
 def with_imported(fit: "Fit", page: list[Section], pictures: Pictures) -> list[Section]:

@@ -9,7 +9,7 @@ import numpy as np
 from beamchain.port import Array, PortModel
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 
 def to_json(record: dict[str, Any]) -> str:

@@ -17,7 +17,7 @@ from beamchain.spec import port_hub_mass
 from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 TARGETS = {
     "clamped": "clamped: the first cantilever modes, the better the heavier the hub",

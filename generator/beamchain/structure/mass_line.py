@@ -194,7 +194,7 @@ def spread(rigid_mass: ArrayLike, length: float, stiffness: Mapping[str, float] 
 
     def feasible(share: float) -> bool:
         m, s, j = 1.0 - share, c - share / 2.0, q - share / 3.0
-        return m > 0.0 and s >= 0.0 and j <= s + 1e-12 and s * s <= j * m + 1e-12
+        return m > 0.0 and s >= 0.0 and j <= s + 1e-14 and s * s <= j * m + 1e-14
 
     if not (0.0 < c < 1.0 and feasible(0.0)):
         raise InputError(

@@ -38,7 +38,7 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
     first = 0 if path.suffix.lower() == ".npz" else 1
     try:
         if first == 0:
-            with np.load(path, allow_pickle=False) as stored:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
                 held: dict[str, Any] = {name: stored[name] for name in stored.files}
         else:
             held = dict(io.loadmat(str(path)))

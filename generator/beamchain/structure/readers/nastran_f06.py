@@ -239,7 +239,7 @@ def _assemble(path: Path, number: int, case: _Case, shared: _Case) -> ModalData:
 
 def _compare(path: Path, participation: Array, effective: dict[int, list[float]]) -> None:
     """Participation against the printed effective masses, where those are more than noise."""
-    largest = np.max(participation**2, axis=0)
+    largest = np.repeat(np.max((participation**2).reshape(-1, 2, 3), axis=(0, 2)), 3)  # of the three motions of a kind
     for mode, values in effective.items():
         if mode > participation.shape[0]:
             continue

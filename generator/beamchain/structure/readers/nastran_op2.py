@@ -60,6 +60,7 @@ def from_tables(
     if subcase is None and len(titles) > 1:
         raise InputError(f"file {name!r} holds modes of {len(titles)} subcases; choose one with subcase = 1.")
     table = eigenvalues[titles[(subcase or 1) - 1]]
+    matrices = {"RBMASS": matrices["RBMASSS"], **matrices} if "RBMASSS" in matrices else dict(matrices)  # NX's name
     missing = [key for key in ("MPFACS", "RBMASS") if key not in matrices]
     if missing:
         raise InputError(
