@@ -6,7 +6,7 @@ from importlib import import_module
 
 import numpy as np
 
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, rollout_engine
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.port import Array
 
@@ -53,7 +53,7 @@ def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: 
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(_silent)  # else a simulation that blows up writes MUJOCO_LOG.TXT
     try:
-        with rollout.Rollout(nthread=0) as engine:
+        with rollout_engine() as engine:
             while done < steps:
                 count = min(piece, steps - done)
                 forces = np.zeros((1, count, model.nv))
