@@ -1,6 +1,7 @@
 # make demo        fit the example boom into build/demo
 # make test        lint, types and the quick tests (under 10 minutes on 2 cores)
 # make test-full   wheel in an empty environment, notebooks, the long tests (under 50 minutes)
+# make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp" for more
 # make bench       print the timings that README and CHANGELOG quote
 # make wheel       build the distribution into dist/
 
@@ -9,7 +10,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
 
-.PHONY: demo test test-full bench wheel wheel-test lint clean
+.PHONY: demo test test-full hosts bench wheel wheel-test lint clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -27,7 +28,12 @@ lint: $(VENV)/.installed
 test: lint
 	$(BIN)/pytest -n $(WORKERS) -m "not slow and not host"
 
-test-full: $(VENV)/.installed wheel-test
+HOSTS ?= oldest newest dm_control basilisk
+
+hosts:
+	for host in $(HOSTS); do $(PYTHON) tests/hosts/run.py $$host || exit 1; done
+
+test-full: $(VENV)/.installed wheel-test hosts
 	$(BIN)/pytest -n $(WORKERS) -m "slow or host"
 
 bench: $(VENV)/.installed

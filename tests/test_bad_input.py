@@ -158,7 +158,9 @@ class TestFiles:
         return spec
 
     def test_no_file(self, tmp_path, capsys, monkeypatch):
-        self.refused(["fit", str(tmp_path / "no.toml"), "-o", str(tmp_path / "o")], capsys, monkeypatch, "does not exist")
+        self.refused(
+            ["fit", str(tmp_path / "no.toml"), "-o", str(tmp_path / "o")], capsys, monkeypatch, "does not exist"
+        )
 
     def test_folder_for_a_file(self, tmp_path, capsys, monkeypatch):
         self.refused(["fit", str(tmp_path), "-o", str(tmp_path / "o")], capsys, monkeypatch, "is a folder")

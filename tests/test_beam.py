@@ -53,10 +53,18 @@ TAPERS = {
             Segment(
                 length=4.0,
                 section=Equivalent(
-                    bending_stiffness_xy=10.0, bending_stiffness_xz=30.0, linear_mass=2.0, polar_inertia=0.4
+                    bending_stiffness_xy=10.0,
+                    bending_stiffness_xz=30.0,
+                    linear_mass=2.0,
+                    polar_inertia=0.4,
+                    torsion_stiffness=6.0,
                 ),
                 section_end=Equivalent(
-                    bending_stiffness_xy=2.0, bending_stiffness_xz=4.0, linear_mass=0.5, polar_inertia=0.1
+                    bending_stiffness_xy=2.0,
+                    bending_stiffness_xz=4.0,
+                    linear_mass=0.5,
+                    polar_inertia=0.1,
+                    torsion_stiffness=1.0,
                 ),
             ),
         )
@@ -157,8 +165,6 @@ def test_timoshenko_adds_its_rotary_inertia():
 @pytest.mark.parametrize(("port", "property_"), [("xy", "bending_xy"), ("xz", "bending_xz"), ("torsion", "torsion")])
 def test_compliance_is_the_integral_of_the_inverse_stiffness(name, port, property_):
     beam = TAPERS[name]()
-    if name == "equivalent" and port == "torsion":
-        pytest.skip("this section states no torsion stiffness")
     a, b = 0.1 * beam.length, 0.95 * beam.length
     expected = integral(lambda x: 1.0 / station(beam, x, property_), a, b)
     assert beam.compliance(a, b, port) == close(expected, rel=QUADRATURE)
@@ -265,7 +271,7 @@ TRUSS = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
             r"nonstructural_mass = -0\.5 must not be negative",
         ),
         (lambda: Beam(segments=()), "the beam has no segment"),
-        (lambda: Beam(segments=(BAR,) * 1001), "1001 segments are given; at most 1000"),
+        (lambda: Beam(segments=(BAR,) * 1001), "1001 segments are given; at most 200"),
         (
             lambda: Beam(segments=(BAR,), joints=(Joint(after_segment=1, stiffness_xy=1.0),)),
             "after_segment = 1 must lie between 0 .* and 0",

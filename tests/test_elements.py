@@ -55,6 +55,14 @@ def test_uniform_beam_held_and_free(make):
     assert port.free_frequencies[:MODES] == close(free, rel=FREQUENCY)
 
 
+@pytest.mark.parametrize("segments", [1, 20])
+def test_many_modes_and_many_segments(segments):
+    one = Segment(length=1.0 / segments, section=unit_beam().segments[0].section)
+    port, exact = Beam(segments=(one,) * segments).port("xy", 20), UniformBeam(1.0, 1.0, 1.0)
+    assert port.frequencies[:20] == close(exact.cantilever_frequencies(20), rel=FREQUENCY)
+    assert port.free_frequencies[:20] == close(exact.coupled_frequencies(np.zeros((2, 2)), 20), rel=FREQUENCY)
+
+
 @pytest.mark.parametrize("hub", [(0.1, 0.0, 0.01), (1.0, 0.0, 0.1), (10.0, 3.0, 2.0), (1000.0, -40.0, 100.0)])
 def test_uniform_beam_on_a_hub(hub):
     mass = np.array([[hub[0], hub[1]], [hub[1], hub[2]]])

@@ -210,6 +210,12 @@ def test_hub_gives_the_transcendental_coupled_frequencies(mass, offset):
     assert unit_beam().port("xy", 6).with_hub(hub).free_frequencies[:6] == close(exact, rel=EXACT)
 
 
+@pytest.mark.parametrize("hub", [(1.0, 0.0), (0.0, 1.0), (1e9, 0.0), (0.0, 1e9), (1e9, 1e9)])
+def test_hubs_without_mass_or_without_inertia(hub):
+    exact = UniformBeam(1.0, 1.0, 1.0).coupled_frequencies(np.diag(hub), 6)
+    assert unit_beam().port("xy", 6).with_hub(np.diag(hub)).free_frequencies[:6] == close(exact, rel=EXACT)
+
+
 def test_hub_leaves_the_held_modes_alone():
     port = random_port(3)
     loaded = port.with_hub(np.diag([3.0, 2.0]))

@@ -8,22 +8,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamchain.assess.error import DEFAULT_RATIO, Comparison, compare, in_band_error
+from beamchain.assess.stability import coupled_limits
 from beamchain.chain.build import Built, Status, TargetOf, build_exact
 from beamchain.chain.chain import Chain, Link
 from beamchain.chain.damping import Damper, joint_damping, tendons
 from beamchain.chain.near import build_near
 from beamchain.chain.oscillators import LEAST, Oscillators, realise_oscillators
-from beamchain.engine.bench import Measured, measure
+from beamchain.engine.bench import Measured, ballast_for, measure
 from beamchain.engine.space import block, measure_in_space
 from beamchain.errors import InputError, RealisationError
 from beamchain.mjcf import write
 from beamchain.mjcf.oscillators import oscillators as write_oscillators
 from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, in_space
+from beamchain.result import Fit, InSpace, default_hub
 from beamchain.spec import Scene, Spec, port_hub_mass
 from beamchain.structure.imported import with_length
 from beamchain.structure.mass_line import MassLine, SpreadMass
 from beamchain.structure.modal_data import ModalData
-from beamchain.workflow import Fit, InSpace, _ballast, _limits, coupled_limits, default_hub
 
 DECOUPLED = 1e-3  # part of a mode outside its port up to which a chain is taken: its loss is of that order
 SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
@@ -167,7 +168,7 @@ def _chain_fit(case: _Case, why: str, started: float, *, ok: bool = True) -> Fit
     clock.append(time.perf_counter())
     tree = write.appendage(chain, spec.name, beam=line, dampers=dampers, visuals=case.scene.visuals)
     clock.append(time.perf_counter())
-    measured = measure(tree, PORTS, timestep=case.scene.timestep, ballast=_ballast(chain))
+    measured = measure(tree, PORTS, timestep=case.scene.timestep, ballast=ballast_for(chain))
     live = tuple(data.live)
     achieved = _living(in_space(measured.ports, measured.rigid_mass), live)
     space = _space(case, "chain", why, achieved, live, None)
@@ -384,7 +385,8 @@ def _finish(
             status, message=f"{status.message} Step limits: on ten times its mass, as its root has none of its own."
         )
     if space.made is None:
-        limits = _limits(measured, targets, limits_hub, bool(dampers))
+        kept_ports = {port: measured.ports[port] for port in targets}
+        limits = coupled_limits(in_space(kept_ports, measured.rigid_mass), limits_hub, tendon=bool(dampers))
     else:
         held = None if limits_hub is None else limits_hub[np.ix_(space.live, space.live)]
         limits = coupled_limits(space.achieved, held, tendon=False)
@@ -394,6 +396,19 @@ def _finish(
     }
     achieved = {port: measured.ports[port] for port in targets}
     return Fit(
-        case.spec, chain, full, targets, achieved, error, measured, limits, status, seconds, bandwidth, dampers,
-        line, space,
-    )  # fmt: skip
+        spec=case.spec,
+        chain=chain,
+        full=full,
+        target=targets,
+        achieved=achieved,
+        error=error,
+        measured=measured,
+        limits=limits,
+        status=status,
+        seconds=seconds,
+        bandwidth=bandwidth,
+        kept_for=case.spec.root.target or "clamped",
+        dampers=dampers,
+        line=line,
+        space=space,
+    )

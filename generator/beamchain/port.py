@@ -6,7 +6,7 @@ A beam, a hinge chain, imported finite-element modes and a linearised MuJoCo mod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+MASSLESS = 1e-13  # smallest eigenvalue of the residual mass, relative to the rigid mass, that is not rounding
 RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass than this is none, and its mode lies at infinity
 DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
 
@@ -45,6 +46,13 @@ def locked(values: ArrayLike) -> Array:
     result = np.array(values, dtype=np.float64)
     result.setflags(write=False)
     return result
+
+
+def _outer_sum(rows: Array, weight: NDArray[Any]) -> NDArray[Any]:
+    """`(m, m, f)`: sum over k of the outer product of row k with itself times `weight[k]`."""
+    m = rows.shape[1]
+    outer = (rows[:, :, None] * rows[:, None, :]).reshape(rows.shape[0], m * m)
+    return (outer.T @ weight).reshape(m, m, -1)
 
 
 def square_root(matrix: Array, noise: float = 0.0) -> Array:
@@ -94,7 +102,7 @@ class PortModel:
         n, m = frequencies.size, mass.shape[0] if mass.ndim == 2 else -1
         participation = np.array(self.participation, dtype=np.float64).reshape(n, -1 if n else max(m, 0))
         damping = np.zeros(n) if np.size(self.damping) == 0 else np.array(self.damping, dtype=np.float64)
-        if mass.shape != (m, m) or participation.shape != (n, m) or damping.shape != (n,):
+        if frequencies.ndim != 1 or mass.shape != (m, m) or participation.shape != (n, m) or damping.shape != (n,):
             raise InputError(
                 f"a port model needs rigid_mass (m, m), frequencies (n,), participation (n, m), damping (n,); got "
                 f"{mass.shape}, {frequencies.shape}, {participation.shape}, {damping.shape}."
@@ -107,20 +115,20 @@ class PortModel:
             raise InputError(f"damping = {damping.tolist()} holds a negative ratio; give zero or more.")
         size = np.sqrt(np.clip(np.diag(mass), 0.0, None))
         if np.any(np.diag(mass) <= 0.0):
-            raise InputError(f"rigid_mass has the diagonal {np.diag(mass).tolist()}; masses and inertias must be positive.")
+            raise InputError(
+                f"rigid_mass has the diagonal {np.diag(mass).tolist()}; masses and inertias must be positive."
+            )
         if np.any(np.abs(mass - mass.T) > 1e-6 * np.outer(size, size)):
             raise InputError("rigid_mass is not symmetric; give the mass matrix about one point, the port.")
         if np.any(frequencies <= 0.0) or np.any(np.diff(frequencies) < 0.0):
             raise InputError(f"frequencies = {frequencies.tolist()} must be positive and ascending.")
         tip = None if self.tip is None else np.array(self.tip, dtype=np.float64)
-        for k in range(n):  # a mode's sign makes its first participation that is not noise positive
-            row = participation[k]
-            scale = np.abs(row) / np.sqrt(np.clip(np.diag(mass), 1e-300, None))
-            leading = int(np.argmax(scale > 1e-9 * max(float(scale.max(initial=0.0)), 1e-300)))
-            if row[leading] < 0.0:
-                participation[k] = -row
-                if tip is not None:
-                    tip[k] = -tip[k]
+        if n:  # a mode's sign makes its first participation that is not noise positive
+            weight = np.abs(participation) / np.sqrt(np.diag(mass))
+            leading = np.argmax(weight > 1e-9 * np.maximum(weight.max(axis=1), 1e-300)[:, None], axis=1)
+            signs = np.where(participation[np.arange(n), leading] < 0.0, -1.0, 1.0)[:, None]
+            participation = participation * signs
+            tip = None if tip is None else tip * signs
         for name, values in (
             ("rigid_mass", mass),
             ("frequencies", frequencies),
@@ -162,7 +170,7 @@ class PortModel:
     @property
     def gains(self) -> Array:
         """`(m, m)` accelerance at infinite frequency, the paper's gains `k`."""
-        return np.linalg.inv(self.residual_mass)
+        return np.asarray(np.linalg.inv(self.residual_mass), dtype=np.float64)
 
     # -- free modes ----------------------------------------------------------------------------------------------
     def _rows(self) -> tuple[Array, Array]:
@@ -224,7 +232,7 @@ class PortModel:
         held = -np.linalg.solve(p0, p.T) / w
         u, s, _ = np.linalg.svd(np.vstack([np.diag(1.0 / w), held]), full_matrices=False)
         rigid = np.vstack([np.zeros((n, mass.shape[0])), np.linalg.inv(p0)])
-        return cls(mass, 1.0 / s, u.T @ rigid)
+        return cls(mass, 1.0 / s, np.asarray(u.T @ rigid, dtype=np.float64))
 
     # -- responses -----------------------------------------------------------------------------------------------
     def D(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802 (the field's letter)
@@ -235,16 +243,18 @@ class PortModel:
         m, effective = self.motions, self.effective_mass.reshape(self.modes, self.motions**2)
         # real times complex as real products, which is what takes the time where modes are many
         parts = effective.T @ np.ascontiguousarray(weight, dtype=np.complex128).view(np.float64)
-        return self.rigid_mass[:, :, None] - parts.view(np.complex128).reshape(m, m, s.size)
+        flexible = parts.view(np.complex128).reshape(m, m, s.size)
+        return self.rigid_mass.astype(np.complex128)[:, :, None] - flexible
 
     def W(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802
         """Accelerance `(m, m, k)`: acceleration per unit wrench at `omega` `(k,)` [rad/s]."""
         if np.any(self.damping > 0.0) or self.free_frequencies.size < self.modes:  # a massless root follows its spring
-            return np.moveaxis(np.linalg.inv(np.moveaxis(self.D(omega), -1, 0)), 0, -1)
+            inverse = np.linalg.inv(np.moveaxis(self.D(omega), -1, 0))
+            return np.moveaxis(np.asarray(inverse, dtype=np.complex128), 0, -1)
         frequency = np.atleast_1d(np.asarray(omega, dtype=np.float64))
         weight = -(frequency**2) / (self.free_frequencies[:, None] ** 2 - frequency**2)
         p, p0 = self.free_port_values, self.rigid_port_values
-        return ((p0 @ p0.T)[:, :, None] + np.einsum("ki,kj,kf->ijf", p, p, weight)).astype(np.complex128)
+        return ((p0 @ p0.T)[:, :, None] + _outer_sum(p, weight)).astype(np.complex128)
 
     def zeros(self, output: int = 0, input: int = 0) -> NDArray[np.complex128]:
         """`(n,)` zeros of one entry of `W` as frequencies: `W_ij` carries the factors `s^2 + zero^2`.
@@ -266,7 +276,7 @@ class PortModel:
         import control
 
         a, b, c, d = self.state_space()
-        return control.ss(a, b, c, d)
+        return cast("control.StateSpace", control.ss(a, b, c, d))
 
     def state_space(self) -> tuple[Array, Array, Array, Array]:
         """The matrices of `to_control`: A `(2n, 2n)`, B `(2n, m)`, C `(m, 2n)`, D `(m, m)`."""
@@ -281,15 +291,40 @@ class PortModel:
     # -- made from this one --------------------------------------------------------------------------------------
     def with_hub(self, hub_mass: ArrayLike) -> "PortModel":
         """The same thing with a rigid hub's mass matrix `(m, m)` on its port: its free modes are the coupled modes."""
-        return self.replaced(rigid_mass=self.rigid_mass + np.asarray(hub_mass, dtype=np.float64))
+        hub = np.asarray(hub_mass, dtype=np.float64)
+        if hub.shape != self.rigid_mass.shape:
+            raise InputError(f"hub_mass has shape {hub.shape}, but the port needs {self.rigid_mass.shape}.")
+        return self.replaced(rigid_mass=self.rigid_mass + hub)
 
     def truncated(self, modes: int) -> "PortModel":
         """Only the first `modes` cantilever modes; the rigid mass stays."""
+        if not 0 <= modes <= self.modes:
+            raise InputError(f"modes = {modes} must lie between 0 and {self.modes}, the number this model has.")
         return self.replaced(
             frequencies=self.frequencies[:modes],
             participation=self.participation[:modes],
             damping=self.damping[:modes],
             tip=None if self.tip is None else self.tip[:modes],
+        )
+
+    def condensed(self, above: float) -> "PortModel":
+        """The modes above a frequency gathered into as many as the port has motions, at that frequency.
+
+        Their static flexibility is kept, so that far below `above` [rad/s] the model is the same with fewer modes.
+        """
+        low = self.frequencies <= above
+        if np.sum(~low) <= self.motions:
+            return self
+        high = self.participation[~low] / self.frequencies[~low, None] * above
+        values, vectors = np.linalg.eigh(high.T @ high)
+        keep = values > 1e-14 * values.max()
+        rows = np.sqrt(values[keep])[:, None] * vectors.T[keep]
+        damping = np.full(rows.shape[0], float(np.mean(self.damping[~low])))
+        return PortModel(
+            self.rigid_mass,
+            np.concatenate([self.frequencies[low], np.full(rows.shape[0], above)]),
+            np.vstack([self.participation[low], rows]),
+            np.concatenate([self.damping[low], damping]),
         )
 
     def reduced(self, modes: int, hub_mass: ArrayLike) -> "PortModel":
@@ -300,6 +335,8 @@ class PortModel:
         """
         if modes == 0:
             return self.truncated(0)
+        if not 0 < modes <= self.modes:
+            raise InputError(f"modes = {modes} must lie between 0 and {self.modes}, the number this model has.")
         v = self.with_hub(hub_mass)._free[2][:, :modes]
         rigid, elastic = self._rows()
         u, s, wt = np.linalg.svd(elastic @ v, full_matrices=False)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from beamchain.checks import one_of
-from beamchain.port import Array
+from beamchain.port import Array, PortModel
 
 Poles = NDArray[np.complex128]
 
@@ -39,7 +39,8 @@ def step_pole(integrator: str, angle: ArrayLike, ratio: ArrayLike = 0.0, *, tend
         keep, pull = 1.0 / (1.0 + damper), spring / (1.0 + damper)
     half = (1.0 + keep - pull) / 2.0
     root = np.sqrt((half**2 - keep).astype(np.complex128))
-    return half + np.where(half < 0.0, -root, root)
+    outward: Poles = np.where(half < 0.0, -root, root)
+    return half + outward
 
 
 def largest_angle(integrator: str, ratio: float = 0.0, *, tendon: bool = False) -> float:
@@ -64,7 +65,7 @@ def numerical_pole(integrator: str, omega: float, ratio: float, timestep: float,
 
 
 def step_for_error(integrator: str, omega: float, error: float) -> float:
-    """Largest step [s] up to which the simulated frequency of an undamped oscillation stays within `error`, relative."""
+    """Largest step [s] that keeps the simulated frequency of an undamped oscillation within `error`, relative."""
     limit = min(largest_angle(integrator), 3.0)
 
     def miss(angle: ArrayLike) -> Array:
@@ -74,7 +75,7 @@ def step_for_error(integrator: str, omega: float, error: float) -> float:
     over = np.flatnonzero(miss(grid) > 0.0)
     if over.size == 0:
         return limit / omega
-    return float(brentq(miss, 1e-5 * limit, grid[over[0]], rtol=1e-12)) / omega
+    return float(brentq(lambda x: float(miss(x)), 1e-5 * limit, float(grid[over[0]]), rtol=1e-12)) / omega
 
 
 @dataclass(frozen=True)
@@ -108,3 +109,14 @@ def step_limits(frequencies: Array, ratios: Array, *, tendon: bool = False) -> S
     first = float(np.min(frequencies))
     accuracy = {name: (step_for_error(name, first, 1e-2), step_for_error(name, first, 1e-3)) for name in INTEGRATORS}
     return StepLimits(float(frequencies[fastest]), float(ratios[fastest]), limits, accuracy)
+
+
+def coupled_limits(model: PortModel, hub: Array | None, *, tendon: bool) -> StepLimits:
+    """Step limits of a port model on a hub `(m, m)`, or alone."""
+    coupled = model if hub is None else model.with_hub(hub)
+    a, *_ = coupled.state_space()
+    poles = np.linalg.eigvals(a)
+    poles = poles[poles.imag > 0.0]
+    frequencies = np.abs(poles)
+    ratios = np.where(np.abs(poles.real) < 1e-12 * frequencies, 0.0, -poles.real / frequencies)
+    return step_limits(frequencies, np.clip(ratios, 0.0, None), tendon=tendon)

@@ -1,8 +1,8 @@
 """The hinge chain: rigid links joined by spring hinges, the thing MuJoCo simulates."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Mapping
 
 import numpy as np
 

@@ -7,6 +7,7 @@ which may belong to either side.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import linprog
@@ -89,7 +90,7 @@ def cells(beam: MassLine, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: Ma
     marks = edges.copy()  # a cell of no length before a hinge at the root belongs before it
     marks[0] = -1e-6 * length
     count = edges.size - 1
-    real = [_stretch(beam, float(a), float(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    real = [_stretch(beam, float(a), float(b)) for a, b in pairwise(edges)]
     # unit length and mass from here on: moments of the real piece (m, s, j_xy, j_xz)
     unit = np.array([1.0, length, length**2, length**2]) * total
     own = np.array([[r.mass, r.first, r.second + r.rotary_xy, r.second + r.rotary_xz] for r in real]) / unit
@@ -190,12 +191,14 @@ def _solve(cost: Array, matrix: Array, values: Array, bounds: list[tuple[float |
     found = linprog(
         cost, A_eq=matrix, b_eq=values, bounds=bounds, method="highs", options={"primal_feasibility_tolerance": 1e-10}
     )
-    if found.status != 0 or found.x[0] < LEAST_SHARE:
-        share = f"; bodies would keep {found.x[0]:.1e} of their mass" if found.status == 0 else ""
+    x = found.x if found.status == 0 else None
+    if x is None or x[0] < LEAST_SHARE:
+        share = "" if x is None else f"; bodies would keep {x[0]:.1e} of their mass"
         raise RealisationError(
-            f"no physical bodies satisfy both planes with these modes{share}; keep another number of modes in one plane."
+            f"no physical bodies satisfy both planes with these modes{share}; "
+            "keep another number of modes in one plane."
         )
-    x = np.array(found.x)
+    x = np.array(x)
     scale = np.array([1.0 if low is None else max(abs(v), 1e-9) for v, (low, _) in zip(x, bounds, strict=True)])
     for _ in range(4):  # each correction in proportion to what is there, so that nothing turns negative
         x -= scale * np.linalg.lstsq(matrix * scale, matrix @ x - values, rcond=1e-14)[0]

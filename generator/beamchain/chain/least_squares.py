@@ -5,13 +5,14 @@ Logarithms keep every number positive, the rigid mass properties are held exactl
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from beamchain.chain.chain import Chain
 from beamchain.chain.realise import Nodes, realise
-from beamchain.chain.rods import Numbers, Payload, Rods, jacobian, nodes_to_rods, rod_modes
+from beamchain.chain.rods import Numbers, Payload, Rods, jacobian, loaded_modes, nodes_to_rods
 from beamchain.errors import RealisationError
 from beamchain.port import Array, PortModel
 from beamchain.structure.beam import Beam
@@ -86,10 +87,12 @@ def fit_planar(
         problem = _Problem(beam, port, cases, lengths, tuple(free))
         try:
             solved = least_squares(
-                problem.residuals, problem.start, jac=problem.jacobian, bounds=(problem.start - REACH, problem.start + REACH),
-                xtol=1e-11, ftol=1e-10, gtol=1e-15, max_nfev=150,
+                problem.residuals, problem.start, jac=problem.jacobian,
+                bounds=(problem.start - REACH, problem.start + REACH),
+                xtol=1e-11, ftol=1e-6, gtol=1e-15, max_nfev=150,
             )  # fmt: skip
-            found = problem.result(solved.x, float(solved.cost), solved.status > 0, tuple(history))
+            good = bool(solved.status > 0 or solved.cost < GOOD_ENOUGH)
+            found = problem.result(solved.x, float(solved.cost), good, tuple(history))
         except (RealisationError, np.linalg.LinAlgError, ValueError) as error:
             history.append(f"start {label}: {error}")
             continue
@@ -182,6 +185,11 @@ class _Problem:
 
     def __init__(self, beam: MassLine, port: str, cases: Sequence[Case], lengths: Array, free: tuple[str, ...]) -> None:
         self.beam, self.port, self.cases, self.free = beam, port, list(cases), free
+        self.payloads = [case.payload for case in cases]
+        self.wanted_frequencies = np.array([case.target.frequencies for case in cases])
+        self.wanted_participation = np.array([case.target.participation for case in cases])
+        scale = np.array([np.sqrt(np.diag(case.target.rigid_mass)) for case in cases])[:, None, :]
+        self.weights = scale * np.linalg.norm(self.wanted_participation / scale, axis=2, keepdims=True)
         self.lengths = lengths
         self.second = 4 if port == "xy" else 5  # rotary inertia of the plane in Moments
         total = beam.moments(0.0, beam.length, closed=True)
@@ -192,16 +200,13 @@ class _Problem:
         bounds = (
             np.concatenate([[0.0], middles[1:-1], [beam.length]]) if lengths.size > 2 else np.array([0.0, beam.length])
         )
-        self.stiffness = np.array(
-            [1.0 / beam.compliance(float(a), float(b), port) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
-        )
+        self.stiffness = np.array([1.0 / beam.compliance(float(a), float(b), port) for a, b in pairwise(bounds)])
         parts = [np.log(self.stiffness)]
         if "lengths" in free:
             parts.append(np.log(lengths))
         if "masses" in free:
             pieces = [
-                beam.moments(float(a), float(b), closed=b >= beam.length * (1 - 1e-12)).mass
-                for a, b in zip(edges[:-1], edges[1:], strict=True)
+                beam.moments(float(a), float(b), closed=b >= beam.length * (1 - 1e-12)).mass for a, b in pairwise(edges)
             ]
             nodes = np.convolve(np.array(pieces), [0.5, 0.5])
             parts.append(np.log(nodes))
@@ -262,15 +267,11 @@ class _Problem:
         rods = self.rods(theta)
         if np.any(np.real(rods.masses) <= 0.0) or np.any(np.real(rods.inertias) <= 0.0):
             return np.full(sum(3 * c.target.modes for c in self.cases), 1e3, dtype=theta.dtype)
-        parts: list[Numbers] = []
-        for case in self.cases:
-            modes = rod_modes(rods, self.beam.length, case.payload)
-            n = case.target.modes
-            scale = np.linalg.norm(case.target.participation / np.sqrt(np.diag(case.target.rigid_mass)), axis=1)
-            gap = (modes.participation[:n] - case.target.participation) / np.sqrt(np.diag(case.target.rigid_mass))
-            parts.append(np.log(modes.frequencies[:n] / case.target.frequencies))
-            parts.append((PARTICIPATION_WEIGHT * gap / scale[:, None]).ravel())
-        return np.concatenate(parts)
+        modes = loaded_modes(rods, self.beam.length, self.payloads)
+        n = self.wanted_frequencies.shape[1]
+        gap = (modes.participation[:, :n] - self.wanted_participation) / self.weights
+        frequency = np.log(modes.frequencies[:, :n] / self.wanted_frequencies)
+        return np.concatenate([frequency.ravel(), PARTICIPATION_WEIGHT * gap.ravel()])
 
     def jacobian(self, theta: Array) -> Array:
         """Complex-step derivative of the residuals."""

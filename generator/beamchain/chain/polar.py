@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -18,14 +18,15 @@ TRIES = 400
 def real_polar(beam: MassLine, cuts: Array) -> Array:
     """`(c + 1,)` polar inertia of the beam's pieces between the cuts [kg m^2]."""
     edges = [0.0, *cuts.tolist(), beam.length]
-    return np.array(
-        [beam.moments(a, b, closed=b >= beam.length).polar for a, b in zip(edges[:-1], edges[1:], strict=True)]
-    )
+    return np.array([beam.moments(a, b, closed=b >= beam.length).polar for a, b in pairwise(edges)])
 
 
 def with_polar(links: Sequence[Link], inertias: Sequence[float]) -> list[Link]:
     """The links with the given polar inertias."""
-    return [replace(l, inertia=(p, l.inertia[1], l.inertia[2])) for l, p in zip(links, inertias, strict=True)]
+    return [
+        replace(link, inertia=(polar, link.inertia[1], link.inertia[2]))
+        for link, polar in zip(links, inertias, strict=True)
+    ]
 
 
 def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
@@ -66,9 +67,9 @@ def share(links: list[Link], wanted: list[float], groups: list[list[int]], real:
             continue
         if not low.sum() * (1.0 - 1e-9) <= total <= high.sum():
             raise RealisationError(
-                f"links {members[0] + 1} to {members[-1] + 1} would need a polar inertia of {total:.4g} kg m^2, but rigid "
-                f"bodies of their shape carry {low.sum():.4g} to {high.sum():.4g}: the appendage is too wide for its length "
-                'here; keep fewer modes, or use theory = "timoshenko" (rotary inertia).'
+                f"links {members[0] + 1} to {members[-1] + 1} would need a polar inertia of {total:.4g} kg m^2, but "
+                f"rigid bodies of their shape carry {low.sum():.4g} to {high.sum():.4g}: the appendage is too wide for "
+                'its length here; keep fewer modes, or use theory = "timoshenko" (rotary inertia).'
             )
         weight = np.maximum(real[members], 1e-12 * total)
         lo, hi = 0.0, float(np.max(high / weight)) + 1.0
@@ -84,7 +85,9 @@ def share(links: list[Link], wanted: list[float], groups: list[list[int]], real:
     return out
 
 
-def place(beam: MassLine, links: list[Link], cuts: Array, inertias: Array, real: Array) -> tuple[list[int], list[float]]:
+def place(
+    beam: MassLine, links: list[Link], cuts: Array, inertias: Array, real: Array
+) -> tuple[list[int], list[float]]:
     """Which hinges turn in torsion, and every link's polar inertia.
 
     Args:
@@ -105,7 +108,7 @@ def place(beam: MassLine, links: list[Link], cuts: Array, inertias: Array, real:
     reason = RealisationError(f"{n} torsion modes need {n} hinges, but there are {cuts.size}.")
     for choice in choices[:TRIES]:
         bounds = [0, *(i + 1 for i in choice), len(links)]
-        groups = [list(range(a, b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+        groups = [list(range(a, b)) for a, b in pairwise(bounds)]
         try:
             return list(choice), share(links, inertias.tolist(), groups, real)
         except RealisationError as error:

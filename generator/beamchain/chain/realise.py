@@ -6,15 +6,16 @@ redistributed mass, in closed form.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import NonlinearConstraint, minimize
 
 from beamchain.chain import polar
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.errors import RealisationError
 from beamchain.port import Array, PortModel
 from beamchain.structure.mass_line import MassLine
-
 
 NO_MASS = 1e-12  # of the rigid mass: less is none
 NEAR_ROOT = 1e-9  # of the distance of the mass centre: a hinge closer to the root stands at it
@@ -110,8 +111,8 @@ def _with_root_hinge(target: PortModel, rows: Array, lam: Array) -> Nodes:
     reach = abs(float(target.rigid_mass[0, 1] / target.rigid_mass[0, 0]))
     if residual[0, 0] <= NO_MASS * target.rigid_mass[0, 0]:
         raise RealisationError(
-            "all mass at the root moves with the modes kept, so that its displacement meets no mass; keep fewer modes, or "
-            "give the rigid mass with that of the clamped nodes."
+            "all mass at the root moves with the modes kept, so that its displacement meets no mass; keep fewer modes, "
+            "or give the rigid mass with that of the clamped nodes."
         )
     x0 = float(residual[0, 1] / residual[0, 0])
     if x0 < -NEAR_ROOT * reach:
@@ -146,7 +147,8 @@ def _check(nodes: Nodes, scale_length: float) -> None:
     if nodes.positions[-1] > 1e6 * scale_length:
         raise RealisationError(
             f"the exact chain with {nodes.stiffness.size} flexible modes is {nodes.positions[-1]:.3g} m long, far "
-            f"beyond the appendage (mass centre at {scale_length:.3g} m): too many modes for double precision; keep fewer."
+            f"beyond the appendage (mass centre at {scale_length:.3g} m): too many modes for double precision; "
+            "keep fewer."
         )
 
 
@@ -179,10 +181,41 @@ def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, A
     if nodes.excess is not None:
         inertia = inertia + nodes.excess
         if np.any(inertia <= 0.0):
+            a, b = _roomiest(nodes, share)
+            mass = a + b
+            inertia = a * b / mass * nodes.lengths**2 + nodes.excess
+        if np.any(inertia <= 0.0):
             raise RealisationError(
                 "a link's rotary inertia would be negative; set scene.tip = false or keep other modes."
             )
     return mass, nodes.lengths * b / mass, inertia
+
+
+def _roomiest(nodes: Nodes, share: float) -> tuple[Array, Array]:
+    """End masses `(N,)` inner and outer: the split whose least rotary inertia, relative to its rod, is largest.
+
+    The inertias are concave in the shares, so that the program has one maximum.
+    """
+    assert nodes.excess is not None
+    m, squares = nodes.masses, nodes.lengths**2
+    scale = np.sum(m) * squares
+    bend = nodes.excess / scale
+
+    def ends(x: Array) -> tuple[Array, Array]:
+        return np.concatenate([m[:1], (1.0 - x) * m[1:-1]]), np.concatenate([x * m[1:-1], m[-1:]])
+
+    def room(v: Array) -> Array:
+        a, b = ends(v[:-1])
+        return a * b / (a + b) / np.sum(m) + bend - v[-1]
+
+    count = nodes.lengths.size - 1
+    start = np.concatenate([np.full(count, 0.5), [0.0]])
+    start[-1] = float(np.min(room(start)))
+    found = minimize(
+        lambda v: -float(v[-1]), start, method="SLSQP", bounds=[(share, 1.0 - share)] * count + [(None, None)],
+        constraints=[NonlinearConstraint(room, 0.0, np.inf)],
+    )  # fmt: skip
+    return ends(np.clip(found.x[:-1], share, 1.0 - share))
 
 
 def planar_links(nodes: Nodes, beam: MassLine) -> list[Link]:
@@ -194,7 +227,7 @@ def planar_links(nodes: Nodes, beam: MassLine) -> list[Link]:
     """
     x = nodes.positions
     edges = [*x[:-1].tolist(), max(beam.length, float(x[-1]))]
-    own = [beam.moments(a, b, closed=b >= beam.length).mass for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    own = [beam.moments(a, b, closed=b >= beam.length).mass for a, b in pairwise(edges)]
     mass, com, inertia = split(nodes, np.array(own))
     ends = [*edges[1:-1], beam.length]
     return [

@@ -1,5 +1,7 @@
 """Recipes in use, kept as honest rivals: equal links with hinge stiffness from EI, and the 2008 paper's three links."""
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.optimize import brentq
 
@@ -8,11 +10,12 @@ from beamchain.checks import one_of, whole
 from beamchain.errors import InputError
 from beamchain.port import Array
 from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 
 RECIPES = ("naive", "classical", "midpoint")
 
 
-def rigid_link(beam: Beam, start: float, end: float) -> Link:
+def rigid_link(beam: MassLine, start: float, end: float) -> Link:
     """The piece of the beam between `start` and `end`, frozen."""
     m = beam.moments(start, end, closed=end >= beam.length * (1.0 - 1e-12))
     bending = m.second - m.first**2 / m.mass
@@ -35,8 +38,7 @@ def cut(beam: Beam, hinges: Array, stiffness: Array, port: str) -> Chain:
     """
     edges = [0.0, *hinges.tolist(), beam.length]
     links = [
-        Link(0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)) if b <= a else rigid_link(beam, a, b)
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        Link(0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)) if b <= a else rigid_link(beam, a, b) for a, b in pairwise(edges)
     ]
     springs = tuple(Hinge(x=float(x), stiffness={port: float(c)}) for x, c in zip(hinges, stiffness, strict=True))
     return Chain(links=tuple(links), hinges=springs, length=beam.length)
@@ -56,7 +58,7 @@ def equal_links(beam: Beam, count: int, recipe: str, port: str = "xy") -> Chain:
     one_of("recipe", recipe, RECIPES)
     whole("links", count, 1, 5000)
     h = beam.length / count
-    inner = h * np.arange(count)
+    inner = h * np.arange(count, dtype=np.float64)
     if recipe == "midpoint":
         hinges, stretches = inner + h / 2.0, [(a, a + h) for a in inner]
     elif recipe == "classical":
@@ -94,7 +96,7 @@ def seed_parameters(mass: float, length: float, omega1: float, omega2: float) ->
 
 
 def seed_chain(beam: Beam, k: float, c: float, port: str = "xy") -> Chain:
-    """Three uniform links `(1-k)l/2, k l, (1-k)l/2` and two equal springs `c` [N m/rad] (Belonozhko 2008, section 3)."""
+    """Three uniform links `(1-k)l/2, k l, (1-k)l/2` and two equal springs `c` [N m/rad] (Belonozhko 2008, sec. 3)."""
     if not beam.uniform:
         raise InputError('method = "seed" is the paper\'s recipe for a uniform beam; use "exact" for this appendage.')
     ends = np.array([(1.0 - k) / 2.0, (1.0 + k) / 2.0]) * beam.length

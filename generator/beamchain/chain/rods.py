@@ -3,7 +3,7 @@
 Complex steps need an analytic path: eigenvalues come from the general solver, products are not conjugated.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,7 +53,10 @@ class Payload(NamedTuple):
     inertia: float
 
 
-def rod_modes(rods: Rods, tip: float, payload: Payload = Payload(0.0, 0.0)) -> RodModes:
+NO_PAYLOAD = Payload(0.0, 0.0)
+
+
+def rod_modes(rods: Rods, tip: float, payload: Payload = NO_PAYLOAD) -> RodModes:
     """Cantilever modes, participation and tip displacement.
 
     Args:
@@ -61,40 +64,40 @@ def rod_modes(rods: Rods, tip: float, payload: Payload = Payload(0.0, 0.0)) -> R
         tip: x of the tip [m].
         payload: carried at the tip.
     """
+    return RodModes(*(values[0] for values in loaded_modes(rods, tip, (payload,))))
+
+
+def loaded_modes(rods: Rods, tip: float, payloads: Sequence[Payload]) -> RodModes:
+    """`rod_modes` with each of `k` payloads: frequencies `(k, n)`, participation `(k, n, 2)`, tip `(k, n)`.
+
+    All at once: a fit calls this some ten thousand times.
+    """
     hinges = rods.starts[1:]
     flexible = 1.0 / np.sqrt(rods.stiffness)
     outside = np.tri(rods.masses.size, hinges.size, -1)  # hinge j moves rods j+1 and on
     arms = (rods.centres[:, None] - hinges[None, :]) * outside * flexible
     turns = outside * flexible
     tip_arms = (tip - hinges) * flexible
-    weighted = [
-        rods.masses[:, None] * arms,
-        rods.inertias[:, None] * turns,
-        payload.mass * tip_arms[None, :],
-        payload.inertia * flexible[None, :],
-    ]
-    plain = [arms, turns, tip_arms[None, :], flexible[None, :]]
-    inertia = sum(a.T @ b for a, b in zip(plain, weighted, strict=True))
-    n = rods.masses.size
-    ones, nothing = np.ones(n), np.zeros(n)
-    rigid = [
-        np.column_stack([ones, rods.centres]),
-        np.column_stack([nothing, ones]),
-        np.array([[1.0, tip]]),
-        np.array([[0.0, 1.0]]),
-    ]
-    across = sum(b.T @ a for a, b in zip(rigid, weighted, strict=True))
+    pulled, turned = rods.masses[:, None] * arms, rods.inertias[:, None] * turns
+    total = np.sum(turned, axis=0)
+    mass = np.array([p.mass for p in payloads])[:, None, None]
+    rotary = np.array([p.inertia for p in payloads])[:, None, None]
+    inertia = arms.T @ pulled + turns.T @ turned
+    inertia = inertia + mass * np.outer(tip_arms, tip_arms) + rotary * np.outer(flexible, flexible)
+    across = np.column_stack([np.sum(pulled, axis=0), rods.centres @ pulled + total])
+    across = across + mass * np.outer(tip_arms, [1.0, tip]) + rotary * np.outer(flexible, [0.0, 1.0])
     values, vectors = np.linalg.eig(inertia)
-    order = np.argsort(-values.real)
-    values, vectors = values[order], vectors[:, order]
+    order = np.argsort(-np.real(values), axis=1)
+    values = np.take_along_axis(values, order, axis=1)
+    vectors = np.take_along_axis(vectors, order[:, None, :], axis=2)
     if not np.iscomplexobj(inertia):
-        values, vectors = values.real, vectors.real
-    vectors = vectors / np.sqrt(np.sum(vectors * vectors, axis=0))
+        values, vectors = np.real(values), np.real(vectors)
+    shapes = np.swapaxes(vectors / np.sqrt(np.sum(vectors * vectors, axis=1))[:, None, :], 1, 2)
     frequencies = 1.0 / np.sqrt(values)
-    participation = (vectors.T @ across) * frequencies[:, None]
-    tips = (vectors.T @ tip_arms) * frequencies
-    signs = np.where(participation[:, 0].real < 0.0, -1.0, 1.0)
-    return RodModes(frequencies, participation * signs[:, None], tips * signs)
+    participation = (shapes @ across) * frequencies[:, :, None]
+    tips = (shapes @ tip_arms) * frequencies
+    signs = np.where(np.real(participation[:, :, 0]) < 0.0, -1.0, 1.0)
+    return RodModes(frequencies, participation * signs[:, :, None], tips * signs)
 
 
 def nodes_to_rods(masses: Numbers, lengths: Numbers, excess: Numbers, stiffness: Numbers) -> Rods:

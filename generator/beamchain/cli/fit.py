@@ -1,6 +1,6 @@
 """`beamchain fit`: the main job."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -9,10 +9,22 @@ from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console, 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 
-def fit(spec: SpecPath, output: Folder, as_json: Json = False, force: Force = False, quiet: Quiet = False) -> None:
+Explain = Annotated[bool, typer.Option("--explain", help="Print how the modes were chosen for the scene.")]
+Full = Annotated[bool, typer.Option("--full", help="Keep everything: nothing is left out for the scene.")]
+
+
+def fit(
+    spec: SpecPath,
+    output: Folder,
+    as_json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+    explain: Explain = False,
+    full: Full = False,
+) -> None:
     """Fit a hinge chain to an appendage, prove it through MuJoCo, write the drop-in file and a report.
 
     Writes appendage.xml, scene.xml, report.html, pictures and fit.json into DIR.
@@ -33,6 +45,10 @@ def fit(spec: SpecPath, output: Folder, as_json: Json = False, force: Force = Fa
     ) as progress:
         step = progress.add_task("reading the spec")
         read = read_spec(spec)
+        if full:
+            from beamchain.assess.plan import everything
+
+            read = everything(read)
         progress.update(step, description="fitting the chain and reading it back from MuJoCo")
         result = fit_chain(read)
         progress.update(step, description="drawing and writing")
@@ -41,6 +57,8 @@ def fit(spec: SpecPath, output: Folder, as_json: Json = False, force: Force = Fa
         print_json(result.as_dict())
     elif not quiet:
         _show(result, files)
+        if explain:
+            _explain(result)
     if not result.status.ok:
         raise typer.Exit(3)
 
@@ -60,6 +78,8 @@ def _show(result: "Fit", files: "list[Path]") -> None:
         "frequency error",
         "participation error",
     )
+    damping = result.spec.damping
+    headings += ("damping wanted", "achieved") if damping is not None else ()
     for column in headings:
         table.add_column(column, justify="left" if column == "port" else "right")
     for port, achieved in result.achieved.items():
@@ -68,7 +88,10 @@ def _show(result: "Fit", files: "list[Path]") -> None:
             free = achieved.free_frequencies
             row = ", ".join(f"{v:.5g}" for v in achieved.participation[i])
             loose = f"{free[i]:.6g}" if i < free.size else "none"
-            table.add_row(port, str(j + 1), f"{achieved.frequencies[i]:.6g}", loose, row, f"{df:+.1e}", f"{dp:.1e}")
+            cells = [port, str(j + 1), f"{achieved.frequencies[i]:.6g}", loose, row, f"{df:+.1e}", f"{dp:.1e}"]
+            if damping is not None:
+                cells += [f"{damping.ratios(port, j + 1)[j]:.6g}", f"{achieved.damping[i]:.6g}"]
+            table.add_row(*cells)
     out.print(table)
     chain = Table(title="chain", title_justify="left")
     for column in ("link", "from m", "length m", "mass kg", "inertia kg m2", "hinge behind it N m/rad"):
@@ -94,11 +117,42 @@ def _show(result: "Fit", files: "list[Path]") -> None:
         band = result.bandwidth[port]
         on = "on the hub given" if result.spec.root.hub else "worst of three hubs"
         out.print(
-            f"in-band error {port} up to {band:.4g} rad/s, {on}, against the whole beam: {error.accelerance_in_band:.2e}"
+            f"in-band error {port} up to {band:.4g} rad/s, {on}, against the whole beam: "
+            f"{error.accelerance_in_band:.2e}"
         )
     steps = ", ".join(f"{k} {v:.4g} s" if v < 1e9 else f"{k} none" for k, v in result.limits.largest_step.items())
     out.print(f"largest stable step: {steps}")
     took = sum(result.seconds.values())
     out.print(f"spec to verified chain: {took * 1e3:.1f} ms")
+    for text in result.warnings:
+        out.print(f"[bold yellow]warning[/bold yellow]: {text}")
     for file in files:
         out.print(f"wrote {file}")
+
+
+def _explain(result: "Fit") -> None:
+    """How the modes were chosen, what was left out, what the model cannot answer, which step to take."""
+    from rich.table import Table
+
+    out = console()
+    if result.choice is None:
+        out.print(
+            "The spec states the modes itself; give [scene] a bandwidth and leave [modes] out to have them chosen."
+        )
+        return
+    for line in result.choice.reasoning:
+        out.print(line)
+    left = Table(title="left out", title_justify="left")
+    for column in ("what", "why", "cost"):
+        left.add_column(column, justify="right" if column == "cost" else "left")
+    for item in result.left_out:
+        left.add_row(item.what, item.why, f"{item.cost:.1e}" if item.cost else "0")
+    out.print(left)
+    for line in result.choice.cannot:
+        out.print(f"cannot answer: {line}")
+    steps = Table(title="steps that keep the tolerance", title_justify="left")
+    for column in ("integrator", "largest step s", "bounded by", "cost"):
+        steps.add_column(column, justify="left" if column in ("integrator", "bounded by") else "right")
+    for choice in result.steps:
+        steps.add_row(choice.integrator, f"{choice.step:.3g}", choice.bound, f"{choice.cost:.2f}")
+    out.print(steps)

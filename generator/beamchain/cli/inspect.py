@@ -29,7 +29,8 @@ def inspect(
 
     out = console()
     out.print(
-        f"[bold]{found.name}[/bold]: {found.bodies} bodies, {found.joints} joints, {found.dofs} degrees of freedom, mass {found.mass:.6g} kg"
+        f"[bold]{found.name}[/bold]: {found.bodies} bodies, {found.joints} joints, "
+        f"{found.dofs} degrees of freedom, mass {found.mass:.6g} kg"
     )
     modes = Table(title="modes about the rest pose", title_justify="left")
     for column in ("mode", "rad/s", "Hz", "damping ratio"):

@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from lxml.etree import _Element as Element
 
+from beamchain.chain.chain import Chain
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.mjcf import write
@@ -19,14 +21,19 @@ class Measured:
     Args:
         ports: port model per port, from A and B of `mjd_transitionFD`.
         rigid_mass: `(6, 6)` about the root, from the compiled bodies.
-        coupling: largest coupling between ports, relative.
+        couplings: relative, per pair of ports (`"xy, torsion"`).
         linearisation: of the bench.
     """
 
     ports: dict[str, PortModel]
     rigid_mass: Array
-    coupling: float
+    couplings: dict[str, float]
     linearisation: Linearisation
+
+    @property
+    def coupling(self) -> float:
+        """Largest coupling between two ports, relative."""
+        return max(self.couplings.values(), default=0.0)
 
 
 def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballast: Array | None = None) -> Measured:
@@ -50,11 +57,12 @@ def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballas
     for port, dofs in groups.items():
         motion = PORT_MOTION[port]
         models[port] = linear.port(dofs, motion.T @ extra @ motion)
-    return Measured(models, rigid_mass(model, "bench") - extra, linear.coupling(list(groups.values())), linear)
+    pairs = {f"{a}, {b}": linear.coupling([groups[a], groups[b]]) for a, b in combinations(groups, 2)}
+    return Measured(models, rigid_mass(model, "bench") - extra, pairs, linear)
 
 
 def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
-    """`(6, 6)` mass matrix of a body's frozen subtree about the body's frame, axes of that frame, in the model's rest pose.
+    """`(6, 6)` mass matrix of a body's frozen subtree in the rest pose, about the body's own frame and in its axes.
 
     Args:
         model: compiled.
@@ -64,7 +72,19 @@ def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     root = model.body(body).id
-    origin, frame = data.xpos[root], data.xmat[root].reshape(3, 3)
+    return frozen_mass(model, data, root, data.xpos[root], data.xmat[root].reshape(3, 3))
+
+
+def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origin: Array, frame: Array) -> Array:
+    """`(6, 6)` mass matrix of a body's frozen subtree about any point, in any axes.
+
+    Args:
+        model: compiled.
+        data: with the kinematics of the pose.
+        root: id of the body.
+        origin: `(3,)` the point, in the world.
+        frame: `(3, 3)` the axes in columns, in the world.
+    """
     out = np.zeros((6, 6))
     for i in range(model.nbody):
         top = i
@@ -79,3 +99,12 @@ def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
             turn @ np.diag(model.body_inertia[i]) @ turn.T,
         )
     return out
+
+
+def ballast_for(chain: Chain) -> Array | None:
+    """Something to hold where a hinge at the root leaves the bench massless: as much as the chain weighs."""
+    first = chain.links[0]
+    if first.mass > 0.0 and min(first.inertia[1:]) > 0.0:
+        return None
+    rigid = np.diag(chain.rigid_mass())
+    return np.array([rigid[0], *np.full(3, max(rigid[3:]))])

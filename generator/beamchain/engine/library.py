@@ -14,5 +14,6 @@ except ImportError as error:  # an upgrade 3.x -> 4 by plain pip leaves the spli
 
 if tuple(int(part) for part in mujoco.__version__.split(".")[:2]) < OLDEST:
     raise EngineError(
-        f"MuJoCo {mujoco.__version__} is too old; beamchain needs {OLDEST[0]}.{OLDEST[1]} or newer: pip install -U mujoco"
+        f"MuJoCo {mujoco.__version__} is too old; beamchain needs {OLDEST[0]}.{OLDEST[1]} or newer: "
+        "pip install -U mujoco"
     )

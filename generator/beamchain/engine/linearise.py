@@ -6,7 +6,7 @@ and `M^-1 B` without a limit h -> 0, even at a step at which the simulation woul
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -84,7 +84,7 @@ class Linearisation:
         """The step as MuJoCo takes it, `control.StateSpace` with dt."""
         import control
 
-        return control.ss(self.a, self.b, self.c, self.d, self.timestep)
+        return cast("control.StateSpace", control.ss(self.a, self.b, self.c, self.d, self.timestep))
 
     @property
     def continuous(self) -> "control.StateSpace":
@@ -92,7 +92,7 @@ class Linearisation:
         import control
 
         a, b = self._continuous()
-        return control.ss(a, b, self.c, self.d)
+        return cast("control.StateSpace", control.ss(a, b, self.c, self.d))
 
     def _continuous(self) -> tuple[Array, Array]:
         nv = self.stiffness.shape[0]
@@ -141,8 +141,8 @@ class Linearisation:
                 np.zeros((0, len(root))),
             )
         squares, right = np.linalg.eig(held)
-        order = np.argsort(squares.real)
-        squares, right = squares.real[order], right.real[:, order]
+        order = np.argsort(np.real(squares))
+        squares, right = np.real(squares)[order], np.real(right)[:, order]
         if np.any(squares <= 0.0):
             raise EngineError(
                 "a hinge of the held appendage has no positive stiffness; the port model needs every hinge sprung."
@@ -168,8 +168,12 @@ class Linearisation:
         )
 
     def coupling(self, groups: "list[tuple[int, ...]]") -> float:
-        """Largest coupling between groups of degrees of freedom, relative: how far ports are from independent."""
-        worst = 0.0
+        """Largest coupling between groups of degrees of freedom, relative: how far ports are from independent.
+
+        Two measures, the larger counts: M^-1 K and M^-1 D between the groups, and what a motor of one group does to
+        the driven joints of another, over the whole range of frequencies (it also sees a group that is rigid).
+        """
+        worst = self._crosstalk(groups)
         for i, first in enumerate(groups):
             for second in groups[i + 1 :]:
                 for matrix in (self.stiffness, self.damping):
@@ -178,6 +182,23 @@ class Linearisation:
                     with np.errstate(divide="ignore", invalid="ignore"):
                         ratio = np.sqrt(np.where(inside > 0.0, across / inside, 0.0))
                     worst = max(worst, float(np.max(ratio, initial=0.0)))
+        return worst
+
+    def _crosstalk(self, groups: "list[tuple[int, ...]]") -> float:
+        """Largest `|X_ij| / sqrt(|X_ii X_jj|)` of the receptance X between driven joints of different groups."""
+        member = {dof: k for k, group in enumerate(groups) for dof in group}
+        motors = [(i, dof) for i, dof in enumerate(self.driven) if dof in member]
+        of = np.array([member[dof] for _, dof in motors])
+        if np.unique(of).size < 2:
+            return 0.0
+        columns, rows = [i for i, _ in motors], [dof for _, dof in motors]
+        own = self.frequencies()
+        eye, worst = np.eye(self.stiffness.shape[0]), 0.0
+        for omega in np.geomspace(0.3 * own[0], 3.0 * own[-1], 9) if own.size else [1.0]:
+            s = omega * (0.05 + 1j)  # beside the axis: no pole is met
+            x = np.linalg.solve(s**2 * eye + s * self.damping + self.stiffness, self.inputs[:, columns])[rows]
+            scale = np.sqrt(np.abs(np.diag(x)))
+            worst = max(worst, float(np.max((np.abs(x) / np.outer(scale, scale))[of[:, None] != of[None, :]])))
         return worst
 
 
@@ -263,7 +284,8 @@ def _dof_joints(model: "mujoco.MjModel") -> tuple[str, ...]:
 def _driven(model: "mujoco.MjModel") -> tuple[int, ...]:
     out: list[int] = []
     for i in range(model.nu):
-        if int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT):
+        plain = int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        if plain and float(model.actuator_gear[i, 0]) == 1.0:
             out.append(int(model.jnt_dofadr[int(model.actuator_trnid[i, 0])]))
         else:
             out.append(-1)

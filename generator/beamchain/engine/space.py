@@ -48,7 +48,7 @@ def measure_in_space(
         motion = PORT_MOTION[port][keep]
         if np.all(np.abs(PORT_MOTION[port]).sum(axis=1)[[i for i in range(6) if i not in keep]] == 0.0):
             ports[port] = block(space, motion)
-    return Measured(ports, rigid_mass(model, "bench") - extra, 0.0, linear), space
+    return Measured(ports, rigid_mass(model, "bench") - extra, {}, linear), space
 
 
 def block(space: PortModel, motion: Array) -> PortModel:

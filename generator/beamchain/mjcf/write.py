@@ -34,6 +34,7 @@ ROOT_JOINTS = {
     "axial": ("root_axial",),
 }
 
+ALONG_X = "0.7071067811865476 0.0 0.7071067811865475 0.0"  # turns a capsule's axis from z to x
 SMALLEST = 1e-15  # mjMINVAL: mass and principal inertia of a moving body
 DEEPEST = 496  # bodies nested in one MJCF file
 
@@ -71,7 +72,8 @@ def joint_name(name: str, hinge: int, port: str) -> str:
 def _check(chain: Chain) -> None:
     if len(chain.links) > DEEPEST:
         raise EngineError(
-            f"{len(chain.links)} links are more than the {DEEPEST} nested bodies one MJCF file can hold; use fewer links."
+            f"{len(chain.links)} links are more than the {DEEPEST} nested bodies one MJCF file can hold; "
+            "use fewer links."
         )
     for i, link in enumerate(chain.links):
         if i == 0:
@@ -98,6 +100,7 @@ def appendage(
     dampers: Iterable[Damper] = (),
     visuals: bool = True,
     tip: bool = True,
+    contacts: bool = False,
 ) -> Element:
     """The drop-in file: nested link bodies from the root outwards, frame of the root: x along the appendage.
 
@@ -108,6 +111,7 @@ def appendage(
         dampers: one fixed tendon per damped mode.
         visuals: write massless, collision-free geoms.
         tip: write the tip site.
+        contacts: write massless capsules that touch other things, never each other or what carries the appendage.
 
     Raises:
         EngineError: MuJoCo would refuse the chain (too deep, masses below mjMINVAL).
@@ -127,7 +131,7 @@ def appendage(
         body.set("pos", number([x - origin, 0.0, 0.0]))
         _joints(body, name, i, hinge)
         _inertial(find(body, "inertial"), link, x)
-        _shape(body, name, i, link, x, beam if visuals else None, visuals, chain.length)
+        _shape(body, name, i, link, x, beam, chain.length, "capsule" if contacts else "box" if visuals else None)
         for site, keep, at in (("root", i == 0, 0.0), ("tip", tip and i == len(chain.links) - 1, chain.length - x)):
             element = find(body, f"site[@name='{site}']")
             if keep:
@@ -168,18 +172,25 @@ def _inertial(element: Element, link: Link, x: float) -> None:
 
 
 def _shape(
-    body: Element, name: str, index: int, link: Link, x: float, beam: MassLine | None, visuals: bool, length: float
+    body: Element, name: str, index: int, link: Link, x: float, beam: MassLine | None, length: float, kind: str | None
 ) -> None:
     geom = find(body, "geom")
-    if not visuals or link.length <= 0.0:
+    if kind is None or link.length <= 0.0:
         body.remove(geom)
         return
     middle = link.start + link.length / 2.0
     depth = [beam.depth(middle, plane) if beam is not None else 0.0 for plane in ("xy", "xz")]
     half = [d / 2.0 if d > 0.0 else length / 200.0 for d in depth]
     geom.set("name", f"{name}_shape{index + 1}")
-    geom.set("size", number([link.length / 2.0, *half]))
     geom.set("pos", number([middle - x, 0.0, 0.0]))
+    geom.set("type", kind)
+    if kind == "box":
+        geom.set("size", number([link.length / 2.0, *half]))
+        return
+    radius = min(max(half), link.length / 2.0)
+    geom.set("size", number([radius, max(link.length / 2.0 - radius, 1e-6 * length)]))
+    geom.set("quat", ALONG_X)
+    geom.set("conaffinity", "1")  # meets what has contype 1, and with contype 0 never another link
 
 
 def _tendons(root: Element, name: str, dampers: Iterable[Damper]) -> None:
@@ -246,6 +257,7 @@ def scene(
     offset: ArrayLike,
     timestep: float,
     integrator: str,
+    contacts: bool = False,
 ) -> Element:
     """A free-flying hub with the appendage on its `mount`, ready to simulate.
 
@@ -253,23 +265,32 @@ def scene(
         appendage_root: from `appendage`.
         name: of the appendage.
         mass: of the hub [kg].
-        inertia: `(3,)` of the hub about its centre [kg m^2].
+        inertia: `(3,)` or `(3, 3)` of the hub about its centre [kg m^2].
         offset: `(3,)` from the hub's centre to the root [m].
         timestep: [s].
         integrator: MuJoCo's name.
+        contacts: leave contacts and constraints on.
     """
     root = template("scene")
     root.set("model", f"{name}_scene")
     option = find(root, "option")
+    if contacts:
+        option.remove(find(option, "flag"))
     option.set("timestep", number(timestep))
     option.set("integrator", integrator)
     hub = find(template("hub"), "worldbody/body")
     inertial = find(hub, "inertial")
     inertial.set("mass", number(mass))
-    inertial.set("diaginertia", number(inertia))
+    inertia = np.asarray(inertia, dtype=np.float64)
+    inertia = np.diag(inertia) if inertia.ndim == 1 else inertia
+    if np.any(inertia != np.diag(np.diag(inertia))):
+        del inertial.attrib["diaginertia"]
+        inertial.set("fullinertia", number([*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]))
+    else:
+        inertial.set("diaginertia", number(np.diag(inertia)))
     offset = np.asarray(offset, dtype=np.float64)
     # a box of that mass and those inertias where one exists, else one that reaches the root
-    ix, iy, iz = np.asarray(inertia, dtype=np.float64)
+    ix, iy, iz = np.diag(inertia)
     squares = 6.0 / mass * np.array([iy + iz - ix, ix + iz - iy, ix + iy - iz])
     half = np.sqrt(np.clip(squares, 1e-6 * float(squares.max()), None)) / 2.0
     find(hub, "geom").set("size", number(half))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.assess.error import DEFAULT_RATIO, STANDARD_HUBS, damped
+from beamchain.assess.error import DEFAULT_RATIO, STANDARD_HUBS, band_grid, damped
 from beamchain.chain import rivals
 from beamchain.chain.chain import Chain
 from beamchain.port import Array, PortModel
@@ -15,7 +15,7 @@ from beamchain.structure.beam import Beam
 from beamchain.structure.exact import UniformBeam
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 PLANES = ("xy", "xz")
 PAPER = "the 2008 paper's chain"
@@ -96,17 +96,12 @@ def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
 
 def beam_model(fit: "Fit", port: str) -> PortModel:
     """The whole beam in a port with the damping that in-band errors are stated with: the spec's, else 0.5 %."""
-    return damped(_with_ratios(fit, port, fit.full[port]))
+    return damped(fit.spec.with_ratios(port, fit.full[port]))
 
 
 def rival_model(fit: "Fit", port: str, chain: Chain) -> PortModel:
     """A rival's port model with the same damping ratios as the beam's."""
-    return damped(_with_ratios(fit, port, chain.port(port)))
-
-
-def _with_ratios(fit: "Fit", port: str, model: PortModel) -> PortModel:
-    wanted = fit.spec.damping if fit.space is None else None  # imported modes carry their own, each port's in order
-    return model if wanted is None else model.replaced(damping=wanted.ratios(port, model.modes))
+    return damped(fit.spec.with_ratios(port, chain.port(port)))
 
 
 def undamped(model: PortModel) -> Accelerance:
@@ -197,10 +192,13 @@ def error_curves(
     """
     beam, band = beam_model(fit, port), fit.bandwidth[port]
     damped_models = [damped(model) for model in models]
-    peaks = np.concatenate([thing.with_hub(hub).free_frequencies for thing in (beam, *damped_models)])
+    loaded = [thing.with_hub(hub) for thing in (beam, *damped_models)]
+    peaks = np.concatenate([thing.free_frequencies for thing in loaded])
     steps = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0]) * float(np.max(beam.damping, initial=DEFAULT_RATIO))
-    near = peaks[:, None] * (1.0 + np.concatenate([-steps[1:], steps]))
-    omega = np.unique(np.concatenate([np.geomspace(*limits, 320), near.ravel(), [band]]))
+    beyond = (peaks[:, None] * (1.0 + np.concatenate([-steps[1:], steps]))).ravel()
+    omega = np.unique(
+        np.concatenate([np.geomspace(*limits, 280), beyond[beyond > band], band_grid(loaded, band), [band]])
+    )
     omega = omega[(omega >= limits[0]) & (omega <= limits[1])]
     scale = np.sqrt(np.diag(hub + beam.rigid_mass))
     scale = np.outer(scale, scale)

@@ -11,7 +11,7 @@ import numpy as np
 from beamchain.report import imported, plots, sections
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 
 def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
@@ -29,7 +29,9 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
     record, rivals = fit.as_dict(), sections.rival_errors(fit)
     page = _template().render(
         name=fit.spec.name,
-        sections=imported.with_imported(fit, sections.all_sections(fit, pictures, rivals, record["left_out"]), pictures),
+        sections=imported.with_imported(
+            fit, sections.all_sections(fit, pictures, rivals, record["left_out"]), pictures
+        ),
         verdict=sections.verdict(fit, rivals),
         versions=f"beamchain {record['beamchain']}, MuJoCo {record['mujoco']}, NumPy {np.__version__}, "
         f"Python {platform.python_version()}. SI units, radians; x runs from the root outwards.",

@@ -6,12 +6,12 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from beamchain.report.page import Block, Lines, Picture, Pictures, Section, Table, Text, inline
 from beamchain.report.plots import OURS, STYLE, percent, short
-from beamchain.report.sections import Block, Lines, Picture, Pictures, Section, Table, Text, inline
 
 if TYPE_CHECKING:
     from beamchain.chain.oscillators import Oscillators
-    from beamchain.workflow import Fit, InSpace
+    from beamchain.result import Fit, InSpace
 
 
 def with_imported(fit: "Fit", page: list[Section], pictures: Pictures) -> list[Section]:

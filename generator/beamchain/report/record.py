@@ -9,7 +9,7 @@ import numpy as np
 from beamchain.port import Array, PortModel
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 
 def to_json(record: dict[str, Any]) -> str:
@@ -101,7 +101,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         "beamchain": beamchain.__version__,
         "mujoco": mujoco.__version__,
         "method": fit.spec.fit.method,
-        "target": fit.spec.root.target or "clamped",
+        "target": fit.kept_for,
         "mass": {**mass_record(fit.measured.rigid_mass), "target": mass_record(fit.mass_line.rigid_mass())},
         "ports": {
             port: {
@@ -140,7 +140,29 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
             "largest_step": limits.largest_step,
         },
         "accuracy": {name: {"1%": steps[0], "0.1%": steps[1]} for name, steps in limits.accuracy.items()},
-        "left_out": [],
+        "left_out": [{"what": item.what, "why": item.why, "cost": item.cost} for item in fit.left_out],
+        "scene": _scene_record(fit),
+        "warnings": fit.warnings,
         "status": {"ok": fit.status.ok, "message": fit.status.message, "history": fit.status.history},
         "seconds": fit.seconds,
+    }
+
+
+def _scene_record(fit: "Fit") -> dict[str, Any] | None:
+    """What the scene was promised, what came of it, and what the model cannot answer."""
+    scene = fit.spec.scene
+    if scene is None or scene.bandwidth is None:
+        return None
+    return {
+        "bandwidth": scene.bandwidth,
+        "tolerance": scene.tolerance,
+        "axes": scene.axes,
+        "error": fit.promise,
+        "modes": None if fit.choice is None else fit.choice.modes,
+        "cannot_answer": () if fit.choice is None else fit.choice.cannot,
+        "reasoning": () if fit.choice is None else fit.choice.reasoning,
+        "steps": [
+            {"integrator": step.integrator, "step": step.step, "bound": step.bound, "cost": step.cost}
+            for step in fit.steps
+        ],
     }

@@ -9,6 +9,7 @@ import numpy as np
 from beamchain.assess.error import in_band_error
 from beamchain.port import Array
 from beamchain.report.curves import METHODS, beam_model, chain_label, count, rival_chains, rival_model
+from beamchain.report.page import Block, Lines, Picture, Pictures, Section, Table, Text, inline
 from beamchain.report.plots import percent, short
 from beamchain.report.record import mass_record
 from beamchain.report.spec_text import spec_toml
@@ -16,76 +17,21 @@ from beamchain.spec import port_hub_mass
 from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 TARGETS = {
-    "clamped": "clamped: the first cantilever modes, right on every hub",
+    "clamped": "clamped: the first cantilever modes, the better the heavier the hub",
     "free": "free: the first modes with nothing attached (the 2008 paper's)",
     "hub": "hub: the first modes of hub and appendage together",
     "auto": "auto: whichever needs fewest modes",
 }
-
-
 _EXACT = {
     "clamped": "The chain is exact with the root held; the heavier the hub, the closer the modes on it.",
     "free": "The chain is exact with nothing attached; the lighter the hub, the closer the modes on it.",
     "hub": "The chain is exact on the hub.",
 }
 
-
-class Table(NamedTuple):
-    """A table; its first column names the row. `words`: cells are text, not numbers."""
-
-    rows: Sequence[Sequence[str]]
-    head: Sequence[str] = ()
-    caption: str = ""
-    note: str = ""
-    words: bool = False
-    kind: str = "table"
-
-
-class Picture(NamedTuple):
-    """An inline SVG."""
-
-    svg: str
-    caption: str
-    kind: str = "figure"
-
-
-class Text(NamedTuple):
-    """A paragraph, heading or code."""
-
-    text: str
-    kind: str = "paragraph"
-
-
-class Lines(NamedTuple):
-    """A list."""
-
-    lines: Sequence[str]
-    kind: str = "list"
-
-
-Block = Table | Picture | Text | Lines
-Pictures = dict[str, str]
 RivalErrors = dict[str, dict[str, float]]
-
-
-class Section(NamedTuple):
-    """A part of the page."""
-
-    title: str
-    blocks: Sequence[Block]
-
-
-def inline(svg: str, label: str) -> str:
-    """An SVG file's text as it may stand inside a page."""
-    body = svg[svg.index("<svg") :]
-    body = body.replace('<style type="text/css">*{stroke-linejoin: round; stroke-linecap: butt}</style>', "")
-    body = body.replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "").replace("xlink:href", "href")
-    body = body.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
-    quoted = label.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
-    return body.replace("<svg", f'<svg role="img" aria-label="{quoted}"', 1).strip()
 
 
 # -- words and numbers -----------------------------------------------------------------------------------------------
@@ -111,6 +57,10 @@ def _kept(fit: "Fit") -> str:
 
 def _left_out(item: Any) -> str:
     return "; ".join(f"{key}: {value}" for key, value in item.items()) if isinstance(item, dict) else str(item)
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def rival_errors(fit: "Fit") -> RivalErrors:
@@ -140,7 +90,9 @@ def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     links = sum(link.mass > 0.0 for link in fit.chain.links)
     what = f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for the beam's {_kept(fit)}"
     if fit.oscillators is not None:
-        what = f"{count(len(fit.oscillators.items), 'oscillator')} on a rigid root body stand for as many imported modes"
+        what = (
+            f"{count(len(fit.oscillators.items), 'oscillator')} on a rigid root body stand for as many imported modes"
+        )
     elif fit.space is not None:
         what = what.replace("the beam's", "the imported modes:")
     hub = "the hub of the spec" if fit.hub_mass is not None else "a hub of 0.1, 1 or 10 times the appendage's mass"
@@ -179,6 +131,8 @@ def all_sections(fit: "Fit", pictures: Pictures, rivals: RivalErrors, left_out: 
         Section("The chain", _chain(fit, pictures)),
         Section("Time steps", _steps(fit)),
     ]
+    if fit.warnings:
+        out.append(Section("Before you use it", [Lines([_sentence(text) for text in fit.warnings])]))
     if left_out:
         out.append(Section("Left out", [Lines([_left_out(item) for item in left_out])]))
     return [*out, Section("How it went", _history(fit)), Section("To reproduce", _reproduce(fit))]
@@ -198,7 +152,7 @@ def _asked(fit: "Fit") -> list[Block]:
         ("appendage", f"{short(beam.length)} m long, {short(float(beam.rigid_mass()[0, 0]))} kg: {', '.join(carried)}"),
         ("modes to keep", asked),
         ("method", spec.fit.method),
-        ("target", TARGETS[spec.root.target or "clamped"]),
+        ("target", TARGETS[fit.kept_for]),
         ("hub", "none given" if spec.root.hub is None else _hub(fit)),
         ("band", "; ".join(f"{port} up to {_number(band)} rad/s" for port, band in fit.bandwidth.items())),
     ]
@@ -256,7 +210,7 @@ def _modes(fit: "Fit", port: str) -> Table:
         rows.append(row)
     unit = {"torsion": "√(kg m²)", "axial": "√kg"}.get(port, "force √kg, moment √kg m")
     note = f"Cantilever modes, root held. Participation in {unit}."
-    if fit.spec.root.target in ("free", "hub"):
+    if fit.kept_for in ("free", "hub"):
         note += " The target keeps other modes exactly (next section); its own cantilever modes differ from the beam's."
     return Table(rows, head, caption=f"Port {port}", note=note)
 
@@ -301,7 +255,7 @@ def _frequencies(fit: "Fit", port: str) -> Table:
     head = ["frequencies, rad/s", "beam", "chain, through MuJoCo", "model error"]
     note = "Continuous time: no integrator is in these numbers."
     if fit.spec.fit.method == "exact":
-        note += " " + _EXACT.get(fit.spec.root.target or "clamped", "")
+        note += " " + _EXACT.get(fit.kept_for, "")
     return Table(rows, head, caption=f"Model error in {port}", note=note)
 
 

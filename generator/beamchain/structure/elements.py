@@ -85,8 +85,8 @@ class _March:
     bending: bool
     rotation: Array = field(init=False)
     displacement: Array = field(init=False)
-    elastic: list[Array] = field(default_factory=lambda: [])
-    rigid: list[Array] = field(default_factory=lambda: [])
+    elastic: list[Array] = field(default_factory=list[Array])
+    rigid: list[Array] = field(default_factory=list[Array])
     used: int = 0
 
     def __post_init__(self) -> None:
@@ -139,7 +139,8 @@ def assemble(
     march = _March(functions * (len(pieces) + shear) + len(hinges), bending)
     q = pieces[0].stiffness.size
     xi, weights = gauss(q)
-    strain, once, twice = legvander(xi, functions - 1), _running(functions, xi), _running_twice(functions, xi)
+    strain = np.asarray(legvander(xi, functions - 1), dtype=np.float64)
+    once, twice = _running(functions, xi), _running_twice(functions, xi)
     end_twice = _running_twice(functions, _END)[0]
     waiting_hinges, waiting_bodies = sorted(hinges, key=lambda h: h.x), sorted(bodies, key=lambda b: b.x)
 

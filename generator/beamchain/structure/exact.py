@@ -4,6 +4,7 @@ Initial parameters with Krylov-Duncan functions for short waves, decaying expone
 short waves, so that neither cancellation nor overflow costs digits.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,7 +68,8 @@ class UniformBeam:
 
     def W(self, omega: ArrayLike) -> Array:  # noqa: N802
         """Accelerance `(2, 2, k)` at `omega` `(k,)` [rad/s]."""
-        return np.moveaxis(np.linalg.inv(np.moveaxis(self.D(omega), -1, 0)), 0, -1)
+        inverse = np.linalg.inv(np.moveaxis(self.D(omega), -1, 0))
+        return np.moveaxis(np.asarray(inverse, dtype=np.float64), 0, -1)
 
     @staticmethod
     def _unit_dynamic_mass(z: float) -> Array:
@@ -123,9 +125,8 @@ def _loose(z: float) -> float:
     return float(1.0 / np.cosh(min(z, 700.0)) - np.cos(z)) if z > 1.0 else 1.0
 
 
-def _roots(function: object, count: int) -> Array:
+def _roots(function: Callable[[float], float], count: int) -> Array:
     """Squares of the first `count` positive roots in z, none double."""
-    assert callable(function)
     found: list[float] = []
     grid = np.linspace(0.02, np.pi * (count + 3), 400 * (count + 3))
     values = [function(float(z)) for z in grid]

@@ -4,7 +4,7 @@ Only sections whose y and z axes are principal and whose shear centre lies on th
 have both by symmetry, and `custom` asks the user for principal values.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -12,9 +12,6 @@ import numpy as np
 from beamchain.checks import not_negative, positive
 from beamchain.errors import InputError
 from beamchain.port import Array
-
-_FROZEN: dict[str, Any] = {"frozen": True, "kw_only": True, "forbid_unknown_fields": True, "tag_field": "shape"}
-
 
 ZETA_5 = 1.03692775514337  # Riemann's zeta at 5
 
@@ -59,7 +56,7 @@ class _Section(msgspec.Struct, frozen=True, kw_only=True):
         return 1.0
 
 
-class _Solid(_Section):
+class _Solid(_Section, frozen=True, kw_only=True):
     """A section that a drawing fixes, so that a material gives its stiffness and mass."""
 
     def geometry(self, end: "_Section", fraction: Array) -> Geometry:
@@ -67,7 +64,7 @@ class _Solid(_Section):
         raise NotImplementedError
 
 
-class Round(_Solid, tag="round", **_FROZEN):
+class Round(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="round"):
     """Solid circle of `diameter` [m]."""
 
     diameter: float
@@ -84,7 +81,7 @@ class Round(_Solid, tag="round", **_FROZEN):
         return 6.0 * (1.0 + nu) / (7.0 + 6.0 * nu)
 
 
-class Tube(_Solid, tag="tube", **_FROZEN):
+class Tube(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="tube"):
     """Hollow circle of `outer_diameter` and `wall` thickness [m]."""
 
     outer_diameter: float
@@ -114,7 +111,7 @@ class Tube(_Solid, tag="tube", **_FROZEN):
         return 6.0 * (1.0 + nu) * (1.0 + m2) ** 2 / ((7.0 + 6.0 * nu) * (1.0 + m2) ** 2 + (20.0 + 12.0 * nu) * m2)
 
 
-class Rectangle(_Solid, tag="rectangle", **_FROZEN):
+class Rectangle(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="rectangle"):
     """Solid rectangle of `width_y` and `width_z` [m]."""
 
     width_y: float
@@ -133,7 +130,7 @@ class Rectangle(_Solid, tag="rectangle", **_FROZEN):
         return 10.0 * (1.0 + nu) / (12.0 + 11.0 * nu)
 
 
-class Box(_Solid, tag="box", **_FROZEN):
+class Box(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="box"):
     """Hollow rectangle of outer `width_y`, `width_z` and `wall` thickness [m]; thin-walled in torsion (Bredt)."""
 
     width_y: float
@@ -177,7 +174,7 @@ class Box(_Solid, tag="box", **_FROZEN):
         return above / below
 
 
-class Custom(_Solid, tag="custom", **_FROZEN):
+class Custom(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="custom"):
     """Any section by its numbers: `area` [m^2], moments [m^4] about principal axes through the centroid.
 
     Args:
@@ -202,8 +199,8 @@ class Custom(_Solid, tag="custom", **_FROZEN):
         both = self.second_moment_z + self.second_moment_y
         if self.polar_moment and abs(self.polar_moment / both - 1.0) > 0.05:
             raise InputError(
-                f"polar_moment = {self.polar_moment!r} m^4 should be second_moment_y + second_moment_z = {both:.6g} m^4 "
-                "(the axes must be principal); leave it out, or state polar inertia with an `equivalent` section."
+                f"polar_moment = {self.polar_moment!r} m^4 should be second_moment_y + second_moment_z = {both:.6g} "
+                "m^4 (the axes must be principal); leave it out, or state polar inertia with an `equivalent` section."
             )
 
     def geometry(self, end: _Section, fraction: Array) -> Geometry:
@@ -217,7 +214,7 @@ class Custom(_Solid, tag="custom", **_FROZEN):
         return {**out, "polar_moment": out["polar_moment"] or out["second_moment_y"] + out["second_moment_z"]}
 
 
-class Equivalent(_Section, tag="equivalent", **_FROZEN):
+class Equivalent(_Section, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="equivalent"):
     """A truss or array by its measured stiffness and mass per length; takes no material.
 
     Args:

@@ -1,0 +1,281 @@
+"""What a scene does not need: the fewest modes that keep its promise, proved against the whole beam.
+
+The promise is the in-band error of the hub's motion (`assess.error`), on the hub in space, in the motions that matter.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.assess.error import STANDARD_HUBS, band_grid, damped, spectral_norms
+from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, in_space
+
+FAR = 25.0  # times the bandwidth: modes above act through their static flexibility only
+MOST = 8  # modes tried per port: beyond, the exact chain is rarely physical
+
+#: Motions of the hub by the names of SPEC's `scene.axes`.
+AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}
+
+#: Model of a port reduced to a number of modes for a target ("clamped", "free", "hub").
+Reduce = Callable[[str, str, int], PortModel]
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Something the model does without: what, why, and the in-band error it costs."""
+
+    what: str
+    why: str
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The smallest model that keeps the promise, or the best there is.
+
+    Args:
+        modes: kept per port; ports without modes are rigid.
+        target: which modes: "clamped", "free" or "hub".
+        error: in-band error of the reduced models.
+        met: the error stays below the tolerance.
+        left_out: the ledger.
+        cannot: what the model cannot answer.
+        reasoning: how the choice was made, a line each.
+    """
+
+    modes: dict[str, int]
+    target: str
+    error: float
+    met: bool
+    left_out: tuple[LeftOut, ...]
+    cannot: tuple[str, ...]
+    reasoning: tuple[str, ...]
+
+
+class Promise:
+    """The in-band error of candidate models on the hub in space, evaluated block by block.
+
+    Ports that neither the hub nor the appendage couples are independent blocks: the norm of the whole is the largest
+    of theirs, so that each is evaluated by itself.
+
+    Args:
+        full: per flexible port, the whole beam.
+        rigid_mass: `(6, 6)` of the appendage about the root.
+        hub_mass: `(6, 6)`; None: the worst of three hubs.
+        axes: names of the hub motions that matter.
+        bandwidth: [rad/s].
+    """
+
+    def __init__(
+        self,
+        full: Mapping[str, PortModel],
+        rigid_mass: Array,
+        hub_mass: Array | None,
+        axes: Sequence[str],
+        bandwidth: float,
+    ) -> None:
+        rigid = np.array(rigid_mass)
+        size = float(np.max(np.diag(rigid)[3:]))
+        for i in range(6):  # an appendage that states no polar inertia has a trace of it
+            rigid[i, i] = max(rigid[i, i], 1e-9 * size)
+        self.full = {port: damped(model).condensed(FAR * bandwidth) for port, model in full.items()}
+        self.frequencies = {port: model.frequencies for port, model in full.items()}
+        self.rigid, self.bandwidth = rigid, bandwidth
+        self.hubs = [hub_mass] if hub_mass is not None else [factor * rigid for factor in STANDARD_HUBS]
+        self.keep = sorted({AXES[axis] for axis in axes})
+        self._known: dict[tuple[object, ...], tuple[float, float]] = {}
+
+    def reaches(self, port: str) -> bool:
+        """Whether a port can move any hub motion that matters."""
+        return any(port in block and self._kept(block) for hub in self.hubs for block in self._blocks(hub))
+
+    def error(self, models: Mapping[str, PortModel], label: Mapping[str, object]) -> float:
+        """In-band error of `models` (a port without one is rigid); `label` names each port's model for reuse."""
+        worst = 0.0
+        for number, hub in enumerate(self.hubs):
+            above, below = 0.0, 0.0
+            for block in self._blocks(hub):
+                if not self._kept(block):
+                    continue
+                key = (number, block, tuple(label.get(port) for port in block))
+                if key not in self._known:
+                    self._known[key] = self._block_error(hub, block, models)
+                gap, size = self._known[key]
+                above, below = max(above, gap), max(below, size)
+            worst = max(worst, above / below if below > 0.0 else 0.0)
+        return worst
+
+    def _kept(self, block: tuple[str, ...]) -> list[int]:
+        motions = [i for port in block for i in _motions(port)]
+        return [i for i in self.keep if i in motions]
+
+    def _blocks(self, hub: Array) -> list[tuple[str, ...]]:
+        """Groups of ports that the hub couples."""
+        total = hub + self.rigid
+        scale = np.sqrt(np.diag(total))
+        coupled = np.abs(total) / np.outer(scale, scale) > 1e-12
+        blocks: list[set[str]] = []
+        for port in PORTS:
+            linked = [b for b in blocks if any(coupled[np.ix_(_motions(port), _motions(other))].any() for other in b)]
+            blocks = [b for b in blocks if b not in linked] + [{port}.union(*linked)]
+        return [tuple(port for port in PORTS if port in block) for block in blocks]
+
+    def _block_error(self, hub: Array, block: tuple[str, ...], models: Mapping[str, PortModel]) -> tuple[float, float]:
+        """Numerator and denominator of the error over one block."""
+        motions = sorted(i for port in block for i in _motions(port))
+        whole = self._block_model(block, motions, self.full)
+        part = self._block_model(block, motions, {p: damped(models[p]) for p in block if p in models})
+        hub_block = hub[np.ix_(motions, motions)]
+        omega = band_grid([part.with_hub(hub_block), whole.with_hub(hub_block)], self.bandwidth)
+        pick = [motions.index(i) for i in self._kept(block)]
+        s = np.sqrt(np.diag(hub_block + whole.rigid_mass))[pick]
+
+        def response(model: PortModel) -> NDArray[np.complex128]:
+            h = np.linalg.inv(np.moveaxis(hub_block[:, :, None] + model.D(omega), -1, 0))
+            return (h[:, pick][:, :, pick] * np.outer(s, s)).astype(np.complex128, copy=False)
+
+        ha, hb = response(part), response(whole)
+        frozen = np.linalg.inv(hub_block + whole.rigid_mass)[np.ix_(pick, pick)] * np.outer(s, s)
+        size = max(float(spectral_norms(hb).max()), float(np.linalg.norm(frozen, 2)))
+        return float(spectral_norms(ha - hb).max()), size
+
+    def _block_model(self, block: tuple[str, ...], motions: list[int], models: Mapping[str, PortModel]) -> PortModel:
+        """One model in the motions of a block."""
+        six = in_space({p: models[p] for p in block if p in models}, self.rigid)
+        return PortModel(
+            six.rigid_mass[np.ix_(motions, motions)], six.frequencies, six.participation[:, motions], six.damping
+        )
+
+
+def _motions(port: str) -> list[int]:
+    return [int(i) for i in np.flatnonzero(np.any(PORT_MOTION[port] != 0.0, axis=1))]
+
+
+def choose(
+    promise: Promise,
+    reduce: Reduce,
+    targets: Sequence[str],
+    tolerance: float,
+    fixed: Mapping[str, int],
+    tip: bool = False,
+) -> Choice:
+    """The fewest modes whose in-band error stays within `tolerance`.
+
+    Args:
+        promise: the error measure.
+        reduce: model of (target, port, modes).
+        targets: targets to try; the first wins a tie.
+        tolerance: of the in-band error.
+        fixed: ports whose number the user decided.
+        tip: the tip's motion matters: keep every plane mode inside the band.
+    """
+    tried = [_choose_for(promise, reduce, target, tolerance, fixed, tip) for target in targets]
+    best = min(tried, key=lambda c: (not c.met, sum(c.modes.values()) if c.met else c.error))
+    lines = [
+        f'target "{c.target}": {_people(c.modes)}, in-band error {c.error:.2e}'
+        f"{'' if c.met else f' (above the tolerance {tolerance:g})'}"
+        for c in tried
+    ]
+    chosen = f'chosen: target "{best.target}", {sum(best.modes.values())} flexible modes'
+    return Choice(
+        best.modes, best.target, best.error, best.met, best.left_out, best.cannot, (*lines, chosen, *best.reasoning)
+    )
+
+
+def _people(modes: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} in {port}" for port, count in modes.items() if count) or "rigid"
+
+
+def _choose_for(
+    promise: Promise, reduce: Reduce, target: str, tolerance: float, fixed: Mapping[str, int], tip: bool
+) -> Choice:
+    known: dict[tuple[str, int], PortModel] = {}
+
+    def error(counts: Mapping[str, int], whole: Sequence[str] = ()) -> float:
+        models: dict[str, PortModel] = {}
+        label: dict[str, object] = {}
+        for port in promise.full:
+            if port in whole:
+                models[port], label[port] = promise.full[port], "whole"
+            elif counts.get(port, 0):
+                key = (port, counts[port])
+                if key not in known:
+                    known[key] = reduce(target, *key)
+                models[port], label[port] = known[key], (target, counts[port])
+            else:
+                label[port] = 0
+        return promise.error(models, label)
+
+    counts: dict[str, int] = {}
+    alone: dict[str, float] = {}
+    least: dict[str, int] = {}
+    most = {port: min(MOST, values.size) for port, values in promise.frequencies.items()}
+    for port in promise.full:
+        others = [p for p in promise.full if p != port]
+        floor = int(np.sum(promise.frequencies[port] <= promise.bandwidth)) if tip and port in ("xy", "xz") else 0
+        least[port] = fixed.get(port, min(floor, most[port]))
+        counts[port] = least[port]
+        if port not in fixed:
+            while error(counts, others) > tolerance and counts[port] < most[port]:
+                counts[port] += 1
+        alone[port] = error(counts, others)
+    while error(counts) > tolerance:  # ports that the hub couples may need more together than alone
+        room = [p for p in counts if p not in fixed and counts[p] < most[p] and promise.reaches(p)]
+        if not room:
+            break
+        gains = {p: error({**counts, p: counts[p] + 1}) for p in room}
+        port = min(gains, key=lambda p: gains[p])
+        if gains[port] >= error(counts) * (1.0 - 1e-9):
+            break
+        counts[port] += 1
+    for port in counts:  # and no more than needed
+        while port not in fixed and counts[port] > least[port]:
+            fewer = {**counts, port: counts[port] - 1}
+            if error(fewer) > max(tolerance, error(counts)):
+                break
+            counts = fewer
+    total = error(counts)
+    return Choice(
+        counts,
+        target,
+        total,
+        total <= tolerance,
+        tuple(_ledger(promise, counts, error)),
+        tuple(_cannot(promise, counts, tip)),
+        tuple(f"{port} alone, the others whole: {alone[port]:.2e} with {counts[port]} modes" for port in counts),
+    )
+
+
+def _ledger(promise: Promise, counts: Mapping[str, int], error: Callable[..., float]) -> list[LeftOut]:
+    out: list[LeftOut] = []
+    for port, frequencies in promise.frequencies.items():
+        kept = counts[port]
+        others = [p for p in promise.full if p != port]
+        if kept >= frequencies.size:
+            continue
+        first = float(frequencies[kept])
+        whole, above = f"{port} (first mode {first:.3g} rad/s)", f"{port} mode {kept + 1} ({first:.3g} rad/s)"
+        if not promise.reaches(port):
+            names = [name for name, i in AXES.items() if i in promise.keep]
+            what = whole if kept == 0 else above
+            out.append(LeftOut(what, f"no path to hub axes {', '.join(names)}", 0.0))
+            continue
+        what = whole if kept == 0 else f"{above} and above"
+        where = "outside" if first > promise.bandwidth else "inside"
+        out.append(LeftOut(what, f"{where} {promise.bandwidth:.4g} rad/s", error(dict(counts), others)))
+    return out
+
+
+def _cannot(promise: Promise, counts: Mapping[str, int], tip: bool) -> list[str]:
+    out: list[str] = []
+    for port, frequencies in promise.frequencies.items():
+        if counts[port] == 0:
+            word = {"torsion": "twist and torsion loads", "axial": "axial loads"}.get(port, f"bending loads in {port}")
+            out.append(f"{word}: {port} is rigid")
+        elif counts[port] < frequencies.size:
+            out.append(f"{port} motion above {frequencies[counts[port]]:.3g} rad/s")
+    if not tip:
+        out.append("tip pointing: the chain is right at the root; set scene.tip = true where the tip matters")
+    return out
