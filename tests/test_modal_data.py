@@ -2,9 +2,16 @@
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import io
+from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
+
 from appendages import panels, tapered_boom
 from beamchain.errors import InputError
 from beamchain.port import PORT_MOTION
@@ -14,12 +21,7 @@ from beamchain.structure.readers import read_modes
 from beamchain.structure.readers.craig_bampton import from_matrices
 from beamchain.structure.readers.nastran_op2 import from_tables
 from beamchain.structure.readers.own_format import modes_text
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from prints import cantilever, plate
-from scipy import io
-from scipy.linalg import eigh
-from scipy.spatial.transform import Rotation
 
 SAME = 1e-9  # the bound: same physics in any axes, about any point, in any units
 PRINT = 5e-7  # relative precision of seven printed digits
@@ -88,12 +90,16 @@ def test_a_turned_mirror_is_refused():
 def test_wrong_reference_point_and_units_are_refused_with_the_causes():
     good = Cloud(3).data()
     shifted = Cloud(3).data(point=(30.0, 0.0, 0.0))
-    with pytest.raises(InputError, match=r"residual mass.*eigenvalue.*reference points, different units.*clamped nodes"):
+    with pytest.raises(
+        InputError, match=r"residual mass.*eigenvalue.*reference points, different units.*clamped nodes"
+    ):
         ModalData(good.rigid_mass, good.frequencies, shifted.participation)
     with pytest.raises(InputError, match="residual mass"):
         ModalData(good.rigid_mass / 1e3, good.frequencies, good.participation)  # tonnes beside kilograms
     with pytest.raises(InputError, match="not symmetric"):
-        ModalData(good.rigid_mass + np.eye(6)[[1, 0, 2, 3, 4, 5]] * [1, 0, 0, 0, 0, 0], good.frequencies, good.participation)
+        ModalData(
+            good.rigid_mass + np.eye(6)[[1, 0, 2, 3, 4, 5]] * [1, 0, 0, 0, 0, 0], good.frequencies, good.participation
+        )
 
 
 @pytest.mark.parametrize("field", ["rigid_mass", "frequencies", "participation"])
@@ -215,10 +221,10 @@ def frame(elements: int = 6, length: float = 2.0) -> tuple[np.ndarray, np.ndarra
 
     def bending(dofs, stiff, sign):
         s = np.diag([1.0, sign, 1.0, sign])
-        kb = stiff / le**3 * np.array([[12, 6 * le, -12, 6 * le], [6 * le, 4 * le**2, -6 * le, 2 * le**2],
-                                       [-12, -6 * le, 12, -6 * le], [6 * le, 2 * le**2, -6 * le, 4 * le**2]])  # fmt: skip
-        mb = rho * le / 420 * np.array([[156, 22 * le, 54, -13 * le], [22 * le, 4 * le**2, 13 * le, -3 * le**2],
-                                        [54, 13 * le, 156, -22 * le], [-13 * le, -3 * le**2, -22 * le, 4 * le**2]])  # fmt: skip
+        kb = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]]) * stiff / le**3
+        mb = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) * rho * le / 420
+        by_length = np.outer([1, le, 1, le], [1, le, 1, le])
+        kb, mb = kb * by_length, mb * by_length
         k[np.ix_(dofs, dofs)] += s @ kb @ s
         m[np.ix_(dofs, dofs)] += s @ mb @ s
 
@@ -293,8 +299,8 @@ def test_matrices_that_do_not_serve_are_refused(tmp_path):
 
 def test_op2_tables():
     class Table:
-        radians = [3.0, 5.0]
-        generalized_mass = [1.0, 4.0]
+        radians = (3.0, 5.0)
+        generalized_mass = (1.0, 4.0)
 
     rows = np.zeros((2, 6))
     rows[:, 2] = 0.5, 0.1
@@ -306,7 +312,9 @@ def test_op2_tables():
 
 
 # -- the mass line -----------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize(("mass", "centre", "gyration"), [(3.0, 0.5, 0.2887), (3.0, 0.5, 0.36), (3.0, 0.3, 0.2), (3.0, 0.8, 0.1)])
+@pytest.mark.parametrize(
+    ("mass", "centre", "gyration"), [(3.0, 0.5, 0.2887), (3.0, 0.5, 0.36), (3.0, 0.3, 0.2), (3.0, 0.8, 0.1)]
+)
 def test_spread_mass_has_the_moments_it_was_made_from(mass, centre, gyration):
     rigid = np.diag([mass, mass, mass, 0.2, *[mass * (gyration**2 + centre**2)] * 2])
     rigid[1, 5] = rigid[5, 1] = mass * centre
@@ -315,7 +323,7 @@ def test_spread_mass_has_the_moments_it_was_made_from(mass, centre, gyration):
     total = line.moments(0.0, 1.0, closed=True)
     assert total[:4] == pytest.approx((mass, mass * centre, rigid[5, 5], 0.2), rel=1e-9)
     edges = np.linspace(0.0, 1.0, 30)
-    pieces = [line.moments(a, b, closed=b == 1.0).mass for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    pieces = [line.moments(a, b, closed=b == 1.0).mass for a, b in pairwise(edges)]
     assert min(pieces) >= 0.0
     assert sum(pieces) == pytest.approx(mass, rel=1e-12)
 

@@ -14,7 +14,7 @@ from beamchain.engine.unchanged import Difference, appended, differences, others
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import embed as document
 from beamchain.mjcf import write
-from beamchain.port import PORTS, PortModel, in_space
+from beamchain.port import PORTS, Array, PortModel, in_space
 from beamchain.result import Fit
 from beamchain.spec import Hub, Spec
 
@@ -135,8 +135,15 @@ def carried(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[Ca
     """The appendages as the beams they are, for the exact assembly."""
     out: list[Carried] = []
     for a in appendages:
-        spec = a.fit.spec
+        spec, space = a.fit.spec, a.fit.space
         kept = {port: target.modes for port, target in a.fit.target.items()}
+        band = {port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes}
+        if space is not None:  # imported: all six motions at once
+            data = space.data
+            whole = PortModel(_filled(data.rigid_mass, a.fit), data.frequencies, data.participation, data.damping)
+            flags = np.isin(data.frequencies, space.target.frequencies)
+            out.append(Carried(a.mount, whole, flags, appended(model, names([a]))["dof"], band))
+            continue
         ports: dict[str, PortModel] = {}
         for port in PORTS:
             try:
@@ -144,11 +151,13 @@ def carried(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[Ca
             except InputError:
                 continue  # rigid there
             ports[port] = spec.with_ratios(port, whole)
-        band = {port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes}
         flags = np.concatenate([np.arange(own.modes) < kept.get(port, 0) for port, own in ports.items()])
         order = np.argsort(np.concatenate([own.frequencies for own in ports.values()]), kind="stable")
-        rigid = spec.beam.rigid_mass()
-        missing = np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(a.fit.measured.rigid_mass)))
-        whole = in_space(ports, rigid + missing)  # a rod without polar inertia gets the little that MuJoCo needs
+        whole = in_space(ports, _filled(spec.beam.rigid_mass(), a.fit))
         out.append(Carried(a.mount, whole, flags[order], appended(model, names([a]))["dof"], band))
     return out
+
+
+def _filled(rigid: Array, fit: Fit) -> Array:
+    """The rigid mass; a rod without polar inertia gets the little that MuJoCo needs."""
+    return rigid + np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(fit.measured.rigid_mass)))

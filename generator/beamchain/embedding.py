@@ -191,8 +191,8 @@ def _embed_in_document(original: Craft, wanted: dict[str, tuple[Spec, str]], for
     warnings += moved_by_load(compile_model(relocate(original, None).to_bytes().decode("utf-8")), craft)
     check_flags(craft)
     check_names(craft, appendages)
-    links = [link for a in appendages for link in a.fit.chain.links[1:]]
-    check.check_compiler(original.parts(), min(link.mass for link in links), min(min(link.inertia) for link in links))
+    masses, inertias = zip(*(a.fit.lightest for a in appendages), strict=True)
+    check.check_compiler(original.parts(), min(masses), min(inertias))
     layout = _layout(original, appendages, craft)
     with tempfile.TemporaryDirectory() as folder:
         out, beside = _assemble(original, appendages, form, None, "craft", layout, Path(folder))
@@ -301,7 +301,7 @@ def _owner(spec: "mujoco.MjSpec", kind: str, name: str) -> Any:
 def _fit_all(
     model: "mujoco.MjModel", mounts: dict[str, mounting.Mount], wanted: dict[str, tuple[Spec, str]]
 ) -> tuple[tuple[Appendage, ...], list[str]]:
-    rigid = {name: spec.beam.rigid_mass() for name, (spec, _) in wanted.items()}
+    rigid = {name: spec.rigid_mass() for name, (spec, _) in wanted.items()}
     places = list(mounts.values())
     behind, felt = mounting.rigid_hubs(model, places, rigid), mounting.apparent_hubs(model, places, rigid)
     out: list[Appendage] = []
