@@ -45,7 +45,7 @@ REFUSED = {
     "settotalmass": (craft(before='<compiler settotalmass="100"/>'), "mount", "settotalmass = 100"),
     "fusestatic": (craft(before='<compiler fusestatic="true"/>'), "mount", "fusestatic"),
     "springs off": (craft(before='<option><flag spring="disable"/></option>'), "mount", "spring"),
-    "geoms turned by default": (craft(before='<default><geom euler="0 0 30"/></default>'), "mount", "attach"),
+    "hinges sprung away by default": (craft(before='<default><joint springref="10"/></default>'), "mount", "attach"),
     "short keyframe": (craft(behind="</worldbody><keyframe><key qpos='0 0'/></keyframe><worldbody>"), "mount", "qpos"),
 }  # fmt: skip
 

@@ -332,6 +332,9 @@ def _fit_all(
         result = fit(spec, root=Root(target=spec.root.target, hub=hub))
         if not result.status.ok:
             warnings.append(f"{name}: {result.status.message}")
-        warnings += [f"{name}: {warning}" for warning in result.warnings]
+        if (
+            spec.damping is not None and spec.damping.form == "hinge"
+        ):  # tendons are judged by the craft's own integrator
+            warnings += [f"{name}: {warning}" for warning in result.warnings]
         out.append(Appendage(name, prefix, place, hub, spec, result))
     return tuple(out), warnings

@@ -1,5 +1,4 @@
-"""Imported modes -> a verified drop-in file: chain or oscillators, chosen by how much the modes leak between the "
-"ports."""
+"""Imported modes -> a verified drop-in file: chain or oscillators, by how much the modes leak between ports."""
 
 import time
 from dataclasses import dataclass, replace

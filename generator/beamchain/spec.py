@@ -18,6 +18,7 @@ from beamchain.structure.beam import Beam, Joint, Lump, Segment, body_inertia
 from beamchain.structure.imported import Imported, Units
 from beamchain.structure.material import Material
 from beamchain.structure.section import Box, Custom, Equivalent, Rectangle, Round, Tube
+from beamchain.uncertain import Uncertain, Uncertainty
 
 LARGEST_FILE = 10_000_000  # bytes; a spec is a page of text
 MOST_MODES = 20
@@ -243,6 +244,7 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     root: Root = Root()
     fit: FitOptions = FitOptions()
     scene: Scene | None = None
+    uncertain: Uncertain | None = None
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name):
@@ -425,7 +427,7 @@ def _choose(word: str, key: str) -> str:
 _SECTIONS: list[Any] = [Round, Tube, Rectangle, Box, Custom, Equivalent]
 _STRUCTS: list[Any] = [
     Spec, Segment, Joint, Lump, Payload, Damping, Modes, Hub, Root, FitOptions, Scene, Material, Imported, Units,
-    *_SECTIONS,
+    Uncertain, Uncertainty, *_SECTIONS,
 ]  # fmt: skip
 
 

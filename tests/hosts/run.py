@@ -11,14 +11,19 @@ from pathlib import Path
 
 EMBED = ["tests/hosts/test_mujoco.py", "tests/test_embed.py", "tests/test_embed_refused.py"]
 
-#: extra of beamchain, what else is installed, what is run
+#: what must import, extra of beamchain, what else is installed, what is run
 HOSTS = {
-    "oldest": ("", ["mujoco==3.13.*"], EMBED),
-    "newest": ("", ["mujoco"], EMBED),
-    "dm_control": ("[dm_control]", [], ["tests/hosts/test_dm_control.py", "tests/hosts/test_mujoco.py"]),
-    "basilisk": ("[basilisk]", [], ["tests/hosts/test_basilisk.py"]),
-    "mjx": ("[mjx]", [], ["tests/hosts/test_mjx.py"]),
-    "warp": ("[warp]", [], ["tests/hosts/test_warp.py"]),
+    "oldest": ("mujoco", "", ["mujoco==3.13.*"], EMBED),
+    "newest": ("mujoco", "", ["mujoco"], EMBED),
+    "dm_control": (
+        "dm_control.mjcf",
+        "[dm-control]",
+        [],
+        ["tests/hosts/test_dm_control.py", "tests/hosts/test_mujoco.py"],
+    ),
+    "basilisk": ("Basilisk.simulation.mujoco", "[basilisk]", [], ["tests/hosts/test_basilisk.py"]),
+    "mjx": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx.py"]),
+    "warp": ("mujoco_warp", "[warp]", [], ["tests/hosts/test_warp.py"]),
 }
 
 
@@ -26,7 +31,7 @@ def main(name: str) -> int:
     if name not in HOSTS:
         sys.stderr.write(f"host {name!r} is unknown; choose from {', '.join(HOSTS)}.\n")
         return 2
-    extra, wanted, tests = HOSTS[name]
+    module, extra, wanted, tests = HOSTS[name]
     folder = Path("build/hosts") / name
     python = folder / "bin" / "python"
     if not (folder / "ready").exists():
@@ -42,6 +47,9 @@ def main(name: str) -> int:
             )
             return 0
         (folder / "ready").touch()
+    if subprocess.run([str(python), "-c", f"import {module}"], check=False).returncode:
+        sys.stderr.write(f"host {name}: installed, but `import {module}` fails; its tests would be skipped unseen.\n")
+        return 1
     sys.stdout.write(f"host {name}:\n")
     sys.stdout.flush()
     return subprocess.run(

@@ -7,7 +7,7 @@ import beamchain as bc
 from spacecraft import APPENDAGES, CRAFTS, frequencies, response
 
 pytestmark = pytest.mark.host
-mjcf = pytest.importorskip("dm_control.mjcf", reason="dm_control is not installed: pip install 'beamchain[dm_control]'")
+mjcf = pytest.importorskip("dm_control.mjcf", reason="dm_control is not installed: pip install 'beamchain[dm-control]'")
 
 FREQUENCY = 1e-12  # it writes 17 digits and compiles with the same MuJoCo
 MOTION = 1e-9  # of the peak, over 10 000 steps

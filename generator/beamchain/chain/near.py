@@ -69,8 +69,10 @@ def build_near(line: MassLine, targets: Mapping[str, PortModel]) -> Built:
 def build_chain(
     line: MassLine, counts: Mapping[str, int], targets: Mapping[str, PortModel], target_of: TargetOf
 ) -> tuple[Built, MassLine, list[str]]:
-    """The exact chain, else the nearest; thin links that cannot carry a wide appendage's polar inertia carry less "
-    "of it."""
+    """The exact chain, else the nearest.
+
+    Thin links that cannot carry a wide appendage's polar inertia carry less of it, which is said.
+    """
     reasons: list[RealisationError] = []
 
     def exact(own: MassLine) -> Built:

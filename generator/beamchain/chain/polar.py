@@ -37,7 +37,8 @@ def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
         kind: "mass" or "polar".
     """
     grid = np.linspace(0.0, beam.length, 201)
-    own = np.array([getattr(beam.moments(0.0, float(x), closed=x >= beam.length), kind) for x in grid])
+    pieces = [getattr(beam.moments(a, b, closed=b >= beam.length), kind) for a, b in pairwise(grid.tolist())]
+    own = np.concatenate([np.zeros(1), np.cumsum(pieces)])
     if not np.sum(shares) > 0.0:
         return np.zeros(shares.size - 1)
     wanted = np.cumsum(shares)[:-1] * (own[-1] / np.sum(shares))

@@ -5,7 +5,7 @@ import sys
 
 import typer
 
-from beamchain.cli import embed, fit, inspect, schema, seed
+from beamchain.cli import embed, examples, fit, init, inspect, render, schema, seed, study, sweep
 from beamchain.cli.common import explain, version
 from beamchain.errors import BeamchainError
 
@@ -32,8 +32,14 @@ def beamchain(
 app.command(name="fit")(fit.fit)
 app.command(name="embed")(embed.embed)
 app.command(name="seed")(seed.seed)
+app.command(name="study")(study.study)
+app.command(name="sweep")(sweep.sweep)
 app.command(name="inspect")(inspect.inspect)
 app.command(name="schema")(schema.schema)
+app.command(name="render")(render.render)
+app.command(name="view")(render.view)
+app.command(name="init")(init.init)
+app.command(name="examples")(examples.examples)
 
 
 def main() -> None:

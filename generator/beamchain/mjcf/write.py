@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.damping import Damper
 from beamchain.errors import EngineError
+from beamchain.mjcf import looks
 from beamchain.port import PORTS, Array
 from beamchain.structure.mass_line import MassLine
 
@@ -34,7 +35,7 @@ ROOT_JOINTS = {
     "axial": ("root_axial",),
 }
 
-ALONG_X = "0.7071067811865476 0.0 0.7071067811865475 0.0"  # turns a capsule's axis from z to x
+ALONG_X = "0.7071067811865476 0.0 0.7071067811865475 0.0"  # turns the axis of a capsule or cylinder from z to x
 SMALLEST = 1e-15  # mjMINVAL: mass and principal inertia of a moving body
 DEEPEST = 496  # bodies nested in one MJCF file
 
@@ -107,7 +108,7 @@ def appendage(
     Args:
         chain: what to write.
         name: prefix of every body, joint, site and geom.
-        beam: gives the links' drawn depth; none: a thin bar.
+        beam: gives the links' look and depth; none: a thin bar.
         dampers: one fixed tendon per damped mode.
         visuals: write massless, collision-free geoms.
         tip: write the tip site.
@@ -131,7 +132,7 @@ def appendage(
         body.set("pos", number([x - origin, 0.0, 0.0]))
         _joints(body, name, i, hinge)
         _inertial(find(body, "inertial"), link, x)
-        _shape(body, name, i, link, x, beam, chain.length, "capsule" if contacts else "box" if visuals else None)
+        _shapes(body, name, i, link, x, beam, chain.length, "capsule" if contacts else "drawn" if visuals else None)
         for site, keep, at in (("root", i == 0, 0.0), ("tip", tip and i == len(chain.links) - 1, chain.length - x)):
             element = find(body, f"site[@name='{site}']")
             if keep:
@@ -171,26 +172,35 @@ def _inertial(element: Element, link: Link, x: float) -> None:
     element.set("diaginertia", number(link.inertia))
 
 
-def _shape(
+def _shapes(
     body: Element, name: str, index: int, link: Link, x: float, beam: MassLine | None, length: float, kind: str | None
 ) -> None:
-    geom = find(body, "geom")
-    if kind is None or link.length <= 0.0:
-        body.remove(geom)
-        return
-    middle = link.start + link.length / 2.0
-    depth = [beam.depth(middle, plane) if beam is not None else 0.0 for plane in ("xy", "xz")]
-    half = [d / 2.0 if d > 0.0 else length / 200.0 for d in depth]
-    geom.set("name", f"{name}_shape{index + 1}")
-    geom.set("pos", number([middle - x, 0.0, 0.0]))
-    geom.set("type", kind)
-    if kind == "box":
-        geom.set("size", number([link.length / 2.0, *half]))
-        return
-    radius = min(max(half), link.length / 2.0)
-    geom.set("size", number([radius, max(link.length / 2.0 - radius, 1e-6 * length)]))
-    geom.set("quat", ALONG_X)
-    geom.set("conaffinity", "1")  # meets what has contype 1, and with contype 0 never another link
+    prototype = find(body, "geom")
+    place = body.index(prototype)
+    body.remove(prototype)
+    drawn = [] if kind is None else looks.shapes(link, beam, length)
+    if kind == "capsule" and link.length > 0.0:
+        half = max(max(shape.half[1:]) for shape in drawn)
+        drawn = [looks.Shape(kind, link.start + link.length / 2.0, (link.length / 2.0, half, half), looks.TUBE)]
+    for number_of, shape in enumerate(drawn, 1):
+        geom = deepcopy(prototype)
+        geom.set("name", f"{name}_shape{index + 1}" + ("" if number_of == 1 else f"_{number_of}"))
+        geom.set("pos", number([shape.middle - x, 0.0, 0.0]))
+        geom.set("type", shape.kind)
+        geom.set("rgba", shape.rgba)
+        along, *across = shape.half
+        if shape.kind == "box":
+            geom.set("size", number(shape.half))
+        elif shape.kind == "cylinder":
+            geom.set("size", number([max(across), along]))
+            geom.set("quat", ALONG_X)
+        else:
+            radius = min(max(across), along)
+            geom.set("size", number([radius, max(along - radius, 1e-6 * length)]))
+            geom.set("quat", ALONG_X)
+            geom.set("conaffinity", "1")  # meets what has contype 1, and with contype 0 never another link
+        body.insert(place, geom)
+        place += 1
 
 
 def _tendons(root: Element, name: str, dampers: Iterable[Damper]) -> None:
