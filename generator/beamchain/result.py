@@ -110,15 +110,6 @@ class Fit:
         return self.spec.beam if self.line is None else self.line
 
     @property
-    def lightest(self) -> tuple[float, float]:
-        """Smallest mass [kg] and smallest principal inertia [kg m^2] of the bodies that move."""
-        if self.oscillators is None:
-            links = self.chain.links[1:]
-            return min(link.mass for link in links), min(min(link.inertia) for link in links)
-        bodies = [item.body for item in self.oscillators.items if item.body is not None]
-        return min(body.mass for body in bodies), min(float(body.principal()[0].min()) for body in bodies)
-
-    @property
     def oscillators(self) -> Oscillators | None:
         """The oscillators, in that form."""
         return None if self.space is None else self.space.made

@@ -309,10 +309,6 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """Whether the scene decides which modes are kept."""
         return self.scene is not None and self.scene.bandwidth is not None and self.fit.method == "exact"
 
-    def rigid_mass(self) -> Array:
-        """`(6, 6)` mass matrix of the frozen appendage about its root; reads the file of imported modes."""
-        return self.beam.rigid_mass() if self.imported is None else self.imported.read().rigid_mass
-
     @property
     def kept(self) -> dict[str, int]:
         """Modes kept per port, where the scene does not decide; empty: all that were imported."""

@@ -197,7 +197,7 @@ def main(path: Path) -> None:
         for p in peers
         if "ANCF" not in p.model
     }
-    points = measure(peers, 0.5, limits=limits)
+    points = measure(peers, 1.0, rungs=24, limits=limits)
     write(points, path)
     for p in points:
         print(f"{p['model']:14} n={p['n']} h={p['timestep']:.4g} error {p['error']:.2e} {1e3 * p['seconds']:.3f} ms")
