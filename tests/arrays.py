@@ -31,7 +31,7 @@ def space_beam() -> Beam:
 
 
 def deployed_array() -> Beam:
-    """A yoke and two tapered panels on hinge lines that are soft in plane xz only, with a lump; EI varies differently."""
+    """A yoke and two tapered panels on hinge lines soft in plane xz only, with a lump; EI varies differently."""
     yoke = Segment(length=1.0, section=Tube(outer_diameter=0.05, wall=0.002), material=ALUMINIUM)
     inner, outer = (
         Segment(

@@ -44,7 +44,7 @@ def judge(result, beam, kept, tolerance=EXACT):
     assert result.measured.coupling < DECOUPLED
 
 
-# -- what must be shown: tubes, rectangles ------------------------------------------------------------------------------
+# -- what must be shown: tubes, rectangles -----------------------------------------------------------------------------
 @pytest.mark.parametrize("kept", [
     {"xy": 3, "xz": 3, "torsion": 2},
     {"xy": 1, "xz": 1, "torsion": 1},
@@ -130,14 +130,16 @@ def test_coupled_modes_on_a_hub_off_the_axis():
     assert ours[:4] == close(wanted[:4], rel=1e-4)  # the clamped target on a hub 600 times as heavy
 
 
-# -- torsion and axial --------------------------------------------------------------------------------------------------
+# -- torsion and axial -------------------------------------------------------------------------------------------------
 def test_printed_string():
     beam = space_beam()
     target = beam.port("axial", 4).truncated(2)
     masses, springs = realise_scalar(target)
     for values, words in ((masses, "0.099367 0.324228 0.576405"), (springs, "4 2.56")):
         for value, word in zip(values, words.split(), strict=True):
-            assert value == close(float(word), abs=1.0001 * 10.0 ** -len(word.partition(".")[2]) if "." in word else 1e-9)
+            assert value == close(
+                float(word), abs=1.0001 * 10.0 ** -len(word.partition(".")[2]) if "." in word else 1e-9
+            )
 
 
 @pytest.mark.parametrize("n", range(1, 13))
@@ -148,7 +150,7 @@ def test_strings_are_positive_for_any_number_of_modes(n):
     assert inertias.sum() == close(tube().rigid_mass()[3, 3], rel=1e-12)
 
 
-# -- status -------------------------------------------------------------------------------------------------------------
+# -- status ------------------------------------------------------------------------------------------------------------
 def test_fewer_modes_than_asked_for_is_said():
     result = built(unit_beam(), {"xy": 8})
     assert not result.status.ok
@@ -162,7 +164,11 @@ def test_fewer_modes_than_asked_for_is_said():
 def test_torsion_of_a_wide_appendage_falls_back_and_says_so():
     # so much polar inertia that no body beside two short links could hold it
     section = Equivalent(
-        bending_stiffness_xy=50.0, bending_stiffness_xz=50.0, linear_mass=1.0, torsion_stiffness=20.0, polar_inertia=0.12
+        bending_stiffness_xy=50.0,
+        bending_stiffness_xz=50.0,
+        linear_mass=1.0,
+        torsion_stiffness=20.0,
+        polar_inertia=0.12,
     )
     beam = Beam(segments=(Segment(length=2.0, section=section),))
     result = built(beam, {"xy": 2, "xz": 2, "torsion": 3})

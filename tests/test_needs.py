@@ -12,12 +12,13 @@ from beamchain.assess.needs import AXES
 from beamchain.chain.chain import Chain
 from beamchain.errors import InputError
 from beamchain.port import PORT_MOTION, PORTS, PortModel
+from beamchain.result import Fit
 from beamchain.spec import Damping, Hub, Root, Scene, Spec
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.exact import UniformBeam
 from beamchain.structure.material import Material
 from beamchain.structure.section import Rectangle, Tube
-from beamchain.workflow import Fit, fit
+from beamchain.workflow import fit
 
 SCENES = 200
 GRID_SLACK = 1.02  # the independent grid may hit a peak a little nearer its top than the choice's own

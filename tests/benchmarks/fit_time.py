@@ -10,8 +10,9 @@ import tempfile
 import time
 from pathlib import Path
 
-import beamchain as bc
 import mujoco
+
+import beamchain as bc
 
 EXAMPLE = Path(bc.__file__).parent / "examples" / "seed_boom.toml"
 REPEATS = 7

@@ -4,8 +4,9 @@ Truth: the transcendental uniform beam on the hub. Every recipe has the same num
 Run: python tests/benchmarks/trend.py
 """
 
-import beamchain as bc
 import numpy as np
+
+import beamchain as bc
 from beamchain.chain.rivals import equal_links
 
 HUBS = (0.1, 1.0, 10.0, 1000.0)  # hub mass over beam mass; hub inertia = hub mass x (L / 3)^2

@@ -16,6 +16,7 @@ from beamchain.chain.tip import tip_exact
 from beamchain.errors import InputError, RealisationError
 from beamchain.port import Array, PortModel
 from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 
 #: Target with the given number of modes of a port.
 TargetOf = Callable[[str, int], PortModel]
@@ -49,7 +50,7 @@ class Built:
     status: Status
 
 
-def build_exact(beam: Beam, kept: Mapping[str, int], target_of: TargetOf, *, tip: bool = False) -> Built:
+def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, *, tip: bool = False) -> Built:
     """The exact chain of all kept ports; where it is not physical, the nearest that is, said so in the status.
 
     Args:
@@ -102,7 +103,7 @@ def build_exact(beam: Beam, kept: Mapping[str, int], target_of: TargetOf, *, tip
                 try:
                     targets[least], nodes[least] = _plane(beam, least, more[1], target_of, [], tip)
                     found = _assemble(beam, nodes, strings)
-                    extra = f" {least} keeps {targets[least].modes} modes, more than asked for: with {kept[least]} no bodies exist."
+                    extra = f" {least} keeps {targets[least].modes} modes: with {kept[least]} no bodies exist."
                 except RealisationError:
                     targets[least], nodes[least] = saved
             elif len(nodes) == 2:
@@ -121,7 +122,7 @@ def build_exact(beam: Beam, kept: Mapping[str, int], target_of: TargetOf, *, tip
 
 
 def _plane(
-    beam: Beam, port: str, count: int, target_of: TargetOf, history: list[str], tip: bool
+    beam: MassLine, port: str, count: int, target_of: TargetOf, history: list[str], tip: bool
 ) -> tuple[PortModel, Nodes]:
     """Target and canonical chain of a plane, with as many of `count` modes as are physical."""
     for modes in range(count, 0, -1):
@@ -141,7 +142,7 @@ def _plane(
     raise RealisationError(f"no exact chain exists for this appendage in {port}: {history[-1]}")
 
 
-def _with_tip(nodes: Nodes, target: PortModel, beam: Beam, label: str, history: list[str]) -> Nodes:
+def _with_tip(nodes: Nodes, target: PortModel, beam: MassLine, label: str, history: list[str]) -> Nodes:
     """The chain that also carries the tip's motion, where its bodies are physical."""
     try:
         found = tip_exact(nodes, target, beam.length)
@@ -169,7 +170,9 @@ def _hinges(cuts: Array, planes: Mapping[str, Nodes], scalars: Mapping[str, Mapp
     return tuple(out)
 
 
-def _assemble(beam: Beam, nodes: Mapping[str, Nodes], strings: Mapping[str, tuple[Array, Array]]) -> tuple[Chain, str]:
+def _assemble(
+    beam: MassLine, nodes: Mapping[str, Nodes], strings: Mapping[str, tuple[Array, Array]]
+) -> tuple[Chain, str]:
     """One chain for all ports, exact in each, and how it was found."""
     total = beam.moments(0.0, beam.length, closed=True)
     torsion = strings.get("torsion")
@@ -214,7 +217,7 @@ def _assemble(beam: Beam, nodes: Mapping[str, Nodes], strings: Mapping[str, tupl
 
 
 def _finish(
-    beam: Beam,
+    beam: MassLine,
     nodes: Mapping[str, Nodes],
     links: list[Link],
     cuts: Array,
@@ -240,9 +243,8 @@ def _shared(nodes: Mapping[str, Nodes], rotary: float) -> Nodes | None:
     for other in others:
         if other.masses.size != first.masses.size:
             return None
-        if (
-            np.max(np.abs(other.masses / first.masses - 1.0)) > SAME
-            or np.max(np.abs(other.lengths / first.lengths - 1.0)) > SAME
+        if np.any(np.abs(other.masses - first.masses) > SAME * first.masses) or np.any(
+            np.abs(other.lengths - first.lengths) > SAME * first.lengths
         ):
             return None
     return first
@@ -258,7 +260,10 @@ def _snap(wish: Array, places: Array, near: float) -> Array:
 
 
 def _second_by_least_squares(
-    beam: Beam, nodes: Mapping[str, Nodes], strings: Mapping[str, tuple[Array, Array]], targets: Mapping[str, PortModel]
+    beam: MassLine,
+    nodes: Mapping[str, Nodes],
+    strings: Mapping[str, tuple[Array, Array]],
+    targets: Mapping[str, PortModel],
 ) -> tuple[Chain, str, float]:
     """The plane with more modes exact, the other by least squares on its springs."""
     first = max(nodes, key=lambda port: nodes[port].stiffness.size)

@@ -9,7 +9,7 @@ from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console, 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 
 Explain = Annotated[bool, typer.Option("--explain", help="Print how the modes were chosen for the scene.")]
@@ -102,7 +102,17 @@ def _show(result: "Fit", files: "list[Path]") -> None:
         chain.add_row(
             str(i + 1), f"{link.start:.5g}", f"{link.length:.5g}", f"{link.mass:.5g}", f"{link.inertia[2]:.5g}", springs
         )
-    out.print(chain)
+    if result.oscillators is None:
+        out.print(chain)
+    else:
+        bodies = Table(title="oscillators", title_justify="left")
+        for column in ("mode", "kind", "at m", "axis", "mass kg", "stiffness"):
+            bodies.add_column(column, justify="left" if column == "kind" else "right")
+        for item in result.oscillators.items:
+            at, axis = (", ".join(f"{v + 0.0:.4g}" for v in values) for values in (item.point, item.axis))
+            mass = "-" if item.body is None else f"{item.body.mass:.5g}"
+            bodies.add_row(str(item.mode), item.kind, at, axis, mass, f"{item.stiffness:.5g}")
+        out.print(bodies)
     for port, error in result.error.items():
         band = result.bandwidth[port]
         on = "on the hub given" if result.spec.root.hub else "worst of three hubs"

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from beamchain.chain.chain import Link
 from beamchain.structure.beam import Beam, Lump, Segment
+from beamchain.structure.mass_line import MassLine
 from beamchain.structure.section import Rectangle, Round, Tube
 
 PANEL = "0.15 0.27 0.62 1"  # the blue of a solar blanket
@@ -36,7 +37,7 @@ class Shape(NamedTuple):
     rgba: str
 
 
-def shapes(link: Link, beam: Beam | None, length: float) -> list[Shape]:
+def shapes(link: Link, beam: MassLine | None, length: float) -> list[Shape]:
     """What to draw of a link.
 
     Args:

@@ -14,7 +14,7 @@ from beamchain.chain.damping import Damper
 from beamchain.errors import EngineError
 from beamchain.mjcf import looks
 from beamchain.port import PORTS, Array
-from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 
 _PACKAGED = Path(__file__).parent.parent / "mjcf_templates"
 _CHECKOUT = Path(__file__).parents[3] / "mjcf_templates"
@@ -97,7 +97,7 @@ def appendage(
     chain: Chain,
     name: str,
     *,
-    beam: Beam | None = None,
+    beam: MassLine | None = None,
     dampers: Iterable[Damper] = (),
     visuals: bool = True,
     tip: bool = True,
@@ -173,7 +173,7 @@ def _inertial(element: Element, link: Link, x: float) -> None:
 
 
 def _shapes(
-    body: Element, name: str, index: int, link: Link, x: float, beam: Beam | None, length: float, kind: str | None
+    body: Element, name: str, index: int, link: Link, x: float, beam: MassLine | None, length: float, kind: str | None
 ) -> None:
     prototype = find(body, "geom")
     place = body.index(prototype)
@@ -275,7 +275,7 @@ def scene(
         appendage_root: from `appendage`.
         name: of the appendage.
         mass: of the hub [kg].
-        inertia: `(3,)` of the hub about its centre [kg m^2].
+        inertia: `(3,)` or `(3, 3)` of the hub about its centre [kg m^2].
         offset: `(3,)` from the hub's centre to the root [m].
         timestep: [s].
         integrator: MuJoCo's name.
@@ -291,10 +291,16 @@ def scene(
     hub = find(template("hub"), "worldbody/body")
     inertial = find(hub, "inertial")
     inertial.set("mass", number(mass))
-    inertial.set("diaginertia", number(inertia))
+    inertia = np.asarray(inertia, dtype=np.float64)
+    inertia = np.diag(inertia) if inertia.ndim == 1 else inertia
+    if np.any(inertia != np.diag(np.diag(inertia))):
+        del inertial.attrib["diaginertia"]
+        inertial.set("fullinertia", number([*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]))
+    else:
+        inertial.set("diaginertia", number(np.diag(inertia)))
     offset = np.asarray(offset, dtype=np.float64)
     # a box of that mass and those inertias where one exists, else one that reaches the root
-    ix, iy, iz = np.asarray(inertia, dtype=np.float64)
+    ix, iy, iz = np.diag(inertia)
     squares = 6.0 / mass * np.array([iy + iz - ix, ix + iz - iy, ix + iy - iz])
     half = np.sqrt(np.clip(squares, 1e-6 * float(squares.max()), None)) / 2.0
     find(hub, "geom").set("size", number(half))

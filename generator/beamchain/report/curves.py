@@ -11,10 +11,11 @@ from beamchain.chain import rivals
 from beamchain.chain.chain import Chain
 from beamchain.port import Array, PortModel
 from beamchain.spec import port_hub_mass
+from beamchain.structure.beam import Beam
 from beamchain.structure.exact import UniformBeam
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 PLANES = ("xy", "xz")
 PAPER = "the 2008 paper's chain"
@@ -80,7 +81,9 @@ def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
     """
     if port not in PLANES:
         return {}
-    beam, hinges, method = fit.spec.beam, moving(fit.chain, port), fit.spec.fit.method
+    beam, hinges, method = fit.mass_line, moving(fit.chain, port), fit.spec.fit.method
+    if not isinstance(beam, Beam):
+        return {}  # no beam, no recipe
     out: dict[str, Chain] = {}
     if method != "classical" and hinges:
         out[METHODS["classical"]] = rivals.equal_links(beam, hinges, "classical", port)
@@ -118,8 +121,8 @@ def undamped(model: PortModel) -> Accelerance:
 
 def exact_accelerance(fit: "Fit", port: str) -> Accelerance:
     """Accelerance of the beam: the transcendental solution where there is one, else all modes of the discretisation."""
-    beam = fit.spec.beam
-    if port in PLANES and beam.uniform:
+    beam = fit.mass_line
+    if port in PLANES and isinstance(beam, Beam) and beam.uniform:
         at = beam.segments[0].at(np.array([0.5]))
         stiffness = at.bending_xy if port == "xy" else at.bending_xz
         return UniformBeam(beam.length, float(stiffness[0]), float(at.mass[0])).W

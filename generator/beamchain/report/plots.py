@@ -23,12 +23,12 @@ from beamchain.report.curves import (
     span,
     worst_hub,
 )
-from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 # blue, black and grey differ in lightness too, and rivals by their dashes: readable without colour
 OURS, BEAM, RIVAL, SHADE = "#0a5fb4", "#000000", "#8a8a8a", "#e9f1fa"
@@ -242,7 +242,7 @@ def chain_figure(fit: "Fit") -> Figure:
         figure.subplots_adjust(left=0.02, right=0.98, top=1.0 - 0.28 / height, bottom=0.77 / height, hspace=0.22)
         for i, (label, chain) in enumerate(chains.items()):
             ax = figure.add_subplot(len(chains), 1, i + 1)
-            _draw_chain(ax, chain, fit.spec.beam, plane, label, OURS if i == 0 else "#6f6f6f")
+            _draw_chain(ax, chain, fit.mass_line, plane, label, OURS if i == 0 else "#6f6f6f")
             ax.tick_params(labelbottom=i == len(chains) - 1)
         figure.axes[-1].set_xlabel("x from the root, m")
         handles, labels = figure.axes[0].get_legend_handles_labels()
@@ -252,7 +252,7 @@ def chain_figure(fit: "Fit") -> Figure:
     return figure
 
 
-def _draw_chain(ax: "Axes", chain: Chain, beam: Beam, plane: str, title: str, color: str) -> None:
+def _draw_chain(ax: "Axes", chain: Chain, beam: MassLine, plane: str, title: str, color: str) -> None:
     length = chain.length
     left, right = -0.055 * length, 1.03 * length
     ax.set_xlim(left, right)

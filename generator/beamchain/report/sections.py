@@ -14,9 +14,10 @@ from beamchain.report.plots import percent, short
 from beamchain.report.record import mass_record
 from beamchain.report.spec_text import spec_toml
 from beamchain.spec import port_hub_mass
+from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 TARGETS = {
     "clamped": "clamped: the first cantilever modes, the better the heavier the hub",
@@ -87,9 +88,16 @@ def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     errors = {port: error.accelerance_in_band or 0.0 for port, error in fit.error.items()}
     worst = max(errors, key=lambda port: errors[port])
     links = sum(link.mass > 0.0 for link in fit.chain.links)
+    what = f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for the beam's {_kept(fit)}"
+    if fit.oscillators is not None:
+        what = (
+            f"{count(len(fit.oscillators.items), 'oscillator')} on a rigid root body stand for as many imported modes"
+        )
+    elif fit.space is not None:
+        what = what.replace("the beam's", "the imported modes:")
     hub = "the hub of the spec" if fit.hub_mass is not None else "a hub of 0.1, 1 or 10 times the appendage's mass"
     text = (
-        f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for the beam's {_kept(fit)}: "
+        f"{what}: "
         f"frequencies within {percent(frequency)}, read back through MuJoCo; the motion of {hub} is off by "
         f"at most {percent(errors[worst])} up to {short(fit.bandwidth[worst])} rad/s"
     )
@@ -132,11 +140,14 @@ def all_sections(fit: "Fit", pictures: Pictures, rivals: RivalErrors, left_out: 
 
 # -- the sections ----------------------------------------------------------------------------------------------------
 def _asked(fit: "Fit") -> list[Block]:
-    spec, beam = fit.spec, fit.spec.beam
-    carried = [count(len(beam.segments), "segment")]
-    carried += [count(len(beam.joints), "compliant joint")] if beam.joints else []
-    carried += [count(len(beam.lumps), "lumped body").replace("bodys", "bodies")] if beam.lumps else []
-    asked = ", ".join(f"{n} in {port}" for port, n in spec.kept.items())
+    spec, beam = fit.spec, fit.mass_line
+    if isinstance(beam, Beam):
+        carried = [count(len(beam.segments), "segment")]
+        carried += [count(len(beam.joints), "compliant joint")] if beam.joints else []
+        carried += [count(len(beam.lumps), "lumped body").replace("bodys", "bodies")] if beam.lumps else []
+    else:
+        carried = [f"imported from {spec.imported.file}" if spec.imported is not None else "imported"]
+    asked = ", ".join(f"{n} in {port}" for port, n in spec.kept.items()) or "as imported"
     rows = [
         ("appendage", f"{short(beam.length)} m long, {short(float(beam.rigid_mass()[0, 0]))} kg: {', '.join(carried)}"),
         ("modes to keep", asked),
@@ -249,7 +260,7 @@ def _frequencies(fit: "Fit", port: str) -> Table:
 
 
 def _mass(fit: "Fit") -> Table:
-    want, have = fit.spec.beam.rigid_mass(), fit.measured.rigid_mass
+    want, have = fit.mass_line.rigid_mass(), fit.measured.rigid_mass
     target, got = mass_record(want), mass_record(have)
 
     def row(name: str, a: float, b: float) -> list[str]:

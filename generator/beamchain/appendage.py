@@ -1,0 +1,154 @@
+"""One embedded appendage, and what is proved of it: its numbers and the spacecraft's are as they were."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from beamchain.assess.assembly import Carried, quiet
+from beamchain.assess.spoilers import spoilers
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model, linearise
+from beamchain.engine.mount import Mount
+from beamchain.engine.unchanged import Difference, appended, differences, others
+from beamchain.errors import EngineError, InputError
+from beamchain.mjcf import embed as document
+from beamchain.mjcf import write
+from beamchain.port import PORTS, PortModel, in_space
+from beamchain.result import Fit
+from beamchain.spec import Hub, Spec
+
+EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for
+PROBE = "beamchain probe "  # names of the empty bodies that stand for appendages while the spacecraft is measured
+SAME = 1e-12  # relative: the appendage's numbers alone and in the spacecraft
+
+
+@dataclass(frozen=True, eq=False)
+class Appendage:
+    """One embedded appendage.
+
+    Args:
+        at: site or body.
+        prefix: of its elements.
+        mount: the place in the bare spacecraft.
+        hub: what its root feels, other appendages rigid.
+        spec: as it was given.
+        fit: made for that hub.
+    """
+
+    at: str
+    prefix: str
+    mount: Mount
+    hub: Hub
+    spec: Spec
+    fit: Fit
+
+
+def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
+    """Names of all elements the appendages bring, per kind."""
+    out: dict[str, set[str]] = {"body": set(), "jnt": set(), "geom": set(), "site": set(), "tendon": set()}
+    kinds = {"body": "body", "joint": "jnt", "geom": "geom", "site": "site", "fixed": "tendon"}
+    for a in appendages:
+        for node in document.renamed(a.fit.appendage(), a.fit.spec.name, a.prefix).iter(*kinds):
+            if node.get("name"):
+                out[kinds[str(node.tag)]].add(str(node.get("name")))
+    return out
+
+
+def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> None:
+    """No name is given twice.
+
+    Raises:
+        InputError: with the name and the cure.
+    """
+    taken = appended(craft, names(appendages))
+    for kind, word in (("body", "body"), ("jnt", "joint"), ("geom", "geom"), ("site", "site"), ("tendon", "tendon")):
+        if taken[kind]:
+            name = getattr(craft, word)(taken[kind][0]).name
+            raise InputError(f"the spacecraft already has a {word} {name!r}; give the appendage another --prefix.")
+    prefixes = [a.prefix for a in appendages]
+    for i, prefix in enumerate(prefixes):
+        if prefix in prefixes[:i]:
+            raise InputError(f"two appendages have the prefix {prefix!r}; give each its own --prefix.")
+
+
+def judged(craft: "mujoco.MjModel", model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
+    """Every number of the spacecraft and of the appendages is as it was; then what spoils the motion."""
+    mine = appended(model, names(appendages))
+    theirs = others(model, mine)
+    own = _without_probes(craft)
+    changed = differences(craft, model, {kind: (own[kind], ids) for kind, ids in theirs.items()})
+    if changed:
+        raise EngineError(f"embedding changed the spacecraft itself: {_told(changed[0])}; please report this.")
+    for a in appendages:
+        alone = compile_model(write.text(write.scene(
+            a.fit.appendage(), a.fit.spec.name, mass=1.0, inertia=np.eye(3), offset=np.zeros(3), timestep=0.01,
+            integrator="implicitfast",
+        )))  # fmt: skip
+        own = appended(alone, names([replace(a, prefix=f"{a.spec.name}_")]))
+        here = appended(model, names([a]))
+        found = differences(alone, model, {k: (own[k], here[k]) for k in own}, root=f"{a.prefix}link1", tolerance=SAME)
+        if found:
+            raise InputError(
+                f"the spacecraft's defaults or compiler would change the appendage: {_told(found[0])}; use "
+                f'form "attach", which no default of the spacecraft reaches, or take '
+                f"{found[0].field.split('_', 1)[-1]} out of them."
+            )
+    linear = linearise(quiet(model))
+    a_matrix = np.block([[np.zeros((model.nv, model.nv)), np.eye(model.nv)], [-linear.stiffness, -linear.damping]])
+    poles = np.linalg.eigvals(a_matrix)
+    poles = poles[poles.imag > 1e-5 * np.abs(poles).max(initial=0.0)]
+    ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
+    kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
+    return spoilers(
+        model,
+        np.abs(poles),
+        np.clip(-poles.real / np.abs(poles), 0.0, None),
+        kept,
+        min(ratios, default=0.0),
+        mine["geom"],
+    )
+
+
+def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str]:
+    """What MuJoCo itself does otherwise with the spacecraft as soon as its bodies carry something (alignfree)."""
+    own = _without_probes(loaded)
+    moved = differences(craft, loaded, {kind: (ids, own[kind]) for kind, ids in others(craft, {}).items()})
+    if not moved:
+        return []
+    return [
+        f"as soon as it carries something, MuJoCo lays {moved[0].element}'s frame otherwise ({_told(moved[0])}; "
+        'alignfree or align); positions and keyframes now mean the frame as written: write align="false" to keep it.'
+    ]
+
+
+def _without_probes(model: "mujoco.MjModel") -> dict[str, list[int]]:
+    probes = [i for i in range(model.nbody) if model.body(i).name.startswith(PROBE)]
+    return others(model, {"body": probes})
+
+
+def _told(difference: Difference) -> str:
+    return f"{difference.field} of {difference.element} is {difference.found!r} instead of {difference.wanted!r}"
+
+
+def carried(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[Carried]:
+    """The appendages as the beams they are, for the exact assembly."""
+    out: list[Carried] = []
+    for a in appendages:
+        spec = a.fit.spec
+        kept = {port: target.modes for port, target in a.fit.target.items()}
+        ports: dict[str, PortModel] = {}
+        for port in PORTS:
+            try:
+                whole = spec.beam.port(port, 2 * kept.get(port, 0) + EXTRA_MODES)
+            except InputError:
+                continue  # rigid there
+            ports[port] = spec.with_ratios(port, whole)
+        band = {port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes}
+        flags = np.concatenate([np.arange(own.modes) < kept.get(port, 0) for port, own in ports.items()])
+        order = np.argsort(np.concatenate([own.frequencies for own in ports.values()]), kind="stable")
+        rigid = spec.beam.rigid_mass()
+        missing = np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(a.fit.measured.rigid_mass)))
+        whole = in_space(ports, rigid + missing)  # a rod without polar inertia gets the little that MuJoCo needs
+        out.append(Carried(a.mount, whole, flags[order], appended(model, names([a]))["dof"], band))
+    return out
