@@ -130,7 +130,11 @@ class Print:
 
     def echo(self) -> None:
         """Case control echo, which names what a reader looks for."""
-        self.lines += ["0        C A S E    C O N T R O L    E C H O", "     9      MEFFMASS(PRINT,ALL) = YES", "    10      SUBCASE 1"]
+        self.lines += [
+            "0        C A S E    C O N T R O L    E C H O",
+            "     9      MEFFMASS(PRINT,ALL) = YES",
+            "    10      SUBCASE 1",
+        ]
 
     def _table(self, subcase: int, title: list[str], rows: list[str], end: list[str]) -> None:
         for at in range(0, len(rows), self.rows):
@@ -175,7 +179,12 @@ class Print:
         for words, at in (("TRANSLATIONAL", 0), ("ROTATIONAL", 3)):
             title = [f"{'':52}MODAL EFFECTIVE MASS FRACTION"]
             title += [f"{'':48}(FOR {words} DEGREES OF FREEDOM)"] if self.style == "msc" else []
-            title += ["", "    MODE    FREQUENCY                      T1                                  T2", "     NO.", ""]
+            title += [
+                "",
+                "    MODE    FREQUENCY                      T1                                  T2",
+                "     NO.",
+                "",
+            ]
             part = modes.participation[:, at : at + 3] ** 2 / np.maximum(np.diag(modes.mass)[at : at + 3], 1e-30)
             rows = [
                 f"{k:8d}    {number(w / 2 / np.pi)}      " + "      ".join(f"{number(v)}      {number(v)}" for v in row)

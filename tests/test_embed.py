@@ -207,6 +207,25 @@ class TestHub:
         )  # the choice is made anew from the spec kept
         assert [a.at for a in again.appendages] == ["mount", "side"]
 
+    def test_imported_modes(self, tmp_path):
+        """A plate's modes, bending and torsion coupled, as oscillators: exact on any hub."""
+        mass = np.diag([20.0, 20.0, 20.0, 9.0, 40.0, 46.0])
+        mass[1, 5] = mass[5, 1] = 20.0
+        mass[2, 4] = mass[4, 2] = -20.0
+        lateral = [[0, 0, 3.5, 0.4, -5.5, 0], [0, 0, 1.2, -1.5, -1.1, 0]]
+        mass, lateral = mass * np.pi / 3.0, np.array(lateral) * np.sqrt(np.pi / 3.0)  # digits, as a program writes them
+        record = {"frequencies": [2.0 / 3.0, 17.0 / 3.0], "participation": lateral.T.tolist(), "mass": mass.tolist()}
+        (tmp_path / "plate.json").write_text(json.dumps(record))
+        (tmp_path / "plate.toml").write_text('name = "plate"\n[imported]\nfile = "plate.json"\n')
+        done = bc.embed(
+            CRAFTS / "drive.xml", {"radiator_edge": tmp_path / "plate.toml", "panel_mount": spec("array_left")}
+        )
+        assert done.appendages[0].fit.oscillators is not None
+        alone = bc.embed(CRAFTS / "drive.xml", {"radiator_edge": tmp_path / "plate.toml"})
+        assert [m.kept for m in alone.assembly.modes][:1] == [True]
+        assert alone.assembly.worst < 1e-6
+        assert done.assembly.worst < COUPLED
+
     def test_hub_of_the_spec_is_replaced(self):
         given = bc.read_spec(spec("rod"))
         own = bc.Spec(name="rod", segment=given.segment, root=bc.Root(hub=bc.Hub(mass=1.0, inertia=(1.0, 1.0, 1.0))))

@@ -20,6 +20,7 @@ def craft(inside: str = '<site name="mount"/>', before: str = "", behind: str = 
     return f"<mujoco>{before}<worldbody>{body.format(inside)}{behind}</worldbody></mujoco>"
 
 
+MESHED = '<asset><mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><default><geom mesh="m"/></default>'  # fits the shape
 REFUSED = {
     "unknown name": (craft(), "mounts", "did you mean 'mount'"),
     "quaternion not unit": (craft('<site name="mount" quat="1 0 0 0.1"/>'), "mount", "norm 1.00498756"),
@@ -45,7 +46,8 @@ REFUSED = {
     "settotalmass": (craft(before='<compiler settotalmass="100"/>'), "mount", "settotalmass = 100"),
     "fusestatic": (craft(before='<compiler fusestatic="true"/>'), "mount", "fusestatic"),
     "springs off": (craft(before='<option><flag spring="disable"/></option>'), "mount", "spring"),
-    "geoms turned by default": (craft(before='<default><geom euler="0 0 30"/></default>'), "mount", "attach"),
+    "shapes turned by default": (craft(before='<default><geom euler="0 0 30"/></default>'), "mount", "attach"),
+    "a default nothing overrules": (craft(before=MESHED), "mount", "attach"),
     "short keyframe": (craft(behind="</worldbody><keyframe><key qpos='0 0'/></keyframe><worldbody>"), "mount", "qpos"),
 }  # fmt: skip
 

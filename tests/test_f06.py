@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+
 from beamchain.errors import InputError
 from beamchain.structure.readers import read_modes
 from prints import Modes, Print, cantilever, plate, whole
@@ -147,7 +148,9 @@ def test_a_wrong_digit_contradicts_the_effective_mass(tmp_path):
     wrong = row.split()
     wrong[4] = f"{float(wrong[4]) * 1.01:.6E}"
     with pytest.raises(InputError, match=r"mode 1: participation squared .* effective mass"):
-        read_modes(written(tmp_path, head + "MODAL PARTICIPATION FACTORS" + tail.replace(row, "    " + "  ".join(wrong))))
+        read_modes(
+            written(tmp_path, head + "MODAL PARTICIPATION FACTORS" + tail.replace(row, "    " + "  ".join(wrong)))
+        )
 
 
 def test_what_is_no_print_is_refused(tmp_path):

@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
 from appendages import panels, soft_root_boom, stepped_boom, tapered_boom, timoshenko_boom, tip_loaded_boom
 from beamchain import Damping, FitOptions, Hub, Imported, Modes, Root, Spec, fit
 from beamchain.assess.error import compare
@@ -18,7 +20,6 @@ from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.own_format import modes_text
 from beamchain.structure.section import Equivalent
 from prints import cantilever, plate, whole
-from typer.testing import CliRunner
 
 PRINT = 5e-7  # half a unit in the seventh printed digit
 ROUND_TRIP = 1e-9  # the issue's bound
@@ -58,7 +59,9 @@ def test_o8_is_a_chain_with_its_hinge_at_the_root():
     assert result.chain.mass == pytest.approx(21.20575, rel=1e-9)
     assert "independent" in result.status.message
     assert result.space.error.accelerance_in_band < 1e-7
-    assert all(np.isfinite(step) and step > 0 for name, step in result.limits.largest_step.items() if name != "discrete")
+    assert all(
+        np.isfinite(step) and step > 0 for name, step in result.limits.largest_step.items() if name != "discrete"
+    )
 
 
 def test_a_root_hinge_by_hand():
@@ -163,7 +166,9 @@ BEAMS = {
 }
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in ("panels", "tapered") else n for n in BEAMS])
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n in ("panels", "tapered") else n for n in BEAMS]
+)
 def test_a_beam_comes_back_as_the_same_chain(tmp_path, name):
     make, modes = BEAMS[name]
     path = tmp_path / "modes.toml"
@@ -218,7 +223,9 @@ def test_the_files_run_in_mujoco(tmp_path, form):
     data = ModalData.from_beam(torsion_boom(), {"xy": 1, "xz": 1, "torsion": 1})
     (tmp_path / "modes.toml").write_text(modes_text(data))
     spec = tmp_path / "array.toml"
-    spec.write_text(f'name = "array"\n[imported]\nfile = "modes.toml"\n[damping]\nratio = 0.005\n[fit]\nform = "{form}"\n')
+    spec.write_text(
+        f'name = "array"\n[imported]\nfile = "modes.toml"\n[damping]\nratio = 0.005\n[fit]\nform = "{form}"\n'
+    )
     done = CliRunner().invoke(app, ["fit", str(spec), "-o", str(tmp_path / "out"), "--quiet"])
     assert done.exit_code == 0, done.output
     record = json.loads((tmp_path / "out" / "fit.json").read_text())

@@ -5,6 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import io
+from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
+
 from appendages import panels, tapered_boom
 from beamchain.errors import InputError
 from beamchain.port import PORT_MOTION
@@ -14,12 +20,7 @@ from beamchain.structure.readers import read_modes
 from beamchain.structure.readers.craig_bampton import from_matrices
 from beamchain.structure.readers.nastran_op2 import from_tables
 from beamchain.structure.readers.own_format import modes_text
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from prints import cantilever, plate
-from scipy import io
-from scipy.linalg import eigh
-from scipy.spatial.transform import Rotation
 
 SAME = 1e-9  # the bound: same physics in any axes, about any point, in any units
 PRINT = 5e-7  # relative precision of seven printed digits
@@ -88,12 +89,16 @@ def test_a_turned_mirror_is_refused():
 def test_wrong_reference_point_and_units_are_refused_with_the_causes():
     good = Cloud(3).data()
     shifted = Cloud(3).data(point=(30.0, 0.0, 0.0))
-    with pytest.raises(InputError, match=r"residual mass.*eigenvalue.*reference points, different units.*clamped nodes"):
+    with pytest.raises(
+        InputError, match=r"residual mass.*eigenvalue.*reference points, different units.*clamped nodes"
+    ):
         ModalData(good.rigid_mass, good.frequencies, shifted.participation)
     with pytest.raises(InputError, match="residual mass"):
         ModalData(good.rigid_mass / 1e3, good.frequencies, good.participation)  # tonnes beside kilograms
     with pytest.raises(InputError, match="not symmetric"):
-        ModalData(good.rigid_mass + np.eye(6)[[1, 0, 2, 3, 4, 5]] * [1, 0, 0, 0, 0, 0], good.frequencies, good.participation)
+        ModalData(
+            good.rigid_mass + np.eye(6)[[1, 0, 2, 3, 4, 5]] * [1, 0, 0, 0, 0, 0], good.frequencies, good.participation
+        )
 
 
 @pytest.mark.parametrize("field", ["rigid_mass", "frequencies", "participation"])
@@ -306,7 +311,9 @@ def test_op2_tables():
 
 
 # -- the mass line -----------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize(("mass", "centre", "gyration"), [(3.0, 0.5, 0.2887), (3.0, 0.5, 0.36), (3.0, 0.3, 0.2), (3.0, 0.8, 0.1)])
+@pytest.mark.parametrize(
+    ("mass", "centre", "gyration"), [(3.0, 0.5, 0.2887), (3.0, 0.5, 0.36), (3.0, 0.3, 0.2), (3.0, 0.8, 0.1)]
+)
 def test_spread_mass_has_the_moments_it_was_made_from(mass, centre, gyration):
     rigid = np.diag([mass, mass, mass, 0.2, *[mass * (gyration**2 + centre**2)] * 2])
     rigid[1, 5] = rigid[5, 1] = mass * centre

@@ -2,6 +2,10 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
 from beamchain.assess.error import compare
 from beamchain.chain.bodies import Body, from_mass_matrix, remainder
 from beamchain.chain.oscillators import realise_oscillators
@@ -12,10 +16,7 @@ from beamchain.mjcf import write
 from beamchain.mjcf.oscillators import oscillators
 from beamchain.port import body_mass_matrix
 from beamchain.structure.modal_data import ModalData
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from prints import cantilever, plate
-from scipy.spatial.transform import Rotation
 
 ROUNDING = 1e-10  # forward model of the bodies against the data: double precision with a few small differences
 MUJOCO = 1e-8  # through finite differences with eps = 1e-6
@@ -111,7 +112,9 @@ def test_sliders_share_their_masses_where_they_would_weigh_too_much():
     thing = made(data)
     physical(thing)
     assert sum(item.inside is not None for item in thing.items) == 3
-    assert sum(item.body.mass for item in thing.items if item.body) + thing.root.mass == pytest.approx(21.20575, rel=PRINT)
+    assert sum(item.body.mass for item in thing.items if item.body) + thing.root.mass == pytest.approx(
+        21.20575, rel=PRINT
+    )
     _, space = measure_in_space(oscillators(thing, "o8"), timestep=0.01, ballast=np.full(4, 21.0), live=data.live)
     found = compare(space, data.space())
     assert found.frequency < MUJOCO

@@ -117,7 +117,7 @@ def test_slew_turns_by_the_angle_and_stops(modes, axis):
     periods = slew.duration * slew.omega / (2.0 * np.pi)
     assert periods == pytest.approx(round(periods), rel=1e-9)
     assert round(periods) % 2 == 1
-    assert 0 < slew.loudest
+    assert slew.loudest > 0
 
 
 def test_exaggeration_is_of_the_springs_alone():

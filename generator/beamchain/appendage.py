@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamchain.assess.assembly import Carried, quiet
 from beamchain.assess.spoilers import spoilers
@@ -14,7 +15,7 @@ from beamchain.engine.unchanged import Difference, appended, differences, others
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import embed as document
 from beamchain.mjcf import write
-from beamchain.port import PORTS, PortModel, in_space
+from beamchain.port import PORTS, Array, PortModel, in_space
 from beamchain.result import Fit
 from beamchain.spec import Hub, Spec
 
@@ -135,20 +136,54 @@ def carried(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[Ca
     """The appendages as the beams they are, for the exact assembly."""
     out: list[Carried] = []
     for a in appendages:
-        spec = a.fit.spec
-        kept = {port: target.modes for port, target in a.fit.target.items()}
-        ports: dict[str, PortModel] = {}
-        for port in PORTS:
-            try:
-                whole = spec.beam.port(port, 2 * kept.get(port, 0) + EXTRA_MODES)
-            except InputError:
-                continue  # rigid there
-            ports[port] = spec.with_ratios(port, whole)
-        band = {port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes}
-        flags = np.concatenate([np.arange(own.modes) < kept.get(port, 0) for port, own in ports.items()])
-        order = np.argsort(np.concatenate([own.frequencies for own in ports.values()]), kind="stable")
-        rigid = spec.beam.rigid_mass()
-        missing = np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(a.fit.measured.rigid_mass)))
-        whole = in_space(ports, rigid + missing)  # a rod without polar inertia gets the little that MuJoCo needs
-        out.append(Carried(a.mount, whole, flags[order], appended(model, names([a]))["dof"], band))
+        whole, kept, band = _imported(a) if a.fit.space is not None else _beam(a)
+        out.append(Carried(a.mount, whole, kept, appended(model, names([a]))["dof"], band))
     return out
+
+
+def _beam(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]:
+    """All modes of the beam in space, which of them were kept, the last kept frequency per port."""
+    spec = a.fit.spec
+    counts = {port: target.modes for port, target in a.fit.target.items()}
+    ports: dict[str, PortModel] = {}
+    for port in PORTS:
+        try:
+            ports[port] = spec.with_ratios(port, spec.beam.port(port, 2 * counts.get(port, 0) + EXTRA_MODES))
+        except InputError:
+            continue  # rigid there
+    band = {port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes}
+    flags = np.concatenate([np.arange(own.modes) < counts.get(port, 0) for port, own in ports.items()])
+    order = np.argsort(np.concatenate([own.frequencies for own in ports.values()]), kind="stable")
+    return in_space(ports, _with_inertia(a, spec.beam.rigid_mass())), flags[order], band
+
+
+def _imported(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]:
+    """The same of imported modes."""
+    space = a.fit.space
+    assert space is not None
+    live, full = list(space.live), space.full
+    rigid, participation = np.zeros((6, 6)), np.zeros((full.modes, 6))
+    rigid[np.ix_(live, live)], participation[:, live] = full.rigid_mass, full.participation
+    flags = np.array([bool(np.any(np.abs(w / space.target.frequencies - 1.0) < SAME)) for w in full.frequencies])
+    whole = PortModel(_with_inertia(a, rigid), full.frequencies, participation, full.damping)
+    return whole, flags, {"space": float(space.target.frequencies[-1])}
+
+
+def _with_inertia(a: Appendage, rigid: Array) -> Array:
+    """A rod without polar inertia gets the little that MuJoCo needs."""
+    return rigid + np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(a.fit.measured.rigid_mass)))
+
+
+def rigid_mass(spec: Spec) -> Array:
+    """`(6, 6)` of an appendage before it is fitted, about its root."""
+    return spec.beam.rigid_mass() if spec.imported is None else spec.imported.read().rigid_mass
+
+
+def lightest(appendages: Sequence[Appendage]) -> tuple[float, float]:
+    """Smallest mass [kg] and principal inertia [kg m^2] of the bodies that move."""
+    masses, inertias = [np.inf], [np.inf]
+    for a in appendages:
+        for inertial in list(a.fit.appendage().iter("inertial"))[1:]:
+            masses.append(float(inertial.get("mass", "inf")))
+            inertias += [float(word) for word in inertial.get("diaginertia", "inf").split()]
+    return min(masses), min(inertias)

@@ -11,7 +11,17 @@ import msgspec
 import numpy as np
 from lxml import etree
 
-from beamchain.appendage import PROBE, Appendage, carried, check_names, judged, moved_by_load, names
+from beamchain.appendage import (
+    PROBE,
+    Appendage,
+    carried,
+    check_names,
+    judged,
+    lightest,
+    moved_by_load,
+    names,
+    rigid_mass,
+)
 from beamchain.assess.assembly import Assembly, prove
 from beamchain.assess.spoilers import check_flags
 from beamchain.checks import one_of
@@ -138,6 +148,8 @@ def embed(
         spec = spec if isinstance(spec, Spec) else read_spec(spec)
         prefix = given[i] if given else f"{spec.name}_"
         document.check_prefix(prefix)
+        if spec.imported is not None:  # the mark in the file must find the modes from anywhere
+            spec = msgspec.structs.replace(spec, imported=spec.imported.beside(Path.cwd()))
         wanted[name] = (spec, prefix)
     if isinstance(craft, mujoco.MjSpec):
         return _embed_in_spec(craft, wanted)
@@ -191,8 +203,7 @@ def _embed_in_document(original: Craft, wanted: dict[str, tuple[Spec, str]], for
     warnings += moved_by_load(compile_model(relocate(original, None).to_bytes().decode("utf-8")), craft)
     check_flags(craft)
     check_names(craft, appendages)
-    links = [link for a in appendages for link in a.fit.chain.links[1:]]
-    check.check_compiler(original.parts(), min(link.mass for link in links), min(min(link.inertia) for link in links))
+    check.check_compiler(original.parts(), *lightest(appendages))
     layout = _layout(original, appendages, craft)
     with tempfile.TemporaryDirectory() as folder:
         out, beside = _assemble(original, appendages, form, None, "craft", layout, Path(folder))
@@ -301,7 +312,7 @@ def _owner(spec: "mujoco.MjSpec", kind: str, name: str) -> Any:
 def _fit_all(
     model: "mujoco.MjModel", mounts: dict[str, mounting.Mount], wanted: dict[str, tuple[Spec, str]]
 ) -> tuple[tuple[Appendage, ...], list[str]]:
-    rigid = {name: spec.beam.rigid_mass() for name, (spec, _) in wanted.items()}
+    rigid = {name: rigid_mass(spec) for name, (spec, _) in wanted.items()}
     places = list(mounts.values())
     behind, felt = mounting.rigid_hubs(model, places, rigid), mounting.apparent_hubs(model, places, rigid)
     out: list[Appendage] = []

@@ -1,6 +1,7 @@
 """What a fit is: the chain, its proof through MuJoCo, and the files it writes."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,13 +19,14 @@ from beamchain.chain.build import (
 from beamchain.chain.chain import Chain
 from beamchain.chain.damping import Damper
 from beamchain.chain.oscillators import Oscillators
-from beamchain.engine.bench import Measured
+from beamchain.chain.prewarp import Prewarp
+from beamchain.engine.bench import Measured, ballast_for
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.files import write_files
 from beamchain.mjcf import write
 from beamchain.mjcf.oscillators import oscillators as write_oscillators
-from beamchain.port import Array, PortModel, in_space
+from beamchain.port import PORTS, Array, PortModel, in_space
 from beamchain.spec import Hub, Scene, Spec
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
@@ -79,6 +81,7 @@ class Fit:
         bandwidth: per port, of the in-band error [rad/s].
         dampers: the damping tendons.
         warnings: what to know before the file is used; shown by `beamchain fit` and in the report.
+        prewarps: per port, where `fit.timestep` asks for it; the error in band is then that of what the step shows.
         line: how the mass lies along x, where that is not the spec's beam.
         space: all six motions at once, where the modes were imported. In the oscillator form `chain` is what stays when
             nothing moves, one rigid link, and `space.made` holds the oscillators.
@@ -101,6 +104,7 @@ class Fit:
     promise: float | None = None
     left_out: tuple[LeftOut, ...] = ()
     warnings: tuple[str, ...] = ()
+    prewarps: Mapping[str, Prewarp] = field(default_factory=dict[str, Prewarp])
     line: MassLine | None = None
     space: InSpace | None = None
 
@@ -162,6 +166,11 @@ class Fit:
             timestep=timestep, integrator=scene.integrator, contacts=scene.contacts,
         )  # fmt: skip
         return write.text(root)
+
+    def bench_mjcf(self) -> str:
+        """The appendage on the test bench: its root free in every kept port, as text."""
+        ports = [port for port in PORTS if port in self.achieved]
+        return write.text(write.bench(self.appendage(), ports, 0.01, ballast_for(self.chain)))
 
     def _safe_step(self, integrator: str) -> float:
         """A round step: a fifth of the stability limit at most."""

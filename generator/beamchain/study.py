@@ -2,8 +2,6 @@
 
 import hashlib
 import json
-import os
-import platform
 import statistics
 import time
 import tomllib
@@ -19,7 +17,7 @@ import numpy as np
 
 from beamchain.assess import field, front
 from beamchain.assess.field import Entry, Task
-from beamchain.assess.front import Metric, Reach
+from beamchain.assess.front import TARGETS, Metric, Reach, recommended_name
 from beamchain.assess.growth import Growth, growth
 from beamchain.assess.plan import make_plan, whole_beam
 from beamchain.assess.run_time import Ladder, Point, Run, climb, in_turns
@@ -29,10 +27,9 @@ from beamchain.errors import InputError
 from beamchain.files import write_files
 from beamchain.jobs import Progress, run_jobs
 from beamchain.report.spec_text import spec_toml
+from beamchain.result import default_hub
 from beamchain.spec import FitOptions, Modes, Root, Scene, Spec, Target, spec_from_dict
-from beamchain.workflow import default_hub
 
-TARGETS = (1e-2, 1e-3, 1e-4)
 METRICS: tuple[Metric, ...] = ("error", "error_appendage")
 FULL_MODES = 30  # of the beam on the hub: one mode fewer changes the reference by less than 1e-9
 BUDGET = 0.1  # [s] for the errors of one entry
@@ -170,16 +167,6 @@ class Study:
         return list(files)
 
 
-def recommended_name(target: float) -> str:
-    """Name of the spec recommended for a target error."""
-    return f"recommended_{power(target)}.toml"
-
-
-def power(target: float) -> str:
-    """1e-2, 1e-3, ..."""
-    return f"1e{round(np.log10(target))}"
-
-
 def study(
     spec: Spec,
     options: Options = DEFAULTS,
@@ -297,23 +284,3 @@ def _duel(task: Task, scenario: Scenario, found: Study) -> list[Ladder]:
                 repeats=t.repeats,
             )  # fmt: skip
     return [ladder._replace(points=[fresh.get(p[:4], p) for p in ladder.points]) for ladder in found.ladders]
-
-
-def machine() -> dict[str, Any]:
-    """Where it was measured."""
-    return {
-        "system": platform.platform(terse=True),
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "mujoco": mujoco.__version__,
-    }
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())

@@ -24,9 +24,10 @@ from beamchain.files import write_files
 from beamchain.jobs import Progress, run_jobs
 from beamchain.port import Array, in_space
 from beamchain.report.spec_text import spec_toml
+from beamchain.result import Fit, default_hub
 from beamchain.spec import Damping, Modes, Spec, spec_from_dict
 from beamchain.structure.section import Equivalent
-from beamchain.workflow import Fit, _build, _damped, default_hub, fit
+from beamchain.workflow import _build, _damped, fit
 
 #: Fields of MuJoCo's model that differ between variants; they hold for the scene.xml written beside them.
 FIELDS = (
@@ -209,12 +210,13 @@ def _sample(nominal: Fit, model: "mujoco.MjModel", seed: int, index: int) -> dic
         spec = varied(nominal.spec, seed, index)
         beam = spec.beam
         hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
-        plan = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub)
-        built = _build(spec, plan, beam)
+        full = whole_beam(spec, beam)
+        plan = make_plan(spec, full, beam.rigid_mass(), hub)
+        built = _build(spec, plan, beam, full, hub)
         fewer = [port for port, target in built.targets.items() if target.modes < nominal.target[port].modes]
         if fewer:
             return {"sample": index, "why": f"fewer modes in {fewer[0]}: {built.status.message}"}
-        chain, dampers = _damped(spec, plan, built)
+        chain, dampers = _damped(spec, plan, built, {})
         variant = replace(nominal, spec=spec, chain=chain, dampers=dampers)
         own = compile_model(variant.scene_mjcf())
     except BeamchainError as error:

@@ -20,6 +20,7 @@ from beamchain.chain.build import (
 )
 from beamchain.chain.chain import Chain
 from beamchain.chain.damping import Damper, joint_damping, modal_ratios, tendons
+from beamchain.chain.prewarp import Prewarp, loaded_tendons, prewarp
 from beamchain.chain.rods import Payload
 from beamchain.engine.bench import Measured, ballast_for, measure
 from beamchain.errors import InputError
@@ -109,8 +110,11 @@ def _fit(spec: Spec) -> Fit:
     clock.append(time.perf_counter())
     plan = make_plan(spec, full, beam.rigid_mass(), hub)
     kept = plan.kept
-    built = _build(spec, plan, beam)
-    chain, dampers = _damped(spec, plan, built)
+    built = _build(spec, plan, beam, full, hub)
+    warped = (
+        {p: _prewarp(spec, p, full[p], t.modes, hub) for p, t in built.targets.items()} if spec.fit.timestep else {}
+    )
+    chain, dampers = _damped(spec, plan, built, warped)
     clock.append(time.perf_counter())
     scene = spec.scene or Scene()
     tree = appendage_tree(spec, chain, beam, dampers)
@@ -122,7 +126,8 @@ def _fit(spec: Spec) -> Fit:
         bandwidth[port] = scene.bandwidth or float(target.frequencies[-1])
         port_hub = None if hub is None else port_hub_mass(hub, port)
         plain = compare(measured.ports[port], target)
-        in_band = in_band_error(measured.ports[port], spec.with_ratios(port, full[port]), port_hub, bandwidth[port])
+        seen = warped[port].shown(measured.ports[port]) if port in warped else measured.ports[port]
+        in_band = in_band_error(seen, spec.with_ratios(port, full[port]), port_hub, bandwidth[port])
         error[port] = replace(plain, accelerance_in_band=in_band)
     kept_ports = {port: measured.ports[port] for port in built.targets}
     limits = coupled_limits(in_space(kept_ports, measured.rigid_mass), hub, tendon=bool(dampers))
@@ -130,7 +135,8 @@ def _fit(spec: Spec) -> Fit:
     steps = ("model", "realise", "write", "verify")
     seconds = {step: b - a for step, a, b in zip(steps, clock[:-1], clock[1:], strict=True)}
     achieved = {port: measured.ports[port] for port in built.targets}
-    promise = plan.promise.error(achieved, dict.fromkeys(achieved, "achieved")) if plan.promise else None
+    seen = {port: warped[port].shown(model) if port in warped else model for port, model in achieved.items()}
+    promise = plan.promise.error(seen, dict.fromkeys(seen, "achieved")) if plan.promise else None
     return Fit(
         spec=spec,
         chain=chain,
@@ -148,7 +154,8 @@ def _fit(spec: Spec) -> Fit:
         choice=plan.choice,
         promise=promise,
         left_out=ledger(spec, plan, bool(dampers)),
-        warnings=_warnings(spec, measured, achieved, dampers, limits),
+        warnings=(*_warnings(spec, measured, achieved, dampers, limits), *_prewarp_note(warped)),
+        prewarps=warped,
     )
 
 
@@ -197,14 +204,21 @@ def _warnings(
     return tuple(out)
 
 
-def _build(spec: Spec, plan: Plan, beam: Beam) -> Built:
+def _build(spec: Spec, plan: Plan, beam: Beam, full: Mapping[str, PortModel], hub: Array | None) -> Built:
     kept = plan.kept
 
     def target_of(port: str, count: int) -> PortModel:
+        if spec.fit.timestep:
+            return _prewarp(spec, port, full[port], count, hub).target
         return spec.with_ratios(port, plan.reduce(plan.target, port, count))
 
     options = spec.fit
     payload = spec.payload
+    if options.timestep and (options.method != "exact" or payload is not None):
+        raise InputError(
+            f"fit.timestep = {options.timestep!r} pre-warps the exact chain only; leave it out, or use "
+            'method = "exact" without a payload.'
+        )
     if not kept or (options.method == "exact" and payload is None):
         return build_exact(beam, kept, target_of, tip=(spec.scene or Scene()).tip)
     if options.method in ("exact", "least_squares"):
@@ -218,6 +232,29 @@ def _build(spec: Spec, plan: Plan, beam: Beam) -> Built:
     links = options.links if isinstance(options.links, int) else None
     built = build_recipe(beam, options.method, kept, links, target_of)
     return replace(built, chain=with_real_polar(built.chain))
+
+
+def _prewarp(spec: Spec, port: str, model: PortModel, count: int, hub: Array | None) -> Prewarp:
+    """What the chain aims at in a port: the modes on the spec's hub unless another target is named."""
+    load = None if hub is None else port_hub_mass(hub, port)
+    if spec.root.target == "clamped":
+        load = None
+    elif spec.root.target == "free":
+        load = np.zeros((model.motions, model.motions))
+    integrator = (spec.scene or Scene()).integrator
+    return prewarp(spec.with_ratios(port, model), count, load, integrator, spec.fit.timestep)
+
+
+def _prewarp_note(plans: Mapping[str, Prewarp]) -> list[str]:
+    """For which step and integrator a pre-warped chain is right."""
+    if not plans:
+        return []
+    plan = next(iter(plans.values()))
+    on = "a held root: give root.hub for the coupled modes" if plan.hub_mass is None else "the modes on the hub"
+    return [
+        f"pre-warped for {plan.integrator} at {plan.timestep:g} s, on {on}: at any other step or integrator the "
+        "frequencies are off; the errors stated are those of what that step shows."
+    ]
 
 
 def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
@@ -236,20 +273,28 @@ def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
     return np.full(count, beam.length / count)
 
 
-def _damped(spec: Spec, plan: Plan, built: Built) -> tuple[Chain, tuple[Damper, ...]]:
+def _damped(spec: Spec, plan: Plan, built: Built, warped: Mapping[str, Prewarp]) -> tuple[Chain, tuple[Damper, ...]]:
     """The wanted damping: tendons beside the chain, or dampers in its hinges where asked for or good enough."""
     chain, dampers = built.chain, []
     if spec.damping is None:
         return chain, ()
+    if spec.damping.form == "hinge" and any(plan.rates.size for plan in warped.values()):
+        raise InputError(
+            'damping.form = "hinge" cannot give each mode what "discrete" leaves of its damping; '
+            'use damping.form = "modal", or leave fit.timestep out.'
+        )
     hinged = chain
     for port in built.targets:
         hinged = joint_damping(hinged, port, spec.damping.ratios(port, chain.port(port).modes))
     if spec.damping.form == "hinge":
         return hinged, ()
-    if plan.choice is not None and plan.promise is not None and spec.scene is not None:
+    if plan.choice is not None and plan.promise is not None and spec.scene is not None and not warped:
         models = {port: hinged.port(port).replaced(damping=modal_ratios(hinged, port)) for port in built.targets}
         if plan.promise.error(models, dict.fromkeys(models, "hinge damping")) <= spec.scene.tolerance:
             return hinged, ()
     for port, target in built.targets.items():
-        dampers += tendons(chain, port, spec.damping.ratios(port, target.modes))
+        if port in warped and warped[port].rates.size:
+            dampers += loaded_tendons(chain, port, warped[port])
+        else:
+            dampers += tendons(chain, port, spec.damping.ratios(port, target.modes))
     return chain, tuple(dampers)

@@ -12,10 +12,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from beamchain import Damping, FitOptions, Imported, Modes, Spec, fit  # noqa: E402
-from beamchain.errors import BeamchainError  # noqa: E402
-from beamchain.structure.imported import Units  # noqa: E402
-from prints import cantilever, plate, whole  # noqa: E402
+from beamchain import Damping, FitOptions, Imported, Modes, Spec, fit
+from beamchain.errors import BeamchainError
+from beamchain.structure.imported import Units
+from prints import cantilever, plate, whole
 
 
 def told(label: str, spec: Spec) -> None:
@@ -26,14 +26,14 @@ def told(label: str, spec: Spec) -> None:
         try:
             result = fit(spec)
         except BeamchainError as error:
-            print(f"{label}: {error}")  # noqa: T201
+            print(f"{label}: {error}")
             return
         best = min(best, time.perf_counter() - start)
     space = result.space
     assert space is not None
     error, scale = space.error, np.sqrt(np.diag(space.target.rigid_mass))
     residual = np.linalg.eigvalsh(space.target.residual_mass / np.outer(scale, scale))[0]
-    print(  # noqa: T201
+    print(
         f"{label}: {space.form}, {space.target.modes} modes, {1e3 * best:.0f} ms; through MuJoCo: frequencies "
         f"{error.frequency:.1e}, participation {error.participation:.1e}, rigid mass {error.mass_error:.1e}, in-band "
         f"error in six motions {error.accelerance_in_band:.1e}; least residual mass {residual:.1e}"

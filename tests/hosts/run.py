@@ -38,7 +38,10 @@ def main(name: str) -> int:
         venv.create(folder, with_pip=True, clear=True)
         pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
         done = subprocess.run(
-            [*pip, "--editable", f".{extra}", "pytest>=8", *wanted], check=False, capture_output=True, text=True
+            [*pip, "--editable", f".{extra}", "pytest>=8", "mpmath", *wanted],
+            check=False,
+            capture_output=True,
+            text=True,
         )
         if done.returncode:
             said = (done.stderr.strip() or "pip failed").splitlines()[-1]

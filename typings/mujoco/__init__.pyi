@@ -21,24 +21,8 @@ class mjtTrn:
     mjTRN_JOINT: mjtTrn
     def __int__(self) -> int: ...
 
-class mjtJoint:
-    mjJNT_FREE: mjtJoint
-    mjJNT_HINGE: mjtJoint
-    def __int__(self) -> int: ...
-
-class mjtGeom:
-    mjGEOM_SPHERE: mjtGeom
-    mjGEOM_CAPSULE: mjtGeom
-    mjGEOM_CYLINDER: mjtGeom
-    mjGEOM_BOX: mjtGeom
-    def __int__(self) -> int: ...
-
 class mjtObj:
     mjOBJ_GEOM: mjtObj
-    def __int__(self) -> int: ...
-
-class mjtCatBit:
-    mjCAT_DYNAMIC: mjtCatBit
     def __int__(self) -> int: ...
 
 class mjtDisableBit:
@@ -50,6 +34,27 @@ class mjtDisableBit:
 
 class mjtEnableBit:
     mjENBL_SLEEP: mjtEnableBit
+    def __int__(self) -> int: ...
+
+class mjtJoint:
+    mjJNT_FREE: mjtJoint
+    mjJNT_HINGE: mjtJoint
+    mjJNT_SLIDE: mjtJoint
+    def __int__(self) -> int: ...
+
+class mjtGeom:
+    mjGEOM_SPHERE: mjtGeom
+    mjGEOM_CAPSULE: mjtGeom
+    mjGEOM_CYLINDER: mjtGeom
+    mjGEOM_BOX: mjtGeom
+    def __int__(self) -> int: ...
+
+class mjtCatBit:
+    mjCAT_DYNAMIC: mjtCatBit
+    def __int__(self) -> int: ...
+
+class mjtWarning:
+    mjWARN_BADQACC: mjtWarning
     def __int__(self) -> int: ...
 
 class MjModel:

@@ -9,6 +9,7 @@ from beamchain.assess.run_time import Ladder, Point
 
 Metric = Literal["error", "error_appendage"]
 
+TARGETS = (1e-2, 1e-3, 1e-4)  # errors that a study answers for
 SLOPE_POINTS = 3  # sizes n that an extrapolation takes, from the accurate end
 STEEPEST = 3.0  # decades of time per decade of error that an extrapolation believes
 
@@ -90,3 +91,13 @@ def _slope(points: Sequence[tuple[float, Point]]) -> float | None:
         return None
     slope = sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True)) / across
     return slope if 0.0 < slope <= STEEPEST else None
+
+
+def recommended_name(target: float) -> str:
+    """Name of the spec recommended for a target error."""
+    return f"recommended_{power(target)}.toml"
+
+
+def power(target: float) -> str:
+    """1e-2, 1e-3, ..."""
+    return f"1e{round(math.log10(target))}"

@@ -5,7 +5,7 @@ import sys
 
 import typer
 
-from beamchain.cli import embed, examples, fit, init, inspect, render, schema, seed, study, sweep
+from beamchain.cli import embed, examples, fit, init, inspect, render, schema, seed, stability, study, sweep
 from beamchain.cli.common import explain, version
 from beamchain.errors import BeamchainError
 
@@ -34,6 +34,7 @@ app.command(name="embed")(embed.embed)
 app.command(name="seed")(seed.seed)
 app.command(name="study")(study.study)
 app.command(name="sweep")(sweep.sweep)
+app.command(name="stability")(stability.stability)
 app.command(name="inspect")(inspect.inspect)
 app.command(name="schema")(schema.schema)
 app.command(name="render")(render.render)

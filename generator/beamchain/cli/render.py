@@ -1,5 +1,6 @@
 """`beamchain render` and `beamchain view`: looked at in MuJoCo."""
 
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,7 +10,7 @@ from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json
 from beamchain.errors import EngineError, InputError
 
 if TYPE_CHECKING:
-    import mujoco
+    from beamchain.engine.library import mujoco
 
 FRAMES, RATE = 108, 24.0  # four and a half seconds
 
@@ -119,7 +120,7 @@ def view(scene: Scene, as_json: Json = False, quiet: Quiet = False) -> None:
         )
     _, model = load(scene)
     try:
-        from mujoco import viewer
+        viewer = import_module("mujoco.viewer")
     except ImportError as error:
         raise EngineError(f"view: MuJoCo's viewer cannot be loaded ({error}); use beamchain render instead.") from None
     viewer.launch(model)

@@ -277,6 +277,21 @@ def _transition(
     return a, b, c, d
 
 
+def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: Array) -> Array:
+    """The share of `M^-1 K` that the integrator "discrete" treats implicitly, `(nv, nv)` [1/s^2].
+
+    All of a joint's spring, not a tendon's; read off A, whose velocity block is `(I + h M^-1 D + h^2 M^-1 Ki)^-1`.
+
+    Args:
+        model: compiled.
+        data: the state to linearise about.
+        damping: `(nv, nv)` `M^-1 D` [1/s].
+    """
+    nv, h = model.nv, float(model.opt.timestep)
+    a, *_ = _transition(model, data, EPSILON, INTEGRATORS["discrete"])
+    return (np.linalg.inv(a[nv : 2 * nv, nv : 2 * nv]) - np.eye(nv) - h * damping) / h**2
+
+
 def _dof_joints(model: "mujoco.MjModel") -> tuple[str, ...]:
     return tuple(model.joint(int(j)).name for j in model.dof_jntid)
 

@@ -2,13 +2,15 @@
 
 import time
 from dataclasses import dataclass
+from importlib import import_module
 
 import numpy as np
-from mujoco import rollout
 
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, rollout_engine
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.port import Array
+
+rollout = import_module("mujoco.rollout")  # the module beside the bindings that library.py vouches for
 
 STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
@@ -51,7 +53,7 @@ def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: 
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(_silent)  # else a simulation that blows up writes MUJOCO_LOG.TXT
     try:
-        with rollout.Rollout(nthread=0) as engine:
+        with rollout_engine() as engine:
             while done < steps:
                 count = min(piece, steps - done)
                 forces = np.zeros((1, count, model.nv))

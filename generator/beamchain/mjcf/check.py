@@ -22,11 +22,14 @@ NEUTRAL: dict[str, dict[str, str]] = {
     "site": {"group": "0", "type": "sphere", "size": "0.005", "rgba": "0.5 0.5 0.5 1", "pos": "0 0 0"},
     "fixed": {
         "group": "0", "limited": "false", "range": "0 0", "margin": "0", "frictionloss": "0", "stiffness": "0",
-        "springlength": "-1", "armature": "0", "solreflimit": "0.02 1", "solimplimit": "0.9 0.95 0.001 0.5 2",
+        "springlength": "-1", "width": "0.003",
+        "rgba": "0.5 0.5 0.5 1", "armature": "0", "solreflimit": "0.02 1", "solimplimit": "0.9 0.95 0.001 0.5 2",
         "solreffriction": "0.02 1", "solimpfriction": "0.9 0.95 0.001 0.5 2", "actuatorfrclimited": "false",
         "actuatorfrcrange": "0 0",
     },
 }  # fmt: skip
+
+TURNS = {"quat", "euler", "axisangle", "xyaxes", "zaxis"}
 
 #: what a default of this tag reaches
 REACHES = {"joint": "joint", "geom": "geom", "site": "site", "tendon": "fixed"}
@@ -47,8 +50,19 @@ def hostile(parts: Iterable[Element]) -> dict[str, dict[str, int]]:
 
 
 def shield(appendage: Element, found: Mapping[str, Mapping[str, int]]) -> None:
-    """Say explicitly what a parent's default would otherwise set on the appendage's elements."""
+    """Say explicitly what a parent's default would otherwise set on the appendage's elements.
+
+    Raises:
+        InputError: a default turns shapes or sites; MuJoCo 3 and 4 differ in what overrules that.
+    """
     for tag, names in found.items():
+        turned = TURNS & set(names) if tag in ("geom", "site") else set()
+        if turned:
+            raise InputError(
+                f"a default class of the spacecraft sets {min(turned)} on every {tag}, which would turn the "
+                'appendage\'s too; use form "attach", which no default of the spacecraft reaches, or take '
+                f"{min(turned)} out of it."
+            )
         for node in appendage.iter(tag):
             if node.get("name") is None:
                 continue  # a tendon's reference to a joint

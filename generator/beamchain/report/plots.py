@@ -24,6 +24,7 @@ from beamchain.report.curves import (
     span,
     worst_hub,
 )
+from beamchain.report.zoom import described
 from beamchain.structure.mass_line import MassLine
 
 if TYPE_CHECKING:

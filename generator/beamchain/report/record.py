@@ -140,6 +140,16 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
             "largest_step": limits.largest_step,
         },
         "accuracy": {name: {"1%": steps[0], "0.1%": steps[1]} for name, steps in limits.accuracy.items()},
+        "prewarp": {
+            port: {
+                "integrator": plan.integrator,
+                "timestep": plan.timestep,
+                "on_hub": plan.hub_mass is not None,
+                "shown": plan.wanted,
+                "chain": plan.aimed,
+            }
+            for port, plan in fit.prewarps.items()
+        },
         "left_out": [{"what": item.what, "why": item.why, "cost": item.cost} for item in fit.left_out],
         "scene": _scene_record(fit),
         "warnings": fit.warnings,

@@ -85,7 +85,7 @@ def row(reach: Reach, label: str, best: float) -> list[str]:
 
 def table(study: "Study", metric: Metric) -> Table:
     """What it takes to reach each target: our best, then the rivals."""
-    from beamchain.study import TARGETS, power
+    from beamchain.assess.front import TARGETS, power
 
     rows: list[list[str]] = []
     for target in TARGETS:
@@ -103,7 +103,7 @@ def table(study: "Study", metric: Metric) -> Table:
 
 def commands(study: "Study") -> list[str]:
     """Command lines that make the recommended chains from the specs written beside the report."""
-    from beamchain.study import TARGETS, power, recommended_name
+    from beamchain.assess.front import TARGETS, power, recommended_name
 
     return [
         f"beamchain fit {recommended_name(target)} -o {study.spec.name}_{power(target)}"

@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 
 from beamchain.assess import field
 from beamchain.assess.front import Metric, front
-from beamchain.assess.run_time import Point
 from beamchain.report.plots import OURS, STYLE
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ WORST = 2.0  # errors above are left out of the picture: nothing of the appendag
 
 
 def pareto_figure(study: "Study") -> Figure:
-    """Error against run time, both metrics, log-log: every point, and each model's front as a line.
+    """Error against run time, both metrics, log-log: each model's front.
 
     Args:
         study: what was measured.
@@ -70,8 +69,6 @@ def _panel(ax: "Axes", study: "Study", metric: Metric) -> None:
         mark = MARKS[list(field.OURS).index(model) if ours else grey]
         colour = COLOURS[model] if ours else ("#9a9a9a", "#707070", "#b4b4b4", "#555555", "#c4c4c4")[grey % 5]
         grey += not ours
-        points = [p for p in study.points if p.model == model and getattr(p, metric) < WORST]
-        _cloud(ax, points, metric, colour, mark)
         line = [pair for pair in front([x for x in study.ladders if x.entry.model == model], metric) if pair[0] < WORST]
         style: Any = {"color": colour, "marker": mark, "markersize": 4.5, "linewidth": 1.8 if ours else 1.1}
         ax.plot([1e3 * p.seconds for _, p in line], [e for e, _ in line], label=model, zorder=3 if ours else 2, **style)
@@ -96,11 +93,6 @@ def peer_panel(ax: "Axes", own: Points, peers: Mapping[str, Points], metric: Met
         ax.plot(
             *zip(*lower, strict=True), color=colour, marker=MARKS[i % len(MARKS)], label=name, **style
         ) if lower else None
-
-
-def _cloud(ax: "Axes", points: Sequence[Point], metric: Metric, colour: str, mark: str) -> None:
-    style: Any = {"color": colour, "marker": mark, "markersize": 2.2, "linestyle": "none", "alpha": 0.35}
-    ax.plot([1e3 * p.seconds for p in points], [getattr(p, metric) for p in points], zorder=1, **style)
 
 
 def growth_figure(growth: "Growth") -> Figure:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 def study_record(study: "Study") -> dict[str, Any]:
     """What study.json holds; `points`, `rigid_hub` and `to_reach` are the contract, the rest is added."""
     import beamchain
-    from beamchain.study import machine
+    from beamchain.engine.machine import machine
 
     scenario = study.scenario
     return {
@@ -49,7 +49,7 @@ def study_record(study: "Study") -> dict[str, Any]:
 
 
 def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
-    from beamchain.study import TARGETS, power
+    from beamchain.assess.front import TARGETS, power
 
     out: dict[str, Any] = {}
     for target in TARGETS:

@@ -98,8 +98,9 @@ def modal(n: int) -> Peer:
     w = response.free_frequencies[:n]
     values = np.concatenate([[np.sqrt(rigid)], response.free_port_values[:n, 1]])
     mbs = exu.SystemContainer().AddSystem()
-    node = mbs.AddNode(item.NodeGenericODE2(referenceCoordinates=[0.0] * (n + 1), initialCoordinates=[0.0] * (n + 1),
-                                            initialCoordinates_t=[0.0] * (n + 1), numberOfODE2Coordinates=n + 1))  # fmt: skip
+    rest = [0.0] * (n + 1)
+    node = mbs.AddNode(item.NodeGenericODE2(referenceCoordinates=rest, initialCoordinates=rest,
+                                            initialCoordinates_t=rest, numberOfODE2Coordinates=n + 1))  # fmt: skip
     mbs.AddObject(item.ObjectGenericODE2(nodeNumbers=[node], massMatrix=np.eye(n + 1),
                                          stiffnessMatrix=np.diag([0.0, *w**2])))  # fmt: skip
     loads = []
@@ -197,7 +198,7 @@ def main(path: Path) -> None:
         for p in peers
         if "ANCF" not in p.model
     }
-    points = measure(peers, 0.5, limits=limits)
+    points = measure(peers, 1.0, rungs=24, limits=limits)
     write(points, path)
     for p in points:
         print(f"{p['model']:14} n={p['n']} h={p['timestep']:.4g} error {p['error']:.2e} {1e3 * p['seconds']:.3f} ms")

@@ -1,0 +1,149 @@
+"""One step of a linear model, exactly as each integrator takes it: its matrix, its poles, its largest stable step.
+
+`M q'' + D q' + K q = 0` with any symmetric damping. The semi-implicit integrators solve
+
+    (M + h Di + h^2 Ki) v+ = (M - h De) v - h K q,   q+ = q + h v+,
+
+where `Di` is the damping the integrator treats implicitly, `De = D - Di` the rest, and `Ki` the implicit stiffness
+("discrete" only; `Ki = K` for joint springs).
+A pole z of the step belongs to `a z^2 - (a + c - h^2 k) z + c = 0` with `a = m + h di + h^2 ki`, `c = m - h de` for
+some shape x (small letters: x* M x ...). For symmetric matrices it leaves the unit circle at z = -1, which is where
+`2 (A + C) - h^2 K` first turns singular: `4 M + 2 h (Di - De) + h^2 (2 Ki - K)`, a quadratic eigenvalue problem in 1/h
+whose roots are all real. So the limit needs no search and holds for damping that couples the modes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, linear_sum_assignment
+
+from beamchain.assess.stability import INTEGRATORS
+from beamchain.checks import one_of
+from beamchain.errors import EngineError
+from beamchain.port import Array
+
+Poles = NDArray[np.complex128]
+
+AT_REST = 1e-5  # poles nearer to 1 than this are rigid motion: a double pole at 1 moves by the root of the rounding
+RIGID = 1e-11  # squared frequency, relative to the largest, below which a motion has no spring
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """A linear model in units of its own mass matrix.
+
+    Args:
+        stiffness: `(nv, nv)` `M^-1 K` [1/s^2].
+        damping: `(nv, nv)` `M^-1 D`, all of it [1/s].
+        euler_damping: `(nv, nv)` the share of `damping` that Euler integrates implicitly (that of joints).
+        discrete_stiffness: `(nv, nv)` the share of `stiffness` that "discrete" integrates implicitly.
+    """
+
+    stiffness: Array
+    damping: Array
+    euler_damping: Array
+    discrete_stiffness: Array
+
+    def poles(self) -> Poles:
+        """`(2 nv,)` poles of the continuous system [1/s]."""
+        n = self.stiffness.shape[0]
+        f = np.block([[np.zeros((n, n)), np.eye(n)], [-self.stiffness, -self.damping]])
+        return np.asarray(np.linalg.eigvals(f), dtype=np.complex128)
+
+    def _parts(self, integrator: str) -> tuple[Array, Array, Array]:
+        """Implicit damping, explicit damping, implicit stiffness."""
+        nothing = np.zeros_like(self.stiffness)
+        if integrator == "Euler":
+            return self.euler_damping, self.damping - self.euler_damping, nothing
+        return self.damping, nothing, self.discrete_stiffness if integrator == "discrete" else nothing
+
+    def step(self, integrator: str, timestep: float) -> Array:
+        """`(2 nv, 2 nv)` one step in the states (q, h v), so that all entries are pure numbers.
+
+        Args:
+            integrator: MuJoCo's name; "RK4" is also what a host with an explicit Runge-Kutta of order 4 takes.
+            timestep: [s].
+        """
+        one_of("integrator", integrator, INTEGRATORS)
+        h, n = timestep, self.stiffness.shape[0]
+        eye = np.eye(n)
+        if integrator == "RK4":
+            f = np.block([[np.zeros((n, n)), eye], [-(h**2) * self.stiffness, -h * self.damping]])
+            out, term = np.eye(2 * n), np.eye(2 * n)
+            for k in range(1, 5):
+                term = term @ f / k
+                out = out + term
+            return np.asarray(out, dtype=np.float64)
+        implicit, explicit, spring = self._parts(integrator)
+        solved = np.linalg.solve(
+            eye + h * implicit + h**2 * spring, np.hstack([h**2 * self.stiffness, eye - h * explicit])
+        )
+        pull, keep = solved[:, :n], solved[:, n:]
+        return np.asarray(np.block([[eye - pull, keep], [-pull, keep]]), dtype=np.float64)
+
+    def spectral_radius(self, integrator: str, timestep: float) -> float:
+        """Largest modulus of a pole of the step, rigid motion left out."""
+        poles = np.linalg.eigvals(self.step(integrator, timestep))
+        return float(np.max(np.abs(poles[np.abs(poles - 1.0) > AT_REST]), initial=0.0))
+
+    def largest_step(self, integrator: str) -> float:
+        """Largest stable step [s]; infinity where there is none.
+
+        Raises:
+            EngineError: the model falls over by itself (negative stiffness or damping): no step is stable.
+        """
+        one_of("integrator", integrator, INTEGRATORS)
+        poles = self.poles()
+        fastest = float(np.max(np.abs(poles), initial=0.0))
+        if np.any(poles.real > 1e-5 * fastest):
+            raise EngineError(
+                f"the model is unstable about its rest pose at any step (a pole at {np.max(poles.real):.3g} 1/s): "
+                "a spring or damper is negative, or gravity tips it over; linearise it about a stable pose."
+            )
+        if integrator == "RK4":
+            return min((runge_kutta_limit(p) for p in poles[np.abs(poles) > 1e-5 * fastest]), default=float("inf"))
+        implicit, explicit, spring = self._parts(integrator)
+        n = self.stiffness.shape[0]
+        companion = np.block(
+            [
+                [np.zeros((n, n)), np.eye(n)],
+                [(self.stiffness - 2.0 * spring) / 4.0, (explicit - implicit) / 2.0],
+            ]
+        )
+        inverse = np.linalg.eigvals(companion)
+        real = inverse.real[(np.abs(inverse.imag) <= 1e-6 * np.abs(inverse)) & (inverse.real > 1e-9 * fastest)]
+        return 1.0 / float(np.max(real)) if real.size else float("inf")
+
+    def shown(self, integrator: str, timestep: float, wanted: Poles) -> Poles:
+        """What the simulation shows in place of each of the `wanted` continuous poles: `log(z) / h` [1/s].
+
+        Args:
+            integrator: MuJoCo's name.
+            timestep: [s].
+            wanted: `(k,)` oscillating poles with positive imaginary part.
+        """
+        z = np.linalg.eigvals(self.step(integrator, timestep)).astype(np.complex128)
+        z = z[np.abs(z) > 1e-14]
+        s = np.log(z) / timestep
+        s = s[s.imag >= -1e-9 * np.abs(s)]
+        cost = np.abs(np.log(np.maximum(np.abs(s[None, :]), 1e-300) / np.abs(wanted)[:, None]))
+        rows, columns = linear_sum_assignment(np.minimum(cost, 1e3))
+        out = np.full(wanted.size, np.nan + 0j)
+        out[rows] = s[columns]
+        return out
+
+
+def runge_kutta_limit(pole: complex) -> float:
+    """Largest step [s] at which the classical Runge-Kutta polynomial does not let a continuous pole [1/s] grow."""
+    size = abs(pole)
+    direction = pole / size if pole.real < 0.0 else 1j  # a pole right of the axis by rounding counts as undamped
+
+    def excess(x: float) -> float:
+        s = x * direction
+        return abs(1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0)))) - 1.0
+
+    grid = np.linspace(0.5, 4.0, 351)
+    over = np.flatnonzero(np.array([excess(float(x)) for x in grid]) > 1e-12)
+    first = int(over[0])
+    return float(brentq(excess, float(grid[first - 1]), float(grid[first]), xtol=1e-14)) / size

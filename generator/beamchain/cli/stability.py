@@ -1,0 +1,96 @@
+"""`beamchain stability`: the step at which a model blows up, before it is simulated."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json
+
+if TYPE_CHECKING:
+    from beamchain.assess.budget import Budget
+    from beamchain.stability import StabilityStudy
+
+
+def stability(
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="SPEC.toml|MODEL.xml", help="An appendage, or any MuJoCo model.", show_default=False),
+    ],
+    output: Folder,
+    as_json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Step limits predicted and measured, steps for an accuracy, damping each integrator adds, large motion.
+
+    Writes stability.json into DIR.
+
+    Example: beamchain stability boom.toml -o boom-stability
+    """
+    from rich.progress import Progress, SpinnerColumn, TextColumn
+
+    from beamchain.files import write_files
+    from beamchain.report.record import to_json
+    from beamchain.stability import study
+
+    with Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), transient=True, disable=quiet or as_json
+    ) as progress:
+        step = progress.add_task("reading")
+        result = study(source, lambda text: progress.update(step, description=text))
+        record = result.as_dict()
+        files: dict[Path, str | bytes] = {output / "stability.json": to_json(record)}
+        write_files(files, force=force)
+    if as_json:
+        print_json(record)
+    elif not quiet:
+        _show(result)
+        for file in files:
+            console().print(f"wrote {file}")
+    if any(abs(r.difference) > 0.01 for r in result.rows):
+        raise typer.Exit(3)
+
+
+def _show(result: "StabilityStudy") -> None:
+    from rich.table import Table
+
+    out = console()
+    limits = Table(title="largest stable step, predicted and measured", title_justify="left")
+    for column in ("model", "integrator", "predicted s", "measured s", "difference"):
+        limits.add_column(column, justify="left" if column in ("model", "integrator") else "right")
+    for row in result.rows:
+        if row.predicted == row.measured:
+            limits.add_row(row.name, row.integrator, "none", "none", "-")
+        else:
+            limits.add_row(
+                row.name, row.integrator, f"{row.predicted:.5g}", f"{row.measured:.5g}", f"{row.difference:+.1e}"
+            )
+    out.print(limits)
+    for budget in result.budgets:
+        out.print(_budget_table(budget))
+    for limit in result.large.values():
+        spin, acceleration, slew = (
+            "none found" if v == float("inf") else f"{v:.4g} {unit}"
+            for v, unit in ((limit.spin, "rad/s"), (limit.acceleration, "m/s^2"), (limit.slew, "rad/s^2"))
+        )
+        out.print(
+            f"large motion in {limit.port}, within 1 % of 60 links up to: spin {spin}, "
+            f"acceleration {acceleration}, slew {slew}"
+        )
+    for warning in result.warnings:
+        out.print(f"[yellow]note[/yellow]: {warning}")
+
+
+def _budget_table(budget: "Budget") -> Any:
+    from rich.table import Table
+
+    table = Table(title=f"{budget.name}: damping ratio shown at {budget.timestep:g} s", title_justify="left")
+    for column in ("rad/s", "structure", *budget.shown):
+        table.add_column(column, justify="right")
+    for i, (w, z) in enumerate(zip(budget.frequencies, budget.ratios, strict=True)):
+        shown = ["unstable" if v[i, 0] != v[i, 0] else f"{v[i, 1]:.4g}" for v in budget.shown.values()]
+        table.add_row(f"{w:.6g}", f"{z:.4g}", *shown)
+    steps = [f"{name} {one:.4g} / {tenth:.4g}" for name, (one, tenth) in budget.accuracy.items()]
+    table.caption = f"steps for 1 % / 0.1 % of the first frequency [s]: {', '.join(steps)}"
+    return table
