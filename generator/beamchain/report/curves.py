@@ -46,6 +46,13 @@ class Response(NamedTuple):
         pole = size[at] + size[at + 1] > size[at - 2] + size[at + 3]
         return middle[pole], middle[~pole]
 
+    def phase(self, i: int, j: int) -> tuple[Array, Array]:
+        """Frequencies [rad/s] and phase [degrees] of one entry, at the ends and on both sides of each turn."""
+        turned = np.where(self.values[i, j] < 0.0, 180.0, 0.0)
+        at = np.flatnonzero(np.diff(turned))
+        keep = np.unique(np.concatenate([[0], at, at + 1, [turned.size - 1]]))
+        return self.omega[keep], turned[keep]
+
 
 class ErrorCurve(NamedTuple):
     """The in-band error before its maximum is taken: `error` `(k,)` at `omega` `(k,)` [rad/s]."""

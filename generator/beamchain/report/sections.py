@@ -1,7 +1,7 @@
 """The sections of report.html as plain tables, pictures and sentences; the template lays them out."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from beamchain.report.curves import METHODS, beam_model, chain_label, count, riv
 from beamchain.report.page import Block, Lines, Picture, Pictures, Section, Table, Text, inline
 from beamchain.report.plots import percent, short
 from beamchain.report.record import mass_record
+from beamchain.report.shapes import shapes_svg
 from beamchain.report.spec_text import spec_toml
 from beamchain.spec import port_hub_mass
 from beamchain.structure.beam import Beam
@@ -55,8 +56,10 @@ def _kept(fit: "Fit") -> str:
     return first if not more else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def _left_out(item: Any) -> str:
-    return "; ".join(f"{key}: {value}" for key, value in item.items()) if isinstance(item, dict) else str(item)
+def _left_out(items: Sequence[Mapping[str, Any]]) -> list[Block]:
+    rows = [[str(i["what"]), str(i["why"]), percent(float(i["cost"])) if i["cost"] else "nothing"] for i in items]
+    note = "Cost: relative change of the hub's motion within the band that leaving it out alone makes."
+    return [Table(rows, ["left out", "why", "cost"], note=note, words=True)]
 
 
 def _sentence(text: str) -> str:
@@ -113,7 +116,9 @@ def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     return Verdict(not missed, f"{text}.")
 
 
-def all_sections(fit: "Fit", pictures: Pictures, rivals: RivalErrors, left_out: Sequence[Any]) -> list[Section]:
+def all_sections(
+    fit: "Fit", pictures: Pictures, rivals: RivalErrors, left_out: Sequence[Mapping[str, Any]]
+) -> list[Section]:
     """The page from top to bottom.
 
     Args:
@@ -131,10 +136,13 @@ def all_sections(fit: "Fit", pictures: Pictures, rivals: RivalErrors, left_out: 
         Section("The chain", _chain(fit, pictures)),
         Section("Time steps", _steps(fit)),
     ]
+    shapes = _shapes(fit)
+    if shapes:
+        out.insert(3, Section("Shapes of the modes kept", shapes))
     if fit.warnings:
         out.append(Section("Before you use it", [Lines([_sentence(text) for text in fit.warnings])]))
     if left_out:
-        out.append(Section("Left out", [Lines([_left_out(item) for item in left_out])]))
+        out.append(Section("Left out", _left_out(left_out)))
     return [*out, Section("How it went", _history(fit)), Section("To reproduce", _reproduce(fit))]
 
 
@@ -183,10 +191,10 @@ def _accelerances(fit: "Fit", pictures: Pictures) -> list[Block]:
             f"Accelerance of the root in {port} over frequency: the beam, the chain through MuJoCo, and other chains."
         )
         caption = (
-            f"Port {port}: acceleration of the free root per wrench on it, undamped. Where blue has a black core, "
-            "chain and beam agree; the shaded band is the one kept."
+            f"Port {port}: acceleration of the free root per wrench on it, magnitude and phase, undamped. Where "
+            "blue has a black core, chain and beam agree; the shaded band is the one kept."
         )
-        blocks.append(Picture(inline(pictures[f"accelerance_{port}.svg"], label), caption))
+        blocks.append(Picture(inline(pictures[f"accelerance_{port}.svg"], label), caption, "zoom"))
     return blocks
 
 
@@ -215,6 +223,16 @@ def _modes(fit: "Fit", port: str) -> Table:
     return Table(rows, head, caption=f"Port {port}", note=note)
 
 
+def _shapes(fit: "Fit") -> list[Block]:
+    """Per port the mode shapes, where there are any."""
+    caption = (
+        "Port {}: cantilever modes, mass-normalised, root on the left. Black: the beam; blue: the chain, white dots "
+        "its hinges. Faster modes ring faster; the amplitude is the eye's."
+    )
+    drawn = {port: shapes_svg(fit, port) for port in fit.target}
+    return [Picture(svg, caption.format(port), "ring") for port, svg in drawn.items() if svg]
+
+
 def _against_beam(fit: "Fit", rivals: RivalErrors, pictures: Pictures) -> list[Block]:
     labels = list(dict.fromkeys(label for found in rivals.values() for label in found))
     rows: list[list[str]] = []
@@ -233,7 +251,7 @@ def _against_beam(fit: "Fit", rivals: RivalErrors, pictures: Pictures) -> list[B
         caption = (
             f"Port {port}: error of the hub's motion at each frequency; its largest in the band is the in-band error."
         )
-        blocks.append(Picture(inline(pictures[f"error_{port}.svg"], label), caption))
+        blocks.append(Picture(inline(pictures[f"error_{port}.svg"], label), caption, "zoom"))
     blocks += [_frequencies(fit, port) for port in fit.target]
     return blocks
 
