@@ -146,8 +146,10 @@ class Print:
         m = np.ones(modes.frequencies.size) if modes.generalized is None else modes.generalized
         title = [
             f"{'':46}R E A L   E I G E N V A L U E S",
-            "   MODE    EXTRACTION      EIGENVALUE            RADIANS             CYCLES            GENERALIZED         GENERALIZED",
-            "    NO.       ORDER                                                                       MASS              STIFFNESS",
+            "   MODE    EXTRACTION      EIGENVALUE            RADIANS             CYCLES            GENERALIZED     "
+            "    GENERALIZED",
+            "    NO.       ORDER                                                                       MASS         "
+            "     STIFFNESS",
         ]
         rows = [
             f"{k:9d} {k:9d}        " + "        ".join(number(v) for v in (w**2, w, w / 2 / np.pi, g, g * w**2))
@@ -158,7 +160,8 @@ class Print:
     def sixes(self, modes: Modes, values: np.ndarray, title: str, subcase: int = 1, *, total: bool = True) -> None:
         head = [
             f"{'':53}{title}", "",
-            "    MODE     FREQUENCY               T1                T2                T3                R1                R2                R3",
+            "    MODE     FREQUENCY               T1                T2                T3                R1          "
+            "      R2                R3",
             "     NO.", "",
         ]  # fmt: skip
         rows = [

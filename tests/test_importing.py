@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from appendages import panels, soft_root_boom, stepped_boom, tapered_boom, timoshenko_boom, tip_loaded_boom
-from beamchain import Damping, FitOptions, Hub, Imported, Modes, Root, Spec, fit
+from beamchain import Damping, FitOptions, Hub, Imported, Modes, Root, Spec, embed, fit, read_spec
 from beamchain.assess.error import compare
 from beamchain.chain.realise import realise, realise_scalar
 from beamchain.cli import app
@@ -243,6 +243,37 @@ def test_the_files_run_in_mujoco(tmp_path, form):
     assert np.all(np.isfinite(state.qpos))
 
 
+@pytest.mark.parametrize("make", [tapered_boom, tip_loaded_boom])
+def test_a_beam_as_oscillators(make):
+    result = fit(make(), modes={"xz": 2}, options=FitOptions(form="oscillators"))
+    direct = fit(make(), modes={"xz": 2})
+    assert {item.kind for item in result.oscillators.items} == {"slider"}
+    found = compare(result.achieved["xz"], direct.achieved["xz"])
+    assert max(found.frequency, found.participation) < MUJOCO
+    assert result.error["xz"].accelerance_in_band == pytest.approx(direct.error["xz"].accelerance_in_band, rel=1e-3)
+    with pytest.raises(InputError, match="neither a payload"):
+        fit(make(), options=FitOptions(form="oscillators", method="classical"))
+
+
+@pytest.mark.parametrize("form", ["chain", "oscillators"])
+def test_embedded_in_a_spacecraft(tmp_path, form):
+    (tmp_path / "array.f06").write_text(
+        whole(cantilever(0.3), weight=True) if form == "chain" else whole(plate().in_units(1e-3, 1e3))
+    )
+    units = "" if form == "chain" else "units = { length = 1e-3, mass = 1e3 }\n"
+    spec = tmp_path / "array.toml"
+    spec.write_text(f'name = "array"\n[imported]\nfile = "array.f06"\n{units}')
+    craft = tmp_path / "craft.xml"
+    craft.write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/><inertial pos="0.1 0 0" mass="3" '
+        'diaginertia="0.1 0.2 0.15"/><site name="mount" pos="0.2 0.1 0" euler="10 20 30"/></body></worldbody></mujoco>'
+    )
+    record = embed(craft, {"mount": read_spec(spec)}).as_dict()
+    pairs = [(m["exact"], m["mujoco"]) for m in record["modes"]]
+    assert len(pairs) == (5 if form == "chain" else 21)
+    assert max(abs(ours / exact - 1.0) for exact, ours in pairs) < MUJOCO
+
+
 def test_words_for_what_does_not_fit():
     beam = torsion_boom()
     with pytest.raises(InputError, match=r"\[imported\] and segment are both given"):
@@ -252,12 +283,12 @@ def test_words_for_what_does_not_fit():
     with pytest.raises(InputError, match='method = "classical" needs a beam'):
         Spec(imported=Imported(file="a.f06"), fit=FitOptions(method="classical"))
     with pytest.raises(InputError, match="needs a beam; give it as"):
-        Spec(imported=Imported(file="a.f06")).beam
+        _ = Spec(imported=Imported(file="a.f06")).beam
     with pytest.raises(InputError, match="does not exist"):
         fit(Spec(imported=Imported(file="nowhere.f06")))
     data = ModalData.from_beam(beam, {"xz": 1})
     with pytest.raises(InputError, match=r"only 1 of the imported modes move mainly in xz"):
         fit(data, modes={"xz": 2})
     backwards = data.moved((0.0, 0.0, 0.0), np.diag([-1.0, -1.0, 1.0]))
-    with pytest.raises((InputError, RealisationError), match="does not hold the mass|no exact chain"):
+    with pytest.raises((InputError, RealisationError), match=r"does not hold the mass|no exact chain"):
         fit(backwards, options=FitOptions(form="chain"))

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -220,10 +221,10 @@ def frame(elements: int = 6, length: float = 2.0) -> tuple[np.ndarray, np.ndarra
 
     def bending(dofs, stiff, sign):
         s = np.diag([1.0, sign, 1.0, sign])
-        kb = stiff / le**3 * np.array([[12, 6 * le, -12, 6 * le], [6 * le, 4 * le**2, -6 * le, 2 * le**2],
-                                       [-12, -6 * le, 12, -6 * le], [6 * le, 2 * le**2, -6 * le, 4 * le**2]])  # fmt: skip
-        mb = rho * le / 420 * np.array([[156, 22 * le, 54, -13 * le], [22 * le, 4 * le**2, 13 * le, -3 * le**2],
-                                        [54, 13 * le, 156, -22 * le], [-13 * le, -3 * le**2, -22 * le, 4 * le**2]])  # fmt: skip
+        kb = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]]) * stiff / le**3
+        mb = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) * rho * le / 420
+        by_length = np.outer([1, le, 1, le], [1, le, 1, le])
+        kb, mb = kb * by_length, mb * by_length
         k[np.ix_(dofs, dofs)] += s @ kb @ s
         m[np.ix_(dofs, dofs)] += s @ mb @ s
 
@@ -298,8 +299,8 @@ def test_matrices_that_do_not_serve_are_refused(tmp_path):
 
 def test_op2_tables():
     class Table:
-        radians = [3.0, 5.0]
-        generalized_mass = [1.0, 4.0]
+        radians = (3.0, 5.0)
+        generalized_mass = (1.0, 4.0)
 
     rows = np.zeros((2, 6))
     rows[:, 2] = 0.5, 0.1
@@ -322,7 +323,7 @@ def test_spread_mass_has_the_moments_it_was_made_from(mass, centre, gyration):
     total = line.moments(0.0, 1.0, closed=True)
     assert total[:4] == pytest.approx((mass, mass * centre, rigid[5, 5], 0.2), rel=1e-9)
     edges = np.linspace(0.0, 1.0, 30)
-    pieces = [line.moments(a, b, closed=b == 1.0).mass for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    pieces = [line.moments(a, b, closed=b == 1.0).mass for a, b in pairwise(edges)]
     assert min(pieces) >= 0.0
     assert sum(pieces) == pytest.approx(mass, rel=1e-12)
 

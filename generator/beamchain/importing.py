@@ -1,18 +1,16 @@
-"""Imported modes -> a verified drop-in file: chain or oscillators, chosen by how much the modes leak between the "
-"ports."""
+"""Imported modes -> a verified drop-in file: chain or oscillators, by how much the modes leak between ports."""
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from beamchain.assess.error import DEFAULT_RATIO, Comparison, compare, in_band_error
 from beamchain.assess.stability import coupled_limits
-from beamchain.chain.build import Built, Status, TargetOf, build_exact
+from beamchain.chain.build import Built, Status
 from beamchain.chain.chain import Chain, Link
 from beamchain.chain.damping import Damper, joint_damping, tendons
-from beamchain.chain.near import build_near
+from beamchain.chain.near import build_chain, same_planes
 from beamchain.chain.oscillators import LEAST, Oscillators, realise_oscillators
 from beamchain.engine.bench import Measured, ballast_for, measure
 from beamchain.engine.space import block, measure_in_space
@@ -28,7 +26,6 @@ from beamchain.structure.modal_data import ModalData
 
 DECOUPLED = 1e-3  # part of a mode outside its port up to which a chain is taken: its loss is of that order
 SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
-POLAR_SHARES = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01)  # of the polar inertia a chain is tried with
 UNDAMPED = 1e-8  # ratio up to which a mode counts as undamped
 EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode
 
@@ -110,8 +107,7 @@ def _case(spec: Spec, data: ModalData) -> _Case:
         if wanted is not None:
             raise InputError(
                 "[modes] and imported.modes are both given; name the modes by number (imported.modes) or count them "
-                "per "
-                "port ([modes])."
+                "per port ([modes])."
             )
         numbers: list[int] = []
         for port, count in spec.modes.counts().items():
@@ -147,7 +143,7 @@ def _chain_fit(case: _Case, why: str, started: float, *, ok: bool = True) -> Fit
     spec, data, kept = case.spec, case.data, case.kept
     clock = [started, time.perf_counter()]
     targets = {port: kept.port(port, own=True) for port in PORTS if port in kept.belongs}
-    _same_planes(targets, kept.tolerance)
+    same_planes(targets, kept.tolerance)
     target = spec.root.target or "clamped"
     whole = {port: data.port(port, own=True) for port in targets} if target in ("free", "hub") else {}
 
@@ -163,7 +159,7 @@ def _chain_fit(case: _Case, why: str, started: float, *, ok: bool = True) -> Fit
         return targets[port].truncated(count)
 
     counts = {port: model.modes for port, model in targets.items()}
-    built, line, notes = _build(data.line(), counts, targets, target_of)
+    built, line, notes = build_chain(data.line(), counts, targets, target_of)
     chain, dampers = _damped(spec, built)
     clock.append(time.perf_counter())
     tree = write.appendage(chain, spec.name, beam=line, dampers=dampers, visuals=case.scene.visuals)
@@ -173,68 +169,12 @@ def _chain_fit(case: _Case, why: str, started: float, *, ok: bool = True) -> Fit
     achieved = _living(in_space(measured.ports, measured.rigid_mass), live)
     space = _space(case, "chain", why, achieved, live, None)
     loss = (
-        f"against all six motions of the imported modes its in-band error is {space.error.accelerance_in_band:.2e} "
-        "up to "
-        f"{case.band(kept.space()):.4g} rad/s."
+        f"against all six motions of the imported modes its in-band error is {space.error.accelerance_in_band:.2e} up "
+        f"to {case.band(kept.space()):.4g} rad/s."
     )
     message = " ".join([f"{why}.", built.status.message, *notes, loss])
     status = Status(built.status.ok and ok and not notes, message, (*data.steps, *built.status.history))
     return _finish(case, chain, built.targets, measured, space, line, dampers, status, clock)
-
-
-def _build(
-    line: MassLine, counts: Mapping[str, int], targets: Mapping[str, PortModel], target_of: TargetOf
-) -> tuple[Built, MassLine, list[str]]:
-    """The exact chain, else the nearest; thin links that cannot carry a wide appendage's polar inertia carry less "
-    "of it."""
-    reasons: list[RealisationError] = []
-
-    def exact(own: MassLine) -> Built:
-        return build_exact(own, counts, target_of)
-
-    def near(own: MassLine) -> Built:
-        return build_near(own, targets)
-
-    for build in (exact, near):
-        for share in POLAR_SHARES:
-            own = line if share == 1.0 else _narrowed(line, share)
-            try:
-                built = build(own)
-            except RealisationError as error:
-                reasons.append(error)
-                if "polar" not in str(error) and "both planes" not in str(error):
-                    break
-                continue
-            if share == 1.0:
-                return built, line, []
-            note = f"The links are too thin for the appendage's width: they carry {share:g} of its polar inertia."
-            return built, line, [note]
-    raise reasons[0]
-
-
-def _narrowed(line: MassLine, share: float) -> MassLine:
-    """The line with a share of its polar inertia, and none that its breadth adds in one plane only."""
-    assert isinstance(line, SpreadMass)
-    keep = np.array([1.0, share, 0.0, 0.0])
-    pieces = tuple(replace(piece, densities=piece.densities * keep) for piece in line.pieces)
-    return replace(line, pieces=pieces, points=line.points * np.array([1.0, *keep]))
-
-
-def _same_planes(targets: dict[str, PortModel], tolerance: float) -> None:
-    """Planes that agree within the print become one, so that they share their hinges."""
-    if not {"xy", "xz"} <= set(targets):
-        return
-    a, b = targets["xy"], targets["xz"]
-    if a.modes != b.modes:
-        return
-    scale = np.sqrt(np.diag(a.rigid_mass))
-    gap = max(
-        float(np.max(np.abs(a.frequencies / b.frequencies - 1.0))),
-        float(np.max(np.abs((a.participation - b.participation) / scale))),
-        float(np.max(np.abs((a.rigid_mass - b.rigid_mass) / np.outer(scale, scale)))),
-    )
-    if gap <= tolerance:
-        targets["xz"] = b.replaced(rigid_mass=a.rigid_mass, frequencies=a.frequencies, participation=a.participation)
 
 
 def _damped(spec: Spec, built: Built) -> tuple[Chain, tuple[Damper, ...]]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 from beamchain.assess.error import compare, in_band_error
@@ -94,7 +95,22 @@ def fit(
         from beamchain.importing import fit_imported  # which returns a Fit
 
         return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
+    if spec.fit.form == "oscillators":
+        return _beam_as_oscillators(spec)
     return _fit(spec)
+
+
+def _beam_as_oscillators(spec: Spec) -> Fit:
+    """A beam's modes as oscillators: its modal data, as if another program had computed them."""
+    from beamchain.importing import fit_imported
+
+    if spec.payload is not None or spec.fit.method != "exact":
+        raise InputError(
+            'form = "oscillators" takes neither a payload nor another method than "exact"; use form = "chain" there.'
+        )
+    kept = spec.kept
+    data = ModalData.from_beam(spec.beam, kept, every=True)
+    return fit_imported(msgspec.structs.replace(spec, modes=Modes(**kept)), data)
 
 
 def _fit(spec: Spec) -> Fit:

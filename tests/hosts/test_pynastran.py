@@ -7,9 +7,7 @@ from beamchain.errors import InputError
 from beamchain.structure.readers import nastran_op2, read_modes
 
 pytestmark = pytest.mark.host
-pyNastran = pytest.importorskip(
-    "pyNastran", reason="the extra nastran is not installed: pip install 'beamchain[nastran]'"
-)
+pytest.importorskip("pyNastran", reason="the extra nastran is not installed: pip install 'beamchain[nastran]'")
 
 
 def test_its_own_tables_are_understood():

@@ -140,9 +140,8 @@ def realise_oscillators(
     if miss > tolerance:
         raise RealisationError(
             f"the rigid mass matrix differs by {miss:.1e} from a rigid body's (its mass depends on the direction, as "
-            "when "
-            "an a-set leaves freedoms out), which no set of bodies can be; give the mass of the grid point weight "
-            "generator."
+            "when an a-set leaves freedoms out), which no set of bodies can be; give the mass of the grid point "
+            "weight generator."
         )
     worst = -np.inf
     # first a star around the mass centre; then with free places where most is left; then with shared masses
@@ -201,7 +200,7 @@ class _Builder:
         self.hinged |= self.others[-1].kind == "screw"
 
     def _hinged(self, mode: int, omega: float, ratio: float, f: Array, g: Array) -> Oscillator:
-        """A body on a hinge perpendicular to the force; see the module's head and `CONTRIBUTING`.
+        """A body on a hinge perpendicular to the force; see the module's head.
 
         With e1 along the force, e2 along the hinge, e3 = e1 x e2, the body's mass m, its centre at `rho e3` from the
         hinge and `J = I22 + m rho^2`: force `m rho / sqrt(J)` along e1, moment about the mass centre of the whole

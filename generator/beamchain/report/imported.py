@@ -44,8 +44,7 @@ def _modes(space: "InSpace") -> list[Block]:
     head = ["mode", "rad/s", "Hz", "x", "y", "z", "rot. x", "rot. y", "rot. z", "port", "outside it", "damping ratio"]
     note = (
         "Participation of the mass-normalised modes about the port, in appendage axes: √kg and √kg m. “Outside it”: "
-        "part "
-        "of the participation that lies in other ports, every motion scaled by its rigid mass."
+        "part of the participation that lies in other ports, every motion scaled by its rigid mass."
     )
     error = space.error
     seen = (
@@ -70,8 +69,7 @@ def _oscillators(made: "Oscillators", pictures: Pictures) -> list[Block]:
     head = ["mode", "kind", "axis", "at, m", "mass, kg", "stiffness", "damping", "rides in"]
     note = (
         f"Root body: {made.root.mass:.6g} kg at {_vector(made.root.centre)} m. Stiffness of a slider in N/m, of a "
-        "rotor or "
-        "screw in N m/rad. Linear and exact at the port; no geometric stiffening and no shape of its own."
+        "rotor or screw in N m/rad. Linear and exact at the port; no geometric stiffening and no shape of its own."
     )
     return [Picture(inline(pictures["chain.svg"], label), caption), Table(rows, head, note=note)]
 

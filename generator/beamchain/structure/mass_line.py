@@ -198,10 +198,9 @@ def spread(rigid_mass: ArrayLike, length: float, stiffness: Mapping[str, float] 
 
     if not (0.0 < c < 1.0 and feasible(0.0)):
         raise InputError(
-            f"length = {length:.6g} m does not hold the mass: its centre lies at x = {c * length:.6g} m with a "
-            "radius of "
-            f"gyration of {np.sqrt(max(q - c * c, 0.0)) * length:.6g} m; check length, reference (the port), axes (x "
-            "from the root outwards) and units."
+            f"length = {length:.6g} m does not hold the mass: its centre lies at x = {c * length:.6g} m with a radius "
+            f"of gyration of {np.sqrt(max(q - c * c, 0.0)) * length:.6g} m; check length, reference (the port), axes "
+            "(x from the root outwards) and units."
         )
     low, high = 0.0, 1.0
     if abs(c - 0.5) < 1e-12 and abs(q - 1.0 / 3.0) < 1e-12:

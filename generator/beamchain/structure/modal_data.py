@@ -78,8 +78,7 @@ class ModalData:
         if np.any(w <= 0.0):
             raise InputError(
                 f"{self.source}: mode {int(np.argmin(w)) + 1} has the frequency {float(w.min()):.4g}: the structure "
-                "was "
-                "not held at its port; clamp the port (SPC) and compute the modes again."
+                "was not held at its port; clamp the port (SPC) and compute the modes again."
             )
         order = np.argsort(w, kind="stable")
         w, rows, damping = w[order], rows[order], damping[order]
@@ -94,9 +93,8 @@ class ModalData:
         if np.any(worst > 0.0):
             i, j = np.unravel_index(int(np.argmax(worst)), (6, 6))
             raise InputError(
-                f"{self.source}: the rigid mass matrix is not symmetric ({MOTIONS[i]}, {MOTIONS[j]}: "
-                f"{mass[i, j]:.6g} and "
-                f"{mass[j, i]:.6g}); give it about one point, the port."
+                f"{self.source}: the rigid mass matrix is not symmetric ({MOTIONS[i]}, {MOTIONS[j]}: {mass[i, j]:.6g} "
+                f"and {mass[j, i]:.6g}); give it about one point, the port."
             )
         try:
             mass, change = settled((mass + mass.T) / 2.0, rows, self.tolerance if self.printed else 0.0)
@@ -231,9 +229,8 @@ class ModalData:
         turn = np.eye(3) if axes is None else np.asarray(axes, dtype=np.float64)
         if np.max(np.abs(turn @ turn.T - np.eye(3))) > 1e-6 or np.linalg.det(turn) < 0.0:
             raise InputError(
-                f"axes = {turn.tolist()} are not three perpendicular unit vectors, right-handed; give appendage x, "
-                "y, z "
-                "as rows, each of length 1, with z = x cross y."
+                f"axes = {turn.tolist()} are not three perpendicular unit vectors, right-handed; give appendage x, y, "
+                "z as rows, each of length 1, with z = x cross y."
             )
         left, _, right = np.linalg.svd(turn)  # six printed digits of a direction are not exactly orthonormal
         turn = left @ right
@@ -314,22 +311,25 @@ class ModalData:
         return spread(self.rigid_mass, length, stiffness)
 
     @classmethod
-    def from_beam(cls, beam: Beam, modes: dict[str, int]) -> "ModalData":
+    def from_beam(cls, beam: Beam, modes: dict[str, int], *, every: bool = False) -> "ModalData":
         """A beam's modes as a program would deliver them.
 
         Args:
             beam: the appendage.
             modes: lowest modes per port.
+            every: keep all modes of the discretisation, of which those are the converged ones.
         """
-        ports = {port: beam.port(port, 2 * count + 4).truncated(count) for port, count in modes.items()}
-        every = in_space(
+        ports = {port: beam.port(port, 2 * count + 4) for port, count in modes.items()}
+        if not every:
+            ports = {port: model.truncated(modes[port]) for port, model in ports.items()}
+        whole = in_space(
             ports, beam.rigid_mass() + np.diag([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]) * (beam.rigid_mass()[3, 3] <= 0)
         )
         tip = np.vstack([m.tip @ PORT_MOTION[p].T for p, m in ports.items() if m.tip is not None])
         order = np.argsort(np.concatenate([m.frequencies for m in ports.values()]), kind="stable")
         pieces, points = line_of(beam)
         return cls(
-            beam.rigid_mass(), every.frequencies, every.participation, tip=tip[order], length=beam.length,
+            beam.rigid_mass(), whole.frequencies, whole.participation, tip=tip[order], length=beam.length,
             pieces=pieces, points=points, source="a beam",
         )  # fmt: skip
 
@@ -359,12 +359,9 @@ def settled(rigid_mass: Array, participation: Array, tolerance: float) -> tuple[
         names = MOTIONS if scale.size == 6 else ("displacement", "rotation")
         raise InputError(
             "the residual mass (rigid mass minus the effective masses of all modes) has the eigenvalue "
-            f"{values[0]:.3g} "
-            f"relative to the rigid mass, mainly in {names[worst]}; it must not be negative. Likely causes: "
-            "participation "
-            "and mass about different reference points, different units, modes that are not mass-normalised, or a "
-            "rigid "
-            "mass without that of the clamped nodes."
+            f"{values[0]:.3g} relative to the rigid mass, mainly in {names[worst]}; it must not be negative. Likely "
+            "causes: participation and mass about different reference points, different units, modes that are not "
+            "mass-normalised, or a rigid mass without that of the clamped nodes."
         )
     if values[0] < 0.0 or np.any((values > 0.0) & (values <= tolerance)):
         clipped = np.where(values <= tolerance, 0.0, values)

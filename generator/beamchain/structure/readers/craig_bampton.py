@@ -116,8 +116,7 @@ def from_matrices(mass: Array, stiffness: Array, boundary: Sequence[int], name: 
     if len(boundary) != 6 or len(set(boundary)) != 6 or not all(0 <= b < d for b in boundary):
         raise InputError(
             f"{name}: boundary = {list(boundary)} must name six different freedoms of the {d} (x, y, z and rotations "
-            "of "
-            "the port); tie several interface nodes to one first (RBE2)."
+            "of the port); tie several interface nodes to one first (RBE2)."
         )
     for word, matrix in (("mass", mass), ("stiffness", stiffness)):
         if np.max(np.abs(matrix - matrix.T)) > 1e-6 * np.max(np.abs(matrix)):
@@ -140,8 +139,7 @@ def from_matrices(mass: Array, stiffness: Array, boundary: Sequence[int], name: 
     if np.max(np.abs(stiffness[outer])) > 0.0 and np.max(np.abs(left / np.outer(scale, scale))) > DETERMINATE:
         raise InputError(
             f"{name}: moving the port as a rigid body strains the structure; it is held elsewhere too, or boundary "
-            "does "
-            "not name the port's freedoms in the order x, y, z, rotations."
+            "does not name the port's freedoms in the order x, y, z, rotations."
         )
     rigid = mass[np.ix_(outer, outer)] + follow.T @ m_ib + m_ib.T @ follow + follow.T @ m_ii @ follow
     inverse, shapes = linalg.eigh(m_ii, k_ii)  # for 1/w^2: massless freedoms do no harm, low modes keep their digits

@@ -135,8 +135,7 @@ def _scan(path: Path) -> tuple[dict[int, _Case], _Case]:
             if len(tokens) != _COLUMNS[table]:
                 raise InputError(
                     f"file {str(path)!r}, line {number}: a row of the {table} table holds {len(tokens) + 1} columns "
-                    "instead "
-                    f"of {_COLUMNS[table] + 1}; the print is cut or damaged: run it again."
+                    f"instead of {_COLUMNS[table] + 1}; the print is cut or damaged: run it again."
                 )
             values = [_real(token, path, number) for token in tokens]
             rows = case.tables.setdefault(table, {})
@@ -182,8 +181,7 @@ def _choose(path: Path, cases: dict[int, _Case], subcase: int | None) -> tuple[i
     if any(c.fractions or "effective mass" in c.tables for c in every):
         raise InputError(
             f"file {str(path)!r} holds effective masses but no MODAL PARTICIPATION FACTORS; effective masses and "
-            "fractions "
-            f"have lost the signs between force and moment: {ASK}."
+            f"fractions have lost the signs between force and moment: {ASK}."
         )
     raise InputError(f"file {str(path)!r} holds eigenvalues but no MODAL PARTICIPATION FACTORS; {ASK}.")
 
@@ -201,8 +199,7 @@ def _assemble(path: Path, number: int, case: _Case, shared: _Case) -> ModalData:
     if rows[0, 1] <= 0.0 or rows[0, 2] < 1e-5 * rows[-1, 2]:
         raise InputError(
             f"file {str(path)!r}: mode 1 has the eigenvalue {rows[0, 1]:.3g}: the structure moves as a rigid body; "
-            "clamp "
-            "the port (SPC) and run it again."
+            "clamp the port (SPC) and run it again."
         )
     radians = np.sqrt(rows[:, 1])
     for name, other in (
@@ -214,8 +211,7 @@ def _assemble(path: Path, number: int, case: _Case, shared: _Case) -> ModalData:
         if abs(other[worst] / radians[worst] - 1.0) > AGREE:
             raise InputError(
                 f"file {str(path)!r}: mode {worst + 1}: eigenvalue {rows[worst, 1]:.6g} and its {name} disagree; the "
-                "print "
-                "is damaged: run it again."
+                "print is damaged: run it again."
             )
     steps = [f"subcase {number}" if number else "no subcase named"]
     modal_mass = rows[:, 4]
@@ -249,8 +245,7 @@ def _compare(path: Path, participation: Array, effective: dict[int, list[float]]
             i = int(np.argmax(bad))
             raise InputError(
                 f"file {str(path)!r}: mode {mode}: participation squared {ours[i]:.6g} and effective mass "
-                f"{theirs[i]:.6g} "
-                "disagree; were the modes normalised otherwise in one table? Print one run only."
+                f"{theirs[i]:.6g} disagree; were the modes normalised otherwise in one table? Print one run only."
             )
 
 

@@ -30,8 +30,7 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
     except ImportError as error:
         raise InputError(
             f"reading {path.name!r} needs pyNastran ({error}); pip install 'beamchain[nastran]' in an environment of "
-            "its "
-            "own, or give the .f06."
+            "its own, or give the .f06."
         ) from None
     model: Any = OP2(debug=None)
     try:
