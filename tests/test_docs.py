@@ -5,6 +5,7 @@ import inspect
 import os
 import re
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.cli import app, main
+from beamchain.engine import backend
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
@@ -63,16 +65,24 @@ def run_command(line):
 @pytest.mark.slow
 def test_everything_in_readme_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PYTHONWARNINGS", "error")
     starting_files()
     text = README.read_text(encoding="utf-8")
     names: dict[str, object] = {}
+    draws = any(backend._works(name) for name in backend.OFF_SCREEN)
     for kind, content in pieces(text):
         if kind == "python":
             with contextlib.redirect_stdout(None):
                 exec(compile(content, "README.md", "exec"), names)
-        else:
-            assert run_command(content) in DONE, content
+            continue
+        words = shlex.split(content)
+        if words[1] == "view" or (words[1] == "render" and not draws):
+            continue
+        if words[1] == "init":  # the files taken for granted are what this line makes
+            Path(f"{words[2]}.toml").unlink(missing_ok=True)
+        done = subprocess.run(
+            [sys.executable, "-m", *words], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+        )
+        assert done.returncode in DONE, f"{content}\n{done.stderr}"
 
 
 @readme
