@@ -104,13 +104,19 @@ class Study:
         return {model: reach for model, reach in found.items() if reach is not None}
 
     def best(self, target: float, metric: Metric) -> Reach | None:
-        """The cheapest measured setting among our own models."""
-        ours = [r for model, r in self.reach(target, metric).items() if model in field.OURS and not r.extrapolated]
+        """The cheapest measured setting among our own chains, which keep their geometry in large motion."""
+        found = self.reach(target, metric)
+        ours = [r for m, r in found.items() if m in field.OURS and m != field.OSCILLATORS and not r.extrapolated]
         return min(ours, key=lambda r: r.seconds, default=None)
 
     def rivals(self, target: float, metric: Metric) -> dict[str, Reach]:
         """The rivals' cheapest settings, extrapolated where they did not get there."""
         return {model: r for model, r in self.reach(target, metric).items() if model not in field.OURS}
+
+    def oscillators(self, target: float, metric: Metric) -> Reach | None:
+        """The oscillator form's cheapest measured setting."""
+        found = self.reach(target, metric).get(field.OSCILLATORS)
+        return None if found is None or found.extrapolated else found
 
     def short_of(self, target: float, metric: Metric) -> dict[str, float]:
         """Rivals that do not get there, and show no slope to follow: the best error of each."""

@@ -9,7 +9,7 @@ import numpy as np
 from beamchain.assess import field
 from beamchain.assess.field import RIGID_HUB, Entry, Task
 from beamchain.assess.scenario import Scenario
-from beamchain.engine.rollout import simulate
+from beamchain.engine.rollout import seconds_of, simulate
 from beamchain.errors import BeamchainError
 from beamchain.port import Array
 
@@ -179,9 +179,9 @@ def in_turns(runs: Sequence[Run], hub: Any, repeats: int, known: Sequence[Sequen
             if fixed[i] and turn:
                 continue
             few = run.wrench[:HUB_STEPS]
-            alone = simulate(hub, run.integrator, run.timestep, few).seconds / few.shape[0]
+            alone = seconds_of(hub, run.integrator, run.timestep, few) / few.shape[0]
             if not fixed[i]:
-                times[i].append(simulate(*run).seconds)
+                times[i].append(seconds_of(*run))
             ratios[i].append(times[i][-1] / run.wrench.shape[0] / alone)
     out: list[Time] = []
     for taken, ratio in zip(times, ratios, strict=True):

@@ -57,9 +57,10 @@ def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
         if best is None:
             out[power(target)] = None
             continue
-        rivals = study.rivals(target, metric)
+        rivals, second = study.rivals(target, metric), study.oscillators(target, metric)
         out[power(target)] = {
             **best.point._asdict(),
+            "oscillators": None if second is None else _reach(second),
             "rivals": {model: reach.seconds / best.seconds for model, reach in rivals.items()},
             "rival_points": {model: _reach(reach) for model, reach in rivals.items()},
         }
