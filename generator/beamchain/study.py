@@ -7,7 +7,7 @@ import time
 import tomllib
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +17,7 @@ import numpy as np
 
 from beamchain.assess import field, front
 from beamchain.assess.field import Entry, Task
+from beamchain.assess.fine_chain import LINEAR, large_reference, nonlinear
 from beamchain.assess.front import TARGETS, Metric, Reach, recommended_name
 from beamchain.assess.growth import Growth, growth
 from beamchain.assess.plan import make_plan, whole_beam
@@ -46,12 +47,14 @@ class Options(NamedTuple):
         duration: [s]; found from the first coupled mode where left out.
         budget: time for the errors of one entry [s].
         models: names of the models to run; all where empty.
+        amplitude: of the doublet [N, N m]; small enough to stay linear where left out.
     """
 
     profile: str | None = None
     duration: float | None = None
     budget: float = BUDGET
     models: tuple[str, ...] = ()
+    amplitude: float | None = None
 
 
 DEFAULTS = Options()
@@ -186,7 +189,7 @@ def study(
 
     Args:
         spec: appendage and hub; without a hub, one of ten times the appendage's mass.
-        options: profile, duration, budget, models.
+        options: profile, duration, budget, models, amplitude.
         executor: where the entries run; one after the other in this process where left out.
         folder: keeps what is measured until `Study.write` is done, for `resume`.
         resume: take up what `folder` holds.
@@ -196,6 +199,8 @@ def study(
         InputError: a model name is unknown, or the profile cannot be used.
     """
     start = time.perf_counter()
+    if options.profile is not None and options.amplitude is not None:
+        raise InputError("--profile and --amplitude are both given; the amplitude is the doublet's: leave one out.")
     text = spec_toml(spec)
     task, scenario = prepare(text, options)
     wanted = field.entries(task)
@@ -206,7 +211,7 @@ def study(
     if options.models:
         wanted = [e for e in wanted if e.model in (*options.models, field.RIGID_HUB)]
     stamp = hashlib.sha256(json.dumps([text, options, mujoco.__version__]).encode()).hexdigest()[:12]
-    jobs = {f"{stamp} {e.model} {e.n} {e.integrator}": (text, tuple(options), tuple(e)) for e in wanted}
+    jobs = {f"{stamp} {e.model} {e.n} {e.integrator}": (text, scenario, options.budget, tuple(e)) for e in wanted}
     store = None if folder is None else folder / STORE
     results = run_jobs(measure_entry, jobs, executor=executor, store=store, resume=resume, progress=progress)
     ladders = [
@@ -220,18 +225,15 @@ def study(
     return Study(spec, options, task.kept, scenario, tuple(ladders), found.growth, time.perf_counter() - start)
 
 
-def measure_entry(text: str, options: Sequence[Any], entry: Sequence[Any]) -> dict[str, Any]:
+def measure_entry(text: str, scenario: Scenario, budget: float, entry: Sequence[Any]) -> dict[str, Any]:
     """One job: all points of one entry, as plain data. A worker builds the task once."""
-    profile, duration, budget, models = options
-    chosen = Options(profile, duration, budget, tuple(models))
-    task, scenario = prepare(text, chosen)
-    ladder = climb(task, scenario, Entry(*entry), chosen.budget)
+    ladder = climb(make_task(text), scenario, Entry(*entry), budget)
     return {"entry": list(entry), "points": [list(p) for p in ladder.points], "note": ladder.note}
 
 
 @lru_cache(maxsize=4)
-def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
-    """Task and scenario of a spec, given as the text of its TOML so that workers can share it."""
+def make_task(text: str) -> Task:
+    """The task of a spec, given as the text of its TOML so that workers can share it."""
     spec = spec_from_dict(tomllib.loads(text))
     beam, hub = spec.beam, spec.root.hub or default_hub(spec.beam)
     kept = spec.kept
@@ -239,10 +241,29 @@ def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
         kept = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub.mass_matrix()).kept
     full = {port: spec.with_ratios(port, beam.port(port, FULL_MODES)) for port in kept}
     rigid = Rigid(hub.mass, np.array(hub.inertia), np.array(hub.offset), hub.mass_matrix())
-    as_tendons = spec.damping is None or spec.damping.form == "modal"
-    task = Task(beam, full, kept, rigid, as_tendons)
+    return Task(beam, full, kept, rigid, spec.damping is None or spec.damping.form == "modal")
+
+
+@lru_cache(maxsize=4)
+def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
+    """Task and scenario of a spec, given as the text of its TOML.
+
+    A default doublet that moves the appendage so far that it shows is made smaller; a profile or amplitude of the
+    user's is compared with fine chains in large motion instead.
+    """
+    task = make_task(text)
     profile = None if options.profile is None else parse_profile(options.profile, "--profile")
-    return task, make_scenario(full, beam.rigid_mass(), rigid, beam.length, profile=profile, duration=options.duration)
+    scenario = make_scenario(
+        task.full, task.beam.rigid_mass(), task.hub, task.beam.length, profile=profile, duration=options.duration,
+        amplitude=options.amplitude,
+    )  # fmt: skip
+    changed = nonlinear(task, scenario)
+    while profile is None and options.amplitude is None and changed > LINEAR:
+        scenario = scenario.scaled(0.1)  # a heavy hub hardly moves while its appendage bends far
+        changed = nonlinear(task, scenario)
+    if changed > LINEAR:
+        return task, scenario.in_large_motion(large_reference(task, scenario))
+    return task, replace(scenario, nonlinear=changed)
 
 
 def _one_clock(ladders: Sequence[Ladder]) -> list[Ladder]:

@@ -1,8 +1,10 @@
 """study.json: every point, what it takes to reach a target, the machine."""
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from beamchain.assess.front import Metric, Reach
+from beamchain.assess.large_reference import Figures
 
 if TYPE_CHECKING:
     from beamchain.study import Study
@@ -24,6 +26,10 @@ def study_record(study: "Study") -> dict[str, Any]:
             "wrench": scenario.profile.wrench,
             "watched": scenario.watched,
             "largest_elastic_motion": scenario.largest,
+        },
+        "reference": {
+            "kind": "linear" if scenario.large is None else "large motion",
+            **asdict(Figures(scenario.nonlinear) if scenario.large is None else scenario.large.figures),
         },
         "points": [point._asdict() for point in study.points],
         "notes": [
