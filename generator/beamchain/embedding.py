@@ -337,8 +337,8 @@ def _fit_all(
             given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=1e-9 * hub.mass
         ):
             warnings.append(
-                f"{name}: the hub of the spec ({given.mass:g} kg) is not the spacecraft's ({hub.mass:.6g} kg), "
-                "which was used instead."
+                f"{name}: the hub of the spec ({_words(given)}) is not what the spacecraft has behind the root "
+                f"({_words(hub)}), which was used instead."
             )
         result = fit(spec, root=Root(target=spec.root.target, hub=hub))
         if not result.status.ok:
@@ -349,3 +349,9 @@ def _fit_all(
             warnings += [f"{name}: {warning}" for warning in result.warnings]
         out.append(Appendage(name, prefix, place, hub, spec, result))
     return tuple(out), warnings
+
+
+def _words(hub: Hub) -> str:
+    """A hub's mass, inertia and place, for a sentence."""
+    inertia, offset = (", ".join(f"{value:.4g}" for value in values) for values in (hub.inertia, hub.offset))
+    return f"{hub.mass:.6g} kg, inertia {inertia} kg m^2, root at {offset} m from its centre"
