@@ -353,5 +353,5 @@ def _fit_all(
 
 def _words(hub: Hub) -> str:
     """A hub's mass, inertia and place, for a sentence."""
-    inertia, offset = (", ".join(f"{value:.4g}" for value in values) for values in (hub.inertia, hub.offset))
+    inertia, offset = (", ".join(f"{value + 0.0:.4g}" for value in values) for values in (hub.inertia, hub.offset))
     return f"{hub.mass:.6g} kg, inertia {inertia} kg m^2, root at {offset} m from its centre"
