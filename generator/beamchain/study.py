@@ -20,7 +20,9 @@ from beamchain.assess.field import Entry, Task
 from beamchain.assess.fine_chain import LINEAR, large_reference, nonlinear
 from beamchain.assess.front import TARGETS, Metric, Reach, recommended_name
 from beamchain.assess.growth import Growth, growth
+from beamchain.assess.large_motion import large_motion
 from beamchain.assess.plan import make_plan, whole_beam
+from beamchain.assess.run_limits import driven, exceeded
 from beamchain.assess.run_time import Ladder, Point, Run, climb, in_turns
 from beamchain.assess.scenario import Rigid, Scenario, make_scenario, parse_profile
 from beamchain.engine.library import mujoco
@@ -72,6 +74,7 @@ class Study:
         ladders: per entry, its points.
         growth: time against n.
         seconds: what the study took [s].
+        warnings: where the load drives a recommended chain beyond what it is right for.
     """
 
     spec: Spec
@@ -81,6 +84,7 @@ class Study:
     ladders: tuple[Ladder, ...]
     growth: Growth
     seconds: float
+    warnings: tuple[str, ...] = ()
 
     @property
     def points(self) -> list[Point]:
@@ -221,8 +225,23 @@ def study(
     if executor is not None:
         ladders = _one_clock(ladders)
     found = Study(spec, options, task.kept, scenario, tuple(ladders), growth(task), 0.0)
-    ladders = _duel(task, scenario, found)
-    return Study(spec, options, task.kept, scenario, tuple(ladders), found.growth, time.perf_counter() - start)
+    found = replace(found, ladders=tuple(_duel(task, scenario, found)))
+    return replace(found, warnings=_too_far(task, found), seconds=time.perf_counter() - start)
+
+
+def _too_far(task: Task, found: Study) -> tuple[str, ...]:
+    """What the load drives the recommended chains through, beyond where they stay near a fine one."""
+    scenario = found.scenario
+    moments = np.linspace(0.0, scenario.duration, 4001)
+    run = driven(scenario.motion(moments), float(moments[1]), task.hub.offset)
+    best = {r.point[:2]: r.point for target in TARGETS if (r := found.best(target, "error")) is not None}
+    out: list[str] = []
+    for point in best.values():
+        chain, _ = field.chain_of(task, Entry(*point[:3]), point.timestep)
+        radius = max(float(task.hub.offset[0]), 0.0)
+        limits = {port: large_motion(chain, task.beam, port, modes=point.n, radius=radius) for port in task.planes}
+        out += [f"{point.model}, n = {point.n}: {sentence}" for sentence in exceeded(limits, run)]
+    return tuple(out)
 
 
 def measure_entry(text: str, scenario: Scenario, budget: float, entry: Sequence[Any]) -> dict[str, Any]:

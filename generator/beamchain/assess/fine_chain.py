@@ -40,7 +40,7 @@ class _Grid:
     @property
     def at(self) -> Array:
         """`(t,)` [s]."""
-        return self.spacing * np.arange(1, self.number + 1)
+        return self.spacing * np.arange(1.0, self.number + 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -112,5 +112,7 @@ def show(result: "Study") -> None:
             f"time per step grows as n^{growth.exponent:.2f} (n 10..100), "
             f"time to fit as n^{growth.fit_exponent:.2f} (n 1..6)"
         )
+    for warning in result.warnings:
+        out.print(f"[bold]warning[/bold]: {warning}")
     for command in commands(result):
         out.print(command)

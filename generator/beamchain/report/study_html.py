@@ -31,6 +31,7 @@ def study_page(study: "Study") -> tuple[str, dict[str, str]]:
         tables=[table(study, "error"), table(study, "error_appendage")],
         pareto=inline(pictures["error_against_run_time.svg"], "Error against run time of every model."),
         growth=inline(pictures["growth.svg"], "Time per step and time to fit against the number of links."),
+        warnings=study.warnings,
         commands=commands(study),
         every=_every(study),
         machine=", ".join(f"{key} {value}" for key, value in record["machine"].items()),

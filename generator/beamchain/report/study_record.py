@@ -50,6 +50,7 @@ def study_record(study: "Study") -> dict[str, Any]:
             "fit": study.growth.fit,
             "fit_exponent": study.growth.fit_exponent,
         },
+        "warnings": study.warnings,
         "seconds": study.seconds,
     }
 
