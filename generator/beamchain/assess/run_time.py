@@ -14,8 +14,40 @@ from beamchain.errors import BeamchainError
 from beamchain.port import Array
 
 #: Divisors of the beat (the common measure of all switching times): the ladder of steps, the next octaves alike.
-LADDER = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 13, 14, 16, 18, 20, 22, 24, 28, 32, 36, 40, 44, 48, 56)
-RUNGS = 22  # steps tried below the stability limit, at most
+LADDER = (
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+    10,
+    11,
+    12,
+    13,
+    14,
+    15,
+    16,
+    17,
+    18,
+    19,
+    20,
+    22,
+    24,
+    26,
+    28,
+    32,
+    36,
+    40,
+    44,
+    48,
+    52,
+    56,
+)
+RUNGS = 28  # steps tried below the stability limit, at most
 FLOOR = 0.01  # two steps whose errors differ by less, relative, stand on the model's floor
 FINE_ENOUGH = 1e-5  # error below which no finer step is of interest
 REPEATS = 3
