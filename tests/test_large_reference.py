@@ -11,11 +11,12 @@ import beamchain as bc
 from beamchain import study as studies
 from beamchain.assess import field
 from beamchain.assess.field import Entry
-from beamchain.assess.fine_chain import LINEAR, WANTED
+from beamchain.assess.fine_chain import LINEAR, WANTED, nonlinear
 from beamchain.assess.large_reference import added, at_zero, between
 from beamchain.assess.run_time import rigid_motion
 from beamchain.cli import app
 from beamchain.engine.rollout import simulate
+from beamchain.errors import EngineError, RealisationError
 from beamchain.report.spec_text import spec_toml
 from beamchain.report.study_html import scenario_sentence
 from elastica import Elastica
@@ -140,6 +141,36 @@ def test_command_refuses_two_loads(tmp_path):
     assert "leave one out" in str(result.exception)
     call = ["study", str(SEED), "-o", str(tmp_path / "o"), "--amplitude", "-2"]
     assert isinstance(CliRunner().invoke(app, call).exception, bc.BeamchainError)
+
+
+def test_a_load_that_throws_the_appendage_about_is_refused(text):
+    with pytest.raises(EngineError, match="smaller load"):
+        studies.prepare(text, studies.Options(amplitude=1e7))
+
+
+def test_default_load_stays_linear_on_a_heavy_hub(text):
+    """A hub of a million beams hardly moves: the doublet is chosen by what the appendage does."""
+    heavy = text.replace("500", "5000000")
+    task, scenario = studies.prepare(heavy, studies.Options())
+    assert task.hub.mass == 5e6
+    assert scenario.large is None
+    assert scenario.nonlinear < LINEAR
+    unlimited = nonlinear(task, scenario.scaled(10.0))
+    assert unlimited > LINEAR  # a larger power of ten would not do
+
+
+def test_where_no_coarse_chain_exists_the_report_says_so(text, small, monkeypatch):
+    def refuse(*_args):
+        raise RealisationError("no such chain")
+
+    monkeypatch.setattr(field, "model_of", refuse)
+    task, scenario = small
+    assert np.isnan(nonlinear(task, scenario))
+    unknown = studies.replace(scenario, nonlinear=float("nan"))
+    found = studies.Study(
+        bc.read_spec(SEED), studies.Options(), task.kept, unknown, (), studies.Growth((), None, (), None), 0.0
+    )
+    assert "could not be simulated" in scenario_sentence(found)
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """study.html: what each second of computing buys; one file, nothing fetched."""
 
+import math
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -55,6 +56,8 @@ def scenario_sentence(study: "Study") -> str:
 def reference_sentence(study: "Study") -> str:
     """What the motions are compared with, and how good that is."""
     scenario = study.scenario
+    if scenario.large is None and not math.isfinite(scenario.nonlinear):
+        return "the exact linear motion of hub and beam; how much large motion changes could not be simulated."
     if scenario.large is None:
         return (
             "the exact linear motion of hub and beam, from which large motion differs by less than "
