@@ -32,4 +32,3 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         versions=versions(),
     )
     return page, pictures
-

@@ -11,13 +11,14 @@ import numpy as np
 
 
 class Table(NamedTuple):
-    """A table; its first column names the row. `words`: cells are text, not numbers."""
+    """A table; its first column names the row. `words`: cells are text, not numbers; `named`: the second column is."""
 
     rows: Sequence[Sequence[str]]
     head: Sequence[str] = ()
     caption: str = ""
     note: str = ""
     words: bool = False
+    named: bool = False
     kind: str = "table"
 
 

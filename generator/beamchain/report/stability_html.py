@@ -83,7 +83,7 @@ def _limits(study: "StabilityStudy") -> Table:
         "motion starts to grow, found by bisection with no theory in it. A host that integrates MuJoCo's "
         "accelerations with its own Runge-Kutta 4 has RK4's limit."
     )
-    return Table(rows, ["model", "integrator", "predicted, s", "measured, s", "difference"], note=note)
+    return Table(rows, ["model", "integrator", "predicted, s", "measured, s", "difference"], note=note, named=True)
 
 
 def _steps(study: "StabilityStudy", limits: "Budget", number: int) -> Picture:
