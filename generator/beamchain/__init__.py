@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from beamchain.errors import BeamchainError as BeamchainError
     from beamchain.port import PortModel as PortModel
     from beamchain.result import Fit as Fit
+    from beamchain.runs import run_stability as run_stability
+    from beamchain.runs import run_study as run_study
+    from beamchain.runs import run_sweep as run_sweep
     from beamchain.seed import seed_beam as seed_beam
     from beamchain.seed import seed_table as seed_table
     from beamchain.spec import Damping as Damping
@@ -67,6 +70,7 @@ _PLACES = {
     "engine.linearise": ("Linearisation", "linearise"),
     "errors": ("BeamchainError",),
     "port": ("PortModel",),
+    "runs": ("run_stability", "run_study", "run_sweep"),
     "seed": ("seed_beam", "seed_table"),
     "spec": ("Damping", "FitOptions", "Hub", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
     "structure.beam": ("Beam", "Joint", "Lump", "Segment"),
