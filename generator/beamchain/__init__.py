@@ -89,12 +89,14 @@ __version__ = version("beamchain")
 __all__ = sorted([*_HOME, "__version__"])  # pyright: ignore[reportUnsupportedDunderAll]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'beamchain' has no attribute {name!r}; it has {', '.join(__all__)}")
-    value = getattr(import_module(f"beamchain.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # a type checker that sees it takes every misspelt name for one that it gives
+
+    def __getattr__(name: str) -> Any:
+        if name not in _HOME:
+            raise AttributeError(f"module 'beamchain' has no attribute {name!r}; it has {', '.join(__all__)}")
+        value = getattr(import_module(f"beamchain.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:
