@@ -148,6 +148,8 @@ def _chain_fit(case: _Case, why: str, started: float, *, ok: bool = True) -> Fit
     whole = {port: data.port(port, own=True) for port in targets} if target in ("free", "hub") else {}
 
     def target_of(port: str, count: int) -> PortModel:
+        if count > targets[port].modes:
+            raise RealisationError(f"only {targets[port].modes} modes in {port} were imported, but {count} are needed.")
         if target == "free":
             model = whole[port].reduced(count, np.zeros((whole[port].motions,) * 2))
             return model.replaced(damping=whole[port].damping[:count])

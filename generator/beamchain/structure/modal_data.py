@@ -18,6 +18,8 @@ from beamchain.structure.planes import into_planes, near_groups
 MOTIONS = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 EXACT = 1e-13  # relative precision of numbers that were not printed
 ROUNDING = 20.0  # precision of a residual over that of the numbers it is the difference of: 6 rows, 3 products each
+PRINTED = 1e-5  # most that counts as rounding beyond two numbers' last digits, however few digits were printed
+WRONG = 0.1  # a residual this far below zero is no rounding, however few digits were printed
 NOISE = 1e-9  # a residual may be this far below zero whatever the print
 
 
@@ -97,7 +99,7 @@ class ModalData:
                 f"and {mass[j, i]:.6g}); give it about one point, the port."
             )
         try:
-            mass, change = settled((mass + mass.T) / 2.0, rows, self.tolerance if self.printed else 0.0)
+            mass, change = settled((mass + mass.T) / 2.0, rows, self.precision if self.printed else 0.0)
         except InputError as error:
             raise InputError(f"{self.source}: {error}") from None
         steps = list(self.steps)
@@ -121,8 +123,8 @@ class ModalData:
 
     @property
     def tolerance(self) -> float:
-        """Relative size below which an entry of the residual mass is nothing but rounding."""
-        return ROUNDING * self.precision
+        """Relative size below which a number that should be zero, or two that should be equal, differ by rounding."""
+        return max(2.0 * self.precision, min(ROUNDING * self.precision, PRINTED))
 
     @property
     def scale(self) -> Array:
@@ -182,7 +184,7 @@ class ModalData:
         share = self.shares[:, PORTS.index(port)]
         pick = np.array([b == port for b in self.belongs]) if own else share > max(self.tolerance, EXACT) ** 2
         rows = self.participation[pick] @ motion
-        mass, _ = settled(motion.T @ self.rigid_mass @ motion, rows, self.tolerance)
+        mass, _ = settled(motion.T @ self.rigid_mass @ motion, rows, min(self.precision, PRINTED / ROUNDING))
         tip = None if self.tip is None else self.tip[pick] @ motion
         return PortModel(mass, self.frequencies[pick], rows, self.damping[pick], tip)
 
@@ -334,16 +336,17 @@ class ModalData:
         )  # fmt: skip
 
 
-def settled(rigid_mass: Array, participation: Array, tolerance: float) -> tuple[Array, float]:
+def settled(rigid_mass: Array, participation: Array, precision: float) -> tuple[Array, float]:
     """The rigid mass whose residual is nowhere negative, and how far it was moved, relative.
 
-    Printed numbers leave a residual mass that is zero only to their precision. Entries below `tolerance` become zero,
-    so that a direction without residual mass is one exactly; eigenvalues within rounding of zero are clipped.
+    Printed numbers leave a residual mass that is zero only to their precision. Entries that their last digits decide
+    become zero, so that a direction without residual mass is one exactly; eigenvalues below zero by rounding are
+    clipped.
 
     Args:
         rigid_mass: `(m, m)`.
         participation: `(n, m)`.
-        tolerance: relative.
+        precision: relative, of the numbers; 0: only what computing them loses.
 
     Raises:
         InputError: an eigenvalue is negative beyond rounding.
@@ -352,9 +355,11 @@ def settled(rigid_mass: Array, participation: Array, tolerance: float) -> tuple[
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     effective = participation.T @ participation
     residual = (rigid_mass - effective) / np.outer(scale, scale)
-    kept = np.where(np.abs(residual) <= tolerance, 0.0, residual)
+    least = min(ROUNDING * precision, PRINTED)
+    noise = np.maximum(last_digits(rigid_mass, participation, precision) / np.outer(scale, scale), least)
+    kept = np.where(np.abs(residual) <= noise, 0.0, residual)
     values, vectors = np.linalg.eigh(kept)
-    if values[0] < -max(tolerance, NOISE):
+    if values[0] < -max(min(ROUNDING * precision, WRONG), NOISE):
         worst = int(np.argmax(np.abs(vectors[:, 0])))
         names = MOTIONS if scale.size == 6 else ("displacement", "rotation")
         raise InputError(
@@ -363,12 +368,29 @@ def settled(rigid_mass: Array, participation: Array, tolerance: float) -> tuple[
             "causes: participation and mass about different reference points, different units, modes that are not "
             "mass-normalised, or a rigid mass without that of the clamped nodes."
         )
-    if values[0] < 0.0 or np.any((values > 0.0) & (values <= tolerance)):
-        clipped = np.where(values <= tolerance, 0.0, values)
+    if values[0] < 0.0 or np.any((values > 0.0) & (values <= least)):
+        clipped = np.where(values <= least, 0.0, values)
         kept = (vectors * clipped) @ vectors.T
     present = np.where(diagonal > 0.0, scale, 0.0)  # a motion without inertia has none afterwards
     out = effective * np.outer(diagonal > 0.0, diagonal > 0.0) + kept * np.outer(present, present)
     return out, float(np.max(np.abs(kept - residual)))
+
+
+def last_digits(rigid_mass: Array, participation: Array, precision: float) -> Array:
+    """`(m, m)` what half a unit in the last printed digit of every number can do to the residual mass.
+
+    Args:
+        rigid_mass: `(m, m)`.
+        participation: `(n, m)`.
+        precision: relative, of a number that starts with the digit 1.
+    """
+
+    def half(values: Array) -> Array:
+        size = np.abs(values)
+        return precision * 10.0 ** np.floor(np.log10(np.where(size > 0.0, size, 1.0))) * (size > 0.0)
+
+    across = np.abs(participation).T @ half(participation)
+    return half(rigid_mass) + across + across.T
 
 
 def _words(values: Array) -> str:

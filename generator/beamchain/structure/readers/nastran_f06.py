@@ -13,7 +13,7 @@ import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.port import Array
-from beamchain.structure.modal_data import ROUNDING, ModalData, settled
+from beamchain.structure.modal_data import ModalData, settled
 from beamchain.structure.readers.bounded import lines
 
 PRECISION = 5e-7  # seven printed digits
@@ -270,7 +270,7 @@ def _mass(path: Path, case: _Case, shared: _Case, participation: Array) -> tuple
         fits = same
         if same:
             try:
-                settled(found["grid point mass"], participation, ROUNDING * PRECISION)
+                settled(found["grid point mass"], participation, PRECISION)
             except InputError:
                 fits = False
         if fits or "a-set mass" not in found:
