@@ -124,6 +124,8 @@ def study_fit(result: Fit, say: Callable[[str], None] = lambda _: None) -> Stabi
 def _large(result: Fit) -> tuple[dict[str, LargeMotion], list[str]]:
     spec: Spec = result.spec
     radius = spec.root.hub.offset[0] if spec.root.hub else 0.0
+    if spec.imported is not None:
+        return {}, ["large motion is compared with a chain of 60 links of the beam, which imported modes do not have."]
     out: dict[str, LargeMotion] = {}
     warnings: list[str] = []
     for port in ("xy", "xz"):

@@ -54,6 +54,8 @@ class mjtCatBit:
     def __int__(self) -> int: ...
 
 class mjtWarning:
+    mjWARN_BADQPOS: mjtWarning
+    mjWARN_BADQVEL: mjtWarning
     mjWARN_BADQACC: mjtWarning
     def __int__(self) -> int: ...
 

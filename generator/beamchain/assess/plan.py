@@ -57,11 +57,16 @@ def whole_beam(spec: Spec, beam: Beam) -> dict[str, PortModel]:
 def everything(spec: Spec) -> Spec:
     """The spec with every port kept: all cantilever modes up to three times the scene's bandwidth, one to five each.
 
+    Of imported modes: all.
+
     Raises:
         InputError: the scene states no bandwidth, so that nothing would be left out.
     """
     if not spec.chooses or spec.scene is None or spec.scene.bandwidth is None:
         raise InputError("nothing is left out without scene.bandwidth; give [scene] bandwidth, or state [modes].")
+    if spec.imported is not None:
+        every = tuple(range(1, spec.imported.read().modes + 1))
+        return structs.replace(spec, imported=structs.replace(spec.imported, modes=every), modes=None)
     counts = {
         port: int(np.clip(np.sum(model.frequencies <= 3.0 * spec.scene.bandwidth), 1, 5))
         for port, model in whole_beam(spec, spec.beam).items()
@@ -125,12 +130,12 @@ def verdict(spec: Spec, status: Status, promise: float | None) -> Status:
     )
 
 
-def ledger(spec: Spec, plan: Plan, tendons: bool) -> tuple[LeftOut, ...]:
+def ledger(spec: Spec, choice: Choice | None, tendons: bool) -> tuple[LeftOut, ...]:
     """What was left out: modes, then elements of the file."""
     scene = spec.scene
-    if plan.choice is None or scene is None:
+    if choice is None or scene is None:
         return ()
-    out = list(plan.choice.left_out)
+    out = list(choice.left_out)
     if not scene.visuals:
         out.append(LeftOut("geoms", "scene.visuals = false", 0.0))
     if not scene.contacts:

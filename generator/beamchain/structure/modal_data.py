@@ -62,12 +62,14 @@ class ModalData:
         n = w.size
         rows = np.array(self.participation, dtype=np.float64)
         damping = np.zeros(n) if np.size(self.damping) == 0 else np.array(self.damping, dtype=np.float64)
-        if mass.shape != (6, 6) or rows.shape != (n, 6) or damping.shape != (n,) or w.shape != (n,) or n == 0:
+        if mass.shape != (6, 6) or rows.shape != (n, 6) or damping.shape != (n,) or w.shape != (n,):
             raise InputError(
                 f"{self.source}: the sizes do not fit: mass {mass.shape}, frequencies {w.shape}, participation "
                 f"{rows.shape}, damping {damping.shape}; give mass (6, 6) and for n modes n frequencies, participation "
                 "6 x n and one damping ratio each."
             )
+        if n == 0 and self.printed:
+            raise InputError(f"{self.source}: there is no mode; export the cantilever modes of the structure.")
         tip = None if self.tip is None else np.array(self.tip, dtype=np.float64)
         if tip is not None and tip.shape != (n, 6):
             raise InputError(f"{self.source}: tip has the shape {tip.shape}; give the six motions of the tip per mode.")
@@ -277,6 +279,12 @@ class ModalData:
             tip=None if self.tip is None else self.tip[pick],
             steps=(*self.steps, f"modes {', '.join(str(k) for k in sorted(modes))} of {self.modes} taken"),
         )
+
+    def frozen(self) -> "ModalData":
+        """The data with no mode: the appendage where a scene needs none."""
+        none = np.zeros(0)
+        tip = None if self.tip is None else self.tip[:0]
+        return replace(self, frequencies=none, participation=self.participation[:0], damping=none, tip=tip)
 
     def untangled(self) -> "ModalData":
         """Modes of equal frequency turned into the planes: in a round boom the program picks any two directions."""
