@@ -56,6 +56,7 @@ notebooks: $(VENV)/.installed
 
 docs-pictures: $(VENV)/.installed
 	$(BIN)/python docs/pictures.py
+	$(BIN)/python docs/house.py
 
 wheel: $(VENV)/.installed
 	rm -rf dist

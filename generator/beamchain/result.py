@@ -63,7 +63,7 @@ class InSpace:
     made: Oscillators | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Fit:
     """An appendage as a hinge chain, proved through MuJoCo.
 
@@ -111,6 +111,16 @@ class Fit:
     prewarps: Mapping[str, Prewarp] = field(default_factory=dict[str, Prewarp])
     line: MassLine | None = None
     space: InSpace | None = None
+
+    def __repr__(self) -> str:
+        from beamchain.report.notebook import fit_text
+
+        return fit_text(self)
+
+    def _repr_html_(self) -> str:
+        from beamchain.report.notebook import fit_html
+
+        return fit_html(self)
 
     @property
     def mass_line(self) -> MassLine:

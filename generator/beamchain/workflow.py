@@ -68,12 +68,7 @@ def fit(
         RealisationError: no chain exists even with one mode.
         EngineError: MuJoCo refuses the model (sizes beyond its limits).
     """
-    if isinstance(appendage, Spec):
-        spec = appendage
-    elif isinstance(appendage, ModalData):
-        spec = Spec(imported=Imported(file=f"{Path(appendage.source).stem or 'modes'}.toml"))
-    else:
-        spec = Spec(segment=appendage.segments, joint=appendage.joints, lump=appendage.lumps)
+    spec = as_spec(appendage)
     if modes is not None and not isinstance(modes, Modes):
         unknown = set(modes) - set(Modes.__struct_fields__)
         if unknown:
@@ -99,6 +94,26 @@ def fit(
     if spec.fit.form == "oscillators":
         return _beam_as_oscillators(spec)
     return _fit(spec)
+
+
+def as_spec(appendage: Beam | Spec | ModalData) -> Spec:
+    """What `fit` and `embed` are given, as a spec.
+
+    Args:
+        appendage: a beam, imported modes, or a whole spec.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if isinstance(appendage, Spec):
+        return appendage
+    if isinstance(appendage, Beam):
+        return Spec(segment=appendage.segments, joint=appendage.joints, lump=appendage.lumps)
+    if isinstance(appendage, ModalData):
+        return Spec(imported=Imported(file=f"{Path(appendage.source).stem or 'modes'}.toml"))
+    raise InputError(
+        f"the appendage is a {type(appendage).__name__}; give a Beam, a Spec (read_spec reads a SPEC.toml) or a ModalData."
+    )
 
 
 def _beam_as_oscillators(spec: Spec) -> Fit:

@@ -52,7 +52,7 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
         raise EngineError(f"MuJoCo refuses {str(path)!r}: {error}") from None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Linearisation:
     """A MuJoCo model linearised about a state.
 
@@ -78,6 +78,12 @@ class Linearisation:
     integrator: str
     joints: tuple[str, ...]
     driven: tuple[int, ...]
+
+    def __repr__(self) -> str:
+        return (
+            f"<Linearisation, {len(self.joints)} degrees of freedom, {len(self.driven)} motors, "
+            f"{self.integrator} at {self.timestep:g} s>"
+        )
 
     @property
     def discrete(self) -> "control.StateSpace":

@@ -23,7 +23,7 @@ WRONG = 0.1  # a residual this far below zero is no rounding, however few digits
 NOISE = 1e-9  # a residual may be this far below zero whatever the print
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModalData:
     """Modes of an appendage held at its port, in SI, appendage axes, about the port.
 
@@ -56,6 +56,12 @@ class ModalData:
     source: str = "modes"
     steps: tuple[str, ...] = ()
     printed: bool = True
+
+    def __repr__(self) -> str:
+        few = ", ".join(f"{w:.6g}" for w in self.frequencies[:3]) + (", ..." if self.frequencies.size > 3 else "")
+        return (
+            f"<ModalData {self.source!r}, {self.rigid_mass[0, 0]:.6g} kg, {self.frequencies.size} modes: {few} rad/s>"
+        )
 
     def __post_init__(self) -> None:
         mass, w = np.array(self.rigid_mass, dtype=np.float64), np.array(self.frequencies, dtype=np.float64)
