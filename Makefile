@@ -31,7 +31,7 @@ lint: $(VENV)/.installed
 test: lint
 	$(BIN)/pytest -n $(WORKERS) -m "not slow and not host"
 
-HOSTS ?= oldest newest dm_control basilisk
+HOSTS ?= oldest newest dm_control basilisk nastran
 
 hosts:
 	for host in $(HOSTS); do $(PYTHON) tests/hosts/run.py $$host || exit 1; done
