@@ -47,8 +47,8 @@ def render(
 ) -> None:
     """Pictures of the spacecraft turning while its appendage rings: PNG, GIF, and MP4 by ffmpeg.
 
-    Without ffmpeg the others are written, and the exit status is 3. The hub is turned from rest to rest so that its first mode rings; where a rigid appendage would be is
-    drawn faintly. Needs no screen, but EGL or OSMesa.
+    Without ffmpeg the others are written, and the exit status is 3. The hub is turned from rest to rest so that its
+    first mode rings; where a rigid appendage would be is drawn faintly. Needs no screen, but EGL or OSMesa.
 
     Example: beamchain render boom.toml -o pictures
 
