@@ -42,6 +42,7 @@ test-full: $(VENV)/.installed wheel-test hosts
 bench: $(VENV)/.installed
 	$(BIN)/python tests/benchmarks/fit_time.py
 	$(BIN)/python tests/benchmarks/sweep_time.py
+	$(BIN)/python tests/benchmarks/savings.py
 
 bench-peers: $(VENV)/.installed
 	$(PYTHON) -m venv build/peers/venv

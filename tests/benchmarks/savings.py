@@ -13,13 +13,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-import mujoco
 import msgspec
-import numpy as np
+import mujoco
 
 import beamchain as bc
 from beamchain.assess.needs import FAR, Promise
-from beamchain.assess.plan import everything, make_plan, whole_beam
+from beamchain.assess.plan import everything, whole_beam
 from beamchain.chain.chain import Chain, Hinge
 from beamchain.chain.rivals import equal_links
 from beamchain.mjcf import write
