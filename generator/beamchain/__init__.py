@@ -39,11 +39,10 @@ if TYPE_CHECKING:
     from beamchain.spec import Spec as Spec
     from beamchain.spec import read_spec as read_spec
     from beamchain.structure.beam import Beam as Beam
-    from beamchain.structure.beam import Joint as Joint
-    from beamchain.structure.beam import Lump as Lump
-    from beamchain.structure.beam import Segment as Segment
     from beamchain.structure.exact import UniformBeam as UniformBeam
     from beamchain.structure.imported import Imported as Imported
+    from beamchain.structure.joint import Joint as Joint
+    from beamchain.structure.lump import Lump as Lump
     from beamchain.structure.material import Material as Material
     from beamchain.structure.modal_data import ModalData as ModalData
     from beamchain.structure.readers import read_modes as read_modes
@@ -53,6 +52,7 @@ if TYPE_CHECKING:
     from beamchain.structure.section import Rectangle as Rectangle
     from beamchain.structure.section import Round as Round
     from beamchain.structure.section import Tube as Tube
+    from beamchain.structure.segment import Segment as Segment
     from beamchain.workflow import fit as fit
 
 _PLACES = {
@@ -69,13 +69,16 @@ _PLACES = {
     "port": ("PortModel",),
     "seed": ("seed_beam", "seed_table"),
     "spec": ("Damping", "FitOptions", "Hub", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
-    "structure.beam": ("Beam", "Joint", "Lump", "Segment"),
+    "structure.beam": ("Beam",),
     "structure.exact": ("UniformBeam",),
     "structure.imported": ("Imported",),
+    "structure.joint": ("Joint",),
+    "structure.lump": ("Lump",),
     "structure.material": ("Material",),
     "structure.modal_data": ("ModalData",),
     "structure.readers": ("read_modes",),
     "structure.section": ("Box", "Custom", "Equivalent", "Rectangle", "Round", "Tube"),
+    "structure.segment": ("Segment",),
     "result": ("Fit",),
     "workflow": ("fit",),
 }

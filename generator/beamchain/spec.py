@@ -14,10 +14,13 @@ import numpy as np
 from beamchain.checks import not_negative, number, one_of, positive, whole
 from beamchain.errors import InputError
 from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, body_mass_matrix
-from beamchain.structure.beam import Beam, Joint, Lump, Segment, body_inertia
+from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported, Units
+from beamchain.structure.joint import Joint
+from beamchain.structure.lump import Lump, body_inertia
 from beamchain.structure.material import Material
 from beamchain.structure.section import Box, Custom, Equivalent, Rectangle, Round, Tube
+from beamchain.structure.segment import Segment
 from beamchain.uncertain import Uncertain, Uncertainty
 
 LARGEST_FILE = 10_000_000  # bytes; a spec is a page of text
