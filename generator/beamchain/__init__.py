@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from beamchain.engine.linearise import Linearisation as Linearisation
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
+    from beamchain.hub import Hub as Hub
     from beamchain.port import PortModel as PortModel
     from beamchain.result import Fit as Fit
     from beamchain.seed import seed_beam as seed_beam
     from beamchain.seed import seed_table as seed_table
     from beamchain.spec import Damping as Damping
     from beamchain.spec import FitOptions as FitOptions
-    from beamchain.spec import Hub as Hub
     from beamchain.spec import Modes as Modes
     from beamchain.spec import Payload as Payload
     from beamchain.spec import Root as Root
@@ -66,9 +66,10 @@ _PLACES = {
     "embedding": ("Embedded", "embed"),
     "engine.linearise": ("Linearisation", "linearise"),
     "errors": ("BeamchainError",),
+    "hub": ("Hub",),
     "port": ("PortModel",),
     "seed": ("seed_beam", "seed_table"),
-    "spec": ("Damping", "FitOptions", "Hub", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
+    "spec": ("Damping", "FitOptions", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
     "structure.beam": ("Beam",),
     "structure.exact": ("UniformBeam",),
     "structure.imported": ("Imported",),
