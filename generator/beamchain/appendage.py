@@ -161,6 +161,9 @@ def carried(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[Ca
     out: list[Carried] = []
     for a in appendages:
         whole, kept, band = _imported(a) if a.fit.space is not None else _beam(a)
+        if not band:  # a rigid body: as far as the scene looks
+            scene = a.fit.spec.scene
+            band = {"rigid": scene.bandwidth if scene and scene.bandwidth else float(whole.frequencies[0])}
         out.append(Carried(a.mount, whole, kept, appended(model, names([a]))["dof"], band))
     return out
 
@@ -190,7 +193,8 @@ def _imported(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, flo
     rigid[np.ix_(live, live)], participation[:, live] = full.rigid_mass, full.participation
     flags = np.array([bool(np.any(np.abs(w / space.target.frequencies - 1.0) < SAME)) for w in full.frequencies])
     whole = PortModel(_with_inertia(a, rigid), full.frequencies, participation, full.damping)
-    return whole, flags, {"space": float(space.target.frequencies[-1])}
+    band = {"space": float(space.target.frequencies[-1])} if space.target.modes else {}
+    return whole, flags, band
 
 
 def _with_inertia(a: Appendage, rigid: Array) -> Array:

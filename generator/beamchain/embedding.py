@@ -119,6 +119,17 @@ class Embedded:
 
         return assembly_svg(self.assembly)
 
+    def report(self, craft: str = "craft.xml", output: str = "flexible.xml") -> str:
+        """The report as the text of one HTML file.
+
+        Args:
+            craft: name of the bare spacecraft's file.
+            output: name of the file with the appendages.
+        """
+        from beamchain.report.embed_html import embed_report
+
+        return embed_report(self, craft, output)
+
     def _files(self, folder: Path | None, stem: str) -> tuple[Craft, dict[str, str]]:
         if self.document is None:
             raise InputError("this was made from an MjSpec, which was changed in place; use its own to_xml().")

@@ -125,6 +125,8 @@ def large_limits(result: Fit) -> tuple[dict[str, LargeMotion], list[str]]:
     """Large-motion limits of a fit's chain per bending plane, and why one could not be had."""
     spec: Spec = result.spec
     radius = spec.root.hub.offset[0] if spec.root.hub else 0.0
+    if spec.imported is not None:
+        return {}, ["large motion is compared with a chain of 60 links of the beam, which imported modes do not have."]
     out: dict[str, LargeMotion] = {}
     warnings: list[str] = []
     for port in ("xy", "xz"):

@@ -262,6 +262,11 @@ def make_task(text: str) -> Task:
     kept = spec.kept
     if spec.chooses:
         kept = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub.mass_matrix()).kept
+    if not kept:
+        raise InputError(
+            f"the scene needs no mode of {spec.name!r}: a rigid body keeps its promise, and there is nothing to study; "
+            "give a wider scene.bandwidth or a smaller scene.tolerance."
+        )
     full = {port: spec.with_ratios(port, beam.port(port, FULL_MODES)) for port in kept}
     rigid = Rigid(hub.mass, np.array(hub.inertia), np.array(hub.offset), hub.mass_matrix())
     return Task(beam, full, kept, rigid, spec.damping is None or spec.damping.form == "modal")

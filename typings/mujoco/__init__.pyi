@@ -55,6 +55,8 @@ class mjtCatBit:
     def __int__(self) -> int: ...
 
 class mjtWarning:
+    mjWARN_BADQPOS: mjtWarning
+    mjWARN_BADQVEL: mjtWarning
     mjWARN_BADQACC: mjtWarning
     def __int__(self) -> int: ...
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json
+from beamchain.cli.common import Folder, Force, Json, Quiet, console, explain, print_json
 from beamchain.errors import EngineError, InputError
 
 if TYPE_CHECKING:
@@ -42,14 +42,15 @@ def render(
     angle: Annotated[float, typer.Option(metavar="DEG", help="Turn by this much [degrees].")] = 40.0,
     width: Annotated[int, typer.Option(help="Of the pictures [pixels].")] = 640,
     height: Annotated[int, typer.Option(help="Of the pictures [pixels].")] = 400,
+    want_mp4: Annotated[bool, typer.Option("--mp4/--no-mp4", help="A film too; needs ffmpeg.")] = True,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Pictures of the spacecraft turning while its appendage rings: PNG, GIF, and MP4 where ffmpeg is there.
+    """Pictures of the spacecraft turning while its appendage rings: PNG, GIF, and MP4 by ffmpeg.
 
-    The hub is turned from rest to rest so that its first mode rings; where a rigid appendage would be is
-    drawn faintly. Needs no screen, but EGL or OSMesa.
+    Without ffmpeg the others are written, and the exit status is 3. The hub is turned from rest to rest so that its
+    first mode rings; where a rigid appendage would be is drawn faintly. Needs no screen, but EGL or OSMesa.
 
     Example: beamchain render boom.toml -o pictures
 
@@ -86,7 +87,7 @@ def render(
         output / f"{name}.png": files.png(frames[slew.loudest]),
         output / f"{name}.gif": files.gif(frames, RATE),
     }
-    moving = files.mp4(frames, RATE)
+    moving = files.mp4(frames, RATE) if want_mp4 else None
     if moving is not None:
         out[output / f"{name}.mp4"] = moving
     write_files(out, force=force)
@@ -108,8 +109,11 @@ def render(
             console().print(f"[bold]warning[/bold]: {warning}")
         for path in out:
             console().print(f"wrote {path}", soft_wrap=True)
-        if moving is None:
-            console().print("no MP4: there is no ffmpeg on the PATH")
+    if want_mp4 and moving is None:
+        explain(
+            f"no {name}.mp4 was made, as there is no ffmpeg on the PATH; install ffmpeg, or take the GIF and say --no-mp4."
+        )
+        raise typer.Exit(3)
 
 
 def too_far(fit: "Fit", slew: "Slew") -> list[str]:
