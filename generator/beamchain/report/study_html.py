@@ -79,7 +79,10 @@ def verdict(study: "Study") -> str:
     """The answer in one sentence."""
     best = study.best(1e-3, "error") or study.best(1e-2, "error")
     if best is None:
-        return "No setting reached an error of 1e-2 within the budget; raise --budget."
+        nearest = study.nearest("error")
+        near = "" if nearest is None else f"; {nearest.model} with n = {nearest.n} comes to {nearest.error:.2g}"
+        cure = "raise --budget" if study.scenario.large is None else "give a smaller load, or raise --budget"
+        return f"No setting of ours reached an error of 1e-2 within the budget{near}: {cure}."
     target = 1e-3 if study.best(1e-3, "error") else 1e-2
     point, rivals = best.point, study.rivals(target, "error")
     near = min(rivals.values(), key=lambda r: r.seconds, default=None)
@@ -114,7 +117,9 @@ def table(study: "Study", metric: Metric) -> Table:
     for target in TARGETS:
         best = study.best(target, metric)
         if best is None:
-            rows.append([power(target), "none within the budget", "", "", "", "", ""])
+            rows.append([power(target), "none of ours within the budget", "", "", "", "", ""])
+            rivals = study.rivals(target, metric).values()
+            rows += [row(r, "", r.seconds) for r in sorted(rivals, key=lambda r: r.seconds) if not r.extrapolated]
             continue
         rows.append(row(best, power(target), best.seconds))
         second = study.oscillators(target, metric)
