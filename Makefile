@@ -32,7 +32,7 @@ lint: $(VENV)/.installed
 test: lint
 	$(BIN)/pytest -n $(WORKERS) -m "not slow and not host"
 
-HOSTS ?= oldest newest dm_control basilisk
+HOSTS ?= oldest newest dm_control basilisk nastran
 
 hosts:
 	for host in $(HOSTS); do $(PYTHON) tests/hosts/run.py $$host || exit 1; done
@@ -44,6 +44,7 @@ test-full: $(VENV)/.installed wheel-test hosts
 bench: $(VENV)/.installed
 	$(BIN)/python tests/benchmarks/fit_time.py
 	$(BIN)/python tests/benchmarks/sweep_time.py
+	$(BIN)/python tests/benchmarks/savings.py
 
 bench-peers: $(VENV)/.installed
 	$(PYTHON) -m venv build/peers/venv

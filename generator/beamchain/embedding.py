@@ -16,6 +16,7 @@ from beamchain.appendage import (
     Appendage,
     carried,
     check_names,
+    driven_too_far,
     judged,
     lightest,
     moved_by_load,
@@ -236,7 +237,7 @@ def _embed_in_document(original: Craft, wanted: dict[str, tuple[Spec, str]], for
         for name, text in beside.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
         model = compile_model(out.to_bytes().decode("utf-8"))
-    warnings += judged(craft, model, appendages)
+    warnings += judged(craft, model, appendages) + driven_too_far(model, appendages)
     return Embedded(appendages, craft, model, tuple(warnings), original, form, layout)
 
 
@@ -325,7 +326,7 @@ def _embed_in_spec(spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]]) -
             place.attach(mujoco.MjSpec.from_string(text), frame=frame, prefix=a.prefix)
         if place is trial:
             model = trial.compile()
-            warnings += judged(craft, model, appendages)
+            warnings += judged(craft, model, appendages) + driven_too_far(model, appendages)
     return Embedded(appendages, craft, spec.copy().compile(), tuple(warnings))
 
 

@@ -154,9 +154,13 @@ class Fit:
         scene = self.spec.scene
         if scene is None or scene.bandwidth is None or not self.achieved:
             return ()
-        model = in_space(self.achieved, self.measured.rigid_mass)
-        hub = self.hub_mass if self.hub_mass is not None else self.measured.rigid_mass
-        keep = sorted(AXES[axis] for axis in scene.axes)
+        live = tuple(range(6))
+        model = in_space(self.achieved, self.measured.rigid_mass) if self.oscillators is None else None
+        if model is None and self.space is not None:  # modes in several ports at once
+            model, live = self.space.achieved, self.space.live
+        assert model is not None
+        hub = self.hub_mass[np.ix_(live, live)] if self.hub_mass is not None else model.rigid_mass
+        keep = [i for i, motion in enumerate(live) if motion in {AXES[axis] for axis in scene.axes}]
         return choose_step(model, hub, keep, scene.bandwidth, scene.tolerance, tendon=bool(self.dampers))
 
     def appendage(self) -> Element:

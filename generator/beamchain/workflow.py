@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     pass
 
 DECOUPLED = 1e-9  # relative: what two independent ports may share
+CANDIDATES = 4  # converged modes per port that a scene may choose from, where they become oscillators
 
 
 def fit(
@@ -123,6 +124,9 @@ def _beam_as_oscillators(spec: Spec) -> Fit:
         raise InputError(
             'form = "oscillators" takes neither a payload nor another method than "exact"; use form = "chain" there.'
         )
+    if spec.chooses:  # among more modes than a scene needs
+        ports = dict.fromkeys(whole_beam(spec, spec.beam), CANDIDATES)
+        return fit_imported(spec, ModalData.from_beam(spec.beam, ports, every=True))
     kept = spec.kept
     data = ModalData.from_beam(spec.beam, kept, every=True)
     return fit_imported(msgspec.structs.replace(spec, modes=Modes(**kept)), data)
@@ -184,7 +188,7 @@ def _fit(spec: Spec) -> Fit:
         dampers=dampers,
         choice=plan.choice,
         promise=promise,
-        left_out=ledger(spec, plan, bool(dampers)),
+        left_out=ledger(spec, plan.choice, bool(dampers)),
         warnings=(*_warnings(spec, measured, achieved, dampers, limits), *_prewarp_note(warped)),
         prewarps=warped,
     )

@@ -261,9 +261,9 @@ _CENTRE: Any = {"marker": r"$\oplus$", "markersize": 9.0, "color": "black", "mar
 
 def chain_figure(fit: "Fit") -> Figure:
     """The chain to scale along x, and below it the classical chain with as many hinges."""
-    plane = next((port for port in fit.target if port in PLANES), next(iter(fit.target)))
+    plane = next((port for port in fit.target if port in PLANES), next(iter(fit.target), PLANES[0]))
     chains = {chain_label(fit): fit.chain}
-    classical = rival_chains(fit, plane).get("classical chain")
+    classical = rival_chains(fit, plane).get("classical chain") if fit.target else None
     if classical is not None:
         chains["classical chain"] = classical
     with mpl.rc_context(STYLE):

@@ -89,6 +89,8 @@ class Verdict(NamedTuple):
 
 def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     """What to tell somebody who reads one sentence."""
+    if not fit.error:
+        return _rigid_verdict(fit)
     frequency = max(error.frequency for error in fit.error.values())
     errors = {port: error.accelerance_in_band or 0.0 for port, error in fit.error.items()}
     worst = max(errors, key=lambda port: errors[port])
@@ -118,6 +120,17 @@ def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     return Verdict(not missed, f"{text}.")
 
 
+def _rigid_verdict(fit: "Fit") -> Verdict:
+    """The sentence of an appendage that the scene needs no mode of."""
+    scene = fit.spec.scene
+    text = "One rigid body stands for the appendage"
+    if scene is not None and scene.bandwidth is not None and fit.promise is not None:
+        text += f": the motion of the hub is off by at most {percent(fit.promise)} up to {short(scene.bandwidth)} rad/s"
+    if not fit.status.ok:
+        return Verdict(False, f"Less than was asked for: {fit.status.message.rstrip('.')}. {text}.")
+    return Verdict(True, f"{text}.")
+
+
 def all_sections(
     fit: "Fit", pictures: Pictures, rivals: RivalErrors, left_out: Sequence[Mapping[str, Any]]
 ) -> list[Section]:
@@ -138,14 +151,14 @@ def all_sections(
         Section("The chain", _chain(fit, pictures)),
         Section("Time steps", _steps(fit)),
     ]
-    shapes = shape_blocks(fit)
-    if shapes:
+    if shapes := shape_blocks(fit):
         out.insert(3, Section("Shapes of the modes kept", shapes))
     if fit.warnings:
         out.append(Section("Before you use it", [Lines([_sentence(text) for text in fit.warnings])]))
     if left_out:
         out.append(Section("Left out", left_out_blocks(left_out)))
-    return [*out, Section("How it went", _history(fit)), Section("To reproduce", _reproduce(fit))]
+    out += [Section("How it went", _history(fit)), Section("To reproduce", _reproduce(fit))]
+    return [section for section in out if section.blocks]  # of a rigid body there is nothing to compare
 
 
 # -- the sections ----------------------------------------------------------------------------------------------------
@@ -237,6 +250,8 @@ def shape_blocks(fit: "Fit") -> list[Block]:
 
 
 def _against_beam(fit: "Fit", rivals: RivalErrors, pictures: Pictures) -> list[Block]:
+    if not fit.error:
+        return []
     labels = list(dict.fromkeys(label for found in rivals.values() for label in found))
     rows: list[list[str]] = []
     for port, error in fit.error.items():

@@ -23,6 +23,7 @@ COLOURS = {
     "exact, clamped": "#3d8fd6",
     "exact, free": "#8dbbe6",
     "least squares": "#2b7a6f",
+    "oscillators": "#5fb3a3",
 }
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
 TITLES: dict[Metric, str] = {
