@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from beamchain.hub import Hub as Hub
     from beamchain.port import PortModel as PortModel
     from beamchain.result import Fit as Fit
+    from beamchain.runs import run_stability as run_stability
+    from beamchain.runs import run_study as run_study
+    from beamchain.runs import run_sweep as run_sweep
     from beamchain.seed import seed_beam as seed_beam
     from beamchain.seed import seed_table as seed_table
     from beamchain.spec import Damping as Damping
@@ -68,6 +71,7 @@ _PLACES = {
     "errors": ("BeamchainError",),
     "hub": ("Hub",),
     "port": ("PortModel",),
+    "runs": ("run_stability", "run_study", "run_sweep"),
     "seed": ("seed_beam", "seed_table"),
     "spec": ("Damping", "FitOptions", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
     "structure.beam": ("Beam",),
@@ -89,12 +93,14 @@ __version__ = version("beamchain")
 __all__ = sorted([*_HOME, "__version__"])  # pyright: ignore[reportUnsupportedDunderAll]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'beamchain' has no attribute {name!r}; it has {', '.join(__all__)}")
-    value = getattr(import_module(f"beamchain.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # a type checker that sees it takes every misspelt name for one that it gives
+
+    def __getattr__(name: str) -> Any:
+        if name not in _HOME:
+            raise AttributeError(f"module 'beamchain' has no attribute {name!r}; it has {', '.join(__all__)}")
+        value = getattr(import_module(f"beamchain.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

@@ -16,6 +16,7 @@ from beamchain.appendage import (
     Appendage,
     carried,
     check_names,
+    driven_too_far,
     judged,
     lightest,
     moved_by_load,
@@ -31,12 +32,13 @@ from beamchain.engine.linearise import compile_model
 from beamchain.engine.unchanged import appended
 from beamchain.errors import EngineError, InputError
 from beamchain.files import write_files
+from beamchain.hub import Hub
 from beamchain.mjcf import check, marks, write
 from beamchain.mjcf import embed as document
 from beamchain.mjcf.craft import Craft, bare, craft_from_text, read_craft, relocate
 from beamchain.mjcf.place import find_target, split
 from beamchain.result import Fit
-from beamchain.spec import Hub, Root, Spec, read_spec, spec_from_dict
+from beamchain.spec import Root, Spec, read_spec, spec_from_dict
 from beamchain.structure.beam import Beam
 from beamchain.workflow import as_spec, fit
 
@@ -117,6 +119,17 @@ class Embedded:
         from beamchain.report.assembly_plot import assembly_svg
 
         return assembly_svg(self.assembly)
+
+    def report(self, craft: str = "craft.xml", output: str = "flexible.xml") -> str:
+        """The report as the text of one HTML file.
+
+        Args:
+            craft: name of the bare spacecraft's file.
+            output: name of the file with the appendages.
+        """
+        from beamchain.report.embed_html import embed_report
+
+        return embed_report(self, craft, output)
 
     def _files(self, folder: Path | None, stem: str) -> tuple[Craft, dict[str, str]]:
         if self.document is None:
@@ -225,7 +238,7 @@ def _embed_in_document(original: Craft, wanted: dict[str, tuple[Spec, str]], for
         for name, text in beside.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
         model = compile_model(out.to_bytes().decode("utf-8"))
-    warnings += judged(craft, model, appendages)
+    warnings += judged(craft, model, appendages) + driven_too_far(model, appendages)
     return Embedded(appendages, craft, model, tuple(warnings), original, form, layout)
 
 
@@ -314,7 +327,7 @@ def _embed_in_spec(spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]]) -
             place.attach(mujoco.MjSpec.from_string(text), frame=frame, prefix=a.prefix)
         if place is trial:
             model = trial.compile()
-            warnings += judged(craft, model, appendages)
+            warnings += judged(craft, model, appendages) + driven_too_far(model, appendages)
     return Embedded(appendages, craft, spec.copy().compile(), tuple(warnings))
 
 

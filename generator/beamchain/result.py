@@ -24,10 +24,11 @@ from beamchain.engine.bench import Measured, ballast_for
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.files import write_files
+from beamchain.hub import Hub
 from beamchain.mjcf import write
 from beamchain.mjcf.oscillators import oscillators as write_oscillators
 from beamchain.port import PORTS, Array, PortModel, in_space
-from beamchain.spec import Hub, Scene, Spec
+from beamchain.spec import Scene, Spec
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 

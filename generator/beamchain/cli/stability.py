@@ -24,7 +24,7 @@ def stability(
 ) -> None:
     """Step limits predicted and measured, steps for an accuracy, damping each integrator adds, large motion.
 
-    Writes stability.json into DIR.
+    Writes report.html and stability.json into DIR.
 
     Example: beamchain stability boom.toml -o boom-stability
     """
@@ -32,6 +32,7 @@ def stability(
 
     from beamchain.files import write_files
     from beamchain.report.record import to_json
+    from beamchain.report.stability_html import stability_report
     from beamchain.stability import study
 
     with Progress(
@@ -40,7 +41,8 @@ def stability(
         step = progress.add_task("reading")
         result = study(source, lambda text: progress.update(step, description=text))
         record = result.as_dict()
-        files: dict[Path, str | bytes] = {output / "stability.json": to_json(record)}
+        report = stability_report(result, source, record)
+        files: dict[Path, str | bytes] = {output / "report.html": report, output / "stability.json": to_json(record)}
         write_files(files, force=force)
     if as_json:
         print_json(record)

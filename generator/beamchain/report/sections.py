@@ -44,7 +44,8 @@ def _vector(values: Iterable[float]) -> str:
     return ", ".join(f"{value:.5g}" for value in values)
 
 
-def _step(value: float) -> str:
+def step_words(value: float) -> str:
+    """A step, or that there is no limit."""
     return "no limit" if math.isinf(value) else f"{value:.4g}"
 
 
@@ -56,7 +57,8 @@ def _kept(fit: "Fit") -> str:
     return first if not more else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def _left_out(items: Sequence[Mapping[str, Any]]) -> list[Block]:
+def left_out_blocks(items: Sequence[Mapping[str, Any]]) -> list[Block]:
+    """The ledger as a table."""
     rows = [[str(i["what"]), str(i["why"]), percent(float(i["cost"])) if i["cost"] else "nothing"] for i in items]
     note = "Cost: relative change of the hub's motion within the band that leaving it out alone makes."
     return [Table(rows, ["left out", "why", "cost"], note=note, words=True)]
@@ -143,18 +145,18 @@ def all_sections(
     out = [
         Section("What was asked", _asked(fit)),
         Section("At the root, over frequency", _accelerances(fit, pictures)),
-        Section("Modes kept, and what MuJoCo makes of them", [_modes(fit, port) for port in fit.target]),
+        Section("Modes kept, and what MuJoCo makes of them", [mode_table(fit, port) for port in fit.target]),
         Section("Against the whole beam", _against_beam(fit, rivals, pictures)),
         Section("Mass, centre, inertia", [_mass(fit)]),
         Section("The chain", _chain(fit, pictures)),
         Section("Time steps", _steps(fit)),
     ]
-    if shapes := _shapes(fit):
+    if shapes := shape_blocks(fit):
         out.insert(3, Section("Shapes of the modes kept", shapes))
     if fit.warnings:
         out.append(Section("Before you use it", [Lines([_sentence(text) for text in fit.warnings])]))
     if left_out:
-        out.append(Section("Left out", _left_out(left_out)))
+        out.append(Section("Left out", left_out_blocks(left_out)))
     out += [Section("How it went", _history(fit)), Section("To reproduce", _reproduce(fit))]
     return [section for section in out if section.blocks]  # of a rigid body there is nothing to compare
 
@@ -211,7 +213,8 @@ def _accelerances(fit: "Fit", pictures: Pictures) -> list[Block]:
     return blocks
 
 
-def _modes(fit: "Fit", port: str) -> Table:
+def mode_table(fit: "Fit", port: str) -> Table:
+    """Modes of a port: asked for, read back through MuJoCo, how far off."""
     target, achieved, error = fit.target[port], fit.achieved[port], fit.error[port]
     ratios, tip = bool(np.any(target.damping > 0.0) or np.any(achieved.damping > 0.0)), fit.tip_error.get(port)
     head = ["mode", "target, rad/s", "target, Hz", "through MuJoCo, rad/s", "relative error"]
@@ -236,7 +239,7 @@ def _modes(fit: "Fit", port: str) -> Table:
     return Table(rows, head, caption=f"Port {port}", note=note)
 
 
-def _shapes(fit: "Fit") -> list[Block]:
+def shape_blocks(fit: "Fit") -> list[Block]:
     """Per port the mode shapes, where there are any."""
     caption = (
         "Port {}: cantilever modes, mass-normalised, root on the left. Black: the beam; blue: the chain, white dots "
@@ -357,7 +360,7 @@ def _steps(fit: "Fit") -> list[Block]:
     rows: list[list[str]] = []
     for name, largest in limits.largest_step.items():
         steps = limits.accuracy.get(name)
-        rows.append([name, _step(largest), *([_step(step) for step in steps] if steps else ["", ""])])
+        rows.append([name, step_words(largest), *([step_words(step) for step in steps] if steps else ["", ""])])
     where = "on the hub of the spec" if fit.hub_mass is not None else "with nothing attached, the safe case"
     head = ["integrator", "stable up to, s", "first mode within 1 % up to, s", "within 0.1 % up to, s"]
     note = f"Fastest mode {where}: {_number(limits.omega_max)} rad/s."

@@ -1,8 +1,10 @@
 """study.json: every point, what it takes to reach a target, the machine."""
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from beamchain.assess.front import Metric, Reach
+from beamchain.assess.scenario import Scenario
 
 if TYPE_CHECKING:
     from beamchain.study import Study
@@ -25,6 +27,7 @@ def study_record(study: "Study") -> dict[str, Any]:
             "watched": scenario.watched,
             "largest_elastic_motion": scenario.largest,
         },
+        "reference": _reference(scenario),
         "points": [point._asdict() for point in study.points],
         "notes": [
             {
@@ -44,8 +47,17 @@ def study_record(study: "Study") -> dict[str, Any]:
             "fit": study.growth.fit,
             "fit_exponent": study.growth.fit_exponent,
         },
+        "warnings": study.warnings,
         "seconds": study.seconds,
     }
+
+
+def _reference(scenario: Scenario) -> dict[str, Any]:
+    """What the motions were compared with, and how good it is."""
+    if scenario.large is None:
+        return {"kind": "linear", "nonlinear": scenario.nonlinear}
+    figures = scenario.large.figures
+    return {"kind": "large motion", **asdict(figures), "error": figures.error}
 
 
 def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
@@ -57,9 +69,10 @@ def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
         if best is None:
             out[power(target)] = None
             continue
-        rivals = study.rivals(target, metric)
+        rivals, second = study.rivals(target, metric), study.oscillators(target, metric)
         out[power(target)] = {
             **best.point._asdict(),
+            "oscillators": None if second is None else _reach(second),
             "rivals": {model: reach.seconds / best.seconds for model, reach in rivals.items()},
             "rival_points": {model: _reach(reach) for model, reach in rivals.items()},
         }
