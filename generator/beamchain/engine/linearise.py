@@ -176,7 +176,7 @@ class Linearisation:
         Raises:
             EngineError: a joint is not sprung.
         """
-        apparent = np.linalg.inv(turn @ self.inputs[np.ix_(root, columns)] @ turn)
+        apparent: Array = np.asarray(np.linalg.inv(turn @ self.inputs[np.ix_(root, columns)] @ turn), dtype=np.float64)
         follow = self.inputs[np.ix_(inner, columns)] @ turn @ apparent
         pull = turn @ self.stiffness[np.ix_(root, inner)]
         squares, right = np.linalg.eig(self.stiffness[np.ix_(inner, inner)] - follow @ pull)
