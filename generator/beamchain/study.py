@@ -199,8 +199,12 @@ def study(
         resume: take up what `folder` holds.
         progress: told after every entry.
 
+    Returns:
+        every setting measured, the cheapest for each target error, and what large motion changes.
+
     Raises:
-        InputError: a model name is unknown, or the profile cannot be used.
+        InputError: a model name is unknown, the profile cannot be used, or profile and amplitude are both given.
+        EngineError: the load throws the appendage about so that no chain can be simulated, or a worker died.
     """
     start = time.perf_counter()
     if options.profile is not None and options.amplitude is not None:

@@ -68,8 +68,7 @@ def reference_sentence(study: "Study") -> str:
         f"the exact motion by {figures.small_motion:.1g}, which is taken off."
     )
     if not figures.met:
-        worst = max(figures.change, figures.step_change)
-        text += f" It is no better than {worst:.1g}: errors below {10.0 * worst:.1g} are not to be relied on."
+        text += f" It is no better than {figures.error:.1g}: errors below {10.0 * figures.error:.1g} are not to be relied on."
     return text
 
 
