@@ -327,14 +327,8 @@ def _chain(fit: "Fit", pictures: Pictures) -> list[Block]:
         ]
         for i, link in enumerate(fit.chain.links, 1)
     ]
-    head = [
-        "link",
-        "starts at x, m",
-        "length, m",
-        "mass, kg",
-        "centre of mass x, m",
-        "inertia xx, yy, zz about it, kg m²",
-    ]
+    about = "inertia xx, yy, zz about it, kg m²"
+    head = ["link", "starts at x, m", "length, m", "mass, kg", "centre of mass x, m", about]
     blocks.append(Table(rows, head, caption="Links"))
     ports = fit.chain.ports
     damped = [port for port in ports if any(port in hinge.damping for hinge in fit.chain.hinges)]

@@ -1,16 +1,12 @@
 """study.html: what each second of computing buys; one file, nothing fetched."""
 
 import math
-from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING
-
-import jinja2
 
 from beamchain.assess.front import Metric, Reach
 from beamchain.report import study_plots
-from beamchain.report.page import Table, inline
-from beamchain.report.plots import to_svg
+from beamchain.report.page import Table, inline, page_text
+from beamchain.report.plots import short, to_svg
 
 if TYPE_CHECKING:
     from beamchain.study import Study
@@ -25,7 +21,8 @@ def study_page(study: "Study") -> tuple[str, dict[str, str]]:
         "growth.svg": to_svg(study_plots.growth_figure(study.growth), "growth"),
     }
     record = study.as_dict()
-    page = _template().render(
+    page = page_text(
+        "study.html",
         name=study.spec.name,
         verdict=verdict(study),
         scenario=scenario_sentence(study),
@@ -93,16 +90,24 @@ def verdict(study: "Study") -> str:
     if near is None:
         return text
     how = " (extrapolated along its measured slope)" if near.extrapolated else ""
-    return f"{text} The nearest rival, {near.model}, takes {near.seconds / best.seconds:.3g} times as long{how}."
+    return f"{text} The nearest rival, {near.model}, takes {short(near.seconds / best.seconds)} times as long{how}."
 
 
 def row(reach: Reach, label: str, best: float) -> list[str]:
     """One line of the table: measured, or extrapolated and said so."""
     p = reach.point
     ratio = reach.seconds / best
-    slower = "" if ratio == 1.0 else f" ({ratio:.3g} x)"
+    slower = "" if ratio == 1.0 else f" ({short(ratio)} x)"
     if reach.extrapolated:
-        return [label, p.model, "more", p.integrator, "less", f"{1e3 * reach.seconds:.3g}{slower}, extrapolated", "-"]
+        return [
+            label,
+            p.model,
+            "more",
+            p.integrator,
+            "less",
+            f"{short(1e3 * reach.seconds)}{slower}, extrapolated",
+            "-",
+        ]
     return [
         label, p.model, str(p.n), p.integrator, f"{p.timestep:.4g}", f"{1e3 * reach.seconds:.4g}{slower}",
         f"{p.over_rigid_hub:.2f}",
@@ -128,7 +133,7 @@ def table(study: "Study", metric: Metric) -> Table:
             rows.append(row(reach, "", best.seconds))
         for model, floor in study.short_of(target, metric).items():
             rows.append(["", model, "any", "any", "any", f"never: {floor:.2g} at best", "-"])
-    return Table(rows, HEAD, caption=study_plots.TITLES[metric])
+    return Table(rows, HEAD, caption=study_plots.TITLES[metric], named=True)
 
 
 def commands(study: "Study") -> list[str]:
@@ -150,11 +155,3 @@ def _every(study: "Study") -> Table:
     ]  # fmt: skip
     head = ("model", "n", "integrator", "step, s", "error", "error, own clock", "time, ms", "µs per step", "spread, %")
     return Table(rows, head)
-
-
-@cache
-def _template() -> jinja2.Template:
-    loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
-    return jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined).get_template(
-        "study.html"
-    )
