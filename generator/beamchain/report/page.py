@@ -11,7 +11,10 @@ import numpy as np
 
 
 class Table(NamedTuple):
-    """A table; its first column names the row. `words`: cells are text, not numbers; `named`: the second column is."""
+    """A table; its first column names the row.
+
+    `words`: cells are text, not numbers; `named`: the second column is; `folded`: what to open to see it.
+    """
 
     rows: Sequence[Sequence[str]]
     head: Sequence[str] = ()
@@ -19,6 +22,7 @@ class Table(NamedTuple):
     note: str = ""
     words: bool = False
     named: bool = False
+    folded: str = ""
     kind: str = "table"
 
 

@@ -5,12 +5,22 @@ from typing import TYPE_CHECKING
 
 from beamchain.assess.front import Metric, Reach
 from beamchain.report import study_plots
-from beamchain.report.page import Table, inline, page_text
+from beamchain.report.page import Lines, Picture, Section, Table, Text, inline, page_text
 from beamchain.report.plots import short, to_svg
+from beamchain.report.sections import Verdict
 
 if TYPE_CHECKING:
     from beamchain.study import Study
 
+RULES = (
+    "Times are of one thread, simulation only, warm. A setting counts for an error only if every finer step that was "
+    "measured meets it too."
+)
+PARETO = (
+    "Lower left is better. Blue: chains of this package; grey: others. Marks are the settings that no other of the same "
+    "model beats; finer steps that miss count against coarser ones."
+)
+GROWTH = "Growth: time per step of equal links, and time to find and compile an exact chain."
 HEAD = ("to reach", "model", "n", "integrator", "step, s", "time, ms", "per step over the rigid hub")
 
 
@@ -21,19 +31,28 @@ def study_page(study: "Study") -> tuple[str, dict[str, str]]:
         "growth.svg": to_svg(study_plots.growth_figure(study.growth), "growth"),
     }
     record = study.as_dict()
+    machine = ", ".join(f"{key} {value}" for key, value in record["machine"].items())
+    answer = [Text(scenario_sentence(study)), table(study, "error"), table(study, "error_appendage"), Text(RULES)]
+    every_model = [
+        Picture(
+            inline(pictures["error_against_run_time.svg"], "Error against run time of every model."), PARETO, "zoom"
+        ),
+        Picture(inline(pictures["growth.svg"], "Time per step and time to fit against the number of links."), GROWTH),
+    ]
+    parts = [
+        Section("What it takes", answer),
+        Section("To use it", [Text("\n".join(commands(study)), "code")]),
+        Section("Every model", every_model),
+        Section("Every point", [_every(study)]),
+    ]
+    if study.warnings:
+        parts.insert(0, Section("Before you use it", [Lines(study.warnings)]))
     page = page_text(
         "study.html",
         name=study.spec.name,
-        verdict=verdict(study),
-        scenario=scenario_sentence(study),
-        tables=[table(study, "error"), table(study, "error_appendage")],
-        pareto=inline(pictures["error_against_run_time.svg"], "Error against run time of every model."),
-        growth=inline(pictures["growth.svg"], "Time per step and time to fit against the number of links."),
-        warnings=study.warnings,
-        commands=commands(study),
-        every=_every(study),
-        machine=", ".join(f"{key} {value}" for key, value in record["machine"].items()),
-        seconds=f"{study.seconds:.0f}",
+        verdict=Verdict(study.best(1e-3, "error") is not None and not study.warnings, verdict(study)),
+        sections=parts,
+        versions=f"Measured in {study.seconds:.0f} s. {machine}",
     )
     return page, pictures
 
@@ -154,4 +173,4 @@ def _every(study: "Study") -> Table:
         for p in study.points
     ]  # fmt: skip
     head = ("model", "n", "integrator", "step, s", "error", "error, own clock", "time, ms", "µs per step", "spread, %")
-    return Table(rows, head)
+    return Table(rows, head, folded="All settings measured")
