@@ -221,7 +221,7 @@ def study(
     known = dict.fromkeys(e.model for e in wanted)
     for name in options.models:
         if name not in known:
-            raise InputError(f"model {name!r} is not in the field; choose from {', '.join(known)}.")
+            raise InputError(f"model {name!r} is not in the field; choose from {', '.join(map(repr, known))}.")
     if options.models:
         wanted = [e for e in wanted if e.model in (*options.models, field.RIGID_HUB)]
     stamp = hashlib.sha256(json.dumps([text, options, mujoco.__version__]).encode()).hexdigest()[:12]
