@@ -248,7 +248,7 @@ def _fit(spec: Spec) -> Fit:
     tree = write.appendage(chain, spec.name, beam=beam, dampers=dampers, visuals=scene.visuals)
     clock.append(time.perf_counter())
     free = tuple(kept) if tuple(kept) == ("xy",) else PORTS  # a planar boom is tested as the paper does
-    measured = measure(tree, free, timestep=scene.timestep, ballast=_ballast(chain))
+    measured = measure(tree, free, timestep=scene.timestep, ballast=_weight(chain))
     bandwidth, error = {}, {}
     for port, target in built.targets.items():
         bandwidth[port] = scene.bandwidth or float(target.frequencies[-1])
@@ -418,12 +418,15 @@ def _damped(spec: Spec, built: Built, plans: Mapping[str, Prewarp]) -> tuple[Cha
     return chain, tuple(dampers)
 
 
-def _ballast(chain: Chain) -> Array | None:
-    """Something to hold where a hinge at the root leaves the bench massless: as much as the chain weighs."""
-    if chain.links[0].mass > 0.0:
-        return None
+def _weight(chain: Chain) -> Array:
+    """A root body as heavy as the chain: with it the bench is well conditioned, however light the first link is."""
     rigid = np.diag(chain.rigid_mass())
     return np.array([rigid[0], *np.full(3, max(rigid[3:]))])
+
+
+def _ballast(chain: Chain) -> Array | None:
+    """Something to hold where a hinge at the root leaves the bench massless: as much as the chain weighs."""
+    return None if chain.links[0].mass > 0.0 else _weight(chain)
 
 
 def _limits(measured: Measured, targets: Mapping[str, PortModel], hub: Array | None, tendon: bool) -> StepLimits:

@@ -17,8 +17,8 @@ from beamchain.port import Array
 from beamchain.workflow import Fit, fit
 
 FREQUENCY = 1e-6  # relative: a natural frequency of the beam lies as near to each of MuJoCo's
-PARTICIPATION = 1e-4  # relative, of the outer product; the check itself is good to 3e-5
-MASS = 1e-9  # relative to the geometric means of the diagonal
+PARTICIPATION = 1e-5  # relative, of the outer product; the check itself is good to 1e-7
+MASS = 1e-7  # relative to the geometric means of the diagonal; behind a joint softened by 1e-6 digits are lost
 DAMPING = 1e-5  # relative, of every ratio
 TORSION = 1e-8  # relative, against the closed form of the prismatic rod
 CLASSICAL = 3.0  # error of mode k of N equal links is below this times k^2 / N^2 (0.5 is seen for k = 1)
