@@ -1,8 +1,9 @@
 """Pre-warping: the discrete frequencies, read from MuJoCo's own A at the chosen step, are the beam's on its hub."""
 
-import beamchain as bc
 import numpy as np
 import pytest
+
+import beamchain as bc
 from appendages import close, seed_boom, stepped_boom, tapered_boom
 from beamchain.chain.prewarp import coupled_poles
 from beamchain.engine.linearise import compile_model, linearise

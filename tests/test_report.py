@@ -1,5 +1,6 @@
 """The report and its pictures: self-contained, valid, complete, right where a number can be held against another."""
 
+import json
 import re
 import tomllib
 from dataclasses import replace
@@ -11,6 +12,7 @@ from lxml import etree, html
 
 import beamchain as bc
 from appendages import panels, seed_boom, stepped_boom, tapered_boom, timoshenko_boom, unit_beam
+from beamchain import shipped
 from beamchain.chain.build import Status
 from beamchain.report import curves, plots
 from beamchain.report.html import fit_report
@@ -18,6 +20,7 @@ from beamchain.report.spec_text import spec_toml
 from beamchain.spec import spec_from_dict
 
 CURVE = 1e-3  # rivals add their own peaks to the grid, so that it is not the in-band error's own
+DRAWN = 1e-4  # coordinates in pt with a few digits
 MARK = 1e-3  # poles and zeros are marked where the refined grid changes sign
 
 HUB = bc.Hub(mass=500.0, inertia=(500.0, 500.0, 500.0), offset=(1.0, 0.0, 0.0))
@@ -66,7 +69,9 @@ def text_of(page: str) -> str:
 def test_page_is_self_contained_and_sound(reports, name):
     _, page, _ = reports(name)
     assert not re.search(r"""(src|href|srcset|action|data)\s*=\s*["']?\s*(https?:|//|file:)""", page)
-    assert not re.search(r"<(script|link|iframe|img|object|embed)\b", page)
+    assert not re.search(r"<(link|iframe|img|object|embed)\b", page)
+    assert page.count("<script>") == page.count("<script") == 1  # the one that zooms, and it stands in the page
+    assert "default-src 'none'" in page
     assert "@import" not in page
     assert not re.search(r"url\((?!#)", page)
     root = html.fromstring(page)
@@ -224,10 +229,12 @@ def test_axes_have_labels_with_units(reports, name):
     fit = reports(name)[0]
     for port in fit.target:
         figure = plots.accelerance_figure(fit, port)
-        assert len(figure.axes) == (3 if port in ("xy", "xz") else 1)
+        assert len(figure.axes) == 2 * (3 if port in ("xy", "xz") else 1)
         assert figure.axes[-1].get_xlabel() == "frequency, rad/s"
-        for ax in figure.axes:
-            assert ax.get_ylabel().startswith("|W|, (")
+        for above, below in zip(figure.axes[::2], figure.axes[1::2], strict=True):
+            assert above.get_ylabel().startswith("|W|, (")
+            assert below.get_ylabel() == "phase, °"
+            assert above.get_xlim() == below.get_xlim()
         (ax,) = plots.error_figure(fit, port).axes
         assert ax.get_xlabel() == "frequency, rad/s"
         assert "relative" in ax.get_ylabel()
@@ -277,6 +284,53 @@ def test_poles_and_zeros_are_where_they_belong(boom):
         for zero in zeros:
             left, right = exact.W([zero * (1.0 - MARK), zero * (1.0 + MARK)])[i, j]
             assert left * right < 0.0
+
+
+def test_phase_turns_where_the_poles_and_zeros_are(boom):
+    beam = curves.responses(boom[0], "xy", with_rivals=False)["beam"]
+    for i, j in ((0, 0), (0, 1), (1, 1)):
+        omega, turned = beam.phase(i, j)
+        assert set(turned) == {0.0, 180.0}
+        at = np.flatnonzero(np.diff(turned))
+        middle = (omega[at] + omega[at + 1]) / 2.0
+        np.testing.assert_allclose(middle, np.sort(np.concatenate(beam.crossings(i, j))), rtol=MARK)
+        assert omega[[0, -1]] == pytest.approx(beam.omega[[0, -1]])
+
+
+def test_zoom_is_told_where_the_axes_are(boom):
+    """A curve's first and last points in the SVG, through what the page's script is told, are the curve's own."""
+    fit, _, pictures = boom
+    root = etree.fromstring(pictures["error_xy.svg"].encode())
+    (told,) = json.loads(root.get("data-plot"))
+    left, top, width, height = told["box"]
+    group = root.xpath(f"//*[@id='{told['id']}']")[0]
+    path = [p for p in group.xpath(".//*[local-name()='path'][@clip-path]") if "stroke: #0a5fb4" in p.get("style", "")]
+    points = np.array(re.findall(r"-?[\d.]+", path[0].get("d")), dtype=float).reshape(-1, 2)
+    hub, _ = curves.worst_hub(fit, "xy")
+    (curve,) = curves.error_curves(fit, "xy", [fit.achieved["xy"]], hub, curves.span(fit, "xy"))
+    (x0, x1), (y0, y1) = told["x"], told["y"]
+    omega = x0 * (x1 / x0) ** ((points[:, 0] - left) / width)
+    error = y0 * (y1 / y0) ** ((top + height - points[:, 1]) / height)
+    assert omega[-1] == pytest.approx(curve.omega[-1], rel=DRAWN)
+    peak = int(np.argmax(error))
+    assert error[peak] == pytest.approx(curve.error.max(), rel=0.05)  # drawing leaves points out, rivals add some
+    assert told["log"]
+
+
+def test_shapes_are_in_the_page_once_per_port(reports):
+    fit, page, _ = reports("all ports")
+    root = html.fromstring(page)
+    assert len(root.xpath("//svg[@class='shapes']")) == len(fit.target)
+    assert len(root.xpath("//input[@type='checkbox']")) == len(fit.target)
+
+
+def test_what_was_left_out_stands_with_its_cost():
+    spec = bc.read_spec(next(one.path for one in shipped.examples() if one.name == "array_scene"))
+    fit = bc.fit(spec)
+    rows = html.fromstring(fit_report(fit)[0]).xpath("//th[text()='why']/ancestor::table/tbody/tr")
+    assert [row[0].text_content() for row in rows] == [item.what for item in fit.left_out]
+    for row, item in zip(rows, fit.left_out, strict=True):
+        assert row[2].text_content() == (plots.percent(item.cost) if item.cost else "nothing")
 
 
 @pytest.mark.parametrize("name", FITS)

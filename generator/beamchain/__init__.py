@@ -15,10 +15,13 @@ if TYPE_CHECKING:
     from beamchain.chain.realise import realise as realise
     from beamchain.chain.rivals import equal_links as equal_links
     from beamchain.chain.rivals import seed_chain as seed_chain
+    from beamchain.embedding import Embedded as Embedded
+    from beamchain.embedding import embed as embed
     from beamchain.engine.linearise import Linearisation as Linearisation
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
     from beamchain.port import PortModel as PortModel
+    from beamchain.result import Fit as Fit
     from beamchain.seed import seed_beam as seed_beam
     from beamchain.seed import seed_table as seed_table
     from beamchain.spec import Damping as Damping
@@ -35,14 +38,16 @@ if TYPE_CHECKING:
     from beamchain.structure.beam import Lump as Lump
     from beamchain.structure.beam import Segment as Segment
     from beamchain.structure.exact import UniformBeam as UniformBeam
+    from beamchain.structure.imported import Imported as Imported
     from beamchain.structure.material import Material as Material
+    from beamchain.structure.modal_data import ModalData as ModalData
+    from beamchain.structure.readers import read_modes as read_modes
     from beamchain.structure.section import Box as Box
     from beamchain.structure.section import Custom as Custom
     from beamchain.structure.section import Equivalent as Equivalent
     from beamchain.structure.section import Rectangle as Rectangle
     from beamchain.structure.section import Round as Round
     from beamchain.structure.section import Tube as Tube
-    from beamchain.workflow import Fit as Fit
     from beamchain.workflow import fit as fit
 
 _PLACES = {
@@ -50,6 +55,7 @@ _PLACES = {
     "chain.chain": ("Chain",),
     "chain.realise": ("planar_chain", "realise"),
     "chain.rivals": ("equal_links", "seed_chain"),
+    "embedding": ("Embedded", "embed"),
     "engine.linearise": ("Linearisation", "linearise"),
     "errors": ("BeamchainError",),
     "port": ("PortModel",),
@@ -57,9 +63,13 @@ _PLACES = {
     "spec": ("Damping", "FitOptions", "Hub", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
     "structure.beam": ("Beam", "Joint", "Lump", "Segment"),
     "structure.exact": ("UniformBeam",),
+    "structure.imported": ("Imported",),
     "structure.material": ("Material",),
+    "structure.modal_data": ("ModalData",),
+    "structure.readers": ("read_modes",),
     "structure.section": ("Box", "Custom", "Equivalent", "Rectangle", "Round", "Tube"),
-    "workflow": ("Fit", "fit"),
+    "result": ("Fit",),
+    "workflow": ("fit",),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MASSLESS = 1e-13  # smallest eigenvalue of the residual mass, relative to the rigid mass, that is not rounding
+RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass than this is none, and its mode lies at infinity
 DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
 
 PORTS = ("xy", "xz", "torsion", "axial")
@@ -54,10 +55,10 @@ def _outer_sum(rows: Array, weight: NDArray[Any]) -> NDArray[Any]:
     return (outer.T @ weight).reshape(m, m, -1)
 
 
-def square_root(matrix: Array) -> Array:
-    """`R` with `R^T R = matrix` for a symmetric positive semidefinite matrix; rounding below zero is clipped."""
+def square_root(matrix: Array, noise: float = 0.0) -> Array:
+    """`R` with `R^T R = matrix` for a symmetric positive semidefinite matrix; eigenvalues below `noise` become zero."""
     values, vectors = np.linalg.eigh(matrix)
-    return np.sqrt(np.clip(values, 0.0, None))[:, None] * vectors.T
+    return np.sqrt(np.where(values > noise, values, 0.0))[:, None] * vectors.T
 
 
 def body_mass_matrix(mass: float, centre: Array, inertia: Array) -> Array:
@@ -174,7 +175,13 @@ class PortModel:
     # -- free modes ----------------------------------------------------------------------------------------------
     def _rows(self) -> tuple[Array, Array]:
         """Motion rows weighted by the square root of mass: rigid `(n+m, m)` and elastic `(n+m, n)`."""
-        rigid = np.vstack([self.participation, square_root(self.residual_mass)])
+        scale = np.sqrt(np.diag(self.rigid_mass))
+        scaled = self.residual_mass / np.outer(scale, scale)
+        if np.linalg.eigvalsh(scaled)[0] < RESIDUAL_NOISE:  # a direction without residual mass shall be one exactly
+            root = square_root(scaled, RESIDUAL_NOISE) * scale
+        else:
+            root = square_root(self.residual_mass)
+        rigid = np.vstack([self.participation, root])
         elastic = np.vstack([np.diag(1.0 / self.frequencies), np.zeros((self.motions, self.modes))])
         return rigid, elastic
 
@@ -185,7 +192,7 @@ class PortModel:
         q, r = np.linalg.qr(rigid)
         along = q.T @ elastic
         _, s, vt = np.linalg.svd(elastic - q @ along, full_matrices=False)
-        finite = s > 1e-13 * s.max(initial=0.0)  # a singular residual sends a mode to infinity
+        finite = s > 1e-13 * np.max(1.0 / self.frequencies, initial=0.0)  # a singular residual sends a mode to infinity
         s, v = s[finite], vt[finite].T
         values = -np.linalg.solve(r, along @ v) / s
         return locked(1.0 / s), locked(values.T), locked(v), locked(np.linalg.inv(r))
@@ -233,7 +240,11 @@ class PortModel:
         s = 1j * np.atleast_1d(np.asarray(omega, dtype=np.float64))
         w = self.frequencies[:, None]
         weight = s**2 / (s**2 + 2.0 * self.damping[:, None] * w * s + w**2)
-        return self.rigid_mass[:, :, None] - _outer_sum(self.participation, weight)
+        m, effective = self.motions, self.effective_mass.reshape(self.modes, self.motions**2)
+        # real times complex as real products, which is what takes the time where modes are many
+        parts = effective.T @ np.ascontiguousarray(weight, dtype=np.complex128).view(np.float64)
+        flexible = parts.view(np.complex128).reshape(m, m, s.size)
+        return self.rigid_mass.astype(np.complex128)[:, :, None] - flexible
 
     def W(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802
         """Accelerance `(m, m, k)`: acceleration per unit wrench at `omega` `(k,)` [rad/s]."""

@@ -13,10 +13,12 @@ import numpy as np
 
 from beamchain.checks import not_negative, number, one_of, positive, whole
 from beamchain.errors import InputError
-from beamchain.port import PORT_MOTION, PORTS, Array, body_mass_matrix
+from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, body_mass_matrix
 from beamchain.structure.beam import Beam, Joint, Lump, Segment, body_inertia
+from beamchain.structure.imported import Imported, Units
 from beamchain.structure.material import Material
 from beamchain.structure.section import Box, Custom, Equivalent, Rectangle, Round, Tube
+from beamchain.uncertain import Uncertain, Uncertainty
 
 LARGEST_FILE = 10_000_000  # bytes; a spec is a page of text
 MOST_MODES = 20
@@ -70,20 +72,25 @@ def _ratio(name: str, value: object) -> None:
 
 
 class Modes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Flexible modes kept per port; 0: left out, rigid."""
+    """Flexible modes kept per port; 0 or absent: left out, rigid (with a scene's bandwidth, absent: chosen)."""
 
-    xy: int = 0
-    xz: int = 0
-    torsion: int = 0
-    axial: int = 0
+    xy: int | None = None
+    xz: int | None = None
+    torsion: int | None = None
+    axial: int | None = None
 
     def __post_init__(self) -> None:
         for port in PORTS:
-            whole(port, getattr(self, port), 0, MOST_MODES)
+            if getattr(self, port) is not None:
+                whole(port, getattr(self, port), 0, MOST_MODES)
 
     def counts(self) -> dict[str, int]:
         """Modes per port, ports that keep none left out."""
-        return {port: count for port in PORTS if (count := int(getattr(self, port))) > 0}
+        return {port: count for port in PORTS if (count := int(getattr(self, port) or 0)) > 0}
+
+    def given(self) -> dict[str, int]:
+        """Ports whose number was stated, 0 included."""
+        return {port: int(count) for port in PORTS if (count := getattr(self, port)) is not None}
 
 
 class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -91,13 +98,18 @@ class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
     Args:
         mass: [kg].
-        inertia: principal, about its centre, in appendage axes [kg m^2].
+        inertia: about its centre, in appendage axes: Ixx, Iyy, Izz [kg m^2].
         offset: from its centre to the root, in appendage axes [m].
+        products: Ixy, Ixz, Iyz where those axes are not principal [kg m^2].
+        apparent: `(6, 6)` mass matrix about the root (x, y, z, rotations) in place of all that, for a hub with loose
+            joints, which is no rigid body.
     """
 
     mass: float
     inertia: Triple
     offset: Triple = (0.0, 0.0, 0.0)
+    products: Triple = (0.0, 0.0, 0.0)
+    apparent: tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self) -> None:
         positive("mass", self.mass, "kg")
@@ -106,10 +118,45 @@ class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
             positive(f"inertia[{i}]", value, "kg m^2")
         for i, value in enumerate(self.offset):
             number(f"offset[{i}]", value, "m")
+        for i, value in enumerate(self.products):
+            number(f"products[{i}]", value, "kg m^2")
+        if self.apparent is not None:
+            matrix = np.array([[number("apparent", v, "") for v in row] for row in self.apparent if len(row) == 6])
+            if matrix.shape != (6, 6) or float(np.linalg.eigvalsh(matrix)[0]) <= 0.0 or np.any(matrix != matrix.T):
+                raise InputError("apparent must be a symmetric positive definite 6 x 6 matrix [kg, kg m, kg m^2].")
+        a, b, c = (float(v) for v in np.linalg.eigvalsh(self.inertia_matrix()))
+        if a <= 0.0 or c > (a + b) * (1.0 + 1e-9):
+            raise InputError(
+                f"products = {list(self.products)!r} with inertia = {list(self.inertia)!r} belong to no rigid body "
+                f"(principal inertias {a:.6g}, {b:.6g}, {c:.6g}); check signs and order [Ixy, Ixz, Iyz]."
+            )
+
+    def inertia_matrix(self) -> Array:
+        """`(3, 3)` inertia about the centre, in appendage axes [kg m^2]."""
+        (xx, yy, zz), (xy, xz, yz) = self.inertia, self.products
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)
 
     def mass_matrix(self) -> Array:
         """`(6, 6)` mass matrix about the root, motions (x, y, z, rotations)."""
-        return body_mass_matrix(self.mass, -np.array(self.offset), np.diag(self.inertia))
+        if self.apparent is not None:
+            return np.array(self.apparent, dtype=np.float64)
+        return body_mass_matrix(self.mass, -np.array(self.offset), self.inertia_matrix())
+
+    @classmethod
+    def from_mass_matrix(cls, matrix: Array) -> "Hub":
+        """The hub with a given `(6, 6)` mass matrix about the root."""
+        mass = float(np.trace(matrix[:3, :3])) / 3.0
+        coupling = (matrix[3:, :3] - matrix[:3, 3:]) / 2.0 / mass
+        x, y, z = coupling[2, 1], coupling[0, 2], coupling[1, 0]
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        inertia = matrix[3:, 3:] + mass * cross @ cross
+        xx, yy, zz = (float(v) for v in np.diag(inertia))
+        return cls(
+            mass=mass,
+            inertia=(xx, yy, zz),
+            offset=(-float(x), -float(y), -float(z)),
+            products=(float(inertia[0, 1]), float(inertia[0, 2]), float(inertia[1, 2])),
+        )
 
 
 def port_hub_mass(hub: Array, port: str) -> Array:
@@ -127,11 +174,6 @@ class Root(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     def __post_init__(self) -> None:
         if self.target is not None:
             one_of("target", self.target, ("clamped", "free", "hub", "auto"))
-        if self.target == "hub" and self.hub is None:
-            raise InputError(
-                'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, '
-                'or use target = "clamped".'
-            )
 
 
 class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -140,12 +182,13 @@ class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     method: Method = "exact"
     links: int | tuple[float, ...] | None = None
     free: tuple[Literal["stiffness", "lengths", "masses"], ...] = ("stiffness", "lengths", "masses")
-    form: Literal["chain", "oscillators"] = "chain"
+    form: Literal["chain", "oscillators"] | None = None
     timestep: float = 0.0
 
     def __post_init__(self) -> None:
         one_of("method", self.method, ("exact", "least_squares", "classical", "midpoint", "naive", "seed"))
-        one_of("form", self.form, ("chain", "oscillators"))
+        if self.form is not None:
+            one_of("form", self.form, ("chain", "oscillators"))
         not_negative("timestep", self.timestep, "s")
         for word in self.free:
             one_of("free", word, ("stiffness", "lengths", "masses"))
@@ -179,6 +222,10 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         positive("tolerance", self.tolerance, "")
         positive("timestep", self.timestep, "s")
         one_of("integrator", self.integrator, ("Euler", "RK4", "implicit", "implicitfast", "discrete"))
+        if not self.axes:
+            raise InputError(
+                "axes = [] leaves no hub motion that matters; name some of x y z tx ty tz, or leave axes out."
+            )
         for axis in self.axes:
             one_of("axes", axis, ("x", "y", "z", "tx", "ty", "tz"))
 
@@ -190,12 +237,14 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     segment: tuple[Segment, ...] = ()
     joint: tuple[Joint, ...] = ()
     lump: tuple[Lump, ...] = ()
+    imported: Imported | None = None
     payload: Payload | None = None
     damping: Damping | None = None
     modes: Modes | None = None
     root: Root = Root()
     fit: FitOptions = FitOptions()
     scene: Scene | None = None
+    uncertain: Uncertain | None = None
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name):
@@ -203,27 +252,68 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
                 f"name = {self.name!r} must start with a small letter and hold only a-z, 0-9 and _ (at most 63), "
                 'because every body is named after it; for example name = "boom".'
             )
-        if not self.segment:
-            raise InputError("the spec has no [[segment]]; add at least one with length, section and material.")
+        if self.imported is not None:
+            self._check_imported()
+        elif not self.segment:
+            raise InputError(
+                "the spec has no [[segment]]; add at least one with length, section and material, or an [imported] "
+                "table."
+            )
+        if self.root.target == "auto" and not self.chooses:
+            raise InputError('root.target = "auto" chooses for a scene; give scene.bandwidth, or target = "clamped".')
         if self.scene is not None and self.fit.timestep > 0.0 and self.fit.timestep != self.scene.timestep:
             raise InputError(
                 f"fit.timestep = {self.fit.timestep!r} and scene.timestep = {self.scene.timestep!r} differ; "
                 "the chain is right at one step only: give the same, or leave fit.timestep out."
             )
-        if self.modes is not None and not self.modes.counts():
+        if self.modes is not None and not self.modes.counts() and not self.chooses:
             raise InputError(
                 "[modes] keeps no mode at all; set xy, xz, torsion or axial to 1 or more, or remove [modes]."
             )
-        self.beam  # noqa: B018  (built once so that what the parts say of each other is checked)
+        if self.imported is None:
+            self.beam  # noqa: B018  (built once so that what the parts say of each other is checked)
+
+    def _check_imported(self) -> None:
+        """What stands beside [imported] must make sense without a beam."""
+        for key in ("segment", "joint", "lump", "payload"):
+            if getattr(self, key):
+                raise InputError(
+                    f"[imported] and {key} are both given; modes from a file replace the beam: remove {key}"
+                    + (", or put the payload into the finite-element model." if key == "payload" else ".")
+                )
+        if self.fit.method != "exact":
+            raise InputError(
+                f'method = "{self.fit.method}" needs a beam, but the modes are imported; leave fit.method out.'
+            )
 
     @property
     def beam(self) -> Beam:
-        """The elastic appendage."""
+        """The elastic appendage.
+
+        Raises:
+            InputError: the modes are imported, so that there is no beam.
+        """
+        if self.imported is not None:
+            raise InputError(
+                f"the appendage {self.name!r} is imported modes ({self.imported.file}), but this needs a beam; give it "
+                "as [[segment]] instead."
+            )
         return Beam(segments=self.segment, joints=self.joint, lumps=self.lump)
+
+    def with_ratios(self, port: str, model: PortModel) -> PortModel:
+        """A port's model with the damping ratios wanted in its cantilever modes; as it is where none are stated."""
+        return model if self.damping is None else model.replaced(damping=self.damping.ratios(port, model.modes))
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the scene decides which modes are kept."""
+        return self.scene is not None and self.scene.bandwidth is not None and self.fit.method == "exact"
 
     @property
     def kept(self) -> dict[str, int]:
-        """Modes kept per port."""
+        """Modes kept per port, where the scene does not decide; empty: all that were imported."""
+        if self.imported is not None and self.modes is None:
+            return {}
         return (self.modes or Modes(xy=2)).counts()
 
 
@@ -233,7 +323,10 @@ def read_spec(path: str | Path) -> Spec:
     Raises:
         InputError: the file cannot be read, is no TOML, or a value is not allowed; the message names the place.
     """
-    return spec_from_dict(_read_toml(Path(path)), str(path))
+    spec = spec_from_dict(_read_toml(Path(path)), str(path))
+    if spec.imported is None:
+        return spec
+    return msgspec.structs.replace(spec, imported=spec.imported.beside(Path(path).parent))
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
@@ -329,7 +422,8 @@ def _choose(word: str, key: str) -> str:
 
 _SECTIONS: list[Any] = [Round, Tube, Rectangle, Box, Custom, Equivalent]
 _STRUCTS: list[Any] = [
-    Spec, Segment, Joint, Lump, Payload, Damping, Modes, Hub, Root, FitOptions, Scene, Material, *_SECTIONS,
+    Spec, Segment, Joint, Lump, Payload, Damping, Modes, Hub, Root, FitOptions, Scene, Material, Imported, Units,
+    Uncertain, Uncertainty, *_SECTIONS,
 ]  # fmt: skip
 
 

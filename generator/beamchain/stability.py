@@ -11,8 +11,9 @@ from beamchain.assess.measured_limit import measured_limit
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import BeamchainError
+from beamchain.result import Fit
 from beamchain.spec import Spec, read_spec
-from beamchain.workflow import Fit, fit
+from beamchain.workflow import fit
 
 LONGEST = 10.0  # slowest periods: where the search for a limit of "discrete" starts
 
@@ -70,9 +71,7 @@ class StabilityStudy:
         }
 
 
-def step_rows(
-    model: "mujoco.MjModel", limits: Budget, say: Callable[[str], None] = lambda _: None
-) -> list[StepRow]:
+def step_rows(model: "mujoco.MjModel", limits: Budget, say: Callable[[str], None] = lambda _: None) -> list[StepRow]:
     """Predicted and measured limits of a compiled model, one row per integrator.
 
     Args:
@@ -103,7 +102,9 @@ def study(source: Path, say: Callable[[str], None] = lambda _: None) -> Stabilit
     if source.suffix.lower() == ".xml":
         model = compile_model(source)
         limits = budget(model)
-        return StabilityStudy(step_rows(model, limits, say), [limits], {}, _warnings([limits], float(model.opt.timestep)))
+        return StabilityStudy(
+            step_rows(model, limits, say), [limits], {}, _warnings([limits], float(model.opt.timestep))
+        )
     say("fitting the chain")
     return study_fit(fit(read_spec(source)), say)
 
@@ -147,6 +148,7 @@ def _warnings(budgets: list[Budget], timestep: float, integrator: str | None = N
     for limits in budgets:
         for name, step in limits.largest_step.items():
             if name != HOST and timestep >= step and integrator in (None, name):
-                out.append(f"{limits.name}: the step asked for, {timestep:g} s, is beyond {name}'s limit of {step:.4g} s.")
+                out.append(
+                    f"{limits.name}: the step asked for, {timestep:g} s, is beyond {name}'s limit of {step:.4g} s."
+                )
     return out
-

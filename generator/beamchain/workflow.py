@@ -2,186 +2,44 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
-from lxml.etree import _Element as Element
 
-from beamchain.assess.error import Comparison, compare, in_band_error
-from beamchain.assess.stability import StepLimits, numerical_pole, step_limits
+from beamchain.assess.error import compare, in_band_error
+from beamchain.assess.plan import Plan, ledger, make_plan, verdict, whole_beam
+from beamchain.assess.stability import StepLimits, coupled_limits, numerical_pole
 from beamchain.chain.build import (
     Built,
-    Status,
     build_exact,
     build_least_squares,
     build_recipe,
     with_real_polar,
 )
 from beamchain.chain.chain import Chain
-from beamchain.chain.damping import Damper, joint_damping, tendons
+from beamchain.chain.damping import Damper, joint_damping, modal_ratios, tendons
 from beamchain.chain.prewarp import Prewarp, loaded_tendons, prewarp
 from beamchain.chain.rods import Payload
-from beamchain.engine.bench import Measured, measure
-from beamchain.engine.library import mujoco
+from beamchain.engine.bench import Measured, measure, root_body
 from beamchain.errors import InputError
-from beamchain.files import write_files
-from beamchain.mjcf import write
 from beamchain.port import PORTS, Array, PortModel, in_space
-from beamchain.spec import Damping, FitOptions, Hub, Modes, Root, Scene, Spec, port_hub_mass
+from beamchain.result import Fit, appendage_tree
+from beamchain.spec import Damping, FitOptions, Modes, Root, Scene, Spec, port_hub_mass
 from beamchain.structure.beam import Beam
+from beamchain.structure.imported import Imported
+from beamchain.structure.modal_data import ModalData
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 DECOUPLED = 1e-9  # relative: what two independent ports may share
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """An appendage as a hinge chain, proved through MuJoCo.
-
-    Args:
-        spec: what was asked for.
-        chain: what came out.
-        full: per port, all modes of the beam's discretisation: the truth.
-        target: per port, the reduced model the chain was made for.
-        achieved: per port, read back through `mjd_transitionFD`.
-        error: per port, achieved against target; in band, against the whole beam.
-        measured: the bench.
-        limits: step limits on the hub of the spec, or alone.
-        status: ok, message, history.
-        seconds: model, realise, write, verify.
-        bandwidth: per port, of the in-band error [rad/s].
-        dampers: the damping tendons.
-        warnings: what to know before the file is used; shown by `beamchain fit` and in the report.
-        prewarps: per port, where `fit.timestep` asks for it; the error in band is then that of what the step shows.
-    """
-
-    spec: Spec
-    chain: Chain
-    full: dict[str, PortModel]
-    target: dict[str, PortModel]
-    achieved: dict[str, PortModel]
-    error: dict[str, Comparison]
-    measured: Measured
-    limits: StepLimits
-    status: Status
-    seconds: dict[str, float]
-    bandwidth: dict[str, float]
-    dampers: tuple[Damper, ...] = ()
-    warnings: tuple[str, ...] = ()
-    prewarps: Mapping[str, Prewarp] = field(default_factory=dict[str, Prewarp])
-
-    @cached_property
-    def hub_mass(self) -> Array | None:
-        """`(6, 6)` mass matrix of the spec's hub about the root; None without one."""
-        return None if self.spec.root.hub is None else self.spec.root.hub.mass_matrix()
-
-    @property
-    def tip_error(self) -> dict[str, Array]:
-        """Per port `(n,)`: relative error of the tip displacement (or angle) in each kept mode."""
-        out: dict[str, Array] = {}
-        for port, target in self.target.items():
-            ours = self.chain.port(port)
-            if ours.tip is not None and target.tip is not None:
-                k = min(ours.modes, target.modes)
-                out[port] = ours.tip[:k, 0] / target.tip[:k, 0] - 1.0
-        return out
-
-    def appendage(self) -> Element:
-        """The drop-in MJCF as an lxml tree."""
-        scene = self.spec.scene or Scene()
-        return write.appendage(
-            self.chain, self.spec.name, beam=self.spec.beam, dampers=self.dampers, visuals=scene.visuals
-        )
-
-    def to_mjcf(self) -> str:
-        """The drop-in MJCF file as text."""
-        return write.text(self.appendage())
-
-    def scene_mjcf(self) -> str:
-        """A free-flying hub with the appendage on it, as text. Without a hub in the spec: ten times the appendage."""
-        scene = self.spec.scene or Scene()
-        hub = self.spec.root.hub or default_hub(self.spec.beam)
-        timestep = self.spec.fit.timestep or (scene.timestep if self.spec.scene else self._safe_step(scene.integrator))
-        root = write.scene(
-            self.appendage(), self.spec.name, mass=hub.mass, inertia=hub.inertia, offset=hub.offset,
-            timestep=timestep, integrator=scene.integrator,
-        )  # fmt: skip
-        return write.text(root)
-
-    def bench_mjcf(self) -> str:
-        """The appendage on the test bench: its root free in every kept port, as text."""
-        ports = [port for port in PORTS if port in self.achieved]
-        return write.text(write.bench(self.appendage(), ports, 0.01, _ballast(self.chain)))
-
-    def _safe_step(self, integrator: str) -> float:
-        """A round step: a fifth of the stability limit at most."""
-        bound = 0.2 * min(self.limits.largest_step[integrator], 5.0)
-        exponent = np.floor(np.log10(bound))
-        return float(max(m for m in (1.0, 2.0, 5.0) if m * 10**exponent <= bound * (1 + 1e-12)) * 10**exponent)
-
-    def attach(self, spec: "mujoco.MjSpec", site: str) -> None:
-        """Attach the appendage to a site of an `mujoco.MjSpec` (x of the site's frame outwards), names unprefixed.
-
-        Raises:
-            InputError: the spec has no such site.
-        """
-        place = spec.site(site)
-        if place is None:
-            known = ", ".join(s.name for s in spec.sites if s.name) or "none"
-            raise InputError(f"site {site!r} is not in the model; its sites are: {known}.")
-        # MuJoCo warns of an empty prefix: take the name off every element, and have MuJoCo put it back
-        prefix = f"{self.spec.name}_"
-        child = mujoco.MjSpec.from_string(self.to_mjcf().replace(f'"{prefix}', '"'))
-        spec.attach(child, site=place, prefix=prefix)
-
-    def plot(self, ax: "Axes | None" = None, port: str | None = None) -> "Axes":
-        """Accelerance of the first kept port: beam, chain through MuJoCo. Returns the axes; shows nothing."""
-        from beamchain.report.plots import plot_accelerance
-
-        return plot_accelerance(self, ax=ax, port=port)
-
-    def as_dict(self) -> dict[str, Any]:
-        """What fit.json holds."""
-        from beamchain.report.record import fit_record
-
-        return fit_record(self)
-
-    def write(self, folder: str | Path, *, force: bool = False) -> list[Path]:
-        """Write appendage.xml, scene.xml, pictures, report.html and fit.json (last) into `folder`; all or none.
-
-        Raises:
-            OutputError: a file exists and `force` is False, or the folder cannot be written.
-        """
-        from beamchain.report.html import fit_report
-        from beamchain.report.record import to_json
-
-        folder = Path(folder)
-        report, pictures = fit_report(self)
-        files: dict[Path, str | bytes] = {
-            folder / "appendage.xml": self.to_mjcf(),
-            folder / "scene.xml": self.scene_mjcf(),
-            **{folder / name: content for name, content in pictures.items()},
-            folder / "report.html": report,
-            folder / "fit.json": to_json(self.as_dict()),
-        }
-        write_files(files, force=force)
-        return list(files)
-
-
-def default_hub(beam: Beam) -> Hub:
-    """Ten times the appendage's mass, a cube as wide as a tenth of its length, root at a face."""
-    mass, side = 10.0 * beam.rigid_mass()[0, 0], 0.1 * beam.length
-    inertia = max(mass * side**2 / 6.0, 1e-12)
-    return Hub(mass=mass, inertia=(inertia, inertia, inertia), offset=(side / 2.0, 0.0, 0.0))
-
-
 def fit(
-    appendage: Beam | Spec,
+    appendage: Beam | Spec | ModalData,
     *,
     name: str | None = None,
     modes: Mapping[str, int] | Modes | None = None,
@@ -193,7 +51,7 @@ def fit(
     """Fit a hinge chain to an appendage and prove it through MuJoCo's own linearisation.
 
     Args:
-        appendage: a beam, or a whole spec (what is given beside it replaces what the spec says).
+        appendage: a beam, imported modes, or a whole spec (what is given beside it replaces what the spec says).
         name: prefix of bodies, joints and sites.
         modes: flexible modes per port, `{"xy": 2}` where nothing is said.
         root: target and hub.
@@ -211,6 +69,8 @@ def fit(
     """
     if isinstance(appendage, Spec):
         spec = appendage
+    elif isinstance(appendage, ModalData):
+        spec = Spec(imported=Imported(file=f"{Path(appendage.source).stem or 'modes'}.toml"))
     else:
         spec = Spec(segment=appendage.segments, joint=appendage.joints, lump=appendage.lumps)
     if modes is not None and not isinstance(modes, Modes):
@@ -231,42 +91,88 @@ def fit(
     changes = {key: value for key, value in given.items() if value is not None}
     if changes:
         spec = Spec(**{field: changes.get(field, getattr(spec, field)) for field in Spec.__struct_fields__})
+    if spec.imported is not None:
+        from beamchain.importing import fit_imported  # which returns a Fit
+
+        return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
+    if spec.fit.form == "oscillators":
+        return _beam_as_oscillators(spec)
     return _fit(spec)
+
+
+def _beam_as_oscillators(spec: Spec) -> Fit:
+    """A beam's modes as oscillators: its modal data, as if another program had computed them."""
+    from beamchain.importing import fit_imported
+
+    if spec.payload is not None or spec.fit.method != "exact":
+        raise InputError(
+            'form = "oscillators" takes neither a payload nor another method than "exact"; use form = "chain" there.'
+        )
+    kept = spec.kept
+    data = ModalData.from_beam(spec.beam, kept, every=True)
+    return fit_imported(msgspec.structs.replace(spec, modes=Modes(**kept)), data)
 
 
 def _fit(spec: Spec) -> Fit:
     clock = [time.perf_counter()]
-    beam, kept = spec.beam, spec.kept
+    beam = spec.beam
+    if spec.root.target == "hub" and spec.root.hub is None:
+        raise InputError(
+            'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, or use '
+            'target = "clamped" (`beamchain embed` reads the hub from the spacecraft).'
+        )
     hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
-    full = {port: beam.port(port, 2 * count + 4) for port, count in kept.items()}
+    full = whole_beam(spec, beam)
     clock.append(time.perf_counter())
-    built = _build(spec, beam, kept, full, hub)
-    plans = {p: _prewarp(spec, p, full[p], t.modes, hub) for p, t in built.targets.items()} if spec.fit.timestep else {}
-    chain, dampers = _damped(spec, built, plans)
+    plan = make_plan(spec, full, beam.rigid_mass(), hub)
+    kept = plan.kept
+    built = _build(spec, plan, beam, full, hub)
+    warped = (
+        {p: _prewarp(spec, p, full[p], t.modes, hub) for p, t in built.targets.items()} if spec.fit.timestep else {}
+    )
+    chain, dampers = _damped(spec, plan, built, warped)
     clock.append(time.perf_counter())
     scene = spec.scene or Scene()
-    tree = write.appendage(chain, spec.name, beam=beam, dampers=dampers, visuals=scene.visuals)
+    tree = appendage_tree(spec, chain, beam, dampers)
     clock.append(time.perf_counter())
     free = tuple(kept) if tuple(kept) == ("xy",) else PORTS  # a planar boom is tested as the paper does
-    measured = measure(tree, free, timestep=scene.timestep, ballast=_weight(chain))
+    measured = measure(tree, free, timestep=scene.timestep, ballast=root_body(chain))
     bandwidth, error = {}, {}
     for port, target in built.targets.items():
         bandwidth[port] = scene.bandwidth or float(target.frequencies[-1])
         port_hub = None if hub is None else port_hub_mass(hub, port)
         plain = compare(measured.ports[port], target)
-        seen = plans[port].shown(measured.ports[port]) if port in plans else measured.ports[port]
-        in_band = in_band_error(seen, with_ratios(spec, port, full[port]), port_hub, bandwidth[port])
+        seen = warped[port].shown(measured.ports[port]) if port in warped else measured.ports[port]
+        in_band = in_band_error(seen, spec.with_ratios(port, full[port]), port_hub, bandwidth[port])
         error[port] = replace(plain, accelerance_in_band=in_band)
-    tendon = bool(dampers)
-    limits = _limits(measured, built.targets, hub, tendon)
+    kept_ports = {port: measured.ports[port] for port in built.targets}
+    limits = coupled_limits(in_space(kept_ports, measured.rigid_mass), hub, tendon=bool(dampers))
     clock.append(time.perf_counter())
     steps = ("model", "realise", "write", "verify")
     seconds = {step: b - a for step, a, b in zip(steps, clock[:-1], clock[1:], strict=True)}
     achieved = {port: measured.ports[port] for port in built.targets}
+    seen = {port: warped[port].shown(model) if port in warped else model for port, model in achieved.items()}
+    promise = plan.promise.error(seen, dict.fromkeys(seen, "achieved")) if plan.promise else None
     return Fit(
-        spec, chain, full, built.targets, achieved, error, measured, limits, built.status, seconds, bandwidth, dampers,
-        (*_warnings(spec, measured, achieved, dampers, limits), *_prewarp_note(plans)), plans,
-    )  # fmt: skip
+        spec=spec,
+        chain=chain,
+        full=full,
+        target=built.targets,
+        achieved=achieved,
+        error=error,
+        measured=measured,
+        limits=limits,
+        status=verdict(spec, built.status, promise),
+        seconds=seconds,
+        bandwidth=bandwidth,
+        kept_for=plan.target,
+        dampers=dampers,
+        choice=plan.choice,
+        promise=promise,
+        left_out=ledger(spec, plan, bool(dampers)),
+        warnings=(*_warnings(spec, measured, achieved, dampers, limits), *_prewarp_note(warped)),
+        prewarps=warped,
+    )
 
 
 def _warnings(
@@ -314,26 +220,13 @@ def _warnings(
     return tuple(out)
 
 
-def with_ratios(spec: Spec, port: str, model: PortModel) -> PortModel:
-    """The model with the spec's damping ratios in its cantilever modes."""
-    return model if spec.damping is None else model.replaced(damping=spec.damping.ratios(port, model.modes))
-
-
-def _build(spec: Spec, beam: Beam, kept: dict[str, int], full: dict[str, PortModel], hub: Array | None) -> Built:
-    target = spec.root.target or "clamped"
+def _build(spec: Spec, plan: Plan, beam: Beam, full: Mapping[str, PortModel], hub: Array | None) -> Built:
+    kept = plan.kept
 
     def target_of(port: str, count: int) -> PortModel:
-        model = full[port]
         if spec.fit.timestep:
-            return _prewarp(spec, port, model, count, hub).target
-        if target == "free":
-            out = model.reduced(count, np.zeros((model.motions, model.motions)))
-        elif target == "hub":
-            assert hub is not None
-            out = model.reduced(count, port_hub_mass(hub, port))
-        else:
-            out = model.truncated(count)
-        return with_ratios(spec, port, out)
+            return _prewarp(spec, port, full[port], count, hub).target
+        return spec.with_ratios(port, plan.reduce(plan.target, port, count))
 
     options = spec.fit
     payload = spec.payload
@@ -342,8 +235,8 @@ def _build(spec: Spec, beam: Beam, kept: dict[str, int], full: dict[str, PortMod
             f"fit.timestep = {options.timestep!r} pre-warps the exact chain only; leave it out, or use "
             'method = "exact" without a payload.'
         )
-    if options.method == "exact" and payload is None:
-        return build_exact(beam, kept, target_of, tip=spec.scene is not None and spec.scene.tip)
+    if not kept or (options.method == "exact" and payload is None):
+        return build_exact(beam, kept, target_of, tip=(spec.scene or Scene()).tip)
     if options.method in ("exact", "least_squares"):
         loads = None
         if payload is not None:
@@ -365,7 +258,7 @@ def _prewarp(spec: Spec, port: str, model: PortModel, count: int, hub: Array | N
     elif spec.root.target == "free":
         load = np.zeros((model.motions, model.motions))
     integrator = (spec.scene or Scene()).integrator
-    return prewarp(with_ratios(spec, port, model), count, load, integrator, spec.fit.timestep)
+    return prewarp(spec.with_ratios(port, model), count, load, integrator, spec.fit.timestep)
 
 
 def _prewarp_note(plans: Mapping[str, Prewarp]) -> list[str]:
@@ -396,46 +289,28 @@ def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
     return np.full(count, beam.length / count)
 
 
-def _damped(spec: Spec, built: Built, plans: Mapping[str, Prewarp]) -> tuple[Chain, tuple[Damper, ...]]:
-    """The wanted damping: tendons beside the chain, or dampers in its hinges."""
+def _damped(spec: Spec, plan: Plan, built: Built, warped: Mapping[str, Prewarp]) -> tuple[Chain, tuple[Damper, ...]]:
+    """The wanted damping: tendons beside the chain, or dampers in its hinges where asked for or good enough."""
     chain, dampers = built.chain, []
     if spec.damping is None:
         return chain, ()
+    if spec.damping.form == "hinge" and any(plan.rates.size for plan in warped.values()):
+        raise InputError(
+            'damping.form = "hinge" cannot give each mode what "discrete" leaves of its damping; '
+            'use damping.form = "modal", or leave fit.timestep out.'
+        )
+    hinged = chain
+    for port in built.targets:
+        hinged = joint_damping(hinged, port, spec.damping.ratios(port, chain.port(port).modes))
+    if spec.damping.form == "hinge":
+        return hinged, ()
+    if plan.choice is not None and plan.promise is not None and spec.scene is not None and not warped:
+        models = {port: hinged.port(port).replaced(damping=modal_ratios(hinged, port)) for port in built.targets}
+        if plan.promise.error(models, dict.fromkeys(models, "hinge damping")) <= spec.scene.tolerance:
+            return hinged, ()
     for port, target in built.targets.items():
-        if port in plans and plans[port].rates.size:
-            if spec.damping.form == "hinge":
-                raise InputError(
-                    'damping.form = "hinge" cannot give each mode what "discrete" leaves of its damping; '
-                    'use damping.form = "modal", or leave fit.timestep out.'
-                )
-            dampers += loaded_tendons(chain, port, plans[port])
-            continue
-        ratios = spec.damping.ratios(port, chain.port(port).modes)
-        if spec.damping.form == "hinge":
-            chain = joint_damping(chain, port, ratios)
+        if port in warped and warped[port].rates.size:
+            dampers += loaded_tendons(chain, port, warped[port])
         else:
-            dampers += tendons(chain, port, ratios[: max(target.modes, 1)])
+            dampers += tendons(chain, port, spec.damping.ratios(port, target.modes))
     return chain, tuple(dampers)
-
-
-def _weight(chain: Chain) -> Array:
-    """A root body as heavy as the chain: with it the bench is well conditioned, however light the first link is."""
-    rigid = np.diag(chain.rigid_mass())
-    return np.array([rigid[0], *np.full(3, max(rigid[3:]))])
-
-
-def _ballast(chain: Chain) -> Array | None:
-    """Something to hold where a hinge at the root leaves the bench massless: as much as the chain weighs."""
-    return None if chain.links[0].mass > 0.0 else _weight(chain)
-
-
-def _limits(measured: Measured, targets: Mapping[str, PortModel], hub: Array | None, tendon: bool) -> StepLimits:
-    """Step limits on the hub in space, or of the free appendage without one."""
-    model = in_space({port: measured.ports[port] for port in targets}, measured.rigid_mass)
-    coupled = model if hub is None else model.with_hub(hub)
-    a, *_ = coupled.state_space()
-    poles = np.linalg.eigvals(a)
-    poles = poles[poles.imag > 0.0]
-    frequencies = np.abs(poles)
-    ratios = np.where(np.abs(poles.real) < 1e-12 * frequencies, 0.0, -poles.real / frequencies)
-    return step_limits(frequencies, np.clip(ratios, 0.0, None), tendon=tendon)

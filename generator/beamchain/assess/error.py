@@ -11,6 +11,7 @@ from beamchain.errors import InputError
 from beamchain.port import Array, PortModel, locked
 
 DEFAULT_RATIO = 0.005  # damping ratio of every cantilever mode where none is given
+SAME_PEAK = 1e-7  # relative; far below the width of any peak that is resolved
 STANDARD_HUBS = (0.1, 1.0, 10.0)  # times the appendage's rigid mass, where no hub is given
 
 Response = Callable[[Array], NDArray[np.complex128]]
@@ -133,8 +134,12 @@ def band_grid(models: Sequence[PortModel], bandwidth: float) -> Array:
     """`(k,)` frequencies up to `bandwidth`, dense at every peak of the given models (hub included) [rad/s]."""
     points = [np.linspace(bandwidth / 400.0, bandwidth, 400)]
     offsets = np.concatenate([[0.0], np.geomspace(0.02, 60.0, 40)])
+    seen = np.zeros(0)
     for model in models:
         peaks = np.concatenate([model.free_frequencies, model.frequencies])
+        if seen.size:  # a peak that another model has too needs no second cluster of points
+            peaks = peaks[np.min(np.abs(peaks[:, None] / seen - 1.0), axis=1) > SAME_PEAK]
+        seen = np.concatenate([seen, peaks])
         width = float(np.max(model.damping, initial=DEFAULT_RATIO))
         narrow = max(float(np.min(model.damping, initial=1.0)), 1e-6)
         for peak in peaks[peaks < 1.2 * bandwidth]:

@@ -247,7 +247,9 @@ def _leaves(error: Callable[[float], float], start: float, end: float) -> float:
     return float("inf")
 
 
-def exceeded(limits: Mapping[str, LargeMotion], rates: Mapping[str, float], accelerations: Mapping[str, float]) -> list[str]:
+def exceeded(
+    limits: Mapping[str, LargeMotion], rates: Mapping[str, float], accelerations: Mapping[str, float]
+) -> list[str]:
     """Warnings for a run: what it exceeded, over all planes.
 
     Args:

@@ -81,6 +81,7 @@ class Promise:
         for i in range(6):  # an appendage that states no polar inertia has a trace of it
             rigid[i, i] = max(rigid[i, i], 1e-9 * size)
         self.full = {port: damped(model).condensed(FAR * bandwidth) for port, model in full.items()}
+        self.frequencies = {port: model.frequencies for port, model in full.items()}
         self.rigid, self.bandwidth = rigid, bandwidth
         self.hubs = [hub_mass] if hub_mass is not None else [factor * rigid for factor in STANDARD_HUBS]
         self.keep = sorted({AXES[axis] for axis in axes})
@@ -210,17 +211,18 @@ def _choose_for(
     counts: dict[str, int] = {}
     alone: dict[str, float] = {}
     least: dict[str, int] = {}
-    for port, model in promise.full.items():
+    most = {port: min(MOST, values.size) for port, values in promise.frequencies.items()}
+    for port in promise.full:
         others = [p for p in promise.full if p != port]
-        floor = int(np.sum(model.frequencies <= promise.bandwidth)) if tip and port in ("xy", "xz") else 0
-        least[port] = fixed.get(port, min(floor, MOST))
+        floor = int(np.sum(promise.frequencies[port] <= promise.bandwidth)) if tip and port in ("xy", "xz") else 0
+        least[port] = fixed.get(port, min(floor, most[port]))
         counts[port] = least[port]
         if port not in fixed:
-            while error(counts, others) > tolerance and counts[port] < min(MOST, model.modes):
+            while error(counts, others) > tolerance and counts[port] < most[port]:
                 counts[port] += 1
         alone[port] = error(counts, others)
     while error(counts) > tolerance:  # ports that the hub couples may need more together than alone
-        room = [p for p in counts if p not in fixed and counts[p] < MOST and promise.reaches(p)]
+        room = [p for p in counts if p not in fixed and counts[p] < most[p] and promise.reaches(p)]
         if not room:
             break
         gains = {p: error({**counts, p: counts[p] + 1}) for p in room}
@@ -248,12 +250,12 @@ def _choose_for(
 
 def _ledger(promise: Promise, counts: Mapping[str, int], error: Callable[..., float]) -> list[LeftOut]:
     out: list[LeftOut] = []
-    for port, model in promise.full.items():
+    for port, frequencies in promise.frequencies.items():
         kept = counts[port]
         others = [p for p in promise.full if p != port]
-        if kept >= model.modes:
+        if kept >= frequencies.size:
             continue
-        first = float(model.frequencies[kept])
+        first = float(frequencies[kept])
         whole, above = f"{port} (first mode {first:.3g} rad/s)", f"{port} mode {kept + 1} ({first:.3g} rad/s)"
         if not promise.reaches(port):
             names = [name for name, i in AXES.items() if i in promise.keep]
@@ -268,12 +270,12 @@ def _ledger(promise: Promise, counts: Mapping[str, int], error: Callable[..., fl
 
 def _cannot(promise: Promise, counts: Mapping[str, int], tip: bool) -> list[str]:
     out: list[str] = []
-    for port, model in promise.full.items():
+    for port, frequencies in promise.frequencies.items():
         if counts[port] == 0:
             word = {"torsion": "twist and torsion loads", "axial": "axial loads"}.get(port, f"bending loads in {port}")
             out.append(f"{word}: {port} is rigid")
-        elif counts[port] < model.modes:
-            out.append(f"{port} motion above {model.frequencies[counts[port]]:.3g} rad/s")
+        elif counts[port] < frequencies.size:
+            out.append(f"{port} motion above {frequencies[counts[port]]:.3g} rad/s")
     if not tip:
         out.append("tip pointing: the chain is right at the root; set scene.tip = true where the tip matters")
     return out

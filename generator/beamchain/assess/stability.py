@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from beamchain.checks import one_of
-from beamchain.port import Array
+from beamchain.port import Array, PortModel
 
 Poles = NDArray[np.complex128]
 
@@ -109,3 +109,14 @@ def step_limits(frequencies: Array, ratios: Array, *, tendon: bool = False) -> S
     first = float(np.min(frequencies))
     accuracy = {name: (step_for_error(name, first, 1e-2), step_for_error(name, first, 1e-3)) for name in INTEGRATORS}
     return StepLimits(float(frequencies[fastest]), float(ratios[fastest]), limits, accuracy)
+
+
+def coupled_limits(model: PortModel, hub: Array | None, *, tendon: bool) -> StepLimits:
+    """Step limits of a port model on a hub `(m, m)`, or alone."""
+    coupled = model if hub is None else model.with_hub(hub)
+    a, *_ = coupled.state_space()
+    poles = np.linalg.eigvals(a)
+    poles = poles[poles.imag > 0.0]
+    frequencies = np.abs(poles)
+    ratios = np.where(np.abs(poles.real) < 1e-12 * frequencies, 0.0, -poles.real / frequencies)
+    return step_limits(frequencies, np.clip(ratios, 0.0, None), tendon=tendon)

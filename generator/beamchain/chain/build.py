@@ -16,6 +16,7 @@ from beamchain.chain.tip import tip_exact
 from beamchain.errors import InputError, RealisationError
 from beamchain.port import Array, PortModel
 from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 
 #: Target with the given number of modes of a port.
 TargetOf = Callable[[str, int], PortModel]
@@ -49,7 +50,7 @@ class Built:
     status: Status
 
 
-def build_exact(beam: Beam, kept: Mapping[str, int], target_of: TargetOf, *, tip: bool = False) -> Built:
+def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, *, tip: bool = False) -> Built:
     """The exact chain of all kept ports; where it is not physical, the nearest that is, said so in the status.
 
     Args:
@@ -58,6 +59,12 @@ def build_exact(beam: Beam, kept: Mapping[str, int], target_of: TargetOf, *, tip
         target_of: target with a number of modes.
         tip: match the tip displacement of the planes' modes too.
     """
+    if not kept:
+        link = rivals.rigid_link(beam, 0.0, beam.length)
+        [polars] = polar.share([link], [link.inertia[0]], [[0]], np.array([link.inertia[0]]))
+        return Built(
+            Chain((polar.with_polar([link], [polars])[0],), (), beam.length), {}, Status(True, "one rigid body.")
+        )
     history: list[str] = []
     targets: dict[str, PortModel] = {}
     nodes: dict[str, Nodes] = {}
@@ -75,6 +82,8 @@ def build_exact(beam: Beam, kept: Mapping[str, int], target_of: TargetOf, *, tip
     ]
     notes = list(fewer)
     found: tuple[Chain, str] | None = None
+    more: tuple[str, int] | None = None
+    extra = ""
     while found is None:
         try:
             found = _assemble(beam, nodes, strings)
@@ -86,6 +95,17 @@ def build_exact(beam: Beam, kept: Mapping[str, int], target_of: TargetOf, *, tip
                 strings["torsion"] = realise_scalar(targets["torsion"])
                 notes = [n for n in notes if not n.startswith("torsion")]
                 notes.append(f"torsion keeps {torsion.modes - 1} of the {kept['torsion']} modes asked for: {error}")
+            elif len(nodes) == 2 and more is None and len({n.stiffness.size for n in nodes.values()}) == 2:
+                # a plane with more hinges than it needs is no worse, and shared hinges or other cuts may do
+                least = min(nodes, key=lambda port: nodes[port].stiffness.size)
+                more = least, max(n.stiffness.size for n in nodes.values())
+                saved = targets[least], nodes[least]
+                try:
+                    targets[least], nodes[least] = _plane(beam, least, more[1], target_of, [], tip)
+                    found = _assemble(beam, nodes, strings)
+                    extra = f" {least} keeps {targets[least].modes} modes: with {kept[least]} no bodies exist."
+                except RealisationError:
+                    targets[least], nodes[least] = saved
             elif len(nodes) == 2:
                 chain, how, miss = _second_by_least_squares(beam, nodes, strings, targets)
                 notes.append(f"{error} The second plane is fitted by least squares: worst relative residual {miss:.1e}")
@@ -94,7 +114,7 @@ def build_exact(beam: Beam, kept: Mapping[str, int], target_of: TargetOf, *, tip
                 raise
     chain, how = found
     modes = ", ".join(f"{t.modes} in {port}" for port, t in targets.items())
-    message = f"exact chain ({how}), modes kept: {modes}."
+    message = f"exact chain ({how}), modes kept: {modes}.{extra}"
     if notes:
         reasons = f" {history[0]}" if history and fewer else ""
         return Built(chain, targets, Status(False, f"{message} {'; '.join(notes)}.{reasons}", tuple(history)))
@@ -102,7 +122,7 @@ def build_exact(beam: Beam, kept: Mapping[str, int], target_of: TargetOf, *, tip
 
 
 def _plane(
-    beam: Beam, port: str, count: int, target_of: TargetOf, history: list[str], tip: bool
+    beam: MassLine, port: str, count: int, target_of: TargetOf, history: list[str], tip: bool
 ) -> tuple[PortModel, Nodes]:
     """Target and canonical chain of a plane, with as many of `count` modes as are physical."""
     for modes in range(count, 0, -1):
@@ -115,13 +135,22 @@ def _plane(
             miss = float(np.max(np.abs(probe.port(port).frequencies / target.frequencies - 1.0)))
             if miss > LOST_DIGITS:
                 raise RealisationError(f"digits are lost with {modes} modes: a frequency is off by {miss:.1e}.")
-            if tip:
-                nodes = tip_exact(nodes, target, beam.length)
         except RealisationError as error:
             history.append(f"{port}, {modes} modes: {error}")
             continue
-        return target, nodes
+        return target, _with_tip(nodes, target, beam, f"{port}, {modes} modes", history) if tip else nodes
     raise RealisationError(f"no exact chain exists for this appendage in {port}: {history[-1]}")
+
+
+def _with_tip(nodes: Nodes, target: PortModel, beam: MassLine, label: str, history: list[str]) -> Nodes:
+    """The chain that also carries the tip's motion, where its bodies are physical."""
+    try:
+        found = tip_exact(nodes, target, beam.length)
+        planar_links(found, beam)
+    except RealisationError as error:
+        history.append(f"{label}: the tip's motion is not matched: {error}")
+        return nodes
+    return found
 
 
 def _hinges(cuts: Array, planes: Mapping[str, Nodes], scalars: Mapping[str, Mapping[int, float]]) -> tuple[Hinge, ...]:
@@ -141,7 +170,9 @@ def _hinges(cuts: Array, planes: Mapping[str, Nodes], scalars: Mapping[str, Mapp
     return tuple(out)
 
 
-def _assemble(beam: Beam, nodes: Mapping[str, Nodes], strings: Mapping[str, tuple[Array, Array]]) -> tuple[Chain, str]:
+def _assemble(
+    beam: MassLine, nodes: Mapping[str, Nodes], strings: Mapping[str, tuple[Array, Array]]
+) -> tuple[Chain, str]:
     """One chain for all ports, exact in each, and how it was found."""
     total = beam.moments(0.0, beam.length, closed=True)
     torsion = strings.get("torsion")
@@ -186,7 +217,7 @@ def _assemble(beam: Beam, nodes: Mapping[str, Nodes], strings: Mapping[str, tupl
 
 
 def _finish(
-    beam: Beam,
+    beam: MassLine,
     nodes: Mapping[str, Nodes],
     links: list[Link],
     cuts: Array,
@@ -212,9 +243,8 @@ def _shared(nodes: Mapping[str, Nodes], rotary: float) -> Nodes | None:
     for other in others:
         if other.masses.size != first.masses.size:
             return None
-        if (
-            np.max(np.abs(other.masses / first.masses - 1.0)) > SAME
-            or np.max(np.abs(other.lengths / first.lengths - 1.0)) > SAME
+        if np.any(np.abs(other.masses - first.masses) > SAME * first.masses) or np.any(
+            np.abs(other.lengths - first.lengths) > SAME * first.lengths
         ):
             return None
     return first
@@ -230,7 +260,10 @@ def _snap(wish: Array, places: Array, near: float) -> Array:
 
 
 def _second_by_least_squares(
-    beam: Beam, nodes: Mapping[str, Nodes], strings: Mapping[str, tuple[Array, Array]], targets: Mapping[str, PortModel]
+    beam: MassLine,
+    nodes: Mapping[str, Nodes],
+    strings: Mapping[str, tuple[Array, Array]],
+    targets: Mapping[str, PortModel],
 ) -> tuple[Chain, str, float]:
     """The plane with more modes exact, the other by least squares on its springs."""
     first = max(nodes, key=lambda port: nodes[port].stiffness.size)

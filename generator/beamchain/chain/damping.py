@@ -71,3 +71,13 @@ def joint_damping(chain: Chain, port: str, ratios: Array) -> Chain:
     for i, value in zip(moving, values, strict=True):
         hinges[i] = replace(hinges[i], damping={**hinges[i].damping, port: float(value)})
     return replace(chain, hinges=tuple(hinges))
+
+
+def modal_ratios(chain: Chain, port: str) -> Array:
+    """`(n,)` damping ratios that the hinges' own dampers give the cantilever modes of a port."""
+    modes = chain.port(port)
+    moving = [hinge for hinge in chain.hinges if port in hinge.stiffness]
+    stiffness = np.array([hinge.stiffness[port] for hinge in moving])
+    dampers = np.array([hinge.damping.get(port, 0.0) for hinge in moving])
+    shapes = chain.moments(port, modes) / stiffness
+    return (shapes**2 @ dampers) / (2.0 * modes.frequencies)

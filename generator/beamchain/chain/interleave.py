@@ -16,7 +16,8 @@ from beamchain.chain.chain import Link
 from beamchain.chain.realise import Nodes
 from beamchain.errors import RealisationError
 from beamchain.port import Array
-from beamchain.structure.beam import Beam, Moments
+from beamchain.structure.beam import Moments
+from beamchain.structure.mass_line import MassLine
 
 SAME_PLACE = 1e-9  # hinges closer than this share of the length are one
 NARROWEST = 0.005  # share of the length whose mass a shorter cell takes as its own to start from
@@ -24,6 +25,7 @@ EXTRA_SHARE = 0.8  # of a cell's polar inertia: how far its transverse inertias 
 GRID = (-0.1, 1.2, 66)  # where point masses may sit, in lengths of the appendage
 EXTRA_COST = 0.05  # of the objective, if every cell used all of it
 FLOOR = 1e-6  # of a cell's mass: what every place of the grid carries at least, so that the solution is not a corner
+ROOT_SHARE = 0.002  # of the whole mass: what a root body without length starts from
 LEAST_SHARE = 1e-3  # least part of its real mass a cell may keep
 
 
@@ -72,7 +74,7 @@ def merge_cuts(positions: Sequence[Array], length: float) -> Array:
     return np.array(cuts)
 
 
-def cells(beam: Beam, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGroups | None = None) -> list[Link]:
+def cells(beam: MassLine, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGroups | None = None) -> list[Link]:
     """Bodies between the cuts that satisfy every port; polar inertia is left at zero.
 
     Args:
@@ -85,12 +87,18 @@ def cells(beam: Beam, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGr
     """
     length, total = beam.length, float(xy.moments[:, 0].sum())
     edges = np.array([0.0, *cuts, length])
+    marks = edges.copy()  # a cell of no length before a hinge at the root belongs before it
+    marks[0] = -1e-6 * length
     count = edges.size - 1
     real = [_stretch(beam, float(a), float(b)) for a, b in pairwise(edges)]
     # unit length and mass from here on: moments of the real piece (m, s, j_xy, j_xz)
     unit = np.array([1.0, length, length**2, length**2]) * total
     own = np.array([[r.mass, r.first, r.second + r.rotary_xy, r.second + r.rotary_xz] for r in real]) / unit
+    at_root = cuts.size > 0 and cuts[0] <= SAME_PLACE * length
+    if at_root:  # a hinge at the root: the cell before it is a point there
+        own[0] = [ROOT_SHARE, 0.0, 0.0, 0.0]
     grid = np.linspace(*GRID)
+    grid[np.argmin(np.abs(grid))] = 0.0
     points = np.column_stack([np.ones_like(grid), grid, grid**2, grid**2])
     size = grid.size
     planes = ((xy, 2), (xz, 3))
@@ -118,7 +126,7 @@ def cells(beam: Beam, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGr
     for plane, second in planes:
         x = plane.hinges / length
         for i, (m, s, j) in enumerate(plane.moments / unit[:3]):
-            members = _members(edges, plane.hinges, i, length)
+            members = _members(marks, plane.hinges, i, length)
             for moment, value, power in ((0, m, 0), (1, s, 1), (second, j, 2)):
                 row = add(members, moment, value)
                 if i < x.size:
@@ -128,13 +136,16 @@ def cells(beam: Beam, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGr
         start += x.size
     if axial is not None:
         for i, mass in enumerate(axial.masses / total):
-            add(_members(edges, axial.hinges, i, length), 0, float(mass))
+            add(_members(marks, axial.hinges, i, length), 0, float(mass))
     sheared = abs(xy.moments[:, 2].sum() - xz.moments[:, 2].sum()) > 1e-12 * xy.moments[:, 2].sum()
     cost = np.zeros(variables)
     cost[0] = -1.0
     bounds: list[tuple[float | None, float | None]] = [(0.0, 1.0)]
     for k in range(count):
         extra = EXTRA_SHARE * real[k].polar / unit[2] if sheared else 0.0
+        if at_root and k == 0:
+            bounds += [(0.0, None if x == 0.0 else 0.0) for x in grid] + [(0.0, 0.0)] * 2
+            continue
         bounds += [(FLOOR * own[k, 0] / size, None)] * size + [(0.0, extra)] * 2
         cost[1 + k * per_cell + size : 1 + (k + 1) * per_cell] = EXTRA_COST / extra / count if extra else 0.0
     bounds += [(None, None)] * free
@@ -146,6 +157,8 @@ def cells(beam: Beam, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGr
         jxy += solution[at + size] * unit[2]
         jxz += solution[at + size + 1] * unit[3]
         com = s / m
+        if at_root and k == 0:
+            com = jxy = jxz = s = 0.0
         out.append(
             Link(
                 start=float(edges[k]),
@@ -158,7 +171,7 @@ def cells(beam: Beam, cuts: Array, xy: PlaneLinks, xz: PlaneLinks, axial: MassGr
     return out
 
 
-def _stretch(beam: Beam, start: float, end: float) -> Moments:
+def _stretch(beam: MassLine, start: float, end: float) -> Moments:
     """The beam between two cuts; between cuts that nearly coincide, a little of it on either side."""
     widen = max(NARROWEST * beam.length - (end - start), 0.0) / 2.0
     end = min(end + widen, beam.length)

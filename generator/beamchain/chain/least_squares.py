@@ -16,6 +16,7 @@ from beamchain.chain.rods import Numbers, Payload, Rods, jacobian, loaded_modes,
 from beamchain.errors import RealisationError
 from beamchain.port import Array, PortModel
 from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 
 FREE = ("stiffness", "lengths", "masses")
 PARTICIPATION_WEIGHT = 0.2  # against 1 for a relative frequency error
@@ -61,7 +62,7 @@ class Found:
 
 
 def fit_planar(
-    beam: Beam,
+    beam: MassLine,
     port: str,
     cases: Sequence[Case],
     links: Array,
@@ -90,7 +91,7 @@ def fit_planar(
                 bounds=(problem.start - REACH, problem.start + REACH),
                 xtol=1e-11, ftol=1e-6, gtol=1e-15, max_nfev=150,
             )  # fmt: skip
-            good = solved.status > 0 or solved.cost < GOOD_ENOUGH
+            good = bool(solved.status > 0 or solved.cost < GOOD_ENOUGH)
             found = problem.result(solved.x, float(solved.cost), good, tuple(history))
         except (RealisationError, np.linalg.LinAlgError, ValueError) as error:
             history.append(f"start {label}: {error}")
@@ -157,11 +158,13 @@ def payload_cases(beam: Beam, port: str, modes: int, payload: Payload | None) ->
     return out
 
 
-def _starts(beam: Beam, port: str, links: Array, lengths_free: bool) -> list[tuple[str, Array]]:
+def _starts(beam: MassLine, port: str, links: Array, lengths_free: bool) -> list[tuple[str, Array]]:
     """Link lengths to start from: the user's, and where they may move, the exact chain's with as many links."""
     out = [("given links", links)]
     if lengths_free:
         for modes in range(links.size - 1, 0, -1):
+            if not isinstance(beam, Beam):
+                break  # no exact chain to start from
             try:
                 nodes = realise(beam.port(port, modes + 2).truncated(modes))
             except RealisationError:
@@ -180,7 +183,7 @@ def _starts(beam: Beam, port: str, links: Array, lengths_free: bool) -> list[tup
 class _Problem:
     """Parameters (logarithms) -> rods -> residuals."""
 
-    def __init__(self, beam: Beam, port: str, cases: Sequence[Case], lengths: Array, free: tuple[str, ...]) -> None:
+    def __init__(self, beam: MassLine, port: str, cases: Sequence[Case], lengths: Array, free: tuple[str, ...]) -> None:
         self.beam, self.port, self.cases, self.free = beam, port, list(cases), free
         self.payloads = [case.payload for case in cases]
         self.wanted_frequencies = np.array([case.target.frequencies for case in cases])
@@ -254,6 +257,8 @@ class _Problem:
         slope = np.imag(x)
         if slope == 0.0 or last:
             return value.astype(np.complex128) if np.iscomplexobj(np.asarray(x)) else value
+        if not isinstance(self.beam, Beam):
+            raise RealisationError("cutting links out of a mass line needs a beam; let the masses be free.")
         density = self.beam.density(at, self.port)
         return value + 1j * slope * density
 

@@ -9,13 +9,13 @@ import numpy as np
 from beamchain.chain.chain import Link
 from beamchain.errors import RealisationError
 from beamchain.port import Array
-from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 
 TINY = 1e-6  # polar over transverse inertia of a link where the appendage states none
 TRIES = 400
 
 
-def real_polar(beam: Beam, cuts: Array) -> Array:
+def real_polar(beam: MassLine, cuts: Array) -> Array:
     """`(c + 1,)` polar inertia of the beam's pieces between the cuts [kg m^2]."""
     edges = [0.0, *cuts.tolist(), beam.length]
     return np.array([beam.moments(a, b, closed=b >= beam.length).polar for a, b in pairwise(edges)])
@@ -29,7 +29,7 @@ def with_polar(links: Sequence[Link], inertias: Sequence[float]) -> list[Link]:
     ]
 
 
-def natural_positions(beam: Beam, shares: Array, kind: str) -> Array:
+def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
     """x at which the beam's own cumulative mass or polar inertia reaches the given inertias.
 
     Args:
@@ -37,7 +37,10 @@ def natural_positions(beam: Beam, shares: Array, kind: str) -> Array:
         kind: "mass" or "polar".
     """
     grid = np.linspace(0.0, beam.length, 201)
-    own = np.array([getattr(beam.moments(0.0, float(x), closed=x >= beam.length), kind) for x in grid])
+    pieces = [getattr(beam.moments(a, b, closed=b >= beam.length), kind) for a, b in pairwise(grid.tolist())]
+    own = np.concatenate([np.zeros(1), np.cumsum(pieces)])
+    if not np.sum(shares) > 0.0:
+        return np.zeros(shares.size - 1)
     wanted = np.cumsum(shares)[:-1] * (own[-1] / np.sum(shares))
     return np.interp(wanted, own, grid)
 
@@ -83,7 +86,9 @@ def share(links: list[Link], wanted: list[float], groups: list[list[int]], real:
     return out
 
 
-def place(beam: Beam, links: list[Link], cuts: Array, inertias: Array, real: Array) -> tuple[list[int], list[float]]:
+def place(
+    beam: MassLine, links: list[Link], cuts: Array, inertias: Array, real: Array
+) -> tuple[list[int], list[float]]:
     """Which hinges turn in torsion, and every link's polar inertia.
 
     Args:

@@ -9,12 +9,16 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import NonlinearConstraint, minimize
 
 from beamchain.chain import polar
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.errors import RealisationError
 from beamchain.port import Array, PortModel
-from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
+
+NO_MASS = 1e-12  # of the rigid mass: less is none
+NEAR_ROOT = 1e-9  # of the distance of the mass centre: a hinge closer to the root stands at it
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +26,8 @@ class Nodes:
     """The canonical planar chain: massless rods between point masses, springs at the inner nodes.
 
     Args:
-        masses: `(N + 1,)` at the nodes, from the root [kg].
-        lengths: `(N,)` of the rods [m].
+        masses: `(N + 1,)` at the nodes, from the root [kg]; the first 0: a hinge at the root or a massless first rod.
+        lengths: `(N,)` of the rods [m]; the first may be 0 then.
         stiffness: `(N - 1,)` at nodes 1..N-1 [N m/rad].
         excess: `(N,)` rotary inertia of the rods beside their end masses [kg m^2]; None: none.
     """
@@ -43,39 +47,86 @@ def realise(target: PortModel) -> Nodes:
     """The canonical chain whose port model is `target`.
 
     Args:
-        target: a plane's port model with n flexible modes; gives n + 1 rods.
+        target: a plane's port model with n flexible modes; gives n + 1 rods. Where its residual mass is singular (all
+            mass of the root moves with the kept modes in one direction), the first rod is massless.
 
     Raises:
         RealisationError: a mass, length or stiffness would not be positive, or digits are lost (the message names it).
     """
     n = target.modes
     rows = np.hstack([target.rigid_port_values, target.free_port_values.T])
-    if rows.shape[1] != n + 2:
-        raise RealisationError(
-            "the target's residual mass is singular, so that its chain would need a hinge at the root."
-        )
     lam = np.concatenate([[0.0, 0.0], target.free_frequencies**2])
-    r, phi = [rows[0]], rows[1]
-    masses, lengths, springs = [1.0 / (rows[0] @ rows[0])], [], []
-    shear, moment = np.zeros(n + 2), np.zeros(n + 2)
     scale_length = target.rigid_mass[0, 1] / target.rigid_mass[0, 0]
-    with np.errstate(all="ignore"):
-        for j in range(1, n + 2):
-            shear = shear + masses[-1] * lam * r[-1]
-            if j > 1:
-                springs.append(float(-(moment @ r[-2]) / (phi @ r[-2])))
-                phi = phi + moment / springs[-1]
-            lengths.append(float(-(r[-1] @ r[-1]) / (phi @ r[-1])))
-            nxt = r[-1] + lengths[-1] * phi
-            for _ in range(2):
-                for old in r[:-1]:
-                    nxt = nxt - (nxt @ old) / (old @ old) * old
-            r.append(nxt)
-            masses.append(float(1.0 / (nxt @ nxt)))
-            moment = moment + lengths[-1] * shear
-    nodes = Nodes(np.array(masses), np.array(lengths), np.array(springs))
+    if rows.shape[1] == n + 1:
+        nodes = _with_root_hinge(target, rows, lam)
+    elif rows.shape[1] == n + 2:
+        nodes = Nodes(*_rods(rows[0], rows[1], lam, n + 1))
+    else:
+        raise RealisationError(
+            f"with {n} modes no residual mass is left at the root in either direction, where a chain needs one; keep "
+            "fewer modes, or give the rigid mass with that of the clamped nodes."
+        )
     _check(nodes, scale_length)
     return nodes
+
+
+def _rods(r: Array, phi: Array, lam: Array, count: int) -> tuple[Array, Array, Array]:
+    """Masses `(count + 1,)`, lengths `(count,)` and springs `(count - 1,)` of rods from a node outwards.
+
+    Args:
+        r: displacement of the first node in the modes.
+        phi: rotation of the first rod.
+        lam: squares of the frequencies.
+        count: number of rods.
+    """
+    nodes = [r]
+    masses, lengths, springs = [float(1.0 / (r @ r))], list[float](), list[float]()
+    shear, moment = np.zeros(r.size), np.zeros(r.size)
+    with np.errstate(all="ignore"):
+        for j in range(1, count + 1):
+            shear = shear + masses[-1] * lam * nodes[-1]
+            if j > 1:
+                springs.append(float(-(moment @ nodes[-2]) / (phi @ nodes[-2])))
+                phi = phi + moment / springs[-1]
+            lengths.append(float(-(nodes[-1] @ nodes[-1]) / (phi @ nodes[-1])))
+            nxt = nodes[-1] + lengths[-1] * phi
+            for _ in range(2):
+                for old in nodes[:-1]:
+                    nxt = nxt - (nxt @ old) / (old @ old) * old
+            nodes.append(nxt)
+            masses.append(float(1.0 / (nxt @ nxt)))
+            moment = moment + lengths[-1] * shear
+    return np.array(masses), np.array(lengths), np.array(springs)
+
+
+def _with_root_hinge(target: PortModel, rows: Array, lam: Array) -> Nodes:
+    """The chain of a target whose residual mass is that of a point at `x0`: one mode lies at infinity.
+
+    Turning the root about `x0` then moves no mass at once, so that the first rod is massless and its hinge stands at
+    `x0` (0: at the root itself). In the finite modes the first two rods turn together, as no moment passes a massless
+    rod; the hinge's stiffness is what resists at high frequency, `D -> -sum W_k^2 L_k L_k^T / s^2` along
+    `v = (-x0, 1)`: `c_1 = sum W_k^2 (L_k v)^2`. Beyond the hinge the chain is that of the finite modes seen from `x0`.
+    """
+    residual = target.residual_mass
+    reach = abs(float(target.rigid_mass[0, 1] / target.rigid_mass[0, 0]))
+    if residual[0, 0] <= NO_MASS * target.rigid_mass[0, 0]:
+        raise RealisationError(
+            "all mass at the root moves with the modes kept, so that its displacement meets no mass; keep fewer modes, "
+            "or give the rigid mass with that of the clamped nodes."
+        )
+    x0 = float(residual[0, 1] / residual[0, 0])
+    if x0 < -NEAR_ROOT * reach:
+        raise RealisationError(
+            f"the exact chain would need a hinge at x = {x0:.4g} m, before the root; keep fewer modes, or check the "
+            "reference point."
+        )
+    x0 = x0 if x0 > NEAR_ROOT * reach else 0.0
+    moments = target.participation @ np.array([-x0, 1.0])
+    stiffness = float(np.sum((target.frequencies * moments) ** 2))
+    masses, lengths, springs = _rods(rows[0] + x0 * rows[1], rows[1], lam, target.modes)
+    return Nodes(
+        np.concatenate([[0.0], masses]), np.concatenate([[x0], lengths]), np.concatenate([[stiffness], springs])
+    )
 
 
 def _check(nodes: Nodes, scale_length: float) -> None:
@@ -85,6 +136,8 @@ def _check(nodes: Nodes, scale_length: float) -> None:
         ("stiffness of hinge", nodes.stiffness, "N m/rad"),
     ):
         for i, value in enumerate(values):
+            if i == 0 and value == 0.0 and nodes.masses[0] == 0.0:
+                continue  # a hinge at the root
             if not (np.isfinite(value) and value > 0.0):
                 raise RealisationError(
                     f"the exact chain with {nodes.stiffness.size} flexible modes is not physical: {name} "
@@ -128,13 +181,44 @@ def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, A
     if nodes.excess is not None:
         inertia = inertia + nodes.excess
         if np.any(inertia <= 0.0):
+            a, b = _roomiest(nodes, share)
+            mass = a + b
+            inertia = a * b / mass * nodes.lengths**2 + nodes.excess
+        if np.any(inertia <= 0.0):
             raise RealisationError(
                 "a link's rotary inertia would be negative; set scene.tip = false or keep other modes."
             )
     return mass, nodes.lengths * b / mass, inertia
 
 
-def planar_links(nodes: Nodes, beam: Beam) -> list[Link]:
+def _roomiest(nodes: Nodes, share: float) -> tuple[Array, Array]:
+    """End masses `(N,)` inner and outer: the split whose least rotary inertia, relative to its rod, is largest.
+
+    The inertias are concave in the shares, so that the program has one maximum.
+    """
+    assert nodes.excess is not None
+    m, squares = nodes.masses, nodes.lengths**2
+    scale = np.sum(m) * squares
+    bend = nodes.excess / scale
+
+    def ends(x: Array) -> tuple[Array, Array]:
+        return np.concatenate([m[:1], (1.0 - x) * m[1:-1]]), np.concatenate([x * m[1:-1], m[-1:]])
+
+    def room(v: Array) -> Array:
+        a, b = ends(v[:-1])
+        return a * b / (a + b) / np.sum(m) + bend - v[-1]
+
+    count = nodes.lengths.size - 1
+    start = np.concatenate([np.full(count, 0.5), [0.0]])
+    start[-1] = float(np.min(room(start)))
+    found = minimize(
+        lambda v: -float(v[-1]), start, method="SLSQP", bounds=[(share, 1.0 - share)] * count + [(None, None)],
+        constraints=[NonlinearConstraint(room, 0.0, np.inf)],
+    )  # fmt: skip
+    return ends(np.clip(found.x[:-1], share, 1.0 - share))
+
+
+def planar_links(nodes: Nodes, beam: MassLine) -> list[Link]:
     """Links that cover the real beam, without polar inertia; the same inertia stands in both planes.
 
     Args:
@@ -152,7 +236,7 @@ def planar_links(nodes: Nodes, beam: Beam) -> list[Link]:
     ]
 
 
-def planar_chain(nodes: Nodes, beam: Beam, port: str = "xy") -> Chain:
+def planar_chain(nodes: Nodes, beam: MassLine, port: str = "xy") -> Chain:
     """The chain of `nodes` in one bending plane: `planar_links` with the beam's own polar inertia, rigid in torsion.
 
     Args:
@@ -188,7 +272,8 @@ def realise_scalar(target: PortModel) -> tuple[Array, Array]:
     rows = [r]
     inertias, springs = [1.0 / float(r @ r)], []
     torque = inertias[0] * lam * r
-    for _ in range(n):
+    finite = r.size - 1
+    for _ in range(finite):
         last = rows[-1]
         springs.append(float((torque @ last) / (last @ last)))
         nxt = last - torque / springs[-1]
@@ -198,7 +283,10 @@ def realise_scalar(target: PortModel) -> tuple[Array, Array]:
         rows.append(nxt)
         inertias.append(1.0 / float(nxt @ nxt))
         torque = torque + inertias[-1] * lam * nxt
+    if finite < n:  # no residual inertia: a massless root on a spring, D -> -sum W_k^2 L_k^2 / s^2
+        inertias.insert(0, 0.0)
+        springs.insert(0, float(np.sum((target.frequencies * target.participation[:, 0]) ** 2)))
     result = np.array(inertias), np.array(springs)
-    if not (np.all(result[0] > 0.0) and np.all(result[1] > 0.0)):
+    if not (np.all(result[0][finite < n :] > 0.0) and np.all(result[1] > 0.0)):
         raise RealisationError(f"the string with {n} modes loses its digits; keep fewer modes.")
     return result

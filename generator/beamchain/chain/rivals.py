@@ -10,11 +10,12 @@ from beamchain.checks import one_of, whole
 from beamchain.errors import InputError
 from beamchain.port import Array
 from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 
 RECIPES = ("naive", "classical", "midpoint")
 
 
-def rigid_link(beam: Beam, start: float, end: float) -> Link:
+def rigid_link(beam: MassLine, start: float, end: float) -> Link:
     """The piece of the beam between `start` and `end`, frozen."""
     m = beam.moments(start, end, closed=end >= beam.length * (1.0 - 1e-12))
     bending = m.second - m.first**2 / m.mass

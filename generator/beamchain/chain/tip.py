@@ -5,12 +5,14 @@ tip comes as near as it can.
 """
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from beamchain.chain.realise import Nodes
 from beamchain.chain.rods import Numbers, jacobian, nodes_to_rods, rod_modes
 from beamchain.errors import RealisationError
 from beamchain.port import Array, PortModel
 
+ALL_AT_ONCE = 2  # modes up to which a chain exists that meets every condition
 EXACT = 1e-11  # relative residual of the conditions at the root
 
 
@@ -51,6 +53,19 @@ def tip_exact(nodes: Nodes, target: PortModel, tip: float) -> Nodes:
         weight = np.linalg.norm(target.participation / scale, axis=1)
         root = [rigid / given - 1.0, np.log(modes.frequencies / target.frequencies), (gap / weight[:, None]).ravel()]
         return np.concatenate([*root, modes.tip / wanted_tip - 1.0])
+
+    if n <= ALL_AT_ONCE:
+        try:
+            with np.errstate(all="ignore"):
+                solved = least_squares(
+                    lambda x: np.real(conditions(x)), start, jac=lambda x: jacobian(conditions, x),
+                    xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=300,
+                )  # fmt: skip
+            if float(np.max(np.abs(conditions(solved.x)))) < EXACT:
+                masses, lengths, stiffness, excess = (np.real(v) for v in unpack(solved.x))
+                return Nodes(masses, lengths, stiffness, excess)
+        except (ValueError, np.linalg.LinAlgError):
+            pass  # it ran off: the careful way below
 
     fixed = 3 + 3 * n
 

@@ -1,10 +1,11 @@
 """The command line: parse, call, print."""
 
+import os
 import sys
 
 import typer
 
-from beamchain.cli import fit, inspect, schema, seed, stability
+from beamchain.cli import embed, examples, fit, init, inspect, render, schema, seed, stability, study, sweep
 from beamchain.cli.common import explain, version
 from beamchain.errors import BeamchainError
 
@@ -29,14 +30,22 @@ def beamchain(
 
 
 app.command(name="fit")(fit.fit)
+app.command(name="embed")(embed.embed)
 app.command(name="seed")(seed.seed)
+app.command(name="study")(study.study)
+app.command(name="sweep")(sweep.sweep)
 app.command(name="stability")(stability.stability)
 app.command(name="inspect")(inspect.inspect)
 app.command(name="schema")(schema.schema)
+app.command(name="render")(render.render)
+app.command(name="view")(render.view)
+app.command(name="init")(init.init)
+app.command(name="examples")(examples.examples)
 
 
 def main() -> None:
     """Entry point: 0 done, 2 bad input, 3 done but a stated tolerance was missed."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small: threads only wait for each other
     try:
         app()
     except BeamchainError as error:

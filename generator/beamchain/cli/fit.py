@@ -1,6 +1,6 @@
 """`beamchain fit`: the main job."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -9,10 +9,22 @@ from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console, 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 
-def fit(spec: SpecPath, output: Folder, as_json: Json = False, force: Force = False, quiet: Quiet = False) -> None:
+Explain = Annotated[bool, typer.Option("--explain", help="Print how the modes were chosen for the scene.")]
+Full = Annotated[bool, typer.Option("--full", help="Keep everything: nothing is left out for the scene.")]
+
+
+def fit(
+    spec: SpecPath,
+    output: Folder,
+    as_json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+    explain: Explain = False,
+    full: Full = False,
+) -> None:
     """Fit a hinge chain to an appendage, prove it through MuJoCo, write the drop-in file and a report.
 
     Writes appendage.xml, scene.xml, report.html, pictures and fit.json into DIR.
@@ -33,6 +45,10 @@ def fit(spec: SpecPath, output: Folder, as_json: Json = False, force: Force = Fa
     ) as progress:
         step = progress.add_task("reading the spec")
         read = read_spec(spec)
+        if full:
+            from beamchain.assess.plan import everything
+
+            read = everything(read)
         progress.update(step, description="fitting the chain and reading it back from MuJoCo")
         result = fit_chain(read)
         progress.update(step, description="drawing and writing")
@@ -41,6 +57,8 @@ def fit(spec: SpecPath, output: Folder, as_json: Json = False, force: Force = Fa
         print_json(result.as_dict())
     elif not quiet:
         _show(result, files)
+        if explain:
+            _explain(result)
     if not result.status.ok:
         raise typer.Exit(3)
 
@@ -84,7 +102,17 @@ def _show(result: "Fit", files: "list[Path]") -> None:
         chain.add_row(
             str(i + 1), f"{link.start:.5g}", f"{link.length:.5g}", f"{link.mass:.5g}", f"{link.inertia[2]:.5g}", springs
         )
-    out.print(chain)
+    if result.oscillators is None:
+        out.print(chain)
+    else:
+        bodies = Table(title="oscillators", title_justify="left")
+        for column in ("mode", "kind", "at m", "axis", "mass kg", "stiffness"):
+            bodies.add_column(column, justify="left" if column == "kind" else "right")
+        for item in result.oscillators.items:
+            at, axis = (", ".join(f"{v + 0.0:.4g}" for v in values) for values in (item.point, item.axis))
+            mass = "-" if item.body is None else f"{item.body.mass:.5g}"
+            bodies.add_row(str(item.mode), item.kind, at, axis, mass, f"{item.stiffness:.5g}")
+        out.print(bodies)
     for port, error in result.error.items():
         band = result.bandwidth[port]
         on = "on the hub given" if result.spec.root.hub else "worst of three hubs"
@@ -100,3 +128,31 @@ def _show(result: "Fit", files: "list[Path]") -> None:
         out.print(f"[bold yellow]warning[/bold yellow]: {text}")
     for file in files:
         out.print(f"wrote {file}")
+
+
+def _explain(result: "Fit") -> None:
+    """How the modes were chosen, what was left out, what the model cannot answer, which step to take."""
+    from rich.table import Table
+
+    out = console()
+    if result.choice is None:
+        out.print(
+            "The spec states the modes itself; give [scene] a bandwidth and leave [modes] out to have them chosen."
+        )
+        return
+    for line in result.choice.reasoning:
+        out.print(line)
+    left = Table(title="left out", title_justify="left")
+    for column in ("what", "why", "cost"):
+        left.add_column(column, justify="right" if column == "cost" else "left")
+    for item in result.left_out:
+        left.add_row(item.what, item.why, f"{item.cost:.1e}" if item.cost else "0")
+    out.print(left)
+    for line in result.choice.cannot:
+        out.print(f"cannot answer: {line}")
+    steps = Table(title="steps that keep the tolerance", title_justify="left")
+    for column in ("integrator", "largest step s", "bounded by", "cost"):
+        steps.add_column(column, justify="left" if column in ("integrator", "bounded by") else "right")
+    for choice in result.steps:
+        steps.add_row(choice.integrator, f"{choice.step:.3g}", choice.bound, f"{choice.cost:.2f}")
+    out.print(steps)

@@ -9,6 +9,7 @@ from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json
 
 if TYPE_CHECKING:
     from beamchain.assess.budget import Budget
+    from beamchain.extremes.suite import Extremes
     from beamchain.stability import StabilityStudy
 
 SAMPLE = 48  # cases of the extremes suite that are run without --map
@@ -16,7 +17,8 @@ SAMPLE = 48  # cases of the extremes suite that are run without --map
 
 def stability(
     source: Annotated[
-        Path, typer.Argument(metavar="SPEC.toml|MODEL.xml", help="An appendage, or any MuJoCo model.", show_default=False)
+        Path,
+        typer.Argument(metavar="SPEC.toml|MODEL.xml", help="An appendage, or any MuJoCo model.", show_default=False),
     ],
     output: Folder,
     extremes_map: Annotated[
@@ -28,44 +30,46 @@ def stability(
 ) -> None:
     """Step limits predicted and measured, steps for an accuracy, damping each integrator adds, large motion, extremes.
 
-    Writes stability.json into DIR; with --map also extremes.png.
+    Writes stability.json into DIR; with --map all of the extremes suite instead of a sample, and extremes.png.
 
     Example: beamchain stability boom.toml -o boom-stability
     """
     from rich.progress import Progress, SpinnerColumn, TextColumn
 
-    from beamchain.extremes.suite import cases, run
+    from beamchain.extremes.cases import cases
+    from beamchain.extremes.suite import run
     from beamchain.files import write_files
     from beamchain.report.record import to_json
     from beamchain.stability import study
 
-    with Progress(SpinnerColumn(), TextColumn("{task.description}"), transient=True, disable=quiet or as_json) as progress:
+    with Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), transient=True, disable=quiet or as_json
+    ) as progress:
         step = progress.add_task("reading")
         result = study(source, lambda text: progress.update(step, description=text))
         everything = cases()
-        chosen = everything if extremes_map else everything[:: max(len(everything) // SAMPLE, 1)]
-        found = run(
-            chosen, lambda done: progress.update(step, description=f"extremes: {done} of {len(chosen)} cases")
-        )
+        chosen = everything if extremes_map else everything[:: len(everything) // SAMPLE]
+        found = run(chosen, lambda done: progress.update(step, description=f"extremes: {done} of {len(chosen)} cases"))
         record = result.as_dict(found.as_dict())
         files: dict[Path, str | bytes] = {}
         if extremes_map:
-            from beamchain.report.extremes_map import draw_map
+            from beamchain.report.extremes_map import extremes_map as draw
 
-            files[output / "extremes.png"] = draw_map(found.rows)
+            files[output / "extremes.png"] = draw(found.rows)
         files[output / "stability.json"] = to_json(record)
         write_files(files, force=force)
     if as_json:
         print_json(record)
     elif not quiet:
-        _show(result, record)
+        _show(result)
+        _show_extremes(found)
         for file in files:
             console().print(f"wrote {file}")
     if found.failed or any(abs(r.difference) > 0.01 for r in result.rows):
         raise typer.Exit(3)
 
 
-def _show(result: "StabilityStudy", record: dict[str, Any]) -> None:
+def _show(result: "StabilityStudy") -> None:
     from rich.table import Table
 
     out = console()
@@ -91,13 +95,16 @@ def _show(result: "StabilityStudy", record: dict[str, Any]) -> None:
             f"large motion in {limit.port}, within 1 % of 60 links up to: spin {spin}, "
             f"acceleration {acceleration}, slew {slew}"
         )
-    extremes = record["extremes"]
-    out.print(
-        f"extremes: {extremes['cases']} cases, {extremes['passed']} passed, {extremes['refused']} refused, "
-        f"{extremes['failed']} failed silently"
-    )
     for warning in result.warnings:
         out.print(f"[yellow]note[/yellow]: {warning}")
+
+
+def _show_extremes(found: "Extremes") -> None:
+    counts = found.as_dict()
+    console().print(
+        f"extremes: {counts['cases']} cases, {counts['passed']} passed, {counts['refused']} refused with a reason, "
+        f"{counts['failed']} failed silently"
+    )
 
 
 def _budget_table(budget: "Budget") -> Any:

@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 from lxml.etree import _Element as Element
 
+from beamchain.chain.chain import Chain
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.mjcf import write
@@ -71,7 +72,19 @@ def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     root = model.body(body).id
-    origin, frame = data.xpos[root], data.xmat[root].reshape(3, 3)
+    return frozen_mass(model, data, root, data.xpos[root], data.xmat[root].reshape(3, 3))
+
+
+def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origin: Array, frame: Array) -> Array:
+    """`(6, 6)` mass matrix of a body's frozen subtree about any point, in any axes.
+
+    Args:
+        model: compiled.
+        data: with the kinematics of the pose.
+        root: id of the body.
+        origin: `(3,)` the point, in the world.
+        frame: `(3, 3)` the axes in columns, in the world.
+    """
     out = np.zeros((6, 6))
     for i in range(model.nbody):
         top = i
@@ -86,3 +99,21 @@ def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
             turn @ np.diag(model.body_inertia[i]) @ turn.T,
         )
     return out
+
+
+def ballast_for(chain: Chain) -> Array | None:
+    """Something to hold where a hinge at the root leaves the bench massless: as much as the chain weighs."""
+    first = chain.links[0]
+    if first.mass > 0.0 and min(first.inertia[1:]) > 0.0:
+        return None
+    return root_body(chain)
+
+
+def root_body(chain: Chain) -> Array:
+    """`(4,)` mass and inertias of a root body as heavy as the chain, to measure with.
+
+    However light the first link is (behind a soft joint at the root it weighs next to nothing), the bench is then well
+    conditioned and no digit is lost in reading A and B.
+    """
+    rigid = np.diag(chain.rigid_mass())
+    return np.array([rigid[0], *np.full(3, max(rigid[3:]))])

@@ -1,6 +1,11 @@
 """The one place that imports MuJoCo, so that a broken installation is met with its cure."""
 
+from typing import TYPE_CHECKING
+
 from beamchain.errors import EngineError
+
+if TYPE_CHECKING:
+    from mujoco.rollout import Rollout
 
 OLDEST = (3, 13)
 
@@ -17,3 +22,10 @@ if tuple(int(part) for part in mujoco.__version__.split(".")[:2]) < OLDEST:
         f"MuJoCo {mujoco.__version__} is too old; beamchain needs {OLDEST[0]}.{OLDEST[1]} or newer: "
         "pip install -U mujoco"
     )
+
+
+def rollout_engine() -> "Rollout":
+    """MuJoCo's rollouts on the calling thread; imported when asked for, a fit does not need them."""
+    from mujoco.rollout import Rollout
+
+    return Rollout(nthread=0)

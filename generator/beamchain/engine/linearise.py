@@ -168,8 +168,12 @@ class Linearisation:
         )
 
     def coupling(self, groups: "list[tuple[int, ...]]") -> float:
-        """Largest coupling between groups of degrees of freedom, relative: how far ports are from independent."""
-        worst = 0.0
+        """Largest coupling between groups of degrees of freedom, relative: how far ports are from independent.
+
+        Two measures, the larger counts: M^-1 K and M^-1 D between the groups, and what a motor of one group does to
+        the driven joints of another, over the whole range of frequencies (it also sees a group that is rigid).
+        """
+        worst = self._crosstalk(groups)
         for i, first in enumerate(groups):
             for second in groups[i + 1 :]:
                 for matrix in (self.stiffness, self.damping):
@@ -178,6 +182,23 @@ class Linearisation:
                     with np.errstate(divide="ignore", invalid="ignore"):
                         ratio = np.sqrt(np.where(inside > 0.0, across / inside, 0.0))
                     worst = max(worst, float(np.max(ratio, initial=0.0)))
+        return worst
+
+    def _crosstalk(self, groups: "list[tuple[int, ...]]") -> float:
+        """Largest `|X_ij| / sqrt(|X_ii X_jj|)` of the receptance X between driven joints of different groups."""
+        member = {dof: k for k, group in enumerate(groups) for dof in group}
+        motors = [(i, dof) for i, dof in enumerate(self.driven) if dof in member]
+        of = np.array([member[dof] for _, dof in motors])
+        if np.unique(of).size < 2:
+            return 0.0
+        columns, rows = [i for i, _ in motors], [dof for _, dof in motors]
+        own = self.frequencies()
+        eye, worst = np.eye(self.stiffness.shape[0]), 0.0
+        for omega in np.geomspace(0.3 * own[0], 3.0 * own[-1], 9) if own.size else [1.0]:
+            s = omega * (0.05 + 1j)  # beside the axis: no pole is met
+            x = np.linalg.solve(s**2 * eye + s * self.damping + self.stiffness, self.inputs[:, columns])[rows]
+            scale = np.sqrt(np.abs(np.diag(x)))
+            worst = max(worst, float(np.max((np.abs(x) / np.outer(scale, scale))[of[:, None] != of[None, :]])))
         return worst
 
 

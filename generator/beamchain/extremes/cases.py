@@ -121,7 +121,11 @@ class Case:
         spring = self.spring
         joints: tuple[Joint, ...] = ()
         if spring is not None:
-            joints = (Joint(after_segment=0 if self.joint_at == "root" else 1, stiffness_xy=spring[1], stiffness_xz=spring[1]),)
+            joints = (
+                Joint(
+                    after_segment=0 if self.joint_at == "root" else 1, stiffness_xy=spring[1], stiffness_xz=spring[1]
+                ),
+            )
         lumps = (Lump(x=self.length, mass=self.tip * self.own_mass),) if self.tip else ()
         extra = self.modes if self.space else 0
         return Spec(
@@ -209,4 +213,7 @@ def _spread() -> list[Case]:
 
 def _classical() -> list[Case]:
     """Equal links up to the limit of one MJCF file and beyond it."""
-    return [Case("classical", links=n, taper=t) for n, t in ((2, 1.0), (8, 0.3), (30, 1.0), (90, 3.0), (495, 1.0), (496, 1.0))]
+    return [
+        Case("classical", links=n, taper=t)
+        for n, t in ((2, 1.0), (8, 0.3), (30, 1.0), (90, 3.0), (495, 1.0), (496, 1.0))
+    ]

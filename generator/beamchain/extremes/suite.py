@@ -172,7 +172,9 @@ def _plane(case: Case, rod: Rod, result: Fit, scene: "mujoco.MjModel", port: str
         errors, _, below = rod.check_poles(coupled**2, FREQUENCY, mass)
         for k in range(n):
             if not np.isfinite(errors[k]) or below[k] != k + 1:
-                return f"{case.target} mode {k + 1} of MuJoCo is not the beam's (error {errors[k]:.1e}, {below[k]} below)"
+                return (
+                    f"{case.target} mode {k + 1} of MuJoCo is not the beam's (error {errors[k]:.1e}, {below[k]} below)"
+                )
         ours = coupled
         read, what = achieved.with_hub(mass).free_frequencies[:n], "coupled"
     miss = float(np.max(np.abs(read / ours[: read.size] - 1.0)))
@@ -223,7 +225,9 @@ def _coupled(model: "mujoco.MjModel", port: str, *, without_hub: bool = False) -
     inner = _dofs(model, port)
     roots = np.sqrt(_springs(model, inner))
     left = mass[np.ix_(inner, root)] / roots[:, None]
-    loose = mass[np.ix_(inner, inner)] / np.outer(roots, roots) - left @ np.linalg.solve(mass[np.ix_(root, root)], left.T)
+    loose = mass[np.ix_(inner, inner)] / np.outer(roots, roots) - left @ np.linalg.solve(
+        mass[np.ix_(root, root)], left.T
+    )
     squares = eigh((loose + loose.T) / 2.0, eigvals_only=True)
     return 1.0 / np.sqrt(squares[::-1])
 

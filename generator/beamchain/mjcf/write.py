@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.damping import Damper
 from beamchain.errors import EngineError
+from beamchain.mjcf import looks
 from beamchain.port import PORTS, Array
-from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 
 _PACKAGED = Path(__file__).parent.parent / "mjcf_templates"
 _CHECKOUT = Path(__file__).parents[3] / "mjcf_templates"
@@ -34,6 +35,7 @@ ROOT_JOINTS = {
     "axial": ("root_axial",),
 }
 
+ALONG_X = "0.7071067811865476 0.0 0.7071067811865475 0.0"  # turns the axis of a capsule or cylinder from z to x
 SMALLEST = 1e-15  # mjMINVAL: mass and principal inertia of a moving body
 DEEPEST = 496  # bodies nested in one MJCF file
 
@@ -95,20 +97,22 @@ def appendage(
     chain: Chain,
     name: str,
     *,
-    beam: Beam | None = None,
+    beam: MassLine | None = None,
     dampers: Iterable[Damper] = (),
     visuals: bool = True,
     tip: bool = True,
+    contacts: bool = False,
 ) -> Element:
     """The drop-in file: nested link bodies from the root outwards, frame of the root: x along the appendage.
 
     Args:
         chain: what to write.
         name: prefix of every body, joint, site and geom.
-        beam: gives the links' drawn depth; none: a thin bar.
+        beam: gives the links' look and depth; none: a thin bar.
         dampers: one fixed tendon per damped mode.
         visuals: write massless, collision-free geoms.
         tip: write the tip site.
+        contacts: write massless capsules that touch other things, never each other or what carries the appendage.
 
     Raises:
         EngineError: MuJoCo would refuse the chain (too deep, masses below mjMINVAL).
@@ -128,7 +132,7 @@ def appendage(
         body.set("pos", number([x - origin, 0.0, 0.0]))
         _joints(body, name, i, hinge)
         _inertial(find(body, "inertial"), link, x)
-        _shape(body, name, i, link, x, beam if visuals else None, visuals, chain.length)
+        _shapes(body, name, i, link, x, beam, chain.length, "capsule" if contacts else "drawn" if visuals else None)
         for site, keep, at in (("root", i == 0, 0.0), ("tip", tip and i == len(chain.links) - 1, chain.length - x)):
             element = find(body, f"site[@name='{site}']")
             if keep:
@@ -168,19 +172,35 @@ def _inertial(element: Element, link: Link, x: float) -> None:
     element.set("diaginertia", number(link.inertia))
 
 
-def _shape(
-    body: Element, name: str, index: int, link: Link, x: float, beam: Beam | None, visuals: bool, length: float
+def _shapes(
+    body: Element, name: str, index: int, link: Link, x: float, beam: MassLine | None, length: float, kind: str | None
 ) -> None:
-    geom = find(body, "geom")
-    if not visuals or link.length <= 0.0:
-        body.remove(geom)
-        return
-    middle = link.start + link.length / 2.0
-    depth = [beam.depth(middle, plane) if beam is not None else 0.0 for plane in ("xy", "xz")]
-    half = [d / 2.0 if d > 0.0 else length / 200.0 for d in depth]
-    geom.set("name", f"{name}_shape{index + 1}")
-    geom.set("size", number([link.length / 2.0, *half]))
-    geom.set("pos", number([middle - x, 0.0, 0.0]))
+    prototype = find(body, "geom")
+    place = body.index(prototype)
+    body.remove(prototype)
+    drawn = [] if kind is None else looks.shapes(link, beam, length)
+    if kind == "capsule" and link.length > 0.0:
+        half = max(max(shape.half[1:]) for shape in drawn)
+        drawn = [looks.Shape(kind, link.start + link.length / 2.0, (link.length / 2.0, half, half), looks.TUBE)]
+    for number_of, shape in enumerate(drawn, 1):
+        geom = deepcopy(prototype)
+        geom.set("name", f"{name}_shape{index + 1}" + ("" if number_of == 1 else f"_{number_of}"))
+        geom.set("pos", number([shape.middle - x, 0.0, 0.0]))
+        geom.set("type", shape.kind)
+        geom.set("rgba", shape.rgba)
+        along, *across = shape.half
+        if shape.kind == "box":
+            geom.set("size", number(shape.half))
+        elif shape.kind == "cylinder":
+            geom.set("size", number([max(across), along]))
+            geom.set("quat", ALONG_X)
+        else:
+            radius = min(max(across), along)
+            geom.set("size", number([radius, max(along - radius, 1e-6 * length)]))
+            geom.set("quat", ALONG_X)
+            geom.set("conaffinity", "1")  # meets what has contype 1, and with contype 0 never another link
+        body.insert(place, geom)
+        place += 1
 
 
 def _tendons(root: Element, name: str, dampers: Iterable[Damper]) -> None:
@@ -247,6 +267,7 @@ def scene(
     offset: ArrayLike,
     timestep: float,
     integrator: str,
+    contacts: bool = False,
 ) -> Element:
     """A free-flying hub with the appendage on its `mount`, ready to simulate.
 
@@ -254,23 +275,32 @@ def scene(
         appendage_root: from `appendage`.
         name: of the appendage.
         mass: of the hub [kg].
-        inertia: `(3,)` of the hub about its centre [kg m^2].
+        inertia: `(3,)` or `(3, 3)` of the hub about its centre [kg m^2].
         offset: `(3,)` from the hub's centre to the root [m].
         timestep: [s].
         integrator: MuJoCo's name.
+        contacts: leave contacts and constraints on.
     """
     root = template("scene")
     root.set("model", f"{name}_scene")
     option = find(root, "option")
+    if contacts:
+        option.remove(find(option, "flag"))
     option.set("timestep", number(timestep))
     option.set("integrator", integrator)
     hub = find(template("hub"), "worldbody/body")
     inertial = find(hub, "inertial")
     inertial.set("mass", number(mass))
-    inertial.set("diaginertia", number(inertia))
+    inertia = np.asarray(inertia, dtype=np.float64)
+    inertia = np.diag(inertia) if inertia.ndim == 1 else inertia
+    if np.any(inertia != np.diag(np.diag(inertia))):
+        del inertial.attrib["diaginertia"]
+        inertial.set("fullinertia", number([*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]))
+    else:
+        inertial.set("diaginertia", number(np.diag(inertia)))
     offset = np.asarray(offset, dtype=np.float64)
     # a box of that mass and those inertias where one exists, else one that reaches the root
-    ix, iy, iz = np.asarray(inertia, dtype=np.float64)
+    ix, iy, iz = np.diag(inertia)
     squares = 6.0 / mass * np.array([iy + iz - ix, ix + iz - iy, ix + iy - iz])
     half = np.sqrt(np.clip(squares, 1e-6 * float(squares.max()), None)) / 2.0
     find(hub, "geom").set("size", number(half))

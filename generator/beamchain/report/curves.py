@@ -11,10 +11,11 @@ from beamchain.chain import rivals
 from beamchain.chain.chain import Chain
 from beamchain.port import Array, PortModel
 from beamchain.spec import port_hub_mass
+from beamchain.structure.beam import Beam
 from beamchain.structure.exact import UniformBeam
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 PLANES = ("xy", "xz")
 PAPER = "the 2008 paper's chain"
@@ -44,6 +45,13 @@ class Response(NamedTuple):
         size = np.abs(values)
         pole = size[at] + size[at + 1] > size[at - 2] + size[at + 3]
         return middle[pole], middle[~pole]
+
+    def phase(self, i: int, j: int) -> tuple[Array, Array]:
+        """Frequencies [rad/s] and phase [degrees] of one entry, at the ends and on both sides of each turn."""
+        turned = np.where(self.values[i, j] < 0.0, 180.0, 0.0)
+        at = np.flatnonzero(np.diff(turned))
+        keep = np.unique(np.concatenate([[0], at, at + 1, [turned.size - 1]]))
+        return self.omega[keep], turned[keep]
 
 
 class ErrorCurve(NamedTuple):
@@ -80,7 +88,9 @@ def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
     """
     if port not in PLANES:
         return {}
-    beam, hinges, method = fit.spec.beam, moving(fit.chain, port), fit.spec.fit.method
+    beam, hinges, method = fit.mass_line, moving(fit.chain, port), fit.spec.fit.method
+    if not isinstance(beam, Beam):
+        return {}  # no beam, no recipe
     out: dict[str, Chain] = {}
     if method != "classical" and hinges:
         out[METHODS["classical"]] = rivals.equal_links(beam, hinges, "classical", port)
@@ -93,17 +103,12 @@ def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
 
 def beam_model(fit: "Fit", port: str) -> PortModel:
     """The whole beam in a port with the damping that in-band errors are stated with: the spec's, else 0.5 %."""
-    return damped(_with_ratios(fit, port, fit.full[port]))
+    return damped(fit.spec.with_ratios(port, fit.full[port]))
 
 
 def rival_model(fit: "Fit", port: str, chain: Chain) -> PortModel:
     """A rival's port model with the same damping ratios as the beam's."""
-    return damped(_with_ratios(fit, port, chain.port(port)))
-
-
-def _with_ratios(fit: "Fit", port: str, model: PortModel) -> PortModel:
-    wanted = fit.spec.damping
-    return model if wanted is None else model.replaced(damping=wanted.ratios(port, model.modes))
+    return damped(fit.spec.with_ratios(port, chain.port(port)))
 
 
 def undamped(model: PortModel) -> Accelerance:
@@ -123,8 +128,8 @@ def undamped(model: PortModel) -> Accelerance:
 
 def exact_accelerance(fit: "Fit", port: str) -> Accelerance:
     """Accelerance of the beam: the transcendental solution where there is one, else all modes of the discretisation."""
-    beam = fit.spec.beam
-    if port in PLANES and beam.uniform:
+    beam = fit.mass_line
+    if port in PLANES and isinstance(beam, Beam) and beam.uniform:
         at = beam.segments[0].at(np.array([0.5]))
         stiffness = at.bending_xy if port == "xy" else at.bending_xz
         return UniformBeam(beam.length, float(stiffness[0]), float(at.mass[0])).W

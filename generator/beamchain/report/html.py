@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import jinja2
 import numpy as np
 
-from beamchain.report import plots, sections
+from beamchain.report import imported, plots, sections
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 
 def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
@@ -24,11 +24,14 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
     for port in fit.target:
         pictures[f"accelerance_{port}.svg"] = plots.to_svg(plots.accelerance_figure(fit, port), f"accelerance_{port}")
         pictures[f"error_{port}.svg"] = plots.to_svg(plots.error_figure(fit, port), f"error_{port}")
-    pictures["chain.svg"] = plots.to_svg(plots.chain_figure(fit), "chain")
+    draw = plots.chain_figure if fit.oscillators is None else imported.oscillators_figure
+    pictures["chain.svg"] = plots.to_svg(draw(fit), "chain")
     record, rivals = fit.as_dict(), sections.rival_errors(fit)
     page = _template().render(
         name=fit.spec.name,
-        sections=sections.all_sections(fit, pictures, rivals, record["left_out"]),
+        sections=imported.with_imported(
+            fit, sections.all_sections(fit, pictures, rivals, record["left_out"]), pictures
+        ),
         verdict=sections.verdict(fit, rivals),
         versions=f"beamchain {record['beamchain']}, MuJoCo {record['mujoco']}, NumPy {np.__version__}, "
         f"Python {platform.python_version()}. SI units, radians; x runs from the root outwards.",

@@ -16,10 +16,11 @@ class Table(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """An inline SVG."""
+    """An inline SVG; `moves`: "zoom" (a plot that the page's script zooms) or "ring" (mode shapes)."""
 
     svg: str
     caption: str
+    moves: str = ""
     kind: str = "figure"
 
 

@@ -1,13 +1,14 @@
 """Pictures of a fit, drawn with matplotlib's objects: no figure manager, no state left behind."""
 
 import io
+import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from beamchain.chain.chain import Chain
 from beamchain.report.curves import (
@@ -23,12 +24,13 @@ from beamchain.report.curves import (
     span,
     worst_hub,
 )
-from beamchain.structure.beam import Beam
+from beamchain.report.zoom import described
+from beamchain.structure.mass_line import MassLine
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 # blue, black and grey differ in lightness too, and rivals by their dashes: readable without colour
 OURS, BEAM, RIVAL, SHADE = "#0a5fb4", "#000000", "#8a8a8a", "#e9f1fa"
@@ -95,19 +97,43 @@ def plot_accelerance(fit: "Fit", ax: "Axes | None" = None, port: str | None = No
 
 
 def accelerance_figure(fit: "Fit", port: str) -> Figure:
-    """The port's accelerances over frequency: beam, chain through MuJoCo, rivals; undamped."""
+    """The port's accelerances over frequency, magnitude and phase: beam, chain through MuJoCo, rivals; undamped."""
     panels = len(ENTRIES[port])
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 1.6 + 2.1 * panels))
+        figure = Figure(figsize=(6.4, 1.6 + 2.7 * panels))
         curves = responses(fit, port, with_rivals=True)
-        axes = [figure.add_subplot(panels, 1, i + 1) for i in range(panels)]
-        for i, ax in enumerate(axes):
+        grid = figure.add_gridspec(3 * panels - 1, 1, height_ratios=[3.2, 0.62, 0.72] * (panels - 1) + [3.2, 0.62])
+        for i in range(panels):
+            ax, below = (figure.add_subplot(grid[3 * i + k]) for k in (0, 1))
             _panel(ax, fit, port, i, curves)
-            ax.tick_params(labelbottom=i == panels - 1)
-        axes[-1].set_xlabel("frequency, rad/s")
-        figure.subplots_adjust(left=0.125, right=0.98, bottom=0.48 / figure.get_figheight(), hspace=0.24)
-        _legend(figure, axes[0], list(curves)[:2])
+            ax.tick_params(labelbottom=False)
+            ax.xaxis.set_minor_locator(NullLocator())
+            _phase(below, fit, port, i, curves)
+            if i < panels - 1:  # ticks are most of what drawing costs
+                below.tick_params(labelbottom=False)
+                below.xaxis.set_minor_locator(NullLocator())
+        figure.axes[-1].set_xlabel("frequency, rad/s")
+        figure.subplots_adjust(left=0.125, right=0.98, bottom=0.48 / figure.get_figheight(), hspace=0.16)
+        _legend(figure, figure.axes[0], list(curves)[:2])
     return figure
+
+
+def _phase(ax: "Axes", fit: "Fit", port: str, panel: int, curves: Mapping[str, Response]) -> None:
+    """Without damping the phase is 0 or 180 degrees and turns over at each pole and zero."""
+    i, j, *_ = ENTRIES[port][panel]
+    beam, ours, *others = curves
+    _frame(ax, span(fit, port), (-50.0, 230.0), fit.bandwidth[port], decades=False)
+
+    def draw(label: str, **style: Any) -> None:
+        omega, turned = curves[label].phase(i, j)
+        ax.plot(omega, turned, **style)
+
+    for order, label in enumerate(others):
+        draw(label, color=RIVAL, linestyle=DASHES[order % 3], linewidth=1.2)
+    draw(ours, color=OURS, linewidth=3.4)
+    draw(beam, color=BEAM, linewidth=1.1)
+    ax.set_yticks([0.0, 180.0])
+    ax.set_ylabel("phase, °", fontsize=8.5)
 
 
 def _panel(ax: "Axes", fit: "Fit", port: str, panel: int, curves: Mapping[str, Response]) -> None:
@@ -165,10 +191,11 @@ def error_figure(fit: "Fit", port: str) -> Figure:
         stated = fit.error[port].accelerance_in_band
         box: Any = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
         place_right = x < limits[0] * (limits[1] / limits[0]) ** 0.85
-        ax.annotate(
+        note = ax.annotate(
             percent(y if stated is None else stated), (x, y), xytext=(7 if place_right else -7, 4),
             textcoords="offset points", ha="left" if place_right else "right", color=OURS, fontweight="bold", bbox=box,
         )  # fmt: skip
+        note.set_gid("follows")  # the mark, where the page zooms
         ax.set_xlabel("frequency, rad/s")
         ax.set_ylabel("error of the hub's motion, relative")
         ax.set_title(place, pad=6.0)
@@ -197,14 +224,17 @@ def _log_axis(axis: Any, limits: tuple[float, float], text: Callable[[float, flo
     axis.set_minor_formatter(NullFormatter())
 
 
-def _frame(ax: "Axes", limits: tuple[float, float], heights: tuple[float, float], band: float) -> None:
-    """Logarithmic axes with the kept band shaded."""
+def _frame(
+    ax: "Axes", limits: tuple[float, float], heights: tuple[float, float], band: float, *, decades: bool = True
+) -> None:
+    """Logarithmic axes (upwards only with `decades`) with the kept band shaded."""
     ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set_yscale("log" if decades else "linear")
     ax.set_xlim(*limits)
     ax.set_ylim(*heights)
     _log_axis(ax.xaxis, limits, _plain)
-    _log_axis(ax.yaxis, heights, _power)
+    if decades:
+        _log_axis(ax.yaxis, heights, _power)
     ax.grid(visible=True, color="#e3e3e3", linewidth=0.6)
     ax.set_axisbelow(True)
     ax.axvspan(limits[0], min(band, limits[1]), color=SHADE, linewidth=0, zorder=0, label="kept band")
@@ -242,7 +272,7 @@ def chain_figure(fit: "Fit") -> Figure:
         figure.subplots_adjust(left=0.02, right=0.98, top=1.0 - 0.28 / height, bottom=0.77 / height, hspace=0.22)
         for i, (label, chain) in enumerate(chains.items()):
             ax = figure.add_subplot(len(chains), 1, i + 1)
-            _draw_chain(ax, chain, fit.spec.beam, plane, label, OURS if i == 0 else "#6f6f6f")
+            _draw_chain(ax, chain, fit.mass_line, plane, label, OURS if i == 0 else "#6f6f6f")
             ax.tick_params(labelbottom=i == len(chains) - 1)
         figure.axes[-1].set_xlabel("x from the root, m")
         handles, labels = figure.axes[0].get_legend_handles_labels()
@@ -252,7 +282,7 @@ def chain_figure(fit: "Fit") -> Figure:
     return figure
 
 
-def _draw_chain(ax: "Axes", chain: Chain, beam: Beam, plane: str, title: str, color: str) -> None:
+def _draw_chain(ax: "Axes", chain: Chain, beam: MassLine, plane: str, title: str, color: str) -> None:
     length = chain.length
     left, right = -0.055 * length, 1.03 * length
     ax.set_xlim(left, right)
@@ -355,8 +385,10 @@ def _write(ax: "Axes", labels: Sequence[_Label], side: float, color: str) -> Non
 def to_svg(figure: Figure, name: str) -> str:
     """SVG text of a figure, the same for the same fit; ids carry `name`, so that several can stand in one page.
 
+    Axes with logarithmic frequency (or time) are described in `data-plot`, for the page's script to zoom into them.
+
     Args:
-        figure: any figure of this module.
+        figure: any figure of this package.
         name: unique within the page, a letter first.
     """
     stream = io.StringIO()
@@ -366,4 +398,5 @@ def to_svg(figure: Figure, name: str) -> str:
     text = stream.getvalue().replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
     for before in ('id="', "url(#", 'href="#'):
         text = text.replace(before, f"{before}{name}-")
-    return text
+    told = json.dumps(described(figure, name), separators=(",", ":"))
+    return text.replace("<svg ", f"<svg data-plot='{told}' ", 1) if told != "[]" else text

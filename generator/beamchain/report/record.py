@@ -9,7 +9,7 @@ import numpy as np
 from beamchain.port import Array, PortModel
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 
 def to_json(record: dict[str, Any]) -> str:
@@ -48,6 +48,47 @@ def port_record(model: PortModel) -> dict[str, Any]:
     }
 
 
+def space_record(fit: "Fit") -> dict[str, Any]:
+    """What is known of all six motions at once, for imported modes."""
+    if fit.space is None:
+        return {}
+    space = fit.space
+    names = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
+    out: dict[str, Any] = {
+        "form": space.form,
+        "space": {
+            "why": space.why,
+            "motions": [names[i] for i in space.live],
+            "target": port_record(space.target),
+            "achieved": port_record(space.achieved),
+            "error": {
+                "frequency": space.error.frequency,
+                "participation": space.error.participation,
+                "accelerance_in_band": space.error.accelerance_in_band,
+            },
+            "modes": [
+                {"belongs": port, "leak": leak} for port, leak in zip(space.data.belongs, space.data.leaks, strict=True)
+            ],
+            "steps": space.data.steps,
+        },
+    }
+    if space.made is not None:
+        out["oscillators"] = [
+            {
+                "mode": item.mode,
+                "kind": item.kind,
+                "axis": item.axis,
+                "point": item.point,
+                "mass": 0.0 if item.body is None else item.body.mass,
+                "stiffness": item.stiffness,
+                "damping": item.damping,
+                "inside": None if item.inside is None else space.made.items[item.inside].mode,
+            }
+            for item in space.made.items
+        ]
+    return out
+
+
 def fit_record(fit: "Fit") -> dict[str, Any]:
     """What fit.json holds; see the contract in README."""
     import beamchain
@@ -55,12 +96,13 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
 
     limits = fit.limits
     return {
+        **space_record(fit),
         "name": fit.spec.name,
         "beamchain": beamchain.__version__,
         "mujoco": mujoco.__version__,
         "method": fit.spec.fit.method,
-        "target": fit.spec.root.target or "clamped",
-        "mass": {**mass_record(fit.measured.rigid_mass), "target": mass_record(fit.spec.beam.rigid_mass())},
+        "target": fit.kept_for,
+        "mass": {**mass_record(fit.measured.rigid_mass), "target": mass_record(fit.mass_line.rigid_mass())},
         "ports": {
             port: {
                 "target": port_record(target),
@@ -108,8 +150,29 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
             }
             for port, plan in fit.prewarps.items()
         },
-        "left_out": [],
+        "left_out": [{"what": item.what, "why": item.why, "cost": item.cost} for item in fit.left_out],
+        "scene": _scene_record(fit),
         "warnings": fit.warnings,
         "status": {"ok": fit.status.ok, "message": fit.status.message, "history": fit.status.history},
         "seconds": fit.seconds,
+    }
+
+
+def _scene_record(fit: "Fit") -> dict[str, Any] | None:
+    """What the scene was promised, what came of it, and what the model cannot answer."""
+    scene = fit.spec.scene
+    if scene is None or scene.bandwidth is None:
+        return None
+    return {
+        "bandwidth": scene.bandwidth,
+        "tolerance": scene.tolerance,
+        "axes": scene.axes,
+        "error": fit.promise,
+        "modes": None if fit.choice is None else fit.choice.modes,
+        "cannot_answer": () if fit.choice is None else fit.choice.cannot,
+        "reasoning": () if fit.choice is None else fit.choice.reasoning,
+        "steps": [
+            {"integrator": step.integrator, "step": step.step, "bound": step.bound, "cost": step.cost}
+            for step in fit.steps
+        ],
     }

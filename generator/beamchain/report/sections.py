@@ -1,7 +1,7 @@
 """The sections of report.html as plain tables, pictures and sentences; the template lays them out."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,11 +12,13 @@ from beamchain.report.curves import METHODS, beam_model, chain_label, count, riv
 from beamchain.report.page import Block, Lines, Picture, Pictures, Section, Table, Text, inline
 from beamchain.report.plots import percent, short
 from beamchain.report.record import mass_record
+from beamchain.report.shapes import shapes_svg
 from beamchain.report.spec_text import spec_toml
 from beamchain.spec import port_hub_mass
+from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:
-    from beamchain.workflow import Fit
+    from beamchain.result import Fit
 
 TARGETS = {
     "clamped": "clamped: the first cantilever modes, the better the heavier the hub",
@@ -54,8 +56,10 @@ def _kept(fit: "Fit") -> str:
     return first if not more else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def _left_out(item: Any) -> str:
-    return "; ".join(f"{key}: {value}" for key, value in item.items()) if isinstance(item, dict) else str(item)
+def _left_out(items: Sequence[Mapping[str, Any]]) -> list[Block]:
+    rows = [[str(i["what"]), str(i["why"]), percent(float(i["cost"])) if i["cost"] else "nothing"] for i in items]
+    note = "Cost: relative change of the hub's motion within the band that leaving it out alone makes."
+    return [Table(rows, ["left out", "why", "cost"], note=note, words=True)]
 
 
 def _sentence(text: str) -> str:
@@ -87,9 +91,16 @@ def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     errors = {port: error.accelerance_in_band or 0.0 for port, error in fit.error.items()}
     worst = max(errors, key=lambda port: errors[port])
     links = sum(link.mass > 0.0 for link in fit.chain.links)
+    what = f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for the beam's {_kept(fit)}"
+    if fit.oscillators is not None:
+        what = (
+            f"{count(len(fit.oscillators.items), 'oscillator')} on a rigid root body stand for as many imported modes"
+        )
+    elif fit.space is not None:
+        what = what.replace("the beam's", "the imported modes:")
     hub = "the hub of the spec" if fit.hub_mass is not None else "a hub of 0.1, 1 or 10 times the appendage's mass"
     text = (
-        f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for the beam's {_kept(fit)}: "
+        f"{what}: "
         f"frequencies within {percent(frequency)}, read back through MuJoCo; the motion of {hub} is off by "
         f"at most {percent(errors[worst])} up to {short(fit.bandwidth[worst])} rad/s"
     )
@@ -105,7 +116,9 @@ def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     return Verdict(not missed, f"{text}.")
 
 
-def all_sections(fit: "Fit", pictures: Pictures, rivals: RivalErrors, left_out: Sequence[Any]) -> list[Section]:
+def all_sections(
+    fit: "Fit", pictures: Pictures, rivals: RivalErrors, left_out: Sequence[Mapping[str, Any]]
+) -> list[Section]:
     """The page from top to bottom.
 
     Args:
@@ -123,25 +136,31 @@ def all_sections(fit: "Fit", pictures: Pictures, rivals: RivalErrors, left_out: 
         Section("The chain", _chain(fit, pictures)),
         Section("Time steps", _steps(fit)),
     ]
+    shapes = _shapes(fit)
+    if shapes:
+        out.insert(3, Section("Shapes of the modes kept", shapes))
     if fit.warnings:
         out.append(Section("Before you use it", [Lines([_sentence(text) for text in fit.warnings])]))
     if left_out:
-        out.append(Section("Left out", [Lines([_left_out(item) for item in left_out])]))
+        out.append(Section("Left out", _left_out(left_out)))
     return [*out, Section("How it went", _history(fit)), Section("To reproduce", _reproduce(fit))]
 
 
 # -- the sections ----------------------------------------------------------------------------------------------------
 def _asked(fit: "Fit") -> list[Block]:
-    spec, beam = fit.spec, fit.spec.beam
-    carried = [count(len(beam.segments), "segment")]
-    carried += [count(len(beam.joints), "compliant joint")] if beam.joints else []
-    carried += [count(len(beam.lumps), "lumped body").replace("bodys", "bodies")] if beam.lumps else []
-    asked = ", ".join(f"{n} in {port}" for port, n in spec.kept.items())
+    spec, beam = fit.spec, fit.mass_line
+    if isinstance(beam, Beam):
+        carried = [count(len(beam.segments), "segment")]
+        carried += [count(len(beam.joints), "compliant joint")] if beam.joints else []
+        carried += [count(len(beam.lumps), "lumped body").replace("bodys", "bodies")] if beam.lumps else []
+    else:
+        carried = [f"imported from {spec.imported.file}" if spec.imported is not None else "imported"]
+    asked = ", ".join(f"{n} in {port}" for port, n in spec.kept.items()) or "as imported"
     rows = [
         ("appendage", f"{short(beam.length)} m long, {short(float(beam.rigid_mass()[0, 0]))} kg: {', '.join(carried)}"),
         ("modes to keep", asked),
         ("method", spec.fit.method),
-        ("target", TARGETS[spec.root.target or "clamped"]),
+        ("target", TARGETS[fit.kept_for]),
         ("hub", "none given" if spec.root.hub is None else _hub(fit)),
         ("band", "; ".join(f"{port} up to {_number(band)} rad/s" for port, band in fit.bandwidth.items())),
     ]
@@ -172,10 +191,10 @@ def _accelerances(fit: "Fit", pictures: Pictures) -> list[Block]:
             f"Accelerance of the root in {port} over frequency: the beam, the chain through MuJoCo, and other chains."
         )
         caption = (
-            f"Port {port}: acceleration of the free root per wrench on it, undamped. Where blue has a black core, "
-            "chain and beam agree; the shaded band is the one kept."
+            f"Port {port}: acceleration of the free root per wrench on it, magnitude and phase, undamped. Where "
+            "blue has a black core, chain and beam agree; the shaded band is the one kept."
         )
-        blocks.append(Picture(inline(pictures[f"accelerance_{port}.svg"], label), caption))
+        blocks.append(Picture(inline(pictures[f"accelerance_{port}.svg"], label), caption, "zoom"))
     return blocks
 
 
@@ -199,9 +218,19 @@ def _modes(fit: "Fit", port: str) -> Table:
         rows.append(row)
     unit = {"torsion": "√(kg m²)", "axial": "√kg"}.get(port, "force √kg, moment √kg m")
     note = f"Cantilever modes, root held. Participation in {unit}."
-    if fit.spec.root.target in ("free", "hub"):
+    if fit.kept_for in ("free", "hub"):
         note += " The target keeps other modes exactly (next section); its own cantilever modes differ from the beam's."
     return Table(rows, head, caption=f"Port {port}", note=note)
+
+
+def _shapes(fit: "Fit") -> list[Block]:
+    """Per port the mode shapes, where there are any."""
+    caption = (
+        "Port {}: cantilever modes, mass-normalised, root on the left. Black: the beam; blue: the chain, white dots "
+        "its hinges. Faster modes ring faster; the amplitude is the eye's."
+    )
+    drawn = {port: shapes_svg(fit, port) for port in fit.target}
+    return [Picture(svg, caption.format(port), "ring") for port, svg in drawn.items() if svg]
 
 
 def _against_beam(fit: "Fit", rivals: RivalErrors, pictures: Pictures) -> list[Block]:
@@ -222,7 +251,7 @@ def _against_beam(fit: "Fit", rivals: RivalErrors, pictures: Pictures) -> list[B
         caption = (
             f"Port {port}: error of the hub's motion at each frequency; its largest in the band is the in-band error."
         )
-        blocks.append(Picture(inline(pictures[f"error_{port}.svg"], label), caption))
+        blocks.append(Picture(inline(pictures[f"error_{port}.svg"], label), caption, "zoom"))
     blocks += [_frequencies(fit, port) for port in fit.target]
     return blocks
 
@@ -244,12 +273,12 @@ def _frequencies(fit: "Fit", port: str) -> Table:
     head = ["frequencies, rad/s", "beam", "chain, through MuJoCo", "model error"]
     note = "Continuous time: no integrator is in these numbers."
     if fit.spec.fit.method == "exact":
-        note += " " + _EXACT.get(fit.spec.root.target or "clamped", "")
+        note += " " + _EXACT.get(fit.kept_for, "")
     return Table(rows, head, caption=f"Model error in {port}", note=note)
 
 
 def _mass(fit: "Fit") -> Table:
-    want, have = fit.spec.beam.rigid_mass(), fit.measured.rigid_mass
+    want, have = fit.mass_line.rigid_mass(), fit.measured.rigid_mass
     target, got = mass_record(want), mass_record(have)
 
     def row(name: str, a: float, b: float) -> list[str]:

@@ -7,11 +7,12 @@ are then 1 / frequency: no digits are lost to the stiffness, however stiff a joi
 """
 
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from beamchain.port import Array, PortModel, port_from_rows
+from beamchain.port import Array, PortModel, locked, port_from_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +117,11 @@ def _scaled(strain: Array, weight: Array) -> Array:
     return np.linalg.inv(r)
 
 
+@cache
 def gauss(count: int) -> tuple[Array, Array]:
-    """Points in (-1, 1) and weights of the Gauss rule with `count` points."""
-    return leggauss(count)
+    """Points in (-1, 1) and weights of the Gauss rule with `count` points, read-only: one rule serves all."""
+    points, weights = leggauss(count)
+    return locked(points), locked(weights)
 
 
 def assemble(

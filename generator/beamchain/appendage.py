@@ -1,0 +1,189 @@
+"""One embedded appendage, and what is proved of it: its numbers and the spacecraft's are as they were."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.assess.assembly import Carried, quiet
+from beamchain.assess.spoilers import spoilers
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model, linearise
+from beamchain.engine.mount import Mount
+from beamchain.engine.unchanged import Difference, appended, differences, others
+from beamchain.errors import EngineError, InputError
+from beamchain.mjcf import embed as document
+from beamchain.mjcf import write
+from beamchain.port import PORTS, Array, PortModel, in_space
+from beamchain.result import Fit
+from beamchain.spec import Hub, Spec
+
+EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for
+PROBE = "beamchain probe "  # names of the empty bodies that stand for appendages while the spacecraft is measured
+SAME = 1e-12  # relative: the appendage's numbers alone and in the spacecraft
+
+
+@dataclass(frozen=True, eq=False)
+class Appendage:
+    """One embedded appendage.
+
+    Args:
+        at: site or body.
+        prefix: of its elements.
+        mount: the place in the bare spacecraft.
+        hub: what its root feels, other appendages rigid.
+        spec: as it was given.
+        fit: made for that hub.
+    """
+
+    at: str
+    prefix: str
+    mount: Mount
+    hub: Hub
+    spec: Spec
+    fit: Fit
+
+
+def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
+    """Names of all elements the appendages bring, per kind."""
+    out: dict[str, set[str]] = {"body": set(), "jnt": set(), "geom": set(), "site": set(), "tendon": set()}
+    kinds = {"body": "body", "joint": "jnt", "geom": "geom", "site": "site", "fixed": "tendon"}
+    for a in appendages:
+        for node in document.renamed(a.fit.appendage(), a.fit.spec.name, a.prefix).iter(*kinds):
+            if node.get("name"):
+                out[kinds[str(node.tag)]].add(str(node.get("name")))
+    return out
+
+
+def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> None:
+    """No name is given twice.
+
+    Raises:
+        InputError: with the name and the cure.
+    """
+    taken = appended(craft, names(appendages))
+    for kind, word in (("body", "body"), ("jnt", "joint"), ("geom", "geom"), ("site", "site"), ("tendon", "tendon")):
+        if taken[kind]:
+            name = getattr(craft, word)(taken[kind][0]).name
+            raise InputError(f"the spacecraft already has a {word} {name!r}; give the appendage another --prefix.")
+    prefixes = [a.prefix for a in appendages]
+    for i, prefix in enumerate(prefixes):
+        if prefix in prefixes[:i]:
+            raise InputError(f"two appendages have the prefix {prefix!r}; give each its own --prefix.")
+
+
+def judged(craft: "mujoco.MjModel", model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
+    """Every number of the spacecraft and of the appendages is as it was; then what spoils the motion."""
+    mine = appended(model, names(appendages))
+    theirs = others(model, mine)
+    own = _without_probes(craft)
+    changed = differences(craft, model, {kind: (own[kind], ids) for kind, ids in theirs.items()})
+    if changed:
+        raise EngineError(f"embedding changed the spacecraft itself: {_told(changed[0])}; please report this.")
+    for a in appendages:
+        alone = compile_model(write.text(write.scene(
+            a.fit.appendage(), a.fit.spec.name, mass=1.0, inertia=np.eye(3), offset=np.zeros(3), timestep=0.01,
+            integrator="implicitfast",
+        )))  # fmt: skip
+        own = appended(alone, names([replace(a, prefix=f"{a.spec.name}_")]))
+        here = appended(model, names([a]))
+        found = differences(alone, model, {k: (own[k], here[k]) for k in own}, root=f"{a.prefix}link1", tolerance=SAME)
+        if found:
+            raise InputError(
+                f"the spacecraft's defaults or compiler would change the appendage: {_told(found[0])}; use "
+                f'form "attach", which no default of the spacecraft reaches, or take '
+                f"{found[0].field.split('_', 1)[-1]} out of them."
+            )
+    linear = linearise(quiet(model))
+    a_matrix = np.block([[np.zeros((model.nv, model.nv)), np.eye(model.nv)], [-linear.stiffness, -linear.damping]])
+    poles = np.linalg.eigvals(a_matrix)
+    poles = poles[poles.imag > 1e-5 * np.abs(poles).max(initial=0.0)]
+    ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
+    kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
+    return spoilers(
+        model,
+        np.abs(poles),
+        np.clip(-poles.real / np.abs(poles), 0.0, None),
+        kept,
+        min(ratios, default=0.0),
+        mine["geom"],
+    )
+
+
+def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str]:
+    """What MuJoCo itself does otherwise with the spacecraft as soon as its bodies carry something (alignfree)."""
+    own = _without_probes(loaded)
+    moved = differences(craft, loaded, {kind: (ids, own[kind]) for kind, ids in others(craft, {}).items()})
+    if not moved:
+        return []
+    return [
+        f"as soon as it carries something, MuJoCo lays {moved[0].element}'s frame otherwise ({_told(moved[0])}; "
+        'alignfree or align); positions and keyframes now mean the frame as written: write align="false" to keep it.'
+    ]
+
+
+def _without_probes(model: "mujoco.MjModel") -> dict[str, list[int]]:
+    probes = [i for i in range(model.nbody) if model.body(i).name.startswith(PROBE)]
+    return others(model, {"body": probes})
+
+
+def _told(difference: Difference) -> str:
+    return f"{difference.field} of {difference.element} is {difference.found!r} instead of {difference.wanted!r}"
+
+
+def carried(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[Carried]:
+    """The appendages as the beams they are, for the exact assembly."""
+    out: list[Carried] = []
+    for a in appendages:
+        whole, kept, band = _imported(a) if a.fit.space is not None else _beam(a)
+        out.append(Carried(a.mount, whole, kept, appended(model, names([a]))["dof"], band))
+    return out
+
+
+def _beam(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]:
+    """All modes of the beam in space, which of them were kept, the last kept frequency per port."""
+    spec = a.fit.spec
+    counts = {port: target.modes for port, target in a.fit.target.items()}
+    ports: dict[str, PortModel] = {}
+    for port in PORTS:
+        try:
+            ports[port] = spec.with_ratios(port, spec.beam.port(port, 2 * counts.get(port, 0) + EXTRA_MODES))
+        except InputError:
+            continue  # rigid there
+    band = {port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes}
+    flags = np.concatenate([np.arange(own.modes) < counts.get(port, 0) for port, own in ports.items()])
+    order = np.argsort(np.concatenate([own.frequencies for own in ports.values()]), kind="stable")
+    return in_space(ports, _with_inertia(a, spec.beam.rigid_mass())), flags[order], band
+
+
+def _imported(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]:
+    """The same of imported modes."""
+    space = a.fit.space
+    assert space is not None
+    live, full = list(space.live), space.full
+    rigid, participation = np.zeros((6, 6)), np.zeros((full.modes, 6))
+    rigid[np.ix_(live, live)], participation[:, live] = full.rigid_mass, full.participation
+    flags = np.array([bool(np.any(np.abs(w / space.target.frequencies - 1.0) < SAME)) for w in full.frequencies])
+    whole = PortModel(_with_inertia(a, rigid), full.frequencies, participation, full.damping)
+    return whole, flags, {"space": float(space.target.frequencies[-1])}
+
+
+def _with_inertia(a: Appendage, rigid: Array) -> Array:
+    """A rod without polar inertia gets the little that MuJoCo needs."""
+    return rigid + np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(a.fit.measured.rigid_mass)))
+
+
+def rigid_mass(spec: Spec) -> Array:
+    """`(6, 6)` of an appendage before it is fitted, about its root."""
+    return spec.beam.rigid_mass() if spec.imported is None else spec.imported.read().rigid_mass
+
+
+def lightest(appendages: Sequence[Appendage]) -> tuple[float, float]:
+    """Smallest mass [kg] and principal inertia [kg m^2] of the bodies that move."""
+    masses, inertias = [np.inf], [np.inf]
+    for a in appendages:
+        for inertial in list(a.fit.appendage().iter("inertial"))[1:]:
+            masses.append(float(inertial.get("mass", "inf")))
+            inertias += [float(word) for word in inertial.get("diaginertia", "inf").split()]
+    return min(masses), min(inertias)

@@ -1,0 +1,221 @@
+"""The field of a study: every sensible model of the same appendage on the same hub, ours and the rivals'."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from lxml import etree
+
+from beamchain.assess import soft_rods
+from beamchain.assess.scenario import Rigid
+from beamchain.assess.stability import largest_angle
+from beamchain.chain import rivals
+from beamchain.chain.build import Built, build_exact, build_least_squares, with_real_polar
+from beamchain.chain.chain import Chain
+from beamchain.chain.damping import Damper, joint_damping, tendons
+from beamchain.chain.prewarp import prewarp
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model
+from beamchain.errors import RealisationError
+from beamchain.mjcf import write
+from beamchain.port import PORT_MOTION, Array, PortModel, in_space
+from beamchain.structure.beam import Beam
+
+OURS = {
+    "exact, hub": 6,
+    "exact, clamped": 6,
+    "exact, free": 6,
+    "pre-warped": 6,
+    "least squares": 4,
+}
+EQUAL = {"equal links, midpoint": "midpoint", "equal links, classical": "classical"}
+EQUAL_COUNTS = (3, 5, 7, 10, 14, 20, 24, 27, 30, 40, 57, 80)
+SOFT_COUNTS = (5, 7, 10, 14)
+PAPER = "paper's 3 links"
+RIGID_HUB = "rigid hub"
+WARPED = ("Euler", "implicitfast", "RK4")  # "discrete" damps an undamped structure whatever it is aimed at
+INTEGRATORS = ("Euler", "implicitfast", "RK4", "discrete")
+MARGIN = 0.97  # of the stability limit: the largest step tried
+
+
+class Entry(NamedTuple):
+    """One competitor: a model, its size and an integrator; its steps are found by the study."""
+
+    model: str
+    n: int
+    integrator: str
+
+    @property
+    def ours(self) -> bool:
+        """Made by this package's own methods."""
+        return self.model in OURS
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What every model is made from.
+
+    Args:
+        beam: the appendage.
+        full: all its modes per kept port, with damping ratios.
+        kept: modes per port in the spec; the planes' numbers are what a study varies.
+        hub: the hub.
+        tendons: damping as tendons, not in the hinges.
+    """
+
+    beam: Beam
+    full: dict[str, PortModel]
+    kept: dict[str, int]
+    hub: Rigid
+    tendons: bool = True
+
+    @property
+    def planes(self) -> list[str]:
+        """Bending planes kept."""
+        return [port for port in ("xy", "xz") if port in self.kept]
+
+
+def entries(task: Task) -> list[Entry]:
+    """Everything that can be built for this appendage, cheapest first within each model."""
+    out = [Entry(RIGID_HUB, 0, integrator) for integrator in INTEGRATORS]
+    for model, most in OURS.items():
+        integrators = WARPED if model == "pre-warped" else INTEGRATORS
+        out += [Entry(model, n, i) for i in integrators for n in range(1, most + 1)]
+    if not task.planes:
+        return out
+    if task.beam.uniform and len(task.kept) == 1:
+        out += [Entry(PAPER, 2, integrator) for integrator in INTEGRATORS]
+    for model in EQUAL:
+        out += [Entry(model, n, i) for i in INTEGRATORS for n in EQUAL_COUNTS]
+    for model in soft_rods.available(task.beam):
+        out += [Entry(model, n, i) for i in soft_rods.INTEGRATORS[model] for n in SOFT_COUNTS]
+    return out
+
+
+def largest_step(task: Task, entry: Entry) -> float:
+    """Largest step worth trying, a little below the stability limit on this hub [s]; infinity: none."""
+    if entry.model == RIGID_HUB or entry.integrator == "discrete":
+        return float("inf")
+    if entry.model in soft_rods.INTEGRATORS:
+        fastest = soft_rods.fastest(task.beam, entry.n)
+        return MARGIN * largest_angle(entry.integrator) / fastest
+    if entry.model == "pre-warped":
+        modes = in_space(task.full, task.beam.rigid_mass()).with_hub(task.hub.matrix).free_frequencies
+        reach = 1.5 if entry.integrator == "RK4" else 2.0  # w h beyond which the step cannot show a mode
+        return MARGIN * reach / float(modes[min(entry.n, modes.size) - 1])
+    chain, dampers = chain_of(task, entry, 0.0)
+    ports = {port: chain.port(port) for port in chain.ports}
+    coupled = in_space(ports, chain.rigid_mass()).with_hub(task.hub.matrix)
+    ratio = max((float(np.max(task.full[p].damping, initial=0.0)) for p in ports), default=0.0)
+    return MARGIN * largest_angle(entry.integrator, ratio, tendon=bool(dampers)) / float(coupled.free_frequencies[-1])
+
+
+def model_of(task: Task, entry: Entry, timestep: float) -> "mujoco.MjModel":
+    """The compiled scene of an entry: a free-flying hub with the appendage, nothing drawn.
+
+    The link welded to the hub becomes part of it when compiled (`fusestatic`), for rivals too.
+    """
+    if entry.model in soft_rods.INTEGRATORS:
+        return soft_rods.scene_model(entry.model, task.beam, task.hub, entry.n)
+    if entry.model == RIGID_HUB:
+        return compile_model(scene_text(task.hub, frozen(task.beam), ()))
+    chain, dampers = chain_of(task, entry, timestep)
+    return compile_model(scene_text(task.hub, chain, dampers))
+
+
+def scene_text(hub: Rigid, chain: Chain, dampers: tuple[Damper, ...]) -> str:
+    """The scene of a chain on the hub as MJCF text."""
+    tree = write.appendage(chain, "appendage", dampers=dampers, visuals=False, tip=False)
+    root = write.scene(
+        tree, "appendage", mass=hub.mass, inertia=hub.inertia, offset=hub.offset, timestep=0.01, integrator="Euler"
+    )
+    strip(root)
+    return write.text(root)
+
+
+def strip(root: Any) -> None:
+    """Take out of a scene what costs time and moves nothing: geoms, sites, lights, bodies welded to others."""
+    for tag in ("geom", "site", "light"):
+        for element in root.findall(f".//worldbody//{tag}"):
+            element.getparent().remove(element)
+    root.insert(0, etree.Element("compiler", fusestatic="true"))
+
+
+def frozen(beam: Beam) -> Chain:
+    """The appendage as one rigid link."""
+    rigid = Chain((rivals.rigid_link(beam, 0.0, beam.length),), (), beam.length)
+    return with_real_polar(rigid)
+
+
+def chain_of(task: Task, entry: Entry, timestep: float) -> tuple[Chain, tuple[Damper, ...]]:
+    """The chain of an entry and its damping tendons.
+
+    Raises:
+        RealisationError: there is no such chain.
+    """
+    chain, targets = _built(task, entry, timestep)
+    dampers: list[Damper] = []
+    for port in chain.ports:
+        ratios = task.full[port].damping
+        if not np.any(ratios > 0.0):
+            continue
+        ratios = np.resize(ratios, max(len(chain.hinges), 1))
+        if port in targets and task.tendons:
+            dampers += tendons(chain, port, targets[port].damping)
+        else:
+            chain = joint_damping(chain, port, ratios)
+    return chain, tuple(dampers)
+
+
+def _built(task: Task, entry: Entry, timestep: float) -> tuple[Chain, Mapping[str, PortModel]]:
+    beam, kept = task.beam, {p: entry.n if p in task.planes else n for p, n in task.kept.items()}
+    if not task.planes:
+        kept = dict.fromkeys(task.kept, entry.n)
+    if entry.model in OURS:
+        built = _ours(task, entry, kept, timestep)
+        short = {port: target.modes for port, target in built.targets.items() if target.modes < kept[port]}
+        if short:
+            raise RealisationError(f"{entry.model}: no chain with {entry.n} modes; {built.status.message}")
+        return built.chain, built.targets
+    port = task.planes[0]
+    if entry.model == PAPER:
+        free = beam.port(port, 4).free_frequencies
+        k, c = rivals.seed_parameters(float(beam.rigid_mass()[0, 0]), beam.length, float(free[0]), float(free[1]))
+        return with_real_polar(rivals.seed_chain(beam, k, c, port)), {}
+    bending = [p for p in kept if p != "axial"]
+    chains = [rivals.equal_links(beam, entry.n, EQUAL[entry.model], p) for p in bending]
+    hinges = tuple(
+        replace(hinge, stiffness={p: c.hinges[i].stiffness[p] for p, c in zip(bending, chains, strict=True)})
+        for i, hinge in enumerate(chains[0].hinges)
+    )
+    # a short piece of a wide panel, frozen, has more polar inertia than a thin body can have: it gets what it can
+    links = tuple(
+        replace(
+            link, inertia=(min(link.inertia[0], (1.0 - 1e-9) * (link.inertia[1] + link.inertia[2])), *link.inertia[1:])
+        )
+        for link in chains[0].links
+    )
+    return with_real_polar(replace(chains[0], hinges=hinges, links=links)), {}
+
+
+def _ours(task: Task, entry: Entry, kept: dict[str, int], timestep: float) -> Built:
+    def hub_of(port: str) -> Array:
+        return PORT_MOTION[port].T @ task.hub.matrix @ PORT_MOTION[port]
+
+    def target_of(port: str, count: int) -> PortModel:
+        full = task.full[port]
+        if entry.model == "exact, free":
+            out = full.reduced(count, 0.0 * hub_of(port))
+        elif entry.model == "exact, hub":
+            out = full.reduced(count, hub_of(port))
+        elif entry.model == "pre-warped":
+            out = prewarp(full, count, hub_of(port), entry.integrator, timestep).target
+        else:
+            out = full.truncated(count)
+        return out.replaced(damping=full.damping[: out.modes])
+
+    if entry.model == "least squares":
+        links = np.full(entry.n + 1, task.beam.length / (entry.n + 1))
+        return build_least_squares(task.beam, kept, links, ("stiffness", "lengths", "masses"), None, target_of)
+    return build_exact(task.beam, kept, target_of)

@@ -1,0 +1,143 @@
+"""From a spec to what is kept: the modes the user stated, or the fewest that the scene needs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from msgspec import structs
+
+from beamchain.assess.needs import FAR, MOST, Choice, LeftOut, Promise, Reduce, choose
+from beamchain.chain.build import Status
+from beamchain.errors import InputError
+from beamchain.port import PORTS, Array, PortModel
+from beamchain.spec import Modes, Spec, port_hub_mass
+from beamchain.structure.beam import Beam
+
+REFERENCE_MODES = 40  # most modes of the whole beam that are converged for a scene
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What the chain shall keep.
+
+    Args:
+        kept: modes per port, ports without modes left out.
+        target: "clamped", "free" or "hub".
+        reduce: model of (target, port, modes).
+        choice: how the scene decided; None where the spec states the modes.
+        promise: the in-band error in space, where the scene states a bandwidth.
+    """
+
+    kept: dict[str, int]
+    target: str
+    reduce: Reduce
+    choice: Choice | None
+    promise: Promise | None
+
+
+def whole_beam(spec: Spec, beam: Beam) -> dict[str, PortModel]:
+    """Per port the whole beam: the ports kept, or for a scene all in which the appendage is flexible."""
+    if not spec.chooses:
+        return {port: beam.port(port, 2 * count + 4) for port, count in spec.kept.items()}
+    assert spec.scene is not None
+    assert spec.scene.bandwidth is not None
+    out: dict[str, PortModel] = {}
+    for port in PORTS:
+        try:
+            model = beam.port(port, 2 * MOST)
+        except InputError:
+            continue  # rigid there
+        inside = int(np.sum(model.frequencies <= FAR * spec.scene.bandwidth))
+        if inside > 2 * MOST:
+            model = beam.port(port, min(inside, REFERENCE_MODES))
+        out[port] = model
+    return out
+
+
+def everything(spec: Spec) -> Spec:
+    """The spec with every port kept: all cantilever modes up to three times the scene's bandwidth, one to five each.
+
+    Raises:
+        InputError: the scene states no bandwidth, so that nothing would be left out.
+    """
+    if not spec.chooses or spec.scene is None or spec.scene.bandwidth is None:
+        raise InputError("nothing is left out without scene.bandwidth; give [scene] bandwidth, or state [modes].")
+    counts = {
+        port: int(np.clip(np.sum(model.frequencies <= 3.0 * spec.scene.bandwidth), 1, 5))
+        for port, model in whole_beam(spec, spec.beam).items()
+    }
+    return structs.replace(spec, modes=Modes(**counts))
+
+
+def make_plan(spec: Spec, full: Mapping[str, PortModel], rigid_mass: Array, hub: Array | None) -> Plan:
+    """Decide what is kept.
+
+    Args:
+        spec: modes, root and scene.
+        full: per port, the whole beam.
+        rigid_mass: `(6, 6)` of the appendage about the root.
+        hub: `(6, 6)`; None: not known.
+    """
+
+    def reduce(target: str, port: str, count: int) -> PortModel:
+        model = full[port]
+        if target == "free":
+            return model.reduced(count, np.zeros((model.motions, model.motions)))
+        if target == "hub":
+            assert hub is not None
+            return model.reduced(count, port_hub_mass(hub, port))
+        return model.truncated(count)
+
+    scene, wanted = spec.scene, spec.root.target
+    promise = None
+    if scene is not None and scene.bandwidth is not None:
+        whole = {port: spec.with_ratios(port, model) for port, model in full.items()}
+        promise = Promise(whole, rigid_mass, hub, scene.axes, scene.bandwidth)
+    if not spec.chooses or promise is None or scene is None:
+        return Plan(dict(spec.kept), wanted or "clamped", reduce, None, promise)
+    free = ["clamped", "free"] if hub is None else ["clamped", "hub", "free"]
+    targets = free if wanted in (None, "auto") else [str(wanted)]
+    fixed = {} if spec.modes is None else spec.modes.given()
+    rigid = [port for port, count in fixed.items() if count and port not in full]
+    if rigid:
+        raise InputError(f"modes.{rigid[0]} = {fixed[rigid[0]]} but the appendage is rigid there; set it to 0.")
+
+    def reduced(target: str, port: str, count: int) -> PortModel:
+        return spec.with_ratios(port, reduce(target, port, count))
+
+    choice = choose(promise, reduced, targets, scene.tolerance, fixed, scene.tip)
+    return Plan({port: n for port, n in choice.modes.items() if n}, choice.target, reduce, choice, promise)
+
+
+def verdict(spec: Spec, status: Status, promise: float | None) -> Status:
+    """The build's status, and whether the scene's promise holds as measured."""
+    if promise is None or spec.scene is None:
+        return status
+    tolerance, bandwidth = spec.scene.tolerance, spec.scene.bandwidth
+    said = f"in-band error of the hub up to {bandwidth:g} rad/s: {promise:.2e}"
+    if promise <= tolerance:
+        ok = status.ok or spec.chooses  # the promise is what a scene asks for, however it is kept
+        return replace(status, ok=ok, message=f"{status.message} {said}, within the tolerance {tolerance:g}.")
+    return replace(
+        status,
+        ok=False,
+        message=f"{status.message} {said}, above the tolerance {tolerance:g}: the best model is written.",
+    )
+
+
+def ledger(spec: Spec, plan: Plan, tendons: bool) -> tuple[LeftOut, ...]:
+    """What was left out: modes, then elements of the file."""
+    scene = spec.scene
+    if plan.choice is None or scene is None:
+        return ()
+    out = list(plan.choice.left_out)
+    if not scene.visuals:
+        out.append(LeftOut("geoms", "scene.visuals = false", 0.0))
+    if not scene.contacts:
+        out.append(LeftOut("contacts", "scene.contacts = false: geoms are massless and touch nothing", 0.0))
+    if not scene.tip:
+        out.append(LeftOut("tip site", "scene.tip = false", 0.0))
+    if not tendons:
+        why = "no damping is wanted" if spec.damping is None else "plain hinge damping keeps the tolerance"
+        out.append(LeftOut("damping tendons", why, 0.0))
+    return tuple(out)

@@ -1,0 +1,139 @@
+"""`beamchain embed`: appendages into an existing spacecraft."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from beamchain.cli.common import Force, Json, Quiet, console, print_json
+from beamchain.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    from beamchain.embedding import Embedded
+
+
+def embed(
+    craft: Annotated[Path, typer.Argument(metavar="CRAFT.xml", help="The spacecraft's MJCF file.", show_default=False)],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="OUT.xml", help="The file to write.", show_default=False)
+    ],
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--at",
+            metavar="NAME=SPEC.toml",
+            help="Where and what: a site or body of the spacecraft (x of its frame outwards). Repeatable. "
+            "With --remove: only NAME.",
+            show_default=False,
+        ),
+    ] = None,
+    prefix: Annotated[
+        list[str] | None,
+        typer.Option("--prefix", help="Prefix of its elements instead of `name_`, one per --at.", show_default=False),
+    ] = None,
+    form: Annotated[
+        str, typer.Option("--form", help='"inline": one self-contained file; "attach": appendage files beside it.')
+    ] = "inline",
+    remove: Annotated[
+        bool, typer.Option("--remove", help="Take appendages out again: those of --at NAME, or all.")
+    ] = False,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot", metavar="FILE.svg", help="Draw the hub's accelerance, exact and MuJoCo.", show_default=False
+        ),
+    ] = None,
+    as_json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Put appendages into an existing spacecraft; the hub is read from it, and the assembled model is proved.
+
+    The spacecraft's own elements, comments and numbers stay as they are. Running it again replaces; --remove gives the
+    original back.
+
+    Example: beamchain embed craft.xml --at panel_mount=array.toml -o flexible.xml
+    """
+    from beamchain.embedding import embed as embed_all
+    from beamchain.embedding import take_out
+    from beamchain.files import write_files
+    from beamchain.mjcf.craft import Craft, relocate
+
+    places = [_split(word, remove) for word in at or []]
+    if remove:
+        result = take_out(craft, [name for name, _ in places])
+        if isinstance(result, Craft):
+            write_files({output: relocate(result, output.parent).to_bytes()}, force=force)
+            if as_json:
+                print_json({"appendages": [], "modes": [], "warnings": []})
+            elif not quiet:
+                console().print(f"wrote {output}, without appendages")
+            return
+    else:
+        named = [name for name, _ in places]
+        if len(set(named)) < len(named):
+            raise InputError(f"--at names {max(named, key=named.count)!r} twice; one place carries one appendage.")
+        with _working(quiet or as_json, "fitting the appendages and proving the whole"):
+            result = embed_all(craft, dict(places), form=form, prefixes=prefix)
+            result.assembly  # noqa: B018  (computed here, shown below)
+    also = {} if plot is None else {plot: result.plot()}
+    files = result.write(output, force=force, also=also)
+    if as_json:
+        print_json(result.as_dict())
+    elif not quiet:
+        _show(result, files)
+    if not all(a.fit.status.ok for a in result.appendages):
+        raise typer.Exit(3)
+
+
+def _working(silent: bool, what: str) -> "Progress":
+    """A spinner while it takes its time."""
+    from rich.progress import Progress, SpinnerColumn, TextColumn
+
+    progress = Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), transient=True, disable=silent, redirect_stdout=False
+    )
+    progress.add_task(what)
+    return progress
+
+
+def _split(word: str, remove: bool) -> tuple[str, str]:
+    name, sign, spec = word.partition("=")
+    if not name or (not remove and not spec):
+        raise InputError(f"--at {word!r} is not NAME=SPEC.toml; for example --at panel_mount=array.toml.")
+    if remove and sign:
+        raise InputError(f"--at {word!r}: --remove takes the name only, --at {name}.")
+    return name, spec
+
+
+def _show(result: "Embedded", files: list[Path]) -> None:
+    from rich.table import Table
+
+    out, assembly = console(), result.assembly
+    table = Table(title="appendages", title_justify="left")
+    for column in ("at", "prefix", "rigidly behind it kg", "on", "target"):
+        table.add_column(column, justify="left")
+    for a in result.appendages:
+        on = ", ".join(f"{joint.kind} joint {joint.name}" for joint in a.mount.joints)
+        table.add_row(a.at, a.prefix, f"{a.hub.mass:.6g}", on, a.fit.kept_for)
+    out.print(table)
+    modes = Table(title="coupled modes of the whole spacecraft, rad/s", title_justify="left")
+    for column in ("exact beams on the same hub", "MuJoCo (mjd_transitionFD)", "difference"):
+        modes.add_column(column, justify="right")
+    for mode in assembly.modes:
+        exact = "-" if mode.exact is None else f"{mode.exact:.8g}"
+        ours = "left out" if mode.mujoco is None else f"{mode.mujoco:.8g}"
+        error = "" if mode.error is None else f"{mode.error:+.1e}"
+        modes.add_row(exact, ours, error if mode.kept else f"{error} not among the kept".strip())
+    out.print(modes)
+    out.print(f"worst of the kept modes up to {assembly.band:.4g} rad/s: {assembly.worst:.1e}")
+    out.print(
+        f"accelerance of {assembly.hub} ({len(assembly.motions)} motions) up to {assembly.common:.4g} rad/s: "
+        f"error {assembly.in_band:.2e}"
+    )
+    for warning in result.warnings:
+        out.print(f"[bold]note[/bold]: {warning}")
+    for file in files:
+        out.print(f"wrote {file}")

@@ -1,0 +1,126 @@
+"""`beamchain render` and `beamchain view`: looked at in MuJoCo."""
+
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json
+from beamchain.errors import EngineError, InputError
+
+if TYPE_CHECKING:
+    from beamchain.engine.library import mujoco
+
+FRAMES, RATE = 108, 24.0  # four and a half seconds
+
+Scene = Annotated[
+    Path,
+    typer.Argument(metavar="SCENE.xml|SPEC.toml", help="A MuJoCo scene, or a spec to fit first.", show_default=False),
+]
+
+
+def load(source: Path) -> "tuple[str, mujoco.MjModel]":
+    """Name and model of a scene, or of the scene that a spec's fit writes."""
+    from beamchain.engine.linearise import compile_model
+
+    if source.suffix.lower() == ".toml":
+        from beamchain.spec import read_spec
+        from beamchain.workflow import fit
+
+        found = fit(read_spec(source))
+        return found.spec.name, compile_model(found.scene_mjcf())
+    return source.stem, compile_model(source)
+
+
+def render(
+    scene: Scene,
+    output: Folder,
+    exaggerate: Annotated[float, typer.Option(help="Multiply the elastic motion shown.")] = 1.0,
+    angle: Annotated[float, typer.Option(metavar="DEG", help="Turn by this much [degrees].")] = 40.0,
+    width: Annotated[int, typer.Option(help="Of the pictures [pixels].")] = 640,
+    height: Annotated[int, typer.Option(help="Of the pictures [pixels].")] = 400,
+    as_json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Pictures of the spacecraft turning while its appendage rings: PNG, GIF, and MP4 where ffmpeg is there.
+
+    The hub is turned from rest to rest so that its first mode rings; where a rigid appendage would be is
+    drawn faintly. Needs no screen, but EGL or OSMesa.
+
+    Example: beamchain render boom.toml -o pictures
+
+    Example: beamchain render boom/scene.xml -o pictures --exaggerate 5
+    """
+    for name, value, low, high in (
+        ("exaggerate", exaggerate, 0.0, 1e6), ("angle", angle, -360.0, 360.0),
+        ("width", width, 64, 4096), ("height", height, 64, 4096),
+    ):  # fmt: skip
+        if not low <= value <= high:
+            raise InputError(f"render: --{name} = {value:g} is out of range; give a value from {low:g} to {high:g}.")
+    from beamchain.engine import backend
+
+    chosen = backend.choose()
+    import numpy as np
+
+    from beamchain.engine.camera import film
+    from beamchain.engine.slew import simulate
+    from beamchain.files import write_files
+    from beamchain.report import film as files
+
+    name, model = load(scene)
+    slew = simulate(model, angle=float(np.radians(angle)), frames=FRAMES)
+    faster = slew.times[-1] / (FRAMES - 1) * RATE
+    note = f"time x {faster:.3g}" + ("" if exaggerate == 1.0 else f", elastic motion x {exaggerate:g}")
+    frames = [
+        files.written(frame, f"{time:.{0 if slew.times[-1] >= 100 else 1}f} s   {note}")
+        for time, frame in zip(
+            slew.times, film(model, slew, exaggerate=exaggerate, width=width, height=height), strict=True
+        )
+    ]
+    out: dict[Path, str | bytes] = {
+        output / f"{name}.png": files.png(frames[slew.loudest]),
+        output / f"{name}.gif": files.gif(frames, RATE),
+    }
+    moving = files.mp4(frames, RATE)
+    if moving is not None:
+        out[output / f"{name}.mp4"] = moving
+    write_files(out, force=force)
+    if as_json:
+        print_json({
+            "files": [str(path) for path in out], "renderer": chosen, "exaggerate": exaggerate,
+            "slew": {
+                "body": slew.body, "axis": "xyz"[slew.axis], "angle": slew.angle, "seconds": slew.duration,
+                "omega": slew.omega,
+            },
+        })  # fmt: skip
+    elif not quiet:
+        console().print(
+            f"{slew.body} turned by {angle:g} degrees about {'xyz'[slew.axis]} in {slew.duration:.4g} s, ringing at "
+            f"{slew.omega:.4g} rad/s; {note}"
+        )
+        for path in out:
+            console().print(f"wrote {path}", soft_wrap=True)
+        if moving is None:
+            console().print("no MP4: there is no ffmpeg on the PATH")
+
+
+def view(scene: Scene, as_json: Json = False, quiet: Quiet = False) -> None:
+    """Open MuJoCo's viewer on a scene, or on the scene that a spec's fit writes.
+
+    Example: beamchain view boom/scene.xml
+    """
+    from beamchain.engine import backend
+
+    if not backend.has_screen():
+        raise EngineError(
+            "view: there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use beamchain render, which "
+            "needs none."
+        )
+    _, model = load(scene)
+    try:
+        viewer = import_module("mujoco.viewer")
+    except ImportError as error:
+        raise EngineError(f"view: MuJoCo's viewer cannot be loaded ({error}); use beamchain render instead.") from None
+    viewer.launch(model)

@@ -1,0 +1,110 @@
+"""`beamchain study`: error against run time."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console, print_json
+from beamchain.cli.progress import job_bar
+
+if TYPE_CHECKING:
+    from beamchain.study import Study
+
+Profile = Annotated[
+    Path | None, typer.Option(metavar="CSV", help="Wrench on the hub: columns time, fx fy fz [N], mx my mz [N m].")
+]
+Duration = Annotated[float | None, typer.Option(metavar="SECONDS", help="What is simulated; four slow periods.")]
+Budget = Annotated[float, typer.Option(metavar="SECONDS", help="Simulation time spent per model and integrator.")]
+Only = Annotated[list[str] | None, typer.Option("--model", metavar="NAME", help="Only this model (repeatable).")]
+Workers = Annotated[
+    int, typer.Option(min=1, max=256, help="Local processes; more than one disturb each other's times.")
+]
+Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to run on (extra: dask).")]
+Resume = Annotated[bool, typer.Option("--resume", help="Take up an interrupted run; nothing is measured twice.")]
+
+
+def study(
+    spec: SpecPath,
+    output: Folder,
+    profile: Profile = None,
+    duration: Duration = None,
+    budget: Budget = 0.1,
+    model: Only = None,
+    workers: Workers = 1,
+    dask: Dask = None,
+    resume: Resume = False,
+    as_json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure error against run time of every sensible model of an appendage on its hub, rivals included.
+
+    Writes study.html, study.json, a picture and the recommended specs into DIR.
+
+    Example: beamchain study boom.toml -o study
+    """
+    from beamchain.checks import positive
+    from beamchain.errors import OutputError
+    from beamchain.jobs import workers as pool
+    from beamchain.spec import read_spec
+    from beamchain.study import Options
+    from beamchain.study import study as measure
+
+    read = read_spec(spec)
+    if duration is not None:
+        positive("--duration", duration, "s")
+    positive("--budget", budget, "s")
+    if (output / "study.json").exists() and not force:
+        raise OutputError(
+            f"output {str(output / 'study.json')!r} exists; use --force to replace it, or another folder."
+        )
+    options = Options(None if profile is None else read_text(profile), duration, budget, tuple(model or ()))
+    with pool(workers, dask) as executor, job_bar("measuring", quiet or as_json) as progress:
+        result = measure(read, options, executor=executor, folder=output, resume=resume, progress=progress)
+    files = result.write(output, force=force)
+    if as_json:
+        print_json(result.as_dict())
+    elif not quiet:
+        show(result)
+        for file in files:
+            console().print(f"wrote {file}")
+
+
+def read_text(path: Path) -> str:
+    """The text of a file the user names."""
+    from beamchain.errors import InputError
+
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"--profile {str(path)!r} cannot be read ({error}); give a CSV file of text.") from None
+
+
+def show(result: "Study") -> None:
+    """The answer as tables."""
+    from rich.table import Table
+
+    from beamchain.report.study_html import commands, scenario_sentence, table, verdict
+
+    out = console()
+    out.print(f"[bold]{result.spec.name}[/bold]: {verdict(result)}")
+    out.print(scenario_sentence(result))
+    for metric in ("error", "error_appendage"):
+        found: Any = table(result, metric)
+        shown = Table(title=found.caption, title_justify="left")
+        for i, name in enumerate(found.head):
+            shown.add_column(name, justify="left" if i < 2 or i == 3 else "right")
+        for row in found.rows:
+            shown.add_row(*row)
+        out.print(shown)
+    hub = ", ".join(f"{name} {1e6 * seconds:.2f} us" for name, seconds in result.rigid_hub.items())
+    out.print(f"a step of the rigid hub alone: {hub}")
+    growth = result.growth
+    if growth.exponent is not None and growth.fit_exponent is not None:
+        out.print(
+            f"time per step grows as n^{growth.exponent:.2f} (n 10..100), "
+            f"time to fit as n^{growth.fit_exponent:.2f} (n 1..6)"
+        )
+    for command in commands(result):
+        out.print(command)

@@ -1,0 +1,351 @@
+"""`embed`: appendages into an existing spacecraft, and what the assembled model then proves of itself."""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from lxml import etree
+
+from beamchain.appendage import (
+    PROBE,
+    Appendage,
+    carried,
+    check_names,
+    judged,
+    lightest,
+    moved_by_load,
+    names,
+    rigid_mass,
+)
+from beamchain.assess.assembly import Assembly, prove
+from beamchain.assess.spoilers import check_flags
+from beamchain.checks import one_of
+from beamchain.engine import mount as mounting
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model
+from beamchain.engine.unchanged import appended
+from beamchain.errors import EngineError, InputError
+from beamchain.files import write_files
+from beamchain.mjcf import check, marks, write
+from beamchain.mjcf import embed as document
+from beamchain.mjcf.craft import Craft, bare, craft_from_text, read_craft, relocate
+from beamchain.mjcf.place import find_target, split
+from beamchain.spec import Hub, Root, Spec, read_spec, spec_from_dict
+from beamchain.workflow import fit
+
+RIGID = 1e-6  # relative: a hub that differs from a rigid body by more has loose joints
+
+
+@dataclass(frozen=True, eq=False)
+class Embedded:
+    """A spacecraft with its appendages.
+
+    Args:
+        appendages: in the order given.
+        craft: the bare spacecraft, compiled.
+        model: with its appendages, compiled.
+        warnings: what would spoil the motion, and what was decided on the way.
+        document: the bare spacecraft's document; None for an `MjSpec`.
+        form: "inline" or "attach".
+    """
+
+    appendages: tuple[Appendage, ...]
+    craft: "mujoco.MjModel"
+    model: "mujoco.MjModel"
+    warnings: tuple[str, ...]
+    document: Craft | None = None
+    form: str = "inline"
+    _layout: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        """Coupled modes and hub accelerance against the exact assembly."""
+        return prove(self.craft, self.model, carried(self.model, self.appendages))
+
+    def to_mjcf(self, folder: str | Path | None = None) -> str:
+        """The file's text, its relative paths right in `folder`; absolute where left out.
+
+        Raises:
+            InputError: made from an `MjSpec`, which has its own `to_xml`.
+        """
+        return self._files(None if folder is None else Path(folder), "craft")[0].to_bytes().decode("utf-8")
+
+    def write(self, path: str | Path, *, force: bool = False, also: Mapping[Path, str] | None = None) -> list[Path]:
+        """Write the file (and, for "attach", the appendages' files beside it); all or none.
+
+        Args:
+            path: of the MJCF file.
+            force: replace files that exist.
+            also: further files to appear with it.
+
+        Raises:
+            OutputError: a file exists and `force` is False, or cannot be written.
+        """
+        path = Path(path)
+        out, beside = self._files(path.parent, path.stem)
+        files: dict[Path, str | bytes] = {path.parent / name: text for name, text in beside.items()}
+        files |= dict(also or {})
+        files[path] = out.to_bytes()
+        write_files(files, force=force)
+        return list(files)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `embed --json` prints."""
+        from beamchain.report.embed_record import embed_record
+
+        return embed_record(self)
+
+    def plot(self) -> str:
+        """The hub's accelerance, exact and through MuJoCo, as SVG text."""
+        from beamchain.report.assembly_plot import assembly_svg
+
+        return assembly_svg(self.assembly)
+
+    def _files(self, folder: Path | None, stem: str) -> tuple[Craft, dict[str, str]]:
+        if self.document is None:
+            raise InputError("this was made from an MjSpec, which was changed in place; use its own to_xml().")
+        return _assemble(self.document, self.appendages, self.form, folder, stem, self._layout)
+
+
+def embed(
+    craft: "str | Path | mujoco.MjSpec",
+    at: Mapping[str, Spec | str | Path],
+    *,
+    form: str = "inline",
+    prefixes: Sequence[str] | None = None,
+) -> Embedded:
+    """Put appendages into a spacecraft and prove the assembled model.
+
+    A file that holds appendages of an earlier run keeps them; those at a place that `at` names are replaced.
+
+    Args:
+        craft: path or text of an MJCF file, or an `MjSpec`, which is then changed in place.
+        at: by name of a site or body of the spacecraft (x of its frame outwards): a spec, or the path of a SPEC.toml.
+            Where a site and a body share a name: `site:NAME`, `body:NAME`.
+        form: "inline": one self-contained file; "attach": appendage files beside it, brought in by `<attach>`.
+        prefixes: one per entry of `at`, instead of `NAME_` of the appendage.
+
+    Raises:
+        InputError: no such place, a frame that is none, a static body, clashing names, switches that would spoil it.
+        EngineError: MuJoCo refuses the spacecraft.
+        RealisationError: no chain exists.
+    """
+    one_of("form", form, document.FORMS)
+    if not at:
+        raise InputError("nothing to embed: give at least one place and spec, --at NAME=SPEC.toml.")
+    given = list(prefixes or [])
+    if given and len(given) != len(at):
+        raise InputError(
+            f"{len(given)} prefixes are given for {len(at)} appendages; give one --prefix per --at, or none."
+        )
+    wanted: dict[str, tuple[Spec, str]] = {}
+    for i, (name, spec) in enumerate(at.items()):
+        spec = spec if isinstance(spec, Spec) else read_spec(spec)
+        prefix = given[i] if given else f"{spec.name}_"
+        document.check_prefix(prefix)
+        if spec.imported is not None:  # the mark in the file must find the modes from anywhere
+            spec = msgspec.structs.replace(spec, imported=spec.imported.beside(Path.cwd()))
+        wanted[name] = (spec, prefix)
+    if isinstance(craft, mujoco.MjSpec):
+        return _embed_in_spec(craft, wanted)
+    original, before, _ = _read(craft)
+    return _embed_in_document(original, before | wanted, form)
+
+
+def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
+    """The spacecraft without its appendages, or without those at some places.
+
+    Args:
+        craft: path or text of a file that `embed` wrote.
+        at: which to take out; all where empty.
+
+    Returns:
+        The original document, or what `embed` gives where some appendages stay.
+
+    Raises:
+        InputError: there is no such appendage.
+    """
+    original, before, form = _read(craft)
+    missing = [name for name in at if name not in before]
+    if not before or missing:
+        place = f"at {missing[0]!r} " if missing else ""
+        raise InputError(
+            f"{original.label} holds no appendage {place}that embed put in; it has: {', '.join(before) or 'none'}."
+        )
+    left = {name: entry for name, entry in before.items() if at and name not in at}
+    return _embed_in_document(original, left, form) if left else original
+
+
+def _read(craft: str | Path) -> tuple[Craft, dict[str, tuple[Spec, str]], str]:
+    """The bare spacecraft, what was embedded in it by place, and in which form."""
+    text = isinstance(craft, str) and craft.lstrip().startswith("<")
+    read = craft_from_text(str(craft)) if text else read_craft(craft)
+    facts = marks.embedded(read.root)
+    before = {f["at"]: (spec_from_dict(f["spec"], f"mark of {f['at']}"), f["prefix"]) for f in facts}
+    return bare(read), before, facts[0]["form"] if facts else "inline"
+
+
+# -- into a document -------------------------------------------------------------------------------------------------
+def _embed_in_document(original: Craft, wanted: dict[str, tuple[Spec, str]], form: str) -> Embedded:
+    # an empty body at every place: a hub whose frame MuJoCo would move while it carries nothing stays where it is
+    probe = relocate(original, None)
+    targets = {name: find_target(probe, name) for name in wanted}
+    for i, target in enumerate(targets.values()):
+        etree.SubElement(target.body, "body", name=f"{PROBE}{i}")
+    craft = compile_model(probe.to_bytes().decode("utf-8"))
+    mounts = {name: mounting.mount(craft, name, t.kind, t.name) for name, t in targets.items()}
+    appendages, warnings = _fit_all(craft, mounts, wanted)
+    warnings += moved_by_load(compile_model(relocate(original, None).to_bytes().decode("utf-8")), craft)
+    check_flags(craft)
+    check_names(craft, appendages)
+    check.check_compiler(original.parts(), *lightest(appendages))
+    layout = _layout(original, appendages, craft)
+    with tempfile.TemporaryDirectory() as folder:
+        out, beside = _assemble(original, appendages, form, None, "craft", layout, Path(folder))
+        for name, text in beside.items():
+            (Path(folder) / name).write_text(text, encoding="utf-8")
+        model = compile_model(out.to_bytes().decode("utf-8"))
+    warnings += judged(craft, model, appendages)
+    return Embedded(appendages, craft, model, tuple(warnings), original, form, layout)
+
+
+def _assemble(
+    original: Craft,
+    appendages: Sequence[Appendage],
+    form: str,
+    folder: Path | None,
+    stem: str,
+    layout: dict[str, Any] | None,
+    beside: Path | None = None,
+) -> tuple[Craft, dict[str, str]]:
+    """The document with its appendages for a folder, and the files of the attached ones."""
+    out = relocate(original, folder)
+    items = [
+        document.Insertion(
+            find_target(out, a.at), a.mount.position, a.mount.quaternion, a.fit.appendage(), a.spec.name, a.prefix,
+            msgspec.to_builtins(a.spec),
+        )
+        for a in appendages
+    ]  # fmt: skip
+    keyed = document.keys_to_extend(out)
+    files = {a.prefix: f"{stem}_{a.prefix.rstrip('_.-')}.xml" for a in appendages}
+    absolute = {p: str((beside or Path.cwd()) / n) if folder is None else n for p, n in files.items()}
+    document.put_in(out, items, form, absolute)
+    if keyed and layout is not None:
+        document.extend_keys(out, layout["qpos"], layout["qvel"], layout["rest"])
+    return out, {files[i.prefix]: document.child_text(i) for i in items} if form == "attach" else {}
+
+
+def _layout(original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjModel") -> dict[str, Any]:
+    """Which old position and velocity every new one is: compiled without keyframes, compared by bodies' order."""
+    out, _ = _assemble(original, appendages, "inline", None, "craft", None)
+    for include in out.includes():
+        marks.inline(include.element, include.content)
+    for keyframe in list(out.root.iter("keyframe")):
+        parent = keyframe.getparent()
+        assert parent is not None
+        parent.remove(keyframe)
+    model = compile_model(out.to_bytes().decode("utf-8"))
+    mine = appended(model, names(appendages))
+    old = [j for j in range(model.njnt) if j not in set(mine["jnt"])]
+    if len(old) != craft.njnt:
+        raise EngineError(f"the spacecraft has {craft.njnt} joints, with appendages {len(old)} of them.")
+    sizes = {0: (7, 6), 1: (4, 3), 2: (1, 1), 3: (1, 1)}
+    qpos: list[int | None] = [None] * model.nq
+    qvel: list[int | None] = [None] * model.nv
+    for was, now in enumerate(old):
+        positions, velocities = sizes[int(craft.jnt_type[was])]
+        for i in range(positions):
+            qpos[int(model.jnt_qposadr[now]) + i] = int(craft.jnt_qposadr[was]) + i
+        for i in range(velocities):
+            qvel[int(model.jnt_dofadr[now]) + i] = int(craft.jnt_dofadr[was]) + i
+    return {"qpos": qpos, "qvel": qvel, "rest": [float(v) for v in model.qpos0]}
+
+
+# -- into an MjSpec --------------------------------------------------------------------------------------------------
+def _embed_in_spec(spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]]) -> Embedded:
+    places: dict[str, tuple[str, str]] = {}
+    probe = spec.copy()
+    for at in wanted:
+        kinds, name = split(at)
+        found = [kind for kind in kinds if getattr(spec, kind)(name) is not None]
+        if len(found) != 1:
+            known = ", ".join(s.name for s in [*spec.sites, *spec.bodies] if s.name)
+            raise InputError(
+                f"--at {at}: the spacecraft has {'both a site and a' if found else 'no site or'} body "
+                f"{name!r}; write site:{name} or body:{name}, or choose from: {known}."
+            )
+        places[at] = found[0], name
+        _owner(probe, *places[at]).add_body(name=f"{PROBE}{len(places)}")
+    try:
+        plain, craft = spec.copy().compile(), probe.compile()
+    except ValueError as error:
+        raise EngineError(f"MuJoCo refuses the spacecraft: {error}") from None
+    mounts = {at: mounting.mount(craft, at, kind, name) for at, (kind, name) in places.items()}
+    appendages, warnings = _fit_all(craft, mounts, wanted)
+    warnings += moved_by_load(plain, craft)
+    check_flags(craft)
+    check_names(craft, appendages)
+    trial = spec.copy()
+    for place in (trial, spec):  # the user's spec is touched only after a copy has proved itself
+        for a in appendages:
+            frame = _owner(place, *places[a.at]).add_frame(pos=a.mount.position, quat=a.mount.quaternion)
+            text = write.text(document.renamed(a.fit.appendage(), a.spec.name, ""))
+            place.attach(mujoco.MjSpec.from_string(text), frame=frame, prefix=a.prefix)
+        if place is trial:
+            model = trial.compile()
+            warnings += judged(craft, model, appendages)
+    return Embedded(appendages, craft, spec.copy().compile(), tuple(warnings))
+
+
+def _owner(spec: "mujoco.MjSpec", kind: str, name: str) -> Any:
+    """The body that a site or body means."""
+    return spec.body(name) if kind == "body" else spec.site(name).parent
+
+
+# -- both ------------------------------------------------------------------------------------------------------------
+def _fit_all(
+    model: "mujoco.MjModel", mounts: dict[str, mounting.Mount], wanted: dict[str, tuple[Spec, str]]
+) -> tuple[tuple[Appendage, ...], list[str]]:
+    rigid = {name: rigid_mass(spec) for name, (spec, _) in wanted.items()}
+    places = list(mounts.values())
+    behind, felt = mounting.rigid_hubs(model, places, rigid), mounting.apparent_hubs(model, places, rigid)
+    out: list[Appendage] = []
+    warnings: list[str] = []
+    for name, (spec, prefix) in wanted.items():
+        place, hub = mounts[name], Hub.from_mass_matrix(behind[name])
+        size = np.sqrt(np.diag(behind[name]))
+        if np.max(np.abs(felt[name] - behind[name]) / np.outer(size, size)) > RIGID:
+            hub = msgspec.structs.replace(hub, apparent=tuple(tuple(float(v) for v in row) for row in felt[name]))
+        for joint in place.joints:
+            taken = "locked, since a spring holds it" if joint.sprung else "free, since no spring holds it"
+            if not joint.own:
+                warnings.append(
+                    f"{name}: stands behind the joint {joint.name} ({joint.kind}); {hub.mass:.6g} kg are rigidly "
+                    f"behind its root. The fit takes that joint as {taken}."
+                )
+        held = place.held(spec.kept)
+        if held:
+            warnings.append(f"{name}: the spacecraft's joints hold port {', '.join(held)}; the hub is infinite there.")
+        given = spec.root.hub
+        if given is not None and not np.allclose(
+            given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=1e-9 * hub.mass
+        ):
+            warnings.append(
+                f"{name}: the hub of the spec ({given.mass:g} kg) is not the spacecraft's ({hub.mass:.6g} kg), "
+                "which was used instead."
+            )
+        result = fit(spec, root=Root(target=spec.root.target, hub=hub))
+        if not result.status.ok:
+            warnings.append(f"{name}: {result.status.message}")
+        if (
+            spec.damping is not None and spec.damping.form == "hinge"
+        ):  # tendons are judged by the craft's own integrator
+            warnings += [f"{name}: {warning}" for warning in result.warnings]
+        out.append(Appendage(name, prefix, place, hub, spec, result))
+    return tuple(out), warnings

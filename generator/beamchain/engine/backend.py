@@ -1,0 +1,54 @@
+"""Which OpenGL MuJoCo draws with: chosen before MuJoCo is imported, since it looks only once."""
+
+import os
+import subprocess
+import sys
+
+from beamchain.errors import EngineError
+
+OFF_SCREEN = ("egl", "osmesa")
+PATIENCE = 60  # seconds for a driver to answer
+_TRY = (
+    "import mujoco; m = mujoco.MjModel.from_xml_string('<mujoco><worldbody><geom size=\".1\"/></worldbody></mujoco>'); "
+    "d = mujoco.MjData(m); r = mujoco.Renderer(m, 16, 16); r.update_scene(d); r.render(); r.close()"
+)
+
+
+def choose() -> str:
+    """Set MUJOCO_GL to a renderer that works without a screen; a setting of the user's is only tried, not changed.
+
+    Returns:
+        Its name.
+
+    Raises:
+        EngineError: none works, with what to install.
+    """
+    given = os.environ.get("MUJOCO_GL", "").strip().lower()
+    if "mujoco" in sys.modules:  # it has looked already
+        return given
+    for name in (given,) if given else OFF_SCREEN:
+        if _works(name):
+            os.environ["MUJOCO_GL"] = name
+            return name
+    said = f"MUJOCO_GL = {given!r} does not draw here" if given else "neither EGL nor OSMesa draws here"
+    raise EngineError(
+        f"{said}; install one (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6) or set "
+        "MUJOCO_GL to egl, osmesa or glfw, whichever this machine has."
+    )
+
+
+def _works(name: str) -> bool:
+    """Draw one picture in a process of its own: a missing driver may end the process that asks."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _TRY],
+            env={**os.environ, "MUJOCO_GL": name}, capture_output=True, timeout=PATIENCE, check=False,
+        )  # fmt: skip
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return done.returncode == 0
+
+
+def has_screen() -> bool:
+    """Whether a window can be opened."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,0 +1,207 @@
+"""What a spacecraft is to an appendage, read from the compiled model: frame, hub behind the port, Jacobian."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from beamchain.engine.bench import frozen_mass
+from beamchain.engine.library import mujoco
+from beamchain.errors import InputError
+from beamchain.port import PORT_MOTION, PORTS, Array
+
+JOINT_KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
+HELD = 1e9  # mass of a motion that is held, relative to the largest that is not
+RANK = 1e-9  # relative singular value below which a motion of the port is held
+
+
+class Carrier(NamedTuple):
+    """A joint between the port and the world.
+
+    `own`: it carries the spacecraft as a whole, not a part of it. `sprung`: a spring or a position servo holds it.
+    """
+
+    name: str
+    kind: str
+    own: bool
+    sprung: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Mount:
+    """The place of an appendage in a compiled spacecraft at rest.
+
+    Args:
+        at: name as given.
+        body: id of the body.
+        position, quaternion: of the port in that body.
+        origin, axes: `(3,)`, `(3, 3)` of the port in the world, axes in columns.
+        top: id of the body on top of what is rigid with `body`.
+        joints: between the port and the world, innermost first.
+        hub: `(6, 6)` what is rigidly behind the port, with all that hangs on it, about the port in its axes.
+        jacobian: `(6, nv)` motion of the port in its axes per degree of freedom.
+    """
+
+    at: str
+    body: int
+    position: Array
+    quaternion: Array
+    origin: Array
+    axes: Array
+    top: int
+    joints: tuple[Carrier, ...]
+    hub: Array
+    jacobian: Array
+
+    def held(self, ports: Iterable[str] = PORTS) -> list[str]:
+        """Ports that the spacecraft's own joints hold, wholly or in part."""
+        out: list[str] = []
+        scale = max(float(np.abs(self.jacobian).max(initial=0.0)), 1e-300)
+        for port in ports:
+            rows = PORT_MOTION[port].T @ self.jacobian
+            if rows.size == 0 or np.linalg.matrix_rank(rows, tol=RANK * scale) < rows.shape[0]:
+                out.append(port)
+        return out
+
+    def from_port(self, other: "Mount") -> Array:
+        """`(6, 6)` motion of another port, in its own axes, per motion of this one, both on one rigid body."""
+        arm = other.origin - self.origin
+        x, y, z = arm
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        turn = other.axes.T @ self.axes
+        return np.block([[turn, -other.axes.T @ cross @ self.axes], [np.zeros((3, 3)), turn]])
+
+
+def mount(model: "mujoco.MjModel", at: str, kind: str, name: str) -> Mount:
+    """Read a mount from a compiled spacecraft.
+
+    Args:
+        model: the spacecraft.
+        at: name as the user gave it.
+        kind: "site" or "body".
+        name: of the site or body.
+
+    Raises:
+        InputError: the body is static.
+    """
+    data = rest(model)
+    place = int(mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name))
+    if place < 0:
+        raise InputError(f"--at {at}: the compiled spacecraft has no {kind} {name!r}; name one that is written out.")
+    if kind == "site":
+        body = int(model.site_bodyid[place])
+        position, quaternion = model.site_pos[place].copy(), model.site_quat[place].copy()
+        origin, axes = data.site_xpos[place].copy(), data.site_xmat[place].reshape(3, 3).copy()
+    else:
+        body = place
+        position, quaternion = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+        origin, axes = data.xpos[body].copy(), data.xmat[body].reshape(3, 3).copy()
+    top = int(model.body_weldid[body])
+    if top == 0:
+        raise InputError(
+            f"--at {at}: {kind} {name!r} belongs to a body welded to the world, which no appendage can move; give the "
+            "spacecraft's body a <freejoint/>, or name a body that moves."
+        )
+    translation, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    mujoco.mj_jac(model, data, translation, rotation, origin, body)
+    return Mount(
+        at, body, position, quaternion, origin, axes, top, _carriers(model, top),
+        frozen_mass(model, data, top, origin, axes), np.vstack([axes.T @ translation, axes.T @ rotation]),
+    )  # fmt: skip
+
+
+def rest(model: "mujoco.MjModel") -> "mujoco.MjData":
+    """Data at the rest pose, kinematics and Jacobians ready."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    return data
+
+
+def full_mass(model: "mujoco.MjModel") -> Array:
+    """`(nv, nv)` mass matrix at the rest pose, through `mj_mulM`, which all versions share."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    out, column = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
+    for i, unit in enumerate(np.eye(model.nv)):
+        mujoco.mj_mulM(model, data, column, unit)
+        out[:, i] = column
+    return (out + out.T) / 2.0
+
+
+def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
+    held = sprung(model)
+    out: list[Carrier] = []
+    while top:
+        parent = int(model.body_weldid[int(model.body_parentid[top])])
+        first = int(model.body_jntadr[top])
+        for j in range(first, first + int(model.body_jntnum[top])):
+            name = model.joint(j).name or f"joint {j}"
+            out.append(Carrier(name, JOINT_KINDS[int(model.jnt_type[j])], parent == 0, j in held))
+        top = parent
+    return tuple(out)
+
+
+def sprung(model: "mujoco.MjModel") -> set[int]:
+    """Joints that a spring or a position servo holds."""
+    springs = {j for j in range(model.njnt) if np.any(np.atleast_1d(model.jnt_stiffness[j]) > 0.0)}
+    on_joint = int(mujoco.mjtTrn.mjTRN_JOINT)
+    servos = {
+        int(model.actuator_trnid[i, 0])
+        for i in range(model.nu)
+        if int(model.actuator_trntype[i]) == on_joint and float(model.actuator_biasprm[i][1]) < 0.0
+    }
+    return springs | servos
+
+
+def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
+    """`(6, 6)` what is rigidly behind each port with all that hangs on it, other appendages rigid, by name.
+
+    Args:
+        model: the bare spacecraft.
+        mounts: of all appendages.
+        rigid: `(6, 6)` rigid mass of each appendage about its own port, by name.
+    """
+    out: dict[str, Array] = {}
+    for own in mounts:
+        total = own.hub.copy()
+        for other in mounts:
+            if other.at != own.at and _hangs_on(model, other.top, own.top):
+                motion = own.from_port(other)
+                total += motion.T @ rigid[other.at] @ motion
+        out[own.at] = (total + total.T) / 2.0
+    return out
+
+
+def apparent_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
+    """`(6, 6)` hub that each port feels: wrench per acceleration, by name; arguments as in `rigid_hubs`.
+
+    `(J M^-1 J^T)^-1` over the degrees of freedom that no spring holds: loose joints free, sprung ones locked. On one
+    rigid body this is its mass matrix; behind a solar-array drive it is the rotor about the drive's axis and the whole
+    spacecraft in all else. Motions that the spacecraft's joints hold get 1e9 times the largest mass.
+    """
+    held = sprung(model)
+    loose = [i for i in range(model.nv) if int(model.dof_jntid[i]) not in held]
+    bare = full_mass(model)
+    out: dict[str, Array] = {}
+    for own in mounts:
+        mass = bare.copy()
+        for other in mounts:
+            if other.at != own.at:
+                mass += other.jacobian.T @ rigid[other.at] @ other.jacobian
+        jacobian = own.jacobian[:, loose]
+        mobility = jacobian @ np.linalg.solve(mass[np.ix_(loose, loose)], jacobian.T)
+        scale = np.sqrt(np.diag(own.hub))
+        values, vectors = np.linalg.eigh(mobility * np.outer(scale, scale))
+        moving = values > RANK * values.max()
+        masses = np.where(moving, 1.0 / np.where(moving, values, 1.0), HELD / values[moving].min())
+        hub = (vectors * masses) @ vectors.T * np.outer(scale, scale)
+        out[own.at] = (hub + hub.T) / 2.0
+    return out
+
+
+def _hangs_on(model: "mujoco.MjModel", body: int, top: int) -> bool:
+    while body not in (0, top):
+        body = int(model.body_parentid[body])
+    return body == top

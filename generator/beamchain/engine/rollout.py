@@ -1,0 +1,85 @@
+"""Simulation in one go, without Python between the steps: `mujoco.rollout` on the calling thread, and its time."""
+
+import time
+from dataclasses import dataclass
+from importlib import import_module
+
+import numpy as np
+
+from beamchain.engine.library import mujoco, rollout_engine
+from beamchain.engine.linearise import INTEGRATORS
+from beamchain.port import Array
+
+rollout = import_module("mujoco.rollout")  # the module beside the bindings that library.py vouches for
+
+STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
+FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+LARGEST = 4_000_000  # numbers held at once; longer simulations go in pieces
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What a simulation gave.
+
+    Args:
+        motion: `(t, 6)` of the free-flying hub, at the ends of the steps: displacement [m], rotation vector [rad].
+        seconds: time of the calling thread inside the simulation only.
+    """
+
+    motion: Array
+    seconds: float
+
+
+def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: Array) -> Course:
+    """Simulate from rest with a wrench on the hub, whose free joint is the model's first.
+
+    Args:
+        model: compiled; its integrator and step are set.
+        integrator: MuJoCo's name.
+        timestep: [s].
+        wrench: `(t, 6)` force and moment on the hub's centre, constant over each step.
+
+    A simulation that blows up gives motions that are not finite.
+    """
+    model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep
+    data = mujoco.MjData(model)
+    size, steps = mujoco.mj_stateSize(model, STATE), wrench.shape[0]
+    state = np.zeros((1, size))
+    mujoco.mj_getState(model, data, state[0], STATE)
+    rest = data.qpos[:3].copy()
+    piece = max(min(steps, LARGEST // (size + model.nv)), 1)
+    motion = np.full((steps, 6), np.nan)
+    seconds, done = 0.0, 0
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_silent)  # else a simulation that blows up writes MUJOCO_LOG.TXT
+    try:
+        with rollout_engine() as engine:
+            while done < steps:
+                count = min(piece, steps - done)
+                forces = np.zeros((1, count, model.nv))
+                forces[0, :, :6] = wrench[done : done + count]
+                out = np.empty((1, count, size))
+                start = time.thread_time()
+                engine.rollout(
+                    [model], [data], state, forces, control_spec=FORCES, skip_checks=True, nstep=count, state=out
+                )
+                seconds += time.thread_time() - start
+                if int(np.sum(data.warning.number)) > 0 or not np.all(np.isfinite(out[0, -1])):
+                    return Course(motion, seconds)
+                motion[done : done + count, :3] = out[0, :, 1:4] - rest
+                motion[done : done + count, 3:] = _rotation(out[0, :, 4:8])
+                state, done = out[:, -1].copy(), done + count
+    finally:
+        mujoco.set_mju_user_warning(before)
+    return Course(motion, seconds)
+
+
+def _silent(_message: str) -> None:
+    return None
+
+
+def _rotation(quaternions: Array) -> Array:
+    """Rotation vectors `(t, 3)` of unit quaternions `(t, 4)`, scalar first."""
+    sine = np.linalg.norm(quaternions[:, 1:], axis=1)
+    angle = 2.0 * np.arctan2(sine, quaternions[:, 0])
+    return quaternions[:, 1:] * np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 2.0)[:, None]

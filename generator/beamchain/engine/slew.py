@@ -1,0 +1,135 @@
+"""A spacecraft turned from rest to rest by its hub, so that its appendages ring: what pictures show."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamchain.engine.bench import rigid_mass
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import linearise
+from beamchain.errors import EngineError, InputError
+from beamchain.port import Array, locked
+
+_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
+
+RINGING = 3.5  # periods of the first mode shown after the turn
+TRIAL = 0.01  # rad: a turn so small that what bends is proportional to it
+MOST_BENT = 0.22  # rad in one hinge: small enough to be believed, large enough to be seen
+RIGID = 1e-9  # of the largest squared frequency: rigid motion is below
+FELT = 1e-7  # of a mode's largest motion: rotation of the hub below is rounding, and turning it excites nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Slew:
+    """A simulated turn.
+
+    Args:
+        times: `(k,)` [s].
+        positions: `(k, nq)` of MuJoCo.
+        body: the body that turns.
+        axis: 0, 1, 2: about its x, y or z.
+        angle: [rad].
+        duration: of the turn [s].
+        omega: of the mode that rings [rad/s].
+        elastic: `(n,)` addresses of the sprung joints in `positions`.
+    """
+
+    times: Array
+    positions: Array
+    body: str
+    axis: int
+    angle: float
+    duration: float
+    omega: float
+    elastic: tuple[int, ...]
+
+    def shown(self, frame: int, exaggerate: float) -> Array:
+        """`(nq,)` positions with the sprung joints' motion multiplied by `exaggerate`."""
+        out = self.positions[frame].copy()
+        out[list(self.elastic)] *= exaggerate
+        return out
+
+    @property
+    def loudest(self) -> int:
+        """The frame in which the sprung joints are furthest from rest."""
+        return int(np.argmax(np.linalg.norm(self.positions[:, list(self.elastic)], axis=1)))
+
+
+def simulate(model: "mujoco.MjModel", *, angle: float, frames: int) -> Slew:
+    """Turn the spacecraft by a torque forwards and back on its hub, and let it ring.
+
+    The turn takes an odd number of periods of the first mode that turning the hub excites: then what the torque's two
+    halves leave behind adds up. It takes as many as keep the springs' angles small.
+
+    Args:
+        model: a scene; integrated with its own integrator and step.
+        angle: of the turn, as if rigid [rad].
+        frames: moments kept, evenly spaced.
+
+    Raises:
+        InputError: nothing flies free in the scene, or nothing in it is elastic.
+        EngineError: the simulation becomes unstable.
+    """
+    free = [j for j in range(model.njnt) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)]
+    if not free:
+        raise InputError("the scene has no freely flying body to turn; give one whose spacecraft has a <freejoint/>.")
+    sprung = [j for j in range(model.njnt) if float(np.atleast_1d(model.jnt_stiffness[j])[0]) > 0.0]
+    if not sprung:
+        raise InputError("no joint of the scene has a spring, so that nothing can ring; attach an appendage first.")
+    hub = int(model.jnt_bodyid[free[0]])
+    name = model.body(hub).name
+    axis, omega = _excited(model, int(model.jnt_dofadr[free[0]]))
+    elastic = tuple(int(model.jnt_qposadr[j]) for j in sprung)
+    hinged = [a for j, a in zip(sprung, elastic, strict=True) if int(model.jnt_type[j]) == _HINGE]
+    period = 2.0 * np.pi / omega
+    about = np.zeros(3)
+    about[axis] = 1.0 / np.linalg.inv(rigid_mass(model, name))[3 + axis, 3 + axis]
+    trial = _run(model, hub, 4.0 * TRIAL / period**2 * about, period, (1.0 + RINGING) * period, frames)
+    bent = float(np.abs(trial[:, hinged]).max(initial=0.0)) * abs(angle) / TRIAL
+    halves = max(int(np.ceil(np.sqrt(bent / MOST_BENT))), 1)
+    duration = (halves + 1 - halves % 2) * period
+    times = np.linspace(0.0, duration + RINGING * period, frames)
+    positions = _run(model, hub, 4.0 * angle / duration**2 * about, duration, float(times[-1]), frames)
+    return Slew(locked(times), locked(positions), name, axis, angle, float(duration), omega, elastic)
+
+
+def _run(model: "mujoco.MjModel", hub: int, torque: Array, duration: float, end: float, frames: int) -> Array:
+    """`(frames, nq)` positions up to `end`; `torque` forwards and back on `hub`, in its axes at rest."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    torque = data.xmat[hub].reshape(3, 3) @ torque
+    step = float(model.opt.timestep)
+    positions = np.empty((frames, model.nq))
+    for k, time in enumerate(np.linspace(0.0, end, frames)):
+        while data.time < time - step / 2.0:
+            before = data.time
+            data.xfrc_applied[hub, 3:] = (
+                torque * (_impulse(before + step, duration) - _impulse(before, duration)) / step
+            )
+            mujoco.mj_step(model, data)
+            if data.time < before:  # MuJoCo starts anew where a state is not finite
+                raise EngineError(
+                    f"the simulation is unstable at the scene's step of {step:g} s; see beamchain inspect for the "
+                    "largest one."
+                )
+        positions[k] = data.qpos
+    return positions
+
+
+def _impulse(time: float, duration: float) -> float:
+    """Integral of 1 for the first half of `duration`, -1 for the second and 0 after: nothing is left at the end."""
+    return max(min(time, duration - time), 0.0)
+
+
+def _excited(model: "mujoco.MjModel", start: int) -> tuple[int, float]:
+    """Axis 0, 1, 2 and frequency [rad/s] of the lowest mode in which the hub, its free joint at dof `start`, turns."""
+    values, vectors = np.linalg.eig(linearise(model).stiffness)
+    squares: Array = np.real(values).astype(np.float64)
+    shapes: Array = np.abs(np.real(vectors)).astype(np.float64)
+    for k in np.argsort(squares):
+        if squares[k] <= RIGID * float(squares.max()):
+            continue
+        turn, rest = shapes[start + 3 : start + 6, k], np.delete(shapes[:, k], np.s_[start : start + 6])
+        if turn.max() > FELT * rest.max():
+            return int(np.argmax(turn)), float(np.sqrt(squares[k]))
+    raise InputError("no elastic mode of the scene turns its hub; there is nothing that a turn would show.")

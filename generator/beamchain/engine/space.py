@@ -1,0 +1,101 @@
+"""The bench with all six motions of the root free, and the port model in space that A and B give back."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from lxml.etree import _Element as Element
+
+from beamchain.engine.bench import Measured, rigid_mass
+from beamchain.engine.linearise import Linearisation, compile_model, linearise
+from beamchain.errors import EngineError
+from beamchain.mjcf import write
+from beamchain.port import PORT_MOTION, PORTS, Array, PortModel
+from beamchain.structure.planes import into_planes, near_groups
+
+ROOT = (
+    "root_axial",
+    "root_xy_displacement",
+    "root_xz_displacement",
+    "root_torsion",
+    "root_xz_rotation",
+    "root_xy_rotation",
+)
+SIGNS = np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0])  # the bench turns about -y
+TOGETHER = 1e-6  # relative: frequencies this close are taken together, as their eigenvectors are not their own
+
+
+def measure_in_space(
+    appendage: Element, *, timestep: float, ballast: Array | None = None, live: Sequence[int] = tuple(range(6))
+) -> tuple[Measured, PortModel]:
+    """Put the appendage on the bench, linearise, and read the port model in space back.
+
+    Args:
+        appendage: from `mjcf.write.appendage` or `mjcf.oscillators`.
+        timestep: [s].
+        ballast: `(4,)` mass and principal inertias at the root; see `mjcf.write.bench`.
+        live: motions in which the appendage has inertia; the others are left out of the port model.
+
+    Returns:
+        what MuJoCo says (its ports are the blocks of the port model in space), and the port model.
+    """
+    model = compile_model(write.text(write.bench(appendage, PORTS, timestep, ballast)))
+    linear = linearise(model)
+    extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
+    keep = list(live)
+    space = _port(linear, extra, keep)
+    ports: dict[str, PortModel] = {}
+    for port in PORTS:
+        motion = PORT_MOTION[port][keep]
+        if np.all(np.abs(PORT_MOTION[port]).sum(axis=1)[[i for i in range(6) if i not in keep]] == 0.0):
+            ports[port] = block(space, motion)
+    return Measured(ports, rigid_mass(model, "bench") - extra, {}, linear), space
+
+
+def block(space: PortModel, motion: Array) -> PortModel:
+    """The port model of some motions of the root, the others held: `motion` `(m, k)` in the motions of `space`."""
+    return space.replaced(
+        rigid_mass=motion.T @ space.rigid_mass @ motion, participation=space.participation @ motion, tip=None
+    )
+
+
+def _port(linear: Linearisation, extra: Array, live: list[int]) -> PortModel:
+    root = [linear.joints.index(joint) for joint in ROOT]
+    inner = [i for i in range(len(linear.joints)) if i not in set(root)]
+    columns = [linear.driven.index(dof) for dof in root]
+    turn = np.diag(SIGNS)
+    g_root = turn @ linear.inputs[np.ix_(root, columns)] @ turn
+    g_inner = linear.inputs[np.ix_(inner, columns)] @ turn
+    apparent = np.linalg.inv(g_root)  # the port's mass with the joints loose
+    apparent = (apparent + apparent.T) / 2.0
+    if not inner:
+        mass = (apparent - extra)[np.ix_(live, live)]
+        return PortModel(mass, np.zeros(0), np.zeros((0, len(live))))
+    pull = turn @ linear.stiffness[np.ix_(root, inner)]
+    follow = g_inner @ apparent
+    squares, right = np.linalg.eig(linear.stiffness[np.ix_(inner, inner)] - follow @ pull)
+    order = np.argsort(np.real(squares))
+    squares, right = np.real(squares)[order], np.real(right)[:, order]
+    if np.any(squares <= 0.0):
+        raise EngineError(
+            "a joint of the held appendage has no positive stiffness; the port model needs every joint sprung."
+        )
+    left = np.linalg.inv(right)
+    reaction, drive = apparent @ pull @ right, left @ follow
+    w = np.sqrt(squares)
+    rows = np.zeros((w.size, 6))
+    groups = near_groups(w, TOGETHER)
+    singles = [[k] for k in range(w.size) if not any(k in group for group in groups)]
+    for group in [*singles, *groups]:
+        # the sum over a group of W^2 L L^T is its own, whatever its eigenvectors: the leading eigenpairs are the rows
+        both = (reaction[:, group] / squares[group]) @ drive[group]
+        values, vectors = np.linalg.eigh((both + both.T) / 2.0)
+        top = values.size - len(group)
+        rows[group] = (vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))).T[::-1]
+    mass = apparent + rows.T @ rows - extra
+    scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
+    rows = into_planes(w, rows, scale, groups).participation
+    inner_damping = linear.damping[np.ix_(inner, inner)] - follow @ turn @ linear.damping[np.ix_(root, inner)]
+    ratios = np.diag(left @ inner_damping @ right) / (2.0 * w)
+    return PortModel(
+        mass[np.ix_(live, live)], w, rows[:, live], np.where(np.abs(ratios) < 1e-14, 0.0, ratios)
+    )  # fmt: skip

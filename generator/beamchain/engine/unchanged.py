@@ -1,0 +1,129 @@
+"""Two compiled models compared element by element: nothing of the spacecraft or of the appendage may have changed."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from beamchain.engine.library import mujoco
+
+KINDS = {
+    "body": "nbody", "jnt": "njnt", "dof": "nv", "geom": "ngeom", "site": "nsite", "cam": "ncam", "light": "nlight",
+    "mesh": "nmesh", "mat": "nmat", "tex": "ntex", "pair": "npair", "eq": "neq", "tendon": "ntendon", "actuator": "nu",
+    "sensor": "nsensor",
+}  # fmt: skip
+NAMED = {"body": "body", "jnt": "joint", "geom": "geom", "site": "site", "tendon": "tendon"}
+#: where a thing is stored, what is derived from the whole model, what a weld group shares
+INDEXED = (
+    "id",
+    "adr",
+    "num",
+    "treeid",
+    "sameframe",
+    "simple",
+    "Madr",
+    "bvh",
+    "limited_",
+    "trnid",
+    "obj",
+    "ref",
+    "dim",
+    "sizes",
+)
+DERIVED = (
+    "subtreemass",
+    "poscom0",
+    "invweight0",
+    "length0",
+    "dof_length",
+    "lengthspring",
+    "lengthrange",
+    "acc0",
+    "M0",
+    "plugin",
+    "pathadr",
+    "cranklength",
+)
+
+
+class Difference(NamedTuple):
+    """One number that is not what it was."""
+
+    element: str
+    field: str
+    wanted: float
+    found: float
+
+
+def appended(model: "mujoco.MjModel", names: Mapping[str, set[str]]) -> dict[str, list[int]]:
+    """Ids per kind of the elements that bear one of `names[kind]` (bodies, joints, geoms, sites, tendons)."""
+    out: dict[str, list[int]] = {}
+    for kind, word in NAMED.items():
+        get = getattr(model, word)
+        out[kind] = [i for i in range(int(getattr(model, KINDS[kind]))) if get(i).name in names.get(kind, set())]
+    joints = set(out["jnt"])
+    out["dof"] = [i for i in range(model.nv) if int(model.dof_jntid[i]) in joints]
+    return out
+
+
+def others(model: "mujoco.MjModel", mine: Mapping[str, list[int]]) -> dict[str, list[int]]:
+    """Ids per kind of all elements that are not in `mine`."""
+    return {
+        kind: [i for i in range(int(getattr(model, count))) if i not in set(mine.get(kind, []))]
+        for kind, count in KINDS.items()
+    }
+
+
+def differences(
+    wanted: "mujoco.MjModel",
+    found: "mujoco.MjModel",
+    pairs: Mapping[str, tuple[list[int], list[int]]],
+    *,
+    root: str | None = None,
+    tolerance: float = 0.0,
+) -> list[Difference]:
+    """Numbers of `found` that are not those of `wanted`.
+
+    Args:
+        wanted, found: compiled models.
+        pairs: per kind, ids in `wanted` and the same things' ids in `found`.
+        root: name of a body in `found` whose place may differ.
+        tolerance: relative, of the largest number of a row.
+    """
+    out: list[Difference] = []
+    for kind, (first, second) in pairs.items():
+        if len(first) != len(second):
+            out.append(Difference(kind, "number of elements", len(first), len(second)))
+            continue
+        for field in _fields(wanted, kind):
+            a, b = np.asarray(getattr(wanted, field)), np.asarray(getattr(found, field))
+            for i, j in zip(first, second, strict=True):
+                label = _name(found, kind, j)
+                if label == root and field in ("body_pos", "body_quat"):
+                    continue
+                x, y = np.atleast_1d(a[i]).astype(np.float64).ravel(), np.atleast_1d(b[j]).astype(np.float64).ravel()
+                far = np.abs(x - y) > tolerance * np.max(np.abs(x), initial=0.0)
+                if np.any(far):
+                    k = int(np.argmax(far))
+                    out.append(Difference(label, field, float(x[k]), float(y[k])))
+    return out
+
+
+def _fields(model: "mujoco.MjModel", kind: str) -> list[str]:
+    count = int(getattr(model, KINDS[kind]))
+    out: list[str] = []
+    for field in dir(model):
+        if not field.startswith(f"{kind}_") or field.endswith(INDEXED) or any(word in field for word in DERIVED):
+            continue
+        values = getattr(model, field)
+        if isinstance(values, np.ndarray) and values.ndim >= 1 and values.shape[0] == count and values.dtype != object:
+            out.append(field)
+    return out
+
+
+def _name(model: "mujoco.MjModel", kind: str, index: int) -> str:
+    word = {"jnt": "joint", "dof": "joint", "cam": "cam", "tex": "tex", "mat": "mat"}.get(kind, kind)
+    if kind == "dof":
+        index = int(model.dof_jntid[index])
+    get = getattr(model, word, None)
+    return (get(index).name if get is not None else "") or f"{kind} {index}"

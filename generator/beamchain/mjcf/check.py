@@ -1,0 +1,121 @@
+"""What in a spacecraft's file would spoil an appendage put into it: compiler switches, defaults that reach it."""
+
+from collections.abc import Iterable, Mapping
+
+from lxml.etree import _Element as Element
+
+from beamchain.errors import InputError
+
+#: MuJoCo's own values of what a parent's default could set; an attribute that is not here is judged after compiling
+NEUTRAL: dict[str, dict[str, str]] = {
+    "joint": {
+        "group": "0", "springdamper": "0 0", "solreflimit": "0.02 1", "solimplimit": "0.9 0.95 0.001 0.5 2",
+        "solreffriction": "0.02 1", "solimpfriction": "0.9 0.95 0.001 0.5 2", "range": "0 0", "margin": "0",
+        "ref": "0", "springref": "0", "armature": "0", "frictionloss": "0", "limited": "false",
+        "actuatorfrclimited": "false", "actuatorfrcrange": "0 0", "actuatorgravcomp": "false", "align": "auto",
+    },
+    "geom": {
+        "group": "0", "condim": "3", "priority": "0", "friction": "1 0.005 0.0001", "solmix": "1", "margin": "0",
+        "gap": "0", "solref": "0.02 1", "solimp": "0.9 0.95 0.001 0.5 2", "fluidshape": "none", "conaffinity": "0",
+        "contype": "0",
+    },
+    "site": {"group": "0", "type": "sphere", "size": "0.005", "rgba": "0.5 0.5 0.5 1", "pos": "0 0 0"},
+    "fixed": {
+        "group": "0", "limited": "false", "range": "0 0", "margin": "0", "frictionloss": "0", "stiffness": "0",
+        "springlength": "-1", "width": "0.003",
+        "rgba": "0.5 0.5 0.5 1", "armature": "0", "solreflimit": "0.02 1", "solimplimit": "0.9 0.95 0.001 0.5 2",
+        "solreffriction": "0.02 1", "solimpfriction": "0.9 0.95 0.001 0.5 2", "actuatorfrclimited": "false",
+        "actuatorfrcrange": "0 0",
+    },
+}  # fmt: skip
+
+TURNS = {"quat", "euler", "axisangle", "xyaxes", "zaxis"}
+
+#: what a default of this tag reaches
+REACHES = {"joint": "joint", "geom": "geom", "site": "site", "tendon": "fixed"}
+
+
+def hostile(parts: Iterable[Element]) -> dict[str, dict[str, int]]:
+    """Attributes that the document's defaults set, per tag of ours, with the most numbers one of them holds."""
+    out: dict[str, dict[str, int]] = {}
+    for part in parts:
+        for default in part.iter("default"):
+            for node in default:
+                tag = REACHES.get(str(node.tag))
+                if tag is not None:
+                    for name, value in node.attrib.items():
+                        found = out.setdefault(tag, {})
+                        found[str(name)] = max(found.get(str(name), 0), len(str(value).split()))
+    return out
+
+
+def shield(appendage: Element, found: Mapping[str, Mapping[str, int]]) -> None:
+    """Say explicitly what a parent's default would otherwise set on the appendage's elements.
+
+    Raises:
+        InputError: a default turns shapes or sites; MuJoCo 3 and 4 differ in what overrules that.
+    """
+    for tag, names in found.items():
+        turned = TURNS & set(names) if tag in ("geom", "site") else set()
+        if turned:
+            raise InputError(
+                f"a default class of the spacecraft sets {min(turned)} on every {tag}, which would turn the "
+                'appendage\'s too; use form "attach", which no default of the spacecraft reaches, or take '
+                f"{min(turned)} out of it."
+            )
+        for node in appendage.iter(tag):
+            if node.get("name") is None:
+                continue  # a tendon's reference to a joint
+            for name, count in names.items():
+                own = node.get(name)
+                if own is None and name in NEUTRAL[tag]:
+                    node.set(name, NEUTRAL[tag][name])
+                elif own is not None and name in ("stiffness", "damping") and len(own.split()) < count:
+                    node.set(name, " ".join([own, *["0"] * (count - len(own.split()))]))  # no polynomial left over
+
+
+def check_compiler(parts: Iterable[Element], least_mass: float, least_inertia: float) -> None:
+    """Refuse compiler switches that would change the links' masses.
+
+    Args:
+        parts: the document and what it includes.
+        least_mass: of the moving links [kg].
+        least_inertia: their smallest principal inertia [kg m^2].
+
+    Raises:
+        InputError: with the attribute, its value and the cure.
+    """
+    settings: dict[str, str] = {}
+    for part in parts:
+        for compiler in part.iter("compiler"):
+            settings.update({str(k): str(v) for k, v in compiler.attrib.items()})
+    cure = "remove it from <compiler> and give the spacecraft's own bodies their numbers with <inertial>"
+    if settings.get("inertiafromgeom") == "true":
+        raise InputError(
+            "compiler inertiafromgeom = \"true\" would replace the links' inertias by their (massless) geoms'; "
+            'write inertiafromgeom="auto", which uses geoms only where a body has no <inertial>.'
+        )
+    for name, least, unit in (("boundmass", least_mass, "kg"), ("boundinertia", least_inertia, "kg m^2")):
+        value = _number(settings.get(name))
+        if value > least:
+            raise InputError(
+                f"compiler {name} = {value:g} {unit} would raise the lightest link's {least:.4g} {unit} and shift "
+                f"its modes; {cure}, or write {name} below {least:.4g}."
+            )
+    if _number(settings.get("settotalmass")) > 0.0:
+        raise InputError(
+            f"compiler settotalmass = {settings['settotalmass']} would scale the links' masses with the "
+            f"spacecraft's; {cure}."
+        )
+    if settings.get("fusestatic") == "true":
+        raise InputError(
+            'compiler fusestatic = "true" would melt the root link into the spacecraft and lose its name; '
+            'write fusestatic="false".'
+        )
+
+
+def _number(text: str | None) -> float:
+    try:
+        return float(text or 0.0)
+    except ValueError:
+        return 0.0

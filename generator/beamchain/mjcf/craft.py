@@ -1,0 +1,262 @@
+"""The user's spacecraft: its MJCF as an lxml tree, includes followed, paths moved, places found by name."""
+
+import os
+from collections.abc import Iterable
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+from lxml.etree import _Element as Element
+
+from beamchain.errors import InputError
+from beamchain.mjcf import marks
+
+LARGEST_FILE = 100_000_000  # bytes
+ASSETS = {"mesh": "mesh", "hfield": "mesh", "skin": "mesh", "texture": "texture"}  # tag: which of the two folders
+
+
+def parse(path: Path, what: str = "spacecraft") -> Any:
+    """The lxml tree of a file, comments and whitespace kept, nothing fetched or expanded.
+
+    Raises:
+        InputError: it cannot be read, is no XML, or declares a document type.
+    """
+    try:
+        if not path.is_file():
+            kind = "is a folder" if path.is_dir() else "does not exist" if not path.exists() else "is no regular file"
+            raise InputError(f"{what} {str(path)!r} {kind}; give the path of an MJCF (.xml) file.")
+        if path.stat().st_size > LARGEST_FILE:
+            raise InputError(f"{what} {str(path)!r} is larger than the {LARGEST_FILE} bytes taken; is it MJCF?")
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            f"{what} {str(path)!r} cannot be read ({error}); check the path and its permissions."
+        ) from None
+    return parse_text(content, f"{what} {str(path)!r}")
+
+
+def parse_text(content: bytes, what: str) -> Any:
+    """The lxml tree of a document; see `parse`."""
+    parser = etree.XMLParser(
+        remove_blank_text=False,
+        remove_comments=False,
+        strip_cdata=False,
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+    )
+    try:
+        tree = etree.ElementTree(etree.fromstring(content, parser))
+    except (etree.XMLSyntaxError, ValueError) as error:
+        raise InputError(f"{what} is not XML: {error}; MuJoCo's own parser may say more.") from None
+    if tree.docinfo.doctype:
+        raise InputError(f"{what} declares a document type (<!DOCTYPE>), which MJCF does not need; remove it.")
+    return tree
+
+
+@dataclass(frozen=True, eq=False)
+class Include:
+    """An `<include>` of the document itself.
+
+    Args:
+        element: where it stands.
+        path: the file.
+        content: root of that file, its own includes put in place, asset paths as the main file would write them.
+        nested: it includes further files.
+    """
+
+    element: Element
+    path: Path
+    content: Element
+    nested: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Craft:
+    """A spacecraft's MJCF document.
+
+    Args:
+        tree: the lxml tree; functions of this package change copies only.
+        folder: where its relative paths start.
+        label: how messages call it.
+        declared: it begins with an XML declaration.
+    """
+
+    tree: Any
+    folder: Path
+    label: str
+    declared: bool = False
+
+    @property
+    def root(self) -> Element:
+        """The `<mujoco>` element."""
+        return self.tree.getroot()
+
+    def copy(self) -> "Craft":
+        """A copy that may be changed."""
+        return Craft(deepcopy(self.tree), self.folder, self.label, self.declared)
+
+    def to_bytes(self) -> bytes:
+        """The file's content, with an XML declaration where it had one."""
+        encoding = self.tree.docinfo.encoding or "utf-8"
+        before, node = [], self.root.getprevious()
+        while node is not None:
+            before.insert(0, etree.tostring(node, encoding=encoding, xml_declaration=False, with_tail=False))
+            node = node.getprevious()
+        after = [etree.tostring(n, encoding=encoding, xml_declaration=False) for n in self.root.itersiblings()]
+        body = etree.tostring(self.root, encoding=encoding, xml_declaration=False)
+        head = [f'<?xml version="1.0" encoding="{encoding}"?>'.encode()] if self.declared else []
+        return b"\n".join([*head, *before, body, *after]) + b"\n"
+
+    def canonical(self) -> bytes:
+        """Canonical XML, for comparing documents."""
+        return etree.tostring(self.tree, method="c14n")
+
+    def parts(self) -> list[Element]:
+        """The root of the document and the root of every file it includes, in order."""
+        return [self.root, *(include.content for include in self.includes())]
+
+    def asset_folders(self, parts: Iterable[Element]) -> dict[str, str]:
+        """`meshdir` and `texturedir` as the compiler elements of the parts leave them."""
+        out = {"mesh": "", "texture": ""}
+        for part in parts:
+            for compiler in part.iter("compiler"):
+                both = compiler.get("assetdir")
+                for kind in out:
+                    out[kind] = compiler.get(f"{kind}dir", out[kind] if both is None else both)
+        return out
+
+    def includes(self) -> list[Include]:
+        """The document's includes.
+
+        Raises:
+            InputError: a file is missing, is no XML, or is included twice (a cycle), which MuJoCo refuses too.
+        """
+        seen: list[Path] = []
+        files: list[tuple[Element, Path]] = []
+        out: list[Include] = []
+        for element in self.root.iter("include"):
+            path, content = self._read(element, self.folder, seen)
+            nested = self._expand(content, path, seen, files)
+            out.append(Include(element, path, content, nested))
+        folders = self.asset_folders([self.root, *(include.content for include in out)])
+        for element, beside in files:
+            inner = folders.get(ASSETS.get(str(element.tag), ""), "")
+            start = Path(os.path.normpath(self.folder.absolute() / inner))
+            for name, value in file_attributes(element):
+                places = [start / value, beside / value, beside / inner / value]
+                found = next((place for place in places if place.is_file()), None)
+                if found is not None and found != places[0]:
+                    element.set(name, os.path.relpath(found.absolute(), start.absolute()).replace(os.sep, "/"))
+        return out
+
+    def _read(self, element: Element, beside: Path, seen: list[Path]) -> tuple[Path, Element]:
+        file = element.get("file") or ""
+        # MuJoCo looks beside the main file first; the main file's folder need not exist yet
+        places = [Path(os.path.normpath(folder / file)) for folder in (self.folder.absolute(), beside.absolute())]
+        path = next((place for place in places if place.is_file()), places[0])
+        if path.resolve() in seen:
+            raise InputError(
+                f"{self.label} includes {path.name!r} twice or in a cycle "
+                f"({' -> '.join(place.name for place in [*seen, path])}), which MuJoCo refuses; include every file "
+                "once."
+            )
+        seen.append(path.resolve())
+        return path, parse(path, f"{self.label}: included file").getroot()
+
+    def _expand(self, content: Element, path: Path, seen: list[Path], files: list[tuple[Element, Path]]) -> bool:
+        nested = list(content.iter("include"))
+        for element in nested:
+            inner_path, inner = self._read(element, path.parent, seen)
+            self._expand(inner, inner_path, seen, files)
+            parent = element.getparent()
+            assert parent is not None
+            place = parent.index(element)
+            parent.remove(element)
+            for i, child in enumerate(list(inner)):
+                parent.insert(place + i, child)
+        mine = {id(element) for element, _ in files}
+        files += [(node, path.parent) for node in content.iter() if file_attributes(node) and id(node) not in mine]
+        return bool(nested)
+
+
+def file_attributes(element: Element) -> list[tuple[str, str]]:
+    """Attributes of an asset or an attached model that name a file relative to some folder."""
+    if element.tag not in ASSETS and element.tag != "model":
+        return []
+    pairs = [(str(name), str(value)) for name, value in element.attrib.items()]
+    return [(name, value) for name, value in pairs if name.startswith("file") and not os.path.isabs(value)]
+
+
+def read_craft(path: str | Path) -> Craft:
+    """Read a spacecraft's MJCF file; what earlier embedding put in stays.
+
+    Raises:
+        InputError: it cannot be read, is not MJCF, or its includes cannot be followed.
+    """
+    path = Path(path)
+    tree = parse(path)
+    declared = path.read_bytes().lstrip().startswith(b"<?xml")
+    craft = Craft(tree, path.parent, f"spacecraft {str(path)!r}", declared)
+    if craft.root.tag != "mujoco":
+        raise InputError(f"{craft.label} has root element <{craft.root.tag}>, not <mujoco>; give an MJCF file.")
+    craft.includes()
+    return craft
+
+
+def craft_from_text(content: str, folder: str | Path = ".") -> Craft:
+    """A spacecraft from MJCF text; relative paths in it start at `folder`.
+
+    Raises:
+        InputError: see `read_craft`.
+    """
+    craft = Craft(parse_text(content.encode("utf-8"), "spacecraft text"), Path(folder), "spacecraft text")
+    if craft.root.tag != "mujoco":
+        raise InputError(f"{craft.label} has root element <{craft.root.tag}>, not <mujoco>; give MJCF.")
+    craft.includes()
+    return craft
+
+
+def bare(craft: Craft) -> Craft:
+    """The spacecraft as it was before embedding, seen from the folder it came from: its own document again."""
+    home = craft.folder
+    for _, facts in marks.marks(craft.root):
+        if facts["piece"] == "compiler":
+            home = craft.folder / facts["folder"]
+    out = Craft(deepcopy(craft.tree), home, craft.label, craft.declared)
+    marks.take_out(out.root)
+    return out
+
+
+def relocate(craft: Craft, folder: Path | None) -> Craft:
+    """A copy whose relative paths are right in another folder; absolute where `folder` is None (to compile as text).
+
+    Included files that name files themselves are put in place, because MuJoCo would look for those elsewhere.
+    """
+    out = craft.copy()
+    if folder is not None and folder.resolve() == craft.folder.resolve():
+        return out
+    for include in out.includes():
+        if include.nested or any(file_attributes(node) for node in include.content.iter()):
+            marks.inline(include.element, include.content)
+    parts = out.parts()
+    relative = any(file_attributes(node) for part in parts for node in part.iter())
+    for element in list(out.root.iter("include", "model")):
+        file = element.get("file")
+        if file and not os.path.isabs(file):
+            marks.change(element, "path", {"file": marks.moved(file, craft.folder, folder)})
+            relative = True
+    if relative:
+        folders = out.asset_folders(parts)
+        compiler = etree.Element("compiler")
+        for kind, value in folders.items():
+            if not os.path.isabs(value):
+                compiler.set(f"{kind}dir", marks.moved(value, craft.folder, folder))
+        home = "." if folder is None else marks.moved(".", craft.folder, folder)
+        marks.put_last(out.root, compiler, "compiler", folder=home)
+    return Craft(out.tree, craft.folder if folder is None else folder, craft.label, craft.declared)

@@ -1,0 +1,36 @@
+"""`embed --json`: what was embedded, the coupled modes, what would spoil them."""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from beamchain.embedding import Embedded
+
+
+def embed_record(embedded: "Embedded") -> dict[str, Any]:
+    """The record as plain numbers."""
+    assembly = embedded.assembly
+    return {
+        "appendages": [
+            {
+                "at": a.at,
+                "prefix": a.prefix,
+                "hub": {
+                    "mass": a.hub.mass,
+                    "inertia": a.hub.inertia_matrix(),
+                    "com": [-v for v in a.hub.offset],
+                    "apparent": a.hub.apparent,
+                    "joints": [{"name": j.name, "type": j.kind, "sprung": j.sprung} for j in a.mount.joints],
+                },
+                "target": a.fit.kept_for,
+                "ports": {port: {"frequencies": target.frequencies} for port, target in a.fit.target.items()},
+                "status": {"ok": a.fit.status.ok, "message": a.fit.status.message},
+            }
+            for a in embedded.appendages
+        ],
+        "form": embedded.form,
+        "modes": [{"exact": m.exact, "mujoco": m.mujoco, "error": m.error, "kept": m.kept} for m in assembly.modes],
+        "band": assembly.band,
+        "worst": assembly.worst,
+        "accelerance": {"hub": assembly.hub, "band": assembly.common, "error": assembly.in_band},
+        "warnings": list(embedded.warnings),
+    }

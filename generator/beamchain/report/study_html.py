@@ -1,0 +1,130 @@
+"""study.html: what each second of computing buys; one file, nothing fetched."""
+
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import jinja2
+
+from beamchain.assess.front import Metric, Reach
+from beamchain.report import study_plots
+from beamchain.report.page import Table, inline
+from beamchain.report.plots import to_svg
+
+if TYPE_CHECKING:
+    from beamchain.study import Study
+
+HEAD = ("to reach", "model", "n", "integrator", "step, s", "time, ms", "per step over the rigid hub")
+
+
+def study_page(study: "Study") -> tuple[str, dict[str, str]]:
+    """The text of study.html, and the SVG files to stand beside it, by name."""
+    pictures = {
+        "error_against_run_time.svg": to_svg(study_plots.pareto_figure(study), "pareto"),
+        "growth.svg": to_svg(study_plots.growth_figure(study.growth), "growth"),
+    }
+    record = study.as_dict()
+    page = _template().render(
+        name=study.spec.name,
+        verdict=verdict(study),
+        scenario=scenario_sentence(study),
+        tables=[table(study, "error"), table(study, "error_appendage")],
+        pareto=inline(pictures["error_against_run_time.svg"], "Error against run time of every model."),
+        growth=inline(pictures["growth.svg"], "Time per step and time to fit against the number of links."),
+        commands=commands(study),
+        every=_every(study),
+        machine=", ".join(f"{key} {value}" for key, value in record["machine"].items()),
+        seconds=f"{study.seconds:.0f}",
+    )
+    return page, pictures
+
+
+def scenario_sentence(study: "Study") -> str:
+    """What was simulated."""
+    scenario = study.scenario
+    names = ("x displacement", "y displacement", "z displacement", "x rotation", "y rotation", "z rotation")
+    watched = ", ".join(names[i] for i in scenario.watched)
+    size = float(abs(scenario.profile.wrench).max())
+    return (
+        f"{scenario.duration:g} s; a wrench of up to {size:.3g} (N, N m) on the hub until "
+        f"{scenario.profile.times[-1]:g} s; compared: the hub's {watched}, against the exact linear motion of hub and "
+        "beam."
+    )
+
+
+def verdict(study: "Study") -> str:
+    """The answer in one sentence."""
+    best = study.best(1e-3, "error") or study.best(1e-2, "error")
+    if best is None:
+        return "No setting reached an error of 1e-2 within the budget; raise --budget."
+    target = 1e-3 if study.best(1e-3, "error") else 1e-2
+    point, rivals = best.point, study.rivals(target, "error")
+    near = min(rivals.values(), key=lambda r: r.seconds, default=None)
+    text = (
+        f"For an error of {target:g}, take {point.model} with n = {point.n}, {point.integrator}, "
+        f"step {point.timestep:.4g} s: {1e3 * best.seconds:.3g} ms for {study.scenario.duration:g} s."
+    )
+    if near is None:
+        return text
+    how = " (extrapolated along its measured slope)" if near.extrapolated else ""
+    return f"{text} The nearest rival, {near.model}, takes {near.seconds / best.seconds:.3g} times as long{how}."
+
+
+def row(reach: Reach, label: str, best: float) -> list[str]:
+    """One line of the table: measured, or extrapolated and said so."""
+    p = reach.point
+    ratio = reach.seconds / best
+    slower = "" if ratio == 1.0 else f" ({ratio:.3g} x)"
+    if reach.extrapolated:
+        return [label, p.model, "more", p.integrator, "less", f"{1e3 * reach.seconds:.3g}{slower}, extrapolated", "-"]
+    return [
+        label, p.model, str(p.n), p.integrator, f"{p.timestep:.4g}", f"{1e3 * reach.seconds:.4g}{slower}",
+        f"{p.over_rigid_hub:.2f}",
+    ]  # fmt: skip
+
+
+def table(study: "Study", metric: Metric) -> Table:
+    """What it takes to reach each target: our best, then the rivals."""
+    from beamchain.assess.front import TARGETS, power
+
+    rows: list[list[str]] = []
+    for target in TARGETS:
+        best = study.best(target, metric)
+        if best is None:
+            rows.append([power(target), "none within the budget", "", "", "", "", ""])
+            continue
+        rows.append(row(best, power(target), best.seconds))
+        for reach in sorted(study.rivals(target, metric).values(), key=lambda r: r.seconds):
+            rows.append(row(reach, "", best.seconds))
+        for model, floor in study.short_of(target, metric).items():
+            rows.append(["", model, "any", "any", "any", f"never: {floor:.2g} at best", "-"])
+    return Table(rows, HEAD, caption=study_plots.TITLES[metric])
+
+
+def commands(study: "Study") -> list[str]:
+    """Command lines that make the recommended chains from the specs written beside the report."""
+    from beamchain.assess.front import TARGETS, power, recommended_name
+
+    return [
+        f"beamchain fit {recommended_name(target)} -o {study.spec.name}_{power(target)}"
+        for target in TARGETS
+        if study.best(target, "error") is not None
+    ]
+
+
+def _every(study: "Study") -> Table:
+    rows = [
+        [p.model, str(p.n), p.integrator, f"{p.timestep:.4g}", f"{p.error:.2e}", f"{p.error_appendage:.2e}",
+         f"{1e3 * p.seconds:.4g}", f"{1e6 * p.seconds_per_step:.3g}", f"{100 * p.spread:.1f}"]
+        for p in study.points
+    ]  # fmt: skip
+    head = ("model", "n", "integrator", "step, s", "error", "error, own clock", "time, ms", "µs per step", "spread, %")
+    return Table(rows, head)
+
+
+@cache
+def _template() -> jinja2.Template:
+    loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
+    return jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined).get_template(
+        "study.html"
+    )

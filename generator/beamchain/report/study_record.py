@@ -1,0 +1,78 @@
+"""study.json: every point, what it takes to reach a target, the machine."""
+
+from typing import TYPE_CHECKING, Any
+
+from beamchain.assess.front import Metric, Reach
+
+if TYPE_CHECKING:
+    from beamchain.study import Study
+
+
+def study_record(study: "Study") -> dict[str, Any]:
+    """What study.json holds; `points`, `rigid_hub` and `to_reach` are the contract, the rest is added."""
+    import beamchain
+    from beamchain.engine.machine import machine
+
+    scenario = study.scenario
+    return {
+        "name": study.spec.name,
+        "beamchain": beamchain.__version__,
+        "machine": machine(),
+        "scenario": {
+            "duration": scenario.duration,
+            "times": scenario.profile.times,
+            "wrench": scenario.profile.wrench,
+            "watched": scenario.watched,
+            "largest_elastic_motion": scenario.largest,
+        },
+        "points": [point._asdict() for point in study.points],
+        "notes": [
+            {
+                "model": ladder.entry.model,
+                "n": ladder.entry.n,
+                "integrator": ladder.entry.integrator,
+                "note": ladder.note,
+            }
+            for ladder in study.ladders
+        ],
+        "rigid_hub": study.rigid_hub,
+        "to_reach": _to_reach(study, "error"),
+        "to_reach_appendage": _to_reach(study, "error_appendage"),
+        "growth": {
+            "step": study.growth.step,
+            "step_exponent": study.growth.exponent,
+            "fit": study.growth.fit,
+            "fit_exponent": study.growth.fit_exponent,
+        },
+        "seconds": study.seconds,
+    }
+
+
+def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
+    from beamchain.assess.front import TARGETS, power
+
+    out: dict[str, Any] = {}
+    for target in TARGETS:
+        best = study.best(target, metric)
+        if best is None:
+            out[power(target)] = None
+            continue
+        rivals = study.rivals(target, metric)
+        out[power(target)] = {
+            **best.point._asdict(),
+            "rivals": {model: reach.seconds / best.seconds for model, reach in rivals.items()},
+            "rival_points": {model: _reach(reach) for model, reach in rivals.items()},
+        }
+    return out
+
+
+def _reach(reach: Reach) -> dict[str, Any]:
+    point = reach.point
+    return {
+        "n": point.n,
+        "integrator": point.integrator,
+        "timestep": point.timestep,
+        "seconds": reach.seconds,
+        "extrapolated": reach.extrapolated,
+        "slope": reach.slope,
+    }

@@ -1,0 +1,248 @@
+"""What a fit is: the chain, its proof through MuJoCo, and the files it writes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from lxml.etree import _Element as Element
+
+from beamchain.assess.error import Comparison
+from beamchain.assess.needs import AXES, Choice, LeftOut
+from beamchain.assess.stability import StepLimits
+from beamchain.assess.steps import StepChoice, choose_step
+from beamchain.chain.build import (
+    Status,
+)
+from beamchain.chain.chain import Chain
+from beamchain.chain.damping import Damper
+from beamchain.chain.oscillators import Oscillators
+from beamchain.chain.prewarp import Prewarp
+from beamchain.engine.bench import Measured, ballast_for
+from beamchain.engine.library import mujoco
+from beamchain.errors import InputError
+from beamchain.files import write_files
+from beamchain.mjcf import write
+from beamchain.mjcf.oscillators import oscillators as write_oscillators
+from beamchain.port import PORTS, Array, PortModel, in_space
+from beamchain.spec import Hub, Scene, Spec
+from beamchain.structure.mass_line import MassLine
+from beamchain.structure.modal_data import ModalData
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+DECOUPLED = 1e-9  # relative: what two independent ports may share
+
+
+@dataclass(frozen=True, eq=False)
+class InSpace:
+    """A fit seen with all six motions of the root at once, which shows what ports do to each other.
+
+    Args:
+        data: the imported modes, about the port, in SI; what was done to them stands in its `steps`.
+        form: "chain" or "oscillators", and `why`.
+        full: all imported modes.
+        target: the modes that were asked for.
+        achieved: read back through `mjd_transitionFD`.
+        error: achieved against target; in band, against all modes.
+        live: motions in which the appendage has inertia; the models hold these only.
+        made: the oscillators, in that form.
+    """
+
+    data: ModalData
+    form: str
+    why: str
+    full: PortModel
+    target: PortModel
+    achieved: PortModel
+    error: Comparison
+    live: tuple[int, ...]
+    made: Oscillators | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An appendage as a hinge chain, proved through MuJoCo.
+
+    Args:
+        spec: what was asked for.
+        chain: what came out.
+        full: per port, all modes of the beam's discretisation: the truth.
+        target: per port, the reduced model the chain was made for.
+        achieved: per port, read back through `mjd_transitionFD`.
+        error: per port, achieved against target; in band, against the whole beam.
+        measured: the bench.
+        limits: step limits on the hub of the spec, or alone.
+        status: ok, message, history.
+        seconds: model, realise, write, verify.
+        bandwidth: per port, of the in-band error [rad/s].
+        dampers: the damping tendons.
+        warnings: what to know before the file is used; shown by `beamchain fit` and in the report.
+        prewarps: per port, where `fit.timestep` asks for it; the error in band is then that of what the step shows.
+        line: how the mass lies along x, where that is not the spec's beam.
+        space: all six motions at once, where the modes were imported. In the oscillator form `chain` is what stays when
+            nothing moves, one rigid link, and `space.made` holds the oscillators.
+    """
+
+    spec: Spec
+    chain: Chain
+    full: dict[str, PortModel]
+    target: dict[str, PortModel]
+    achieved: dict[str, PortModel]
+    error: dict[str, Comparison]
+    measured: Measured
+    limits: StepLimits
+    status: Status
+    seconds: dict[str, float]
+    bandwidth: dict[str, float]
+    kept_for: str = "clamped"
+    dampers: tuple[Damper, ...] = ()
+    choice: Choice | None = None
+    promise: float | None = None
+    left_out: tuple[LeftOut, ...] = ()
+    warnings: tuple[str, ...] = ()
+    prewarps: Mapping[str, Prewarp] = field(default_factory=dict[str, Prewarp])
+    line: MassLine | None = None
+    space: InSpace | None = None
+
+    @property
+    def mass_line(self) -> MassLine:
+        """How the appendage's mass lies along x: its beam, or what imported modes say of it."""
+        return self.spec.beam if self.line is None else self.line
+
+    @property
+    def oscillators(self) -> Oscillators | None:
+        """The oscillators, in that form."""
+        return None if self.space is None else self.space.made
+
+    @cached_property
+    def hub_mass(self) -> Array | None:
+        """`(6, 6)` mass matrix of the spec's hub about the root; None without one."""
+        return None if self.spec.root.hub is None else self.spec.root.hub.mass_matrix()
+
+    @property
+    def tip_error(self) -> dict[str, Array]:
+        """Per port `(n,)`: relative error of the tip displacement (or angle) in each kept mode."""
+        out: dict[str, Array] = {}
+        for port, target in self.target.items():
+            ours = self.chain.port(port)
+            if ours.tip is not None and target.tip is not None:
+                k = min(ours.modes, target.modes)
+                out[port] = ours.tip[:k, 0] / target.tip[:k, 0] - 1.0
+        return out
+
+    @cached_property
+    def steps(self) -> tuple[StepChoice, ...]:
+        """Integrators, each with its largest step within the tolerance, cheapest first; empty without a bandwidth."""
+        scene = self.spec.scene
+        if scene is None or scene.bandwidth is None or not self.achieved:
+            return ()
+        model = in_space(self.achieved, self.measured.rigid_mass)
+        hub = self.hub_mass if self.hub_mass is not None else self.measured.rigid_mass
+        keep = sorted(AXES[axis] for axis in scene.axes)
+        return choose_step(model, hub, keep, scene.bandwidth, scene.tolerance, tendon=bool(self.dampers))
+
+    def appendage(self) -> Element:
+        """The drop-in MJCF as an lxml tree."""
+        scene = self.spec.scene or Scene()
+        if self.oscillators is not None:
+            return write_oscillators(self.oscillators, self.spec.name, visuals=scene.visuals)
+        return appendage_tree(self.spec, self.chain, self.mass_line, self.dampers)
+
+    def to_mjcf(self) -> str:
+        """The drop-in MJCF file as text."""
+        return write.text(self.appendage())
+
+    def scene_mjcf(self) -> str:
+        """A free-flying hub with the appendage on it, as text. Without a hub in the spec: ten times the appendage."""
+        scene = self.spec.scene or Scene()
+        hub = self.spec.root.hub or default_hub(self.mass_line)
+        timestep = self.spec.fit.timestep or (scene.timestep if self.spec.scene else self._safe_step(scene.integrator))
+        root = write.scene(
+            self.appendage(), self.spec.name, mass=hub.mass, inertia=hub.inertia_matrix(), offset=hub.offset,
+            timestep=timestep, integrator=scene.integrator, contacts=scene.contacts,
+        )  # fmt: skip
+        return write.text(root)
+
+    def bench_mjcf(self) -> str:
+        """The appendage on the test bench: its root free in every kept port, as text."""
+        ports = [port for port in PORTS if port in self.achieved]
+        return write.text(write.bench(self.appendage(), ports, 0.01, ballast_for(self.chain)))
+
+    def _safe_step(self, integrator: str) -> float:
+        """A round step: a fifth of the stability limit at most."""
+        bound = 0.2 * min(self.limits.largest_step[integrator], 5.0)
+        exponent = np.floor(np.log10(bound))
+        return float(max(m for m in (1.0, 2.0, 5.0) if m * 10**exponent <= bound * (1 + 1e-12)) * 10**exponent)
+
+    def attach(self, spec: "mujoco.MjSpec", site: str) -> None:
+        """Attach the appendage to a site of an `mujoco.MjSpec` (x of the site's frame outwards), names unprefixed.
+
+        Raises:
+            InputError: the spec has no such site.
+        """
+        place = spec.site(site)
+        if place is None:
+            known = ", ".join(s.name for s in spec.sites if s.name) or "none"
+            raise InputError(f"site {site!r} is not in the model; its sites are: {known}.")
+        # MuJoCo warns of an empty prefix: take the name off every element, and have MuJoCo put it back
+        prefix = f"{self.spec.name}_"
+        child = mujoco.MjSpec.from_string(self.to_mjcf().replace(f'"{prefix}', '"'))
+        spec.attach(child, site=place, prefix=prefix)
+
+    def plot(self, ax: "Axes | None" = None, port: str | None = None) -> "Axes":
+        """Accelerance of the first kept port: beam, chain through MuJoCo. Returns the axes; shows nothing."""
+        from beamchain.report.plots import plot_accelerance
+
+        return plot_accelerance(self, ax=ax, port=port)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What fit.json holds."""
+        from beamchain.report.record import fit_record
+
+        return fit_record(self)
+
+    def write(self, folder: str | Path, *, force: bool = False) -> list[Path]:
+        """Write appendage.xml, scene.xml, pictures, report.html and fit.json (last) into `folder`; all or none.
+
+        Raises:
+            OutputError: a file exists and `force` is False, or the folder cannot be written.
+        """
+        from beamchain.report.html import fit_report
+        from beamchain.report.record import to_json
+
+        folder = Path(folder)
+        report, pictures = fit_report(self)
+        files: dict[Path, str | bytes] = {
+            folder / "appendage.xml": self.to_mjcf(),
+            folder / "scene.xml": self.scene_mjcf(),
+            **{folder / name: content for name, content in pictures.items()},
+            folder / "report.html": report,
+            folder / "fit.json": to_json(self.as_dict()),
+        }
+        write_files(files, force=force)
+        return list(files)
+
+
+def default_hub(beam: MassLine) -> Hub:
+    """Ten times the appendage's mass, a cube as wide as a tenth of its length, root at a face."""
+    mass, side = 10.0 * beam.rigid_mass()[0, 0], 0.1 * beam.length
+    inertia = max(mass * side**2 / 6.0, 1e-12)
+    return Hub(mass=mass, inertia=(inertia, inertia, inertia), offset=(side / 2.0, 0.0, 0.0))
+
+
+def appendage_tree(spec: Spec, chain: Chain, line: MassLine, dampers: tuple[Damper, ...]) -> Element:
+    """The drop-in file with the elements that the scene uses."""
+    scene = spec.scene or Scene(tip=True)
+    return write.appendage(
+        chain,
+        spec.name,
+        beam=line,
+        dampers=dampers,
+        visuals=scene.visuals,
+        tip=scene.tip or spec.payload is not None,
+        contacts=scene.contacts,
+    )

@@ -1,0 +1,375 @@
+"""Modes somebody else computed: cantilever frequencies, participation and rigid mass about the port, from any program.
+
+Everything is checked here once, whatever file it came from, and every change is written down in `steps`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from beamchain.errors import InputError
+from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, in_space, locked
+from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine, Piece, default_length, line_of, of_line, spread
+from beamchain.structure.planes import into_planes, near_groups
+
+MOTIONS = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
+EXACT = 1e-13  # relative precision of numbers that were not printed
+ROUNDING = 20.0  # precision of a residual over that of the numbers it is the difference of: 6 rows, 3 products each
+NOISE = 1e-9  # a residual may be this far below zero whatever the print
+
+
+@dataclass(frozen=True, eq=False)
+class ModalData:
+    """Modes of an appendage held at its port, in SI, appendage axes, about the port.
+
+    Args:
+        rigid_mass: `(6, 6)` of the frozen appendage about the port, motions (x, y, z, rotations).
+        frequencies: `(n,)` with the port held [rad/s].
+        participation: `(n, 6)` rows `L_k = R^T M phi_k` of the mass-normalised modes.
+        damping: `(n,)` ratios; zeros where left out.
+        tip: `(n, 6)` motion of the tip in each mass-normalised mode, where known.
+        length: root to tip [m], where known.
+        pieces, points: how the mass lies along x, where known; see `SpreadMass`.
+        precision: relative, of the printed numbers.
+        source: where it came from.
+        steps: what was done to the numbers, in order.
+        printed: the numbers stand as they were printed; False once rounding has been cleared away.
+
+    Raises:
+        InputError: shapes disagree, a number is not finite, or the numbers contradict each other.
+    """
+
+    rigid_mass: Array
+    frequencies: Array
+    participation: Array
+    damping: Array = field(default_factory=lambda: np.zeros(0))
+    tip: Array | None = None
+    length: float | None = None
+    pieces: tuple[Piece, ...] = ()
+    points: Array = field(default_factory=lambda: np.zeros((0, 5)))
+    precision: float = EXACT
+    source: str = "modes"
+    steps: tuple[str, ...] = ()
+    printed: bool = True
+
+    def __post_init__(self) -> None:
+        mass, w = np.array(self.rigid_mass, dtype=np.float64), np.array(self.frequencies, dtype=np.float64)
+        n = w.size
+        rows = np.array(self.participation, dtype=np.float64)
+        damping = np.zeros(n) if np.size(self.damping) == 0 else np.array(self.damping, dtype=np.float64)
+        if mass.shape != (6, 6) or rows.shape != (n, 6) or damping.shape != (n,) or w.shape != (n,) or n == 0:
+            raise InputError(
+                f"{self.source}: the sizes do not fit: mass {mass.shape}, frequencies {w.shape}, participation "
+                f"{rows.shape}, damping {damping.shape}; give mass (6, 6) and for n modes n frequencies, participation "
+                "6 x n and one damping ratio each."
+            )
+        tip = None if self.tip is None else np.array(self.tip, dtype=np.float64)
+        if tip is not None and tip.shape != (n, 6):
+            raise InputError(f"{self.source}: tip has the shape {tip.shape}; give the six motions of the tip per mode.")
+        given = {"mass": mass, "frequencies": w, "participation": rows, "damping": damping, "points": self.points}
+        for name, values in given.items() if tip is None else {**given, "tip": tip}.items():
+            if not np.all(np.isfinite(values)):
+                raise InputError(
+                    f"{self.source}: {name} holds a value that is not a finite number; export the modes again."
+                )
+        if np.any(w <= 0.0):
+            raise InputError(
+                f"{self.source}: mode {int(np.argmin(w)) + 1} has the frequency {float(w.min()):.4g}: the structure "
+                "was not held at its port; clamp the port (SPC) and compute the modes again."
+            )
+        order = np.argsort(w, kind="stable")
+        w, rows, damping = w[order], rows[order], damping[order]
+        tip = None if tip is None else tip[order]
+        size = np.sqrt(np.clip(np.diag(mass), 0.0, None))
+        if np.any(np.diag(mass)[:3] <= 0.0) or np.any(np.diag(mass) < 0.0):
+            raise InputError(
+                f"{self.source}: the rigid mass matrix has the diagonal {np.diag(mass).tolist()}; masses must be "
+                "positive."
+            )
+        worst = np.abs(mass - mass.T) - max(self.tolerance, 1e-6) * np.outer(size, size)
+        if np.any(worst > 0.0):
+            i, j = np.unravel_index(int(np.argmax(worst)), (6, 6))
+            raise InputError(
+                f"{self.source}: the rigid mass matrix is not symmetric ({MOTIONS[i]}, {MOTIONS[j]}: {mass[i, j]:.6g} "
+                f"and {mass[j, i]:.6g}); give it about one point, the port."
+            )
+        try:
+            mass, change = settled((mass + mass.T) / 2.0, rows, self.tolerance if self.printed else 0.0)
+        except InputError as error:
+            raise InputError(f"{self.source}: {error}") from None
+        steps = list(self.steps)
+        if change > 10.0 * EXACT:
+            steps.append(
+                f"rigid mass moved by {change:.1e} relative, within the printed precision of {self.precision:.0e}, so "
+                "that the residual mass is nowhere negative"
+            )
+        for name, value in {
+            "rigid_mass": locked(mass), "frequencies": locked(w), "participation": locked(rows),
+            "damping": locked(damping), "tip": None if tip is None else locked(tip),
+            "points": locked(self.points), "pieces": tuple(self.pieces), "steps": tuple(steps), "printed": False,
+        }.items():  # fmt: skip
+            object.__setattr__(self, name, value)
+
+    # -- sizes and checks ------------------------------------------------------------------------------------------
+    @property
+    def modes(self) -> int:
+        """Number of modes."""
+        return self.frequencies.size
+
+    @property
+    def tolerance(self) -> float:
+        """Relative size below which an entry of the residual mass is nothing but rounding."""
+        return ROUNDING * self.precision
+
+    @property
+    def scale(self) -> Array:
+        """`(6,)` square roots of the rigid masses; 1 where there is none."""
+        diagonal = np.diag(self.rigid_mass)
+        return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+
+    @property
+    def live(self) -> list[int]:
+        """Motions in which the appendage has any inertia."""
+        return [i for i in range(6) if self.rigid_mass[i, i] > 0.0]
+
+    @property
+    def shares(self) -> Array:
+        """`(n, 4)` share of each port in each mode's participation, every motion scaled by its rigid mass."""
+        rows = (self.participation / self.scale) ** 2
+        out = np.column_stack([rows @ np.sum(PORT_MOTION[port] ** 2, axis=1) for port in PORTS])
+        return out / np.clip(out.sum(axis=1, keepdims=True), 1e-300, None)
+
+    @property
+    def belongs(self) -> tuple[str, ...]:
+        """Port of each mode: where its participation is largest."""
+        return tuple(PORTS[i] for i in np.argmax(self.shares, axis=1))
+
+    @property
+    def leaks(self) -> Array:
+        """`(n,)` part of each mode's participation that lies outside its port, 0 to 1."""
+        out = np.sqrt(np.clip(1.0 - np.max(self.shares, axis=1), 0.0, 1.0))
+        return np.where(out < max(self.tolerance, 1e-12), 0.0, out)
+
+    @property
+    def mass_leak(self) -> float:
+        """Largest coupling between ports in the rigid mass, relative: mass beside the x axis."""
+        across = self.rigid_mass / np.outer(self.scale, self.scale)
+        for port in PORTS:
+            inside = np.sum(PORT_MOTION[port] ** 2, axis=1) > 0.0
+            across = np.where(np.outer(inside, inside), 0.0, across)
+        return float(np.max(np.abs(across)))
+
+    # -- port models -----------------------------------------------------------------------------------------------
+    def space(self) -> PortModel:
+        """The port model with all six motions (those without inertia left out; see `live`)."""
+        live = self.live
+        tip = None if self.tip is None else self.tip[:, :2]
+        return PortModel(
+            self.rigid_mass[np.ix_(live, live)], self.frequencies, self.participation[:, live], self.damping, tip
+        )
+
+    def port(self, port: str, *, own: bool = False) -> PortModel:
+        """The port model of one port, all other motions of the root held.
+
+        Args:
+            port: "xy", "xz", "torsion" or "axial".
+            own: only the modes that belong there.
+        """
+        motion = PORT_MOTION[port]
+        share = self.shares[:, PORTS.index(port)]
+        pick = np.array([b == port for b in self.belongs]) if own else share > max(self.tolerance, EXACT) ** 2
+        rows = self.participation[pick] @ motion
+        mass, _ = settled(motion.T @ self.rigid_mass @ motion, rows, self.tolerance)
+        tip = None if self.tip is None else self.tip[pick] @ motion
+        return PortModel(mass, self.frequencies[pick], rows, self.damping[pick], tip)
+
+    # -- made from this one ----------------------------------------------------------------------------------------
+    def scaled(self, length: float, mass: float) -> "ModalData":
+        """The data in SI, given the file's units.
+
+        Args:
+            length: metres per unit of length of the file.
+            mass: kilograms per unit of mass.
+        """
+        if length == 1.0 and mass == 1.0:
+            return self
+        turn = np.array([1.0, 1.0, 1.0, length, length, length])
+        points = self.points * np.array([length, mass, *([mass * length**2] * 3)])
+        pieces = [
+            Piece(
+                p.start * length, p.length * length, p.densities * mass * np.array([1 / length, length, length, length])
+            )
+            for p in self.pieces
+        ]
+        return replace(
+            self,
+            rigid_mass=self.rigid_mass * mass * np.outer(turn, turn),
+            participation=self.participation * np.sqrt(mass) * turn,
+            tip=None if self.tip is None else self.tip / np.sqrt(mass) / turn,
+            length=None if self.length is None else self.length * length,
+            points=points,
+            pieces=tuple(pieces),
+            steps=(*self.steps, f"units: 1 length unit = {length:g} m, 1 mass unit = {mass:g} kg"),
+        )
+
+    def moved(self, reference: ArrayLike, axes: ArrayLike | None = None) -> "ModalData":
+        """The data about another point, in other axes.
+
+        Args:
+            reference: `(3,)` the port, from the present point, in the present axes and units.
+            axes: `(3, 3)` rows: appendage x, y, z in the present axes.
+
+        Raises:
+            InputError: the axes are not orthonormal and right-handed.
+        """
+        r = np.asarray(reference, dtype=np.float64)
+        turn = np.eye(3) if axes is None else np.asarray(axes, dtype=np.float64)
+        if np.max(np.abs(turn @ turn.T - np.eye(3))) > 1e-6 or np.linalg.det(turn) < 0.0:
+            raise InputError(
+                f"axes = {turn.tolist()} are not three perpendicular unit vectors, right-handed; give appendage x, y, "
+                "z as rows, each of length 1, with z = x cross y."
+            )
+        left, _, right = np.linalg.svd(turn)  # six printed digits of a direction are not exactly orthonormal
+        turn = left @ right
+        if not np.any(r) and np.array_equal(turn, np.eye(3)):
+            return self
+        x, y, z = r
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        motion = np.block([[turn.T, cross @ turn.T], [np.zeros((3, 3)), turn.T]])
+        both = np.block([[turn, np.zeros((3, 3))], [np.zeros((3, 3)), turn]])
+        words = f"port at {_words(r)} of the file"
+        if not np.array_equal(turn, np.eye(3)):
+            words += f", axes {'; '.join(_words(row) for row in turn)}"
+        return replace(
+            self,
+            rigid_mass=motion.T @ self.rigid_mass @ motion,
+            participation=self.participation @ motion,
+            tip=None if self.tip is None else self.tip @ both.T,
+            pieces=(),
+            points=np.zeros((0, 5)),
+            steps=(*self.steps, words),
+        )
+
+    def selected(self, modes: Sequence[int]) -> "ModalData":
+        """Only some modes, numbered from 1 in the order of their frequencies.
+
+        Raises:
+            InputError: a number is given twice or lies beyond the last mode.
+        """
+        for k in modes:
+            if not 1 <= k <= self.modes:
+                raise InputError(
+                    f"modes: {k} is not in the file, which holds modes 1 to {self.modes}; choose among them."
+                )
+        if len(set(modes)) != len(modes) or not modes:
+            raise InputError(f"modes = {list(modes)!r} must name at least one mode, and each only once.")
+        pick = np.array(sorted(modes)) - 1
+        return replace(
+            self,
+            frequencies=self.frequencies[pick],
+            participation=self.participation[pick],
+            damping=self.damping[pick],
+            tip=None if self.tip is None else self.tip[pick],
+            steps=(*self.steps, f"modes {', '.join(str(k) for k in sorted(modes))} of {self.modes} taken"),
+        )
+
+    def untangled(self) -> "ModalData":
+        """Modes of equal frequency turned into the planes: in a round boom the program picks any two directions."""
+        groups = near_groups(self.frequencies, max(self.tolerance, 1e-9))
+        turned = into_planes(self.frequencies, self.participation, self.scale, groups)
+        if not turned.changed:
+            return self
+        tip = None if self.tip is None else turned.turn @ self.tip
+        words = ", ".join("/".join(str(k + 1) for k in group) for group in turned.changed)
+        return replace(
+            self,
+            frequencies=turned.frequencies,
+            participation=turned.participation,
+            tip=tip,
+            steps=(*self.steps, f"modes {words} of equal frequency turned into the planes"),
+        )
+
+    def line(self) -> MassLine:
+        """How the mass lies along x: as the file says, else the plainest that the rigid mass allows.
+
+        Raises:
+            InputError: the length does not hold the mass.
+        """
+        length = default_length(self.rigid_mass) if self.length is None else self.length
+        stiffness: dict[str, float] = {}
+        for port in PORTS:
+            own = [float(w) for w, b in zip(self.frequencies, self.belongs, strict=True) if b == port]
+            if own:  # of the uniform beam or bar with that first frequency
+                i = int(np.argmax(PORT_MOTION[port][:, 0]))
+                factor = length**3 / 12.36 if port in ("xy", "xz") else (2.0 / np.pi) ** 2 * length
+                stiffness[port] = own[0] ** 2 * max(float(self.rigid_mass[i, i]), 1e-30) * factor
+        if self.length is not None and (self.pieces or self.points.size):
+            return of_line(length, self.rigid_mass, self.pieces, self.points, stiffness)
+        return spread(self.rigid_mass, length, stiffness)
+
+    @classmethod
+    def from_beam(cls, beam: Beam, modes: dict[str, int], *, every: bool = False) -> "ModalData":
+        """A beam's modes as a program would deliver them.
+
+        Args:
+            beam: the appendage.
+            modes: lowest modes per port.
+            every: keep all modes of the discretisation, of which those are the converged ones.
+        """
+        ports = {port: beam.port(port, 2 * count + 4) for port, count in modes.items()}
+        if not every:
+            ports = {port: model.truncated(modes[port]) for port, model in ports.items()}
+        whole = in_space(
+            ports, beam.rigid_mass() + np.diag([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]) * (beam.rigid_mass()[3, 3] <= 0)
+        )
+        tip = np.vstack([m.tip @ PORT_MOTION[p].T for p, m in ports.items() if m.tip is not None])
+        order = np.argsort(np.concatenate([m.frequencies for m in ports.values()]), kind="stable")
+        pieces, points = line_of(beam)
+        return cls(
+            beam.rigid_mass(), whole.frequencies, whole.participation, tip=tip[order], length=beam.length,
+            pieces=pieces, points=points, source="a beam",
+        )  # fmt: skip
+
+
+def settled(rigid_mass: Array, participation: Array, tolerance: float) -> tuple[Array, float]:
+    """The rigid mass whose residual is nowhere negative, and how far it was moved, relative.
+
+    Printed numbers leave a residual mass that is zero only to their precision. Entries below `tolerance` become zero,
+    so that a direction without residual mass is one exactly; eigenvalues within rounding of zero are clipped.
+
+    Args:
+        rigid_mass: `(m, m)`.
+        participation: `(n, m)`.
+        tolerance: relative.
+
+    Raises:
+        InputError: an eigenvalue is negative beyond rounding.
+    """
+    diagonal = np.diag(rigid_mass)
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    effective = participation.T @ participation
+    residual = (rigid_mass - effective) / np.outer(scale, scale)
+    kept = np.where(np.abs(residual) <= tolerance, 0.0, residual)
+    values, vectors = np.linalg.eigh(kept)
+    if values[0] < -max(tolerance, NOISE):
+        worst = int(np.argmax(np.abs(vectors[:, 0])))
+        names = MOTIONS if scale.size == 6 else ("displacement", "rotation")
+        raise InputError(
+            "the residual mass (rigid mass minus the effective masses of all modes) has the eigenvalue "
+            f"{values[0]:.3g} relative to the rigid mass, mainly in {names[worst]}; it must not be negative. Likely "
+            "causes: participation and mass about different reference points, different units, modes that are not "
+            "mass-normalised, or a rigid mass without that of the clamped nodes."
+        )
+    if values[0] < 0.0 or np.any((values > 0.0) & (values <= tolerance)):
+        clipped = np.where(values <= tolerance, 0.0, values)
+        kept = (vectors * clipped) @ vectors.T
+    present = np.where(diagonal > 0.0, scale, 0.0)  # a motion without inertia has none afterwards
+    out = effective * np.outer(diagonal > 0.0, diagonal > 0.0) + kept * np.outer(present, present)
+    return out, float(np.max(np.abs(kept - residual)))
+
+
+def _words(values: Array) -> str:
+    return "(" + ", ".join(f"{v:.6g}" for v in values) + ")"

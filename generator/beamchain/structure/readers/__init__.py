@@ -1,0 +1,63 @@
+"""Files that hold modes, one reader per kind; `read_modes` chooses and brings all to SI, appendage axes, the port."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from beamchain.checks import one_of, positive
+from beamchain.errors import InputError
+from beamchain.structure.modal_data import ModalData
+from beamchain.structure.readers import craig_bampton, nastran_f06, nastran_op2, own_format
+
+#: Reader by ending of the file's name.
+READERS = {
+    ".f06": nastran_f06.read,
+    ".op2": nastran_op2.read,
+    ".toml": own_format.read,
+    ".json": own_format.read,
+    ".npz": craig_bampton.read,
+    ".mat": craig_bampton.read,
+}
+
+
+def read_modes(
+    path: str | Path,
+    *,
+    reference: ArrayLike = (0.0, 0.0, 0.0),
+    axes: ArrayLike | None = None,
+    units: Mapping[str, float] | None = None,
+    modes: Sequence[int] | None = None,
+    subcase: int | None = None,
+) -> ModalData:
+    """Read modes that another program computed.
+
+    Args:
+        path: .f06, .op2 (needs pyNastran), .toml or .json, .npz or .mat (mass, stiffness, boundary).
+        reference: the port, from the file's reference point, in the file's axes and units.
+        axes: rows: appendage x, y, z in the file's axes; the file's own where left out.
+        units: `{"length": metres per unit, "mass": kilograms per unit}`; SI where left out.
+        modes: numbers from 1, by ascending frequency; all where left out.
+        subcase: which one, where a file holds several.
+
+    Returns:
+        Checked data in SI about the port, modes of equal frequency turned into the planes; `steps` tells what was done.
+
+    Raises:
+        InputError: the file is missing, cut, mangled or contradicts itself; the sentence says what to ask for.
+    """
+    path = Path(path)
+    kind = path.suffix.lower()
+    if kind not in READERS:
+        raise InputError(f"file {str(path)!r} has an unknown ending; beamchain reads {', '.join(READERS)}.")
+    if not path.is_file():
+        what = "is a folder" if path.is_dir() else "does not exist"
+        raise InputError(f"file {str(path)!r} {what}; give the path of the file with the modes.")
+    units = dict(units or {})
+    for name, value in units.items():
+        one_of("units", name, ("length", "mass"))
+        positive(f"units.{name}", value, "SI units per unit of the file")
+    data = READERS[kind](path, subcase)
+    # first the port, in the file's own units, then the units, then the pairs, which need the appendage's planes
+    data = data.moved(reference, axes).scaled(units.get("length", 1.0), units.get("mass", 1.0)).untangled()
+    return data if modes is None else data.selected(modes)

@@ -1,0 +1,108 @@
+"""Shapes of a beam's cantilever modes, marched outwards from what the root feels.
+
+A mode's participation is its root force and moment per W^2, so that with the root held all four quantities at the root
+are known, and the equations of the beam carry them to the tip. What is left there (force and moment on a free end) says
+how well frequency and participation belong together. Good for as many modes as a picture shows: the march amplifies an
+error by exp(W-dependent wave number x length), 1e7 for the sixth bending mode.
+"""
+
+import numpy as np
+
+from beamchain.port import Array, PortModel
+from beamchain.structure.beam import Beam, Stations
+
+STEPS = 240  # of fourth order, over the whole appendage
+
+
+def mode_shapes(beam: Beam, port: str, model: PortModel) -> tuple[Array, Array]:
+    """Displacement (or angle) along the beam in its mass-normalised cantilever modes.
+
+    Args:
+        beam: the appendage.
+        port: "xy", "xz", "torsion" or "axial".
+        model: of that beam in that port; all its modes are drawn, so truncate it first.
+
+    Returns:
+        `x` `(k,)` [m] and the shapes `(n, k)` [1/sqrt(kg)], in torsion [1/(sqrt(kg) m)].
+    """
+    bending = port in ("xy", "xz")
+    square = model.frequencies**2
+    state = np.zeros(
+        (4 if bending else 2, model.modes)
+    )  # displacement, rotation, moment, force; or motion, strain force
+    if bending:
+        state[2], state[3] = square * model.participation[:, 1], -square * model.participation[:, 0]
+    else:
+        state[1] = square * model.participation[:, 0]
+    x, shapes = [0.0], [state[0]]
+    stops = sorted({0.0, *beam.starts, *(min(lump.x, beam.length) for lump in beam.lumps), beam.length})
+    for start, end in zip(stops, [*stops[1:], None], strict=True):
+        state = _stop(beam, port, start, state, square)
+        if end is None or end - start <= 1e-9 * beam.length:
+            continue
+        index = int(np.searchsorted(np.array(beam.starts), start + 1e-9 * beam.length, side="right")) - 1
+        x0, segment = beam.starts[index], beam.segments[index]
+        count = max(int(np.ceil(STEPS * (end - start) / beam.length)), 4)
+        at = segment.at((np.linspace(start, end, 2 * count + 1) - x0) / segment.length)
+        slopes = _slopes(at, port, square, rotary=segment.theory == "timoshenko")
+        h = (end - start) / count
+        for i in range(count):  # Runge and Kutta's four stages
+            first, middle, last = slopes[2 * i], slopes[2 * i + 1], slopes[2 * i + 2]
+            a = _apply(first, state)
+            b = _apply(middle, state + h / 2.0 * a)
+            c = _apply(middle, state + h / 2.0 * b)
+            d = _apply(last, state + h * c)
+            state = state + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+            x.append(start + (i + 1) * h)
+            shapes.append(state[0])
+    return np.array(x), np.array(shapes).T
+
+
+def _apply(slope: Array, state: Array) -> Array:
+    """`d state / dx`; `slope` `(m, s, s)` one matrix per mode, `state` `(s, m)`."""
+    return np.einsum("mij,jm->im", slope, state)
+
+
+def _slopes(at: Stations, port: str, square: Array, *, rotary: bool) -> Array:
+    """`(k, m, s, s)` matrices of the beam's equations at `k` stations for `m` modes."""
+    k, m = at.mass.size, square.size
+    if port in ("torsion", "axial"):
+        stiffness, inertia = (at.torsion, at.polar) if port == "torsion" else (at.axial, at.mass)
+        out = np.zeros((k, m, 2, 2))
+        out[:, :, 0, 1] = (1.0 / stiffness)[:, None]
+        out[:, :, 1, 0] = -inertia[:, None] * square
+        return out
+    xy = port == "xy"
+    out = np.zeros((k, m, 4, 4))
+    out[:, :, 0, 1] = 1.0
+    out[:, :, 1, 2] = (1.0 / (at.bending_xy if xy else at.bending_xz))[:, None]
+    out[:, :, 2, 3] = 1.0
+    out[:, :, 3, 0] = at.mass[:, None] * square
+    if rotary:
+        out[:, :, 0, 3] = -(1.0 / (at.shear_xy if xy else at.shear_xz))[:, None]
+        out[:, :, 2, 1] = -(at.rotary_xy if xy else at.rotary_xz)[:, None] * square
+    return out
+
+
+def _stop(beam: Beam, port: str, x: float, state: Array, square: Array) -> Array:
+    """Across the bodies and joints at `x`; a body at a joint hangs before it."""
+    close = 1e-9 * beam.length
+    state = state.copy()
+    bending = port in ("xy", "xz")
+    for lump in beam.lumps:
+        if abs(min(lump.x, beam.length) - x) > close:
+            continue
+        if bending:
+            state[3] += square * lump.mass * state[0]
+            state[2] -= square * lump.inertia[2 if port == "xy" else 1] * state[1]
+        else:
+            state[1] -= square * (lump.inertia[0] if port == "torsion" else lump.mass) * state[0]
+    ends = [*beam.starts, beam.length]
+    for joint in beam.joints:
+        stiffness = joint.stiffness(port)
+        if stiffness is not None and abs(ends[joint.after_segment] - x) <= close:
+            if bending:
+                state[1] += state[2] / stiffness
+            else:
+                state[0] += state[1] / stiffness
+    return state

@@ -1,0 +1,286 @@
+"""`study`: error against run time of every sensible model of an appendage on its hub, measured on the spot."""
+
+import hashlib
+import json
+import statistics
+import time
+import tomllib
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from beamchain.assess import field, front
+from beamchain.assess.field import Entry, Task
+from beamchain.assess.front import TARGETS, Metric, Reach, recommended_name
+from beamchain.assess.growth import Growth, growth
+from beamchain.assess.plan import make_plan, whole_beam
+from beamchain.assess.run_time import Ladder, Point, Run, climb, in_turns
+from beamchain.assess.scenario import Rigid, Scenario, make_scenario, parse_profile
+from beamchain.engine.library import mujoco
+from beamchain.errors import InputError
+from beamchain.files import write_files
+from beamchain.jobs import Progress, run_jobs
+from beamchain.report.spec_text import spec_toml
+from beamchain.result import default_hub
+from beamchain.spec import FitOptions, Modes, Root, Scene, Spec, Target, spec_from_dict
+
+METRICS: tuple[Metric, ...] = ("error", "error_appendage")
+FULL_MODES = 30  # of the beam on the hub: one mode fewer changes the reference by less than 1e-9
+BUDGET = 0.1  # [s] for the errors of one entry
+DUEL_ROUNDS = 15
+DUEL_LONGEST = 0.6  # a finalist that simulates longer is not repeated in the duel [s]
+STORE = ".study_points.jsonl"
+
+
+class Options(NamedTuple):
+    """What a study may be told.
+
+    Args:
+        profile: CSV text of the wrench on the hub; a doublet where left out.
+        duration: [s]; found from the first coupled mode where left out.
+        budget: time for the errors of one entry [s].
+        models: names of the models to run; all where empty.
+    """
+
+    profile: str | None = None
+    duration: float | None = None
+    budget: float = BUDGET
+    models: tuple[str, ...] = ()
+
+
+DEFAULTS = Options()
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Everything measured.
+
+    Args:
+        spec: the appendage and hub.
+        options: what was asked.
+        kept: modes per port of the spec; the planes' numbers were varied.
+        scenario: what was simulated.
+        ladders: per entry, its points.
+        growth: time against n.
+        seconds: what the study took [s].
+    """
+
+    spec: Spec
+    options: Options
+    kept: dict[str, int]
+    scenario: Scenario
+    ladders: tuple[Ladder, ...]
+    growth: Growth
+    seconds: float
+
+    @property
+    def points(self) -> list[Point]:
+        """Every setting measured, the rigid hub left out."""
+        return [p for ladder in self.ladders if ladder.entry.model != field.RIGID_HUB for p in ladder.points]
+
+    @cached_property
+    def rigid_hub(self) -> dict[str, float]:
+        """Per integrator, time per step of the rigid hub alone [s]."""
+        return {
+            ladder.entry.integrator: statistics.median(p.seconds_per_step for p in ladder.points)
+            for ladder in self.ladders
+            if ladder.entry.model == field.RIGID_HUB and ladder.points
+        }
+
+    @property
+    def models(self) -> list[str]:
+        """Names of the models measured, ours first."""
+        return list(dict.fromkeys(p.model for p in self.points))
+
+    def reach(self, target: float, metric: Metric) -> dict[str, Reach]:
+        """Per model, the cheapest setting for a target error."""
+        found = {model: front.reach(self.ladders, model, target, metric) for model in self.models}
+        return {model: reach for model, reach in found.items() if reach is not None}
+
+    def best(self, target: float, metric: Metric) -> Reach | None:
+        """The cheapest measured setting among our own models."""
+        ours = [r for model, r in self.reach(target, metric).items() if model in field.OURS and not r.extrapolated]
+        return min(ours, key=lambda r: r.seconds, default=None)
+
+    def rivals(self, target: float, metric: Metric) -> dict[str, Reach]:
+        """The rivals' cheapest settings, extrapolated where they did not get there."""
+        return {model: r for model, r in self.reach(target, metric).items() if model not in field.OURS}
+
+    def short_of(self, target: float, metric: Metric) -> dict[str, float]:
+        """Rivals that do not get there, and show no slope to follow: the best error of each."""
+        reached = self.reach(target, metric)
+        fronts = {m: front.front([x for x in self.ladders if x.entry.model == m], metric) for m in self.models}
+        return {m: f[-1][0] for m, f in fronts.items() if f and m not in reached and m not in field.OURS}
+
+    def recommended(self, target: float, metric: Metric) -> Spec | None:
+        """The spec that gives the best setting for a target."""
+        best = self.best(target, metric)
+        if best is None:
+            return None
+        point = best.point
+        words: dict[str, Target] = {"exact, hub": "hub", "exact, free": "free", "pre-warped": "hub"}
+        planes = [p for p in ("xy", "xz") if p in self.kept] or list(self.kept)
+        counts = {port: point.n if port in planes else n for port, n in self.kept.items()}
+        scene = self.spec.scene or Scene()
+        changes = {
+            "modes": Modes(**counts),
+            "root": Root(target=words.get(point.model, "clamped"), hub=self.spec.root.hub),
+            "scene": msgspec.structs.replace(scene, integrator=point.integrator, timestep=point.timestep),
+            "fit": FitOptions(
+                method="least_squares" if point.model == "least squares" else "exact",
+                timestep=point.timestep if point.model == "pre-warped" else 0.0,
+            ),
+        }
+        return msgspec.structs.replace(self.spec, **changes)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What study.json holds."""
+        from beamchain.report.study_record import study_record
+
+        return study_record(self)
+
+    def write(self, folder: Path, *, force: bool = False) -> list[Path]:
+        """Write study.html, the picture, the recommended specs and study.json (last) into `folder`; all or none.
+
+        Raises:
+            OutputError: a file exists and `force` is False, or the folder cannot be written.
+        """
+        from beamchain.report.record import to_json
+        from beamchain.report.study_html import study_page
+
+        page, pictures = study_page(self)
+        files: dict[Path, str | bytes] = {folder / name: content for name, content in pictures.items()}
+        for target in TARGETS:
+            spec = self.recommended(target, "error")
+            if spec is not None:
+                files[folder / recommended_name(target)] = spec_toml(spec)
+        files[folder / "study.html"] = page
+        files[folder / "study.json"] = to_json(self.as_dict())
+        write_files(files, force=force)
+        (folder / STORE).unlink(missing_ok=True)
+        return list(files)
+
+
+def study(
+    spec: Spec,
+    options: Options = DEFAULTS,
+    *,
+    executor: Executor | None = None,
+    folder: Path | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> Study:
+    """Measure the whole field.
+
+    Args:
+        spec: appendage and hub; without a hub, one of ten times the appendage's mass.
+        options: profile, duration, budget, models.
+        executor: where the entries run; one after the other in this process where left out.
+        folder: keeps what is measured until `Study.write` is done, for `resume`.
+        resume: take up what `folder` holds.
+        progress: told after every entry.
+
+    Raises:
+        InputError: a model name is unknown, or the profile cannot be used.
+    """
+    start = time.perf_counter()
+    text = spec_toml(spec)
+    task, scenario = prepare(text, options)
+    wanted = field.entries(task)
+    known = dict.fromkeys(e.model for e in wanted)
+    for name in options.models:
+        if name not in known:
+            raise InputError(f"model {name!r} is not in the field; choose from {', '.join(known)}.")
+    if options.models:
+        wanted = [e for e in wanted if e.model in (*options.models, field.RIGID_HUB)]
+    stamp = hashlib.sha256(json.dumps([text, options, mujoco.__version__]).encode()).hexdigest()[:12]
+    jobs = {f"{stamp} {e.model} {e.n} {e.integrator}": (text, tuple(options), tuple(e)) for e in wanted}
+    store = None if folder is None else folder / STORE
+    results = run_jobs(measure_entry, jobs, executor=executor, store=store, resume=resume, progress=progress)
+    ladders = [
+        Ladder(Entry(*value["entry"]), [Point(*p) for p in value["points"]], value["note"])
+        for value in results.values()
+    ]
+    if executor is not None:
+        ladders = _one_clock(ladders)
+    found = Study(spec, options, task.kept, scenario, tuple(ladders), growth(task), 0.0)
+    ladders = _duel(task, scenario, found)
+    return Study(spec, options, task.kept, scenario, tuple(ladders), found.growth, time.perf_counter() - start)
+
+
+def measure_entry(text: str, options: Sequence[Any], entry: Sequence[Any]) -> dict[str, Any]:
+    """One job: all points of one entry, as plain data. A worker builds the task once."""
+    profile, duration, budget, models = options
+    chosen = Options(profile, duration, budget, tuple(models))
+    task, scenario = prepare(text, chosen)
+    ladder = climb(task, scenario, Entry(*entry), chosen.budget)
+    return {"entry": list(entry), "points": [list(p) for p in ladder.points], "note": ladder.note}
+
+
+@lru_cache(maxsize=4)
+def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
+    """Task and scenario of a spec, given as the text of its TOML so that workers can share it."""
+    spec = spec_from_dict(tomllib.loads(text))
+    beam, hub = spec.beam, spec.root.hub or default_hub(spec.beam)
+    kept = spec.kept
+    if spec.chooses:
+        kept = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub.mass_matrix()).kept
+    full = {port: spec.with_ratios(port, beam.port(port, FULL_MODES)) for port in kept}
+    rigid = Rigid(hub.mass, np.array(hub.inertia), np.array(hub.offset), hub.mass_matrix())
+    as_tendons = spec.damping is None or spec.damping.form == "modal"
+    task = Task(beam, full, kept, rigid, as_tendons)
+    profile = None if options.profile is None else parse_profile(options.profile, "--profile")
+    return task, make_scenario(full, beam.rigid_mass(), rigid, beam.length, profile=profile, duration=options.duration)
+
+
+def _one_clock(ladders: Sequence[Ladder]) -> list[Ladder]:
+    """Times of several machines on one clock: the ratio to the rigid hub beside each, times the hub's own median."""
+    hub: dict[str, float] = {}
+    for ladder in ladders:
+        if ladder.entry.model == field.RIGID_HUB and ladder.points:
+            hub[ladder.entry.integrator] = statistics.median(p.seconds_per_step for p in ladder.points)
+    out: list[Ladder] = []
+    for ladder in ladders:
+        points = [
+            p._replace(
+                seconds=p.seconds / p.seconds_per_step * p.over_rigid_hub * hub[p.integrator],
+                seconds_per_step=p.over_rigid_hub * hub[p.integrator],
+            )
+            for p in ladder.points
+        ]
+        out.append(ladder if ladder.entry.model == field.RIGID_HUB else ladder._replace(points=points))
+    return out
+
+
+def _duel(task: Task, scenario: Scenario, found: Study) -> list[Ladder]:
+    """Every setting that the table names, timed once more in turns in this process."""
+    named: dict[tuple[Any, ...], Point] = {}
+    for metric in METRICS:
+        for target in TARGETS:
+            for reach in found.reach(target, metric).values():
+                named[reach.point[:4]] = reach.point
+    points = [p for p in named.values() if p.seconds < DUEL_LONGEST]
+    fresh: dict[tuple[Any, ...], Point] = {}
+    for integrator in field.INTEGRATORS:
+        group = [p for p in points if p.integrator == integrator]
+        if not group:
+            continue
+        runs = [
+            Run(field.model_of(task, Entry(*p[:3]), p.timestep), integrator, p.timestep,
+                scenario.profile.mean(p.timestep, round(p.seconds / p.seconds_per_step)))
+            for p in group
+        ]  # fmt: skip
+        hub = field.model_of(task, Entry(field.RIGID_HUB, 0, integrator), 0.01)
+        for p, t in zip(group, in_turns(runs, hub, DUEL_ROUNDS, [[] for _ in runs]), strict=True):
+            per_step = t.seconds / round(p.seconds / p.seconds_per_step)
+            fresh[p[:4]] = p._replace(
+                seconds=t.seconds, seconds_per_step=per_step, spread=t.spread, over_rigid_hub=t.over_rigid_hub,
+                repeats=t.repeats,
+            )  # fmt: skip
+    return [ladder._replace(points=[fresh.get(p[:4], p) for p in ladder.points]) for ladder in found.ladders]

@@ -1,0 +1,64 @@
+"""Run the tests of one host in an environment of its own: `python tests/hosts/run.py NAME` from the checkout.
+
+Environments stay under build/hosts/NAME, so that a second run starts at once. A host that cannot be installed is
+said and skipped: its package may not exist for this platform.
+"""
+
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+EMBED = ["tests/hosts/test_mujoco.py", "tests/test_embed.py", "tests/test_embed_refused.py"]
+
+#: what must import, extra of beamchain, what else is installed, what is run
+HOSTS = {
+    "oldest": ("mujoco", "", ["mujoco==3.13.*"], EMBED),
+    "newest": ("mujoco", "", ["mujoco"], EMBED),
+    "dm_control": (
+        "dm_control.mjcf",
+        "[dm-control]",
+        [],
+        ["tests/hosts/test_dm_control.py", "tests/hosts/test_mujoco.py"],
+    ),
+    "basilisk": ("Basilisk.simulation.mujoco", "[basilisk]", [], ["tests/hosts/test_basilisk.py"]),
+    "mjx": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx.py"]),
+    "warp": ("mujoco_warp", "[warp]", [], ["tests/hosts/test_warp.py"]),
+}
+
+
+def main(name: str) -> int:
+    if name not in HOSTS:
+        sys.stderr.write(f"host {name!r} is unknown; choose from {', '.join(HOSTS)}.\n")
+        return 2
+    module, extra, wanted, tests = HOSTS[name]
+    folder = Path("build/hosts") / name
+    python = folder / "bin" / "python"
+    if not (folder / "ready").exists():
+        venv.create(folder, with_pip=True, clear=True)
+        pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        done = subprocess.run(
+            [*pip, "--editable", f".{extra}", "pytest>=8", "mpmath", *wanted],
+            check=False,
+            capture_output=True,
+            text=True,
+        )
+        if done.returncode:
+            said = (done.stderr.strip() or "pip failed").splitlines()[-1]
+            sys.stdout.write(
+                f"host {name}: skipped, pip could not install beamchain{extra} {' '.join(wanted)}: {said}\n"
+            )
+            return 0
+        (folder / "ready").touch()
+    if subprocess.run([str(python), "-c", f"import {module}"], check=False).returncode:
+        sys.stderr.write(f"host {name}: installed, but `import {module}` fails; its tests would be skipped unseen.\n")
+        return 1
+    sys.stdout.write(f"host {name}:\n")
+    sys.stdout.flush()
+    return subprocess.run(
+        [str(python), "-m", "pytest", "-rsP", "-p", "no:cacheprovider", *tests], check=False
+    ).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]) if len(sys.argv) == 2 else 2)

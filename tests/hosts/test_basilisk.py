@@ -1,0 +1,68 @@
+"""Basilisk's MJScene with a file that embed wrote: string and file, against plain MuJoCo's RK4.
+
+Basilisk brings a MuJoCo of its own and integrates with its own RK4 at the task's rate, whatever the file says.
+"""
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+from spacecraft import APPENDAGES, CRAFTS
+
+pytestmark = pytest.mark.host
+bsk = pytest.importorskip(
+    "Basilisk.simulation.mujoco", reason="Basilisk is not installed: pip install 'beamchain[basilisk]'"
+)
+
+DIFFERENCE = 1e-9  # of the peak: the issue's bound; two MuJoCo versions, the same Runge-Kutta steps
+STEP, SECONDS = 0.002, 20.0
+KICK = [0.01, -0.02, 0.015, 0.02, 0.03, -0.01]
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    """A spacecraft with a solar-array drive and its array."""
+    done = bc.embed(CRAFTS / "drive.xml", {"panel_mount": APPENDAGES / "array_left.toml"})
+    return done.write(tmp_path_factory.mktemp("bsk") / "craft.xml")[-1]
+
+
+def plain(path) -> np.ndarray:
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, STEP
+    data = mujoco.MjData(model)
+    data.qvel[:6] = KICK
+    out = [data.qpos.copy()]
+    for _ in range(round(SECONDS / STEP)):
+        mujoco.mj_step(model, data)
+        out.append(data.qpos.copy())
+    return np.array(out)
+
+
+def in_basilisk(scene) -> np.ndarray:
+    from Basilisk.utilities import SimulationBaseClass, macros
+
+    simulation = SimulationBaseClass.SimBaseClass()
+    process = simulation.CreateNewProcess("process")
+    process.addTask(simulation.CreateNewTask("task", macros.sec2nano(STEP)))
+    simulation.AddModelToTask("task", scene)
+    recorder = scene.stateOutMsg.recorder()
+    simulation.AddModelToTask("task", recorder)
+    simulation.InitializeSimulation()
+    hub = scene.getBody("platform")
+    hub.setVelocity(KICK[:3])
+    hub.setAttitudeRate(KICK[3:])
+    simulation.ConfigureStopTime(macros.sec2nano(SECONDS))
+    simulation.ExecuteSimulation()
+    return np.array(recorder.qpos)[..., 0] if np.ndim(recorder.qpos) == 3 else np.array(recorder.qpos)
+
+
+@pytest.mark.parametrize("how", ["string", "file"])
+def test_free_motion(path, how):
+    scene = bsk.MJScene(path.read_text()) if how == "string" else bsk.MJScene.fromFile(str(path))
+    ours, theirs = plain(path), in_basilisk(scene)
+    assert theirs.shape == ours.shape
+    peak = np.abs(ours - ours[0]).max(axis=0)
+    worst = float(np.max(np.abs(theirs - ours) / peak))
+    print(f"Basilisk ({how}) against plain RK4 over {SECONDS:g} s: {worst:.1e} of the peak")  # noqa: T201
+    assert worst < DIFFERENCE

@@ -1,0 +1,329 @@
+"""Appendages in existing spacecraft: the user's file stays his, the numbers stay theirs, the whole is proved."""
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from lxml import etree
+
+import beamchain as bc
+from appendages import dense_port
+from beamchain.cli import main
+from beamchain.embedding import take_out
+from beamchain.errors import BeamchainError
+from beamchain.mjcf.craft import read_craft
+from beamchain.spec import spec_from_dict
+from spacecraft import CRAFTS, STYLES, frequencies, run, spec
+
+SAME = 1e-12  # two forms of one model: the same numbers through the same code
+COUPLED = 1e-3  # several appendages, each fitted with the others rigid: the issue's bound
+PANEL = 1e-9  # one plane, target hub: the chain's own precision through A and B, n up to 6
+
+
+@pytest.fixture(scope="module")
+def observer():
+    file, at = STYLES["free hub, two arrays and a boom"]
+    return bc.embed(CRAFTS / file, at)
+
+
+@pytest.fixture(scope="module")
+def written(observer, tmp_path_factory):
+    return observer.write(tmp_path_factory.mktemp("deep") / "below" / "out.xml")[-1]
+
+
+def canonical(path: Path) -> bytes:
+    return etree.tostring(etree.parse(str(path)), method="c14n")
+
+
+@pytest.mark.parametrize("style", STYLES)
+class TestStyles:
+    def test_written_elsewhere_compiles_and_comes_back(self, style, tmp_path):
+        file, at = STYLES[style]
+        done = bc.embed(CRAFTS / file, at)
+        path = done.write(tmp_path / "a" / "b" / "out.xml")[-1]
+        model = mujoco.MjModel.from_xml_path(str(path))
+        assert model.nv > done.craft.nv
+        np.testing.assert_allclose(frequencies(model), frequencies(done.model), rtol=SAME)
+        back = take_out(path)
+        assert back.canonical() == canonical(CRAFTS / file)
+
+    def test_coupled_modes(self, style):
+        file, at = STYLES[style]
+        assembly = bc.embed(CRAFTS / file, at).assembly
+        kept = [m for m in assembly.modes if m.kept]
+        assert kept
+        assert all(m.mujoco is not None for m in kept)
+        assert assembly.worst < COUPLED
+        assert assembly.in_band < 10 * COUPLED  # a frequency off by e moves a 0.5 % peak by e / 0.01
+
+    def test_attach_is_the_same(self, style, tmp_path):
+        file, at = STYLES[style]
+        inline, attached = bc.embed(CRAFTS / file, at), bc.embed(CRAFTS / file, at, form="attach")
+        files = attached.write(tmp_path / "sub" / "out.xml")
+        assert len(files) == 1 + len(at)
+        model = mujoco.MjModel.from_xml_path(str(files[-1]))
+        np.testing.assert_allclose(frequencies(model), frequencies(inline.model), rtol=SAME)
+        np.testing.assert_array_equal(model.key_qpos, inline.model.key_qpos)
+        np.testing.assert_array_equal(model.key_qvel, inline.model.key_qvel)
+        assert take_out(files[-1]).canonical() == canonical(CRAFTS / file)
+
+
+class TestTheUsersFile:
+    def test_every_number_of_the_craft(self, observer):
+        """By name through MuJoCo's own accessors, apart from the comparison embed itself makes."""
+        before = mujoco.MjModel.from_xml_path(str(CRAFTS / "observer.xml"))
+        after, checked = observer.model, 0
+        for kind in ("body", "joint", "geom", "site", "camera", "light", "actuator", "sensor", "mesh", "material"):
+            count = {"body": before.nbody, "joint": before.njnt, "geom": before.ngeom, "site": before.nsite,
+                     "camera": before.ncam, "light": before.nlight, "actuator": before.nu, "sensor": before.nsensor,
+                     "mesh": before.nmesh, "material": before.nmat}[kind]  # fmt: skip
+            for i in range(count):
+                a = getattr(before, kind)(i)
+                if not a.name:
+                    continue
+                b = getattr(after, kind)(a.name)
+                for field in ("mass", "inertia", "ipos", "iquat", "pos", "quat", "stiffness", "damping", "armature",
+                              "frictionloss", "range", "axis", "size", "friction", "rgba", "gear", "ctrlrange",
+                              "springref", "group", "fovy"):  # fmt: skip
+                    if hasattr(a, field):
+                        np.testing.assert_array_equal(getattr(a, field), getattr(b, field), err_msg=f"{a.name} {field}")
+                        checked += 1
+        assert checked > 80
+
+    def test_every_element_and_comment_in_order(self, written):
+        mine = [
+            etree.tostring(n, with_tail=False)
+            for n in etree.parse(str(CRAFTS / "observer.xml")).iter()
+            if not len(n) and n.tag != "key"
+        ]
+        ours = [etree.tostring(n, with_tail=False) for n in etree.parse(str(written)).iter() if not len(n)]
+        place = -1
+        for text in mine:
+            place = ours.index(text, place + 1)
+
+    def test_keyframe_by_joint(self, observer):
+        before = mujoco.MjModel.from_xml_path(str(CRAFTS / "observer.xml"))
+        after = observer.model
+        assert after.nkey == before.nkey == 2
+        for j in range(before.njnt):
+            name = before.joint(j).name
+            for adr, key, width in (("jnt_qposadr", "key_qpos", 7), ("jnt_dofadr", "key_qvel", 6)):
+                n = width if name == "bus_free" else 1
+                a, b = getattr(before, adr)[j], getattr(after, adr)[after.joint(name).id]
+                np.testing.assert_array_equal(getattr(before, key)[:, a : a + n], getattr(after, key)[:, b : b + n])
+        new = [j for j in range(after.njnt) if "hinge" in after.joint(j).name]
+        assert np.all(after.key_qpos[:, after.jnt_qposadr[new]] == 0.0)
+        assert np.all(after.key_qvel[:, after.jnt_dofadr[new]] == 0.0)
+        np.testing.assert_array_equal(after.key_ctrl, before.key_ctrl)
+
+    def test_twice_is_once(self, written, tmp_path):
+        again = bc.embed(written, STYLES["free hub, two arrays and a boom"][1]).write(written.parent / "again.xml")[-1]
+        assert again.read_bytes() == written.read_bytes()
+
+    def test_one_replaced_others_stay(self, written):
+        boom = bc.embed(written, {"boom_mount": spec("rod")})
+        names = [boom.model.body(i).name for i in range(boom.model.nbody)]
+        assert "rod_link1" in names
+        assert "array_link1" in names
+        assert not any(name.startswith("boom_") for name in names)
+
+    def test_one_taken_out(self, written):
+        left = take_out(written, ["left"])
+        assert [a.at for a in left.appendages] == ["right", "boom_mount"]
+        assert left.form == "inline"
+        with pytest.raises(BeamchainError, match="no appendage at 'nowhere'"):
+            take_out(written, ["nowhere"])
+
+    def test_same_folder_changes_no_path(self, observer, tmp_path):
+        shutil.copytree(CRAFTS, tmp_path / "c")
+        done = bc.embed(tmp_path / "c" / "observer.xml", STYLES["free hub, two arrays and a boom"][1])
+        text = done.write(tmp_path / "c" / "out.xml")[-1].read_text()
+        assert text.count("meshdir") == 1
+        mujoco.MjModel.from_xml_path(str(tmp_path / "c" / "out.xml"))
+
+    def test_units_of_the_craft_do_not_matter(self):
+        """Degrees or radians, angles by default classes: the appendage's file holds no angle."""
+        text = (CRAFTS / "drive.xml").read_text()
+        turned = text.replace('angle="degree"', 'angle="radian"').replace(
+            'euler="0 0 30"', f'euler="0 0 {np.pi / 6!r}"'
+        )
+        turned = turned.replace('range="-180 180"', f'range="{-np.pi!r} {np.pi!r}"')
+        at = {"panel_mount": spec("array_left")}
+        np.testing.assert_allclose(
+            frequencies(bc.embed(text, at).model), frequencies(bc.embed(turned, at).model), rtol=1e-10
+        )
+
+
+class TestHub:
+    def test_rigid_hub_by_hand(self, observer):
+        """The boom's hub: bus, wheel and both arrays, masses added by hand."""
+        arrays = sum(bc.read_spec(spec(n)).beam.rigid_mass()[0, 0] for n in ("array_left", "array_right"))
+        hub = next(a.hub for a in observer.appendages if a.at == "boom_mount")
+        assert hub.mass == pytest.approx(412.3456789012345 + 6.0 + arrays, rel=1e-12)
+
+    def test_moved_frame_moves_the_hub(self):
+        planar = bc.embed(CRAFTS / "planar.xml", {"side": spec("rod")}).appendages[0].hub
+        # centre at (0.03, -0.01), site at (0, 0.4), its x along the body's y, its y along minus x
+        np.testing.assert_allclose(planar.offset, [0.41, 0.03, 0.0], atol=1e-12)
+        np.testing.assert_allclose([planar.mass, planar.inertia[2]], [60.0, 8.0], rtol=1e-12)
+
+    def test_planar_target_hub_needs_no_numbers(self):
+        """One appendage in the plane it moves in: coupled modes of hub and beam to the chain's own precision."""
+        done = bc.embed(CRAFTS / "planar.xml", {"mount": spec("rod")})
+        beam = bc.read_spec(spec("rod")).beam.port("xy", 8)
+        c = np.array([0.03 - 0.4, -0.01])
+        mass = np.array([[60.0, 0, -60 * c[1]], [0, 60.0, 60 * c[0]], [-60 * c[1], 60 * c[0], 8 + 60 * c @ c]])
+        # axial motion of the rod is rigid: it only adds its mass to x
+        mass[0, 0] += beam.rigid_mass[0, 0]
+        full = mass[1:, 1:] - np.outer(mass[1:, 0], mass[0, 1:]) / mass[0, 0]
+        exact = beam.with_hub(full).free_frequencies
+        ours = frequencies(done.model)
+        np.testing.assert_allclose(ours[:2], exact[:2], rtol=1e-6)  # force differences of 1e-4 rad
+
+    def test_drive(self):
+        """What turns with the drive is 11 kg, what the array feels far more: only the apparent hub is right."""
+        done = bc.embed(CRAFTS / "drive.xml", {"panel_mount": spec("array_left")})
+        hub = done.appendages[0].hub
+        assert hub.mass == pytest.approx(11.0)
+        assert any("array_drive" in w and "11 kg" in w and "locked" in w for w in done.warnings)
+        assert done.assembly.worst < 1e-4
+        loose = (CRAFTS / "drive.xml").read_text().replace('stiffness="4000"', 'stiffness="0"')
+        done = bc.embed(loose, {"panel_mount": spec("array_left")})
+        assert any("free, since no spring" in w for w in done.warnings)
+        assert done.assembly.worst < 1e-10
+
+    def test_scene_chooses_with_the_hub_of_the_craft(self):
+        given = bc.read_spec(spec("rod"))
+        own = bc.Spec(name="rod", segment=given.segment, scene=bc.Scene(bandwidth=10.0, tolerance=1e-3, axes=("z",)))
+        done = bc.embed(CRAFTS / "planar.xml", {"mount": own})
+        first = next(m for m in done.assembly.modes if m.kept)
+        assert abs(first.error) < COUPLED
+        again = bc.embed(
+            done.to_mjcf(), {"side": own}, prefixes=["side_"]
+        )  # the choice is made anew from the spec kept
+        assert [a.at for a in again.appendages] == ["mount", "side"]
+
+    def test_imported_modes(self, tmp_path):
+        """A plate's modes, bending and torsion coupled, as oscillators: exact on any hub."""
+        mass = np.diag([20.0, 20.0, 20.0, 9.0, 40.0, 46.0])
+        mass[1, 5] = mass[5, 1] = 20.0
+        mass[2, 4] = mass[4, 2] = -20.0
+        lateral = [[0, 0, 3.5, 0.4, -5.5, 0], [0, 0, 1.2, -1.5, -1.1, 0]]
+        mass, lateral = mass * np.pi / 3.0, np.array(lateral) * np.sqrt(np.pi / 3.0)  # digits, as a program writes them
+        record = {"frequencies": [2.0 / 3.0, 17.0 / 3.0], "participation": lateral.T.tolist(), "mass": mass.tolist()}
+        (tmp_path / "plate.json").write_text(json.dumps(record))
+        (tmp_path / "plate.toml").write_text('name = "plate"\n[imported]\nfile = "plate.json"\n')
+        done = bc.embed(
+            CRAFTS / "drive.xml", {"radiator_edge": tmp_path / "plate.toml", "panel_mount": spec("array_left")}
+        )
+        assert done.appendages[0].fit.oscillators is not None
+        alone = bc.embed(CRAFTS / "drive.xml", {"radiator_edge": tmp_path / "plate.toml"})
+        assert [m.kept for m in alone.assembly.modes][:1] == [True]
+        assert alone.assembly.worst < 1e-6
+        assert done.assembly.worst < COUPLED
+
+    def test_hub_of_the_spec_is_replaced(self):
+        given = bc.read_spec(spec("rod"))
+        own = bc.Spec(name="rod", segment=given.segment, root=bc.Root(hub=bc.Hub(mass=1.0, inertia=(1.0, 1.0, 1.0))))
+        done = bc.embed(CRAFTS / "planar.xml", {"mount": own})
+        assert any("the hub of the spec (1 kg)" in w for w in done.warnings)
+        assert any("hold" in w for w in bc.embed(CRAFTS / "planar.xml", {"mount": spec("boom")}).warnings)
+
+
+class TestMjSpec:
+    def test_same_as_the_file(self):
+        craft = mujoco.MjSpec.from_file(str(CRAFTS / "drive.xml"))
+        at = {"panel_mount": spec("array_left")}
+        done = bc.embed(craft, at)
+        reference = bc.embed(CRAFTS / "drive.xml", at)
+        np.testing.assert_allclose(frequencies(craft.compile()), frequencies(reference.model), rtol=SAME)
+        assert done.as_dict()["modes"][0]["error"] == pytest.approx(0.0, abs=1e-9)
+        with pytest.raises(BeamchainError, match="to_xml"):
+            done.to_mjcf()
+
+    def test_unknown_place_changes_nothing(self):
+        craft = mujoco.MjSpec.from_file(str(CRAFTS / "drive.xml"))
+        with pytest.raises(BeamchainError, match="no site or body 'nowhere'"):
+            bc.embed(craft, {"nowhere": spec("rod")})
+        assert craft.compile().nbody == mujoco.MjModel.from_xml_path(str(CRAFTS / "drive.xml")).nbody
+
+
+def panel(inertia: float, frequency: float, modes: int) -> bc.Spec:
+    """A uniform beam with the panels' inertia about the root and the one panel's frequency."""
+    length = 3.0
+    linear = 3.0 * inertia / length**3
+    stiffness = linear * length**4 * (frequency / 3.5160152685) ** 2
+    section = {"shape": "equivalent", "bending_stiffness_xy": stiffness, "linear_mass": linear}
+    segment = {"length": length, "section": section}
+    return spec_from_dict({"name": "panel", "segment": [segment], "modes": {"xy": modes}, "root": {"target": "hub"}})
+
+
+class TestFlexiblePanel:
+    """Basilisk's flexible panel keeps k = 600 N m/rad per hinge while it adds links (ORACLES O10)."""
+
+    HERTZ = (0.2906, 0.2770, 0.2357, 0.1853, 0.1388, 0.1011)
+
+    def test_the_recipe_falls(self):
+        """N equal rigid links on N hinges of k = 600, clamped, total inertia 180 kg m^2: Basilisk's printed figures."""
+        length, mass = 3.0, 60.0
+        for links, printed in zip((1, 2, 4, 8, 16, 32), self.HERTZ, strict=True):
+            piece, m = length / links, mass / links
+            rigid = [(0.0, 0.0, 0.0), *((m, (i + 0.5) * piece, m * piece**2 / 12.0) for i in range(links))]
+            _, clamped, _ = dense_port(rigid, [(i * piece, 600.0) for i in range(links)])
+            assert clamped[0] / (2.0 * np.pi) == pytest.approx(printed, abs=6e-5)  # four digits are printed
+
+    @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
+    def test_fixed_beam_does_not(self, n):
+        done = bc.embed(CRAFTS / "planar.xml", {"mount": panel(180.0, 2.0 * np.pi * self.HERTZ[0], n)})
+        assert done.appendages[0].fit.status.ok
+        first = next(m for m in done.assembly.modes if m.kept)
+        assert abs(first.error) < PANEL
+        assert done.appendages[0].fit.achieved["xy"].modes == n
+
+
+class TestCommand:
+    def test_json_table_plot_and_remove(self, tmp_path, capsys, monkeypatch):
+        out, picture = tmp_path / "out.xml", tmp_path / "hub.svg"
+        words = ["embed", str(CRAFTS / "planar.xml"), "--at", f"mount={spec('rod')}", "-o", str(out)]
+        monkeypatch.setattr(sys, "argv", ["beamchain", *words, "--json", "--plot", str(picture)])
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        record = json.loads(capsys.readouterr().out)
+        assert not stopped.value.code
+        assert set(record) >= {"appendages", "modes", "warnings"}
+        assert set(record["appendages"][0]) >= {"at", "prefix", "hub", "target"}
+        assert set(record["appendages"][0]["hub"]) >= {"mass", "inertia", "com"}
+        assert record["appendages"][0]["prefix"] == "rod_"
+        assert picture.read_text().startswith("<?xml")
+        back = tmp_path / "back.xml"
+        code, error = run(["embed", str(out), "--remove", "-o", str(back), "--quiet"], capsys, monkeypatch)
+        assert (code, error) == (0, "")
+        assert canonical(back) == canonical(CRAFTS / "planar.xml")
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            ([], "nothing to embed"),
+            (["--at", "mount"], "NAME=SPEC.toml"),
+            (["--at", "=x.toml"], "NAME=SPEC.toml"),
+            (["--at", "mount=none.toml"], "does not exist"),
+            (["--remove"], "no appendage"),
+            (["--at", f"mount={spec('rod')}", "--form", "weld"], "form = 'weld'"),
+            (["--at", f"mount={spec('rod')}", "--at", f"mount={spec('rod')}"], "twice"),
+        ],
+    )
+    def test_bad_words(self, words, message, tmp_path, capsys, monkeypatch):
+        out = tmp_path / "out.xml"
+        code, error = run(["embed", str(CRAFTS / "planar.xml"), *words, "-o", str(out)], capsys, monkeypatch)
+        assert code == 2
+        assert message in error
+        assert not out.exists()
+
+
+def test_read_craft_keeps_the_file(tmp_path):
+    for file in sorted(CRAFTS.glob("*.xml")):
+        assert read_craft(file).canonical() == canonical(file)

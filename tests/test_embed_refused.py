@@ -1,0 +1,157 @@
+"""What embed refuses or warns of: one sentence with the figure and the cure, nothing written."""
+
+import re
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+from beamchain.errors import BeamchainError
+from spacecraft import frequencies, run, spec
+
+SAME = 1e-12  # two forms of one model: the same numbers through the same code
+
+
+BODY = '<body name="hub"><freejoint/><inertial pos="0 0 0" mass="50" diaginertia="5 5 5"/>{}</body>'
+
+
+def craft(inside: str = '<site name="mount"/>', before: str = "", behind: str = "", body: str = BODY) -> str:
+    return f"<mujoco>{before}<worldbody>{body.format(inside)}{behind}</worldbody></mujoco>"
+
+
+MESHED = '<asset><mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><default><geom mesh="m"/></default>'  # fits the shape
+REFUSED = {
+    "unknown name": (craft(), "mounts", "did you mean 'mount'"),
+    "quaternion not unit": (craft('<site name="mount" quat="1 0 0 0.1"/>'), "mount", "norm 1.00498756"),
+    "quaternion of zeros": (craft('<site name="mount" quat="0 0 0 0"/>'), "mount", "norm 0"),
+    "axes not perpendicular": (craft('<site name="mount" xyaxes="1 0 0 0.1 1 0"/>'), "mount", "not perpendicular"),
+    "axes parallel": (craft('<site name="mount" xyaxes="1 0 0 1 0 0"/>'), "mount", "not perpendicular"),
+    "frame around it": (craft('<frame quat="2 0 0 0"><site name="mount"/></frame>'), "mount", "norm 2"),
+    "axis of no length": (craft('<site name="mount" zaxis="0 0 0"/>'), "mount", "no length"),
+    "not a number": (craft('<site name="mount" quat="1 0 x 0"/>'), "mount", "4 finite numbers"),
+    "site of the world": (craft(behind='<site name="fixed"/>'), "fixed", "belongs to the world"),
+    "static body": (
+        craft(behind='<body name="post"><geom size="1"/><site name="top"/></body>'), "top", "welded to the world"),
+    "site and body of one name": (craft('<site name="hub"/>'), "hub", "site:hub or body:hub"),
+    "inside replicate": (craft('<replicate count="2"><site name="mount"/></replicate>'), "mount", "<replicate>"),
+    "document type": ('<!DOCTYPE m [<!ENTITY a "b">]>' + craft(), "mount", "document type"),
+    "other root": ("<robot/>", "mount", "not <mujoco>"),
+    "no XML": ("<mujoco>", "mount", "not XML"),
+    "name taken": (craft('<site name="mount"/><site name="rod_root"/>'), "mount", "--prefix"),
+    "inertiafromgeom": (
+        craft(before='<compiler inertiafromgeom="true"/>'), "mount", "inertiafromgeom"),
+    "boundmass": (craft(before='<compiler boundmass="1"/>'), "mount", "boundmass = 1 kg"),
+    "boundinertia": (craft(before='<compiler boundinertia="1"/>'), "mount", "boundinertia = 1 kg m^2"),
+    "settotalmass": (craft(before='<compiler settotalmass="100"/>'), "mount", "settotalmass = 100"),
+    "fusestatic": (craft(before='<compiler fusestatic="true"/>'), "mount", "fusestatic"),
+    "springs off": (craft(before='<option><flag spring="disable"/></option>'), "mount", "spring"),
+    "shapes turned by default": (craft(before='<default><geom euler="0 0 30"/></default>'), "mount", "attach"),
+    "a default nothing overrules": (craft(before=MESHED), "mount", "attach"),
+    "short keyframe": (craft(behind="</worldbody><keyframe><key qpos='0 0'/></keyframe><worldbody>"), "mount", "qpos"),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def done():
+    return bc.embed(craft(), {"mount": spec("array_left")})
+
+
+class TestRefused:
+    @pytest.mark.parametrize("name", REFUSED)
+    def test_bad_craft(self, name, tmp_path, capsys, monkeypatch):
+        text, at, word = REFUSED[name]
+        path, out = tmp_path / "craft.xml", tmp_path / "sub" / "out.xml"
+        path.write_text(text)
+        code, error = run(["embed", str(path), "--at", f"{at}={spec('rod')}", "-o", str(out)], capsys, monkeypatch)
+        assert code == 2
+        assert error.startswith("beamchain: ")
+        assert error.count("\n") == 1
+        assert word in error, error
+        assert not out.parent.exists()
+
+    def test_cycle_of_includes(self, tmp_path):
+        (tmp_path / "a.xml").write_text('<mujocoinclude><include file="b.xml"/></mujocoinclude>')
+        (tmp_path / "b.xml").write_text('<mujocoinclude><include file="a.xml"/></mujocoinclude>')
+        (tmp_path / "craft.xml").write_text(craft('<include file="a.xml"/>'))
+        with pytest.raises(BeamchainError, match=re.escape("a.xml -> b.xml -> a.xml")):
+            bc.embed(tmp_path / "craft.xml", {"mount": spec("rod")})
+
+    def test_include_missing(self, tmp_path):
+        (tmp_path / "craft.xml").write_text(craft('<include file="none.xml"/>'))
+        with pytest.raises(BeamchainError, match="does not exist"):
+            bc.embed(tmp_path / "craft.xml", {"mount": spec("rod")})
+
+    def test_output_exists(self, done, tmp_path):
+        (tmp_path / "out.xml").write_text("mine")
+        with pytest.raises(BeamchainError, match="--force"):
+            done.write(tmp_path / "out.xml")
+        assert (tmp_path / "out.xml").read_text() == "mine"
+
+    def test_locked(self, done):
+        with pytest.raises(BeamchainError, match="cannot write"):
+            done.write("/proc/beamchain/out.xml")
+
+    def test_damaged_mark(self, done):
+        text = done.to_mjcf().replace('{"piece": "tendon"', '{"piece": tendon')
+        with pytest.raises(BeamchainError, match="changed by hand"):
+            bc.embed(text, {"mount": spec("rod")})
+
+    @pytest.mark.parametrize(
+        ("prefixes", "word"),
+        [(["a b"], "prefix = 'a b'"), (["1_"], "start with a letter"), (["a_", "b_"], "2 prefixes")],
+    )
+    def test_prefix(self, prefixes, word):
+        with pytest.raises(BeamchainError, match=word):
+            bc.embed(craft(), {"mount": spec("rod")}, prefixes=prefixes)
+
+    def test_two_with_one_prefix(self):
+        at = {"mount": spec("rod"), "body:hub": spec("rod")}
+        with pytest.raises(BeamchainError, match="give each its own --prefix"):
+            bc.embed(craft(), at)
+        assert bc.embed(craft(), at, prefixes=["a_", "b_"]).model.body("b_link1")
+
+
+class TestHostile:
+    DEFAULTS = """<default><joint springref="0.3" ref="0.1" damping="3" armature="2" stiffness="7 2 1" margin="0.2"
+        solreflimit="0.5 2" range="-1 1" frictionloss="1"/><geom contype="3" conaffinity="5" friction="3 1 1" group="4"
+        margin="0.1"/><site size="0.4" group="4"/><tendon stiffness="30" springlength="0.2" frictionloss="0.4"/>
+        <default class="near"><joint damping="5"/><site rgba="1 0 0 1"/></default></default>"""
+
+    def test_defaults_and_child_classes(self):
+        clean = bc.embed(craft(), {"mount": spec("array_left")})
+        hostile = craft(before=f'<compiler angle="radian"/>{self.DEFAULTS}').replace(
+            'name="hub"', 'name="hub" childclass="near"'
+        )
+        for form in ("inline", "attach"):
+            done = bc.embed(hostile, {"mount": spec("array_left")}, form=form)
+            np.testing.assert_allclose(frequencies(done.model), frequencies(clean.model), rtol=SAME)
+
+    def test_warnings_carry_figure_and_cure(self):
+        text = craft(before='<option timestep="0.5" gravity="0 0 -9.81" density="1.2" integrator="Euler"/>')
+        done = bc.embed(text, {"mount": spec("array_left")})
+        for word in ("-9.81 m/s^2", "density 1.2", "timestep 0.5 s is above", "implicitfast"):
+            assert any(word in w for w in done.warnings), word
+        if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
+            text = craft(before='<option timestep="0.01" gravity="0 0 0" integrator="discrete"/>')
+            assert any("adds a damping ratio of" in w for w in bc.embed(text, {"mount": spec("rod")}).warnings)
+
+    def test_the_warned_step_is_the_limit(self):
+        """MuJoCo blows up above the step that the warning names, and not below."""
+        text = craft(before='<option timestep="{}" gravity="0 0 0" integrator="implicitfast"/>')
+        warned = bc.embed(text.format(1.0), {"mount": spec("rod")}).warnings
+        limit = float(re.search(r"above the ([0-9.e-]+) s", " ".join(warned)).group(1))
+        for factor, stable in ((0.98, True), (1.02, False)):
+            model = bc.embed(text.format(factor * limit), {"mount": spec("rod")}).model
+            model.opt.disableflags |= (
+                int(mujoco.mjtDisableBit.mjDSBL_AUTORESET) if hasattr(mujoco.mjtDisableBit, "mjDSBL_AUTORESET") else 0
+            )
+            data = mujoco.MjData(model)
+            data.qvel[-1] = 1e-6
+            for _ in range(2000):
+                mujoco.mj_step(model, data)
+            assert (np.abs(data.qvel[-1]) < 1e-3) == stable
+
+    def test_alignfree_is_said(self):
+        text = craft(before='<compiler alignfree="true"/>').replace('pos="0 0 0" mass', 'pos="0.1 0 0" mass')
+        assert any("alignfree" in w for w in bc.embed(text, {"mount": spec("rod")}).warnings)

@@ -1,0 +1,304 @@
+"""The whole walk: `fit`, what it hands out, what it writes, how it says that less came out than was asked for."""
+
+import dataclasses
+import json
+
+import mujoco
+import numpy as np
+import pytest
+from lxml import etree
+
+import beamchain as bc
+from appendages import close, seed_boom, unit_beam
+from arrays import deployed_array, tube
+from beamchain.cli import main
+from beamchain.engine.linearise import compile_model, linearise
+
+MODES = 1e-8  # frequencies through MuJoCo's centred differences; 1e-11 on the bench, 1e-9 with a free joint
+KEPT = {"xy": 2, "xz": 2, "torsion": 1}
+HUB = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.2, 0.0))
+
+TUBE = """
+name = "boom"
+[[segment]]
+length = 8.0
+section = { shape = "tube", outer_diameter = 0.05, wall = 0.002 }
+material = { youngs_modulus = 7e10, density = 2700.0, poissons_ratio = 0.33 }
+"""
+
+
+def run(monkeypatch, *words):
+    monkeypatch.setattr("sys.argv", ["beamchain", *words])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    return stopped.value.code or 0
+
+
+def silent(model, data):
+    return not any(int(warning.number) for warning in data.warning)
+
+
+# -- Python ------------------------------------------------------------------------------------------------------------
+def test_a_fit_is_frozen_and_complete():
+    result = bc.fit(tube(), name="boom", modes=KEPT, root=bc.Root(hub=HUB))
+    assert result.status.ok
+    assert list(result.target) == list(result.achieved) == list(result.error) == list(KEPT)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        result.status = None  # type: ignore[misc]
+    assert set(result.seconds) == {"model", "realise", "write", "verify"}
+    assert all(value >= 0.0 for value in result.seconds.values())
+    for error in result.error.values():
+        assert error.frequency < MODES
+        assert error.accelerance_in_band is not None
+    assert result.hub_mass is not None
+    assert result.hub_mass[0, 0] == 500.0
+    assert result.limits.largest_step["discrete"] == float("inf")
+
+
+def test_beam_and_spec_and_modes_as_table_are_the_same():
+    beam = tube()
+    one = bc.fit(beam, name="boom", modes={"xy": 2})
+    two = bc.fit(bc.Spec(name="boom", segment=beam.segments, modes=bc.Modes(xy=2)))
+    three = bc.fit(bc.Spec(segment=beam.segments), name="boom", modes=bc.Modes(xy=2))
+    assert one.to_mjcf() == two.to_mjcf() == three.to_mjcf()
+
+
+def test_two_modes_in_xy_where_nothing_is_said():
+    assert {port: model.modes for port, model in bc.fit(tube()).target.items()} == {"xy": 2}
+
+
+def test_unknown_port_is_named():
+    with pytest.raises(bc.BeamchainError, match="modes: unknown port 'yx'; choose from xy, xz, torsion, axial"):
+        bc.fit(tube(), modes={"yx": 2})
+
+
+@pytest.mark.parametrize(("target", "poles"), [("clamped", "frequencies"), ("free", "free_frequencies")])
+def test_targets_keep_the_modes_they_promise(target, poles):
+    result = bc.fit(tube(), modes={"xy": 3}, root=bc.Root(target=target))
+    wanted = getattr(tube().port("xy", 8), poles)[:3]
+    assert getattr(result.achieved["xy"], poles)[:3] == close(wanted, rel=MODES)
+
+
+# -- MJCF --------------------------------------------------------------------------------------------------------------
+def test_the_drop_in_file_compiles_and_is_named_after_the_appendage():
+    text = bc.fit(deployed_array(), name="wing", modes=KEPT, damping=bc.Damping(ratio=0.01)).to_mjcf()
+    tree = etree.fromstring(text)
+    names = [element.get("name") for element in tree.iter() if element.get("name")]
+    assert names
+    assert all(name.startswith("wing_") for name in names)
+    assert len(set(zip((e.tag for e in tree.iter() if e.get("name")), names, strict=True))) == len(names)
+    model = compile_model(text)
+    assert model.nv == sum(KEPT.values())
+    assert {"wing_root", "wing_tip"} == {model.site(i).name for i in range(model.nsite)}
+    assert model.ntendon == model.nv
+
+
+def test_masses_of_the_compiled_file_are_the_beam_s():
+    result = bc.fit(deployed_array(), modes=KEPT)
+    model = compile_model(result.to_mjcf())
+    assert float(np.sum(model.body_mass)) == close(float(deployed_array().rigid_mass()[0, 0]), rel=1e-10)
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "implicit", "Euler", "RK4", "discrete"])
+@pytest.mark.parametrize("make", [seed_boom, tube, deployed_array])
+def test_the_scene_steps_without_a_warning(make, integrator):
+    kept = {"xy": 2} if make is seed_boom else KEPT
+    beam = make()
+    safe = bc.fit(beam, modes=kept)
+    step = 0.2 * min(safe.limits.largest_step[integrator], safe.limits.largest_step["Euler"])
+    scene = bc.Scene(integrator=integrator, timestep=step)
+    result = bc.fit(beam, name="boom", modes=kept, damping=bc.Damping(ratio=0.005), scene=scene)
+    model = mujoco.MjModel.from_xml_string(result.scene_mjcf())
+    assert model.opt.timestep == close(step, rel=1e-12)
+    data = mujoco.MjData(model)
+    data.qvel[:6] = [0.0, 0.01, 0.005, 0.002, 0.003, 0.01]
+    for _ in range(400):
+        mujoco.mj_step(model, data)
+    assert silent(model, data)
+    assert np.all(np.isfinite(data.qpos))
+    assert np.max(np.abs(data.qpos[7:])) < 1.0
+
+
+def test_the_scene_has_the_coupled_modes():
+    result = bc.fit(tube(), modes=KEPT, root=bc.Root(hub=HUB))
+    from beamchain.port import in_space
+
+    found = linearise(result.scene_mjcf()).frequencies()
+    coupled = in_space(result.target, tube().rigid_mass()).with_hub(HUB.mass_matrix()).free_frequencies
+    assert found == close(coupled, rel=1e-7)
+
+
+def test_the_default_scene_has_a_safe_round_step():
+    result = bc.fit(tube(), modes=KEPT)
+    model = mujoco.MjModel.from_xml_string(result.scene_mjcf())
+    assert model.opt.timestep <= 0.2 * result.limits.largest_step["implicitfast"]
+    digits = f"{model.opt.timestep:e}".partition("e")[0].rstrip("0").rstrip(".")
+    assert digits in ("1", "2", "5")
+
+
+# -- attach ------------------------------------------------------------------------------------------------------------
+def craft():
+    spec = mujoco.MjSpec()
+    spec.option.gravity = [0.0, 0.0, 0.0]
+    body = spec.worldbody.add_body(name="bus", mass=500.0, inertia=[400.0, 400.0, 500.0], explicitinertial=True)
+    body.add_freejoint()
+    body.add_site(name="port_side", pos=[1.0, 0.2, 0.0])
+    body.add_site(name="starboard", pos=[-1.0, 0.0, 0.0], quat=[0.0, 0.0, 0.0, 1.0])
+    return spec
+
+
+def test_attach_to_a_site_of_an_mjspec():
+    result = bc.fit(tube(), name="boom", modes=KEPT, damping=bc.Damping(ratio=0.01))
+    spec = craft()
+    result.attach(spec, "port_side")
+    model = spec.compile()
+    alone = compile_model(result.to_mjcf())
+    for kind, count in (("body", alone.nbody), ("joint", alone.njnt), ("tendon", alone.ntendon), ("site", alone.nsite)):
+        for i in range(1 if kind == "body" else 0, count):
+            assert getattr(model, kind)(getattr(alone, kind)(i).name) is not None  # names as in the file
+    from beamchain.port import in_space
+
+    hub = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.2, 0.0))
+    coupled = in_space(result.target, tube().rigid_mass()).with_hub(hub.mass_matrix()).free_frequencies
+    assert linearise(model).frequencies() == close(coupled, rel=1e-7)
+    assert mujoco.MjModel.from_xml_string(spec.to_xml()).nv == model.nv
+
+
+def test_attach_twice_under_two_names():
+    spec = craft()
+    for name, site in (("left", "port_side"), ("right", "starboard")):
+        bc.fit(tube(), name=name, modes={"xy": 2}).attach(spec, site)
+    model = spec.compile()
+    assert model.nv == 6 + 4
+    data = mujoco.MjData(model)
+    for _ in range(50):
+        mujoco.mj_step(model, data)
+    assert silent(model, data)
+
+
+def test_attach_names_the_sites_there_are():
+    with pytest.raises(
+        bc.BeamchainError, match="site 'mount' is not in the model; its sites are: port_side, starboard"
+    ):
+        bc.fit(unit_beam(), modes={"xy": 1}).attach(craft(), "mount")
+
+
+# -- writing -----------------------------------------------------------------------------------------------------------
+def test_write_gives_every_file_and_asks_before_it_replaces(tmp_path):
+    result = bc.fit(tube(), name="boom", modes=KEPT)
+    files = result.write(tmp_path / "out")
+    names = {path.name for path in files}
+    assert {"appendage.xml", "scene.xml", "report.html", "fit.json"} <= names
+    assert {p.name for p in (tmp_path / "out").iterdir()} == names
+    assert files[-1].name == "fit.json"
+    for name in ("appendage.xml", "scene.xml"):
+        assert compile_model(tmp_path / "out" / name).nv > 0
+    with pytest.raises(OSError, match=r"appendage\.xml' exists; use --force"):
+        result.write(tmp_path / "out")
+    before = (tmp_path / "out" / "appendage.xml").read_text()
+    result.write(tmp_path / "out", force=True)
+    assert (tmp_path / "out" / "appendage.xml").read_text() == before
+
+
+def test_nothing_is_left_behind_when_a_folder_cannot_be_made(tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(OSError, match="cannot write to"):
+        bc.fit(tube(), modes={"xy": 1}).write(tmp_path / "file" / "out")
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+# -- fit.json ----------------------------------------------------------------------------------------------------------
+def test_json_holds_what_the_contract_says(tmp_path):
+    result = bc.fit(deployed_array(), name="wing", modes=KEPT, root=bc.Root(hub=HUB), damping=bc.Damping(ratio=0.01))
+    result.write(tmp_path)
+    record = json.loads((tmp_path / "fit.json").read_text())
+    assert record["name"] == "wing"
+    assert record["beamchain"] == bc.__version__
+    assert record["mujoco"] == mujoco.__version__
+    for mass in (record["mass"], record["mass"]["target"]):
+        assert len(mass["com"]) == 3
+        assert np.array(mass["inertia"]).shape == (3, 3)
+    assert record["mass"]["mass"] == close(record["mass"]["target"]["mass"], rel=1e-10)
+    assert set(record["ports"]) == set(KEPT)
+    for port, count in KEPT.items():
+        entry = record["ports"][port]
+        motions = 2 if port in ("xy", "xz") else 1
+        for side in ("target", "achieved"):
+            assert len(entry[side]["frequencies"]) == count
+            assert np.array(entry[side]["participation"]).shape == (count, motions)
+            assert len(entry[side]["free_frequencies"]) == count
+        assert set(entry["error"]) == {"frequency", "participation", "accelerance_in_band"}
+        assert entry["achieved"]["damping"] == close([0.01] * count, rel=1e-6)
+    links, hinges = record["chain"]["links"], record["chain"]["hinges"]
+    assert len(links) == len(hinges) + 1
+    assert {"length", "mass", "com", "inertia"} <= set(links[0])
+    assert {"x", "stiffness", "damping"} <= set(hinges[0])
+    assert set(record["tip"]) == set(KEPT)
+    assert set(record["stability"]["largest_step"]) == {"Euler", "implicit", "implicitfast", "discrete", "RK4"}
+    assert record["stability"]["largest_step"]["discrete"] is None  # no limit
+    assert record["stability"]["hub"]["mass"] == 500.0
+    assert set(record["accuracy"]["RK4"]) == {"1%", "0.1%"}
+    assert record["status"]["ok"] is True
+    assert isinstance(record["left_out"], list)
+    assert record["warnings"] == list(result.warnings)
+    assert set(record["seconds"]) == {"model", "realise", "write", "verify"}
+
+
+@pytest.mark.parametrize("options", [
+    bc.FitOptions(method="least_squares", links=4, free=("stiffness",)),
+    bc.FitOptions(method="least_squares", links=4),
+    bc.FitOptions(method="classical", links=6),
+    bc.FitOptions(method="midpoint", links=6),
+    bc.FitOptions(method="naive", links=6),
+    bc.FitOptions(method="seed"),
+])  # fmt: skip
+def test_every_method_can_be_written(options, tmp_path):
+    result = bc.fit(seed_boom(), name="boom", options=options)
+    result.write(tmp_path)
+    record = json.loads((tmp_path / "fit.json").read_text())
+    assert record["method"] == options.method
+    assert compile_model(tmp_path / "scene.xml").nv > 6
+
+
+# -- command line ------------------------------------------------------------------------------------------------------
+def test_command_line_prints_wanted_and_achieved_damping(tmp_path, monkeypatch, capsys):
+    spec = tmp_path / "boom.toml"
+    spec.write_text(
+        TUBE + "[modes]\nxy = 2\ntorsion = 1\n[damping]\nratio = { xy = [0.001, 0.05], torsion = [0.02] }\n"
+    )
+    assert run(monkeypatch, "fit", str(spec), "-o", str(tmp_path / "out")) == 0
+    shown = capsys.readouterr().out
+    assert "damping" in shown  # two headings, wrapped to the terminal's width
+    assert "wanted" in shown
+    assert "achieved" in shown
+    for ratio in ("0.001", "0.05", "0.02"):
+        assert shown.count(f" {ratio} ") >= 2
+    words = " ".join(shown.split())
+    assert "warning: the damping tendons are made for implicit, implicitfast and RK4" in words
+    assert "wrote" in words
+
+
+def test_report_tells_the_warnings(tmp_path):
+    result = bc.fit(tube(), modes={"xy": 2}, damping=bc.Damping(ratio=0.01))
+    result.write(tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert "The damping tendons are made for implicit" in page
+    assert "damping ratio, asked" in page
+
+
+def test_fewer_modes_than_asked_for_exits_with_three(tmp_path, monkeypatch, capsys):
+    spec = tmp_path / "boom.toml"
+    spec.write_text(TUBE + "[modes]\nxy = 8\n")
+    assert run(monkeypatch, "fit", str(spec), "-o", str(tmp_path / "out"), "--json") == 3
+    record = json.loads(capsys.readouterr().out)
+    assert record["status"]["ok"] is False
+    assert "xy keeps 7 of the 8 modes asked for" in record["status"]["message"]
+    assert len(record["ports"]["xy"]["achieved"]["frequencies"]) == 7
+    assert (tmp_path / "out" / "fit.json").is_file()
+
+
+def test_a_status_that_is_not_ok_is_not_hidden():
+    result = bc.fit(tube(), modes={"xy": 8})
+    assert not result.status.ok
+    assert result.status.history
+    assert result.target["xy"].modes == 7

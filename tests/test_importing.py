@@ -1,0 +1,294 @@
+"""Imported modes through the whole walk: O8, a plate, round trips of beams, the choice of the form, files and words."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from appendages import panels, soft_root_boom, stepped_boom, tapered_boom, timoshenko_boom, tip_loaded_boom
+from beamchain import Damping, FitOptions, Hub, Imported, Modes, Root, Spec, embed, fit, read_spec
+from beamchain.assess.error import compare
+from beamchain.chain.realise import realise, realise_scalar
+from beamchain.cli import app
+from beamchain.engine.library import mujoco
+from beamchain.errors import InputError, RealisationError
+from beamchain.port import PortModel
+from beamchain.structure.beam import Beam, Segment
+from beamchain.structure.imported import Units
+from beamchain.structure.modal_data import ModalData
+from beamchain.structure.readers.own_format import modes_text
+from beamchain.structure.section import Equivalent
+from prints import cantilever, plate, whole
+
+PRINT = 5e-7  # half a unit in the seventh printed digit
+ROUND_TRIP = 1e-9  # the issue's bound
+MUJOCO = 1e-8  # mjd_transitionFD with eps = 1e-6
+
+
+def o8(turn: float = 0.0, **more) -> ModalData:
+    truth = cantilever(turn)
+    return ModalData(truth.mass, truth.frequencies, truth.participation, precision=PRINT, length=1.0, **more)
+
+
+# -- O8 ----------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("form", ["chain", "oscillators"])
+@pytest.mark.parametrize("turn", [0.0, 0.6])
+def test_o8_comes_back_through_mujoco(form, turn):
+    result = fit(o8(turn), options=FitOptions(form=form))
+    assert result.status.ok
+    truth = cantilever()
+    space = result.space.achieved
+    assert space.frequencies == pytest.approx(np.sort(truth.frequencies), rel=PRINT)
+    rows = {port: np.abs(result.achieved[port].participation) for port in ("xy", "xz")}
+    for port in rows:
+        for expected in ([3.462030, 2.774607], [1.979560, 0.5036983]):
+            assert min(np.max(np.abs(row / expected - 1.0)) for row in rows[port]) < 3 * PRINT
+    assert np.max(np.abs(result.achieved["axial"].participation)) == pytest.approx(3.930588, rel=PRINT)
+    mass = result.measured.rigid_mass
+    assert mass[0, 0] == pytest.approx(21.20575, rel=PRINT)
+    residual = mass[1, 1] - np.sum(result.achieved["xy"].participation[:, 0] ** 2)
+    assert residual == pytest.approx(5.30144, abs=2e-5)  # O8: lumped at the clamped node
+
+
+def test_o8_is_a_chain_with_its_hinge_at_the_root():
+    result = fit(o8())
+    assert result.space.form == "chain"
+    assert result.chain.hinges[0].x == 0.0
+    assert result.chain.links[0].length == 0.0
+    assert result.chain.mass == pytest.approx(21.20575, rel=1e-9)
+    assert "independent" in result.status.message
+    assert result.space.error.accelerance_in_band < 1e-7
+    assert all(
+        np.isfinite(step) and step > 0 for name, step in result.limits.largest_step.items() if name != "discrete"
+    )
+
+
+def test_a_root_hinge_by_hand():
+    """A pendulum bar on a root spring: W^2 = c / J with the root held; the root's own mass is a point."""
+    point, mass, at, inertia, c = 2.0, 3.0, 0.7, 0.5, 40.0
+    about = inertia + mass * at**2
+    rigid = np.array([[point + mass, mass * at], [mass * at, about]])
+    row = np.array([[mass * at, about]]) / np.sqrt(about)
+    # what the mode leaves: the point, and the part of the bar's mass that stays behind, at the root
+    nodes = realise(PortModel(rigid, np.array([np.sqrt(c / about)]), row))
+    assert nodes.masses[0] == 0.0
+    assert nodes.lengths[0] == pytest.approx(0.0, abs=1e-12)
+    assert nodes.stiffness == pytest.approx([c], rel=1e-12)
+    reach = about / (mass * at)  # centre of percussion
+    assert nodes.lengths[1] == pytest.approx(reach, rel=1e-10)
+    assert nodes.masses[2] == pytest.approx(about / reach**2, rel=1e-10)
+    # the same hinge 0.3 m out
+    far = PortModel(
+        np.array([[point + mass, (point + mass) * 0.3 + mass * at],
+                  [(point + mass) * 0.3 + mass * at, point * 0.09 + mass * (at + 0.3) ** 2 + inertia]]),
+        np.array([np.sqrt(c / about)]), np.array([[mass * at, about + 0.3 * mass * at]]) / np.sqrt(about),
+    )  # fmt: skip
+    moved = realise(far)
+    assert moved.lengths == pytest.approx([0.3, reach], rel=1e-9)
+    assert moved.stiffness == pytest.approx([c], rel=1e-9)
+
+
+def test_a_massless_scalar_root_by_hand():
+    inertias, springs = realise_scalar(PortModel(np.array([[4.0]]), np.array([3.0]), np.array([[2.0]])))
+    assert inertias == pytest.approx([0.0, 4.0])
+    assert springs == pytest.approx([36.0])
+
+
+# -- the plate ---------------------------------------------------------------------------------------------------------
+@pytest.fixture
+def print_of_the_plate(tmp_path):
+    path = tmp_path / "plate.f06"
+    path.write_text(whole(plate().in_units(1e-3, 1e3), rows=9), newline="")
+    return Imported(file=str(path), units=Units(length=1e-3, mass=1e3))
+
+
+def test_all_21_modes_of_the_plate_through_mujoco(print_of_the_plate):
+    result = fit(Spec(name="plate", imported=print_of_the_plate, damping=Damping(ratio=0.005)))
+    assert result.space.form == "oscillators"
+    assert result.status.ok
+    truth = plate()
+    space = result.space.achieved
+    assert space.modes == 21
+    assert space.frequencies == pytest.approx(truth.frequencies, rel=PRINT)
+    scale = np.sqrt(np.diag(truth.mass))
+    sign = np.sign(np.sum(space.participation * truth.participation / scale**2, axis=1))
+    gap = np.abs(space.participation * sign[:, None] - truth.participation) / scale
+    assert gap.max() < PRINT
+    assert np.max(np.abs(space.rigid_mass - truth.mass) / np.outer(scale, scale)) < 2e-6
+    assert space.damping == pytest.approx(np.full(21, 0.005), rel=1e-5)
+    # 6 x 6, at any frequency, against the definition with the numbers before printing
+    reference = PortModel(truth.mass, truth.frequencies, truth.participation, np.full(21, 0.005))
+    omega = np.geomspace(1.0, 2e4, 60)
+    difference = (space.D(omega) - reference.D(omega)) / np.outer(scale, scale)[:, :, None]
+    assert np.max(np.abs(difference)) < 1e-3 * np.max(np.abs(reference.D(omega) / np.outer(scale, scale)[:, :, None]))
+    assert result.space.error.accelerance_in_band < 1e-5
+
+
+def test_the_plate_as_a_chain_states_its_loss(print_of_the_plate):
+    spec = Spec(name="plate", imported=print_of_the_plate, modes=Modes(xz=1), fit=FitOptions(form="chain"))
+    result = fit(spec)
+    assert result.space.form == "chain"
+    assert "in-band error is" in result.status.message
+    assert 0.01 < result.space.error.accelerance_in_band < 3.0
+    assert result.oscillators is None
+
+
+def test_the_modes_may_be_chosen(print_of_the_plate):
+    few = Imported(file=print_of_the_plate.file, units=print_of_the_plate.units, modes=(1, 3, 4))
+    result = fit(Spec(name="plate", imported=few))
+    assert [item.mode for item in sorted(result.oscillators.items, key=lambda i: i.mode)] == [1, 3, 4]
+    assert result.space.target.modes == 3
+    assert result.space.full.modes == 21
+    with pytest.raises(InputError, match="modes: 30 is not in the file"):
+        fit(Spec(imported=Imported(file=few.file, modes=(30,))))
+    with pytest.raises(InputError, match=r"imported.modes are both given"):
+        fit(Spec(imported=few, modes=Modes(xz=1)))
+
+
+# -- round trips -------------------------------------------------------------------------------------------------------
+def torsion_boom() -> Beam:
+    section = Equivalent(
+        bending_stiffness_xy=200.0, bending_stiffness_xz=300.0, torsion_stiffness=90.0, axial_stiffness=1e6,
+        linear_mass=1.5, polar_inertia=0.02,
+    )  # fmt: skip
+    return Beam(segments=(Segment(length=3.0, section=section),))
+
+
+BEAMS = {
+    "tapered": (tapered_boom, {"xy": 3, "xz": 3}),
+    "stepped": (stepped_boom, {"xy": 2}),
+    "tip-loaded": (tip_loaded_boom, {"xy": 3}),
+    "soft root": (soft_root_boom, {"xy": 2}),
+    "panels": (panels, {"xy": 3, "xz": 2, "torsion": 2}),
+    "timoshenko": (timoshenko_boom, {"xy": 2, "xz": 2}),
+    "all ports": (torsion_boom, {"xy": 2, "xz": 2, "torsion": 2, "axial": 1}),
+}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n in ("panels", "tapered") else n for n in BEAMS]
+)
+def test_a_beam_comes_back_as_the_same_chain(tmp_path, name):
+    make, modes = BEAMS[name]
+    path = tmp_path / "modes.toml"
+    path.write_text(modes_text(ModalData.from_beam(make(), modes)))
+    imported = fit(Spec(imported=Imported(file=str(path)), fit=FitOptions(form="chain")))
+    direct = fit(make(), modes=modes)
+    assert imported.status.ok == direct.status.ok
+    assert len(imported.chain.links) == len(direct.chain.links)
+    length = direct.chain.length
+    for ours, theirs in zip(imported.chain.links, direct.chain.links, strict=True):
+        assert ours.start == pytest.approx(theirs.start, rel=ROUND_TRIP, abs=ROUND_TRIP * length)
+        assert ours.mass == pytest.approx(theirs.mass, rel=ROUND_TRIP)
+        assert ours.com == pytest.approx(theirs.com, rel=ROUND_TRIP)
+        assert ours.inertia == pytest.approx(theirs.inertia, rel=1e-8, abs=ROUND_TRIP * max(theirs.inertia))
+    for ours, theirs in zip(imported.chain.hinges, direct.chain.hinges, strict=True):
+        assert dict(ours.stiffness) == pytest.approx(dict(theirs.stiffness), rel=ROUND_TRIP)
+    for port in direct.achieved:
+        found = compare(imported.achieved[port], direct.achieved[port])
+        assert max(found.frequency, found.participation) < MUJOCO
+
+
+# -- the choice, and the walk beyond -----------------------------------------------------------------------------------
+def test_a_slight_leak_is_still_a_chain_and_a_larger_is_not():
+    base = ModalData.from_beam(torsion_boom(), {"xz": 1, "torsion": 1})
+    for leak, form in ((2e-4, "chain"), (0.05, "oscillators")):
+        rows = 0.95 * base.participation  # something must be left for the leak
+        k = base.belongs.index("xz")
+        rows[k, 3] = leak * np.linalg.norm(rows[k] / base.scale) * base.scale[3]
+        data = ModalData(base.rigid_mass, base.frequencies, rows, length=3.0)
+        result = fit(data)
+        assert result.space.form == form
+        assert form in result.status.message
+        if form == "chain":  # the loss is measured against all six motions, and of the order of the leak
+            assert 1e-6 < result.space.error.accelerance_in_band < 20 * leak
+
+
+def test_with_a_hub_damping_and_free_target():
+    hub = Hub(mass=300.0, inertia=(80.0, 90.0, 100.0), offset=(0.5, 0.0, 0.1))
+    data = ModalData.from_beam(torsion_boom(), {"xy": 4, "xz": 4, "torsion": 3})
+    result = fit(data, modes={"xy": 2, "xz": 2}, root=Root(target="hub", hub=hub), damping=Damping(ratio=0.01))
+    assert result.status.ok
+    assert result.hub_mass is not None
+    assert result.target["xy"].modes == 2
+    with pytest.raises(InputError, match="oscillators are the clamped"):
+        fit(data, root=Root(target="hub", hub=hub), options=FitOptions(form="oscillators"))
+    clamped = fit(data, modes={"xy": 2}, damping=Damping(ratio={"xy": (0.004, 0.002)}))
+    assert clamped.achieved["xy"].damping == pytest.approx([0.004, 0.002], rel=1e-5)
+
+
+@pytest.mark.parametrize("form", ["chain", "oscillators"])
+def test_the_files_run_in_mujoco(tmp_path, form):
+    data = ModalData.from_beam(torsion_boom(), {"xy": 1, "xz": 1, "torsion": 1})
+    (tmp_path / "modes.toml").write_text(modes_text(data))
+    spec = tmp_path / "array.toml"
+    spec.write_text(
+        f'name = "array"\n[imported]\nfile = "modes.toml"\n[damping]\nratio = 0.005\n[fit]\nform = "{form}"\n'
+    )
+    done = CliRunner().invoke(app, ["fit", str(spec), "-o", str(tmp_path / "out"), "--quiet"])
+    assert done.exit_code == 0, done.output
+    record = json.loads((tmp_path / "out" / "fit.json").read_text())
+    assert record["form"] == form
+    assert record["space"]["error"]["frequency"] < MUJOCO
+    assert (form == "oscillators") == ("oscillators" in record)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "The imported modes" in page
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "scene.xml"))
+    state = mujoco.MjData(model)
+    state.qvel[3] = 0.01
+    for _ in range(200):
+        mujoco.mj_step(model, state)
+    assert all(int(w.number) == 0 for w in state.warning)
+    assert np.all(np.isfinite(state.qpos))
+
+
+@pytest.mark.parametrize("make", [tapered_boom, tip_loaded_boom])
+def test_a_beam_as_oscillators(make):
+    result = fit(make(), modes={"xz": 2}, options=FitOptions(form="oscillators"))
+    direct = fit(make(), modes={"xz": 2})
+    assert {item.kind for item in result.oscillators.items} == {"slider"}
+    found = compare(result.achieved["xz"], direct.achieved["xz"])
+    assert max(found.frequency, found.participation) < MUJOCO
+    assert result.error["xz"].accelerance_in_band == pytest.approx(direct.error["xz"].accelerance_in_band, rel=1e-3)
+    with pytest.raises(InputError, match="neither a payload"):
+        fit(make(), options=FitOptions(form="oscillators", method="classical"))
+
+
+@pytest.mark.parametrize("form", ["chain", "oscillators"])
+def test_embedded_in_a_spacecraft(tmp_path, form):
+    (tmp_path / "array.f06").write_text(
+        whole(cantilever(0.3), weight=True) if form == "chain" else whole(plate().in_units(1e-3, 1e3))
+    )
+    units = "" if form == "chain" else "units = { length = 1e-3, mass = 1e3 }\n"
+    spec = tmp_path / "array.toml"
+    spec.write_text(f'name = "array"\n[imported]\nfile = "array.f06"\n{units}')
+    craft = tmp_path / "craft.xml"
+    craft.write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/><inertial pos="0.1 0 0" mass="3" '
+        'diaginertia="0.1 0.2 0.15"/><site name="mount" pos="0.2 0.1 0" euler="10 20 30"/></body></worldbody></mujoco>'
+    )
+    record = embed(craft, {"mount": read_spec(spec)}).as_dict()
+    pairs = [(m["exact"], m["mujoco"]) for m in record["modes"]]
+    assert len(pairs) == (5 if form == "chain" else 21)
+    assert max(abs(ours / exact - 1.0) for exact, ours in pairs) < MUJOCO
+
+
+def test_words_for_what_does_not_fit():
+    beam = torsion_boom()
+    with pytest.raises(InputError, match=r"\[imported\] and segment are both given"):
+        Spec(segment=beam.segments, imported=Imported(file="a.f06"))
+    with pytest.raises(InputError, match="unknown ending"):
+        Imported(file="a.xls")
+    with pytest.raises(InputError, match='method = "classical" needs a beam'):
+        Spec(imported=Imported(file="a.f06"), fit=FitOptions(method="classical"))
+    with pytest.raises(InputError, match="needs a beam; give it as"):
+        _ = Spec(imported=Imported(file="a.f06")).beam
+    with pytest.raises(InputError, match="does not exist"):
+        fit(Spec(imported=Imported(file="nowhere.f06")))
+    data = ModalData.from_beam(beam, {"xz": 1})
+    with pytest.raises(InputError, match=r"only 1 of the imported modes move mainly in xz"):
+        fit(data, modes={"xz": 2})
+    backwards = data.moved((0.0, 0.0, 0.0), np.diag([-1.0, -1.0, 1.0]))
+    with pytest.raises((InputError, RealisationError), match=r"does not hold the mass|no exact chain"):
+        fit(backwards, options=FitOptions(form="chain"))

@@ -1,0 +1,159 @@
+"""The public list, what is imported when, and which folder may know which.
+
+No tolerances: names only.
+"""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import beamchain
+
+SOURCE = Path(beamchain.__file__).parent
+SENTENCE = ("port", "structure", "chain", "mjcf", "engine", "assess", "report", "workflow", "cli")
+HEAVY = ("mujoco", "lxml", "matplotlib", "control")
+
+PUBLIC = {
+    "Beam", "BeamchainError", "Box", "Chain", "Comparison", "Custom", "Damping", "Embedded", "Equivalent", "Fit",
+    "FitOptions", "Hub", "Imported", "Joint", "Linearisation", "Lump", "Material", "ModalData", "Modes", "Payload",
+    "PortModel", "Rectangle", "Root", "Round", "Scene", "Segment", "Spec", "Tube", "UniformBeam", "__version__",
+    "compare", "embed", "equal_links", "fit", "linearise", "planar_chain", "read_modes", "read_spec", "realise",
+    "seed_beam", "seed_chain", "seed_table",
+}  # fmt: skip
+
+
+def run(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def modules() -> list[str]:
+    """Dotted names of all modules of the package, `beamchain.` left off."""
+    out = []
+    for path in sorted(SOURCE.rglob("*.py")):
+        parts = path.relative_to(SOURCE).with_suffix("").parts
+        out.append(".".join(parts[:-1] if parts[-1] == "__init__" else parts))
+    return [name for name in out if name and name != "__main__"]
+
+
+def imported(path: Path) -> Iterator[str]:
+    """Modules of the package that a file imports, `beamchain.` left off; not what only type checkers see."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    only_types: set[ast.AST] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            only_types |= {inner for line in node.body for inner in ast.walk(line)}
+    for node in ast.walk(tree):
+        if node in only_types:
+            continue
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            if node.module == "beamchain":
+                yield from (alias.name for alias in node.names)
+            elif node.module and node.module.startswith("beamchain."):
+                yield node.module.removeprefix("beamchain.")
+        elif isinstance(node, ast.Import):
+            yield from (a.name.removeprefix("beamchain.") for a in node.names if a.name.startswith("beamchain."))
+
+
+def units() -> dict[str, set[str]]:
+    """Per folder (or lone module) the others that it imports."""
+    out: dict[str, set[str]] = {}
+    for path in SOURCE.rglob("*.py"):
+        unit = path.relative_to(SOURCE).with_suffix("").parts[0]
+        if unit not in ("__init__", "__main__"):
+            known = {name.partition(".")[0] for name in imported(path)} - {unit, "__version__"}
+            out.setdefault(unit, set()).update(known)
+    return out
+
+
+# -- public ------------------------------------------------------------------------------------------------------------
+def test_the_public_list_is_pinned():
+    assert set(beamchain.__all__) == PUBLIC
+    assert dir(beamchain) == sorted(PUBLIC)
+
+
+@pytest.mark.parametrize("name", sorted(PUBLIC))
+def test_every_public_name_is_there(name):
+    assert getattr(beamchain, name) is not None
+
+
+def test_an_unknown_name_lists_the_known_ones():
+    with pytest.raises(
+        AttributeError, match=r"module 'beamchain' has no attribute 'fitt'; it has .*Beam, BeamchainError"
+    ):
+        _ = beamchain.fitt
+
+
+def test_type_checkers_see_the_same_list():
+    tree = ast.parse((SOURCE / "__init__.py").read_text(encoding="utf-8"))
+    seen = {
+        alias.asname
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("beamchain.")
+        for alias in node.names
+        if alias.asname == alias.name
+    }
+    assert seen | {"__version__"} == PUBLIC
+
+
+# -- what is loaded when -----------------------------------------------------------------------------------------------
+def test_importing_beamchain_loads_nothing_heavy():
+    code = f"import sys, beamchain; print([m for m in {(*HEAVY, 'numpy', 'scipy')!r} if m in sys.modules])"
+    assert run(code) == "[]"
+
+
+def test_port_structure_and_chain_load_nothing_heavy():
+    names = [m for m in modules() if m.partition(".")[0] in ("port", "structure", "chain")]
+    assert len(names) > 10
+    lines = "; ".join(f"import beamchain.{name}" for name in names)
+    assert run(f"import sys; {lines}; print([m for m in {HEAVY!r} if m in sys.modules])") == "[]"
+
+
+def test_the_command_line_starts_without_the_heavy_ones():
+    code = f"import sys, beamchain.cli; print([m for m in {HEAVY!r} if m in sys.modules])"
+    assert run(code) == "[]"
+
+
+def test_a_fit_needs_no_pictures():
+    code = (
+        "import sys, beamchain as b; e = b.Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0); "
+        "f = b.fit(b.Beam(segments=(b.Segment(length=1.0, section=e),))); "
+        "print(f.status.ok, [m for m in ('matplotlib', 'control', 'jinja2') if m in sys.modules])"
+    )
+    assert run(code) == "True []"
+
+
+# -- who knows whom ----------------------------------------------------------------------------------------------------
+def test_each_folder_imports_only_what_stands_before_it():
+    graph = units()
+    for unit in SENTENCE:
+        assert unit in graph
+        later = graph[unit] & set(SENTENCE[SENTENCE.index(unit) + 1 :])
+        assert not later, f"{unit} imports {sorted(later)}"
+
+
+def test_no_folder_is_imported_in_a_circle():
+    graph = {unit: set(known) for unit, known in units().items()}
+    while graph:
+        free = [unit for unit, known in graph.items() if not known & graph.keys()]
+        assert free, f"these import each other: {sorted(graph)}"
+        for unit in free:
+            del graph[unit]
+
+
+def test_errors_know_nobody():
+    assert units()["errors"] == set()
+
+
+def test_only_one_place_imports_mujoco():
+    for path in SOURCE.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        names = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+        names |= {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+        if path.name != "library.py" and path.parent.name != "examples":  # a user's script is none of the package
+            assert "mujoco" not in names, path

@@ -1,0 +1,196 @@
+"""How the command line behaves before it computes anything: help, completion, colours, files to start from."""
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+
+import pytest
+
+import beamchain as bc
+from beamchain.cli import app, main
+from beamchain.shipped import examples, starts
+
+COMMANDS = sorted(command.name for command in app.registered_commands)
+COLOUR = re.compile(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|38;5)[0-9;]*m")
+
+
+def run(arguments, capsys, monkeypatch):
+    """Exit status, stdout and stderr of one call in this process."""
+    monkeypatch.setattr(sys, "argv", ["beamchain", *arguments])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    told = capsys.readouterr()
+    return int(stopped.value.code or 0), told.out, told.err
+
+
+def outside(arguments, **environment):
+    """The same as a process of its own, piped."""
+    return subprocess.run(
+        [sys.executable, "-m", "beamchain", *arguments],
+        capture_output=True, text=True, check=False, env={**os.environ, "PYTHONIOENCODING": "utf-8", **environment},
+    )  # fmt: skip
+
+
+# -- help ------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_shows_an_example_of_itself(command, capsys, monkeypatch):
+    code, text, _ = run([command, "--help"], capsys, monkeypatch)
+    assert code == 0
+    assert re.search(rf"Example: beamchain {command}\b", text)
+    assert "--json" in text
+    assert "--quiet" in text
+
+
+@pytest.mark.parametrize("word", ["fti", "inspct", "exmples", "schem"])
+def test_a_mistyped_command_gets_a_guess(word, capsys, monkeypatch):
+    code, _, error = run([word], capsys, monkeypatch)
+    assert code == 2
+    guess = re.search(r"Did you mean '(\w+)'", error)
+    assert guess
+    assert guess[1] in COMMANDS
+
+
+def test_a_mistyped_option_gets_a_guess(capsys, monkeypatch):
+    code, _, error = run(["fit", "a.toml", "--ouput", "b"], capsys, monkeypatch)
+    assert code == 2
+    assert "--output" in error
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion(shell):
+    words = {"COMP_WORDS": "beamchain init ", "COMP_CWORD": "2", "_TYPER_COMPLETE_ARGS": "beamchain init "}
+    words |= {"_BEAMCHAIN_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
+    code = "import sys; sys.argv = ['beamchain']; from beamchain.cli import app; app(prog_name='beamchain')"  # as the installed script is called
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False,
+        env={**os.environ, **words},
+    )  # fmt: skip
+    for start in starts():
+        assert start.name in done.stdout
+
+
+# -- colours ---------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("arguments", [["--help"], ["fit", "--help"], ["examples"], ["nonsense"], ["seed"]])
+def test_no_escape_codes_when_piped(arguments):
+    done = outside(arguments)
+    assert "\x1b" not in done.stdout + done.stderr
+    assert done.stdout + done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a pseudo terminal needs a POSIX system")
+@pytest.mark.parametrize("no_color", [False, True])
+def test_no_color_on_a_terminal(no_color):
+    import pty
+
+    keep = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR", "CI", "GITHUB_ACTIONS")}
+    environment = {**keep, "TERM": "xterm-256color", **({"NO_COLOR": "1"} if no_color else {})}
+    master, slave = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-m", "beamchain", "--help"], stdout=slave, stderr=slave, env=environment
+    ) as running:
+        os.close(slave)
+        text = b""
+        try:
+            while part := os.read(master, 65536):
+                text += part
+        except OSError:  # how Linux ends a terminal
+            pass
+        assert running.wait() == 0
+    os.close(master)
+    assert bool(COLOUR.search(text.decode())) is not no_color
+
+
+# -- init ------------------------------------------------------------------------------------------------------------
+def test_the_promised_starts_are_there():
+    assert {start.name for start in starts()} == {"boom", "array", "mast"}
+
+
+@pytest.mark.parametrize("kind", ["boom", "array", "mast"])
+def test_init_writes_a_spec_that_fits(kind, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, told, _ = run(["init", kind], capsys, monkeypatch)
+    assert code == 0
+    spec = bc.read_spec(tmp_path / f"{kind}.toml")
+    assert spec.name == kind
+    assert bc.fit(spec).status.ok
+    following = shlex.split(re.search(r"next: beamchain (.*)", told)[1])
+    assert following[:2] == ["fit", f"{kind}.toml"]
+
+
+@pytest.mark.parametrize("kind", ["boom", "array", "mast"])
+def test_what_is_commented_out_is_right_too(kind):
+    """Each `# key = value` line of a start, taken alone into the file, is known to the spec or clashes for a reason."""
+    lines = next(start for start in starts() if start.name == kind).path.read_text(encoding="utf-8").split("\n")
+    hidden = [i for i, line in enumerate(lines) if re.match(r"# (\[|\w+ = )", line)]
+    assert len(hidden) >= 3
+    from beamchain.spec import spec_from_dict
+
+    blocks: list[list[int]] = []
+    for i in hidden:  # a commented table and the lines below it stand or fall together
+        if blocks and blocks[-1][-1] == i - 1 and lines[blocks[-1][0]].startswith("# ["):
+            blocks[-1].append(i)
+        else:
+            blocks.append([i])
+    for block in blocks:
+        text = [line[2:] if i in block else line for i, line in enumerate(lines)]
+        keys = {re.match(r"# (\w+) =", lines[block[0]])[1]} if not lines[block[0]].startswith("# [") else set()
+        text = [line for i, line in enumerate(text) if i in block or line.split(" = ")[0] not in keys]
+        content = tomllib.loads("\n".join(text))
+        if "payload" in content:  # stands for the lump
+            content.pop("lump")
+        spec_from_dict(content)
+
+
+def test_init_never_replaces_without_force(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "boom.toml").write_text("mine")
+    code, _, error = run(["init", "boom"], capsys, monkeypatch)
+    assert code == 2
+    assert "--force" in error
+    assert (tmp_path / "boom.toml").read_text() == "mine"
+    assert run(["init", "boom", "--force", "--quiet"], capsys, monkeypatch) == (0, "", "")
+    assert (tmp_path / "boom.toml").read_text() != "mine"
+    code, told, _ = run(["init", "mast", "-o", "deeper/own.toml", "--json"], capsys, monkeypatch)
+    assert json.loads(told) == {"kind": "mast", "file": "deeper/own.toml"}
+    assert (tmp_path / "deeper" / "own.toml").is_file()
+
+
+def test_init_knows_its_kinds(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, _, error = run(["init", "booom"], capsys, monkeypatch)
+    assert code == 2
+    assert "did you mean 'boom'" in error
+    assert list(tmp_path.iterdir()) == []
+
+
+# -- examples --------------------------------------------------------------------------------------------------------
+def test_examples_are_listed(capsys, monkeypatch):
+    code, told, _ = run(["examples", "--json"], capsys, monkeypatch)
+    assert code == 0
+    listed = json.loads(told)["examples"]
+    assert {one["name"] for one in listed} >= {"seed_boom", "array_scene", "mast"}
+    assert all(len(one["about"]) > 20 for one in listed)
+
+
+@pytest.mark.parametrize("name", [one.name for one in examples()])
+def test_examples_run(name, tmp_path, capsys, monkeypatch):
+    folder = tmp_path / "out"
+    code, told, _ = run(["examples", "--run", name, "-o", str(folder), "--json"], capsys, monkeypatch)
+    assert code == 0
+    assert json.loads(told)["status"]["ok"]
+    assert (folder / "appendage.xml").is_file()
+    assert (folder / "report.html").is_file()
+
+
+def test_examples_know_their_names(tmp_path, capsys, monkeypatch):
+    code, _, error = run(["examples", "--run", "seedboom", "-o", str(tmp_path / "o")], capsys, monkeypatch)
+    assert code == 2
+    assert "did you mean 'seed_boom'" in error
+    code, _, error = run(["examples", "-o", str(tmp_path / "o")], capsys, monkeypatch)
+    assert code == 2
+    assert "--run" in error
+    assert not (tmp_path / "o").exists()

@@ -1,0 +1,342 @@
+"""Imported modes: the same physics from any axes, point and units; checks; files; matrices."""
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import io
+from scipy.linalg import eigh
+from scipy.spatial.transform import Rotation
+
+from appendages import panels, tapered_boom
+from beamchain.errors import InputError
+from beamchain.port import PORT_MOTION
+from beamchain.structure.mass_line import default_length, spread
+from beamchain.structure.modal_data import ModalData
+from beamchain.structure.readers import read_modes
+from beamchain.structure.readers.craig_bampton import from_matrices
+from beamchain.structure.readers.nastran_op2 import from_tables
+from beamchain.structure.readers.own_format import modes_text
+from prints import cantilever, plate
+
+SAME = 1e-9  # the issue's bound: same physics in any axes, about any point, in any units
+PRINT = 5e-7  # relative precision of seven printed digits
+
+
+class Cloud:
+    """Point masses with orthonormal modes, written down about any point in any axes and units, from the definition.
+
+    Nothing is transformed: `L = sum m (u, x cross u)` is evaluated anew each time.
+    """
+
+    def __init__(self, seed: int, points: int = 9, modes: int = 4) -> None:
+        rng = np.random.default_rng(seed)
+        self.at = rng.normal(size=(points, 3)) * [3.0, 1.0, 0.5] + [2.0, 0.1, 0.0]
+        self.mass = rng.uniform(0.5, 3.0, points)
+        shapes = np.linalg.qr(rng.normal(size=(3 * points, modes)))[0]  # orthonormal once weighted by sqrt(m)
+        self.shapes = shapes.T.reshape(modes, points, 3) / np.sqrt(self.mass)[:, None]
+        self.frequencies = np.sort(rng.uniform(1.0, 50.0, modes))
+
+    def data(self, point=(0.0, 0.0, 0.0), axes=None, length=1.0, mass=1.0, **more) -> ModalData:
+        """About `point`, in `axes` (rows), in units of `length` m and `mass` kg."""
+        turn = np.eye(3) if axes is None else axes
+        x = (self.at - point) @ turn.T / length
+        m = self.mass / mass
+        u = self.shapes @ turn.T * np.sqrt(mass)
+        rows = np.concatenate([np.einsum("p,kpi->ki", m, u), np.einsum("p,kpi->ki", m, np.cross(x, u))], axis=1)
+        rigid = np.zeros((6, 6))
+        for xi, mi in zip(x, m, strict=True):
+            for motion_i in np.eye(6):
+                moved = motion_i[:3] + np.cross(motion_i[3:], xi)
+                rigid[int(np.argmax(motion_i))] += mi * np.concatenate([moved, np.cross(xi, moved)])
+        return ModalData(rigid, self.frequencies, rows, **more)
+
+
+def same(a: ModalData, b: ModalData, tolerance: float = SAME) -> None:
+    assert a.frequencies == pytest.approx(b.frequencies, rel=tolerance)
+    assert np.max(np.abs((a.participation - b.participation) / b.scale)) < tolerance
+    assert np.max(np.abs((a.rigid_mass - b.rigid_mass) / np.outer(b.scale, b.scale))) < tolerance
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    angles=st.tuples(*[st.floats(-3.0, 3.0)] * 3),
+    point=st.tuples(*[st.floats(-5.0, 5.0)] * 3),
+    length=st.sampled_from([1.0, 1e-3, 0.0254, 0.3048]),
+    mass=st.sampled_from([1.0, 1e3, 0.45359237, 175.126835]),
+)
+def test_any_axes_point_and_units(seed, angles, point, length, mass):
+    cloud = Cloud(seed)
+    axes = Rotation.from_euler("xyz", angles).as_matrix()  # rows: the file's axes in appendage axes
+    stored = cloud.data(point, axes, length, mass)
+    # the port (appendage origin) from the file's point, in the file's axes and units; appendage axes in the file's
+    back = stored.moved(axes @ -np.array(point) / length, axes.T).scaled(length, mass)
+    same(back, cloud.data())
+
+
+def test_a_turned_mirror_is_refused():
+    data = Cloud(1).data()
+    for bad in (np.diag([1.0, 1.0, -1.0]), np.diag([1.0, 1.0, 1.1]), np.ones((3, 3))):
+        with pytest.raises(InputError, match="right-handed"):
+            data.moved((0, 0, 0), bad)
+
+
+# -- checks ------------------------------------------------------------------------------------------------------------
+def test_wrong_reference_point_and_units_are_refused_with_the_causes():
+    good = Cloud(3).data()
+    shifted = Cloud(3).data(point=(30.0, 0.0, 0.0))
+    with pytest.raises(
+        InputError, match=r"residual mass.*eigenvalue.*reference points, different units.*clamped nodes"
+    ):
+        ModalData(good.rigid_mass, good.frequencies, shifted.participation)
+    with pytest.raises(InputError, match="residual mass"):
+        ModalData(good.rigid_mass / 1e3, good.frequencies, good.participation)  # tonnes beside kilograms
+    with pytest.raises(InputError, match="not symmetric"):
+        ModalData(
+            good.rigid_mass + np.eye(6)[[1, 0, 2, 3, 4, 5]] * [1, 0, 0, 0, 0, 0], good.frequencies, good.participation
+        )
+
+
+@pytest.mark.parametrize("field", ["rigid_mass", "frequencies", "participation"])
+def test_nan_is_refused(field):
+    data = Cloud(2).data()
+    values = np.array(getattr(data, field))
+    values.flat[1] = np.nan
+    with pytest.raises(InputError, match="not a finite number"):
+        replace(data, **{field: values})
+
+
+def test_printed_rounding_is_settled_and_told():
+    truth = cantilever()
+    data = ModalData(truth.mass, truth.frequencies, truth.participation, precision=PRINT)
+    residual = data.port("xy").residual_mass
+    assert residual[0, 0] == pytest.approx(5.30144, abs=2e-5)  # ORACLES O8: the clamped node's own
+    assert residual[1, 1] == 0.0
+    assert residual[0, 1] == 0.0
+    assert any("printed precision" in step for step in data.steps)
+    with pytest.raises(InputError, match="residual mass"):  # the same numbers said to be exact
+        ModalData(truth.mass, truth.frequencies, truth.participation * (1 + 1e-6), precision=1e-13)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, 0.7853981633974483, 1.4])
+def test_degenerate_pairs_turn_into_the_planes(turn):
+    truth = cantilever(turn)
+    data = ModalData(truth.mass, truth.frequencies, truth.participation, precision=PRINT).untangled()
+    assert data.belongs == ("xy", "xz", "xy", "xz", "axial")
+    assert float(data.leaks.max()) < 20 * PRINT
+    for port in ("xy", "xz"):
+        plain = data.port(port, own=True)
+        assert np.abs(plain.participation) == pytest.approx(
+            np.array([[3.462030, 2.774607], [1.979560, 0.5036983]]), rel=3 * PRINT
+        )
+
+
+def test_leak_is_the_part_outside_the_port():
+    rows = np.zeros((1, 6))
+    rows[0, [2, 3]] = 0.6, 0.2
+    data = ModalData(np.diag([1.0, 1.0, 1.0, 4.0, 4.0, 4.0]), np.array([2.0]), rows)
+    assert data.belongs == ("xz",)
+    assert data.leaks[0] == pytest.approx(0.1 / np.hypot(0.6, 0.1), rel=1e-12)
+
+
+def test_port_models_are_blocks_of_space():
+    data = Cloud(5).data()
+    omega = np.array([0.3, 7.0, 60.0])
+    for port, motion in PORT_MOTION.items():
+        block = np.einsum("ai,abf,bj->ijf", motion, data.space().D(omega), motion)
+        assert data.port(port).D(omega) == pytest.approx(block, rel=1e-9, abs=1e-12 * np.max(np.abs(block)))
+
+
+def test_selected_modes():
+    data = Cloud(6).data()
+    assert data.selected([4, 2]).frequencies.tolist() == data.frequencies[[1, 3]].tolist()
+    for bad, words in (([5], "holds modes 1 to 4"), ([1, 1], "only once"), ([], "at least one")):
+        with pytest.raises(InputError, match=words):
+            data.selected(bad)
+
+
+# -- files -------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("make", [panels, tapered_boom])
+@pytest.mark.parametrize("kind", ["toml"])
+def test_a_file_gives_the_same_numbers(tmp_path, make, kind):
+    data = ModalData.from_beam(make(), {"xy": 2, "xz": 2, "torsion": 1})
+    path = tmp_path / f"array.{kind}"
+    path.write_text(modes_text(data))
+    back = read_modes(path)
+    same(back, data, 1e-15)
+    assert back.length == data.length
+    a, b = back.line(), make()
+    for x in np.linspace(0.05, 1.0, 7) * b.length:
+        assert a.moments(0.0, x) == pytest.approx(b.moments(0.0, x), rel=1e-12, abs=1e-15)
+
+
+def test_typed_numbers_count_their_digits(tmp_path):
+    rows = np.array2string(plate(3).participation.T, separator=", ", formatter={"float": lambda v: f"{v:.6e}"})
+    mass = np.array2string(plate(3).mass, separator=", ", formatter={"float": lambda v: f"{v:.6e}"})
+    hertz = (plate(3).frequencies / 2 / np.pi).tolist()
+    path = tmp_path / "a.toml"
+    path.write_text(f"frequencies_hz = {hertz}\nparticipation = {rows}\nmass = {mass}\ndamping = 0.005\n")
+    data = read_modes(path)
+    assert data.precision == pytest.approx(PRINT)
+    assert data.damping.tolist() == [0.005] * 3
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda s: s[: len(s) // 2], "cut or mangled|participation|6 rows"),
+        (lambda s: s.replace("participation", "particpation"), "particpation.*keys of a modes file"),
+        (lambda s: s.replace("mass = [", "mass = [[1.0], ", 1), "6 rows|type|Expected"),
+        (lambda s: re.sub(r"damping = \[[^\]]*\]", "damping = 5.0", s), "between 0 and 1"),
+        (lambda s: re.sub(r"frequencies = \[[^,]*,", "frequencies = [nan,", s), "not a finite number"),
+        (lambda s: re.sub(r"frequencies = \[[^,]*,", "frequencies = [-1.0,", s), "held at its port"),
+    ],
+)
+def test_mangled_files_are_refused(tmp_path, change, words):
+    text = modes_text(ModalData.from_beam(tapered_boom(), {"xy": 3}))
+    path = tmp_path / "a.toml"
+    path.write_text(change(text))
+    with pytest.raises(InputError, match=words):
+        read_modes(path)
+
+
+def test_a_turned_table_is_named(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text('{"frequencies": [1.0, 2.0], "participation": [[0,0,0,0,0,0],[0,0,0,0,0,0]], "mass": []}')
+    with pytest.raises(InputError, match="stands turned"):
+        read_modes(path)
+
+
+# -- matrices ----------------------------------------------------------------------------------------------------------
+def frame(elements: int = 6, length: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
+    """Mass and stiffness `(6 n + 6)` of a straight frame along x, textbook cubic elements, consistent mass."""
+    le, n = length / elements, 6 * elements + 6
+    k, m = np.zeros((n, n)), np.zeros((n, n))
+    ea, gj, ei, rho, j = 5e5, 40.0, (90.0, 60.0), 1.5, 0.01
+
+    def bending(dofs, stiff, sign):
+        s = np.diag([1.0, sign, 1.0, sign])
+        kb = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]]) * stiff / le**3
+        mb = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) * rho * le / 420
+        by_length = np.outer([1, le, 1, le], [1, le, 1, le])
+        kb, mb = kb * by_length, mb * by_length
+        k[np.ix_(dofs, dofs)] += s @ kb @ s
+        m[np.ix_(dofs, dofs)] += s @ mb @ s
+
+    for e in range(elements):
+        a, b = 6 * e, 6 * e + 6
+        bending([a + 1, a + 5, b + 1, b + 5], ei[0], 1.0)
+        bending([a + 2, a + 4, b + 2, b + 4], ei[1], -1.0)
+        for d, stiff, inertia in ((0, ea, rho), (3, gj, j)):
+            dofs = [a + d, b + d]
+            k[np.ix_(dofs, dofs)] += stiff / le * np.array([[1, -1], [-1, 1]])
+            m[np.ix_(dofs, dofs)] += inertia * le / 6 * np.array([[2, 1], [1, 2]])
+    return m, k
+
+
+def test_matrices_give_the_frame_s_modes():
+    m, k = frame()
+    data = from_matrices(m, k, range(6))
+    assert data.rigid_mass[0, 0] == pytest.approx(3.0, rel=1e-12)
+    assert data.rigid_mass[5, 5] == pytest.approx(1.5 * 8.0 / 3.0, rel=1e-12)
+    squares, shapes = eigh(k[6:, 6:], m[6:, 6:])
+    assert data.frequencies[:10] == pytest.approx(np.sqrt(squares[:10]), rel=1e-8)
+    rigid = np.tile(np.eye(6), (7, 1))
+    for node in range(7):
+        x = node * 2.0 / 6
+        rigid[6 * node + 1, 5], rigid[6 * node + 2, 4] = x, -x
+    rows = (shapes.T @ (m @ rigid)[6:])[:10]
+    assert np.abs(data.participation[:10]) == pytest.approx(np.abs(rows), rel=1e-6, abs=1e-8)
+
+
+def test_craig_bampton_form_and_files(tmp_path):
+    m, k = frame()
+    whole = from_matrices(m, k, range(6))
+    count = 12  # reduced by hand: six port freedoms and twelve modes
+    cb_m = np.eye(6 + count)
+    cb_m[:6, :6] = whole.rigid_mass
+    cb_m[:6, 6:] = whole.participation[:count].T
+    cb_m[6:, :6] = whole.participation[:count]
+    cb_k = np.diag(np.concatenate([np.zeros(6), whole.frequencies[:count] ** 2]))
+    np.savez(tmp_path / "cb.npz", M=cb_m, K=cb_k, boundary=np.arange(6))
+    io.savemat(tmp_path / "cb.mat", {"M": cb_m, "K": cb_k, "boundary": np.arange(1, 7)})
+    io.mmwrite(tmp_path / "M.mtx", cb_m)
+    io.mmwrite(tmp_path / "K.mtx", cb_k)
+    (tmp_path / "cb.toml").write_text(
+        'matrices = { mass = "M.mtx", stiffness = "K.mtx", boundary = [1, 2, 3, 4, 5, 6] }\n'
+    )
+    for name in ("cb.npz", "cb.mat", "cb.toml"):
+        data = read_modes(tmp_path / name)
+        assert data.frequencies == pytest.approx(whole.frequencies[:count], rel=1e-9)
+        assert np.abs(data.participation) == pytest.approx(np.abs(whole.participation[:count]), rel=1e-6, abs=1e-8)
+
+
+def test_matrices_that_do_not_serve_are_refused(tmp_path):
+    m, k = frame(3)
+    with pytest.raises(InputError, match="six different freedoms"):
+        from_matrices(m, k, range(5))
+    with pytest.raises(InputError, match="order x, y, z"):
+        from_matrices(m, k + np.diag([0.0] * 20 + [50.0] * 4), range(6))
+    with pytest.raises(InputError, match="not symmetric"):
+        from_matrices(m, np.triu(k), range(6))
+    with pytest.raises(InputError, match="can still move"):
+        from_matrices(m, k, [0, 1, 2, 3, 6, 7])
+    (tmp_path / "x.npz").write_bytes(b"PK\3\4 cut")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_modes(tmp_path / "x.npz")
+    np.savez(tmp_path / "y.npz", M=m)
+    with pytest.raises(InputError, match="holds no stiffness"):
+        read_modes(tmp_path / "y.npz")
+    np.savez(tmp_path / "z.npz", M=np.array([{"a": 1}], dtype=object), K=k, boundary=np.arange(6))
+    with pytest.raises(InputError, match="cannot be read"):
+        read_modes(tmp_path / "z.npz")
+
+
+def test_op2_tables():
+    class Table:
+        radians = (3.0, 5.0)
+        generalized_mass = (1.0, 4.0)
+
+    rows = np.zeros((2, 6))
+    rows[:, 2] = 0.5, 0.1
+    data = from_tables("a.op2", {"run": Table}, {"MPFACS": rows.T, "RBMASS": np.eye(6)})
+    assert data.participation[:, 2].tolist() == [0.5, 0.2]
+    assert from_tables("a.op2", {"run": Table}, {"MPFACS": rows, "RBMASSS": np.eye(6)}).modes == 2
+    with pytest.raises(InputError, match=r"MPFACS, RBMASS.*give me the f06"):
+        from_tables("a.op2", {"run": Table}, {})
+
+
+# -- the mass line -----------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("mass", "centre", "gyration"), [(3.0, 0.5, 0.2887), (3.0, 0.5, 0.36), (3.0, 0.3, 0.2), (3.0, 0.8, 0.1)]
+)
+def test_spread_mass_has_the_moments_it_was_made_from(mass, centre, gyration):
+    rigid = np.diag([mass, mass, mass, 0.2, *[mass * (gyration**2 + centre**2)] * 2])
+    rigid[1, 5] = rigid[5, 1] = mass * centre
+    rigid[2, 4] = rigid[4, 2] = -mass * centre
+    line = spread(rigid, 1.0)
+    total = line.moments(0.0, 1.0, closed=True)
+    assert total[:4] == pytest.approx((mass, mass * centre, rigid[5, 5], 0.2), rel=1e-9)
+    edges = np.linspace(0.0, 1.0, 30)
+    pieces = [line.moments(a, b, closed=b == 1.0).mass for a, b in pairwise(edges)]
+    assert min(pieces) >= 0.0
+    assert sum(pieces) == pytest.approx(mass, rel=1e-12)
+
+
+def test_a_length_that_does_not_hold_the_mass_is_refused():
+    rigid = ModalData.from_beam(tapered_boom(), {"xy": 1}).rigid_mass
+    with pytest.raises(InputError, match=r"does not hold the mass.*reference"):
+        spread(rigid, 2.0)
+    assert default_length(np.diag([3.0, 3.0, 3.0, 0.0, 1.0, 1.0]) + _coupled(1.5)) == pytest.approx(1.0, rel=1e-9)
+
+
+def _coupled(first: float) -> np.ndarray:
+    out = np.zeros((6, 6))
+    out[1, 5] = out[5, 1] = first
+    out[2, 4] = out[4, 2] = -first
+    return out

@@ -1,0 +1,238 @@
+"""What the thing looks like: shapes in the written files, the turn that pictures show, and the pictures."""
+
+import json
+import os
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+from lxml import etree
+from PIL import Image
+
+import beamchain as bc
+from appendages import panels, seed_boom, tapered_boom
+from beamchain.engine import backend
+from beamchain.engine.slew import MOST_BENT, simulate
+from beamchain.mjcf import looks
+from beamchain.report import film
+
+HUB = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
+TURNED = 0.02  # of the angle asked for: sampled means of the hub's ringing about it
+COVERED = 0.02  # of the length: gaps at panel edges
+
+YOKE = bc.Segment(
+    length=1.0,
+    section=bc.Tube(outer_diameter=0.05, wall=0.002),
+    material=bc.Material(youngs_modulus=7e10, density=2700.0),
+)
+PANEL = bc.Segment(
+    length=2.5,
+    section=bc.Rectangle(width_y=0.02, width_z=1.2),
+    material=bc.Material(youngs_modulus=2e9, density=80.0),
+    nonstructural_mass=2.0,
+)
+TRUSS = bc.Segment(length=10.0, section=bc.Equivalent(bending_stiffness_xy=1e5, linear_mass=1.0))
+ARRAY = bc.Beam(segments=(YOKE, PANEL, PANEL), lumps=(bc.Lump(x=6.0, mass=1.0),))
+
+
+def geoms(beam, **options):
+    root = etree.fromstring(bc.fit(beam, modes={"xy": 2}, root=bc.Root(hub=HUB), **options).to_mjcf())
+    return list(root.iter("geom"))
+
+
+# -- the written files -----------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("make", [seed_boom, tapered_boom, panels, lambda: ARRAY, lambda: bc.Beam(segments=(TRUSS,))])
+def test_shapes_weigh_nothing_and_touch_nothing(make):
+    found = geoms(make())
+    assert found
+    names = [geom.get("name") for geom in found]
+    assert len(names) == len(set(names))
+    for geom in found:
+        assert (geom.get("mass"), geom.get("contype"), geom.get("conaffinity")) == ("0", "0", "0")
+        allowed = {"name", "type", "size", "pos", "quat", "rgba", "mass", "contype", "conaffinity"}
+        assert set(geom.attrib) <= allowed
+        assert len(geom.get("rgba").split()) == 4
+
+
+def test_each_section_has_its_look():
+    kinds = {(geom.get("type"), geom.get("rgba")) for geom in geoms(ARRAY)}
+    assert kinds == {("cylinder", looks.TUBE), ("box", looks.PANEL), ("box", looks.CARRIED)}
+    assert {geom.get("rgba") for geom in geoms(bc.Beam(segments=(TRUSS,)))} == {looks.TRUSS}
+
+
+@pytest.mark.parametrize("beam", [seed_boom(), ARRAY])
+def test_shapes_cover_the_appendage_and_are_as_deep(beam):
+    model = mujoco.MjModel.from_xml_string(bc.fit(beam, modes={"xy": 2}).to_mjcf())
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    spans = []
+    for i in range(model.ngeom):
+        along = model.geom_size[i, 0 if model.geom_type[i] == int(mujoco.mjtGeom.mjGEOM_BOX) else 1]
+        x = float(data.geom_xpos[i, 0])
+        if model.geom_rgba[i, :3] != pytest.approx([float(v) for v in looks.CARRIED.split()[:3]]):
+            spans.append((x - along, x + along))
+            depth = beam.depth(x, "xy") / 2.0
+            across = model.geom_size[i, 1 if model.geom_type[i] == int(mujoco.mjtGeom.mjGEOM_BOX) else 0]
+            assert across == pytest.approx(depth, rel=1e-9)
+    covered = sum(b - a for a, b in spans)
+    assert covered == pytest.approx(beam.length, rel=COVERED)
+    assert min(a for a, _ in spans) >= -1e-9
+    assert max(b for _, b in spans) <= beam.length * (1.0 + 1e-9)
+
+
+def test_a_carried_body_is_drawn_once_and_where_it_is():
+    model = mujoco.MjModel.from_xml_string(bc.fit(ARRAY, modes={"xy": 3}).to_mjcf())
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    colour = [float(v) for v in looks.CARRIED.split()[:3]]
+    at = [data.geom_xpos[i, 0] for i in range(model.ngeom) if model.geom_rgba[i, :3] == pytest.approx(colour)]
+    assert at == pytest.approx([6.0])
+
+
+def test_looks_change_no_motion():
+    with_shapes = bc.fit(ARRAY, modes={"xy": 2}, scene=bc.Scene(visuals=True))
+    without = bc.fit(ARRAY, modes={"xy": 2}, scene=bc.Scene(visuals=False))
+    assert "<geom" not in without.to_mjcf()
+    one, two = (mujoco.MjModel.from_xml_string(fit.scene_mjcf()) for fit in (with_shapes, without))
+    np.testing.assert_array_equal(one.body_mass, two.body_mass)
+    np.testing.assert_array_equal(one.body_inertia, two.body_inertia)
+
+
+# -- the turn --------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("modes", "axis"), [({"xy": 2}, 2), ({"xz": 2}, 1), ({"torsion": 1}, 0), ({"xy": 2, "xz": 1}, None)]
+)
+def test_slew_turns_by_the_angle_and_stops(modes, axis):
+    fit = bc.fit(tapered_boom(), name="boom", modes=modes, root=bc.Root(hub=HUB))
+    model = mujoco.MjModel.from_xml_string(fit.scene_mjcf())
+    slew = simulate(model, angle=0.5, frames=240)
+    assert slew.body == "hub"
+    assert axis in (slew.axis, None)
+    turned = 2.0 * np.arctan2(slew.positions[:, 4 + slew.axis], slew.positions[:, 3])
+    last = slew.times > slew.times[-1] - 3.0 * 2.0 * np.pi / slew.omega  # whole periods: the ringing averages out
+    assert np.mean(turned[last]) == pytest.approx(0.5, rel=TURNED)
+    assert np.abs(slew.positions[:, list(slew.elastic)]).max() < 2.0 * MOST_BENT
+    periods = slew.duration * slew.omega / (2.0 * np.pi)
+    assert periods == pytest.approx(round(periods), rel=1e-9)
+    assert round(periods) % 2 == 1
+    assert slew.loudest > 0
+
+
+def test_exaggeration_is_of_the_springs_alone():
+    fit = bc.fit(seed_boom(), modes={"xy": 2}, root=bc.Root(hub=HUB))
+    slew = simulate(mujoco.MjModel.from_xml_string(fit.scene_mjcf()), angle=0.5, frames=40)
+    k, springs = slew.loudest, list(slew.elastic)
+    assert slew.shown(k, 5.0)[springs] == pytest.approx(5.0 * slew.positions[k, springs])
+    np.testing.assert_array_equal(slew.shown(k, 5.0)[:7], slew.positions[k, :7])
+    np.testing.assert_array_equal(slew.shown(k, 0.0)[springs], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("body", "word"),
+    [
+        ("<body><joint type='hinge' stiffness='1'/><geom size='.1'/></body>", "freejoint"),
+        ("<body name='hub'><freejoint/><geom size='.1'/></body>", "spring"),
+    ],
+)
+def test_scenes_that_cannot_ring_are_refused(body, word):
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    with pytest.raises(bc.BeamchainError, match=word):
+        simulate(model, angle=0.5, frames=10)
+
+
+# -- files -----------------------------------------------------------------------------------------------------------
+def frames(count=6):
+    out = np.zeros((count, 41, 60, 3), dtype=np.uint8)
+    for k in range(count):
+        out[k, 10 : 20 + k, 10:20] = (220, 160, 40)
+    return list(out)
+
+
+def test_png_and_gif_hold_the_frames(tmp_path):
+    (tmp_path / "a.png").write_bytes(film.png(frames()[2]))
+    np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "a.png")), frames()[2])
+    (tmp_path / "a.gif").write_bytes(film.gif(frames(), 20.0))
+    with Image.open(tmp_path / "a.gif") as moving:
+        assert moving.n_frames == 6
+        assert moving.size == (60, 41)
+        assert moving.info["duration"] == 50
+        assert moving.info["loop"] == 0
+
+
+def test_mp4_where_there_is_ffmpeg(monkeypatch):
+    made = film.mp4(frames(), 20.0)
+    if made is not None:
+        assert made[4:8] == b"ftyp"
+    monkeypatch.setenv("PATH", "")
+    assert film.mp4(frames(), 20.0) is None
+
+
+def command(arguments, folder, **environment):
+    # without a screen, whatever this machine has
+    keep = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    return subprocess.run(
+        [sys.executable, "-m", "beamchain", *arguments],
+        cwd=folder, capture_output=True, text=True, check=False, env={**keep, **environment},
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def boom(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("boom")
+    bc.fit(seed_boom(), name="boom", modes={"xy": 2}, root=bc.Root(hub=HUB)).write(folder)
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("renderer", ["egl", "osmesa"])
+def test_render(renderer, boom, tmp_path):
+    if not backend._works(renderer):
+        pytest.skip(f"MuJoCo cannot draw with {renderer} on this machine")
+    arguments = ["render", str(boom / "scene.xml"), "-o", "pictures", "--width", "200", "--height", "120", "--json"]
+    done = command([*arguments, "--exaggerate", "3"], tmp_path, MUJOCO_GL=renderer)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["renderer"] == renderer
+    assert told["slew"]["axis"] == "z"
+    assert {"scene.png", "scene.gif"} <= {path.name for path in (tmp_path / "pictures").iterdir()}
+    with Image.open(tmp_path / "pictures" / "scene.png") as still:
+        pixels = np.asarray(still.convert("RGB")).astype(int)
+    assert pixels.shape == (120, 200, 3)
+    gold = (pixels[..., 0] > 120) & (pixels[..., 2] < pixels[..., 0] / 2)
+    bright = pixels.min(axis=-1) > 110
+    assert 50 < gold.sum() < 0.3 * gold.size
+    assert 10 < bright.sum() < 0.2 * bright.size
+    with Image.open(tmp_path / "pictures" / "scene.gif") as moving:
+        assert moving.n_frames > 20
+    again = command(arguments, tmp_path, MUJOCO_GL=renderer)
+    assert again.returncode == 2
+    assert "--force" in again.stderr
+
+
+def test_render_without_a_renderer_says_what_to_install(boom, tmp_path):
+    done = command(["render", str(boom / "scene.xml"), "-o", "o"], tmp_path, MUJOCO_GL="glfw")
+    if done.returncode == 0:
+        pytest.skip("glfw draws here without a screen")
+    assert done.returncode == 2
+    assert done.stderr.startswith("beamchain: MUJOCO_GL = 'glfw' does not draw here")
+    assert "libosmesa6" in done.stderr
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("--exaggerate", "-1"), ("--angle", "1000"), ("--width", "1"), ("--height", "99999")]
+)
+def test_render_checks_its_numbers(option, value, boom, tmp_path):
+    done = command(["render", str(boom / "scene.xml"), "-o", "o", option, value], tmp_path)
+    assert done.returncode == 2
+    assert f"{option} = {value}" in done.stderr
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux says beforehand that it has no screen")
+def test_view_without_a_screen_says_so(boom, tmp_path):
+    done = command(["view", str(boom / "scene.xml")], tmp_path)
+    assert done.returncode == 2
+    assert "no screen" in done.stderr
+    assert "beamchain render" in done.stderr

@@ -1,0 +1,349 @@
+"""Error against run time: the reference, the measurement, the field, what counts, and the command."""
+
+import json
+from importlib.resources import files
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
+
+import beamchain as bc
+from beamchain import study as studies
+from beamchain.assess import field, front, soft_rods
+from beamchain.assess.field import Entry
+from beamchain.assess.hub_response import Profile, hub_response
+from beamchain.assess.run_time import CLOCK, Ladder, Point, climb, rigid_motion, steps_below
+from beamchain.assess.scenario import parse_profile, rounded_up
+from beamchain.cli import app
+from beamchain.engine.rollout import simulate
+from beamchain.report.spec_text import spec_toml
+
+SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
+ODE = 2e-8  # solve_ivp's own tolerance, relative to the largest elastic motion
+EXACT = 1e-11  # closed forms of a rigid body against MuJoCo: quaternion rounding over 1e-6 rad
+ORDER = 0.15  # a measured log-log slope may differ from the claimed order by this much
+NEXT_MODE = 1e-9  # what the reference's last modes may add
+
+
+@pytest.fixture(scope="module")
+def prepared():
+    return studies.prepare(spec_toml(bc.read_spec(SEED)), studies.Options())
+
+
+def doublet(size: float = 1e-3) -> Profile:
+    wrench = np.zeros((2, 6))
+    wrench[:, 5] = size, -size
+    return Profile(np.array([0.0, 2.0, 4.0]), wrench)
+
+
+# -- reference -------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("ratio", [0.0, 0.02])
+def test_response_against_a_general_integrator(ratio):
+    """M q'' + C q' + K q = f in cantilever coordinates by SciPy: no modes of the coupled system involved."""
+    spec = bc.read_spec(SEED)
+    beam, hub = spec.beam, spec.root.hub
+    model = beam.port("xy", 6).truncated(4).replaced(damping=np.full(4, ratio))
+    response = hub_response({"xy": model}, beam.rigid_mass(), hub.mass_matrix(), np.array(hub.offset))
+    arm = hub.offset[0]
+    total = model.rigid_mass + hub.mass * np.array([[1.0, -arm], [-arm, arm**2 + hub.inertia[2] / hub.mass]])
+    mass = np.block([[total, model.participation.T], [model.participation, np.eye(4)]])
+    stiffness = np.diag([0.0, 0.0, *model.frequencies**2])
+    damping = np.diag([0.0, 0.0, *(2.0 * ratio * model.frequencies)])
+    load = np.zeros((6, 1))
+    load[1] = 1.0
+
+    def slope(t, state, moment):
+        return np.concatenate(
+            [state[6:], np.linalg.solve(mass, moment * load[:, 0] - stiffness @ state[:6] - damping @ state[6:])]
+        )
+
+    state, got = np.zeros(12), []
+    for start, end, moment in ((0.0, 2.0, 1.0), (2.0, 4.0, -1.0), (4.0, 30.0, 0.0)):
+        at = np.linspace(start, end, 14)
+        solved = solve_ivp(
+            slope, (start, end), state, args=(moment,), t_eval=at, rtol=1e-11, atol=1e-14, method="DOP853"
+        )
+        state = solved.y[:, -1]
+        got.append(np.column_stack([at, solved.y[0] - arm * solved.y[1], solved.y[1]])[:-1])
+    t, y, angle = np.vstack(got).T
+    profile = doublet(1.0)
+    motion = response.elastic(profile, t) + response.rigid(profile, t)
+    scale = np.max(np.abs(response.elastic(profile, t)), axis=0)
+    assert np.max(np.abs(motion[:, 5] - angle)) < ODE * scale[5]
+    assert np.max(np.abs(motion[:, 1] - y)) < ODE * scale[1]
+
+
+def test_reference_has_enough_modes(prepared):
+    task, scenario = prepared
+    at = np.linspace(0.0, 60.0, 301)
+    fewer = {"xy": task.beam.port("xy", studies.FULL_MODES - 1)}
+    other = hub_response(fewer, task.beam.rigid_mass(), task.hub.matrix, task.hub.offset)
+    change = scenario.response.elastic(scenario.profile, at) - other.elastic(scenario.profile, at)
+    assert np.max(np.abs(change[:, 5])) < NEXT_MODE * scenario.largest[0]
+
+
+def test_default_scenario_is_the_seeds(prepared):
+    _, scenario = prepared
+    assert scenario.duration == 60.0
+    assert scenario.watched == (5,)
+    np.testing.assert_allclose(scenario.profile.times, [0.0, 2.0, 4.0])
+    np.testing.assert_allclose(scenario.profile.wrench[:, 5], [1e-3, -1e-3])
+    assert scenario.beat == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("value", "expected"), [(1.0, 1.0), (1.01, 2.0), (59.7, 60.0), (61.0, 100.0), (0.021, 0.03)])
+def test_rounded_up(value, expected):
+    assert rounded_up(value) == pytest.approx(expected)
+
+
+def test_profile_keeps_its_impulse_whatever_the_step():
+    profile = parse_profile("time,mz\n0,1\n0.7,-2\n1.1,0\n", "p")
+    for steps in (3, 7, 50):
+        assert profile.mean(3.0 / steps, steps).sum(axis=0)[5] * 3.0 / steps == pytest.approx(
+            0.7 - 2.0 * 0.4, abs=1e-14
+        )
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("", "give a column time"),
+        ("time,mq\n0,1\n1,0\n", "mq"),
+        ("time,mz\n0,1\n", "at least two rows"),
+        ("time,mz\n1,1\n2,0\n", "start at 0"),
+        ("time,mz\n0,1\n0,0\n", "ascend"),
+        ("time,mz\n0,one\n1,0\n", "one number per column"),
+        ("time,mz\n0,nan\n1,0\n", "finite"),
+    ],
+)
+def test_bad_profiles(text, match):
+    with pytest.raises(bc.BeamchainError, match=match):
+        parse_profile(text, "p")
+
+
+# -- simulation ------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("integrator", ["RK4", "Euler", "implicitfast", "discrete"])
+def test_rigid_hub_turns_as_the_integrator_must(prepared, integrator):
+    task, _ = prepared
+    h, steps, moment = 0.5, 40, 1e-3
+    wrench = np.zeros((steps, 6))
+    wrench[:, 5] = moment
+    angle = rigid_motion(task, integrator, h, wrench)[:, 5]
+    inertia = 1.0 / hub_response(task.full, task.beam.rigid_mass(), task.hub.matrix, task.hub.offset).mobility[5, 5]
+    t = h * np.arange(1, steps + 1)
+    exact = 0.5 * moment / inertia * (t**2 if integrator == "RK4" else t * (t + h))
+    np.testing.assert_allclose(angle, exact, rtol=EXACT)
+
+
+def test_a_simulation_that_blows_up_is_quiet(prepared, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    task, scenario = prepared
+    entry = Entry("equal links, midpoint", 10, "Euler")
+    model = field.model_of(task, entry, 2.0)
+    course = simulate(model, "Euler", 2.0, np.repeat(scenario.profile.mean(2.0, 30), 40, axis=0))
+    assert not np.all(np.isfinite(course.motion))
+    assert scenario.error(course.motion, 2.0) == float("inf")
+    assert not list(tmp_path.iterdir())
+
+
+def test_steps_start_just_below_the_limit(prepared):
+    _, scenario = prepared
+    for limit in (5.0, 0.7, 0.013, 2.1e-4):
+        steps = steps_below(scenario, limit)
+        sizes = [h for h, _ in steps]
+        assert limit / 2.001 < sizes[0] <= limit or sizes[0] == scenario.beat
+        assert sizes == sorted(sizes, reverse=True)
+        assert all(h * n == pytest.approx(60.0) for h, n in steps)
+        assert all(scenario.beat / h == pytest.approx(round(scenario.beat / h)) for h in sizes)
+
+
+# -- field -----------------------------------------------------------------------------------------------------------
+def errors(prepared, entry: Entry, steps: list[float], metric: str) -> list[float]:
+    task, scenario = prepared
+    out = []
+    for h in steps:
+        wrench = scenario.profile.mean(h, round(60.0 / h))
+        course = simulate(field.model_of(task, entry, h), entry.integrator, h, wrench)
+        rigid = rigid_motion(task, entry.integrator, h, wrench) if metric == "error_appendage" else None
+        out.append(scenario.error(course.motion, h, rigid, CLOCK[entry.integrator] if rigid is not None else 0.0))
+    return out
+
+
+def order(steps: list[float], values: list[float]) -> float:
+    return float(np.polyfit(np.log(steps), np.log(values), 1)[0])
+
+
+@pytest.mark.parametrize(
+    ("entry", "steps", "metric", "claimed"),
+    [
+        (Entry("exact, hub", 4, "Euler"), [0.02, 0.01, 0.005], "error", 1.0),
+        (Entry("exact, hub", 5, "implicitfast"), [0.1, 0.05, 0.025], "error_appendage", 2.0),
+        (Entry("exact, hub", 6, "discrete"), [0.002, 0.001, 0.0005], "error", 1.0),
+    ],
+)
+def test_order_in_the_step(prepared, entry, steps, metric, claimed):
+    assert order(steps, errors(prepared, entry, steps, metric)) == pytest.approx(claimed, abs=ORDER)
+
+
+def test_equal_links_converge_with_the_square_of_their_number(prepared):
+    counts = [10, 14, 20]
+    found = [errors(prepared, Entry("equal links, midpoint", n, "RK4"), [0.01], "error")[0] for n in counts]
+    assert order([1.0 / n for n in counts], found) == pytest.approx(2.0, abs=2.0 * ORDER)
+
+
+def test_prewarping_takes_the_steps_frequency_error_off(prepared):
+    plain = errors(prepared, Entry("exact, hub", 3, "Euler"), [0.125], "error_appendage")[0]
+    warped = errors(prepared, Entry("pre-warped", 3, "Euler"), [0.125], "error_appendage")[0]
+    assert warped < plain / 8.0
+
+
+def test_figures_of_the_seeds_problem(prepared):
+    """Errors of an independent prototype, to its two digits (the times belong to the machine)."""
+    for entry, h, metric, expected in (
+        (Entry("exact, hub", 4, "RK4"), 0.0625, "error", 5.4e-5),
+        (Entry("pre-warped", 2, "Euler"), 0.25, "error_appendage", 4.4e-3),
+        (Entry("pre-warped", 3, "Euler"), 0.125, "error_appendage", 1.0e-3),
+        (Entry("pre-warped", 4, "Euler"), 0.03125, "error_appendage", 7.6e-5),
+        (Entry("exact, hub", 2, "Euler"), 0.25, "error_appendage", 3.9e-2),
+    ):
+        assert errors(prepared, entry, [h], metric)[0] == pytest.approx(expected, rel=0.03)
+
+
+def test_paper_links_do_not_move_this_hub_rightly(prepared):
+    assert errors(prepared, Entry(field.PAPER, 2, "RK4"), [0.1], "error")[0] > 1.0
+
+
+def test_soft_rods_bend_as_the_beam_does(prepared):
+    """The flexcomp rod under a static tip force: F L^3 / 3 EI within its own second-order error."""
+    task, _ = prepared
+    if soft_rods.FLEXCOMP not in soft_rods.available(task.beam):
+        pytest.skip("the installed MuJoCo has no flexcomp rods with bending")
+    gaps = []
+    for n in (8, 16):
+        model = soft_rods.scene_model(soft_rods.FLEXCOMP, task.beam, task.hub, n)
+        data = mujoco.MjData(model)
+        tips = [
+            j
+            for j in range(model.njnt)
+            if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE and abs(model.jnt_axis[j, 1]) > 0.5
+        ]
+        places = [int(model.jnt_qposadr[j]) for j in tips]
+        dofs = [int(model.jnt_dofadr[j]) for j in tips]
+        step, stiffness = 1e-6, np.zeros((n - 1, n - 1))
+        for k, place in enumerate(places):
+            force = []
+            for sign in (1.0, -1.0):
+                mujoco.mj_resetData(model, data)
+                data.qpos[place] = sign * step
+                mujoco.mj_forward(model, data)
+                force.append(data.qfrc_passive[dofs].copy())
+            stiffness[:, k] = (force[1] - force[0]) / (2.0 * step)
+        unit = np.zeros(n - 1)
+        unit[-1] = 1.0
+        deflection = np.linalg.solve(stiffness, unit)[-1]
+        bending = 2.06e11 * np.pi * 0.006**4 / 4.0
+        gaps.append(abs(deflection * 3.0 * bending / 15.0**3 - 1.0))
+    assert gaps[0] < 0.01
+    assert gaps[1] < gaps[0] / 3.0
+
+
+def test_every_entry_exists_or_says_why(prepared):
+    task, scenario = prepared
+    for entry in field.entries(task):
+        if entry.n > 30 or entry.integrator != "RK4":
+            continue
+        ladder = climb(task, scenario, entry, 1e-4)
+        assert ladder.points or ladder.note
+
+
+def test_study_scene_holds_nothing_that_costs_time(prepared):
+    task, _ = prepared
+    model = field.model_of(task, Entry("exact, hub", 2, "RK4"), 0.1)
+    assert (model.nbody, model.nv, model.ngeom, model.nsite, model.nlight) == (4, 8, 0, 0, 0)
+
+
+# -- what counts -----------------------------------------------------------------------------------------------------
+def ladder(model: str, n: int, rows: list[tuple[float, float, float]], integrator: str = "RK4") -> Ladder:
+    points = [Point(model, n, integrator, h, e, e, s, s / 100, 0.0, 1.5, 3) for h, e, s in rows]
+    return Ladder(Entry(model, n, integrator), points, "")
+
+
+def test_a_lucky_step_does_not_count():
+    found = ladder("exact, hub", 1, [(1.0, 1e-2, 1.0), (0.5, 1e-5, 2.0), (0.25, 3e-3, 4.0), (0.125, 2.9e-3, 8.0)])
+    reach = front.reach([found], "exact, hub", 1e-2, "error")
+    assert reach is not None
+    assert reach.point.timestep == 1.0
+    assert [e for e, _ in front.honest(found, "error")] == [2.9e-3, 3e-3, 3e-3, 1e-2]
+    assert front.reach([found], "exact, hub", 1e-4, "error") is None
+
+
+def test_extrapolation_follows_the_sizes_slope():
+    rows = [ladder("equal links, midpoint", n, [(1.0 / n**2, n**-2.0, 1e-6 * n**3)]) for n in (5, 10, 20)]
+    reach = front.reach(rows, "equal links, midpoint", 1e-4, "error")
+    assert reach is not None
+    assert reach.extrapolated
+    assert reach.slope == pytest.approx(1.5)
+    assert reach.seconds == pytest.approx(1e-6 * 100.0**3)
+
+
+def test_front_keeps_only_what_nothing_beats():
+    both = [ladder("a", 1, [(1.0, 1e-1, 1.0), (0.5, 2e-2, 2.0)]), ladder("a", 2, [(1.0, 5e-2, 3.0), (0.5, 1e-3, 4.0)])]
+    assert [p.seconds for _, p in front.front(both, "error")] == [1.0, 2.0, 4.0]
+
+
+# -- the whole -------------------------------------------------------------------------------------------------------
+def test_command(tmp_path):
+    out = tmp_path / "study"
+    call = [
+        "study",
+        str(SEED),
+        "-o",
+        str(out),
+        "--budget",
+        "0.002",
+        "--model",
+        "exact, hub",
+        "--model",
+        field.PAPER,
+        "--json",
+    ]
+    result = CliRunner().invoke(app, call)
+    assert result.exit_code == 0, result.output
+    record = json.loads(result.stdout)
+    assert json.loads((out / "study.json").read_text()) == record
+    keys = {"model", "n", "integrator", "timestep", "error", "error_appendage", "seconds", "seconds_per_step"}
+    assert all(keys <= set(point) for point in record["points"])
+    assert set(record["rigid_hub"]) == set(field.INTEGRATORS)
+    best = record["to_reach"]["1e-2"]
+    assert best["model"] == "exact, hub"
+    assert isinstance(best["rivals"], dict)
+    page = (out / "study.html").read_text()
+    assert "<svg" in page
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    assert not (out / studies.STORE).exists()
+    again = CliRunner().invoke(app, call)
+    assert again.exit_code != 0
+    assert isinstance(again.exception, bc.BeamchainError)
+    spec = bc.read_spec(out / "recommended_1e-2.toml")
+    assert spec.kept == {"xy": best["n"]}
+    assert bc.fit(spec).status.ok
+
+
+def test_unknown_model_is_refused():
+    with pytest.raises(bc.BeamchainError, match="choose from"):
+        studies.study(bc.read_spec(SEED), studies.Options(models=("spaghetti",)))
+
+
+def test_study_in_space(tmp_path):
+    """Two planes, torsion, damping, a hub offset to the side: the exact chain reaches its floor, the field is whole."""
+    spec = bc.read_spec(SEED.parent / "array_uncertain.toml")
+    task, scenario = studies.prepare(spec_toml(spec), studies.Options())
+    assert scenario.watched == (5,)
+    assert task.kept == {"xy": 2, "xz": 2, "torsion": 1}
+    found = climb(task, scenario, Entry("exact, clamped", 2, "RK4"), 0.05)
+    assert min(p.error for p in found.points) < 1e-2
+    rival = climb(task, scenario, Entry("equal links, midpoint", 3, "RK4"), 0.05)
+    assert rival.points, rival.note

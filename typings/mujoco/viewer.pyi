@@ -1,0 +1,3 @@
+from mujoco import MjData, MjModel
+
+def launch(model: MjModel | None = ..., data: MjData | None = ...) -> None: ...
