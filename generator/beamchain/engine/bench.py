@@ -1,17 +1,22 @@
 """The test bench: an appendage's root driven in MuJoCo, and the port models that A and B give back."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
 from lxml.etree import _Element as Element
 
 from beamchain.chain.chain import Chain
+from beamchain.engine.forces import matrices, port_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
+from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import write
 from beamchain.port import PORT_MOTION, Array, PortModel, body_mass_matrix
+
+STRAIGHT = 1e-8  # perturbation: a straight chain at rest has no load for rounding to spoil, only curvature, its square
+DIGITS = 1e-8  # relative: beyond this A and B have lost digits in MuJoCo's solve with the mass matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +28,15 @@ class Measured:
         rigid_mass: `(6, 6)` about the root, from the compiled bodies.
         couplings: relative, per pair of ports (`"xy, torsion"`).
         linearisation: of the bench.
+        lost: per port, by how much A and B miss what MuJoCo's mass matrix and springs say, relative; where that is
+            more than rounding the port model stands on those instead.
     """
 
     ports: dict[str, PortModel]
     rigid_mass: Array
     couplings: dict[str, float]
     linearisation: Linearisation
+    lost: dict[str, float] = field(default_factory=dict[str, float])
 
     @property
     def coupling(self) -> float:
@@ -46,19 +54,44 @@ def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballas
         ballast: `(4,)` mass and principal inertias at the root; see `mjcf.write.bench`.
     """
     model = compile_model(write.text(write.bench(appendage, ports, timestep, ballast)))
-    linear = linearise(model)
+    linear = linearise(model, epsilon=STRAIGHT)
     groups: dict[str, tuple[int, ...]] = {}
     for port in ports:
         groups[port] = tuple(
             i for i, joint in enumerate(linear.joints) if joint in write.ROOT_JOINTS[port] or joint.endswith(f"_{port}")
         )
     extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
-    models = {}
+    models: dict[str, PortModel] = {}
+    lost: dict[str, float] = {}
+    read = matrices(model)
     for port, dofs in groups.items():
         motion = PORT_MOTION[port]
-        models[port] = linear.port(dofs, motion.T @ extra @ motion)
+        ballast_mass = motion.T @ extra @ motion
+        root = [i for i in dofs if linear.joints[i] in write.ROOT_JOINTS[port]]
+        direct = port_of(read, root, [i for i in dofs if i not in root], ballast_mass)
+        try:
+            models[port] = linear.port(dofs, ballast_mass)
+            lost[port] = _distance(models[port], direct)
+        except (InputError, EngineError, np.linalg.LinAlgError):
+            lost[port] = 1.0
+        if lost[port] > DIGITS:
+            models[port] = direct
     pairs = {f"{a}, {b}": linear.coupling([groups[a], groups[b]]) for a, b in combinations(groups, 2)}
-    return Measured(models, rigid_mass(model, "bench") - extra, pairs, linear)
+    return Measured(models, rigid_mass(model, "bench") - extra, pairs, linear, lost)
+
+
+def _distance(a: PortModel, b: PortModel) -> float:
+    """Worst relative difference of frequencies, participation and rigid mass."""
+    if a.modes != b.modes:
+        return 1.0
+    size = np.sqrt(np.diag(b.rigid_mass))
+    rows = np.linalg.norm(b.participation / size, axis=1)
+    differences = (
+        np.abs(a.frequencies / b.frequencies - 1.0),
+        np.linalg.norm((a.participation - b.participation) / size, axis=1) / rows,
+        np.abs(a.rigid_mass - b.rigid_mass) / np.outer(size, size),
+    )
+    return max(float(np.max(d, initial=0.0)) for d in differences)
 
 
 def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
