@@ -8,7 +8,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from beamchain.chain.chain import Chain
-from beamchain.engine.forces import matrices, port_of
+from beamchain.engine.forces import port_of, readings
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.errors import EngineError, InputError
@@ -16,7 +16,7 @@ from beamchain.mjcf import write
 from beamchain.port import PORT_MOTION, Array, PortModel, body_mass_matrix
 
 STRAIGHT = 1e-8  # perturbation: a straight chain at rest has no load for rounding to spoil, only curvature, its square
-DIGITS = 1e-8  # relative: beyond this A and B have lost digits in MuJoCo's solve with the mass matrix
+DIGITS = 1e-11  # relative: beyond this A and B have lost digits in MuJoCo's solve with the mass matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +63,18 @@ def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballas
     extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
     models: dict[str, PortModel] = {}
     lost: dict[str, float] = {}
-    read = matrices(model)
+    read = readings(model)
     for port, dofs in groups.items():
         motion = PORT_MOTION[port]
         ballast_mass = motion.T @ extra @ motion
         root = [i for i in dofs if linear.joints[i] in write.ROOT_JOINTS[port]]
-        direct = port_of(read, root, [i for i in dofs if i not in root], ballast_mass)
+        try:
+            direct = port_of(read, root, [i for i in dofs if i not in root], ballast_mass)
+        except InputError:
+            raise EngineError(
+                f"the chain's modes in {port} lie too far apart for double precision, so that MuJoCo's mass matrix does "
+                f"not hold them; keep fewer modes in {port}."
+            ) from None
         try:
             models[port] = linear.port(dofs, ballast_mass)
             lost[port] = _distance(models[port], direct)
@@ -149,4 +155,10 @@ def root_body(chain: Chain) -> Array:
     conditioned and no digit is lost in reading A and B.
     """
     rigid = np.diag(chain.rigid_mass())
-    return np.array([rigid[0], *np.full(3, max(rigid[3:]))])
+    out = np.array([rigid[0], *np.full(3, max(rigid[3:]))])
+    if np.min(out) < write.SMALLEST:
+        raise EngineError(
+            f"the appendage has mass {rigid[0]:.3g} kg and inertia {out[1]:.3g} kg m^2 about its root; MuJoCo takes "
+            f"nothing below {write.SMALLEST:g}. Use a larger unit of length or mass."
+        )
+    return out
