@@ -4,6 +4,8 @@
 # make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp" for more
 # make bench       print the timings that README and CHANGELOG quote
 # make bench-peers  the README's study beside Exudyn and Basilisk, in an environment of its own under build/peers
+# make notebooks   run the notebooks in place, outputs kept small
+# make docs-pictures  draw the pictures that README shows
 # make wheel       build the distribution into dist/
 
 PYTHON ?= python3
@@ -11,7 +13,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
 
-.PHONY: demo test test-full hosts bench bench-peers wheel wheel-test lint clean
+.PHONY: demo test test-full hosts bench bench-peers notebooks docs-pictures wheel wheel-test lint clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -48,6 +50,12 @@ bench-peers: $(VENV)/.installed
 	build/peers/venv/bin/python -W ignore tests/benchmarks/peers/exudyn_peers.py build/peers/exudyn.json
 	build/peers/venv/bin/python -W ignore tests/benchmarks/peers/basilisk_peer.py build/peers/basilisk.json
 	build/peers/venv/bin/python tests/benchmarks/peers/compare.py build/peers/study/study.json build/peers/exudyn.json build/peers/basilisk.json
+
+notebooks: $(VENV)/.installed
+	$(BIN)/python notebooks/execute.py
+
+docs-pictures: $(VENV)/.installed
+	$(BIN)/python docs/pictures.py
 
 wheel: $(VENV)/.installed
 	rm -rf dist

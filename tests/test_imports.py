@@ -18,11 +18,11 @@ SENTENCE = ("port", "structure", "chain", "mjcf", "engine", "assess", "report", 
 HEAVY = ("mujoco", "lxml", "matplotlib", "control")
 
 PUBLIC = {
-    "Beam", "BeamchainError", "Box", "Chain", "Comparison", "Custom", "Damping", "Embedded", "Equivalent", "Fit",
-    "FitOptions", "Hub", "Imported", "Joint", "Linearisation", "Lump", "Material", "ModalData", "Modes", "Payload",
-    "PortModel", "Rectangle", "Root", "Round", "Scene", "Segment", "Spec", "Tube", "UniformBeam", "__version__",
-    "compare", "embed", "equal_links", "fit", "linearise", "planar_chain", "read_modes", "read_spec", "realise",
-    "seed_beam", "seed_chain", "seed_table",
+    "Beam", "BeamchainError", "Box", "Budget", "Chain", "Comparison", "Custom", "Damping", "Embedded", "Equivalent",
+    "Fit", "FitOptions", "Hub", "Imported", "Joint", "LargeMotion", "Linearisation", "Lump", "Material", "ModalData",
+    "Modes", "Payload", "PortModel", "Rectangle", "Root", "Round", "Scene", "Segment", "Spec", "Tube", "UniformBeam",
+    "__version__", "budget", "compare", "embed", "equal_links", "fit", "large_motion", "linearise", "measured_limit",
+    "planar_chain", "read_modes", "read_spec", "realise", "seed_beam", "seed_chain", "seed_table",
 }  # fmt: skip
 
 

@@ -8,8 +8,13 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from beamchain.assess.budget import Budget as Budget
+    from beamchain.assess.budget import budget as budget
     from beamchain.assess.error import Comparison as Comparison
     from beamchain.assess.error import compare as compare
+    from beamchain.assess.large_motion import LargeMotion as LargeMotion
+    from beamchain.assess.large_motion import large_motion as large_motion
+    from beamchain.assess.measured_limit import measured_limit as measured_limit
     from beamchain.chain.chain import Chain as Chain
     from beamchain.chain.realise import planar_chain as planar_chain
     from beamchain.chain.realise import realise as realise
@@ -51,7 +56,10 @@ if TYPE_CHECKING:
     from beamchain.workflow import fit as fit
 
 _PLACES = {
+    "assess.budget": ("Budget", "budget"),
     "assess.error": ("Comparison", "compare"),
+    "assess.large_motion": ("LargeMotion", "large_motion"),
+    "assess.measured_limit": ("measured_limit",),
     "chain.chain": ("Chain",),
     "chain.realise": ("planar_chain", "realise"),
     "chain.rivals": ("equal_links", "seed_chain"),

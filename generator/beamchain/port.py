@@ -259,6 +259,10 @@ class PortModel:
     def zeros(self, output: int = 0, input: int = 0) -> NDArray[np.complex128]:
         """`(n,)` zeros of one entry of `W` as frequencies: `W_ij` carries the factors `s^2 + zero^2`.
 
+        Args:
+            output: row of `W`: 0 displacement, 1 rotation in a plane.
+            input: column of `W`: 0 force, 1 moment in a plane.
+
         Source: Belonozhko (2008), equation (15), the `n_1`, `n_2`.
         """
         gain = self.gains[output, input]
@@ -290,7 +294,11 @@ class PortModel:
 
     # -- made from this one --------------------------------------------------------------------------------------
     def with_hub(self, hub_mass: ArrayLike) -> "PortModel":
-        """The same thing with a rigid hub's mass matrix `(m, m)` on its port: its free modes are the coupled modes."""
+        """The same thing with a rigid hub on its port: its free modes are the coupled modes.
+
+        Args:
+            hub_mass: `(m, m)` mass matrix of the hub about the port [kg, kg m, kg m^2].
+        """
         hub = np.asarray(hub_mass, dtype=np.float64)
         if hub.shape != self.rigid_mass.shape:
             raise InputError(f"hub_mass has shape {hub.shape}, but the port needs {self.rigid_mass.shape}.")
@@ -346,7 +354,11 @@ class PortModel:
         return PortModel(self.rigid_mass, 1.0 / s, u.T @ rigid, tip=tip)
 
     def replaced(self, **changes: Any) -> "PortModel":
-        """A copy with some fields changed."""
+        """A copy with some fields changed.
+
+        Args:
+            changes: new values by field name.
+        """
         names = ("rigid_mass", "frequencies", "participation", "damping", "tip")
         return PortModel(**{name: changes.get(name, getattr(self, name)) for name in names})
 

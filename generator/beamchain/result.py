@@ -79,7 +79,11 @@ class Fit:
         status: ok, message, history.
         seconds: model, realise, write, verify.
         bandwidth: per port, of the in-band error [rad/s].
+        kept_for: the target whose modes are kept: "clamped", "free" or "hub".
         dampers: the damping tendons.
+        choice: how the modes were chosen for the scene; None where the spec states them.
+        promise: in-band error on the hub in space of what was achieved, where the scene has a bandwidth.
+        left_out: what the chain does without, why, and at what cost.
         warnings: what to know before the file is used; shown by `beamchain fit` and in the report.
         prewarps: per port, where `fit.timestep` asks for it; the error in band is then that of what the step shows.
         line: how the mass lies along x, where that is not the spec's beam.
@@ -194,7 +198,12 @@ class Fit:
         spec.attach(child, site=place, prefix=prefix)
 
     def plot(self, ax: "Axes | None" = None, port: str | None = None) -> "Axes":
-        """Accelerance of the first kept port: beam, chain through MuJoCo. Returns the axes; shows nothing."""
+        """Accelerance of a port: beam, chain through MuJoCo. Returns the axes; shows nothing.
+
+        Args:
+            ax: drawn into; those of a new figure where left out.
+            port: the first kept one where left out.
+        """
         from beamchain.report.plots import plot_accelerance
 
         return plot_accelerance(self, ax=ax, port=port)

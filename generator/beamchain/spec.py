@@ -30,7 +30,12 @@ Triple = tuple[float, float, float]
 
 
 class Payload(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the user's scene will attach at the tip: fitted for, not written. SI, about its own centre at the tip."""
+    """What the user's scene will attach at the tip: fitted for, not written.
+
+    Args:
+        mass: [kg].
+        inertia: principal, about its own centre, which stands at the tip [kg m^2].
+    """
 
     mass: float
     inertia: Triple = (0.0, 0.0, 0.0)
@@ -41,7 +46,12 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 class Damping(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Damping ratios of the cantilever modes: one for all, or a list per port. "modal": tendons; "hinge": joints."""
+    """Damping ratios of the cantilever modes.
+
+    Args:
+        ratio: one for all modes, or a list per port; a list that is too short repeats its last.
+        form: "modal": a tendon per mode, exact; "hinge": plain joint damping.
+    """
 
     ratio: float | dict[str, tuple[float, ...]] = 0.0
     form: Literal["modal", "hinge"] = "modal"
@@ -72,7 +82,14 @@ def _ratio(name: str, value: object) -> None:
 
 
 class Modes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Flexible modes kept per port; 0 or absent: left out, rigid (with a scene's bandwidth, absent: chosen)."""
+    """Flexible modes kept per port; 0 or absent: left out, rigid (with a scene's bandwidth, absent: chosen).
+
+    Args:
+        xy: bending in the plane of x and y.
+        xz: bending in the plane of x and z.
+        torsion: about x.
+        axial: along x.
+    """
 
     xy: int | None = None
     xz: int | None = None
@@ -177,7 +194,16 @@ class Root(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How the chain is found."""
+    """How the chain is found.
+
+    Args:
+        method: "exact", "least_squares", or a recipe to compare with: "classical" (EI N/L, 2 EI N/L at the root),
+            "midpoint" (hinges at segment middles), "naive" (EI N/L everywhere), "seed" (the 2008 paper's three links).
+        links: how many, or their lengths [m]; only for the methods that leave it open.
+        free: what least squares varies.
+        form: "chain" or "oscillators" (imported modes); the one that fits where not given.
+        timestep: above 0, stiffness is such that the frequencies are right at this step [s].
+    """
 
     method: Method = "exact"
     links: int | tuple[float, ...] | None = None
@@ -205,7 +231,18 @@ class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the scene needs; what it does not need is left out."""
+    """What the scene needs; what it does not need is left out.
+
+    Args:
+        bandwidth: frequencies that matter end here [rad/s]; with it, and no modes stated, modes are chosen.
+        tolerance: of the hub's in-band motion, relative.
+        axes: hub motions that matter: rotations "x" "y" "z", translations "tx" "ty" "tz".
+        tip: the tip's motion matters too, and the tip site is written.
+        visuals: write massless shapes.
+        contacts: write shapes that other things may touch.
+        integrator: MuJoCo's name.
+        timestep: [s].
+    """
 
     bandwidth: float | None = None
     tolerance: float = 1e-3
@@ -231,7 +268,22 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A whole SPEC.toml. Lengths in m, masses in kg, frequencies in rad/s."""
+    """A whole SPEC.toml. Lengths in m, masses in kg, frequencies in rad/s.
+
+    Args:
+        name: prefix of every body, joint, site and geom: a-z, 0-9 and _.
+        segment: stretches of the appendage, root first.
+        joint: compliant hinge lines between them.
+        lump: rigid bodies carried along.
+        imported: modes somebody else computed, instead of segments.
+        payload: what the scene attaches at the tip.
+        damping: of the cantilever modes.
+        modes: kept per port.
+        root: target and hub.
+        fit: method and its settings.
+        scene: what the scene needs.
+        uncertain: what `beamchain sweep` varies.
+    """
 
     name: str = "appendage"
     segment: tuple[Segment, ...] = ()
@@ -319,6 +371,9 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 def read_spec(path: str | Path) -> Spec:
     """Read and check a SPEC.toml.
+
+    Args:
+        path: of the file.
 
     Raises:
         InputError: the file cannot be read, is no TOML, or a value is not allowed; the message names the place.

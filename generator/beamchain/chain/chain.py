@@ -146,6 +146,10 @@ class Chain:
 
         With `psi_k` the hinge angles of mode k, row k is `c * psi_k`: the coefficients of its damping tendon times
         `W_k^2`.
+
+        Args:
+            port: "xy", "xz", "torsion" or "axial".
+            modes: `port(...)` of this chain, for the signs of its modes.
         """
         moving = [(i, hinge) for i, hinge in enumerate(self.hinges) if port in hinge.stiffness]
         rigid, elastic = self._rows(port, moving)

@@ -32,6 +32,7 @@ def cut(beam: Beam, hinges: Array, stiffness: Array, port: str) -> Chain:
     """Freeze the beam between the given hinge positions.
 
     Args:
+        beam: the appendage.
         hinges: `(h,)` ascending x [m]; 0 gives a hinge at the root.
         stiffness: `(h,)` [N m/rad].
         port: "xy" or "xz".
@@ -48,6 +49,7 @@ def equal_links(beam: Beam, count: int, recipe: str, port: str = "xy") -> Chain:
     """`count` equal segments with one hinge each.
 
     Args:
+        beam: the appendage.
         count: number of hinges.
         recipe: "naive": a hinge with EI N/L at the inner end of every link, the root included; "classical": the same
             with 2 EI N/L at the root; "midpoint": a hinge with EI N/L in the middle of every segment.
@@ -96,7 +98,17 @@ def seed_parameters(mass: float, length: float, omega1: float, omega2: float) ->
 
 
 def seed_chain(beam: Beam, k: float, c: float, port: str = "xy") -> Chain:
-    """Three uniform links `(1-k)l/2, k l, (1-k)l/2` and two equal springs `c` [N m/rad] (Belonozhko 2008, sec. 3)."""
+    """Three uniform links `(1-k)l/2, k l, (1-k)l/2` and two equal springs `c` [N m/rad] (Belonozhko 2008, sec. 3).
+
+    Args:
+        beam: uniform.
+        k: length of the middle link over the whole, between 0 and 1.
+        c: stiffness of each spring [N m/rad].
+        port: "xy" or "xz".
+
+    Raises:
+        InputError: the beam is not uniform.
+    """
     if not beam.uniform:
         raise InputError('method = "seed" is the paper\'s recipe for a uniform beam; use "exact" for this appendage.')
     ends = np.array([(1.0 - k) / 2.0, (1.0 + k) / 2.0]) * beam.length

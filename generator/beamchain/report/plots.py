@@ -63,7 +63,6 @@ ENTRIES = {
     "axial": ((0, 0, "force → displacement along the axis", "(m/s²)/N"),),
 }
 
-
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -125,8 +124,7 @@ def _phase(ax: "Axes", fit: "Fit", port: str, panel: int, curves: Mapping[str, R
     _frame(ax, span(fit, port), (-50.0, 230.0), fit.bandwidth[port], decades=False)
 
     def draw(label: str, **style: Any) -> None:
-        omega, turned = curves[label].phase(i, j)
-        ax.plot(omega, turned, **style)
+        ax.plot(*curves[label].phase(i, j), **style)
 
     for order, label in enumerate(others):
         draw(label, color=RIVAL, linestyle=DASHES[order % 3], linewidth=1.2)
@@ -389,7 +387,7 @@ def to_svg(figure: Figure, name: str) -> str:
 
     Args:
         figure: any figure of this package.
-        name: unique within the page, a letter first.
+        name: unique within the page.
     """
     stream = io.StringIO()
     style: Any = {**STYLE, "svg.hashsalt": name}

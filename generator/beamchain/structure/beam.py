@@ -114,7 +114,14 @@ class Segment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A compliant hinge line after a segment (0: at the root); a stiffness left out is rigid [N m/rad]."""
+    """A compliant hinge line after a segment; a stiffness left out is rigid.
+
+    Args:
+        after_segment: 1, 2, ...; 0: at the root.
+        stiffness_xy: [N m/rad].
+        stiffness_xz: [N m/rad].
+        stiffness_torsion: [N m/rad].
+    """
 
     after_segment: int
     stiffness_xy: float | None = None
@@ -283,7 +290,7 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         return Moments(*(float(v) for v in total))
 
     def density(self, x: float, port: str) -> Array:
-        """`(3,)` derivative of mass, first and second moment (rotary inertia in it) at `x`, without lumps."""
+        """`(3,)` derivative of mass, first and second moment (rotary inertia in it) at `x` [m] in a `port`, without lumps."""
         index = max(int(np.searchsorted(np.array(self.starts), x, side="right")) - 1, 0)
         segment = self.segments[index]
         at = segment.at(np.array([(x - self.starts[index]) / segment.length]))
@@ -292,7 +299,7 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         return np.array([mass, mass * x, mass * x**2 + rotary])
 
     def compliance(self, start: float, end: float, port: str) -> float:
-        """Rotation of the stretch `[start, end)` per unit moment, joints inside included [rad/(N m)]."""
+        """Rotation of the stretch `[start, end)` in a `port` per unit moment, joints inside included [rad/(N m)]."""
         total = 0.0
         xi, weights = elements.gauss(24)
         for x0, segment in zip(self.starts, self.segments, strict=True):

@@ -99,6 +99,10 @@ class UniformBeam:
         """`(count,)` frequencies [rad/s] of the beam on a free hub with mass matrix `(2, 2)` at the port.
 
         Zero gives the free-free beam. Roots of `det(M_hub + D)` by bracketing between the poles of D.
+
+        Args:
+            hub_mass: `(2, 2)` about the port [kg, kg m, kg m^2].
+            count: how many, from the lowest.
         """
         m, length = self.linear_mass * self.length, self.length
         unit = np.array([[m, m * length], [m * length, m * length**2]])

@@ -52,7 +52,12 @@ class _Section(msgspec.Struct, frozen=True, kw_only=True):
         return 0.0
 
     def cowper(self, nu: float, plane: str) -> float:
-        """Shear factor of G. R. Cowper, J. Appl. Mech. 33 (1966) 335, for the shape."""
+        """Shear factor of G. R. Cowper, J. Appl. Mech. 33 (1966) 335, for the shape.
+
+        Args:
+            nu: Poisson's ratio.
+            plane: of bending, "xy" or "xz".
+        """
         return 1.0
 
 

@@ -1,0 +1,194 @@
+"""What README and docstrings say is true: snippets and command lines run, every argument of the public list is told."""
+
+import contextlib
+import inspect
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import beamchain as bc
+from beamchain.cli import app, main
+from beamchain.engine import backend
+
+ROOT = Path(__file__).parent.parent
+README = ROOT / "README.md"
+DONE = (0, 3)  # exit: done; done but less came out than was asked for
+
+PUBLIC = [name for name in bc.__all__ if name != "__version__"]
+COMMANDS = {command.name for command in app.registered_commands}
+
+readme = pytest.mark.skipif(not README.is_file(), reason="README is not beside the tests (an installed wheel)")
+
+
+# -- README ----------------------------------------------------------------------------------------------------------
+def pieces(text):
+    """Python blocks and `beamchain` command lines, in the order in which they stand."""
+    found = [(m.start(), "python", m[1]) for m in re.finditer(r"^```python\n(.*?)^```", text, re.S | re.M)]
+    outside = re.sub(r"^```(?:python|toml|json|xml)\n.*?^```", lambda m: "\n" * len(m[0]), text, flags=re.S | re.M)
+    lines = re.finditer(r"^(?: {4}|\$ )?(beamchain [^\n]*?)(?:\s+#[^\n]*)?$", outside, re.M)
+    found += [(m.start(), "command", m[1]) for m in lines]
+    return [(kind, content) for _, kind, content in sorted(found)]
+
+
+def starting_files():
+    """What README's commands may take for granted beside them: the shipped specs, and a spacecraft to embed into."""
+    for kind in ("boom", "array", "mast"):
+        run_command(f"beamchain init {kind} --quiet --force")
+    examples = Path(bc.__file__).parent / "examples"
+    Path("generator/beamchain").mkdir(parents=True)
+    Path("generator/beamchain/examples").symlink_to(examples)
+    craft = """<mujoco model="craft"><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
+    <inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/><geom type="box" size=".5 .5 .5" mass="0"/>
+    <site name="mount" pos="0.5 0 0"/><site name="left" pos="0 0.5 0" xyaxes="0 1 0 -1 0 0"/>
+    </body></worldbody></mujoco>"""
+    Path("craft.xml").write_text(craft)
+
+
+def run_command(line):
+    """Exit status of a command line, in this process."""
+    before, sys.argv = sys.argv, shlex.split(line)
+    try:
+        main()
+    except SystemExit as stopped:
+        return int(stopped.code or 0)
+    finally:
+        sys.argv = before
+    return 0
+
+
+@readme
+@pytest.mark.slow
+def test_everything_in_readme_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    starting_files()
+    text = README.read_text(encoding="utf-8")
+    names: dict[str, object] = {}
+    draws = any(backend._works(name) for name in backend.OFF_SCREEN)
+    for kind, content in pieces(text):
+        if kind == "python":
+            with contextlib.redirect_stdout(None):
+                exec(compile(content, "README.md", "exec"), names)
+            continue
+        words = shlex.split(content)
+        if words[1] == "view" or (words[1] == "render" and not draws):
+            continue
+        if words[1] == "init":  # the files taken for granted are what this line makes
+            Path(f"{words[2]}.toml").unlink(missing_ok=True)
+        done = subprocess.run(
+            [sys.executable, "-m", *words], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+        )
+        assert done.returncode in DONE, f"{content}\n{done.stderr}"
+
+
+@readme
+def test_readme_has_examples_and_its_links_lead_somewhere():
+    text = README.read_text(encoding="utf-8")
+    kinds = [kind for kind, _ in pieces(text)]
+    assert "python" in kinds
+    assert "command" in kinds
+    for target in re.findall(r"\]\(([^)#]+)\)", text):
+        if not target.startswith(("http:", "https:")):
+            assert (ROOT / target).exists(), target
+
+
+@readme
+def test_commands_that_readme_names_exist():
+    for kind, content in pieces(README.read_text(encoding="utf-8")):
+        if kind == "command":
+            word = content.split()[1]
+            assert word in COMMANDS or word.startswith("-"), content
+
+
+# -- help ------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("command", app.registered_commands, ids=lambda command: command.name)
+def test_examples_in_help_use_options_there_are(command, capsys, monkeypatch):
+    lines = re.findall(r"^Example: (beamchain .*)$", inspect.getdoc(command.callback) or "", re.M)
+    assert lines, command.name
+    monkeypatch.setenv("COLUMNS", "200")
+    assert run_command(f"beamchain {command.name} --help") == 0
+    known = set(re.findall(r"(?<![\w-])(--?[a-z][\w-]*)", re.sub(r"Example:.*", "", capsys.readouterr().out)))
+    for line in lines:
+        words = shlex.split(line.split(" > ")[0])
+        assert words[1] == command.name
+        assert {word.split("=")[0] for word in words[2:] if word.startswith("-")} <= known, line
+
+
+# -- docstrings ------------------------------------------------------------------------------------------------------
+def told(text, name):
+    """Whether an argument is documented: an entry of its own, or named in the text as code or by its word."""
+    return re.search(rf"\b{re.escape(name)}\b", text) is not None
+
+
+def arguments(thing):
+    try:
+        signature = inspect.signature(thing)
+    except (TypeError, ValueError):
+        return []
+    return [name for name in signature.parameters if name not in ("self", "cls") and not name.startswith("_")]
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_public_names_are_documented_with_every_argument(name):
+    thing = getattr(bc, name)
+    text = inspect.getdoc(thing) or ""
+    assert len(text.split()) >= 4, name
+    missing = [argument for argument in arguments(thing) if not told(text, argument)]
+    assert missing == []
+
+
+METHODS = [
+    (name, member)
+    for name in PUBLIC
+    if inspect.isclass(getattr(bc, name))
+    for member, value in vars(getattr(bc, name)).items()
+    if not member.startswith("_") and (inspect.isfunction(value) or isinstance(value, (classmethod, property)))
+]
+
+
+@pytest.mark.parametrize(("name", "member"), METHODS)
+def test_methods_are_documented_with_every_argument(name, member):
+    thing = getattr(getattr(bc, name), member)
+    text = inspect.getdoc(thing) or ""
+    assert text, f"{name}.{member}"
+    if not isinstance(thing, property):
+        missing = [argument for argument in arguments(thing) if not told(text, argument)]
+        assert missing == []
+
+
+@pytest.mark.parametrize(
+    "name", ["Round", "Tube", "Rectangle", "Box", "Custom", "Equivalent", "Material", "Hub", "Lump"]
+)
+def test_dimensions_have_their_units(name):
+    text = inspect.getdoc(getattr(bc, name)) or ""
+    assert re.search(r"\[(m|m\^2|m\^4|kg|kg m\^2|N m\^2|N/m\^2|Pa|kg/m\^3)\]", text), text
+
+
+# -- files beside the package ----------------------------------------------------------------------------------------
+@pytest.mark.skipif(not (ROOT / "CITATION.cff").is_file(), reason="CITATION.cff is not beside the tests")
+def test_citation_is_of_this_version():
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"version: {bc.__version__}\n" in text
+    assert "Belonozhko" in text
+
+
+@pytest.mark.skipif(not (ROOT / "docs").is_dir(), reason="docs are not beside the tests")
+def test_words_of_the_symbol_table_are_in_the_code():
+    text = (ROOT / "docs" / "symbols.md").read_text(encoding="utf-8")
+    source = "".join(path.read_text(encoding="utf-8") for path in Path(bc.__file__).parent.rglob("*.py"))
+    words = [w for row in re.findall(r"^\|[^|]*\|([^|]*)\|", text, re.M) for w in re.findall(r"`(\w+)`", row)]
+    assert len(words) > 15
+    assert [word for word in words if word not in source] == []
+
+
+def test_a_broken_readme_would_be_seen(tmp_path, monkeypatch):
+    """The other way round: wrong commands and snippets fail."""
+    monkeypatch.chdir(tmp_path)
+    assert run_command("beamchain fit nothing.toml -o out") not in DONE
+    found = pieces("a\n\n    beamchain seed   # told\n\n```python\nx = 1\n```\n```toml\nbeamchain = 3\n```\n")
+    assert found == [("command", "beamchain seed"), ("python", "x = 1\n")]
+    assert not os.listdir(tmp_path)
