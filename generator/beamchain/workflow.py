@@ -21,10 +21,12 @@ from beamchain.chain.build import (
 )
 from beamchain.chain.chain import Chain
 from beamchain.chain.damping import Damper, joint_damping, modal_ratios, tendons
+from beamchain.chain.polar import raised
 from beamchain.chain.prewarp import Prewarp, loaded_tendons, prewarp
 from beamchain.chain.rods import Payload
 from beamchain.engine.bench import Measured, measure, root_body
 from beamchain.errors import InputError
+from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.port import PORTS, Array, PortModel, in_space
 from beamchain.result import Fit, appendage_tree
 from beamchain.spec import Damping, FitOptions, Modes, Root, Scene, Spec, port_hub_mass
@@ -32,10 +34,8 @@ from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
 from beamchain.structure.modal_data import ModalData
 
-if TYPE_CHECKING:
-    pass
-
 DECOUPLED = 1e-9  # relative: what two independent ports may share
+LEAST_INERTIA = 1.01 * SMALLEST  # a body's inertia is rounded once more on its way
 
 
 def fit(
@@ -121,7 +121,10 @@ def _fit(spec: Spec) -> Fit:
             'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, or use '
             'target = "clamped" (`beamchain embed` reads the hub from the spacecraft).'
         )
-    hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
+    hub = None
+    if spec.root.hub is not None:
+        check_hub(spec.root.hub.mass, spec.root.hub.inertia_matrix())
+        hub = spec.root.hub.mass_matrix()
     full = whole_beam(spec, beam)
     clock.append(time.perf_counter())
     plan = make_plan(spec, full, beam.rigid_mass(), hub)
@@ -131,6 +134,7 @@ def _fit(spec: Spec) -> Fit:
         {p: _prewarp(spec, p, full[p], t.modes, hub) for p, t in built.targets.items()} if spec.fit.timestep else {}
     )
     chain, dampers = _damped(spec, plan, built, warped)
+    chain, note = raised(chain, LEAST_INERTIA)
     clock.append(time.perf_counter())
     scene = spec.scene or Scene()
     tree = appendage_tree(spec, chain, beam, dampers)
@@ -170,7 +174,7 @@ def _fit(spec: Spec) -> Fit:
         choice=plan.choice,
         promise=promise,
         left_out=ledger(spec, plan, bool(dampers)),
-        warnings=(*_warnings(spec, measured, achieved, dampers, limits), *_prewarp_note(warped)),
+        warnings=(*_warnings(spec, measured, achieved, dampers, limits), *_prewarp_note(warped), *([note] if note else [])),
         prewarps=warped,
     )
 

@@ -143,7 +143,7 @@ def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origi
 def ballast_for(chain: Chain) -> Array | None:
     """Something to hold where a hinge at the root leaves the bench massless: as much as the chain weighs."""
     first = chain.links[0]
-    if first.mass > 0.0 and min(first.inertia[1:]) > 0.0:
+    if min(first.mass, *first.inertia) >= write.SMALLEST:
         return None
     return root_body(chain)
 
@@ -155,10 +155,11 @@ def root_body(chain: Chain) -> Array:
     conditioned and no digit is lost in reading A and B.
     """
     rigid = np.diag(chain.rigid_mass())
-    out = np.array([rigid[0], *np.full(3, max(rigid[3:]))])
+    across = max(rigid[4:])
+    out = np.array([rigid[0], max(rigid[3], write.SMALLEST), across, across])  # about x its own: torsion is far lighter
     if np.min(out) < write.SMALLEST:
         raise EngineError(
-            f"the appendage has mass {rigid[0]:.3g} kg and inertia {out[1]:.3g} kg m^2 about its root; MuJoCo takes "
-            f"nothing below {write.SMALLEST:g}. Use a larger unit of length or mass."
+            f"the appendage has mass {rigid[0]:.3g} kg and inertia {across:.3g} kg m^2 about its root; MuJoCo takes "
+            f"nothing below {write.SMALLEST:g}. {write.UNITS}"
         )
     return out

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, quiet
 from beamchain.port import Array, PortModel
 
 
@@ -41,15 +41,16 @@ def readings(model: "mujoco.MjModel") -> Readings:
         rows += [np.sqrt(float(model.body_mass[i])) * moves, inertia]
     stiffness, damping = np.zeros((nv, nv)), np.zeros((nv, nv))
     rest, eye = data.qpos.copy(), np.eye(nv)
-    for i in range(nv):
-        data.qpos[:] = rest + eye[i]  # springs are linear: a whole radian will do
-        data.qvel[:] = 0.0
-        mujoco.mj_forward(model, data)
-        stiffness[:, i] = -data.qfrc_spring
-        data.qpos[:] = rest
-        data.qvel[:] = eye[i]
-        mujoco.mj_forward(model, data)
-        damping[:, i] = -data.qfrc_damper
+    with quiet():  # of a pose far from rest
+        for i in range(nv):
+            data.qpos[:] = rest + eye[i]  # springs are linear: a whole radian will do
+            data.qvel[:] = 0.0
+            mujoco.mj_forward(model, data)
+            stiffness[:, i] = -data.qfrc_spring
+            data.qpos[:] = rest
+            data.qvel[:] = eye[i]
+            mujoco.mj_forward(model, data)
+            damping[:, i] = -data.qfrc_damper
     return Readings(np.vstack(rows), stiffness, damping)
 
 

@@ -212,8 +212,6 @@ def _spread() -> list[Case]:
 
 
 def _classical() -> list[Case]:
-    """Equal links up to the limit of one MJCF file and beyond it."""
-    return [
-        Case("classical", links=n, taper=t)
-        for n, t in ((2, 1.0), (8, 0.3), (30, 1.0), (90, 3.0), (495, 1.0), (496, 1.0))
-    ]
+    """Equal links up to the limit of one MJCF file and beyond it; where links are shorter than wide there is no body."""
+    counts = ((2, 1.0), (8, 0.3), (30, 1.0), (90, 3.0), (250, 0.3), (400, 1.0), (494, 1.0), (495, 1.0))
+    return [Case("classical", links=n, taper=t, slenderness=s) for n, t in counts for s in (100.0, 1000.0)]

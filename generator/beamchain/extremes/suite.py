@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import BeamchainError
 from beamchain.extremes.cases import Case
+from beamchain.extremes.compiled import frequencies
 from beamchain.extremes.truth import Rod
-from beamchain.mjcf.write import ROOT_JOINTS
 from beamchain.port import Array
 from beamchain.workflow import Fit, fit
 
@@ -99,11 +99,14 @@ def verdict(case: Case) -> Row:
     """Fit one case and judge it."""
     try:
         result = fit(case.spec())
-        judged = judge(case, result)
     except BeamchainError as error:
         return Row(case, REFUSED, str(error), 0)
     except Exception as error:
         return Row(case, FAILED, f"{type(error).__name__}: {error}", 0)
+    try:
+        judged = judge(case, result)
+    except Exception as error:  # a file that cannot be judged cannot be used either
+        judged = f"{type(error).__name__}: {error}"
     kept = result.target["xy"].modes
     if judged:
         return Row(case, FAILED, judged, kept)
@@ -119,6 +122,12 @@ def judge(case: Case, result: Fit) -> str:
     rod = case.rod()
     held = compile_model(result.to_mjcf())
     scene = compile_model(result.scene_mjcf())
+    for model in (held, scene):
+        data = mujoco.MjData(model)
+        with quiet():
+            mujoco.mj_step(model, data)
+        if np.any(data.warning.number):
+            return "MuJoCo warns in the first step at rest"
     wanted = {"xy": case.modes, **({"xz": case.modes, "torsion": min(case.modes, 1)} if case.space else {})}
     for port, count in wanted.items():
         modes = result.target[port].modes
@@ -126,7 +135,7 @@ def judge(case: Case, result: Fit) -> str:
             return f"{port} keeps {modes} of {count} modes without saying so"
     for port in [p for p in ("xy", "xz") if p in wanted]:
         modes = result.target[port].modes
-        ours = _held(held, port)
+        ours = frequencies(held, port)
         if case.links:
             for k in range(min(modes, case.links // 4)):
                 near = CLASSICAL * (k + 1) ** 2 / case.links**2
@@ -139,7 +148,7 @@ def judge(case: Case, result: Fit) -> str:
             return f"{port}: {wrong}"
     if "torsion" in wanted and case.target == "clamped" and case.taper == 1.0 and case.joint == 0.0:
         truth = np.pi / 2.0 * np.sqrt(case.modulus / 2.6 / case.density) / case.length
-        seen = float(_held(held, "torsion")[0])
+        seen = float(frequencies(held, "torsion")[0])
         if abs(seen / truth - 1.0) > TORSION:
             return f"torsion is off by {seen / truth - 1.0:.1e}"
     return _mass(rod, scene, result.spec.name) or _damping(case, result)
@@ -166,9 +175,9 @@ def _plane(case: Case, rod: Rod, result: Fit, scene: "mujoco.MjModel", port: str
         mass = np.array([[hub.mass, -hub.mass * arm], [-hub.mass * arm, hub.inertia[2] + hub.mass * arm**2]])
         if case.target == "free":
             mass = np.zeros((2, 2))
-            coupled = _coupled(compile_model(result.bench_mjcf()), port)[:n]
+            coupled = frequencies(scene, port, f"{result.spec.name}_link1")[:n]
         else:
-            coupled = _coupled(scene, port)[:n]
+            coupled = frequencies(scene, port, "hub")[:n]
         inside, _, below = rod.check_poles(coupled**2, FREQUENCY, mass)
         for k in range(n):
             if not inside[k] or below[k] != k + 1:
@@ -177,53 +186,6 @@ def _plane(case: Case, rod: Rod, result: Fit, scene: "mujoco.MjModel", port: str
         read, what = achieved.with_hub(mass).free_frequencies[:n], "coupled"
     miss = float(np.max(np.abs(read / ours[: read.size] - 1.0)))
     return f"{what} frequencies read through A and B are off by {miss:.1e}" if miss > FREQUENCY or read.size < n else ""
-
-
-def _dofs(model: "mujoco.MjModel", port: str) -> list[int]:
-    """Degrees of freedom of a port's hinges."""
-    return [
-        int(model.jnt_dofadr[j]) for j in range(model.njnt) if model.joint(j).name.endswith(f"_{port}")
-    ]  # fmt: skip
-
-
-def _inertia(model: "mujoco.MjModel") -> Array:
-    """MuJoCo's mass matrix in the rest pose."""
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    out = np.zeros((model.nv, model.nv))
-    row = np.zeros(model.nv)
-    for i, unit in enumerate(np.eye(model.nv)):
-        mujoco.mj_mulM(model, data, row, unit)
-        out[i] = row
-    return out
-
-
-def _springs(model: "mujoco.MjModel", dofs: list[int]) -> Array:
-    by_dof = {int(model.jnt_dofadr[j]): float(np.atleast_1d(model.jnt_stiffness[j])[0]) for j in range(model.njnt)}
-    return np.array([by_dof[i] for i in dofs])
-
-
-def _held(model: "mujoco.MjModel", port: str) -> Array:
-    """Frequencies of the welded appendage, ascending; scaled by the springs and taken as 1 / w^2, to keep all digits."""
-    dofs = _dofs(model, port)
-    roots = np.sqrt(_springs(model, dofs))
-    squares = np.linalg.eigvalsh(_inertia(model)[np.ix_(dofs, dofs)] / np.outer(roots, roots))
-    return 1.0 / np.sqrt(squares[::-1])
-
-
-def _coupled(model: "mujoco.MjModel", port: str) -> Array:
-    """Frequencies of the free-flying scene, or of the free appendage on its bench, the root's motion condensed."""
-    mass = _inertia(model)
-    root = [1, 5] if port == "xy" else [2, 4]
-    if model.joint(0).name.startswith("root_"):
-        root = [int(model.joint(name).dofadr[0]) for name in ROOT_JOINTS[port]]
-    inner = _dofs(model, port)
-    roots = np.sqrt(_springs(model, inner))
-    left = mass[np.ix_(inner, root)] / roots[:, None]
-    held = mass[np.ix_(inner, inner)] / np.outer(roots, roots)
-    loose = held - left @ np.linalg.solve(mass[np.ix_(root, root)], left.T)
-    squares = np.linalg.eigvalsh((loose + loose.T) / 2.0)
-    return 1.0 / np.sqrt(squares[squares > 0.0][::-1])
 
 
 def _mass(rod: Rod, scene: "mujoco.MjModel", name: str) -> str:

@@ -19,7 +19,7 @@ from beamchain.port import Array
 RATIO = 1.03  # of the diameters at the two ends of a piece, at most
 WAVE = 0.5  # length of a piece over that of a wave (divided by 2 pi), at most
 TERMS = 18  # of the exponential's series
-FAR = 1e-4  # relative offset in omega^2 at which participation is read
+FAR = 3e-4  # relative offset in omega^2 at which participation is read; an error of 1e-6 in omega spoils 5e-5 of it
 
 
 @dataclass(frozen=True)
