@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -25,7 +25,7 @@ from beamchain.chain.polar import raised
 from beamchain.chain.prewarp import Prewarp, loaded_tendons, prewarp
 from beamchain.chain.rods import Payload
 from beamchain.engine.bench import Measured, measure, root_body
-from beamchain.errors import InputError
+from beamchain.errors import InputError, RealisationError
 from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.port import PORTS, Array, PortModel, in_space
 from beamchain.result import Fit, appendage_tree
@@ -35,6 +35,7 @@ from beamchain.structure.imported import Imported
 from beamchain.structure.modal_data import ModalData
 
 DECOUPLED = 1e-9  # relative: what two independent ports may share
+LIGHTEST = 1e-9  # residual over rigid mass: free frequencies are good to about 1e-16 over it (measured)
 LEAST_INERTIA = 1.01 * SMALLEST  # a body's inertia is rounded once more on its way
 
 
@@ -174,7 +175,11 @@ def _fit(spec: Spec) -> Fit:
         choice=plan.choice,
         promise=promise,
         left_out=ledger(spec, plan, bool(dampers)),
-        warnings=(*_warnings(spec, measured, achieved, dampers, limits), *_prewarp_note(warped), *([note] if note else [])),
+        warnings=(
+            *_warnings(spec, measured, achieved, dampers, limits),
+            *_prewarp_note(warped),
+            *([note] if note else []),
+        ),
         prewarps=warped,
     )
 
@@ -230,7 +235,10 @@ def _build(spec: Spec, plan: Plan, beam: Beam, full: Mapping[str, PortModel], hu
     def target_of(port: str, count: int) -> PortModel:
         if spec.fit.timestep:
             return _prewarp(spec, port, full[port], count, hub).target
-        return spec.with_ratios(port, plan.reduce(plan.target, port, count))
+        target = plan.reduce(plan.target, port, count)
+        if plan.target == "free" and target.modes:
+            _check_free(target)
+        return spec.with_ratios(port, target)
 
     options = spec.fit
     payload = spec.payload
@@ -252,6 +260,18 @@ def _build(spec: Spec, plan: Plan, beam: Beam, full: Mapping[str, PortModel], hu
     links = options.links if isinstance(options.links, int) else None
     built = build_recipe(beam, options.method, kept, links, target_of)
     return replace(built, chain=with_real_polar(built.chain))
+
+
+def _check_free(target: PortModel) -> None:
+    """The free modes stand in double precision: what moves at the root is a difference of nearly equal masses."""
+    scale = np.sqrt(np.diag(target.rigid_mass))
+    left = float(np.linalg.eigvalsh(target.residual_mass / np.outer(scale, scale))[0])
+    if left < LIGHTEST:
+        raise RealisationError(
+            f"with {target.modes} free modes the root is too light beside the rest: its residual mass is {left:.1e} of the "
+            f"rigid mass, where {LIGHTEST:g} is needed for frequencies good to 1e-6. Keep fewer modes, or choose target "
+            '"clamped" or "hub".'
+        )
 
 
 def _prewarp(spec: Spec, port: str, model: PortModel, count: int, hub: Array | None) -> Prewarp:

@@ -1,5 +1,6 @@
 """`beamchain stability`: the step at which a model blows up, before it is simulated."""
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from beamchain.stability import StabilityStudy
 
 SAMPLE = 48  # cases of the extremes suite that are run without --map
+MOST = 8  # processes that share the whole suite
 
 
 def stability(
@@ -49,7 +51,11 @@ def stability(
         result = study(source, lambda text: progress.update(step, description=text))
         everything = cases()
         chosen = everything if extremes_map else everything[:: len(everything) // SAMPLE]
-        found = run(chosen, lambda done: progress.update(step, description=f"extremes: {done} of {len(chosen)} cases"))
+        found = run(
+            chosen,
+            lambda done: progress.update(step, description=f"extremes: {done} of {len(chosen)} cases"),
+            min(os.cpu_count() or 1, MOST) if extremes_map else 1,
+        )
         record = result.as_dict(found.as_dict())
         files: dict[Path, str | bytes] = {}
         if extremes_map:

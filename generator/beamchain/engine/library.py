@@ -1,6 +1,6 @@
 """The one place that imports MuJoCo, so that a broken installation is met with its cure."""
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -34,7 +34,7 @@ def rollout_engine() -> "Rollout":
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
+def quiet() -> Generator[None]:
     """Keeps MuJoCo's warnings, which are counted in the data, out of MUJOCO_LOG.TXT in the working folder."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(_silent)

@@ -93,7 +93,7 @@ class Case:
         """A cube as wide as a fifth of the length with the root at a face."""
         mass = self.hub * self.own_mass
         inertia = mass * (0.2 * self.length) ** 2 / 6.0
-        return Hub(mass=mass, inertia=(inertia,) * 3, offset=(0.1 * self.length, 0.0, 0.0))
+        return Hub(mass=mass, inertia=(inertia, inertia, inertia), offset=(0.1 * self.length, 0.0, 0.0))
 
     def rod(self) -> Rod:
         """For the independent check."""

@@ -5,7 +5,9 @@ precision on the way to them. The numbers MuJoCo holds are exact binary fraction
 chain is made of their sums and products, so that nothing is lost that MuJoCo has.
 """
 
+from collections.abc import Callable
 from decimal import Decimal, localcontext
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +20,7 @@ SMALL = 24  # degrees of freedom up to which the digits are worth their time; ab
 SWEEPS = 40  # of Jacobi's rotations; ten are seen
 INERTIA = {"xy": 2, "xz": 1, "torsion": 0}  # axis of the motion
 
-Numbers = NDArray[np.object_]
+Numbers = NDArray[Any]  # of floats or of Decimals
 
 
 def frequencies(model: "mujoco.MjModel", port: str, root: str = "") -> Array:
@@ -43,14 +45,14 @@ def frequencies(model: "mujoco.MjModel", port: str, root: str = "") -> Array:
     return 1.0 / np.sqrt(squares[::-1])
 
 
-def _mass(model: "mujoco.MjModel", port: str, joints: list[int], root: str, kind: type[float] | type[Decimal]) -> Numbers:
+def _mass(model: "mujoco.MjModel", port: str, joints: list[int], root: str, kind: Callable[[float], Any]) -> Numbers:
     """Mass matrix of the joints, then of the root's displacement and rotation where it is free."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     first = model.body(root).id if root else 0
     count = len(joints) + (2 if root else 0)
-    zero, one = kind(0), kind(1)
-    dtype = np.float64 if kind is float else np.object_
+    zero, one = kind(0.0), kind(1.0)
+    dtype: Any = np.float64 if kind is float else np.object_
     out = np.full((count, count), zero, dtype=dtype)
     axis = INERTIA[port]
     for body in range(1, model.nbody):

@@ -1,7 +1,6 @@
 """Runs the cases: each passes its tolerances by the independent check, is refused with a reason, or has failed."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +12,7 @@ from beamchain.errors import BeamchainError
 from beamchain.extremes.cases import Case
 from beamchain.extremes.compiled import frequencies
 from beamchain.extremes.truth import Rod
+from beamchain.jobs import workers
 from beamchain.port import Array
 from beamchain.workflow import Fit, fit
 
@@ -74,22 +74,17 @@ class Extremes:
         }
 
 
-def run(chosen: Sequence[Case], say: Callable[[int], None] = lambda _: None, workers: int = 1) -> Extremes:
+def run(chosen: Sequence[Case], say: Callable[[int], None] = lambda _: None, processes: int = 1) -> Extremes:
     """Run cases.
 
     Args:
         chosen: which.
         say: told how many are done.
-        workers: processes.
+        processes: that share the work.
     """
     rows: list[Row] = []
-    if workers == 1:
-        for case in chosen:
-            rows.append(verdict(case))
-            say(len(rows))
-        return Extremes(rows)
-    with ProcessPoolExecutor(workers) as pool:
-        for row in pool.map(verdict, chosen, chunksize=8):
+    with workers(processes) as pool:
+        for row in map(verdict, chosen) if pool is None else pool.map(verdict, chosen, chunksize=8):
             rows.append(row)
             say(len(rows))
     return Extremes(rows)

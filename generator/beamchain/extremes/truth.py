@@ -68,12 +68,12 @@ class Rod:
         points = np.unique(np.concatenate([graded, cuts]))
         out = [0.0]
         for a, b in zip(points[:-1], points[1:], strict=True):
-            local = wave / np.sqrt(min(self._diameter(float(a)), self._diameter(float(b))) / max(d))
+            local = wave / np.sqrt(float(np.min(self._diameter(np.array([a, b])))) / max(d))
             count = max(int(np.ceil((b - a) * local / WAVE)), 1)
             out += [float(a + (b - a) * (i + 1) / count) for i in range(count)]
         return np.array(out)
 
-    def _diameter(self, x: float | Array) -> float | Array:  # type: ignore[override]
+    def _diameter(self, x: Array) -> Array:
         return self.inner + (self.outer - self.inner) * x
 
     def dynamics(self, squares: Array) -> tuple[Array, Array]:
@@ -93,11 +93,12 @@ class Rod:
         h = np.diff(edges)
         middle = (edges[:-1] + edges[1:]) / 2.0
         gauss = h / 2.0 * np.sqrt(0.6)
-        pieces = _exponential(*(self._system(middle + side * gauss, lam) for side in (-1.0, 0.0, 1.0)), h)
+        first, second, third = (self._system(middle + side * gauss, lam) for side in (-1.0, 0.0, 1.0))
+        pieces = _exponential(first, second, third, h)
         tip = self.tip_mass / (m0 * self.length)
         s = np.zeros((lam.size, 2, 2))
         s[:, 0, 0] = -lam * tip
-        count = np.zeros(lam.size, dtype=np.int64)
+        count = np.zeros(lam.size)
         joint = None if self.joint is None else self.joint[0] / self.length
         spring = 0.0 if self.joint is None else self.joint[1] * self.length / ei0
         for k in range(h.size - 1, -1, -1):
@@ -117,7 +118,7 @@ class Rod:
 
     def _system(self, x: Array, lam: Array) -> Array:
         """`(k, f, 4, 4)` of the first-order system at `x`; displacement, rotation, shear, moment; unit length."""
-        d = np.asarray(self._diameter(x)) / max(self.inner, self.outer)
+        d = self._diameter(x) / max(self.inner, self.outer)
         a = np.zeros((x.size, lam.size, 4, 4))
         a[:, :, 0, 1] = 1.0
         a[:, :, 1, 3] = (1.0 / d**4)[:, None]
