@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from beamchain.stability import StabilityStudy
 
 SAMPLE = 48  # cases of the extremes suite that are run without --map
+NOISE = 1e-9  # damping ratio below which nothing is shown
 MOST = 8  # processes that share the whole suite
 
 
@@ -120,8 +121,11 @@ def _budget_table(budget: "Budget") -> Any:
     for column in ("rad/s", "structure", *budget.shown):
         table.add_column(column, justify="right")
     for i, (w, z) in enumerate(zip(budget.frequencies, budget.ratios, strict=True)):
-        shown = ["unstable" if v[i, 0] != v[i, 0] else f"{v[i, 1]:.4g}" for v in budget.shown.values()]
+        shown = [
+            "unstable" if v[i, 0] != v[i, 0] else f"{v[i, 1] if abs(v[i, 1]) > NOISE else 0.0:.4g}"
+            for v in budget.shown.values()
+        ]
         table.add_row(f"{w:.6g}", f"{z:.4g}", *shown)
     steps = [f"{name} {one:.4g} / {tenth:.4g}" for name, (one, tenth) in budget.accuracy.items()]
-    table.caption = f"steps for 1 % / 0.1 % of the first frequency [s]: {', '.join(steps)}"
+    table.caption = f"steps for 1 % / 0.1 % of the first frequency, in seconds: {', '.join(steps)}"
     return table

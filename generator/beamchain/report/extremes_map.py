@@ -1,6 +1,7 @@
 """The map of the extremes suite: what passed, what was refused and why, over each pair of ranges."""
 
 import io
+from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -10,15 +11,24 @@ from matplotlib.figure import Figure
 from beamchain.report.plots import STYLE
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from beamchain.extremes.suite import Row
 
-#: What a refusal is counted as: the first of these words its sentence holds.
+#: What a refusal, or a loss of modes, is counted as: the first of these words its sentence holds.
 REASONS = (
-    ("mjMINVAL", ("takes nothing below", "mjMINVAL")),
-    ("too wide for its length", ("too wide",)),
-    ("not physical", ("not physical", "no physical", "massless", "singular", "no exact chain")),
-    ("digits are lost", ("digits", "determined too badly")),
-    ("body depth", ("nested bodies",)),
+    ("link below mjMINVAL", ("would have mass",)),
+    ("hub below mjMINVAL", ("the hub has mass",)),
+    ("appendage below mjMINVAL", ("the appendage has mass",)),
+    ("no such rigid body", ("which no body has", "too wide")),
+    ("more bodies than MJCF nests", ("nested bodies",)),
+    ("number below 1e-30", ("must be above 1e-30",)),
+    ("root too light for free modes", ("the root is too light",)),
+    ("digits are lost", ("digits",)),
+    (
+        "exact chain not physical",
+        ("not physical", "before the root", "no physical", "massless", "singular", "no exact chain"),
+    ),
 )
 OTHER = "other reason"
 
@@ -32,8 +42,8 @@ MARKS = {
 PAIRS = (
     ("length", "slenderness", "length [m]", "length / diameter"),
     ("density", "modulus", "density [kg/m³]", "modulus [N/m²]"),
-    ("taper", "tip", "tip / root diameter", "tip mass / beam"),
-    ("hub", "joint", "hub mass / beam", "joint stiffness / (EI/L)"),
+    ("taper", "tip", "tip / root diameter (1: not shown)", "tip mass / beam (0: not shown)"),
+    ("hub", "joint", "hub mass / beam", "joint stiffness / (EI/L) (rigid: not shown)"),
     ("modes", "damping", "modes asked for", "damping ratio"),
 )
 LINEAR = ("modes", "damping")
@@ -73,25 +83,34 @@ def extremes_map(rows: Sequence["Row"]) -> bytes:
                 ax.set_xscale("log")
             if y not in LINEAR:
                 ax.set_yscale("log")
-        axes.flat[0].legend(fontsize=7.5, loc="lower left")
-        last = axes.flat[-1]
-        counts: dict[str, int] = {}
-        for row in groups["refused"]:
-            counts[reason(row)] = counts.get(reason(row), 0) + 1
-        names = sorted(counts, key=lambda n: counts[n])
-        last.barh(range(len(names)), [counts[n] for n in names], color="#8a8a8a")
-        last.set_yticks(range(len(names)), names)
-        last.set_xlabel("cases refused, by reason")
-        figure.suptitle(
-            f"{len(rows)} extreme appendages, each verified through MuJoCo by an independent check, or refused"
-        )
+        _bars(axes.flat[-1], groups)
+        handles, labels = axes.flat[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=9)
+        figure.suptitle(f"{len(rows)} extreme appendages: verified through MuJoCo by an independent check, or refused")
         stream = io.BytesIO()
         figure.savefig(stream, format="png", dpi=110, metadata={"Software": None})
         return stream.getvalue()
 
 
+def _bars(ax: "Axes", groups: "dict[str, list[Row]]") -> None:
+    """How many cases were refused, or keep fewer modes, for which reason."""
+    counts = {key: Counter(reason(row) for row in groups[key]) for key in ("refused", "fewer")}
+    names = sorted({*counts["refused"], *counts["fewer"]}, key=lambda n: counts["refused"][n] + counts["fewer"][n])
+    for key, label in (("refused", "refused"), ("fewer", "fewer modes")):
+        at = [(i, counts[key][name]) for i, name in enumerate(names) if counts[key][name]]
+        bars = ax.barh([y for y, _ in at], [n for _, n in at], height=0.6, color=MARKS[key][0], label=label)
+        ax.bar_label(bars, padding=2, fontsize=7.5)
+    ax.set_yticks(range(len(names)), names, fontsize=7.5)
+    ax.set_xscale("log")
+    ax.set_xlim(0.7, 3.0 * max((max(c.values(), default=1) for c in counts.values()), default=1))
+    ax.set_xlabel("cases")
+    ax.set_title("why", fontsize=10)
+    ax.legend(fontsize=7.5, loc="lower right")
+
+
 def _shown(row: "Row", field: str) -> bool:
-    return field in LINEAR or _value(row, field) > 0.0
+    value = _value(row, field)
+    return field in LINEAR or (value > 0.0 and not (field == "taper" and value == 1.0))
 
 
 def _value(row: "Row", field: str) -> float:
