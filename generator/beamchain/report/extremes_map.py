@@ -70,18 +70,20 @@ def extremes_map(rows: Sequence["Row"]) -> bytes:
             "failed": [r for r in rows if r.verdict == "failed"],
         }
         for ax, (x, y, x_label, y_label) in zip(axes.flat, PAIRS, strict=False):
+            drawn = False
             for name, members in groups.items():
                 colour, mark, label = MARKS[name]
                 shown = [r for r in members if _shown(r, x) and _shown(r, y)]
+                drawn = drawn or bool(shown)
                 ax.plot(
                     [_value(r, x) for r in shown], [_value(r, y) for r in shown],
                     mark, color=colour, ms=3.2, mew=0.7, ls="none", label=f"{label}: {len(members)}",
                 )  # fmt: skip
             ax.set_xlabel(x_label)
             ax.set_ylabel(y_label)
-            if x not in LINEAR:
+            if x not in LINEAR and drawn:
                 ax.set_xscale("log")
-            if y not in LINEAR:
+            if y not in LINEAR and drawn:
                 ax.set_yscale("log")
         _bars(axes.flat[-1], groups)
         handles, labels = axes.flat[0].get_legend_handles_labels()
