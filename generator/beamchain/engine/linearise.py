@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import control
 
 EPSILON = 1e-6  # perturbation of the centred differences
+VELOCITY = 1e-3  # perturbation for what depends on velocity: the integrator "discrete" does not see damping forces of 1e-9
 
 INTEGRATORS = {name: int(value) for name, value in (
     ("Euler", mujoco.mjtIntegrator.mjINT_EULER),
@@ -288,7 +289,7 @@ def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: 
         damping: `(nv, nv)` `M^-1 D` [1/s].
     """
     nv, h = model.nv, float(model.opt.timestep)
-    a, *_ = _transition(model, data, EPSILON, INTEGRATORS["discrete"])
+    a, *_ = _transition(model, data, VELOCITY, INTEGRATORS["discrete"])
     return (np.linalg.inv(a[nv : 2 * nv, nv : 2 * nv]) - np.eye(nv) - h * damping) / h**2
 
 
