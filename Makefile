@@ -7,13 +7,14 @@
 # make notebooks   run the notebooks in place, outputs kept small
 # make docs-pictures  draw the pictures that README shows
 # make wheel       build the distribution into dist/
+# make wheel-newest  its quick tests on the newest Python installed
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
 
-.PHONY: demo test test-full hosts bench bench-peers notebooks docs-pictures wheel wheel-test lint clean
+.PHONY: demo test test-full hosts bench bench-peers notebooks docs-pictures wheel wheel-test wheel-newest lint clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -31,17 +32,19 @@ lint: $(VENV)/.installed
 test: lint
 	$(BIN)/pytest -n $(WORKERS) -m "not slow and not host"
 
-HOSTS ?= oldest newest dm_control basilisk
+HOSTS ?= oldest newest dm_control basilisk nastran
 
 hosts:
 	for host in $(HOSTS); do $(PYTHON) tests/hosts/run.py $$host || exit 1; done
 
+# the notebooks have run with the wheel by then
 test-full: $(VENV)/.installed wheel-test hosts
-	$(BIN)/pytest -n $(WORKERS) -m "slow or host"
+	$(BIN)/pytest -n $(WORKERS) -m "slow or host" --ignore=tests/test_notebooks.py
 
 bench: $(VENV)/.installed
 	$(BIN)/python tests/benchmarks/fit_time.py
 	$(BIN)/python tests/benchmarks/sweep_time.py
+	$(BIN)/python tests/benchmarks/savings.py
 
 bench-peers: $(VENV)/.installed
 	$(PYTHON) -m venv build/peers/venv
@@ -56,18 +59,40 @@ notebooks: $(VENV)/.installed
 
 docs-pictures: $(VENV)/.installed
 	$(BIN)/python docs/pictures.py
+	$(BIN)/python docs/house.py
 
 wheel: $(VENV)/.installed
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
 
-# the wheel in an environment that has never seen the checkout, tested from outside it
+IN_WHEEL := pytest pytest-xdist hypothesis sympy nbclient nbformat ipykernel basedpyright
+
+# the wheel, built from the sdist, in an environment that has never seen the checkout, tested from outside it:
+# quick tests, notebooks, its contents, its types
 wheel-test: wheel
 	rm -rf build/wheel && mkdir -p build/wheel
 	$(PYTHON) -m venv build/wheel/venv
-	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl pytest pytest-xdist hypothesis sympy nbclient nbformat ipykernel
-	cp -r tests notebooks pyproject.toml build/wheel/
+	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl $(IN_WHEEL)
+	cp -r tests notebooks dist pyproject.toml build/wheel/
 	cd build/wheel && venv/bin/pytest -n $(WORKERS) -m "not slow and not host"
+	cd build/wheel && venv/bin/pytest -n $(WORKERS) tests/test_notebooks.py tests/test_release.py
+
+# the same wheel on the newest Python that is installed, on the PATH or by pyenv
+NEWEST ?= $(shell { for v in 3.12 3.13 3.14 3.15; do python$$v -c 'import sys; print(sys.executable)'; done; \
+  ls -d $${PYENV_ROOT:-$$HOME/.pyenv}/versions/3.1[2-9].*/bin/python; } 2>/dev/null | \
+  while read p; do echo "$$($$p -c 'import platform; print(platform.python_version())') $$p"; done | \
+  sort -V | tail -1 | cut -d' ' -f2)
+
+wheel-newest: wheel
+ifeq ($(NEWEST),)
+	@echo "no Python newer than 3.11 is installed: skipped"
+else
+	rm -rf build/newest && mkdir -p build/newest
+	$(NEWEST) -m venv build/newest/venv
+	build/newest/venv/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl $(IN_WHEEL)
+	cp -r tests notebooks dist pyproject.toml build/newest/
+	cd build/newest && venv/bin/python --version && venv/bin/pytest -n $(WORKERS) -m "not slow and not host"
+endif
 
 clean:
 	rm -rf build dist .pytest_cache .ruff_cache

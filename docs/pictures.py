@@ -24,7 +24,8 @@ def from_fit() -> None:
 def slew() -> None:
     """The array on its satellite, turning; where MuJoCo cannot draw, the old picture stays."""
     with tempfile.TemporaryDirectory() as folder:
-        arguments = ["render", str(PATHS["array_scene"]), "-o", folder, "--width", "480", "--height", "280", "--quiet"]
+        arguments = ["render", str(PATHS["array_scene"]), "-o", folder, "--width", "480", "--height", "280"]
+        arguments += ["--quiet", "--no-mp4"]
         subprocess.run([sys.executable, "-m", "beamchain", *arguments], check=True)
         shutil.copy(Path(folder) / "array.gif", HERE / "slew.gif")
 

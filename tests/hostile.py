@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from beamchain.assess.scenario import parse_profile
 from beamchain.cli.study import read_text
+from beamchain.embedding import take_out
 from beamchain.jobs import run_jobs
 from beamchain.mjcf.craft import read_craft
-from beamchain.embedding import take_out
 from beamchain.spec import read_spec
 from beamchain.structure.readers import read_modes
 from prints import plate, whole
@@ -197,9 +197,10 @@ def bombs() -> dict[str, tuple[str, bytes]]:
 def zip_bomb() -> bytes:
     """2 MB that unpack to 2 GB: a good header, then zeros."""
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive, archive.open(
-        "mass.npy", "w", force_zip64=True
-    ) as file:
+    with (
+        zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive,
+        archive.open("mass.npy", "w", force_zip64=True) as file,
+    ):
         np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (16000, 16000)})
         block = bytes(1 << 24)
         for _ in range(122):

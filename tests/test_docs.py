@@ -17,6 +17,11 @@ from beamchain.engine import backend
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
+PAGES = [README, *sorted((ROOT / "docs").glob("*.md"))]
+QUICKER = {
+    "--samples 1000": "--samples 8",
+    "beamchain study": "beamchain study --budget 0.002 --duration 60",
+}  # minutes
 DONE = (0, 3)  # exit: done; done but less came out than was asked for
 
 PUBLIC = [name for name in bc.__all__ if name != "__version__"]
@@ -28,9 +33,10 @@ readme = pytest.mark.skipif(not README.is_file(), reason="README is not beside t
 # -- README ----------------------------------------------------------------------------------------------------------
 def pieces(text):
     """Python blocks and `beamchain` command lines, in the order in which they stand."""
+    text = re.sub(r" *\\\n\s*", " ", text)  # lines that go on
     found = [(m.start(), "python", m[1]) for m in re.finditer(r"^```python\n(.*?)^```", text, re.S | re.M)]
     outside = re.sub(r"^```(?:python|toml|json|xml)\n.*?^```", lambda m: "\n" * len(m[0]), text, flags=re.S | re.M)
-    lines = re.finditer(r"^(?: {4}|\$ )?(beamchain [^\n]*?)(?:\s+#[^\n]*)?$", outside, re.M)
+    lines = re.finditer(r"^(?: {4,6}|\$ )?(beamchain [^\n]*?)(?:\s+#[^\n]*)?$", outside, re.M)
     found += [(m.start(), "command", m[1]) for m in lines]
     return [(kind, content) for _, kind, content in sorted(found)]
 
@@ -42,6 +48,8 @@ def starting_files():
     examples = Path(bc.__file__).parent / "examples"
     Path("generator/beamchain").mkdir(parents=True)
     Path("generator/beamchain/examples").symlink_to(examples)
+    Path("tests").mkdir()
+    Path("tests/crafts").symlink_to(ROOT / "tests" / "crafts")
     craft = """<mujoco model="craft"><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
     <inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/><geom type="box" size=".5 .5 .5" mass="0"/>
     <site name="mount" pos="0.5 0 0"/><site name="left" pos="0 0.5 0" xyaxes="0 1 0 -1 0 0"/>
@@ -63,17 +71,20 @@ def run_command(line):
 
 @readme
 @pytest.mark.slow
-def test_everything_in_readme_runs(tmp_path, monkeypatch):
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_everything_on_the_page_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     starting_files()
-    text = README.read_text(encoding="utf-8")
+    text = page.read_text(encoding="utf-8")
     names: dict[str, object] = {}
     draws = any(backend._works(name) for name in backend.OFF_SCREEN)
     for kind, content in pieces(text):
         if kind == "python":
             with contextlib.redirect_stdout(None):
-                exec(compile(content, "README.md", "exec"), names)
+                exec(compile(content, page.name, "exec"), names)
             continue
+        for long, short in QUICKER.items():
+            content = content.replace(long, short)
         words = shlex.split(content)
         if words[1] == "view" or (words[1] == "render" and not draws):
             continue
@@ -86,19 +97,24 @@ def test_everything_in_readme_runs(tmp_path, monkeypatch):
 
 
 @readme
-def test_readme_has_examples_and_its_links_lead_somewhere():
-    text = README.read_text(encoding="utf-8")
-    kinds = [kind for kind, _ in pieces(text)]
+def test_readme_has_examples():
+    kinds = [kind for kind, _ in pieces(README.read_text(encoding="utf-8"))]
     assert "python" in kinds
     assert "command" in kinds
-    for target in re.findall(r"\]\(([^)#]+)\)", text):
-        if not target.startswith(("http:", "https:")):
-            assert (ROOT / target).exists(), target
 
 
 @readme
-def test_commands_that_readme_names_exist():
-    for kind, content in pieces(README.read_text(encoding="utf-8")):
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
+        if not target.startswith(("http:", "https:")):
+            assert (page.parent / target).exists(), target
+
+
+@readme
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_commands_that_the_page_names_exist(page):
+    for kind, content in pieces(page.read_text(encoding="utf-8")):
         if kind == "command":
             word = content.split()[1]
             assert word in COMMANDS or word.startswith("-"), content

@@ -230,7 +230,7 @@ class TestHub:
         given = bc.read_spec(spec("rod"))
         own = bc.Spec(name="rod", segment=given.segment, root=bc.Root(hub=bc.Hub(mass=1.0, inertia=(1.0, 1.0, 1.0))))
         done = bc.embed(CRAFTS / "planar.xml", {"mount": own})
-        assert any("the hub of the spec (1 kg)" in w for w in done.warnings)
+        assert any("the hub of the spec (1 kg, inertia 1, 1, 1" in w for w in done.warnings)
         assert any("hold" in w for w in bc.embed(CRAFTS / "planar.xml", {"mount": spec("boom")}).warnings)
 
 

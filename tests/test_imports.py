@@ -22,7 +22,8 @@ PUBLIC = {
     "Fit", "FitOptions", "Hub", "Imported", "Joint", "LargeMotion", "Linearisation", "Lump", "Material", "ModalData",
     "Modes", "Payload", "PortModel", "Rectangle", "Root", "Round", "Scene", "Segment", "Spec", "Tube", "UniformBeam",
     "__version__", "budget", "compare", "embed", "equal_links", "fit", "large_motion", "linearise", "measured_limit",
-    "planar_chain", "read_modes", "read_spec", "realise", "seed_beam", "seed_chain", "seed_table",
+    "planar_chain", "read_modes", "read_spec", "realise", "run_stability", "run_study", "run_sweep", "seed_beam",
+    "seed_chain", "seed_table",
 }  # fmt: skip
 
 

@@ -5,15 +5,19 @@ the in-band error written out again here from dynamic masses, on a grid of its o
 transcendental solution in the plane.
 """
 
+from importlib.resources import files
+
 import numpy as np
 import pytest
+from msgspec import structs
 
 from beamchain.assess.needs import AXES
+from beamchain.assess.plan import everything
 from beamchain.chain.chain import Chain
 from beamchain.errors import InputError
 from beamchain.port import PORT_MOTION, PORTS, PortModel
 from beamchain.result import Fit
-from beamchain.spec import Damping, Hub, Root, Scene, Spec
+from beamchain.spec import Damping, Hub, Root, Scene, Spec, read_spec
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.exact import UniformBeam
 from beamchain.structure.material import Material
@@ -259,3 +263,14 @@ def test_steps_keep_the_tolerance_and_the_cheapest_comes_first():
     assert costs == sorted(costs)
     for step in result.steps:
         assert 0.0 < step.step <= result.limits.largest_step[step.integrator]
+
+
+def test_full_keeps_no_fewer_than_the_scene_needs():
+    """A mast with a heavy tip: two modes lie within three times the band, but three are needed."""
+    spec = read_spec(str(files("beamchain") / "examples" / "mast.toml"))
+    spec = structs.replace(spec, modes=None, scene=Scene(bandwidth=10.0))
+    chosen, full = fit(spec), fit(everything(spec))
+    assert chosen.choice is not None
+    assert all(full.target[port].modes >= count for port, count in chosen.choice.modes.items() if count)
+    assert full.promise is not None
+    assert full.promise <= 1e-3

@@ -2,17 +2,37 @@
 
 import base64
 import json
+import re
+import sys
 from pathlib import Path
 
 import pytest
 
+import beamchain
+
 NOTEBOOKS = sorted((Path(__file__).parent.parent / "notebooks").glob("*.ipynb"))
+LARGEST = 300_000  # bytes of a notebook
 LARGEST_PICTURE = 60_000  # bytes
 SECONDS = 600  # for one cell
 
-pytestmark = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+notebooks = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_notebooks_run_with_the_package_under_test(tmp_path):
+    """The kernel is this environment's: in that of the wheel the notebooks run with the wheel."""
+    nbformat = pytest.importorskip("nbformat")
+    nbclient = pytest.importorskip("nbclient")
+    cell = nbformat.v4.new_code_cell("import sys, beamchain; print(beamchain.__file__); print(sys.executable)")
+    notebook = nbformat.v4.new_notebook(cells=[cell])
+    nbclient.NotebookClient(notebook, timeout=SECONDS, kernel_name="python3").execute(cwd=str(tmp_path))
+    file, python = "".join(output["text"] for output in cell["outputs"] if output.get("name") == "stdout").split()
+    assert file == beamchain.__file__
+    assert python == sys.executable
+
+
+@notebooks
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # what jupyter's own packages say of each other is not ours to mend
 def test_notebook_runs(path, tmp_path):
@@ -23,7 +43,9 @@ def test_notebook_runs(path, tmp_path):
     client.execute(cwd=str(tmp_path))  # raises CellExecutionError with the cell's traceback
 
 
+@notebooks
 def test_notebook_is_executed_and_small(path):
+    assert path.stat().st_size < LARGEST
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     code = [cell for cell in cells if cell["cell_type"] == "code"]
     assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
@@ -31,3 +53,15 @@ def test_notebook_is_executed_and_small(path):
         assert output["output_type"] != "error"
         assert output.get("name") != "stderr"
         assert len(base64.b64decode(output.get("data", {}).get("image/png", ""))) < LARGEST_PICTURE
+
+
+@notebooks
+def test_notebook_uses_the_public_list_only(path):
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    assert "import beamchain as bc" in code
+    assert "from beamchain" not in code
+    assert "import beamchain." not in code
+    names = set(re.findall(r"\bbc\.(\w+)", code))
+    assert names
+    assert names <= set(beamchain.__all__)

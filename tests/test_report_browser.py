@@ -14,7 +14,10 @@ from lxml import html
 
 import beamchain as bc
 from appendages import panels, seed_boom
+from beamchain import shipped, stability
 from beamchain.report.html import fit_report
+from beamchain.report.stability_html import stability_report
+from spacecraft import CRAFTS, spec
 
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
@@ -37,7 +40,14 @@ def pages():
         "boom": bc.fit(seed_boom(), name="boom", modes={"xy": 2}, root=bc.Root(hub=HUB)),
         "panels": bc.fit(panels(), modes={"xy": 2, "xz": 1}, damping=bc.Damping(ratio=0.005)),
     }
-    return {name: fit_report(fit)[0] for name, fit in made.items()}
+    embedded = bc.embed(CRAFTS / "observer.xml", {"left": spec("array_left"), "boom_mount": spec("boom")})
+    source = shipped.pick(shipped.examples(), "seed_boom", "example").path
+    found = stability.study(source)
+    return {
+        **{name: fit_report(fit)[0] for name, fit in made.items()},
+        "embed": embedded.report("observer.xml", "out.xml"),
+        "stability": stability_report(found, source, found.as_dict()),
+    }
 
 
 def browse(page, folder, script="", *options):
@@ -69,15 +79,15 @@ def browse(page, folder, script="", *options):
     return root, told, complaints
 
 
-@pytest.mark.parametrize("name", ["boom", "panels"])
-def test_opens_without_complaint_or_request(name, pages, tmp_path):
+@pytest.mark.parametrize(("name", "plots"), [("boom", 2), ("panels", 4), ("embed", 2), ("stability", 2)])
+def test_opens_without_complaint_or_request(name, plots, pages, tmp_path):
     assert len(pages[name].encode()) < LARGEST
     script = "told.asked = performance.getEntriesByType('resource').map((e) => e.name);"
     root, told, complaints = browse(pages[name], tmp_path, script)
     assert complaints == []
     assert told["asked"] == []
     zooming = root.xpath("//figure[contains(@class, 'zoom')]")
-    assert len(zooming) == 2 * (1 if name == "boom" else 2)
+    assert len(zooming) == plots
     assert all("ready" in figure.get("class") for figure in zooming)
 
 
@@ -153,6 +163,27 @@ def test_ticks_after_zooming_are_round_and_in_place(pages, tmp_path):
         assert x0 * (x1 / x0) ** part == pytest.approx(value, rel=1e-5)
 
 
+@pytest.mark.parametrize("name", ["embed", "stability"])
+def test_the_other_pages_zoom_and_their_contents_lead_somewhere(name, pages, tmp_path):
+    script = (
+        "told.moved = []; for (const figure of document.querySelectorAll('figure.zoom')) {"
+        "const svg = figure.querySelector('svg');"
+        "figure.querySelector(\"button[title='zoom in']\").click(); await still();"
+        "told.moved.push(JSON.parse(svg.dataset.shown));"
+        "figure.querySelector(\"button[title='show all']\").click(); await still();"
+        "told.moved.push(JSON.parse(svg.dataset.shown)); }"
+        "told.lost = [...document.querySelectorAll('nav a')]"
+        ".filter((a) => !document.querySelector(a.getAttribute('href'))).map((a) => a.textContent);"
+        "const words = document.querySelector('details'); words.querySelector('summary').click(); await still();"
+        "told.open = words.open;"
+    )
+    _, told, complaints = browse(pages[name], tmp_path, script)
+    assert complaints == []
+    assert told["moved"] == [pytest.approx([0.1875, 0.8125]), [0, 1]] * 2
+    assert told["lost"] == []
+    assert told["open"]
+
+
 def test_keys_wheel_drag_and_double_click(pages, tmp_path):
     script = STATE + (
         "const key = (k) => svg.dispatchEvent("
@@ -214,19 +245,21 @@ def test_shapes_ring_pause_and_respect_reduced_motion(pages, tmp_path):
     assert still["running"][0] == "none"
 
 
+@pytest.mark.parametrize("name", ["panels", "embed", "stability"])
 @pytest.mark.parametrize("width", [400, 1000])
-def test_nothing_is_wider_than_the_page(width, pages, tmp_path):
+def test_nothing_is_wider_than_the_page(width, name, pages, tmp_path):
     # the window itself cannot be made that narrow everywhere: a frame can
     script = (
         f"const frame = document.documentElement; frame.style.width = '{width}px'; await still();"
         "told.wide = [...document.querySelectorAll('main *')].filter((e) => !e.closest('.scroll, pre, svg'))"
         f".filter((e) => e.getBoundingClientRect().right > {width} + 1).map((e) => e.outerHTML.slice(0, 80));"
     )
-    _, told, _ = browse(pages["panels"], tmp_path, script, f"--window-size={width},800")
+    _, told, _ = browse(pages[name], tmp_path, script, f"--window-size={width},800")
     assert told["wide"] == []
 
 
-def test_text_has_contrast(pages, tmp_path):
+@pytest.mark.parametrize("name", ["panels", "embed", "stability"])
+def test_text_has_contrast(name, pages, tmp_path):
     """WCAG AA: 4.5 for text; what is drawn in the pictures is text too."""
     script = (
         "const lum = (c) => { const [r, g, b] = c.match(/[\\d.]+/g).map((v) => { v /= 255;"
@@ -242,5 +275,5 @@ def test_text_has_contrast(pages, tmp_path):
         " return [(Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05), e.textContent.slice(0, 40)]; })"
         ".filter(([ratio]) => ratio < 4.5);"
     )
-    _, told, _ = browse(pages["panels"], tmp_path, script)
+    _, told, _ = browse(pages[name], tmp_path, script)
     assert told["poor"] == []

@@ -14,11 +14,12 @@ import beamchain as bc
 from beamchain import study as studies
 from beamchain.assess import field, front, soft_rods
 from beamchain.assess.field import Entry
+from beamchain.assess.growth import Growth
 from beamchain.assess.hub_response import Profile, hub_response
 from beamchain.assess.run_time import CLOCK, Ladder, Point, climb, rigid_motion, steps_below
 from beamchain.assess.scenario import parse_profile, rounded_up
 from beamchain.cli import app
-from beamchain.engine.rollout import simulate
+from beamchain.engine.rollout import seconds_of, simulate
 from beamchain.report.spec_text import spec_toml
 
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
@@ -263,6 +264,42 @@ def test_study_scene_holds_nothing_that_costs_time(prepared):
     task, _ = prepared
     model = field.model_of(task, Entry("exact, hub", 2, "RK4"), 0.1)
     assert (model.nbody, model.nv, model.ngeom, model.nsite, model.nlight) == (4, 8, 0, 0, 0)
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_oscillators_move_the_hub_as_the_clamped_chain(prepared, n):
+    """Two unlike sets of bodies of the same port model: the same motion while it is small."""
+    a, b = (errors(prepared, Entry(m, n, "RK4"), [0.2], "error")[0] for m in ("exact, clamped", "oscillators"))
+    assert a == pytest.approx(b, rel=1e-3)
+
+
+def test_oscillators_are_named_but_not_recommended():
+    points = [("oscillators", 1.0), ("exact, clamped", 2.0), (field.PAPER, 3.0)]
+    ladders = tuple(ladder(m, 2, [(0.1, 1e-3, s)]) for m, s in points)
+    spec = bc.read_spec(SEED)
+    _, scenario = studies.prepare(spec_toml(spec), studies.Options())
+    found = studies.Study(spec, studies.Options(), {"xy": 2}, scenario, ladders, Growth((), None, (), None), 0.0)
+    best, second = found.best(1e-2, "error"), found.oscillators(1e-2, "error")
+    assert best is not None
+    assert second is not None
+    assert best.model == "exact, clamped"
+    assert second.seconds == 1.0
+    assert set(found.rivals(1e-2, "error")) == {field.PAPER}
+
+
+def test_timing_without_recording_simulates_the_same(prepared, monkeypatch):
+    """The loop that is timed takes every step, each with its own wrench."""
+    task, scenario = prepared
+    model = field.model_of(task, Entry("exact, hub", 2, "RK4"), 0.1)
+    wrench = scenario.profile.mean(0.1, 600)
+    seen: list[mujoco.MjData] = []
+    step = mujoco.mj_step
+    monkeypatch.setattr(mujoco, "mj_step", lambda m, d, nstep: (step(m, d, nstep=nstep), seen.append(d)))
+    assert seconds_of(model, "RK4", 0.1, wrench) > 0.0
+    assert len(seen) == 3  # plus, minus, nothing
+    assert seen[-1].time == pytest.approx(60.0)
+    turned = 2.0 * np.arcsin(seen[-1].qpos[6])
+    assert turned == pytest.approx(simulate(model, "RK4", 0.1, wrench).motion[-1, 5], rel=1e-9)
 
 
 # -- what counts -----------------------------------------------------------------------------------------------------

@@ -25,13 +25,16 @@ if TYPE_CHECKING:
     from beamchain.engine.linearise import Linearisation as Linearisation
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
+    from beamchain.hub import Hub as Hub
     from beamchain.port import PortModel as PortModel
     from beamchain.result import Fit as Fit
+    from beamchain.runs import run_stability as run_stability
+    from beamchain.runs import run_study as run_study
+    from beamchain.runs import run_sweep as run_sweep
     from beamchain.seed import seed_beam as seed_beam
     from beamchain.seed import seed_table as seed_table
     from beamchain.spec import Damping as Damping
     from beamchain.spec import FitOptions as FitOptions
-    from beamchain.spec import Hub as Hub
     from beamchain.spec import Modes as Modes
     from beamchain.spec import Payload as Payload
     from beamchain.spec import Root as Root
@@ -39,11 +42,10 @@ if TYPE_CHECKING:
     from beamchain.spec import Spec as Spec
     from beamchain.spec import read_spec as read_spec
     from beamchain.structure.beam import Beam as Beam
-    from beamchain.structure.beam import Joint as Joint
-    from beamchain.structure.beam import Lump as Lump
-    from beamchain.structure.beam import Segment as Segment
     from beamchain.structure.exact import UniformBeam as UniformBeam
     from beamchain.structure.imported import Imported as Imported
+    from beamchain.structure.joint import Joint as Joint
+    from beamchain.structure.lump import Lump as Lump
     from beamchain.structure.material import Material as Material
     from beamchain.structure.modal_data import ModalData as ModalData
     from beamchain.structure.readers import read_modes as read_modes
@@ -53,6 +55,7 @@ if TYPE_CHECKING:
     from beamchain.structure.section import Rectangle as Rectangle
     from beamchain.structure.section import Round as Round
     from beamchain.structure.section import Tube as Tube
+    from beamchain.structure.segment import Segment as Segment
     from beamchain.workflow import fit as fit
 
 _PLACES = {
@@ -66,16 +69,21 @@ _PLACES = {
     "embedding": ("Embedded", "embed"),
     "engine.linearise": ("Linearisation", "linearise"),
     "errors": ("BeamchainError",),
+    "hub": ("Hub",),
     "port": ("PortModel",),
+    "runs": ("run_stability", "run_study", "run_sweep"),
     "seed": ("seed_beam", "seed_table"),
-    "spec": ("Damping", "FitOptions", "Hub", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
-    "structure.beam": ("Beam", "Joint", "Lump", "Segment"),
+    "spec": ("Damping", "FitOptions", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
+    "structure.beam": ("Beam",),
     "structure.exact": ("UniformBeam",),
     "structure.imported": ("Imported",),
+    "structure.joint": ("Joint",),
+    "structure.lump": ("Lump",),
     "structure.material": ("Material",),
     "structure.modal_data": ("ModalData",),
     "structure.readers": ("read_modes",),
     "structure.section": ("Box", "Custom", "Equivalent", "Rectangle", "Round", "Tube"),
+    "structure.segment": ("Segment",),
     "result": ("Fit",),
     "workflow": ("fit",),
 }
@@ -85,12 +93,14 @@ __version__ = version("beamchain")
 __all__ = sorted([*_HOME, "__version__"])  # pyright: ignore[reportUnsupportedDunderAll]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'beamchain' has no attribute {name!r}; it has {', '.join(__all__)}")
-    value = getattr(import_module(f"beamchain.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # a type checker that sees it takes every misspelt name for one that it gives
+
+    def __getattr__(name: str) -> Any:
+        if name not in _HOME:
+            raise AttributeError(f"module 'beamchain' has no attribute {name!r}; it has {', '.join(__all__)}")
+        value = getattr(import_module(f"beamchain.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

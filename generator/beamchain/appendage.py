@@ -2,12 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.assess.assembly import Carried, quiet
+from beamchain.assess.large_motion import LargeMotion
+from beamchain.assess.run_limits import exceeded
 from beamchain.assess.spoilers import spoilers
+from beamchain.engine.driven import keyframes
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model, linearise
 from beamchain.engine.mount import Mount
@@ -18,6 +22,7 @@ from beamchain.mjcf import write
 from beamchain.port import PORTS, Array, PortModel, in_space
 from beamchain.result import Fit
 from beamchain.spec import Hub, Spec
+from beamchain.stability import large_limits
 
 EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for
 PROBE = "beamchain probe "  # names of the empty bodies that stand for appendages while the spacecraft is measured
@@ -43,6 +48,25 @@ class Appendage:
     hub: Hub
     spec: Spec
     fit: Fit
+
+    @cached_property
+    def large_motion(self) -> dict[str, LargeMotion]:
+        """How far its chain may be driven, per bending plane; empty where no beam or no chain is there to compare."""
+        return {} if self.fit.space is not None else large_limits(self.fit)[0]
+
+
+def driven_too_far(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
+    """Sentences for keyframes that start an appendage beyond what its chain is right for.
+
+    Args:
+        model: the spacecraft with its appendages.
+        appendages: what was embedded.
+    """
+    out: list[str] = []
+    for a in appendages:
+        for name, run in keyframes(model, f"{a.prefix}link1").items():
+            out += [f"{a.at}, keyframe {name}: {sentence}" for sentence in exceeded(a.large_motion, run)]
+    return out
 
 
 def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
@@ -137,6 +161,9 @@ def carried(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[Ca
     out: list[Carried] = []
     for a in appendages:
         whole, kept, band = _imported(a) if a.fit.space is not None else _beam(a)
+        if not band:  # a rigid body: as far as the scene looks
+            scene = a.fit.spec.scene
+            band = {"rigid": scene.bandwidth if scene and scene.bandwidth else float(whole.frequencies[0])}
         out.append(Carried(a.mount, whole, kept, appended(model, names([a]))["dof"], band))
     return out
 
@@ -166,7 +193,8 @@ def _imported(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, flo
     rigid[np.ix_(live, live)], participation[:, live] = full.rigid_mass, full.participation
     flags = np.array([bool(np.any(np.abs(w / space.target.frequencies - 1.0) < SAME)) for w in full.frequencies])
     whole = PortModel(_with_inertia(a, rigid), full.frequencies, participation, full.damping)
-    return whole, flags, {"space": float(space.target.frequencies[-1])}
+    band = {"space": float(space.target.frequencies[-1])} if space.target.modes else {}
+    return whole, flags, band
 
 
 def _with_inertia(a: Appendage, rigid: Array) -> Array:

@@ -16,6 +16,7 @@ from beamchain.appendage import (
     Appendage,
     carried,
     check_names,
+    driven_too_far,
     judged,
     lightest,
     moved_by_load,
@@ -35,13 +36,15 @@ from beamchain.mjcf import check, marks, write
 from beamchain.mjcf import embed as document
 from beamchain.mjcf.craft import Craft, bare, craft_from_text, read_craft, relocate
 from beamchain.mjcf.place import find_target, split
+from beamchain.result import Fit
 from beamchain.spec import Hub, Root, Spec, read_spec, spec_from_dict
-from beamchain.workflow import fit
+from beamchain.structure.beam import Beam
+from beamchain.workflow import as_spec, fit
 
 RIGID = 1e-6  # relative: a hub that differs from a rigid body by more has loose joints
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Embedded:
     """A spacecraft with its appendages.
 
@@ -61,6 +64,16 @@ class Embedded:
     document: Craft | None = None
     form: str = "inline"
     _layout: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        from beamchain.report.notebook import embedded_text
+
+        return embedded_text(self)
+
+    def _repr_html_(self) -> str:
+        from beamchain.report.notebook import embedded_html
+
+        return embedded_html(self)
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -106,6 +119,17 @@ class Embedded:
 
         return assembly_svg(self.assembly)
 
+    def report(self, craft: str = "craft.xml", output: str = "flexible.xml") -> str:
+        """The report as the text of one HTML file.
+
+        Args:
+            craft: name of the bare spacecraft's file.
+            output: name of the file with the appendages.
+        """
+        from beamchain.report.embed_html import embed_report
+
+        return embed_report(self, craft, output)
+
     def _files(self, folder: Path | None, stem: str) -> tuple[Craft, dict[str, str]]:
         if self.document is None:
             raise InputError("this was made from an MjSpec, which was changed in place; use its own to_xml().")
@@ -114,7 +138,7 @@ class Embedded:
 
 def embed(
     craft: "str | Path | mujoco.MjSpec",
-    at: Mapping[str, Spec | str | Path],
+    at: Mapping[str, Spec | Beam | Fit | str | Path],
     *,
     form: str = "inline",
     prefixes: Sequence[str] | None = None,
@@ -125,8 +149,9 @@ def embed(
 
     Args:
         craft: path or text of an MJCF file, or an `MjSpec`, which is then changed in place.
-        at: by name of a site or body of the spacecraft (x of its frame outwards): a spec, or the path of a SPEC.toml.
-            Where a site and a body share a name: `site:NAME`, `body:NAME`.
+        at: by name of a site or body of the spacecraft (x of its frame outwards): a spec, the path of a SPEC.toml, a
+            beam, or a fit, whose spec is then fitted anew to the hub it meets. Where a site and a body
+            share a name: `site:NAME`, `body:NAME`.
         form: "inline": one self-contained file; "attach": appendage files beside it, brought in by `<attach>`.
         prefixes: one per entry of `at`, instead of `NAME_` of the appendage.
 
@@ -145,7 +170,9 @@ def embed(
         )
     wanted: dict[str, tuple[Spec, str]] = {}
     for i, (name, spec) in enumerate(at.items()):
-        spec = spec if isinstance(spec, Spec) else read_spec(spec)
+        if isinstance(spec, Fit):
+            spec = spec.spec
+        spec = read_spec(spec) if isinstance(spec, str | Path) else as_spec(spec)
         prefix = given[i] if given else f"{spec.name}_"
         document.check_prefix(prefix)
         if spec.imported is not None:  # the mark in the file must find the modes from anywhere
@@ -210,7 +237,7 @@ def _embed_in_document(original: Craft, wanted: dict[str, tuple[Spec, str]], for
         for name, text in beside.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
         model = compile_model(out.to_bytes().decode("utf-8"))
-    warnings += judged(craft, model, appendages)
+    warnings += judged(craft, model, appendages) + driven_too_far(model, appendages)
     return Embedded(appendages, craft, model, tuple(warnings), original, form, layout)
 
 
@@ -299,7 +326,7 @@ def _embed_in_spec(spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]]) -
             place.attach(mujoco.MjSpec.from_string(text), frame=frame, prefix=a.prefix)
         if place is trial:
             model = trial.compile()
-            warnings += judged(craft, model, appendages)
+            warnings += judged(craft, model, appendages) + driven_too_far(model, appendages)
     return Embedded(appendages, craft, spec.copy().compile(), tuple(warnings))
 
 
@@ -337,8 +364,8 @@ def _fit_all(
             given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=1e-9 * hub.mass
         ):
             warnings.append(
-                f"{name}: the hub of the spec ({given.mass:g} kg) is not the spacecraft's ({hub.mass:.6g} kg), "
-                "which was used instead."
+                f"{name}: the hub of the spec ({_words(given)}) is not what the spacecraft has behind the root "
+                f"({_words(hub)}), which was used instead."
             )
         result = fit(spec, root=Root(target=spec.root.target, hub=hub))
         if not result.status.ok:
@@ -349,3 +376,9 @@ def _fit_all(
             warnings += [f"{name}: {warning}" for warning in result.warnings]
         out.append(Appendage(name, prefix, place, hub, spec, result))
     return tuple(out), warnings
+
+
+def _words(hub: Hub) -> str:
+    """A hub's mass, inertia and place, for a sentence."""
+    inertia, offset = (", ".join(f"{value + 0.0:.4g}" for value in values) for values in (hub.inertia, hub.offset))
+    return f"{hub.mass:.6g} kg, inertia {inertia} kg m^2, root at {offset} m from its centre"

@@ -1,11 +1,12 @@
 """Imported modes -> a verified drop-in file: chain or oscillators, by how much the modes leak between ports."""
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from beamchain.assess.error import DEFAULT_RATIO, Comparison, compare, in_band_error
+from beamchain.assess.error import Comparison, compare, in_band_error
+from beamchain.assess.plan import ledger, verdict
 from beamchain.assess.stability import coupled_limits
 from beamchain.chain.build import Built, Status
 from beamchain.chain.chain import Chain, Link
@@ -15,48 +16,17 @@ from beamchain.chain.oscillators import LEAST, Oscillators, realise_oscillators
 from beamchain.engine.bench import Measured, measure, root_body
 from beamchain.engine.space import block, measure_in_space
 from beamchain.errors import InputError, RealisationError
+from beamchain.imported_case import Case, case_of, form_of, resolvable
 from beamchain.mjcf import write
 from beamchain.mjcf.oscillators import oscillators as write_oscillators
 from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, in_space
 from beamchain.result import Fit, InSpace, default_hub
-from beamchain.spec import Scene, Spec, port_hub_mass
-from beamchain.structure.imported import with_length
+from beamchain.spec import Spec, port_hub_mass
 from beamchain.structure.mass_line import MassLine, SpreadMass
 from beamchain.structure.modal_data import ModalData
 
-DECOUPLED = 1e-3  # part of a mode outside its port up to which a chain is taken: its loss is of that order
 SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
-UNDAMPED = 1e-8  # ratio up to which a mode counts as undamped
 EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode
-
-
-@dataclass(frozen=True, eq=False)
-class _Case:
-    """What a fit starts from.
-
-    Args:
-        spec: what was asked for.
-        data: all modes of the file, damped.
-        kept: those asked for.
-        numbers: of the kept modes in the file.
-    """
-
-    spec: Spec
-    data: ModalData
-    kept: ModalData
-    numbers: tuple[int, ...]
-
-    @property
-    def scene(self) -> Scene:
-        return self.spec.scene or Scene()
-
-    @property
-    def hub(self) -> Array | None:
-        return None if self.spec.root.hub is None else self.spec.root.hub.mass_matrix()
-
-    def band(self, model: PortModel) -> float:
-        """Upper end of the band [rad/s]."""
-        return self.scene.bandwidth or float(model.frequencies[-1])
 
 
 def fit_imported(spec: Spec, data: ModalData) -> Fit:
@@ -71,83 +41,45 @@ def fit_imported(spec: Spec, data: ModalData) -> Fit:
         RealisationError: neither form exists.
     """
     started = time.perf_counter()
-    case = _case(spec, data)
-    form, why = _form(case)
-    if form == "chain":
+    case = case_of(spec, data)
+    form, why = form_of(case)
+    forced = spec.fit.form is not None
+    if form == "oscillators":
         try:
-            fit = _chain_fit(case, why, started)
+            return _oscillator_fit(case.for_oscillators(), why, started)
         except RealisationError as error:
-            if spec.fit.form == "chain":
+            if forced:
                 raise
-            return _oscillator_fit(case, f"no chain has these modes: {error}", started)
-        if fit.status.ok or spec.fit.form == "chain":
-            return fit
-        try:
-            return _oscillator_fit(case, f"a chain would give less: {fit.status.message}", started)
-        except RealisationError:
-            return fit
+            return _chain_fit(case.for_chain(), f"{why}, but {error}", started, ok=False)
     try:
-        return _oscillator_fit(case, why, started)
+        chosen = case.for_chain()
+        fit = _chain_fit(chosen, why, started)
+        if not fit.status.ok and chosen.target != "clamped" and spec.root.target in (None, "auto"):
+            fit = _chain_fit(case.for_chain("clamped"), why, started)
     except RealisationError as error:
-        if spec.fit.form == "oscillators":
+        if forced:
             raise
-        return _chain_fit(case, f"{why}, but {error}", started, ok=False)
-
-
-def _case(spec: Spec, data: ModalData) -> _Case:
-    data = with_length(data.untangled(), None)
-    if spec.damping is not None:
-        ratios = np.zeros(data.modes)
-        for port in PORTS:
-            own = [k for k, b in enumerate(data.belongs) if b == port]
-            ratios[own] = spec.damping.ratios(port, len(own))
-        data = replace(data, damping=ratios)
-    wanted = None if spec.imported is None else spec.imported.modes
-    if spec.modes is not None:
-        if wanted is not None:
-            raise InputError(
-                "[modes] and imported.modes are both given; name the modes by number (imported.modes) or count them "
-                "per port ([modes])."
-            )
-        numbers: list[int] = []
-        for port, count in spec.modes.counts().items():
-            own = [k + 1 for k, b in enumerate(data.belongs) if b == port]
-            if len(own) < count:
-                raise InputError(
-                    f"modes.{port} = {count}, but only {len(own)} of the imported modes move mainly in {port}; ask for "
-                    "fewer, or import more modes."
-                )
-            numbers += own[:count]
-        wanted = tuple(sorted(numbers))
-    kept = data if wanted is None else data.selected(wanted)
-    return _Case(spec, data, kept, tuple(sorted(wanted)) if wanted is not None else tuple(range(1, data.modes + 1)))
-
-
-def _form(case: _Case) -> tuple[str, str]:
-    """Chain or oscillators, and the reason."""
-    kept, forced = case.kept, case.spec.fit.form
-    leaks = kept.leaks
-    k = int(np.argmax(leaks))
-    worst = f"mode {case.numbers[k]} ({kept.belongs[k]}) has {leaks[k]:.2g} of its participation in other ports"
-    if forced is not None:
-        return forced, f'form = "{forced}" as asked; {worst}'
-    if max(float(leaks[k]), kept.mass_leak) <= DECOUPLED:
-        return "chain", f"chain, as the ports are independent ({worst}, limit {DECOUPLED:g})"
-    if leaks[k] <= DECOUPLED:
-        worst = f"the mass lies beside the x axis and couples the ports by {kept.mass_leak:.2g}"
-    return "oscillators", f"oscillators, as {worst}, more than the {DECOUPLED:g} up to which a chain is taken"
+        return _oscillator_fit(case.for_oscillators(), f"no chain has these modes: {error}", started)
+    if fit.status.ok or forced:
+        return fit
+    try:
+        return _oscillator_fit(case.for_oscillators(), f"a chain would give less: {fit.status.message}", started)
+    except RealisationError:
+        return fit
 
 
 # -- the chain ---------------------------------------------------------------------------------------------------------
-def _chain_fit(case: _Case, why: str, started: float, *, ok: bool = True) -> Fit:
+def _chain_fit(case: Case, why: str, started: float, *, ok: bool = True) -> Fit:
     spec, data, kept = case.spec, case.data, case.kept
     clock = [started, time.perf_counter()]
     targets = {port: kept.port(port, own=True) for port in PORTS if port in kept.belongs}
     same_planes(targets, kept.tolerance)
-    target = spec.root.target or "clamped"
+    target = case.target
     whole = {port: data.port(port, own=True) for port in targets} if target in ("free", "hub") else {}
 
     def target_of(port: str, count: int) -> PortModel:
+        if count > targets[port].modes:
+            raise RealisationError(f"only {targets[port].modes} modes in {port} were imported, but {count} are needed.")
         if target == "free":
             model = whole[port].reduced(count, np.zeros((whole[port].motions,) * 2))
             return model.replaced(damping=whole[port].damping[:count])
@@ -191,7 +123,7 @@ def _damped(spec: Spec, built: Built) -> tuple[Chain, tuple[Damper, ...]]:
 
 
 # -- the oscillators ---------------------------------------------------------------------------------------------------
-def _oscillator_fit(case: _Case, why: str, started: float) -> Fit:
+def _oscillator_fit(case: Case, why: str, started: float) -> Fit:
     spec, data, kept = case.spec, case.data, case.kept
     if spec.root.target in ("free", "hub"):
         raise InputError(
@@ -219,9 +151,12 @@ def _oscillator_fit(case: _Case, why: str, started: float) -> Fit:
     parts = ", ".join(
         f"{n} {kind}{'s' if n > 1 else ''}" for kind in ("slider", "rotor", "screw") if (n := kinds.count(kind))
     )
-    message = (
-        f"{why}. {len(kinds)} modes as {parts} on one rigid root body of {made.root.mass:.6g} kg, exact at the port."
-    )
+    message = f"{why}. One rigid body of {made.root.mass:.6g} kg: the scene needs no mode."
+    if kinds:
+        message = (
+            f"{why}. {len(kinds)} modes as {parts} on one rigid root body of {made.root.mass:.6g} kg, exact at the "
+            "port."
+        )
     if made.repair > 1e-12:
         message += (
             f" The root body's moments moved by {made.repair:.1e} of the appendage's, within the print, to be a body's."
@@ -283,25 +218,20 @@ def _living(model: PortModel, live: tuple[int, ...]) -> PortModel:
     return block(model, np.eye(6)[:, list(live)])
 
 
-def _resolvable(model: PortModel) -> PortModel:
-    """The model with 0.5 % in every mode that has no damping, of which MuJoCo's differences leave rounding."""
-    return model.replaced(damping=np.where(model.damping > UNDAMPED, model.damping, DEFAULT_RATIO))
-
-
 def _space(
-    case: _Case, form: str, why: str, achieved: PortModel, live: tuple[int, ...], made: Oscillators | None
+    case: Case, form: str, why: str, achieved: PortModel, live: tuple[int, ...], made: Oscillators | None
 ) -> InSpace:
     """The comparison with all motions at once."""
     full, target = case.data.space(), case.kept.space()
     hub = None if case.hub is None else case.hub[np.ix_(live, live)]
     error = compare(achieved, target)
-    in_band = in_band_error(_resolvable(achieved), _resolvable(full), hub, case.band(target))
+    in_band = in_band_error(resolvable(achieved), resolvable(full), hub, case.band(target))
     error = replace(error, accelerance_in_band=in_band)
     return InSpace(case.data, form, why, full, target, achieved, error, live, made)
 
 
 def _finish(
-    case: _Case, chain: Chain, targets: dict[str, PortModel], measured: Measured, space: InSpace, line: MassLine,
+    case: Case, chain: Chain, targets: dict[str, PortModel], measured: Measured, space: InSpace, line: MassLine,
     dampers: tuple[Damper, ...], status: Status, clock: list[float],
 ) -> Fit:  # fmt: skip
     """Errors per port, step limits, and the result."""
@@ -313,7 +243,7 @@ def _finish(
         bandwidth[port] = case.band(target)
         hub = None if case.hub is None else port_hub_mass(case.hub, port)
         plain = compare(measured.ports[port], target)
-        in_band = in_band_error(_resolvable(measured.ports[port]), _resolvable(full[port]), hub, bandwidth[port])
+        in_band = in_band_error(resolvable(measured.ports[port]), resolvable(full[port]), hub, bandwidth[port])
         error[port] = replace(plain, accelerance_in_band=in_band)
     limits_hub = case.hub
     residual = space.achieved.residual_mass
@@ -330,6 +260,7 @@ def _finish(
     else:
         held = None if limits_hub is None else limits_hub[np.ix_(space.live, space.live)]
         limits = coupled_limits(space.achieved, held, tendon=False)
+    promise = None if case.promise is None else case.promise.error(resolvable(space.achieved))
     clock.append(time.perf_counter())
     seconds = {
         step: b - a for step, a, b in zip(("model", "realise", "write", "verify"), clock[:-1], clock[1:], strict=True)
@@ -344,11 +275,14 @@ def _finish(
         error=error,
         measured=measured,
         limits=limits,
-        status=status,
+        status=verdict(case.spec, status, promise),
         seconds=seconds,
         bandwidth=bandwidth,
-        kept_for=case.spec.root.target or "clamped",
+        kept_for=case.target,
         dampers=dampers,
+        choice=case.choice,
+        promise=promise,
+        left_out=ledger(case.spec, case.choice, bool(dampers)),
         line=line,
         space=space,
     )

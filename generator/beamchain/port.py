@@ -68,7 +68,7 @@ def body_mass_matrix(mass: float, centre: Array, inertia: Array) -> Array:
     return np.block([[mass * np.eye(3), -mass * cross], [mass * cross, inertia - mass * cross @ cross]])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PortModel:
     """An elastic thing seen from its root: rigid mass, cantilever modes, damping.
 
@@ -95,6 +95,12 @@ class PortModel:
     participation: Array
     damping: Array = field(default_factory=lambda: np.zeros(0))
     tip: Array | None = None
+
+    def __repr__(self) -> str:
+        few = ", ".join(f"{w:.6g}" for w in self.frequencies[:3]) + (", ..." if self.modes > 3 else "")
+        held = f"{self.modes} modes: {few} rad/s" if self.modes else "rigid"
+        size = self.rigid_mass.shape[0]
+        return f"<PortModel, {size} motion{'s' if size > 1 else ''}, {held}>"
 
     def __post_init__(self) -> None:
         mass = locked(self.rigid_mass)

@@ -63,7 +63,7 @@ class InSpace:
     made: Oscillators | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Fit:
     """An appendage as a hinge chain, proved through MuJoCo.
 
@@ -112,6 +112,16 @@ class Fit:
     line: MassLine | None = None
     space: InSpace | None = None
 
+    def __repr__(self) -> str:
+        from beamchain.report.notebook import fit_text
+
+        return fit_text(self)
+
+    def _repr_html_(self) -> str:
+        from beamchain.report.notebook import fit_html
+
+        return fit_html(self)
+
     @property
     def mass_line(self) -> MassLine:
         """How the appendage's mass lies along x: its beam, or what imported modes say of it."""
@@ -144,9 +154,13 @@ class Fit:
         scene = self.spec.scene
         if scene is None or scene.bandwidth is None or not self.achieved:
             return ()
-        model = in_space(self.achieved, self.measured.rigid_mass)
-        hub = self.hub_mass if self.hub_mass is not None else self.measured.rigid_mass
-        keep = sorted(AXES[axis] for axis in scene.axes)
+        live = tuple(range(6))
+        model = in_space(self.achieved, self.measured.rigid_mass) if self.oscillators is None else None
+        if model is None and self.space is not None:  # modes in several ports at once
+            model, live = self.space.achieved, self.space.live
+        assert model is not None
+        hub = self.hub_mass[np.ix_(live, live)] if self.hub_mass is not None else model.rigid_mass
+        keep = [i for i, motion in enumerate(live) if motion in {AXES[axis] for axis in scene.axes}]
         return choose_step(model, hub, keep, scene.bandwidth, scene.tolerance, tendon=bool(self.dampers))
 
     def appendage(self) -> Element:

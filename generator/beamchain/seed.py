@@ -11,9 +11,10 @@ import numpy as np
 from beamchain.chain import rivals
 from beamchain.chain.realise import planar_chain, realise
 from beamchain.port import PortModel
-from beamchain.structure.beam import Beam, Segment
+from beamchain.structure.beam import Beam
 from beamchain.structure.material import Material
 from beamchain.structure.section import Round
+from beamchain.structure.segment import Segment
 
 _ENTRIES = {"T0_y0": (0, 0), "M0_y0": (0, 1), "T0_phi1": (1, 0), "M0_phi1": (1, 1)}
 

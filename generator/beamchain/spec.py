@@ -1,24 +1,27 @@
 """SPEC.toml: the appendage, what to keep of it, and what the scene needs; read once, checked on construction."""
 
-import difflib
 import math
 import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
 
-from beamchain.checks import not_negative, number, one_of, positive, whole
+from beamchain.checks import not_negative, one_of, positive, whole
 from beamchain.errors import InputError
-from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, body_mass_matrix
-from beamchain.structure.beam import Beam, Joint, Lump, Segment, body_inertia
-from beamchain.structure.imported import Imported, Units
-from beamchain.structure.material import Material
-from beamchain.structure.section import Box, Custom, Equivalent, Rectangle, Round, Tube
-from beamchain.uncertain import Uncertain, Uncertainty
+from beamchain.hub import Hub
+from beamchain.hub import port_hub_mass as port_hub_mass
+from beamchain.port import PORTS, Array, PortModel
+from beamchain.sentences import sentence
+from beamchain.structure.beam import Beam
+from beamchain.structure.imported import Imported
+from beamchain.structure.joint import Joint
+from beamchain.structure.lump import Lump, body_inertia
+from beamchain.structure.segment import Segment
+from beamchain.uncertain import Uncertain
 
 LARGEST_FILE = 10_000_000  # bytes; a spec is a page of text
 MOST_MODES = 20
@@ -108,78 +111,6 @@ class Modes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     def given(self) -> dict[str, int]:
         """Ports whose number was stated, 0 included."""
         return {port: int(count) for port in PORTS if (count := getattr(self, port)) is not None}
-
-
-class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The rigid spacecraft that carries the appendage.
-
-    Args:
-        mass: [kg].
-        inertia: about its centre, in appendage axes: Ixx, Iyy, Izz [kg m^2].
-        offset: from its centre to the root, in appendage axes [m].
-        products: Ixy, Ixz, Iyz where those axes are not principal [kg m^2].
-        apparent: `(6, 6)` mass matrix about the root (x, y, z, rotations) in place of all that, for a hub with loose
-            joints, which is no rigid body.
-    """
-
-    mass: float
-    inertia: Triple
-    offset: Triple = (0.0, 0.0, 0.0)
-    products: Triple = (0.0, 0.0, 0.0)
-    apparent: tuple[tuple[float, ...], ...] | None = None
-
-    def __post_init__(self) -> None:
-        positive("mass", self.mass, "kg")
-        body_inertia("inertia", self.inertia)
-        for i, value in enumerate(self.inertia):
-            positive(f"inertia[{i}]", value, "kg m^2")
-        for i, value in enumerate(self.offset):
-            number(f"offset[{i}]", value, "m")
-        for i, value in enumerate(self.products):
-            number(f"products[{i}]", value, "kg m^2")
-        if self.apparent is not None:
-            matrix = np.array([[number("apparent", v, "") for v in row] for row in self.apparent if len(row) == 6])
-            if matrix.shape != (6, 6) or float(np.linalg.eigvalsh(matrix)[0]) <= 0.0 or np.any(matrix != matrix.T):
-                raise InputError("apparent must be a symmetric positive definite 6 x 6 matrix [kg, kg m, kg m^2].")
-        a, b, c = (float(v) for v in np.linalg.eigvalsh(self.inertia_matrix()))
-        if a <= 0.0 or c > (a + b) * (1.0 + 1e-9):
-            raise InputError(
-                f"products = {list(self.products)!r} with inertia = {list(self.inertia)!r} belong to no rigid body "
-                f"(principal inertias {a:.6g}, {b:.6g}, {c:.6g}); check signs and order [Ixy, Ixz, Iyz]."
-            )
-
-    def inertia_matrix(self) -> Array:
-        """`(3, 3)` inertia about the centre, in appendage axes [kg m^2]."""
-        (xx, yy, zz), (xy, xz, yz) = self.inertia, self.products
-        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)
-
-    def mass_matrix(self) -> Array:
-        """`(6, 6)` mass matrix about the root, motions (x, y, z, rotations)."""
-        if self.apparent is not None:
-            return np.array(self.apparent, dtype=np.float64)
-        return body_mass_matrix(self.mass, -np.array(self.offset), self.inertia_matrix())
-
-    @classmethod
-    def from_mass_matrix(cls, matrix: Array) -> "Hub":
-        """The hub with a given `(6, 6)` mass matrix about the root."""
-        mass = float(np.trace(matrix[:3, :3])) / 3.0
-        coupling = (matrix[3:, :3] - matrix[:3, 3:]) / 2.0 / mass
-        x, y, z = coupling[2, 1], coupling[0, 2], coupling[1, 0]
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        inertia = matrix[3:, 3:] + mass * cross @ cross
-        xx, yy, zz = (float(v) for v in np.diag(inertia))
-        return cls(
-            mass=mass,
-            inertia=(xx, yy, zz),
-            offset=(-float(x), -float(y), -float(z)),
-            products=(float(inertia[0, 1]), float(inertia[0, 2]), float(inertia[1, 2])),
-        )
-
-
-def port_hub_mass(hub: Array, port: str) -> Array:
-    """`(m, m)` the hub's mass matrix as one port sees it: its block of the `(6, 6)` matrix."""
-    motion = PORT_MOTION[port]
-    return motion.T @ hub @ motion
 
 
 class Root(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -416,83 +347,9 @@ def spec_from_dict(data: Mapping[str, Any], source: str = "spec") -> Spec:
     try:
         return msgspec.convert(data, Spec)
     except msgspec.ValidationError as error:
-        raise InputError(f"{source}: {_sentence(str(error), data)}") from None
+        raise InputError(f"{source}: {sentence(str(error), data, Spec)}") from None
     except RecursionError:
         raise InputError(f"{source}: nested too deeply to be a spec; flatten its tables.") from None
-
-
-_KINDS = {
-    "float": "a number", "int": "a whole number", "str": "a text in quotes", "object": "a table { ... }",
-    "date": "a date", "time": "a time", "datetime": "a date",
-    "array": "a list [ ... ]", "bool": "true or false", "null": "nothing",
-}  # fmt: skip
-
-
-def _sentence(message: str, data: Mapping[str, Any]) -> str:
-    """msgspec's words as a sentence: where, what was given, what is allowed, what to do."""
-    match = re.fullmatch(r"(.*?)(?: - at `(?:key in )?\$\.?(.*)`)?", message, re.DOTALL)
-    assert match is not None
-    what, place = match[1], match[2] or ""
-    unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
-    if unknown:
-        near = difflib.get_close_matches(unknown[1], _keys(), n=1)
-        cure = f"did you mean {near[0]!r}?" if near else "remove it."
-        if near and near[0] == unknown[1]:
-            cure = "it belongs elsewhere; see `beamchain schema` for what stands here."
-        return f"{place + ': ' if place else ''}unknown key {unknown[1]!r}; {cure}"
-    missing = re.fullmatch(r"Object missing required field `(.*)`", what)
-    if missing:
-        return f"{place + ': ' if place else ''}{missing[1]} is missing; add {missing[1]} = ... there."
-    wrong = re.fullmatch(r"Expected `(.*)`, got `(.*)`", what)
-    if wrong:
-        wanted = " or ".join(
-            _KINDS.get(kind.strip(), kind.strip()) for kind in wrong[1].split("|") if kind.strip() != "null"
-        )
-        value = _value(data, match[2] or "")
-        shown = (
-            "" if value is None else f" = {str(value)[:60]!r}" if isinstance(value, str) else f" = {str(value)[:60]}"
-        )
-        return f"{place or 'the file'}{shown} is {_KINDS.get(wrong[2], wrong[2])}, but {wanted} is needed; write it so."
-    short = re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", what)
-    if short:
-        return f"{place} holds {short[2]} numbers, but {short[1]} are needed; give all {short[1]}."
-    invalid = re.fullmatch(r"Invalid (?:enum )?value '?(.*?)'?", what)
-    if invalid:
-        key = place.rpartition(".")[2].partition("[")[0]
-        return f"{place} = {invalid[1]!r} is not allowed; {_choose(invalid[1], key)}"
-    return f"{place + ': ' if place else ''}{what}"
-
-
-def _choose(word: str, key: str) -> str:
-    """The nearest allowed word for a key, and all of them."""
-    allowed = [str(config.tag) for config in (s.__struct_config__ for s in _SECTIONS)] if key == "shape" else []
-    for struct in _STRUCTS:
-        hint = get_type_hints(struct).get(key)
-        literals = [hint, *get_args(hint), *(a for h in get_args(hint) for a in get_args(h))]
-        allowed += [str(w) for h in literals if get_origin(h) is Literal for w in get_args(h)]
-    near = difflib.get_close_matches(word, allowed, n=1)
-    guess = f"did you mean {near[0]!r}? Choose" if near else "choose"
-    return f"{guess} one of {', '.join(dict.fromkeys(allowed))}." if allowed else "see `beamchain schema`."
-
-
-_SECTIONS: list[Any] = [Round, Tube, Rectangle, Box, Custom, Equivalent]
-_STRUCTS: list[Any] = [
-    Spec, Segment, Joint, Lump, Payload, Damping, Modes, Hub, Root, FitOptions, Scene, Material, Imported, Units,
-    Uncertain, Uncertainty, *_SECTIONS,
-]  # fmt: skip
-
-
-def _keys() -> list[str]:
-    return sorted({field for struct in _STRUCTS for field in struct.__struct_fields__})
-
-
-def _value(data: Any, place: str) -> Any:
-    for step in re.findall(r"[^.\[\]]+", place):
-        try:
-            data = data[int(step)] if isinstance(data, list) else data[step]
-        except (KeyError, IndexError, TypeError, ValueError):
-            return None
-    return None if isinstance(data, (dict, list)) else data
 
 
 def schema() -> dict[str, Any]:

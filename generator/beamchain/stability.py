@@ -120,15 +120,18 @@ def study_fit(result: Fit, say: Callable[[str], None] = lambda _: None) -> Stabi
         budgets.append(limits)
         rows += step_rows(model, limits, say)
     say("comparing with a chain of 60 links in large motion")
-    large, warnings = _large(result)
+    large, warnings = large_limits(result)
     scene = result.spec.scene
     warnings += _warnings(budgets[:1], 0.0 if scene is None else scene.timestep, scene.integrator if scene else None)
     return StabilityStudy(rows, budgets, large, warnings)
 
 
-def _large(result: Fit) -> tuple[dict[str, LargeMotion], list[str]]:
+def large_limits(result: Fit) -> tuple[dict[str, LargeMotion], list[str]]:
+    """Large-motion limits of a fit's chain per bending plane, and why one could not be had."""
     spec: Spec = result.spec
     radius = spec.root.hub.offset[0] if spec.root.hub else 0.0
+    if spec.imported is not None:
+        return {}, ["large motion is compared with a chain of 60 links of the beam, which imported modes do not have."]
     out: dict[str, LargeMotion] = {}
     warnings: list[str] = []
     for port in ("xy", "xz"):

@@ -7,7 +7,7 @@ import time
 import tomllib
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,9 +17,12 @@ import numpy as np
 
 from beamchain.assess import field, front
 from beamchain.assess.field import Entry, Task
+from beamchain.assess.fine_chain import LINEAR, large_reference, nonlinear
 from beamchain.assess.front import TARGETS, Metric, Reach, recommended_name
 from beamchain.assess.growth import Growth, growth
+from beamchain.assess.large_motion import large_motion
 from beamchain.assess.plan import make_plan, whole_beam
+from beamchain.assess.run_limits import driven, exceeded
 from beamchain.assess.run_time import Ladder, Point, Run, climb, in_turns
 from beamchain.assess.scenario import Rigid, Scenario, make_scenario, parse_profile
 from beamchain.engine.library import mujoco
@@ -46,12 +49,14 @@ class Options(NamedTuple):
         duration: [s]; found from the first coupled mode where left out.
         budget: time for the errors of one entry [s].
         models: names of the models to run; all where empty.
+        amplitude: of the doublet [N, N m]; small enough to stay linear where left out.
     """
 
     profile: str | None = None
     duration: float | None = None
     budget: float = BUDGET
     models: tuple[str, ...] = ()
+    amplitude: float | None = None
 
 
 DEFAULTS = Options()
@@ -69,6 +74,7 @@ class Study:
         ladders: per entry, its points.
         growth: time against n.
         seconds: what the study took [s].
+        warnings: where the load drives a recommended chain beyond what it is right for.
     """
 
     spec: Spec
@@ -78,6 +84,7 @@ class Study:
     ladders: tuple[Ladder, ...]
     growth: Growth
     seconds: float
+    warnings: tuple[str, ...] = ()
 
     @property
     def points(self) -> list[Point]:
@@ -104,13 +111,19 @@ class Study:
         return {model: reach for model, reach in found.items() if reach is not None}
 
     def best(self, target: float, metric: Metric) -> Reach | None:
-        """The cheapest measured setting among our own models."""
-        ours = [r for model, r in self.reach(target, metric).items() if model in field.OURS and not r.extrapolated]
+        """The cheapest measured setting among our own chains, which keep their geometry in large motion."""
+        found = self.reach(target, metric)
+        ours = [r for m, r in found.items() if m in field.OURS and m != field.OSCILLATORS and not r.extrapolated]
         return min(ours, key=lambda r: r.seconds, default=None)
 
     def rivals(self, target: float, metric: Metric) -> dict[str, Reach]:
         """The rivals' cheapest settings, extrapolated where they did not get there."""
         return {model: r for model, r in self.reach(target, metric).items() if model not in field.OURS}
+
+    def oscillators(self, target: float, metric: Metric) -> Reach | None:
+        """The oscillator form's cheapest measured setting."""
+        found = self.reach(target, metric).get(field.OSCILLATORS)
+        return None if found is None or found.extrapolated else found
 
     def short_of(self, target: float, metric: Metric) -> dict[str, float]:
         """Rivals that do not get there, and show no slope to follow: the best error of each."""
@@ -180,7 +193,7 @@ def study(
 
     Args:
         spec: appendage and hub; without a hub, one of ten times the appendage's mass.
-        options: profile, duration, budget, models.
+        options: profile, duration, budget, models, amplitude.
         executor: where the entries run; one after the other in this process where left out.
         folder: keeps what is measured until `Study.write` is done, for `resume`.
         resume: take up what `folder` holds.
@@ -190,6 +203,8 @@ def study(
         InputError: a model name is unknown, or the profile cannot be used.
     """
     start = time.perf_counter()
+    if options.profile is not None and options.amplitude is not None:
+        raise InputError("--profile and --amplitude are both given; the amplitude is the doublet's: leave one out.")
     text = spec_toml(spec)
     task, scenario = prepare(text, options)
     wanted = field.entries(task)
@@ -200,7 +215,7 @@ def study(
     if options.models:
         wanted = [e for e in wanted if e.model in (*options.models, field.RIGID_HUB)]
     stamp = hashlib.sha256(json.dumps([text, options, mujoco.__version__]).encode()).hexdigest()[:12]
-    jobs = {f"{stamp} {e.model} {e.n} {e.integrator}": (text, tuple(options), tuple(e)) for e in wanted}
+    jobs = {f"{stamp} {e.model} {e.n} {e.integrator}": (text, scenario, options.budget, tuple(e)) for e in wanted}
     store = None if folder is None else folder / STORE
     results = run_jobs(measure_entry, jobs, executor=executor, store=store, resume=resume, progress=progress)
     ladders = [
@@ -210,33 +225,69 @@ def study(
     if executor is not None:
         ladders = _one_clock(ladders)
     found = Study(spec, options, task.kept, scenario, tuple(ladders), growth(task), 0.0)
-    ladders = _duel(task, scenario, found)
-    return Study(spec, options, task.kept, scenario, tuple(ladders), found.growth, time.perf_counter() - start)
+    found = replace(found, ladders=tuple(_duel(task, scenario, found)))
+    return replace(found, warnings=_too_far(task, found), seconds=time.perf_counter() - start)
 
 
-def measure_entry(text: str, options: Sequence[Any], entry: Sequence[Any]) -> dict[str, Any]:
+def _too_far(task: Task, found: Study) -> tuple[str, ...]:
+    """What the load drives the recommended chains through, beyond where they stay near a fine one."""
+    scenario = found.scenario
+    moments = np.linspace(0.0, scenario.duration, 4001)
+    run = driven(scenario.motion(moments), float(moments[1]), task.hub.offset)
+    best = {r.point[:2]: r.point for target in TARGETS if (r := found.best(target, "error")) is not None}
+    out: list[str] = []
+    for point in best.values():
+        chain, _ = field.chain_of(task, Entry(*point[:3]), point.timestep)
+        radius = max(float(task.hub.offset[0]), 0.0)
+        limits = {port: large_motion(chain, task.beam, port, modes=point.n, radius=radius) for port in task.planes}
+        out += [f"{point.model}, n = {point.n}: {sentence}" for sentence in exceeded(limits, run)]
+    return tuple(out)
+
+
+def measure_entry(text: str, scenario: Scenario, budget: float, entry: Sequence[Any]) -> dict[str, Any]:
     """One job: all points of one entry, as plain data. A worker builds the task once."""
-    profile, duration, budget, models = options
-    chosen = Options(profile, duration, budget, tuple(models))
-    task, scenario = prepare(text, chosen)
-    ladder = climb(task, scenario, Entry(*entry), chosen.budget)
+    ladder = climb(make_task(text), scenario, Entry(*entry), budget)
     return {"entry": list(entry), "points": [list(p) for p in ladder.points], "note": ladder.note}
 
 
 @lru_cache(maxsize=4)
-def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
-    """Task and scenario of a spec, given as the text of its TOML so that workers can share it."""
+def make_task(text: str) -> Task:
+    """The task of a spec, given as the text of its TOML so that workers can share it."""
     spec = spec_from_dict(tomllib.loads(text))
     beam, hub = spec.beam, spec.root.hub or default_hub(spec.beam)
     kept = spec.kept
     if spec.chooses:
         kept = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub.mass_matrix()).kept
+    if not kept:
+        raise InputError(
+            f"the scene needs no mode of {spec.name!r}: a rigid body keeps its promise, and there is nothing to study; "
+            "give a wider scene.bandwidth or a smaller scene.tolerance."
+        )
     full = {port: spec.with_ratios(port, beam.port(port, FULL_MODES)) for port in kept}
     rigid = Rigid(hub.mass, np.array(hub.inertia), np.array(hub.offset), hub.mass_matrix())
-    as_tendons = spec.damping is None or spec.damping.form == "modal"
-    task = Task(beam, full, kept, rigid, as_tendons)
+    return Task(beam, full, kept, rigid, spec.damping is None or spec.damping.form == "modal")
+
+
+@lru_cache(maxsize=4)
+def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
+    """Task and scenario of a spec, given as the text of its TOML.
+
+    A default doublet that moves the appendage so far that it shows is made smaller; a profile or amplitude of the
+    user's is compared with fine chains in large motion instead.
+    """
+    task = make_task(text)
     profile = None if options.profile is None else parse_profile(options.profile, "--profile")
-    return task, make_scenario(full, beam.rigid_mass(), rigid, beam.length, profile=profile, duration=options.duration)
+    scenario = make_scenario(
+        task.full, task.beam.rigid_mass(), task.hub, task.beam.length, profile=profile, duration=options.duration,
+        amplitude=options.amplitude,
+    )  # fmt: skip
+    changed = nonlinear(task, scenario)
+    while profile is None and options.amplitude is None and changed > LINEAR:
+        scenario = scenario.scaled(0.1)  # a heavy hub hardly moves while its appendage bends far
+        changed = nonlinear(task, scenario)
+    if changed > LINEAR:
+        return task, scenario.in_large_motion(large_reference(task, scenario))
+    return task, replace(scenario, nonlinear=changed)
 
 
 def _one_clock(ladders: Sequence[Ladder]) -> list[Ladder]:

@@ -153,6 +153,11 @@ def sweep(
     start = time.perf_counter()
     if spec.uncertain is None:
         raise InputError("the spec has no [uncertain]; add one with for example stiffness = { relative = 0.05 }.")
+    if spec.imported is not None:
+        raise InputError(
+            f"[uncertain] varies a beam, but the appendage {spec.name!r} is imported modes ({spec.imported.file}); give "
+            "it as [[segment]], or vary the frequencies in copies of the file."
+        )
     text = spec_toml(spec)
     stamp = hashlib.sha256(json.dumps([text, seed, mujoco.__version__]).encode()).hexdigest()[:12]
     jobs = {

@@ -37,6 +37,7 @@ from beamchain.structure.modal_data import ModalData
 DECOUPLED = 1e-9  # relative: what two independent ports may share
 LIGHTEST = 1e-9  # residual over rigid mass: free frequencies are good to about 1e-16 over it (measured)
 LEAST_INERTIA = 1.01 * SMALLEST  # a body's inertia is rounded once more on its way
+CANDIDATES = 4  # converged modes per port that a scene may choose from, where they become oscillators
 
 
 def fit(
@@ -68,12 +69,7 @@ def fit(
         RealisationError: no chain exists even with one mode.
         EngineError: MuJoCo refuses the model (sizes beyond its limits).
     """
-    if isinstance(appendage, Spec):
-        spec = appendage
-    elif isinstance(appendage, ModalData):
-        spec = Spec(imported=Imported(file=f"{Path(appendage.source).stem or 'modes'}.toml"))
-    else:
-        spec = Spec(segment=appendage.segments, joint=appendage.joints, lump=appendage.lumps)
+    spec = as_spec(appendage)
     if modes is not None and not isinstance(modes, Modes):
         unknown = set(modes) - set(Modes.__struct_fields__)
         if unknown:
@@ -101,6 +97,26 @@ def fit(
     return _fit(spec)
 
 
+def as_spec(appendage: Beam | Spec | ModalData) -> Spec:
+    """What `fit` and `embed` are given, as a spec.
+
+    Args:
+        appendage: a beam, imported modes, or a whole spec.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if isinstance(appendage, Spec):
+        return appendage
+    if isinstance(appendage, Beam):
+        return Spec(segment=appendage.segments, joint=appendage.joints, lump=appendage.lumps)
+    if isinstance(appendage, ModalData):
+        return Spec(imported=Imported(file=f"{Path(appendage.source).stem or 'modes'}.toml"))
+    raise InputError(
+        f"the appendage is a {type(appendage).__name__}; give a Beam, a Spec (read_spec reads a SPEC.toml) or a ModalData."
+    )
+
+
 def _beam_as_oscillators(spec: Spec) -> Fit:
     """A beam's modes as oscillators: its modal data, as if another program had computed them."""
     from beamchain.importing import fit_imported
@@ -109,6 +125,9 @@ def _beam_as_oscillators(spec: Spec) -> Fit:
         raise InputError(
             'form = "oscillators" takes neither a payload nor another method than "exact"; use form = "chain" there.'
         )
+    if spec.chooses:  # among more modes than a scene needs
+        ports = dict.fromkeys(whole_beam(spec, spec.beam), CANDIDATES)
+        return fit_imported(spec, ModalData.from_beam(spec.beam, ports, every=True))
     kept = spec.kept
     data = ModalData.from_beam(spec.beam, kept, every=True)
     return fit_imported(msgspec.structs.replace(spec, modes=Modes(**kept)), data)
@@ -174,7 +193,7 @@ def _fit(spec: Spec) -> Fit:
         dampers=dampers,
         choice=plan.choice,
         promise=promise,
-        left_out=ledger(spec, plan, bool(dampers)),
+        left_out=ledger(spec, plan.choice, bool(dampers)),
         warnings=(
             *_warnings(spec, measured, achieved, dampers, limits),
             *_prewarp_note(warped),

@@ -21,7 +21,7 @@ from beamchain.chain.damping import tendons  # noqa: E402
 from beamchain.chain.realise import planar_chain, realise  # noqa: E402
 from beamchain.engine.linearise import linearise  # noqa: E402
 from beamchain.spec import FitOptions, Modes, Payload, Scene, Spec  # noqa: E402
-from beamchain.structure import beam as beams  # noqa: E402
+from beamchain.structure import discretise  # noqa: E402
 from beamchain.structure.beam import Beam, Lump  # noqa: E402
 from beamchain.workflow import fit  # noqa: E402
 from test_damping import ratios_of, standing  # noqa: E402
@@ -193,7 +193,7 @@ def times() -> None:
     ):
         best, parts = np.inf, {}
         for _ in range(5):
-            beams._converged.cache_clear()
+            discretise.converged.cache_clear()
             start = time.perf_counter()
             result = fit(beam, modes=kept)
             result.to_mjcf()

@@ -22,6 +22,7 @@ HOSTS = {
         ["tests/hosts/test_dm_control.py", "tests/hosts/test_mujoco.py"],
     ),
     "basilisk": ("Basilisk.simulation.mujoco", "[basilisk]", [], ["tests/hosts/test_basilisk.py"]),
+    "nastran": ("pyNastran", "[nastran]", [], ["tests/hosts/test_pynastran.py", "tests/test_f06.py"]),
     "mjx": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx.py"]),
     "warp": ("mujoco_warp", "[warp]", [], ["tests/hosts/test_warp.py"]),
 }

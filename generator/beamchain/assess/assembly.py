@@ -70,6 +70,7 @@ class Assembly:
         omega: `(k,)` [rad/s].
         exact, achieved: `(m, m, k)` accelerance of the hub's moving motions.
         motions: which of the six motions of the hub (x, y, z, rotations) those are.
+        error: `(k,)` the in-band error before its maximum is taken.
         in_band: the in-band error up to `common`.
         hub: name of the body.
     """
@@ -81,6 +82,7 @@ class Assembly:
     exact: Response
     achieved: Response
     motions: tuple[int, ...]
+    error: Array
     in_band: float
     hub: str
 
@@ -168,9 +170,9 @@ def prove(craft: "mujoco.MjModel", model: "mujoco.MjModel", carried: Sequence[Ca
     scale = np.sqrt(np.diag(np.linalg.inv(rigid))) if full else 1.0 / np.sqrt(np.diag(rigid))
     weight = np.outer(scale, scale)
     inside = omega <= common
-    norms = [np.linalg.norm(np.moveaxis(h[:, :, inside], -1, 0) * weight, 2, axis=(1, 2)).max() for h in (ha - hb, hb)]
-    below = max(float(norms[1]), float(np.linalg.norm(rigid * weight, 2)))
-    return Assembly(modes, band, common, omega, hb, ha, motions, float(norms[0]) / below, name)
+    off, size = (np.linalg.norm(np.moveaxis(h, -1, 0) * weight, 2, axis=(1, 2)) for h in (ha - hb, hb))
+    error = off / max(float(size[inside].max()), float(np.linalg.norm(rigid * weight, 2)))
+    return Assembly(modes, band, common, omega, hb, ha, motions, error, float(error[inside].max()), name)
 
 
 def _jacobian(model: "mujoco.MjModel", body: int) -> Array:

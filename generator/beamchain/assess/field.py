@@ -6,14 +6,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from lxml import etree
+from lxml.etree import _Element as Element
 
-from beamchain.assess import soft_rods
+from beamchain.assess import soft_rods, star
 from beamchain.assess.scenario import Rigid
 from beamchain.assess.stability import largest_angle
 from beamchain.chain import rivals
 from beamchain.chain.build import Built, build_exact, build_least_squares, with_real_polar
 from beamchain.chain.chain import Chain
 from beamchain.chain.damping import Damper, joint_damping, tendons
+from beamchain.chain.oscillators import Oscillators
 from beamchain.chain.prewarp import prewarp
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
@@ -28,7 +30,9 @@ OURS = {
     "exact, free": 6,
     "pre-warped": 6,
     "least squares": 4,
+    "oscillators": 6,
 }
+OSCILLATORS = "oscillators"  # ours, but without the geometry of a chain: named beside the best, never recommended
 EQUAL = {"equal links, midpoint": "midpoint", "equal links, classical": "classical"}
 EQUAL_COUNTS = (3, 5, 7, 10, 14, 20, 24, 27, 30, 40, 57, 80)
 SOFT_COUNTS = (5, 7, 10, 14)
@@ -104,6 +108,9 @@ def largest_step(task: Task, entry: Entry) -> float:
         modes = in_space(task.full, task.beam.rigid_mass()).with_hub(task.hub.matrix).free_frequencies
         reach = 1.5 if entry.integrator == "RK4" else 2.0  # w h beyond which the step cannot show a mode
         return MARGIN * reach / float(modes[min(entry.n, modes.size) - 1])
+    if entry.model == OSCILLATORS:
+        frequency, ratio = star.fastest(_star(task, entry.n), task.hub.matrix)
+        return MARGIN * largest_angle(entry.integrator, ratio) / frequency
     chain, dampers = chain_of(task, entry, 0.0)
     ports = {port: chain.port(port) for port in chain.ports}
     coupled = in_space(ports, chain.rigid_mass()).with_hub(task.hub.matrix)
@@ -120,13 +127,18 @@ def model_of(task: Task, entry: Entry, timestep: float) -> "mujoco.MjModel":
         return soft_rods.scene_model(entry.model, task.beam, task.hub, entry.n)
     if entry.model == RIGID_HUB:
         return compile_model(scene_text(task.hub, frozen(task.beam), ()))
+    if entry.model == OSCILLATORS:
+        return compile_model(_scene_of(task.hub, star.star_tree(_star(task, entry.n))))
     chain, dampers = chain_of(task, entry, timestep)
     return compile_model(scene_text(task.hub, chain, dampers))
 
 
 def scene_text(hub: Rigid, chain: Chain, dampers: tuple[Damper, ...]) -> str:
     """The scene of a chain on the hub as MJCF text."""
-    tree = write.appendage(chain, "appendage", dampers=dampers, visuals=False, tip=False)
+    return _scene_of(hub, write.appendage(chain, "appendage", dampers=dampers, visuals=False, tip=False))
+
+
+def _scene_of(hub: Rigid, tree: Element) -> str:
     root = write.scene(
         tree, "appendage", mass=hub.mass, inertia=hub.inertia, offset=hub.offset, timestep=0.01, integrator="Euler"
     )
@@ -168,10 +180,19 @@ def chain_of(task: Task, entry: Entry, timestep: float) -> tuple[Chain, tuple[Da
     return chain, tuple(dampers)
 
 
-def _built(task: Task, entry: Entry, timestep: float) -> tuple[Chain, Mapping[str, PortModel]]:
-    beam, kept = task.beam, {p: entry.n if p in task.planes else n for p, n in task.kept.items()}
+def _counts(task: Task, n: int) -> dict[str, int]:
+    """Modes per port of a model of size n."""
     if not task.planes:
-        kept = dict.fromkeys(task.kept, entry.n)
+        return dict.fromkeys(task.kept, n)
+    return {port: n if port in task.planes else count for port, count in task.kept.items()}
+
+
+def _star(task: Task, n: int) -> Oscillators:
+    return star.star(task.full, _counts(task, n), frozen(task.beam).rigid_mass(), task.beam.length)
+
+
+def _built(task: Task, entry: Entry, timestep: float) -> tuple[Chain, Mapping[str, PortModel]]:
+    beam, kept = task.beam, _counts(task, entry.n)
     if entry.model in OURS:
         built = _ours(task, entry, kept, timestep)
         short = {port: target.modes for port, target in built.targets.items() if target.modes < kept[port]}

@@ -11,6 +11,10 @@ STEPS = 1000  # per trial
 GROWTH = 300.0  # of the velocity's norm: above what a stable step near its limit swings up to
 SMALL = 1e-7  # of the fastest mode's angle: what is measured is the linear model
 CHECK = 10  # steps between two looks
+BLOWN_UP = tuple(
+    int(w)
+    for w in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+)  # after any of them MuJoCo starts anew from rest
 
 
 def stable(model: "mujoco.MjModel", timestep: float, velocity: Array) -> bool:
@@ -26,7 +30,7 @@ def stable(model: "mujoco.MjModel", timestep: float, velocity: Array) -> bool:
             for _ in range(CHECK):
                 mujoco.mj_step(model, data)
             now = float(np.linalg.norm(data.qvel))
-            if not now < GROWTH * start or data.warning[int(mujoco.mjtWarning.mjWARN_BADQACC)].number:
+            if not now < GROWTH * start or any(data.warning[i].number for i in BLOWN_UP):
                 return False
         return True
     finally:

@@ -55,16 +55,25 @@ def whole_beam(spec: Spec, beam: Beam) -> dict[str, PortModel]:
 
 
 def everything(spec: Spec) -> Spec:
-    """The spec with every port kept: all cantilever modes up to three times the scene's bandwidth, one to five each.
+    """The spec with every port kept.
+
+    All cantilever modes up to three times the scene's bandwidth, one to five each and no fewer than the scene needs; of
+    imported modes all.
 
     Raises:
         InputError: the scene states no bandwidth, so that nothing would be left out.
     """
     if not spec.chooses or spec.scene is None or spec.scene.bandwidth is None:
         raise InputError("nothing is left out without scene.bandwidth; give [scene] bandwidth, or state [modes].")
+    if spec.imported is not None:
+        every = tuple(range(1, spec.imported.read().modes + 1))
+        return structs.replace(spec, imported=structs.replace(spec.imported, modes=every), modes=None)
+    full = whole_beam(spec, spec.beam)
+    hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
+    needed = make_plan(spec, full, spec.beam.rigid_mass(), hub).kept
     counts = {
-        port: int(np.clip(np.sum(model.frequencies <= 3.0 * spec.scene.bandwidth), 1, 5))
-        for port, model in whole_beam(spec, spec.beam).items()
+        port: max(needed.get(port, 0), int(np.clip(np.sum(model.frequencies <= 3.0 * spec.scene.bandwidth), 1, 5)))
+        for port, model in full.items()
     }
     return structs.replace(spec, modes=Modes(**counts))
 
@@ -125,12 +134,12 @@ def verdict(spec: Spec, status: Status, promise: float | None) -> Status:
     )
 
 
-def ledger(spec: Spec, plan: Plan, tendons: bool) -> tuple[LeftOut, ...]:
+def ledger(spec: Spec, choice: Choice | None, tendons: bool) -> tuple[LeftOut, ...]:
     """What was left out: modes, then elements of the file."""
     scene = spec.scene
-    if plan.choice is None or scene is None:
+    if choice is None or scene is None:
         return ()
-    out = list(plan.choice.left_out)
+    out = list(choice.left_out)
     if not scene.visuals:
         out.append(LeftOut("geoms", "scene.visuals = false", 0.0))
     if not scene.contacts:

@@ -9,13 +9,45 @@ import numpy as np
 from beamchain.assess import field
 from beamchain.assess.field import RIGID_HUB, Entry, Task
 from beamchain.assess.scenario import Scenario
-from beamchain.engine.rollout import simulate
+from beamchain.engine.rollout import seconds_of, simulate
 from beamchain.errors import BeamchainError
 from beamchain.port import Array
 
 #: Divisors of the beat (the common measure of all switching times): the ladder of steps, the next octaves alike.
-LADDER = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 13, 14, 16, 18, 20, 22, 24, 28, 32, 36, 40, 44, 48, 56)
-RUNGS = 22  # steps tried below the stability limit, at most
+LADDER = (
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+    10,
+    11,
+    12,
+    13,
+    14,
+    15,
+    16,
+    17,
+    18,
+    19,
+    20,
+    22,
+    24,
+    26,
+    28,
+    32,
+    36,
+    40,
+    44,
+    48,
+    52,
+    56,
+)
+RUNGS = 28  # steps tried below the stability limit, at most
 FLOOR = 0.01  # two steps whose errors differ by less, relative, stand on the model's floor
 FINE_ENOUGH = 1e-5  # error below which no finer step is of interest
 REPEATS = 3
@@ -179,9 +211,9 @@ def in_turns(runs: Sequence[Run], hub: Any, repeats: int, known: Sequence[Sequen
             if fixed[i] and turn:
                 continue
             few = run.wrench[:HUB_STEPS]
-            alone = simulate(hub, run.integrator, run.timestep, few).seconds / few.shape[0]
+            alone = seconds_of(hub, run.integrator, run.timestep, few) / few.shape[0]
             if not fixed[i]:
-                times[i].append(simulate(*run).seconds)
+                times[i].append(seconds_of(*run))
             ratios[i].append(times[i][-1] / run.wrench.shape[0] / alone)
     out: list[Time] = []
     for taken, ratio in zip(times, ratios, strict=True):

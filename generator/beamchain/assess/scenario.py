@@ -3,11 +3,12 @@
 import csv
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from beamchain.assess.hub_response import HubResponse, Profile, hub_response
+from beamchain.assess.large_reference import LargeReference
 from beamchain.errors import InputError
 from beamchain.port import PORTS, Array, PortModel, locked
 
@@ -45,6 +46,8 @@ class Scenario:
         response: exact linear motion.
         largest: `(w,)` largest elastic part of each watched motion, over the whole duration.
         beat: the switching times are multiples of it [s].
+        nonlinear: what large motion changes in the motion, relative to the largest elastic part.
+        large: the motion where that is too much for the linear one.
     """
 
     profile: Profile
@@ -53,6 +56,25 @@ class Scenario:
     response: HubResponse
     largest: Array
     beat: float
+    nonlinear: float = 0.0
+    large: LargeReference | None = None
+
+    def in_large_motion(self, reference: LargeReference) -> "Scenario":
+        """The same task, compared with what happens in large motion."""
+        moved = np.abs(reference.elastic(np.linspace(0.0, self.duration, 4001)))
+        largest = locked(np.max(moved, axis=0)[list(self.watched)])
+        return replace(self, large=reference, largest=largest, nonlinear=reference.figures.nonlinear)
+
+    def scaled(self, factor: float) -> "Scenario":
+        """The same task with a wrench multiplied by `factor`, still linear."""
+        profile = Profile(self.profile.times, locked(factor * self.profile.wrench))
+        return replace(self, profile=profile, largest=locked(factor * self.largest))
+
+    def motion(self, at: Array) -> Array:
+        """`(t, 6)` the hub's reference motion."""
+        if self.large is not None:
+            return self.large.motion(at)
+        return self.response.elastic(self.profile, at) + self.response.rigid(self.profile, at)
 
     def error(self, motion: Array, timestep: float, rigid: Array | None = None, shift: float = 0.0) -> float:
         """Largest error of the hub's motion over the largest elastic part of it.
@@ -65,8 +87,13 @@ class Scenario:
             shift: the simulated time after step k is `(k + shift) timestep`: the integrator's own clock.
         """
         at = timestep * (np.arange(1, motion.shape[0] + 1) + shift)
-        exact = self.response.elastic(self.profile, at)
-        gap = motion - rigid - exact if rigid is not None else motion - exact - self.response.rigid(self.profile, at)
+        if not np.all(np.isfinite(motion)):
+            return float("inf")
+        if self.large is not None:
+            gap = self.large.gap(motion, at, rigid)
+        else:
+            exact = self.response.elastic(self.profile, at)
+            gap = motion - exact - self.response.rigid(self.profile, at) if rigid is None else motion - rigid - exact
         watched = list(self.watched)
         worst = np.max(np.abs(gap[:, watched]), axis=0) / self.largest
         return float(np.max(worst)) if np.all(np.isfinite(worst)) else float("inf")
@@ -80,6 +107,7 @@ def make_scenario(
     *,
     profile: Profile | None = None,
     duration: float | None = None,
+    amplitude: float | None = None,
 ) -> Scenario:
     """The task for an appendage on a hub.
 
@@ -90,13 +118,14 @@ def make_scenario(
         length: of the appendage [m].
         profile: wrench; a doublet about the first kept port's axis where left out.
         duration: [s]; four periods of the first coupled mode, rounded up, where left out.
+        amplitude: of the doublet [N, N m]; small enough to stay linear where left out.
     """
     response = hub_response(full, rigid_mass, hub.matrix, hub.offset)
     if duration is None:
         longest = 0.0 if profile is None else float(profile.times[-1])
         duration = rounded_up(max(PERIODS * 2.0 * np.pi / float(np.min(np.abs(response.poles))), longest))
     if profile is None:
-        profile = _doublet(response, next(port for port in DRIVEN if port in full), duration, length)
+        profile = _doublet(response, next(port for port in DRIVEN if port in full), duration, length, amplitude)
     fine = np.linspace(0.0, duration, 4001)
     largest = np.max(np.abs(response.elastic(profile, fine)), axis=0)
     watched = tuple(int(i) for i in np.flatnonzero(np.any(profile.wrench != 0.0, axis=0)) if largest[i] > 0.0)
@@ -108,15 +137,15 @@ def make_scenario(
     return Scenario(profile, duration, watched, response, locked(largest[list(watched)]), _beat(profile.times))
 
 
-def _doublet(response: HubResponse, port: str, duration: float, length: float) -> Profile:
-    """Plus and minus, a power of ten in size, small enough to stay linear."""
+def _doublet(response: HubResponse, port: str, duration: float, length: float, amplitude: float | None) -> Profile:
+    """Plus and minus, of a size that is given, or a power of ten small enough to stay linear."""
     axis, half = DRIVEN[port], duration / PULSE / 2.0
     wrench = np.zeros((2, 6))
     wrench[0, axis], wrench[1, axis] = 1.0, -1.0
     unit = Profile(locked([0.0, half, 2.0 * half]), locked(wrench))
     moved = np.max(np.abs(response.elastic(unit, np.linspace(0.0, duration, 2001))), axis=0)
     moved[:3] /= length
-    size = 10.0 ** np.floor(np.log10(SMALL / float(np.max(moved))))
+    size = amplitude or 10.0 ** np.floor(np.log10(SMALL / float(np.max(moved))))
     return Profile(unit.times, locked(size * wrench))
 
 

@@ -107,7 +107,10 @@ def step_limits(frequencies: Array, ratios: Array, *, tendon: bool = False) -> S
         limits[name] = min(steps)
     fastest = int(np.argmax(frequencies))
     first = float(np.min(frequencies))
-    accuracy = {name: (step_for_error(name, first, 1e-2), step_for_error(name, first, 1e-3)) for name in INTEGRATORS}
+    accuracy: dict[str, tuple[float, float]] = {}
+    for name in INTEGRATORS:
+        one, tenth = (min(step_for_error(name, first, error), limits[name]) for error in (1e-2, 1e-3))
+        accuracy[name] = one, tenth
     return StepLimits(float(frequencies[fastest]), float(ratios[fastest]), limits, accuracy)
 
 

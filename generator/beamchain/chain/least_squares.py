@@ -16,6 +16,7 @@ from beamchain.chain.rods import Numbers, Payload, Rods, jacobian, loaded_modes,
 from beamchain.errors import RealisationError
 from beamchain.port import Array, PortModel
 from beamchain.structure.beam import Beam
+from beamchain.structure.lump import Lump
 from beamchain.structure.mass_line import MassLine
 
 FREE = ("stiffness", "lengths", "masses")
@@ -144,8 +145,6 @@ def payload_cases(beam: Beam, port: str, modes: int, payload: Payload | None) ->
 
     The ladder is geometric, so that a chain that holds at its ends holds between them.
     """
-    from beamchain.structure.beam import Lump
-
     out: list[Case] = []
     for factor in (0.0,) if payload is None else (0.0, 0.02, 0.2, 1.0):
         load = NOTHING if payload is None else Payload(factor * payload.mass, factor * payload.inertia)

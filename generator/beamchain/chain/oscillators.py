@@ -27,6 +27,7 @@ LIGHT = 1e-9  # of the appendage's mass: a rotor's
 SMALL = 1e-6  # a slider's size squared, of the appendage's
 THIN = 1e-9  # second moment of a hinged body where it needs none, of what it has
 LEAST = 1e-14  # kg m^2: least second moment of a moving body; MuJoCo takes inertias from 1e-15
+COARSE = 0.1  # of the appendage: most that few printed digits excuse
 ROUNDING = 1e-9  # what computing the remainder may lose, relative, beside the print's own precision
 
 
@@ -136,7 +137,7 @@ def realise_oscillators(
         RealisationError: the rigid mass is no rigid body's, or what the modes leave of it is none.
     """
     total, miss = from_mass_matrix(rigid_mass)
-    tolerance = max(20.0 * precision, ROUNDING)
+    tolerance = max(min(20.0 * precision, COARSE), ROUNDING)
     if miss > tolerance:
         raise RealisationError(
             f"the rigid mass matrix differs by {miss:.1e} from a rigid body's (its mass depends on the direction, as "

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -30,6 +31,15 @@ def with_polar(links: Sequence[Link], inertias: Sequence[float]) -> list[Link]:
     ]
 
 
+@lru_cache(maxsize=4)
+def _running(beam: MassLine) -> tuple[Array, Array, Array]:
+    """x, and mass and polar inertia of the beam up to x; asked for once per kind and port, so kept."""
+    grid = np.linspace(0.0, beam.length, 201)
+    pieces = [beam.moments(a, b, closed=b >= beam.length) for a, b in pairwise(grid.tolist())]
+    mass, polar = (np.cumsum([0.0, *(getattr(piece, kind) for piece in pieces)]) for kind in ("mass", "polar"))
+    return grid, mass, polar
+
+
 def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
     """x at which the beam's own cumulative mass or polar inertia reaches the given inertias.
 
@@ -37,9 +47,8 @@ def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
         shares: `(n + 1,)` inertias of the groups from the root; n positions come back.
         kind: "mass" or "polar".
     """
-    grid = np.linspace(0.0, beam.length, 201)
-    pieces = [getattr(beam.moments(a, b, closed=b >= beam.length), kind) for a, b in pairwise(grid.tolist())]
-    own = np.concatenate([np.zeros(1), np.cumsum(pieces)])
+    grid, masses, polars = _running(beam)
+    own = masses if kind == "mass" else polars
     if not np.sum(shares) > 0.0:
         return np.zeros(shares.size - 1)
     wanted = np.cumsum(shares)[:-1] * (own[-1] / np.sum(shares))

@@ -45,6 +45,7 @@ def embed(
             "--plot", metavar="FILE.svg", help="Draw the hub's accelerance, exact and MuJoCo.", show_default=False
         ),
     ] = None,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write OUT_report.html beside it.")] = True,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -52,7 +53,7 @@ def embed(
     """Put appendages into an existing spacecraft; the hub is read from it, and the assembled model is proved.
 
     The spacecraft's own elements, comments and numbers stay as they are. Running it again replaces; --remove gives the
-    original back.
+    original back. OUT_report.html tells how the whole compares with exact beams.
 
     Example: beamchain embed craft.xml --at panel_mount=array.toml -o flexible.xml
     """
@@ -79,6 +80,8 @@ def embed(
             result = embed_all(craft, dict(places), form=form, prefixes=prefix)
             result.assembly  # noqa: B018  (computed here, shown below)
     also = {} if plot is None else {plot: result.plot()}
+    if report:
+        also[output.with_name(f"{output.stem}_report.html")] = result.report(craft.name, output.name)
     files = result.write(output, force=force, also=also)
     if as_json:
         print_json(result.as_dict())

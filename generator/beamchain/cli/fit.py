@@ -64,10 +64,11 @@ def fit(
 
 
 def _show(result: "Fit", files: "list[Path]") -> None:
+    from rich.markup import escape
     from rich.table import Table
 
     out = console()
-    out.print(f"[bold]{result.spec.name}[/bold]: {result.status.message}")
+    out.print(f"[bold]{result.spec.name}[/bold]: {escape(result.status.message)}")
     table = Table(title="modes, read back from MuJoCo (mjd_transitionFD)", title_justify="left")
     headings = (
         "port",
@@ -125,9 +126,9 @@ def _show(result: "Fit", files: "list[Path]") -> None:
     took = sum(result.seconds.values())
     out.print(f"spec to verified chain: {took * 1e3:.1f} ms")
     for text in result.warnings:
-        out.print(f"[bold yellow]warning[/bold yellow]: {text}")
+        out.print(f"[bold yellow]warning[/bold yellow]: {escape(text)}")
     for file in files:
-        out.print(f"wrote {file}")
+        out.print(f"wrote {file}", markup=False)
 
 
 def _explain(result: "Fit") -> None:
@@ -137,11 +138,12 @@ def _explain(result: "Fit") -> None:
     out = console()
     if result.choice is None:
         out.print(
-            "The spec states the modes itself; give [scene] a bandwidth and leave [modes] out to have them chosen."
+            "The spec states the modes itself; give [scene] a bandwidth and leave [modes] out to have them chosen.",
+            markup=False,
         )
         return
     for line in result.choice.reasoning:
-        out.print(line)
+        out.print(line, markup=False)
     left = Table(title="left out", title_justify="left")
     for column in ("what", "why", "cost"):
         left.add_column(column, justify="right" if column == "cost" else "left")
@@ -149,7 +151,9 @@ def _explain(result: "Fit") -> None:
         left.add_row(item.what, item.why, f"{item.cost:.1e}" if item.cost else "0")
     out.print(left)
     for line in result.choice.cannot:
-        out.print(f"cannot answer: {line}")
+        out.print(f"cannot answer: {line}", markup=False)
+    if not result.steps:  # a rigid body takes any
+        return
     steps = Table(title="steps that keep the tolerance", title_justify="left")
     for column in ("integrator", "largest step s", "bounded by", "cost"):
         steps.add_column(column, justify="left" if column in ("integrator", "bounded by") else "right")

@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json
+from beamchain.cli.common import Folder, Force, Json, Quiet, console, explain, print_json
 from beamchain.errors import EngineError, InputError
 
 if TYPE_CHECKING:
     from beamchain.engine.library import mujoco
+    from beamchain.engine.slew import Slew
+    from beamchain.result import Fit
 
 FRAMES, RATE = 108, 24.0  # four and a half seconds
 
@@ -20,8 +22,8 @@ Scene = Annotated[
 ]
 
 
-def load(source: Path) -> "tuple[str, mujoco.MjModel]":
-    """Name and model of a scene, or of the scene that a spec's fit writes."""
+def load(source: Path) -> "tuple[str, mujoco.MjModel, Fit | None]":
+    """Name and model of a scene, or of the scene that a spec's fit writes, and that fit."""
     from beamchain.engine.linearise import compile_model
 
     if source.suffix.lower() == ".toml":
@@ -29,8 +31,8 @@ def load(source: Path) -> "tuple[str, mujoco.MjModel]":
         from beamchain.workflow import fit
 
         found = fit(read_spec(source))
-        return found.spec.name, compile_model(found.scene_mjcf())
-    return source.stem, compile_model(source)
+        return found.spec.name, compile_model(found.scene_mjcf()), found
+    return source.stem, compile_model(source), None
 
 
 def render(
@@ -40,14 +42,15 @@ def render(
     angle: Annotated[float, typer.Option(metavar="DEG", help="Turn by this much [degrees].")] = 40.0,
     width: Annotated[int, typer.Option(help="Of the pictures [pixels].")] = 640,
     height: Annotated[int, typer.Option(help="Of the pictures [pixels].")] = 400,
+    want_mp4: Annotated[bool, typer.Option("--mp4/--no-mp4", help="A film too; needs ffmpeg.")] = True,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Pictures of the spacecraft turning while its appendage rings: PNG, GIF, and MP4 where ffmpeg is there.
+    """Pictures of the spacecraft turning while its appendage rings: PNG, GIF, and MP4 by ffmpeg.
 
-    The hub is turned from rest to rest so that its first mode rings; where a rigid appendage would be is
-    drawn faintly. Needs no screen, but EGL or OSMesa.
+    Without ffmpeg the others are written, and the exit status is 3. The hub is turned from rest to rest so that its
+    first mode rings; where a rigid appendage would be is drawn faintly. Needs no screen, but EGL or OSMesa.
 
     Example: beamchain render boom.toml -o pictures
 
@@ -69,8 +72,9 @@ def render(
     from beamchain.files import write_files
     from beamchain.report import film as files
 
-    name, model = load(scene)
+    name, model, fit = load(scene)
     slew = simulate(model, angle=float(np.radians(angle)), frames=FRAMES)
+    warnings = [] if fit is None else too_far(fit, slew)
     faster = slew.times[-1] / (FRAMES - 1) * RATE
     note = f"time x {faster:.3g}" + ("" if exaggerate == 1.0 else f", elastic motion x {exaggerate:g}")
     frames = [
@@ -83,7 +87,7 @@ def render(
         output / f"{name}.png": files.png(frames[slew.loudest]),
         output / f"{name}.gif": files.gif(frames, RATE),
     }
-    moving = files.mp4(frames, RATE)
+    moving = files.mp4(frames, RATE) if want_mp4 else None
     if moving is not None:
         out[output / f"{name}.mp4"] = moving
     write_files(out, force=force)
@@ -94,16 +98,34 @@ def render(
                 "body": slew.body, "axis": "xyz"[slew.axis], "angle": slew.angle, "seconds": slew.duration,
                 "omega": slew.omega,
             },
+            "warnings": warnings,
         })  # fmt: skip
     elif not quiet:
         console().print(
             f"{slew.body} turned by {angle:g} degrees about {'xyz'[slew.axis]} in {slew.duration:.4g} s, ringing at "
             f"{slew.omega:.4g} rad/s; {note}"
         )
+        for warning in warnings:
+            console().print(f"[bold]warning[/bold]: {warning}")
         for path in out:
             console().print(f"wrote {path}", soft_wrap=True)
-        if moving is None:
-            console().print("no MP4: there is no ffmpeg on the PATH")
+    if want_mp4 and moving is None:
+        explain(
+            f"no {name}.mp4 was made, as there is no ffmpeg on the PATH; install ffmpeg, or take the GIF and say --no-mp4."
+        )
+        raise typer.Exit(3)
+
+
+def too_far(fit: "Fit", slew: "Slew") -> list[str]:
+    """Sentences for a turn beyond what the fit's chain is right for."""
+    from beamchain.assess.run_limits import exceeded, turned
+    from beamchain.result import default_hub
+    from beamchain.stability import large_limits
+
+    if fit.space is not None:
+        return []
+    hub = fit.spec.root.hub or default_hub(fit.spec.beam)
+    return exceeded(large_limits(fit)[0], turned(slew.rate, slew.acceleration, slew.axis, hub.offset))
 
 
 def view(scene: Scene, as_json: Json = False, quiet: Quiet = False) -> None:
@@ -118,7 +140,7 @@ def view(scene: Scene, as_json: Json = False, quiet: Quiet = False) -> None:
             "view: there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use beamchain render, which "
             "needs none."
         )
-    _, model = load(scene)
+    _, model, _ = load(scene)
     try:
         viewer = import_module("mujoco.viewer")
     except ImportError as error:

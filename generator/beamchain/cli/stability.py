@@ -33,7 +33,8 @@ def stability(
 ) -> None:
     """Step limits predicted and measured, steps for an accuracy, damping each integrator adds, large motion, extremes.
 
-    Writes stability.json into DIR; with --map all of the extremes suite instead of a sample, and extremes.png.
+    Writes report.html and stability.json into DIR; with --map extremes.png too, from all of the extremes suite instead of
+    a sample.
 
     Example: beamchain stability boom.toml -o boom-stability
     """
@@ -43,6 +44,7 @@ def stability(
     from beamchain.extremes.suite import run
     from beamchain.files import write_files
     from beamchain.report.record import to_json
+    from beamchain.report.stability_html import stability_report
     from beamchain.stability import study
 
     with Progress(
@@ -58,7 +60,7 @@ def stability(
             min(os.cpu_count() or 1, MOST) if extremes_map else 1,
         )
         record = result.as_dict(found.as_dict())
-        files: dict[Path, str | bytes] = {}
+        files: dict[Path, str | bytes] = {output / "report.html": stability_report(result, source, record)}
         if extremes_map:
             from beamchain.report.extremes_map import extremes_map as draw
 

@@ -15,6 +15,9 @@ Profile = Annotated[
     Path | None, typer.Option(metavar="CSV", help="Wrench on the hub: columns time, fx fy fz [N], mx my mz [N m].")
 ]
 Duration = Annotated[float | None, typer.Option(metavar="SECONDS", help="What is simulated; four slow periods.")]
+Amplitude = Annotated[
+    float | None, typer.Option(metavar="SIZE", help="Of the doublet [N or N m]; small enough to stay linear.")
+]
 Budget = Annotated[float, typer.Option(metavar="SECONDS", help="Simulation time spent per model and integrator.")]
 Only = Annotated[list[str] | None, typer.Option("--model", metavar="NAME", help="Only this model (repeatable).")]
 Workers = Annotated[
@@ -29,6 +32,7 @@ def study(
     output: Folder,
     profile: Profile = None,
     duration: Duration = None,
+    amplitude: Amplitude = None,
     budget: Budget = 0.1,
     model: Only = None,
     workers: Workers = 1,
@@ -54,12 +58,14 @@ def study(
     read = read_spec(spec)
     if duration is not None:
         positive("--duration", duration, "s")
+    if amplitude is not None:
+        positive("--amplitude", amplitude, "N or N m")
     positive("--budget", budget, "s")
     if (output / "study.json").exists() and not force:
         raise OutputError(
             f"output {str(output / 'study.json')!r} exists; use --force to replace it, or another folder."
         )
-    options = Options(None if profile is None else read_text(profile), duration, budget, tuple(model or ()))
+    options = Options(None if profile is None else read_text(profile), duration, budget, tuple(model or ()), amplitude)
     with pool(workers, dask) as executor, job_bar("measuring", quiet or as_json) as progress:
         result = measure(read, options, executor=executor, folder=output, resume=resume, progress=progress)
     files = result.write(output, force=force)
@@ -106,5 +112,7 @@ def show(result: "Study") -> None:
             f"time per step grows as n^{growth.exponent:.2f} (n 10..100), "
             f"time to fit as n^{growth.fit_exponent:.2f} (n 1..6)"
         )
+    for warning in result.warnings:
+        out.print(f"[bold]warning[/bold]: {warning}")
     for command in commands(result):
         out.print(command)

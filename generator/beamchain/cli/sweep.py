@@ -28,7 +28,7 @@ def sweep(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw variants from [uncertain] and fit each: arrays for one compiled model, and how the modes spread.
+    """Draw variants of the uncertain properties and fit each: arrays for one compiled model, and how the modes spread.
 
     Writes scene.xml, variants.npz, apply_variants.py, a picture and sweep.json into DIR.
 

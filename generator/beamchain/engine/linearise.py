@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     import control
 
 EPSILON = 1e-6  # perturbation of the centred differences
-VELOCITY = 1e-3  # perturbation for what depends on velocity: the integrator "discrete" does not see damping forces of 1e-9
+VELOCITY = (
+    1e-3  # perturbation for what depends on velocity: the integrator "discrete" does not see damping forces of 1e-9
+)
 
 INTEGRATORS = {name: int(value) for name, value in (
     ("Euler", mujoco.mjtIntegrator.mjINT_EULER),
@@ -53,7 +55,7 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
         raise EngineError(f"MuJoCo refuses {str(path)!r}: {error}") from None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Linearisation:
     """A MuJoCo model linearised about a state.
 
@@ -79,6 +81,12 @@ class Linearisation:
     integrator: str
     joints: tuple[str, ...]
     driven: tuple[int, ...]
+
+    def __repr__(self) -> str:
+        return (
+            f"<Linearisation, {len(self.joints)} degrees of freedom, {len(self.driven)} motors, "
+            f"{self.integrator} at {self.timestep:g} s>"
+        )
 
     @property
     def discrete(self) -> "control.StateSpace":

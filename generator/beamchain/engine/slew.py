@@ -50,6 +50,16 @@ class Slew:
         return out
 
     @property
+    def rate(self) -> float:
+        """Largest rate of the rigid turn [rad/s]."""
+        return 2.0 * abs(self.angle) / self.duration
+
+    @property
+    def acceleration(self) -> float:
+        """Its angular acceleration [rad/s^2]."""
+        return 4.0 * abs(self.angle) / self.duration**2
+
+    @property
     def loudest(self) -> int:
         """The frame in which the sprung joints are furthest from rest."""
         return int(np.argmax(np.linalg.norm(self.positions[:, list(self.elastic)], axis=1)))

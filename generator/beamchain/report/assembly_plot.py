@@ -6,7 +6,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamchain.report.plots import BEAM, OURS, STYLE, to_svg
+from beamchain.report.plots import BEAM, OURS, STYLE, frame, percent, to_svg
 
 if TYPE_CHECKING:
     from beamchain.assess.assembly import Assembly
@@ -21,33 +21,59 @@ MOTIONS = (
 )
 
 
-def assembly_figure(assembly: "Assembly") -> Figure:
-    """Diagonal of the hub's accelerance over frequency, one panel per motion the hub has."""
-    rows = (len(assembly.motions) + 1) // 2
+def assembly_figure(assembly: "Assembly", columns: int = 2) -> Figure:
+    """Diagonal of the hub's accelerance over frequency, one panel per motion the hub has.
+
+    Args:
+        assembly: what was proved.
+        columns: of panels.
+    """
+    rows = -(-len(assembly.motions) // columns)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 0.9 + 1.9 * rows), layout="constrained")
+        figure = Figure(figsize=(6.4 if columns == 1 else 9.0, 0.9 + 1.9 * rows), layout="constrained")
         for place, motion in enumerate(assembly.motions):
-            ax = figure.add_subplot(rows, 2, place + 1)
+            ax = figure.add_subplot(rows, columns, place + 1)
             title, unit = MOTIONS[motion]
-            ax.axvspan(assembly.omega[0], assembly.common, color="#e9f1fa", zorder=0)
-            ax.loglog(
+            sizes = np.abs(np.stack([assembly.exact[place, place], assembly.achieved[place, place]]))
+            heights = float(sizes.min()) / 1.3, 1.3 * float(sizes.max())
+            frame(ax, (float(assembly.omega[0]), float(assembly.omega[-1])), heights, assembly.common)
+            ax.plot(
                 assembly.omega, np.abs(assembly.achieved[place, place]), color=OURS, linewidth=3.0,
                 label="MuJoCo, from A and B of mjd_transitionFD",
             )  # fmt: skip
-            ax.loglog(
+            ax.plot(
                 assembly.omega,
                 np.abs(assembly.exact[place, place]),
                 color=BEAM,
                 linewidth=1.0,
                 label="exact beams on the same hub",
             )
-            ax.set_xlim(float(assembly.omega[0]), float(assembly.omega[-1]))
             ax.set_title(title)
             ax.set_ylabel(f"|H|, {unit}")
-            if place >= len(assembly.motions) - 2:
+            if place >= len(assembly.motions) - columns:
                 ax.set_xlabel("frequency, rad/s")
         handles, labels = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=2)
+    return figure
+
+
+def difference_figure(assembly: "Assembly") -> Figure:
+    """Error of the hub's motion over frequency, the band shaded and its largest error marked."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 3.4), layout="constrained")
+        ax = figure.add_subplot()
+        error = np.maximum(assembly.error, 1e-9 * float(assembly.error.max()))
+        limits = float(assembly.omega[0]), float(assembly.omega[-1])
+        frame(ax, limits, (float(error.min()) / 2.0, 3.0 * float(error.max())), assembly.common)
+        ax.plot(assembly.omega, error, color=OURS, linewidth=2.0, label="MuJoCo")
+        at = int(np.argmax(np.where(assembly.omega <= assembly.common, error, -1.0)))
+        ax.plot(
+            assembly.omega[at], error[at], marker="o", markersize=5.5, color=OURS, linestyle="none",
+            label=f"largest in band: {percent(assembly.in_band)}",
+        )  # fmt: skip
+        ax.set_xlabel("frequency, rad/s")
+        ax.set_ylabel("error of the hub's motion, relative")
+        figure.legend(loc="outside upper left", ncols=3)
     return figure
 
 

@@ -23,6 +23,7 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
                 },
                 "target": a.fit.kept_for,
                 "ports": {port: {"frequencies": target.frequencies} for port, target in a.fit.target.items()},
+                "large_motion": [limit.as_dict() for limit in a.large_motion.values()],
                 "status": {"ok": a.fit.status.ok, "message": a.fit.status.message},
             }
             for a in embedded.appendages

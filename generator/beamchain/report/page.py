@@ -1,17 +1,24 @@
-"""What a page is made of: tables, pictures, sentences and lists in sections."""
+"""What a page is made of: tables, pictures, sentences and lists in sections; and the page itself from a template."""
 
+import platform
 from collections.abc import Sequence
-from typing import NamedTuple
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jinja2
+import numpy as np
 
 
 class Table(NamedTuple):
-    """A table; its first column names the row. `words`: cells are text, not numbers."""
+    """A table; its first column names the row. `words`: cells are text, not numbers; `named`: the second column is."""
 
     rows: Sequence[Sequence[str]]
     head: Sequence[str] = ()
     caption: str = ""
     note: str = ""
     words: bool = False
+    named: bool = False
     kind: str = "table"
 
 
@@ -57,3 +64,30 @@ def inline(svg: str, label: str) -> str:
     body = body.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
     quoted = label.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
     return body.replace("<svg", f'<svg role="img" aria-label="{quoted}"', 1).strip()
+
+
+def page_text(template: str, **values: Any) -> str:
+    """The text of a page, made from one of the templates beside this module.
+
+    Args:
+        template: file name.
+        values: what it asks for by name.
+    """
+    return _environment().get_template(template).render(**values)
+
+
+def versions() -> str:
+    """What made the page, for its foot."""
+    import beamchain
+    from beamchain.engine.library import mujoco
+
+    return (
+        f"beamchain {beamchain.__version__}, MuJoCo {mujoco.__version__}, NumPy {np.__version__}, "
+        f"Python {platform.python_version()}. SI units, radians; x runs from the root outwards."
+    )
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
+    return jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)

@@ -121,7 +121,7 @@ def _phase(ax: "Axes", fit: "Fit", port: str, panel: int, curves: Mapping[str, R
     """Without damping the phase is 0 or 180 degrees and turns over at each pole and zero."""
     i, j, *_ = ENTRIES[port][panel]
     beam, ours, *others = curves
-    _frame(ax, span(fit, port), (-50.0, 230.0), fit.bandwidth[port], decades=False)
+    frame(ax, span(fit, port), (-50.0, 230.0), fit.bandwidth[port], decades=False)
 
     def draw(label: str, **style: Any) -> None:
         ax.plot(*curves[label].phase(i, j), **style)
@@ -137,7 +137,7 @@ def _phase(ax: "Axes", fit: "Fit", port: str, panel: int, curves: Mapping[str, R
 def _panel(ax: "Axes", fit: "Fit", port: str, panel: int, curves: Mapping[str, Response]) -> None:
     i, j, title, unit = ENTRIES[port][panel]
     beam, ours, *others = curves
-    _frame(ax, span(fit, port), _heights(curves[beam], i, j), fit.bandwidth[port])
+    frame(ax, span(fit, port), _heights(curves[beam], i, j), fit.bandwidth[port])
 
     def draw(label: str, **style: Any) -> None:
         ax.plot(curves[label].omega, np.abs(curves[label].values[i, j]), label=label, **style)
@@ -178,7 +178,7 @@ def error_figure(fit: "Fit", port: str) -> Figure:
         others = dict(zip(labels, curves, strict=True))
         top = max(float(curve.error.max()) for curve in (ours, *others.values()))
         bottom = float(np.clip(ours.error.min(), 1e-7 * top, 0.1 * top))
-        _frame(ax, limits, (bottom / 2.0, 3.0 * top), band)
+        frame(ax, limits, (bottom / 2.0, 3.0 * top), band)
         for order, (rival, curve) in enumerate(others.items()):
             ax.plot(curve.omega, curve.error, color=RIVAL, linestyle=DASHES[order % 3], linewidth=1.2, label=rival)
         name = f"{chain_label(fit)}, through MuJoCo"
@@ -203,26 +203,28 @@ def error_figure(fit: "Fit", port: str) -> Figure:
 
 
 # -- logarithmic axes ------------------------------------------------------------------------------------------------
-def _power(value: float, _: float = 0.0) -> str:
+def power(value: float, _: float = 0.0) -> str:
+    """A power of ten on an axis."""
     exponent = round(np.log10(value))
     return {0: "1", 1: "10"}.get(exponent, f"10{str(exponent).translate(_SUPERSCRIPT)}")
 
 
-def _plain(value: float, _: float = 0.0) -> str:
-    return f"{value:g}" if 1e-4 <= value < 1e5 else _power(value)
+def plain(value: float, _: float = 0.0) -> str:
+    """A number on an axis."""
+    return f"{value:g}" if 1e-4 <= value < 1e5 else power(value)
 
 
-def _log_axis(axis: Any, limits: tuple[float, float], text: Callable[[float, float], str]) -> None:
+def log_axis(axis: Any, limits: tuple[float, float], text: Callable[[float, float], str]) -> None:
     """Powers of ten labelled, 2 and 5 too on a short axis; none of it mathtext, which is slow and no plain text."""
     decades = float(np.log10(limits[1] / limits[0]))
     short = decades < 2.2
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=12 if short else 8))
     axis.set_minor_locator(LogLocator(subs=tuple(np.arange(2.0, 10.0)) if decades < 6.0 else (1.0,), numticks=60))
-    axis.set_major_formatter(FuncFormatter(_plain if short else text))
+    axis.set_major_formatter(FuncFormatter(plain if short else text))
     axis.set_minor_formatter(NullFormatter())
 
 
-def _frame(
+def frame(
     ax: "Axes", limits: tuple[float, float], heights: tuple[float, float], band: float, *, decades: bool = True
 ) -> None:
     """Logarithmic axes (upwards only with `decades`) with the kept band shaded."""
@@ -230,9 +232,9 @@ def _frame(
     ax.set_yscale("log" if decades else "linear")
     ax.set_xlim(*limits)
     ax.set_ylim(*heights)
-    _log_axis(ax.xaxis, limits, _plain)
+    log_axis(ax.xaxis, limits, plain)
     if decades:
-        _log_axis(ax.yaxis, heights, _power)
+        log_axis(ax.yaxis, heights, power)
     ax.grid(visible=True, color="#e3e3e3", linewidth=0.6)
     ax.set_axisbelow(True)
     ax.axvspan(limits[0], min(band, limits[1]), color=SHADE, linewidth=0, zorder=0, label="kept band")
@@ -259,9 +261,9 @@ _CENTRE: Any = {"marker": r"$\oplus$", "markersize": 9.0, "color": "black", "mar
 
 def chain_figure(fit: "Fit") -> Figure:
     """The chain to scale along x, and below it the classical chain with as many hinges."""
-    plane = next((port for port in fit.target if port in PLANES), next(iter(fit.target)))
+    plane = next((port for port in fit.target if port in PLANES), next(iter(fit.target), PLANES[0]))
     chains = {chain_label(fit): fit.chain}
-    classical = rival_chains(fit, plane).get("classical chain")
+    classical = rival_chains(fit, plane).get("classical chain") if fit.target else None
     if classical is not None:
         chains["classical chain"] = classical
     with mpl.rc_context(STYLE):
@@ -316,13 +318,8 @@ def _draw_chain(ax: "Axes", chain: Chain, beam: MassLine, plane: str, title: str
         _write(ax, rows[0], 1.0, color)
         _write(ax, rows[1], -1.0, "#222222")
     what = f"{title}: {count(len(real), 'link')}, {count(len(chain.hinges), 'hinge')}"
-    what += (
-        ""
-        if len(chain.ports) < 2
-        else "; stiffness in N m/rad, axial N/m"
-        if "axial" in chain.ports
-        else "; stiffness in N m/rad"
-    )
+    if len(chain.ports) > 1:
+        what += "; stiffness in N m/rad" + (", axial N/m" if "axial" in chain.ports else "")
     ax.set_title(what if told else f"{what} (too many to label; see the table)", pad=3.0, color=color)
 
 

@@ -44,7 +44,8 @@ def _vector(values: Iterable[float]) -> str:
     return ", ".join(f"{value:.5g}" for value in values)
 
 
-def _step(value: float) -> str:
+def step_words(value: float) -> str:
+    """A step, or that there is no limit."""
     return "no limit" if math.isinf(value) else f"{value:.4g}"
 
 
@@ -56,7 +57,8 @@ def _kept(fit: "Fit") -> str:
     return first if not more else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def _left_out(items: Sequence[Mapping[str, Any]]) -> list[Block]:
+def left_out_blocks(items: Sequence[Mapping[str, Any]]) -> list[Block]:
+    """The ledger as a table."""
     rows = [[str(i["what"]), str(i["why"]), percent(float(i["cost"])) if i["cost"] else "nothing"] for i in items]
     note = "Cost: relative change of the hub's motion within the band that leaving it out alone makes."
     return [Table(rows, ["left out", "why", "cost"], note=note, words=True)]
@@ -87,6 +89,8 @@ class Verdict(NamedTuple):
 
 def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     """What to tell somebody who reads one sentence."""
+    if not fit.error:
+        return _rigid_verdict(fit)
     frequency = max(error.frequency for error in fit.error.values())
     errors = {port: error.accelerance_in_band or 0.0 for port, error in fit.error.items()}
     worst = max(errors, key=lambda port: errors[port])
@@ -116,6 +120,17 @@ def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     return Verdict(not missed, f"{text}.")
 
 
+def _rigid_verdict(fit: "Fit") -> Verdict:
+    """The sentence of an appendage that the scene needs no mode of."""
+    scene = fit.spec.scene
+    text = "One rigid body stands for the appendage"
+    if scene is not None and scene.bandwidth is not None and fit.promise is not None:
+        text += f": the motion of the hub is off by at most {percent(fit.promise)} up to {short(scene.bandwidth)} rad/s"
+    if not fit.status.ok:
+        return Verdict(False, f"Less than was asked for: {fit.status.message.rstrip('.')}. {text}.")
+    return Verdict(True, f"{text}.")
+
+
 def all_sections(
     fit: "Fit", pictures: Pictures, rivals: RivalErrors, left_out: Sequence[Mapping[str, Any]]
 ) -> list[Section]:
@@ -130,20 +145,20 @@ def all_sections(
     out = [
         Section("What was asked", _asked(fit)),
         Section("At the root, over frequency", _accelerances(fit, pictures)),
-        Section("Modes kept, and what MuJoCo makes of them", [_modes(fit, port) for port in fit.target]),
+        Section("Modes kept, and what MuJoCo makes of them", [mode_table(fit, port) for port in fit.target]),
         Section("Against the whole beam", _against_beam(fit, rivals, pictures)),
         Section("Mass, centre, inertia", [_mass(fit)]),
         Section("The chain", _chain(fit, pictures)),
         Section("Time steps", _steps(fit)),
     ]
-    shapes = _shapes(fit)
-    if shapes:
+    if shapes := shape_blocks(fit):
         out.insert(3, Section("Shapes of the modes kept", shapes))
     if fit.warnings:
         out.append(Section("Before you use it", [Lines([_sentence(text) for text in fit.warnings])]))
     if left_out:
-        out.append(Section("Left out", _left_out(left_out)))
-    return [*out, Section("How it went", _history(fit)), Section("To reproduce", _reproduce(fit))]
+        out.append(Section("Left out", left_out_blocks(left_out)))
+    out += [Section("How it went", _history(fit)), Section("To reproduce", _reproduce(fit))]
+    return [section for section in out if section.blocks]  # of a rigid body there is nothing to compare
 
 
 # -- the sections ----------------------------------------------------------------------------------------------------
@@ -198,7 +213,8 @@ def _accelerances(fit: "Fit", pictures: Pictures) -> list[Block]:
     return blocks
 
 
-def _modes(fit: "Fit", port: str) -> Table:
+def mode_table(fit: "Fit", port: str) -> Table:
+    """Modes of a port: asked for, read back through MuJoCo, how far off."""
     target, achieved, error = fit.target[port], fit.achieved[port], fit.error[port]
     ratios, tip = bool(np.any(target.damping > 0.0) or np.any(achieved.damping > 0.0)), fit.tip_error.get(port)
     head = ["mode", "target, rad/s", "target, Hz", "through MuJoCo, rad/s", "relative error"]
@@ -223,7 +239,7 @@ def _modes(fit: "Fit", port: str) -> Table:
     return Table(rows, head, caption=f"Port {port}", note=note)
 
 
-def _shapes(fit: "Fit") -> list[Block]:
+def shape_blocks(fit: "Fit") -> list[Block]:
     """Per port the mode shapes, where there are any."""
     caption = (
         "Port {}: cantilever modes, mass-normalised, root on the left. Black: the beam; blue: the chain, white dots "
@@ -234,6 +250,8 @@ def _shapes(fit: "Fit") -> list[Block]:
 
 
 def _against_beam(fit: "Fit", rivals: RivalErrors, pictures: Pictures) -> list[Block]:
+    if not fit.error:
+        return []
     labels = list(dict.fromkeys(label for found in rivals.values() for label in found))
     rows: list[list[str]] = []
     for port, error in fit.error.items():
@@ -342,7 +360,7 @@ def _steps(fit: "Fit") -> list[Block]:
     rows: list[list[str]] = []
     for name, largest in limits.largest_step.items():
         steps = limits.accuracy.get(name)
-        rows.append([name, _step(largest), *([_step(step) for step in steps] if steps else ["", ""])])
+        rows.append([name, step_words(largest), *([step_words(step) for step in steps] if steps else ["", ""])])
     where = "on the hub of the spec" if fit.hub_mass is not None else "with nothing attached, the safe case"
     head = ["integrator", "stable up to, s", "first mode within 1 % up to, s", "within 0.1 % up to, s"]
     note = f"Fastest mode {where}: {_number(limits.omega_max)} rad/s."

@@ -1,5 +1,6 @@
 """study.html: what each second of computing buys; one file, nothing fetched."""
 
+import math
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,6 +32,7 @@ def study_page(study: "Study") -> tuple[str, dict[str, str]]:
         tables=[table(study, "error"), table(study, "error_appendage")],
         pareto=inline(pictures["error_against_run_time.svg"], "Error against run time of every model."),
         growth=inline(pictures["growth.svg"], "Time per step and time to fit against the number of links."),
+        warnings=study.warnings,
         commands=commands(study),
         every=_every(study),
         machine=", ".join(f"{key} {value}" for key, value in record["machine"].items()),
@@ -47,9 +49,31 @@ def scenario_sentence(study: "Study") -> str:
     size = float(abs(scenario.profile.wrench).max())
     return (
         f"{scenario.duration:g} s; a wrench of up to {size:.3g} (N, N m) on the hub until "
-        f"{scenario.profile.times[-1]:g} s; compared: the hub's {watched}, against the exact linear motion of hub and "
-        "beam."
+        f"{scenario.profile.times[-1]:g} s; compared: the hub's {watched}, against {reference_sentence(study)}"
     )
+
+
+def reference_sentence(study: "Study") -> str:
+    """What the motions are compared with, and how good that is."""
+    scenario = study.scenario
+    if scenario.large is None and not math.isfinite(scenario.nonlinear):
+        return "the exact linear motion of hub and beam; how much large motion changes could not be simulated."
+    if scenario.large is None:
+        return (
+            "the exact linear motion of hub and beam, from which large motion differs by less than "
+            f"{max(scenario.nonlinear, 1e-12):.1g} of the largest elastic part."
+        )
+    figures = scenario.large.figures
+    text = (
+        f"the motion in large motion, which differs from the linear one by {figures.nonlinear:.2g} of the largest "
+        f"elastic part: chains of {', '.join(map(str, figures.links))} links, extrapolated. The last chain changed it "
+        f"by {figures.change:.1g}, half the step by {figures.step_change:.1g}; in small motion these chains alone miss "
+        f"the exact motion by {figures.small_motion:.1g}, which is taken off."
+    )
+    if not figures.met:
+        worst = max(figures.change, figures.step_change)
+        text += f" It is no better than {worst:.1g}: errors below {10.0 * worst:.1g} are not to be relied on."
+    return text
 
 
 def verdict(study: "Study") -> str:
@@ -94,6 +118,8 @@ def table(study: "Study", metric: Metric) -> Table:
             rows.append([power(target), "none within the budget", "", "", "", "", ""])
             continue
         rows.append(row(best, power(target), best.seconds))
+        second = study.oscillators(target, metric)
+        rows += [] if second is None else [row(second, "", best.seconds)]
         for reach in sorted(study.rivals(target, metric).values(), key=lambda r: r.seconds):
             rows.append(row(reach, "", best.seconds))
         for model, floor in study.short_of(target, metric).items():

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from beamchain.assess import field
 from beamchain.assess.front import Metric, front
-from beamchain.report.plots import OURS, STYLE
+from beamchain.report.plots import OURS, STYLE, log_axis, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,6 +23,7 @@ COLOURS = {
     "exact, clamped": "#3d8fd6",
     "exact, free": "#8dbbe6",
     "least squares": "#2b7a6f",
+    "oscillators": "#5fb3a3",
 }
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
 TITLES: dict[Metric, str] = {
@@ -106,9 +107,12 @@ def growth_figure(growth: "Growth") -> Figure:
             )
         ):
             ax = figure.add_subplot(1, 2, i + 1)
-            ax.loglog([n for n, _ in points], [factor * t for _, t in points], color=OURS, marker="o", markersize=4.0)
+            n, times = [float(n) for n, _ in points], [factor * t for _, t in points]
+            ax.loglog(n, times, color=OURS, marker="o", markersize=4.0)
+            log_axis(ax.xaxis, (n[0], n[-1]), plain)
+            log_axis(ax.yaxis, (min(times), max(times)), plain)
             ax.set_title(title if exponent is None else f"{title}: n^{exponent:.2f}")
             ax.set_xlabel("n")
             ax.set_ylabel(unit)
-            ax.grid(which="both", color="#ececec", linewidth=0.5)
+            ax.grid(which="major", color="#ececec", linewidth=0.5)
     return figure

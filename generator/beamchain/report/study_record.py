@@ -1,8 +1,10 @@
 """study.json: every point, what it takes to reach a target, the machine."""
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from beamchain.assess.front import Metric, Reach
+from beamchain.assess.large_reference import Figures
 
 if TYPE_CHECKING:
     from beamchain.study import Study
@@ -25,6 +27,10 @@ def study_record(study: "Study") -> dict[str, Any]:
             "watched": scenario.watched,
             "largest_elastic_motion": scenario.largest,
         },
+        "reference": {
+            "kind": "linear" if scenario.large is None else "large motion",
+            **asdict(Figures(scenario.nonlinear) if scenario.large is None else scenario.large.figures),
+        },
         "points": [point._asdict() for point in study.points],
         "notes": [
             {
@@ -44,6 +50,7 @@ def study_record(study: "Study") -> dict[str, Any]:
             "fit": study.growth.fit,
             "fit_exponent": study.growth.fit_exponent,
         },
+        "warnings": study.warnings,
         "seconds": study.seconds,
     }
 
@@ -57,9 +64,10 @@ def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
         if best is None:
             out[power(target)] = None
             continue
-        rivals = study.rivals(target, metric)
+        rivals, second = study.rivals(target, metric), study.oscillators(target, metric)
         out[power(target)] = {
             **best.point._asdict(),
+            "oscillators": None if second is None else _reach(second),
             "rivals": {model: reach.seconds / best.seconds for model, reach in rivals.items()},
             "rival_points": {model: _reach(reach) for model, reach in rivals.items()},
         }

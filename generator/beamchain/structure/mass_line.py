@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 
 from beamchain.errors import InputError
 from beamchain.port import Array, locked
-from beamchain.structure.beam import Beam, Lump, Moments
+from beamchain.structure.beam import Beam, Moments
 from beamchain.structure.elements import gauss
+from beamchain.structure.lump import Lump
 
 STATIONS = 5  # a linear taper's mass per length is quadratic, its polar inertia quartic: five stations are exact
 

@@ -14,14 +14,12 @@ from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, in_space, locke
 from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine, Piece, default_length, line_of, of_line, spread
 from beamchain.structure.planes import into_planes, near_groups
+from beamchain.structure.rounding import MOTIONS, PRINTED, ROUNDING, settled
 
-MOTIONS = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 EXACT = 1e-13  # relative precision of numbers that were not printed
-ROUNDING = 20.0  # precision of a residual over that of the numbers it is the difference of: 6 rows, 3 products each
-NOISE = 1e-9  # a residual may be this far below zero whatever the print
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModalData:
     """Modes of an appendage held at its port, in SI, appendage axes, about the port.
 
@@ -55,17 +53,25 @@ class ModalData:
     steps: tuple[str, ...] = ()
     printed: bool = True
 
+    def __repr__(self) -> str:
+        few = ", ".join(f"{w:.6g}" for w in self.frequencies[:3]) + (", ..." if self.frequencies.size > 3 else "")
+        return (
+            f"<ModalData {self.source!r}, {self.rigid_mass[0, 0]:.6g} kg, {self.frequencies.size} modes: {few} rad/s>"
+        )
+
     def __post_init__(self) -> None:
         mass, w = np.array(self.rigid_mass, dtype=np.float64), np.array(self.frequencies, dtype=np.float64)
         n = w.size
         rows = np.array(self.participation, dtype=np.float64)
         damping = np.zeros(n) if np.size(self.damping) == 0 else np.array(self.damping, dtype=np.float64)
-        if mass.shape != (6, 6) or rows.shape != (n, 6) or damping.shape != (n,) or w.shape != (n,) or n == 0:
+        if mass.shape != (6, 6) or rows.shape != (n, 6) or damping.shape != (n,) or w.shape != (n,):
             raise InputError(
                 f"{self.source}: the sizes do not fit: mass {mass.shape}, frequencies {w.shape}, participation "
                 f"{rows.shape}, damping {damping.shape}; give mass (6, 6) and for n modes n frequencies, participation "
                 "6 x n and one damping ratio each."
             )
+        if n == 0 and self.printed:
+            raise InputError(f"{self.source}: there is no mode; export the cantilever modes of the structure.")
         tip = None if self.tip is None else np.array(self.tip, dtype=np.float64)
         if tip is not None and tip.shape != (n, 6):
             raise InputError(f"{self.source}: tip has the shape {tip.shape}; give the six motions of the tip per mode.")
@@ -97,7 +103,7 @@ class ModalData:
                 f"and {mass[j, i]:.6g}); give it about one point, the port."
             )
         try:
-            mass, change = settled((mass + mass.T) / 2.0, rows, self.tolerance if self.printed else 0.0)
+            mass, change = settled((mass + mass.T) / 2.0, rows, self.precision if self.printed else 0.0)
         except InputError as error:
             raise InputError(f"{self.source}: {error}") from None
         steps = list(self.steps)
@@ -121,8 +127,8 @@ class ModalData:
 
     @property
     def tolerance(self) -> float:
-        """Relative size below which an entry of the residual mass is nothing but rounding."""
-        return ROUNDING * self.precision
+        """Relative size below which a number that should be zero, or two that should be equal, differ by rounding."""
+        return max(2.0 * self.precision, min(ROUNDING * self.precision, PRINTED))
 
     @property
     def scale(self) -> Array:
@@ -182,7 +188,7 @@ class ModalData:
         share = self.shares[:, PORTS.index(port)]
         pick = np.array([b == port for b in self.belongs]) if own else share > max(self.tolerance, EXACT) ** 2
         rows = self.participation[pick] @ motion
-        mass, _ = settled(motion.T @ self.rigid_mass @ motion, rows, self.tolerance)
+        mass, _ = settled(motion.T @ self.rigid_mass @ motion, rows, min(self.precision, PRINTED / ROUNDING))
         tip = None if self.tip is None else self.tip[pick] @ motion
         return PortModel(mass, self.frequencies[pick], rows, self.damping[pick], tip)
 
@@ -276,6 +282,12 @@ class ModalData:
             steps=(*self.steps, f"modes {', '.join(str(k) for k in sorted(modes))} of {self.modes} taken"),
         )
 
+    def frozen(self) -> "ModalData":
+        """The data with no mode: the appendage where a scene needs none."""
+        none = np.zeros(0)
+        tip = None if self.tip is None else self.tip[:0]
+        return replace(self, frequencies=none, participation=self.participation[:0], damping=none, tip=tip)
+
     def untangled(self) -> "ModalData":
         """Modes of equal frequency turned into the planes: in a round boom the program picks any two directions."""
         groups = near_groups(self.frequencies, max(self.tolerance, 1e-9))
@@ -332,43 +344,6 @@ class ModalData:
             beam.rigid_mass(), whole.frequencies, whole.participation, tip=tip[order], length=beam.length,
             pieces=pieces, points=points, source="a beam",
         )  # fmt: skip
-
-
-def settled(rigid_mass: Array, participation: Array, tolerance: float) -> tuple[Array, float]:
-    """The rigid mass whose residual is nowhere negative, and how far it was moved, relative.
-
-    Printed numbers leave a residual mass that is zero only to their precision. Entries below `tolerance` become zero,
-    so that a direction without residual mass is one exactly; eigenvalues within rounding of zero are clipped.
-
-    Args:
-        rigid_mass: `(m, m)`.
-        participation: `(n, m)`.
-        tolerance: relative.
-
-    Raises:
-        InputError: an eigenvalue is negative beyond rounding.
-    """
-    diagonal = np.diag(rigid_mass)
-    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    effective = participation.T @ participation
-    residual = (rigid_mass - effective) / np.outer(scale, scale)
-    kept = np.where(np.abs(residual) <= tolerance, 0.0, residual)
-    values, vectors = np.linalg.eigh(kept)
-    if values[0] < -max(tolerance, NOISE):
-        worst = int(np.argmax(np.abs(vectors[:, 0])))
-        names = MOTIONS if scale.size == 6 else ("displacement", "rotation")
-        raise InputError(
-            "the residual mass (rigid mass minus the effective masses of all modes) has the eigenvalue "
-            f"{values[0]:.3g} relative to the rigid mass, mainly in {names[worst]}; it must not be negative. Likely "
-            "causes: participation and mass about different reference points, different units, modes that are not "
-            "mass-normalised, or a rigid mass without that of the clamped nodes."
-        )
-    if values[0] < 0.0 or np.any((values > 0.0) & (values <= tolerance)):
-        clipped = np.where(values <= tolerance, 0.0, values)
-        kept = (vectors * clipped) @ vectors.T
-    present = np.where(diagonal > 0.0, scale, 0.0)  # a motion without inertia has none afterwards
-    out = effective * np.outer(diagonal > 0.0, diagonal > 0.0) + kept * np.outer(present, present)
-    return out, float(np.max(np.abs(kept - residual)))
 
 
 def _words(values: Array) -> str:

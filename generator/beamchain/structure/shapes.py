@@ -9,7 +9,8 @@ error by exp(W-dependent wave number x length), 1e7 for the sixth bending mode.
 import numpy as np
 
 from beamchain.port import Array, PortModel
-from beamchain.structure.beam import Beam, Stations
+from beamchain.structure.beam import Beam
+from beamchain.structure.segment import Stations
 
 STEPS = 240  # of fourth order, over the whole appendage
 

@@ -13,8 +13,9 @@ import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.port import Array
-from beamchain.structure.modal_data import ROUNDING, ModalData, settled
+from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.bounded import lines
+from beamchain.structure.rounding import settled
 
 PRECISION = 5e-7  # seven printed digits
 AGREE = 1e-4  # relative: how far tables that say the same may be apart
@@ -270,7 +271,7 @@ def _mass(path: Path, case: _Case, shared: _Case, participation: Array) -> tuple
         fits = same
         if same:
             try:
-                settled(found["grid point mass"], participation, ROUNDING * PRECISION)
+                settled(found["grid point mass"], participation, PRECISION)
             except InputError:
                 fits = False
         if fits or "a-set mass" not in found:

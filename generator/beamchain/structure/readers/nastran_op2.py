@@ -11,7 +11,7 @@ from beamchain.port import Array
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.bounded import check_size
 
-PRECISION = 6e-8  # single precision, as op2 files usually are
+PRECISION = 6e-7  # single precision, as op2 files usually are: 6e-8 of a number, which may start with a 9
 
 
 def read(path: Path, subcase: int | None = None) -> ModalData:

@@ -1,0 +1,92 @@
+"""Draw the house for CONTRIBUTING, house.svg, from the imports as they are: part of make docs-pictures."""
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import beamchain
+
+SOURCE = Path(beamchain.__file__).parent
+ROOMS = {
+    "port": "pushes back",
+    "structure": "what bends",
+    "chain": "rigid links",
+    "mjcf": "written",
+    "engine": "measured",
+    "assess": "how well",
+    "report": "looked at",
+    "workflow": "the walk",
+    "cli": "commands",
+}
+WIDTH, GAP, HEIGHT, TOP = 92, 12, 62, 130
+INK, PALE = "#1f3b57", "#6f8faf"
+
+
+def room(name: str) -> str:
+    """The room of a folder or lone module; empty: cellar (errors, checks, spec) that all may use."""
+    if name in ROOMS:
+        return name
+    return "workflow" if name in LONE else ""
+
+
+CELLAR = {"errors", "checks", "files", "spec", "shipped", "__init__", "__main__", "uncertain"}
+LONE = {path.stem for path in SOURCE.glob("*.py")} - CELLAR - {"port"}
+
+
+def arrows() -> Counter[tuple[str, str]]:
+    """How many import lines lead from room to room."""
+    found: Counter[tuple[str, str]] = Counter()
+    for path in SOURCE.rglob("*.py"):
+        here = room(path.relative_to(SOURCE).with_suffix("").parts[0])
+        for name in re.findall(r"^\s*from beamchain\.(\w+)", path.read_text(encoding="utf-8"), re.M):
+            there = room(name)
+            if here and there and here != there:
+                found[here, there] += 1
+    return found
+
+
+def sizes() -> Counter[str]:
+    """Modules in each room."""
+    names = (path.relative_to(SOURCE).with_suffix("").parts for path in SOURCE.rglob("*.py"))
+    return Counter(room(parts[0]) for parts in names if parts[-1] != "__init__")
+
+
+def draw() -> str:
+    """The picture."""
+    order, count = list(ROOMS), sizes()
+    middle = {name: 20 + i * (WIDTH + GAP) + WIDTH / 2 for i, name in enumerate(order)}
+    width = 20 + len(order) * (WIDTH + GAP) - GAP + 20
+    out = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} 232" role="img" font-family="sans-serif">',
+        "<title>The house: rooms from left to right, and what imports what</title>",
+        f'<rect width="{width}" height="232" fill="#ffffff"/>',
+    ]
+    for (here, there), lines in sorted(arrows().items(), key=lambda item: item[1]):
+        a, b = middle[here], middle[there]
+        rise = TOP - 14 - 12 * abs(order.index(here) - order.index(there)) * 1.35
+        out.append(
+            f'<path d="M{a} {TOP} C{a} {rise} {b} {rise} {b} {TOP}" fill="none" stroke="{PALE}" '
+            f'stroke-width="{0.6 + 0.5 * lines**0.5:.1f}" stroke-opacity="0.55">'
+            f"<title>{here} imports {there}: {lines} lines</title></path>"
+        )
+    for name, words in ROOMS.items():
+        x = middle[name] - WIDTH / 2
+        modules = f"{count[name]} module{'s' if count[name] != 1 else ''}"
+        out += [
+            f'<rect x="{x}" y="{TOP}" width="{WIDTH}" height="{HEIGHT}" rx="5" fill="#eaf1f7" stroke="{INK}"/>',
+            *(
+                f'<text x="{middle[name]}" y="{TOP + dy}" text-anchor="middle" font-size="{size}" '
+                f'font-weight="{weight}" fill="{INK}">{text}</text>'
+                for dy, size, weight, text in ((20, 14, 700, name), (37, 11, 400, words), (53, 11, 400, modules))
+            ),
+        ]
+    out += [
+        f'<text x="20" y="218" font-size="11" fill="{INK}">Arcs: a room imports what stands to its left; the thicker, '
+        "the more. Below all: errors, checks, files, spec.</text>",
+        "</svg>",
+    ]
+    return "\n".join(out) + "\n"
+
+
+if __name__ == "__main__":
+    (Path(__file__).parent / "house.svg").write_text(draw(), encoding="utf-8")

@@ -1,0 +1,79 @@
+"""What a fit or an embedding shows of itself in a notebook cell and at a prompt: a few lines, never its arrays."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from beamchain.embedding import Embedded
+    from beamchain.result import Fit
+
+HEAD = ("port", "mode", "cantilever, rad/s", "through MuJoCo", "frequency error", "participation error")
+COUPLED = ("mode", "exact, rad/s", "through MuJoCo", "error", "kept")
+
+
+def fit_text(fit: "Fit") -> str:
+    """One line per fact."""
+    lines = [f"<Fit {fit.spec.name!r}: {fit.status.message}>"]
+    lines += [f"  {row[0]} {row[1]}: {row[2]} rad/s, error {row[4]}, participation {row[5]}" for row in _modes(fit)]
+    return "\n".join(lines)
+
+
+def fit_html(fit: "Fit") -> str:
+    """The message, the modes and what to know before use."""
+    steps = fit.limits.largest_step
+    limits = ", ".join(f"{name} {h:.4g} s" for name, h in steps.items() if np.isfinite(h))
+    notes = [f"largest stable step: {limits}"] if limits else []
+    notes += [f"warning: {text}" for text in fit.warnings]
+    return _block(f"{fit.spec.name}: {fit.status.message}", HEAD, _modes(fit), notes)
+
+
+def embedded_text(done: "Embedded") -> str:
+    """One line per fact."""
+    places = ", ".join(f"{a.spec.name} at {a.at}" for a in done.appendages)
+    lines = [f"<Embedded {places}; worst kept coupled mode off by {done.assembly.worst:.1e}>"]
+    return "\n".join([*lines, *(f"  note: {text}" for text in done.warnings)])
+
+
+def embedded_html(done: "Embedded") -> str:
+    """Where the appendages are, the coupled modes, the warnings."""
+    title = ", ".join(f"{a.spec.name} at {a.at} ({a.fit.kept_for} target)" for a in done.appendages)
+    rows = [
+        [str(i), _value(m.exact, ".6g"), _value(m.mujoco, ".6g"), _value(m.error, ".1e"), "yes" if m.kept else "no"]
+        for i, m in enumerate(done.assembly.modes, 1)
+    ]
+    notes = [f"worst of the kept modes: {done.assembly.worst:.1e}", *(f"note: {text}" for text in done.warnings)]
+    return _block(title, COUPLED, rows, notes)
+
+
+def _modes(fit: "Fit") -> list[list[str]]:
+    """Kept modes, port by port, slowest first."""
+    rows: list[list[str]] = []
+    for port, error in fit.error.items():
+        for k in np.argsort(error.matches[:, 1]):
+            i, j = (int(index) for index in error.matches[k])
+            rows.append(
+                [
+                    port,
+                    str(j + 1),
+                    f"{float(fit.target[port].frequencies[j]):.6g}",
+                    f"{float(fit.achieved[port].frequencies[i]):.6g}",
+                    f"{float(error.frequency_errors[k]):.1e}",
+                    f"{float(error.participation_errors[k]):.1e}",
+                ]
+            )
+    return rows
+
+
+def _value(number: float | None, form: str) -> str:
+    return "none" if number is None else format(number, form)
+
+
+def _block(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], notes: Iterable[str]) -> str:
+    """A table below its title, above its notes."""
+    top = "".join(f"<th>{escape(word)}</th>" for word in head)
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    below = "".join(f"<div>{escape(note)}</div>" for note in notes)
+    return f"<div><b>{escape(title)}</b><table><tr>{top}</tr>{body}</table>{below}</div>"

@@ -1,0 +1,111 @@
+"""From segments, joints and lumps to finite elements, refined until the lowest modes stand still."""
+
+from functools import lru_cache
+from itertools import accumulate, pairwise
+from math import ceil, log2
+from typing import NamedTuple
+
+import numpy as np
+
+from beamchain.errors import InputError
+from beamchain.port import PortModel
+from beamchain.structure import elements
+from beamchain.structure.joint import Joint
+from beamchain.structure.lump import Lump
+from beamchain.structure.segment import Segment
+
+
+class Parts(NamedTuple):
+    """What a beam is made of."""
+
+    segments: tuple[Segment, ...]
+    joints: tuple[Joint, ...]
+    lumps: tuple[Lump, ...]
+
+    @property
+    def ends(self) -> list[float]:
+        """x of the root and of the tip end of each segment [m]."""
+        return [0.0, *accumulate(segment.length for segment in self.segments)]
+
+
+@lru_cache(maxsize=256)
+def converged(parts: Parts, port: str, modes: int) -> PortModel:
+    """Raise the polynomial degree until the lowest `modes` held and free frequencies stand still."""
+    wanted = max(modes, 1)
+    functions = 4 + ceil((10 + 1.6 * wanted) / len(parts.segments))
+    coarse, before = _discretised(parts, port, functions), np.inf
+    while True:
+        fine = _discretised(parts, port, functions + 4)
+        change = 0.0
+        for a, b in ((coarse.frequencies, fine.frequencies), (coarse.free_frequencies, fine.free_frequencies)):
+            k = min(wanted, a.size, b.size)
+            change = max(change, float(np.max(np.abs(b[:k] / a[:k] - 1.0), initial=0.0)))
+        stands = change < 1e-9 and change > 0.3 * before  # rounding, which no degree mends
+        if change < 1e-12 * max(10.0, wanted) or stands or functions > 60:
+            return fine
+        functions, coarse, before = functions + 4, fine, change
+
+
+def _discretised(parts: Parts, port: str, functions: int) -> PortModel:
+    bending = port in ("xy", "xz")
+    pieces = _pieces(parts, port, functions)
+    if any(np.any(p.stiffness <= 0.0) for p in pieces):
+        raise InputError(
+            f'port "{port}": a segment states no stiffness there (an "equivalent" section with 0, rigid); '
+            f"set modes.{port} = 0 or give its stiffness."
+        )
+    if (
+        port == "torsion"
+        and not any(np.any(p.inertia > 0.0) for p in pieces)
+        and not any(b.inertia[0] for b in parts.lumps)
+    ):
+        raise InputError(
+            'port "torsion": the appendage has no polar inertia; give polar_inertia or set modes.torsion = 0.'
+        )
+    hinges = [
+        elements.Hinge(parts.ends[j.after_segment], c) for j in parts.joints if (c := j.stiffness(port)) is not None
+    ]
+    about = {"xy": 2, "xz": 1, "torsion": 0}
+    bodies = [
+        elements.Body(
+            lump.x,
+            lump.inertia[0] if port == "torsion" else lump.mass,
+            lump.inertia[about.get(port, 0)] if bending else 0.0,
+        )
+        for lump in parts.lumps
+    ]
+    return elements.assemble(pieces, hinges, bodies, functions, bending=bending)
+
+
+def _pieces(parts: Parts, port: str, functions: int) -> list[elements.Piece]:
+    """The segments, cut at lumps and cut again where they taper strongly, sampled for one port."""
+    out: list[elements.Piece] = []
+    xi, _ = elements.gauss(functions + 5)
+    cuts = [lump.x for lump in parts.lumps]
+    slack = 1e-9 * parts.ends[-1]
+    for x0, segment in zip(parts.ends[:-1], parts.segments, strict=True):
+        inner = [c for c in cuts if x0 + slack < c < x0 + segment.length - slack]
+        count = max(1, ceil(log2(segment.taper) - 1e-9))
+        # geometric grading: every piece tapers by the same ratio
+        grown = segment.taper ** (np.arange(1, count) / count)
+        edges = (grown - 1.0) / (segment.taper - 1.0) if count > 1 else np.zeros(0)
+        if count > 1 and segment.shrinks:
+            edges = 1.0 - edges
+        points = sorted({x0, x0 + segment.length, *inner, *(x0 + segment.length * float(e) for e in edges)})
+        for a, b in pairwise(points):
+            at = segment.at((a + (b - a) * (1.0 + xi) / 2.0 - x0) / segment.length)
+            bending = port in ("xy", "xz")
+            sheared = bending and segment.theory == "timoshenko"
+            out.append(
+                elements.Piece(
+                    start=a,
+                    length=b - a,
+                    stiffness={"xy": at.bending_xy, "xz": at.bending_xz, "torsion": at.torsion, "axial": at.axial}[
+                        port
+                    ],
+                    inertia=at.polar if port == "torsion" else at.mass,
+                    shear_stiffness=(at.shear_xy if port == "xy" else at.shear_xz) if sheared else None,
+                    rotary_inertia=(at.rotary_xy if port == "xy" else at.rotary_xz) if sheared else None,
+                )
+            )
+    return out

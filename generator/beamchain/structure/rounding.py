@@ -1,0 +1,69 @@
+"""What printed digits do to a residual mass: rounding cleared away, contradictions refused."""
+
+import numpy as np
+
+from beamchain.errors import InputError
+from beamchain.port import Array
+
+MOTIONS = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
+ROUNDING = 20.0  # precision of a residual over that of the numbers it is the difference of: 6 rows, 3 products each
+PRINTED = 1e-5  # most that counts as rounding beyond two numbers' last digits, however few digits were printed
+WRONG = 0.1  # a residual this far below zero is no rounding, however few digits were printed
+NOISE = 1e-9  # a residual may be this far below zero whatever the print
+
+
+def settled(rigid_mass: Array, participation: Array, precision: float) -> tuple[Array, float]:
+    """The rigid mass whose residual is nowhere negative, and how far it was moved, relative.
+
+    Printed numbers leave a residual mass that is zero only to their precision. Entries that their last digits decide
+    become zero, so that a direction without residual mass is one exactly; eigenvalues below zero by rounding are
+    clipped.
+
+    Args:
+        rigid_mass: `(m, m)`.
+        participation: `(n, m)`.
+        precision: relative, of the numbers; 0: only what computing them loses.
+
+    Raises:
+        InputError: an eigenvalue is negative beyond rounding.
+    """
+    diagonal = np.diag(rigid_mass)
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    effective = participation.T @ participation
+    residual = (rigid_mass - effective) / np.outer(scale, scale)
+    least = min(ROUNDING * precision, PRINTED)
+    noise = np.maximum(last_digits(rigid_mass, participation, precision) / np.outer(scale, scale), least)
+    kept = np.where(np.abs(residual) <= noise, 0.0, residual)
+    values, vectors = np.linalg.eigh(kept)
+    if values[0] < -max(min(ROUNDING * precision, WRONG), NOISE):
+        worst = int(np.argmax(np.abs(vectors[:, 0])))
+        names = MOTIONS if scale.size == 6 else ("displacement", "rotation")
+        raise InputError(
+            "the residual mass (rigid mass minus the effective masses of all modes) has the eigenvalue "
+            f"{values[0]:.3g} relative to the rigid mass, mainly in {names[worst]}; it must not be negative. Likely "
+            "causes: participation and mass about different reference points, different units, modes that are not "
+            "mass-normalised, or a rigid mass without that of the clamped nodes."
+        )
+    if values[0] < 0.0 or np.any((values > 0.0) & (values <= least)):
+        clipped = np.where(values <= least, 0.0, values)
+        kept = (vectors * clipped) @ vectors.T
+    present = np.where(diagonal > 0.0, scale, 0.0)  # a motion without inertia has none afterwards
+    out = effective * np.outer(diagonal > 0.0, diagonal > 0.0) + kept * np.outer(present, present)
+    return out, float(np.max(np.abs(kept - residual)))
+
+
+def last_digits(rigid_mass: Array, participation: Array, precision: float) -> Array:
+    """`(m, m)` what half a unit in the last printed digit of every number can do to the residual mass.
+
+    Args:
+        rigid_mass: `(m, m)`.
+        participation: `(n, m)`.
+        precision: relative, of a number that starts with the digit 1.
+    """
+
+    def half(values: Array) -> Array:
+        size = np.abs(values)
+        return precision * 10.0 ** np.floor(np.log10(np.where(size > 0.0, size, 1.0))) * (size > 0.0)
+
+    across = np.abs(participation).T @ half(participation)
+    return half(rigid_mass) + across + across.T

@@ -1,0 +1,119 @@
+"""A stretch of the appendage with one section, or a linear taper between two."""
+
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from beamchain.checks import not_negative, one_of, positive
+from beamchain.errors import InputError
+from beamchain.port import Array
+from beamchain.structure.material import Material
+from beamchain.structure.section import Equivalent, Section
+
+Theory = Literal["euler", "timoshenko"]
+
+
+class Stations(NamedTuple):
+    """Stiffness and inertia per length at `k` stations, each `(k,)`, SI."""
+
+    bending_xy: Array
+    bending_xz: Array
+    torsion: Array
+    axial: Array
+    mass: Array
+    polar: Array
+    shear_xy: Array
+    shear_xz: Array
+    rotary_xy: Array
+    rotary_xz: Array
+
+
+class Segment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A stretch of the appendage with one section, or a linear taper between two.
+
+    Args:
+        length: [m].
+        section: at its root end.
+        section_end: at its tip end, same shape; none: prismatic.
+        material: needed for every shape but `equivalent`, which takes none.
+        nonstructural_mass: carried without stiffness [kg/m].
+        theory: "euler" or "timoshenko" (shear and rotary inertia).
+        shear_factor: Timoshenko's k; Cowper's value for the shape where not given.
+    """
+
+    length: float
+    section: Section
+    section_end: Section | None = None
+    material: Material | None = None
+    nonstructural_mass: float = 0.0
+    theory: Theory = "euler"
+    shear_factor: float | None = None
+
+    def __post_init__(self) -> None:
+        positive("length", self.length, "m")
+        not_negative("nonstructural_mass", self.nonstructural_mass, "kg/m")
+        one_of("theory", self.theory, ("euler", "timoshenko"))
+        if self.section_end is not None and type(self.section_end) is not type(self.section):
+            raise InputError(
+                f'section_end has shape "{_shape(self.section_end)}" but section has "{_shape(self.section)}"; '
+                "a taper needs the same shape at both ends: split the segment where the shape changes."
+            )
+        if isinstance(self.section, Equivalent):
+            if self.material is not None:
+                raise InputError(
+                    'material is given beside an "equivalent" section, which already holds EI and mass; '
+                    "leave material out."
+                )
+            if self.theory == "timoshenko":
+                raise InputError(
+                    'theory = "timoshenko" needs a drawn section; an "equivalent" one takes theory = "euler".'
+                )
+        elif self.material is None:
+            raise InputError(
+                "material is missing; "
+                "add material = { youngs_modulus = 7e10, density = 2700.0, poissons_ratio = 0.33 }."
+            )
+        if self.shear_factor is not None:
+            positive("shear_factor", self.shear_factor, "")
+            if self.theory != "timoshenko":
+                raise InputError('shear_factor is given but theory = "euler" has no shear; set theory = "timoshenko".')
+
+    @property
+    def taper(self) -> float:
+        """Largest ratio between a dimension at the two ends, at least 1."""
+        return self.section.ratio(self.section if self.section_end is None else self.section_end)
+
+    def at(self, fraction: Array) -> Stations:
+        """Stiffness and inertia at `fraction` `(k,)` of the length."""
+        end = self.section if self.section_end is None else self.section_end
+        if isinstance(self.section, Equivalent):
+            v = self.section.at(end, fraction)
+            nothing = np.zeros_like(fraction)
+            return Stations(
+                v["bending_stiffness_xy"], v["bending_stiffness_xz"], v["torsion_stiffness"], v["axial_stiffness"],
+                v["linear_mass"] + self.nonstructural_mass, v["polar_inertia"], nothing, nothing, nothing, nothing,
+            )  # fmt: skip
+        assert self.material is not None
+        e, g, rho, nu = self.material.youngs_modulus, self.material.g, self.material.density, self.material.nu
+        s = self.section.geometry(end, fraction)
+        kxy, kxz = (
+            self.section.cowper(nu, plane) if self.shear_factor is None else self.shear_factor for plane in ("xy", "xz")
+        )
+        return Stations(
+            e * s.second_moment_z, e * s.second_moment_y, g * s.torsion_constant, e * s.area,
+            rho * s.area + self.nonstructural_mass, rho * s.polar_moment,
+            kxy * g * s.area, kxz * g * s.area, rho * s.second_moment_z, rho * s.second_moment_y,
+        )  # fmt: skip
+
+    @property
+    def shrinks(self) -> bool:
+        """Whether the dimension with the largest ratio is smaller at the tip end."""
+        end = self.section if self.section_end is None else self.section_end
+        pairs = [(getattr(self.section, n), getattr(end, n)) for n in self.section.__struct_fields__]
+        a, b = max(((a, b) for a, b in pairs if a > 0 and b > 0), key=lambda p: max(p[0] / p[1], p[1] / p[0]))
+        return a > b
+
+
+def _shape(section: Any) -> str:
+    return type(section).__name__.lower()

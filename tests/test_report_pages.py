@@ -1,0 +1,164 @@
+"""The reports of embed and stability: self-contained, sound, their numbers those of the results, their commands true."""
+
+import re
+import shlex
+import sys
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+import pytest
+from lxml import html
+
+import beamchain as bc
+from beamchain import shipped, stability
+from beamchain.cli import main
+from beamchain.report.stability_html import stability_report
+from spacecraft import CRAFTS, frequencies, spec
+
+SAME = 1e-12  # the same computation once more
+SHOWN = 5e-7  # seven digits are shown
+
+
+@pytest.fixture(scope="module")
+def observer():
+    return bc.embed(CRAFTS / "observer.xml", {"left": spec("array_left"), "boom_mount": spec("boom")})
+
+
+@pytest.fixture(scope="module")
+def study():
+    source = shipped.pick(shipped.examples(), "seed_boom", "example").path
+    return source, stability.study(source)
+
+
+@pytest.fixture(scope="module")
+def pages(observer, study):
+    source, found = study
+    return {
+        "embed": observer.report("observer.xml", "out.xml"),
+        "stability": stability_report(found, source, found.as_dict()),
+    }
+
+
+def command(arguments, monkeypatch):
+    monkeypatch.setattr(sys, "argv", arguments)
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    return int(stopped.value.code or 0)
+
+
+def rows(page, title):
+    """Cells of the tables of a section."""
+    root = html.fromstring(page)
+    (section,) = root.xpath(f"//section[h2[text()='{title}']]")
+    return [[cell.text_content() for cell in row.iter("th", "td")] for row in section.xpath(".//tbody/tr")]
+
+
+@pytest.mark.parametrize("name", ["embed", "stability"])
+def test_page_is_self_contained_and_sound(name, pages):
+    page = pages[name]
+    assert not re.search(r"""(src|href|srcset|action|data)\s*=\s*["']?\s*(https?:|//|file:)""", page)
+    assert not re.search(r"<(link|iframe|img|object|embed)\b", page)
+    assert not re.search(r"url\((?!#)", page)
+    assert "default-src 'none'" in page
+    root = html.fromstring(page)
+    ids = root.xpath("//@id")
+    assert len(ids) == len(set(ids))
+    used = set(re.findall(r"url\(#([^)]+)\)", page)) | {a[1:] for a in root.xpath("//@href") if a.startswith("#")}
+    assert used <= set(ids)
+    assert all(svg.get("aria-label") and svg.get("role") == "img" for svg in root.iter("svg"))
+    assert all(figure.find("figcaption").text_content().strip() for figure in root.iter("figure"))
+    levels = [int(e.tag[1]) for e in root.iter("h1", "h2", "h3", "h4")]
+    assert levels.count(1) == 1
+    assert all(b <= a + 1 for a, b in pairwise(levels))
+
+
+def test_coupled_modes_are_those_of_the_file(observer, pages):
+    shown = rows(pages["embed"], "Coupled modes of the whole spacecraft")
+    ours = [float(row[3]) for row in shown if row[3] != "left out"]
+    np.testing.assert_allclose(ours, frequencies(observer.model)[-len(ours) :], rtol=1e-5)  # by forces, not by A and B
+    for row, mode in zip(shown, observer.assembly.modes, strict=True):
+        assert row[5] == ("yes" if mode.kept else "no")
+        if mode.exact is not None:
+            assert float(row[1]) == pytest.approx(mode.exact, rel=SHOWN)
+
+
+def test_error_over_frequency_has_the_in_band_error_as_its_largest(observer):
+    assembly = observer.assembly
+    inside = assembly.omega <= assembly.common
+    assert assembly.error[inside].max() == assembly.in_band
+    assert np.all(assembly.error >= 0.0)
+    assert not np.all(inside)
+
+
+def test_what_is_missing_is_said(observer, pages):
+    root = html.fromstring(pages["embed"])
+    (section,) = root.xpath("//section[h2[text()='Left out']]")
+    gone = [m.exact for m in observer.assembly.modes if m.mujoco is None]
+    assert gone
+    assert all(f"{w:.5g}" in section.text_content() for w in gone)
+
+
+def test_commands_of_the_embed_page_make_the_same_file(pages, observer, tmp_path, monkeypatch):
+    root = html.fromstring(pages["embed"])
+    (section,) = root.xpath("//section[h2[text()='To reproduce']]")
+    first, *specs = [code.text_content() for code in section.iter("code")]
+    for name, text in zip([h.text_content() for h in section.iter("h3")], specs, strict=True):
+        (tmp_path / name).write_text(text)
+    for item in ("observer.xml", "parts"):
+        (tmp_path / item).symlink_to(CRAFTS / item)
+    monkeypatch.chdir(tmp_path)
+    assert command(shlex.split(first.replace("\\\n", " ")), monkeypatch) == 0
+    again = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    np.testing.assert_allclose(frequencies(again), frequencies(observer.model), rtol=SAME)
+    assert (tmp_path / "out_report.html").read_text() == pages["embed"]
+
+
+def test_no_report_where_none_is_wanted(tmp_path, monkeypatch):
+    words = ["beamchain", "embed", str(CRAFTS / "planar.xml"), "--at", f"mount={spec('rod')}", "-q"]
+    assert command([*words, "-o", str(tmp_path / "out.xml"), "--no-report"], monkeypatch) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["out.xml"]
+
+
+def test_less_than_asked_for_stands_in_the_verdict(tmp_path):
+    text = spec("rod").read_text().replace("xy = 2", "xy = 12")
+    (tmp_path / "many.toml").write_text(text)
+    done = bc.embed(CRAFTS / "planar.xml", {"mount": tmp_path / "many.toml"})
+    assert not done.appendages[0].fit.status.ok
+    root = html.fromstring(done.report())
+    (verdict,) = root.xpath("//p[contains(@class, 'verdict')]")
+    assert "missed" in verdict.get("class")
+    assert "Less than was asked for at mount" in verdict.text_content()
+
+
+def test_limits_are_those_of_the_study(study, pages):
+    shown = rows(pages["stability"], "Largest stable step")
+    for row, found in zip(shown, study[1].rows, strict=True):
+        assert row[:2] == [found.name, found.integrator]
+        assert row[2] == ("no limit" if np.isinf(found.predicted) else f"{found.predicted:.4g}")
+        assert row[3] == ("no limit" if np.isinf(found.measured) else f"{found.measured:.4g}")
+
+
+def test_damping_shown_is_the_budgets(study, pages):
+    shown = rows(pages["stability"], "Damping that the step adds")
+    first = study[1].budgets[0]
+    for i, row in enumerate(shown[: first.frequencies.size]):
+        assert float(row[0]) == pytest.approx(first.frequencies[i], rel=1e-5)
+        assert float(row[list(first.shown).index("discrete") + 2]) == pytest.approx(
+            first.shown["discrete"][i, 1], rel=1e-3
+        )
+
+
+def test_stability_of_a_foreign_model(tmp_path, monkeypatch):
+    path = bc.embed(CRAFTS / "planar.xml", {"mount": spec("rod")}).write(tmp_path / "craft.xml")[-1]
+    code = command(["beamchain", "stability", str(path), "-o", str(tmp_path / "out"), "-q"], monkeypatch)
+    assert code in (0, 3)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Large motion" not in page
+    assert "beamchain stability craft.xml -o craft-stability" in page
+
+
+def test_the_extremes_stand_in_the_page_where_there_are_any(study):
+    source, found = study
+    counts = {"cases": 48, "passed": 40, "refused": 8, "failed": 0}
+    assert rows(stability_report(found, source, {"extremes": counts}), "Extremes")[1][1] == "40"

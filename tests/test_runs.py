@@ -1,0 +1,54 @@
+"""Study, stability and sweep from Python: the same as the commands behind them."""
+
+import msgspec
+import numpy as np
+import pytest
+
+import beamchain as bc
+from beamchain import shipped, stability
+from beamchain.errors import InputError
+
+SAME = 1e-12  # the same computation twice
+
+
+def path(name):
+    return shipped.pick(shipped.examples(), name, "example").path
+
+
+def test_stability_of_a_spec_and_of_its_file():
+    of_file, of_spec = bc.run_stability(path("seed_boom")), bc.run_stability(bc.read_spec(path("seed_boom")))
+    for a, b in zip(of_file.rows, of_spec.rows, strict=True):
+        assert (a.name, a.integrator) == (b.name, b.integrator)
+        assert a.predicted == pytest.approx(b.predicted, rel=SAME)
+    assert of_file.rows[0].predicted == pytest.approx(stability.study(path("seed_boom")).rows[0].predicted, rel=SAME)
+    assert list(of_spec.large) == ["xy"]
+
+
+def test_stability_of_a_model(tmp_path):
+    fit = bc.fit(bc.read_spec(path("seed_boom")))
+    (tmp_path / "boom.xml").write_text(fit.scene_mjcf())
+    found = bc.run_stability(tmp_path / "boom.xml")
+    assert found.large == {}
+    np.testing.assert_allclose(found.budgets[0].frequencies, bc.budget(fit.scene_mjcf()).frequencies, rtol=SAME)
+
+
+def test_study_of_some_models_only():
+    told = []
+    found = bc.run_study(
+        path("seed_boom"), models=["exact, hub"], duration=8.0, budget=1e-3, progress=lambda *a: told.append(a)
+    )
+    assert found.models == ["exact, hub"]
+    assert found.scenario.duration == 8.0
+    assert min(p.error for p in found.points) < 0.1
+    assert told
+    with pytest.raises(InputError, match="model 'magic' is not in the field"):
+        bc.run_study(path("seed_boom"), models=["magic"])
+
+
+def test_sweep_is_reproducible_and_needs_uncertain():
+    spec = bc.read_spec(path("array_uncertain"))
+    a, b = bc.run_sweep(spec, 3, seed=4), bc.run_sweep(path("array_uncertain"), 3, seed=4)
+    np.testing.assert_array_equal(a.coupled, b.coupled)
+    assert a.coupled.shape[0] == 3
+    with pytest.raises(InputError, match=r"no \[uncertain\]"):
+        bc.run_sweep(msgspec.structs.replace(spec, uncertain=None), 3)
