@@ -13,7 +13,8 @@ from lxml.etree import _Element as Element
 from beamchain.errors import InputError
 from beamchain.mjcf import marks
 
-LARGEST_FILE = 100_000_000  # bytes
+LARGEST_FILE = 50_000_000  # bytes
+MOST_TAGS = 500_000  # opened and closed: each takes some hundred bytes, and documents are copied
 ASSETS = {"mesh": "mesh", "hfield": "mesh", "skin": "mesh", "texture": "texture"}  # tag: which of the two folders
 
 
@@ -50,6 +51,8 @@ def parse_text(content: bytes, what: str) -> Any:
         load_dtd=False,
         huge_tree=False,
     )
+    if content.count(b"<") > MOST_TAGS:
+        raise InputError(f"{what} holds more than the {MOST_TAGS} tags taken; is it MJCF?")
     try:
         tree = etree.ElementTree(etree.fromstring(content, parser))
     except (etree.XMLSyntaxError, ValueError) as error:
