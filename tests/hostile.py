@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from hypothesis import strategies as st
 
+import beamchain as bc
 from beamchain.assess.scenario import parse_profile
 from beamchain.cli.study import read_text
 from beamchain.embedding import take_out
@@ -66,6 +67,11 @@ def matrices() -> dict[str, np.ndarray]:
     }
 
 
+def marked() -> bytes:
+    """A spacecraft with an appendage that embed put in."""
+    return bc.embed(CRAFTS / "planar.xml", {"mount": APPENDAGES / "rod.toml"}).to_mjcf().encode()
+
+
 def npz() -> bytes:
     stream = io.BytesIO()
     np.savez(stream, **matrices())
@@ -83,17 +89,17 @@ def mat() -> bytes:
 def market(path: Path) -> object:
     """A Matrix Market file, named by a modes file beside it."""
     beside = path.with_name("modes.toml")
-    good = path.with_name("good.mtx")
+    good = path.with_name("beside.mtx")
     if not good.exists():
         good.write_text(mtx("stiffness"))
-    named = '[matrices]\nmass = "%s"\nstiffness = "good.mtx"\nboundary = [1, 2, 3, 4, 5, 6]\n'
+    named = '[matrices]\nmass = "%s"\nstiffness = "beside.mtx"\nboundary = [1, 2, 3, 4, 5, 6]\n'
     beside.write_text(named % path.name)
     return read_modes(beside)
 
 
 def mtx(which: str = "mass") -> str:
     values = matrices()[which]
-    rows = [f"{i + 1} {j + 1} {values[i, j]!r}" for j in range(12) for i in range(12) if values[i, j]]
+    rows = [f"{i + 1} {j + 1} {float(values[i, j])!r}" for j in range(12) for i in range(12) if values[i, j]]
     return f"%%MatrixMarket matrix coordinate real general\n12 12 {len(rows)}\n" + "\n".join(rows) + "\n"
 
 
@@ -112,7 +118,7 @@ READERS: dict[str, tuple[str, bytes, Callable[[Path], object]]] = {
     "matrices, MATLAB": ("mat", mat(), read_modes),
     "matrices, Matrix Market": ("mtx", mtx().encode(), market),
     "spacecraft": ("xml", (CRAFTS / "observer.xml").read_bytes(), lambda path: read_craft(path).includes()),
-    "spacecraft with a mark": ("xml", (CRAFTS / "planar.xml").read_bytes(), take_out),
+    "spacecraft with a mark": ("xml", marked(), take_out),
     "profile": ("csv", PROFILE.encode(), lambda path: parse_profile(read_text(path), path.name)),
     "store of a stopped run": ("jsonl", STORE.encode(), resumed),
 }

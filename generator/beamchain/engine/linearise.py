@@ -12,6 +12,7 @@ import numpy as np
 
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError, InputError
+from beamchain.mjcf.craft import check_text
 from beamchain.port import Array, PortModel, locked
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
     path = Path(source)
     if not path.is_file():
         raise InputError(f"model {str(path)!r} is not a file; give the path of an MJCF (.xml) file.")
+    if path.suffix.lower() != ".mjb":
+        check_text(path.read_bytes(), f"model {str(path)!r}")
     try:
         return mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
