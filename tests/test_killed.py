@@ -30,14 +30,14 @@ material = { youngs_modulus = 2.06e11, density = 7800.0 }
 [root]
 hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0], offset = [1.0, 0.0, 0.0] }
 [uncertain]
-youngs_modulus = { deviation = 0.05 }
+stiffness = { relative = 0.05 }
 """
 #: command: its arguments (OUT: the folder), and the file that comes last
 COMMANDS = {
     "fit": (["fit", "SPEC", "-o", "OUT"], "fit.json"),
     "embed": (["embed", str(CRAFTS / "planar.xml"), "--at", f"mount={spec('rod')}", "-o", "OUT/x.xml", "--plot", "OUT/x.svg"], "x.xml"),
-    "stability": (["stability", str(CRAFTS / "planar.xml"), "-o", "OUT"], "stability.json"),
-    "study": (["study", "SPEC", "-o", "OUT", "--budget", "0.001", "--model", "exact"], "study.json"),
+    "stability": (["stability", "SPEC", "-o", "OUT"], "stability.json"),
+    "study": (["study", "SPEC", "-o", "OUT", "--budget", "0.001", "--model", "exact, hub"], "study.json"),
     "sweep": (["sweep", "SPEC", "-o", "OUT", "--samples", "40"], "sweep.json"),
 }  # fmt: skip
 MOMENTS = 6  # kills per command
