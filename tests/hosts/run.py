@@ -23,7 +23,7 @@ HOSTS = {
     ),
     "basilisk": ("Basilisk.simulation.mujoco", "[basilisk]", [], ["tests/hosts/test_basilisk.py"]),
     "nastran": ("pyNastran", "[nastran]", [], ["tests/hosts/test_pynastran.py", "tests/test_f06.py"]),
-    "mjx": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx.py"]),
+    "mjx": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx.py", "tests/hosts/test_mjx_extremes.py"]),
     "warp": ("mujoco_warp", "[warp]", [], ["tests/hosts/test_warp.py"]),
 }
 
