@@ -12,7 +12,7 @@ from beamchain import study as studies
 from beamchain.assess import field
 from beamchain.assess.field import Entry
 from beamchain.assess.fine_chain import LINEAR, WANTED, nonlinear
-from beamchain.assess.large_reference import added, at_zero, between
+from beamchain.assess.large_reference import Figures, added, at_zero, between
 from beamchain.assess.run_time import rigid_motion
 from beamchain.cli import app
 from beamchain.engine.rollout import simulate
@@ -187,3 +187,21 @@ def test_command_in_large_motion(tmp_path):
     assert record["reference"]["change"] <= record["reference"]["wanted"]
     assert "in large motion" in (out / "study.html").read_text()
     assert min(p["error"] for p in record["points"]) < 1e-3
+
+
+def test_the_reference_says_how_far_it_may_be_off():
+    good = Figures(1e-3, (14, 20, 28), 2e-6, 1e-8, 1e-3, 1e-5)
+    assert (good.error, good.met) == (2e-6, True)
+    missing = Figures(1e-3, (14, 20, 28), 2e-6, 1e-8, 0.4, 1e-5)  # chains that are wrong in small motion already
+    assert (missing.error, missing.met) == (4e-4, False)
+
+
+def test_rivals_of_a_damped_appendage_are_damped_as_it_is():
+    """Every kept mode of the equal links has its own ratio, through the tendons' rates in modal coordinates."""
+    task = studies.make_task(spec_toml(bc.read_spec(SEED.parent / "array_uncertain.toml")))
+    chain, dampers = field.chain_of(task, Entry("equal links, midpoint", 10, "RK4"), 0.0)
+    found = {(d.port, d.mode): d.damping for d in dampers}
+    for port in ("xy", "xz", "torsion"):
+        w = chain.port(port).frequencies
+        for k in range(field.DAMPED):
+            assert found[port, k + 1] == pytest.approx(2.0 * 0.005 * w[k])

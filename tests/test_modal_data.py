@@ -284,8 +284,10 @@ def test_matrices_that_do_not_serve_are_refused(tmp_path):
         from_matrices(m, k + np.diag([0.0] * 20 + [50.0] * 4), range(6))
     with pytest.raises(InputError, match="not symmetric"):
         from_matrices(m, np.triu(k), range(6))
-    with pytest.raises(InputError, match="can still move"):
-        from_matrices(m, k, [0, 1, 2, 3, 6, 7])
+    for elements in (2, 3, 5, 8):  # rounding lets some of these be factored
+        loose_m, loose_k = frame(elements)
+        with pytest.raises(InputError, match="can still move"):
+            from_matrices(loose_m, loose_k, [0, 1, 2, 3, 6, 7])
     (tmp_path / "x.npz").write_bytes(b"PK\3\4 cut")
     with pytest.raises(InputError, match="cannot be read"):
         read_modes(tmp_path / "x.npz")

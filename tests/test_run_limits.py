@@ -16,7 +16,7 @@ from beamchain.cli.render import too_far
 from beamchain.engine.driven import Driven, keyframes
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.slew import Slew
-from beamchain.report.study_html import study_page
+from beamchain.report.study_html import study_page, table, verdict
 from spacecraft import spec
 
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
@@ -136,6 +136,22 @@ def test_a_rendered_turn_warns():
     said = too_far(fit, _slew(0.7, 5.0))  # 0.28 rad/s, 0.112 rad/s^2
     assert ["spin" in s for s in said].count(True) == 1
     assert any(s.startswith("slew reached 0.112 rad/s^2") for s in said)
+
+
+def test_study_warns_where_no_chain_reaches_a_target():
+    spec = bc.read_spec(SEED)
+    task, scenario = studies.prepare(studies.spec_toml(spec), studies.Options(duration=10.0))
+    loud = studies.replace(scenario, profile=studies.parse_profile("time,mz\n0,60\n2,-60\n4,0\n", "p"))
+    point = studies.Point("exact, hub", 2, "RK4", 0.1, 0.2, 0.2, 1.0, 0.01, 0.0, 1.5, 3)
+    rival = studies.Point("equal links, midpoint", 57, "RK4", 0.001, 5e-3, 5e-3, 9.0, 0.01, 0.0, 9.0, 3)
+    ladders = tuple(studies.Ladder(studies.Entry(*p[:3]), [p], "") for p in (point, rival))
+    growth = studies.Growth((), None, (), None)
+    found = studies.Study(spec, studies.Options(), task.kept, loud, ladders, growth, 0.0)
+    assert found.best(1e-2, "error") is None
+    assert any(s.startswith("exact, hub, n = 2: slew") for s in studies._too_far(task, found))
+    assert "exact, hub with n = 2 comes to 0.2" in verdict(found)
+    rows = table(found, "error").rows
+    assert [r[1] for r in rows[:2]] == ["none of ours within the budget", "equal links, midpoint"]
 
 
 def test_study_warns_of_a_load_beyond_the_chain():

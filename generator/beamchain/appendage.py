@@ -17,11 +17,12 @@ from beamchain.engine.linearise import compile_model, linearise
 from beamchain.engine.mount import Mount
 from beamchain.engine.unchanged import Difference, appended, differences, others
 from beamchain.errors import EngineError, InputError
+from beamchain.hub import Hub
 from beamchain.mjcf import embed as document
 from beamchain.mjcf import write
 from beamchain.port import PORTS, Array, PortModel, in_space
 from beamchain.result import Fit
-from beamchain.spec import Hub, Spec
+from beamchain.spec import Spec
 from beamchain.stability import large_limits
 
 EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for

@@ -32,12 +32,13 @@ from beamchain.engine.linearise import compile_model
 from beamchain.engine.unchanged import appended
 from beamchain.errors import EngineError, InputError
 from beamchain.files import write_files
+from beamchain.hub import Hub
 from beamchain.mjcf import check, marks, write
 from beamchain.mjcf import embed as document
 from beamchain.mjcf.craft import Craft, bare, craft_from_text, read_craft, relocate
 from beamchain.mjcf.place import find_target, split
 from beamchain.result import Fit
-from beamchain.spec import Hub, Root, Spec, read_spec, spec_from_dict
+from beamchain.spec import Root, Spec, read_spec, spec_from_dict
 from beamchain.structure.beam import Beam
 from beamchain.workflow import as_spec, fit
 

@@ -19,10 +19,7 @@ def write_files(files: Mapping[Path, str | bytes], *, force: bool) -> None:
         OutputError: a file exists and `force` is False, or a folder cannot be made or written; nothing is left behind.
     """
     for path in files:
-        if path.is_dir():
-            raise OutputError(f"output {str(path)!r} is a folder; give another name.")
-        if os.path.lexists(path) and not force:
-            raise OutputError(f"output {str(path)!r} exists; use --force to replace it, or give another place.")
+        check_free(path, force=force)
     made: list[Path] = []
     waiting: list[tuple[Path, Path]] = []
     try:
@@ -49,6 +46,18 @@ def write_files(files: Mapping[Path, str | bytes], *, force: bool) -> None:
         raise OutputError(
             f"cannot write to {str(place)!r}: {error.strerror}; choose a folder you may write to."
         ) from None
+
+
+def check_free(path: Path, *, force: bool) -> None:
+    """Refuse a place where something stands that may not be replaced, before long work is done for it.
+
+    Raises:
+        OutputError: there is a folder, or a file and `force` is False.
+    """
+    if path.is_dir():
+        raise OutputError(f"output {str(path)!r} is a folder; give another name.")
+    if os.path.lexists(path) and not force:
+        raise OutputError(f"output {str(path)!r} exists; use --force to replace it, or give another place.")
 
 
 def _make_folder(folder: Path, made: list[Path]) -> None:

@@ -20,7 +20,7 @@ from beamchain.imported_case import Case, case_of, form_of, resolvable
 from beamchain.mjcf import write
 from beamchain.mjcf.oscillators import oscillators as write_oscillators
 from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, in_space
-from beamchain.result import Fit, InSpace, default_hub
+from beamchain.result import Fit, InSpace, default_hub, seconds_taken
 from beamchain.spec import Spec, port_hub_mass
 from beamchain.structure.mass_line import MassLine, SpreadMass
 from beamchain.structure.modal_data import ModalData
@@ -262,9 +262,6 @@ def _finish(
         limits = coupled_limits(space.achieved, held, tendon=False)
     promise = None if case.promise is None else case.promise.error(resolvable(space.achieved))
     clock.append(time.perf_counter())
-    seconds = {
-        step: b - a for step, a, b in zip(("model", "realise", "write", "verify"), clock[:-1], clock[1:], strict=True)
-    }
     achieved = {port: measured.ports[port] for port in targets}
     return Fit(
         spec=case.spec,
@@ -276,7 +273,7 @@ def _finish(
         measured=measured,
         limits=limits,
         status=verdict(case.spec, status, promise),
-        seconds=seconds,
+        seconds=seconds_taken(clock),
         bandwidth=bandwidth,
         kept_for=case.target,
         dampers=dampers,

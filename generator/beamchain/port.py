@@ -12,40 +12,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamchain.errors import InputError
+from beamchain.motion import PORT_MOTION as PORT_MOTION
+from beamchain.motion import PORTS as PORTS
+from beamchain.motion import Array as Array
+from beamchain.motion import body_mass_matrix as body_mass_matrix
+from beamchain.motion import locked as locked
+from beamchain.motion import square_root as square_root
 
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
-
-MASSLESS = 1e-13  # smallest eigenvalue of the residual mass, relative to the rigid mass, that is not rounding
 RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass than this is none, and its mode lies at infinity
 DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
-
-PORTS = ("xy", "xz", "torsion", "axial")
-
-#: Motion of the root in space (x, y, z, rotations about x, y, z) per unit of each port's own motion.
-#: Plane xz uses the rotation about -y, so that a round beam has the same numbers in both planes.
-PORT_MOTION: dict[str, Array] = {}
-for _name, _columns in {
-    "xy": (((1, 1.0),), ((5, 1.0),)),
-    "xz": (((2, 1.0),), ((4, -1.0),)),
-    "torsion": (((3, 1.0),),),
-    "axial": (((0, 1.0),),),
-}.items():
-    _motion = np.zeros((6, len(_columns)))
-    for _column, _entries in enumerate(_columns):
-        for _row, _value in _entries:
-            _motion[_row, _column] = _value
-    _motion.setflags(write=False)
-    PORT_MOTION[_name] = _motion
-
-
-def locked(values: ArrayLike) -> Array:
-    """A read-only copy as float64, so that frozen objects really are."""
-    result = np.array(values, dtype=np.float64)
-    result.setflags(write=False)
-    return result
 
 
 def _outer_sum(rows: Array, weight: NDArray[Any]) -> NDArray[Any]:
@@ -53,19 +31,6 @@ def _outer_sum(rows: Array, weight: NDArray[Any]) -> NDArray[Any]:
     m = rows.shape[1]
     outer = (rows[:, :, None] * rows[:, None, :]).reshape(rows.shape[0], m * m)
     return (outer.T @ weight).reshape(m, m, -1)
-
-
-def square_root(matrix: Array, noise: float = 0.0) -> Array:
-    """`R` with `R^T R = matrix` for a symmetric positive semidefinite matrix; eigenvalues below `noise` become zero."""
-    values, vectors = np.linalg.eigh(matrix)
-    return np.sqrt(np.where(values > noise, values, 0.0))[:, None] * vectors.T
-
-
-def body_mass_matrix(mass: float, centre: Array, inertia: Array) -> Array:
-    """`(6, 6)` mass matrix about the origin of a rigid body: `centre` `(3,)`, `inertia` `(3, 3)` about the centre."""
-    x, y, z = centre
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.block([[mass * np.eye(3), -mass * cross], [mass * cross, inertia - mass * cross @ cross]])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -1,6 +1,6 @@
 """What a fit is: the chain, its proof through MuJoCo, and the files it writes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -24,10 +24,11 @@ from beamchain.engine.bench import Measured, ballast_for
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.files import write_files
+from beamchain.hub import Hub
 from beamchain.mjcf import write
 from beamchain.mjcf.oscillators import oscillators as write_oscillators
 from beamchain.port import PORTS, Array, PortModel, in_space
-from beamchain.spec import Hub, Scene, Spec
+from beamchain.spec import Scene, Spec
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 
@@ -248,6 +249,12 @@ class Fit:
         }
         write_files(files, force=force)
         return list(files)
+
+
+def seconds_taken(clock: Sequence[float]) -> dict[str, float]:
+    """Seconds per step of a fit, from the times between its steps [s]."""
+    steps = zip(("model", "realise", "write", "verify"), clock[:-1], clock[1:], strict=True)
+    return {step: after - before for step, before, after in steps}
 
 
 def default_hub(beam: MassLine) -> Hub:

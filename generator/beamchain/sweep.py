@@ -147,7 +147,11 @@ def sweep(
         resume: take up what `folder` holds.
         progress: told after every job.
 
+    Returns:
+        the variants as arrays of one compiled model, and the samples left out with their reasons.
+
     Raises:
+        EngineError: a worker died for good.
         InputError: the spec has no [uncertain], or every sample was left out.
     """
     start = time.perf_counter()

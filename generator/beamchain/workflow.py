@@ -28,7 +28,7 @@ from beamchain.engine.bench import Measured, measure, root_body
 from beamchain.errors import InputError, RealisationError
 from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.port import PORTS, Array, PortModel, in_space
-from beamchain.result import Fit, appendage_tree
+from beamchain.result import Fit, appendage_tree, seconds_taken
 from beamchain.spec import Damping, FitOptions, Modes, Root, Scene, Spec, port_hub_mass
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
@@ -172,8 +172,6 @@ def _fit(spec: Spec) -> Fit:
     kept_ports = {port: measured.ports[port] for port in built.targets}
     limits = coupled_limits(in_space(kept_ports, measured.rigid_mass), hub, tendon=bool(dampers))
     clock.append(time.perf_counter())
-    steps = ("model", "realise", "write", "verify")
-    seconds = {step: b - a for step, a, b in zip(steps, clock[:-1], clock[1:], strict=True)}
     achieved = {port: measured.ports[port] for port in built.targets}
     seen = {port: warped[port].shown(model) if port in warped else model for port, model in achieved.items()}
     promise = plan.promise.error(seen, dict.fromkeys(seen, "achieved")) if plan.promise else None
@@ -187,7 +185,7 @@ def _fit(spec: Spec) -> Fit:
         measured=measured,
         limits=limits,
         status=verdict(spec, built.status, promise),
-        seconds=seconds,
+        seconds=seconds_taken(clock),
         bandwidth=bandwidth,
         kept_for=plan.target,
         dampers=dampers,

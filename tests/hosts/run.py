@@ -9,6 +9,8 @@ import sys
 import venv
 from pathlib import Path
 
+NOTEBOOK = "tests/test_notebooks.py::test_notebook_runs[07_other_simulators]"  # its cells run where the host is
+KERNEL = ["nbclient", "nbformat", "ipykernel"]
 EMBED = ["tests/hosts/test_mujoco.py", "tests/test_embed.py", "tests/test_embed_refused.py"]
 
 #: what must import, extra of beamchain, what else is installed, what is run
@@ -21,9 +23,9 @@ HOSTS = {
         [],
         ["tests/hosts/test_dm_control.py", "tests/hosts/test_mujoco.py"],
     ),
-    "basilisk": ("Basilisk.simulation.mujoco", "[basilisk]", [], ["tests/hosts/test_basilisk.py"]),
+    "basilisk": ("Basilisk.simulation.mujoco", "[basilisk]", KERNEL, ["tests/hosts/test_basilisk.py", NOTEBOOK]),
     "nastran": ("pyNastran", "[nastran]", [], ["tests/hosts/test_pynastran.py", "tests/test_f06.py"]),
-    "mjx": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx.py", "tests/hosts/test_mjx_extremes.py"]),
+    "mjx": ("mujoco.mjx", "[mjx]", KERNEL, ["tests/hosts/test_mjx.py", "tests/hosts/test_mjx_extremes.py", NOTEBOOK]),
     "warp": ("mujoco_warp", "[warp]", [], ["tests/hosts/test_warp.py"]),
 }
 
@@ -35,7 +37,8 @@ def main(name: str) -> int:
     module, extra, wanted, tests = HOSTS[name]
     folder = Path("build/hosts") / name
     python = folder / "bin" / "python"
-    if not (folder / "ready").exists():
+    ready, asked = folder / "ready", " ".join([extra, *wanted])
+    if not ready.exists() or ready.read_text() != asked:
         venv.create(folder, with_pip=True, clear=True)
         pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
         done = subprocess.run(
@@ -50,7 +53,7 @@ def main(name: str) -> int:
                 f"host {name}: skipped, pip could not install beamchain{extra} {' '.join(wanted)}: {said}\n"
             )
             return 0
-        (folder / "ready").touch()
+        ready.write_text(asked)
     if subprocess.run([str(python), "-c", f"import {module}"], check=False).returncode:
         sys.stderr.write(f"host {name}: installed, but `import {module}` fails; its tests would be skipped unseen.\n")
         return 1

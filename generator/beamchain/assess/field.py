@@ -40,6 +40,7 @@ PAPER = "paper's 3 links"
 RIGID_HUB = "rigid hub"
 WARPED = ("Euler", "implicitfast", "RK4")  # "discrete" damps an undamped structure whatever it is aimed at
 INTEGRATORS = ("Euler", "implicitfast", "RK4", "discrete")
+DAMPED = 6  # first modes of a rival that get a damping tendon
 MARGIN = 0.97  # of the stability limit: the largest step tried
 
 
@@ -172,11 +173,10 @@ def chain_of(task: Task, entry: Entry, timestep: float) -> tuple[Chain, tuple[Da
         ratios = task.full[port].damping
         if not np.any(ratios > 0.0):
             continue
-        ratios = np.resize(ratios, max(len(chain.hinges), 1))
-        if port in targets and task.tendons:
-            dampers += tendons(chain, port, targets[port].damping)
+        if task.tendons:  # plain joint damping would starve the first modes of a chain of many links
+            dampers += tendons(chain, port, targets[port].damping if port in targets else ratios[:DAMPED])
         else:
-            chain = joint_damping(chain, port, ratios)
+            chain = joint_damping(chain, port, np.resize(ratios, max(len(chain.hinges), 1)))
     return chain, tuple(dampers)
 
 

@@ -19,7 +19,7 @@ LINKS = (10, 14, 20, 28, 40, 57, 80)  # each twice the last but one; error falls
 TOGETHER = 3  # chains that an extrapolation takes
 WANTED = min(TARGETS) / 10.0  # relative change at which links and step count as converged
 LINEAR = min(TARGETS) / 10.0  # relative change of the motion up to which the linear response is the reference
-LONGEST = 60.0  # no chain is simulated that would take longer [s]
+LONGEST = 40.0  # no chain is simulated that would take longer [s]
 MOST_STEPS = 200_000  # of the coarse chain: beyond, whether the motion is large stays unknown
 MOMENTS = 1000  # per slowest period, at which chains are read, at most
 SHRINK = 0.1  # a small motion is at most this share of the real one: what changes with its square is 1 % of it
@@ -105,8 +105,8 @@ def large_reference(task: Task, scenario: Scenario) -> LargeReference:
         reads[links] = _pair(task, scenario, grid, _chain(links), _steps(task, grid, _chain(links)))
         if len(reads) < TOGETHER:
             continue
-        now = _extrapolated(reads, "moved")
-        change = float("inf") if best is None else _size(scenario, now - best)
+        now = _extrapolated(reads, "moved", TOGETHER)
+        change = _size(scenario, now - (_extrapolated(reads, "moved", TOGETHER - 1) if best is None else best))
         best = now
         if change <= WANTED:
             break
@@ -117,7 +117,7 @@ def large_reference(task: Task, scenario: Scenario) -> LargeReference:
     figures = Figures(
         nonlinear=_size(scenario, best), links=tuple(reads)[-TOGETHER:], change=change,
         step_change=_size(scenario, halved.moved - reads[first].moved),
-        small_motion=_size(scenario, _extrapolated(reads, "small") - exact), wanted=WANTED,
+        small_motion=_size(scenario, _extrapolated(reads, "small", TOGETHER) - exact), wanted=WANTED,
     )  # fmt: skip
     rigid = _pair(task, scenario, grid, Entry(field.RIGID_HUB, 0, "RK4"), 1)
     return LargeReference(scenario.response, scenario.profile, _spline(grid, best), _spline(grid, rigid.moved), figures)
@@ -162,8 +162,9 @@ def _pair(task: Task, scenario: Scenario, grid: _Grid, entry: Entry, steps: int)
     return _Read(between(read, large.motion[steps - 1 :: steps]), read, large.seconds + small.seconds)
 
 
-def _extrapolated(reads: dict[int, _Read], what: str) -> Array:
-    used = list(reads)[-TOGETHER:]
+def _extrapolated(reads: dict[int, _Read], what: str, count: int) -> Array:
+    """To infinitely many links, from the last `count` chains."""
+    used = list(reads)[-count:]
     return at_zero([1.0 / n**2 for n in used], [getattr(reads[n], what) for n in used])
 
 

@@ -1,14 +1,15 @@
 """From targets to one chain: which realisation is tried, what is done where it fails, and what is said of it."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 
 from beamchain.chain import polar, rivals
-from beamchain.chain.chain import Chain, Hinge, Link
-from beamchain.chain.interleave import MassGroups, PlaneLinks, cells, merge_cuts, plane_links
+from beamchain.chain.assemble import assemble, hinges_at
+from beamchain.chain.chain import Chain, Hinge
 from beamchain.chain.least_squares import fit_planar, fit_stiffness, payload_cases
 from beamchain.chain.realise import Nodes, planar_links, realise, realise_scalar
 from beamchain.chain.rods import Payload
@@ -22,7 +23,6 @@ from beamchain.structure.mass_line import MassLine
 TargetOf = Callable[[str, int], PortModel]
 
 PLANES = ("xy", "xz")
-SAME = 1e-9  # relative: hinges and masses of two planes closer than this are the same
 LOST_DIGITS = 1e-8  # a chain whose own frequencies miss the target by more is not handed out
 
 
@@ -60,65 +60,123 @@ def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, *,
         tip: match the tip displacement of the planes' modes too.
     """
     if not kept:
-        link = rivals.rigid_link(beam, 0.0, beam.length)
-        [polars] = polar.share([link], [link.inertia[0]], [[0]], np.array([link.inertia[0]]))
-        return Built(
-            Chain((polar.with_polar([link], [polars])[0],), (), beam.length), {}, Status(True, "one rigid body.")
-        )
-    history: list[str] = []
-    targets: dict[str, PortModel] = {}
-    nodes: dict[str, Nodes] = {}
-    strings: dict[str, tuple[Array, Array]] = {}
-    for port, count in kept.items():
-        if port in PLANES:
-            targets[port], nodes[port] = _plane(beam, port, count, target_of, history, tip)
-        else:
-            targets[port] = target_of(port, count)
-            strings[port] = realise_scalar(targets[port])
-    fewer = [
-        f"{port} keeps {targets[port].modes} of the {count} modes asked for"
-        for port, count in kept.items()
-        if targets[port].modes < count
-    ]
-    notes = list(fewer)
+        return _rigid(beam)
+    attempt = _Attempt.start(beam, kept, target_of, tip)
     found: tuple[Chain, str] | None = None
-    more: tuple[str, int] | None = None
-    extra = ""
     while found is None:
         try:
-            found = _assemble(beam, nodes, strings)
+            found = assemble(beam, attempt.nodes, attempt.strings)
         except RealisationError as error:
-            history.append(str(error))
-            torsion = targets.get("torsion")
-            if torsion is not None and torsion.modes > 1 and "polar inertia" in str(error):
-                targets["torsion"] = target_of("torsion", torsion.modes - 1)
-                strings["torsion"] = realise_scalar(targets["torsion"])
-                notes = [n for n in notes if not n.startswith("torsion")]
-                notes.append(f"torsion keeps {torsion.modes - 1} of the {kept['torsion']} modes asked for: {error}")
-            elif len(nodes) == 2 and more is None and len({n.stiffness.size for n in nodes.values()}) == 2:
-                # a plane with more hinges than it needs is no worse, and shared hinges or other cuts may do
-                least = min(nodes, key=lambda port: nodes[port].stiffness.size)
-                more = least, max(n.stiffness.size for n in nodes.values())
-                saved = targets[least], nodes[least]
-                try:
-                    targets[least], nodes[least] = _plane(beam, least, more[1], target_of, [], tip)
-                    found = _assemble(beam, nodes, strings)
-                    extra = f" {least} keeps {targets[least].modes} modes: with {kept[least]} no bodies exist."
-                except RealisationError:
-                    targets[least], nodes[least] = saved
-            elif len(nodes) == 2:
-                chain, how, miss = _second_by_least_squares(beam, nodes, strings, targets)
-                notes.append(f"{error} The second plane is fitted by least squares: worst relative residual {miss:.1e}")
-                found = chain, how
+            attempt.history.append(str(error))
+            if not attempt.less_torsion(error):
+                found = attempt.morehinges() if attempt.lopsided else attempt.one_plane_exact(error)
+    return attempt.built(*found)
+
+
+def _rigid(beam: MassLine) -> Built:
+    """The appendage as one body."""
+    link = rivals.rigid_link(beam, 0.0, beam.length)
+    [polars] = polar.share([link], [link.inertia[0]], [[0]], np.array([link.inertia[0]]))
+    chain = Chain((polar.with_polar([link], [polars])[0],), (), beam.length)
+    return Built(chain, {}, Status(True, "one rigid body."))
+
+
+@dataclass(eq=False)
+class _Attempt:
+    """The ports realised one by one, and what is done where no bodies satisfy all of them together.
+
+    Args:
+        beam: the appendage.
+        kept: modes per port asked for.
+        target_of: target with a number of modes.
+        tip: match the tip displacement of the planes' modes too.
+        targets: per port, what is aimed at.
+        nodes: per plane, its canonical chain.
+        strings: per scalar port, its inertias and springs.
+        history: what was tried, in order.
+        notes: where less comes out than was asked for.
+        extra: a sentence on what comes out beyond it.
+        fewer: a port has fewer modes than were asked for, as more are not physical.
+    """
+
+    beam: MassLine
+    kept: Mapping[str, int]
+    target_of: TargetOf
+    tip: bool
+    targets: dict[str, PortModel] = field(default_factory=dict[str, PortModel])
+    nodes: dict[str, Nodes] = field(default_factory=dict[str, Nodes])
+    strings: dict[str, tuple[Array, Array]] = field(default_factory=dict[str, tuple[Array, Array]])
+    history: list[str] = field(default_factory=list[str])
+    notes: list[str] = field(default_factory=list[str])
+    extra: str = ""
+    fewer: bool = False
+    _evened: bool = False
+
+    @classmethod
+    def start(cls, beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, tip: bool) -> Self:
+        """Every port by itself, with as many modes as are physical."""
+        self = cls(beam, kept, target_of, tip)
+        for port, count in kept.items():
+            if port in PLANES:
+                self.targets[port], self.nodes[port] = _plane(beam, port, count, target_of, self.history, tip)
             else:
-                raise
-    chain, how = found
-    modes = ", ".join(f"{t.modes} in {port}" for port, t in targets.items())
-    message = f"exact chain ({how}), modes kept: {modes}.{extra}"
-    if notes:
-        reasons = f" {history[0]}" if history and fewer else ""
-        return Built(chain, targets, Status(False, f"{message} {'; '.join(notes)}.{reasons}", tuple(history)))
-    return Built(chain, targets, Status(True, message, tuple(history)))
+                self.targets[port] = target_of(port, count)
+                self.strings[port] = realise_scalar(self.targets[port])
+        self.notes = [
+            f"{port} keeps {self.targets[port].modes} of the {count} modes asked for"
+            for port, count in kept.items()
+            if self.targets[port].modes < count
+        ]
+        self.fewer = bool(self.notes)
+        return self
+
+    def less_torsion(self, error: RealisationError) -> bool:
+        """One torsion mode fewer, where the links do not hold the polar inertias."""
+        torsion = self.targets.get("torsion")
+        if torsion is None or torsion.modes <= 1 or "polar inertia" not in str(error):
+            return False
+        self.targets["torsion"] = self.target_of("torsion", torsion.modes - 1)
+        self.strings["torsion"] = realise_scalar(self.targets["torsion"])
+        self.notes = [note for note in self.notes if not note.startswith("torsion")]
+        self.notes.append(f"torsion keeps {torsion.modes - 1} of the {self.kept['torsion']} modes asked for: {error}")
+        return True
+
+    @property
+    def lopsided(self) -> bool:
+        """Whether one plane has fewer hinges than the other, and has not been given as many yet."""
+        return not self._evened and len({nodes.stiffness.size for nodes in self.nodes.values()}) == 2
+
+    def morehinges(self) -> tuple[Chain, str] | None:
+        """As many hinges in both planes: more than needed is no worse, and shared hinges or other cuts may do."""
+        self._evened = True
+        least = min(self.nodes, key=lambda port: self.nodes[port].stiffness.size)
+        most = max(nodes.stiffness.size for nodes in self.nodes.values())
+        saved = self.targets[least], self.nodes[least]
+        try:
+            self.targets[least], self.nodes[least] = _plane(self.beam, least, most, self.target_of, [], self.tip)
+            found = assemble(self.beam, self.nodes, self.strings)
+        except RealisationError:
+            self.targets[least], self.nodes[least] = saved
+            return None
+        self.extra = f" {least} keeps {self.targets[least].modes} modes: with {self.kept[least]} no bodies exist."
+        return found
+
+    def one_plane_exact(self, error: RealisationError) -> tuple[Chain, str]:
+        """The plane with more modes exact, the other by least squares; raises the error where there is one plane."""
+        if len(self.nodes) < 2:
+            raise error
+        chain, how, miss = _second_by_least_squares(self.beam, self.nodes, self.strings, self.targets)
+        self.notes.append(f"{error} The second plane is fitted by least squares: worst relative residual {miss:.1e}")
+        return chain, how
+
+    def built(self, chain: Chain, how: str) -> Built:
+        """The chain with its status."""
+        modes = ", ".join(f"{target.modes} in {port}" for port, target in self.targets.items())
+        message = f"exact chain ({how}), modes kept: {modes}.{self.extra}"
+        if self.notes:
+            reasons = f" {self.history[0]}" if self.history and self.fewer else ""
+            message = f"{message} {'; '.join(self.notes)}.{reasons}"
+        return Built(chain, self.targets, Status(not self.notes, message, tuple(self.history)))
 
 
 def _plane(
@@ -130,7 +188,7 @@ def _plane(
             target = target_of(port, modes)
             nodes = realise(target)
             probe = Chain(
-                tuple(planar_links(nodes, beam)), _hinges(nodes.positions[1:-1], {port: nodes}, {}), beam.length
+                tuple(planar_links(nodes, beam)), hinges_at(nodes.positions[1:-1], {port: nodes}, {}), beam.length
             )
             miss = float(np.max(np.abs(probe.port(port).frequencies / target.frequencies - 1.0)))
             if miss > LOST_DIGITS:
@@ -153,112 +211,6 @@ def _with_tip(nodes: Nodes, target: PortModel, beam: MassLine, label: str, histo
     return found
 
 
-def _hinges(cuts: Array, planes: Mapping[str, Nodes], scalars: Mapping[str, Mapping[int, float]]) -> tuple[Hinge, ...]:
-    """Hinges at the cuts: a plane's spring where the plane has a hinge there, scalar springs by hinge number."""
-    out: list[Hinge] = []
-    for i, x in enumerate(cuts):
-        stiffness: dict[str, float] = {}
-        for port, nodes in planes.items():
-            places = nodes.positions[1:-1]
-            near = np.flatnonzero(np.abs(places - x) <= SAME * max(float(places[-1]), 1e-300)) if places.size else []
-            if len(near):
-                stiffness[port] = float(nodes.stiffness[near[0]])
-        for port, springs in scalars.items():
-            if i in springs:
-                stiffness[port] = springs[i]
-        out.append(Hinge(x=float(x), stiffness=stiffness))
-    return tuple(out)
-
-
-def _assemble(
-    beam: MassLine, nodes: Mapping[str, Nodes], strings: Mapping[str, tuple[Array, Array]]
-) -> tuple[Chain, str]:
-    """One chain for all ports, exact in each, and how it was found."""
-    total = beam.moments(0.0, beam.length, closed=True)
-    torsion = strings.get("torsion")
-    inertias = np.array([total.polar]) if torsion is None else torsion[0]
-    shared = _shared(nodes, abs(total.rotary_xy - total.rotary_xz) / total.second)
-    if shared is not None and "axial" not in strings and inertias.size - 1 <= shared.stiffness.size:
-        cuts = shared.positions[1:-1]
-        links = planar_links(shared, beam)
-        try:
-            return _finish(beam, nodes, links, cuts, strings, inertias, {}), "shared hinges"
-        except RealisationError:
-            pass  # the split of the masses does not suit the polar inertia: let the linear program choose bodies
-    planes = {
-        port: plane_links(nodes[port])
-        if port in nodes
-        else PlaneLinks(np.zeros(0), np.array([[total.mass, total.first, total.second + rotary]]))
-        for port, rotary in (("xy", total.rotary_xy), ("xz", total.rotary_xz))
-    }
-    positions = [p.hinges for p in planes.values()]
-    groups = None
-    if "axial" in strings:
-        wish = polar.natural_positions(beam, strings["axial"][0], "mass")
-        groups = MassGroups(_snap(wish, np.concatenate(positions), 0.02 * beam.length), strings["axial"][0])
-        positions.append(groups.hinges)
-    missing = inertias.size - 1 - merge_cuts(positions, beam.length).size
-    wish = polar.natural_positions(beam, inertias, "polar")
-    taken = np.concatenate(positions)
-    gaps = np.array([float(np.min(np.abs(taken - x), initial=np.inf)) for x in wish])
-    for extra in (max(missing, 0), inertias.size - 1):  # first without more bodies than needed
-        cuts = merge_cuts([*positions, wish[np.argsort(gaps)[::-1][:extra]]], beam.length)
-        links = cells(beam, cuts, planes["xy"], planes["xz"], groups)
-        slides = {}
-        if groups is not None:
-            at = [int(np.argmin(np.abs(cuts - x))) for x in groups.hinges]
-            slides = {i: float(k) for i, k in zip(at, strings["axial"][1], strict=True)}
-        try:
-            return _finish(beam, nodes, links, cuts, strings, inertias, slides), "interleaved hinges"
-        except RealisationError:
-            if extra == inertias.size - 1:
-                raise
-    raise RealisationError("no hinges were left to try.")
-
-
-def _finish(
-    beam: MassLine,
-    nodes: Mapping[str, Nodes],
-    links: list[Link],
-    cuts: Array,
-    strings: Mapping[str, tuple[Array, Array]],
-    inertias: Array,
-    slides: dict[int, float],
-) -> Chain:
-    """Polar inertia and torsion springs onto links and hinges."""
-    turning, polars = polar.place(beam, links, cuts, inertias, polar.real_polar(beam, cuts))
-    scalars: dict[str, dict[int, float]] = {"axial": slides} if slides else {}
-    if "torsion" in strings:
-        scalars["torsion"] = {i: float(k) for i, k in zip(turning, strings["torsion"][1], strict=True)}
-    return Chain(tuple(polar.with_polar(links, polars)), _hinges(cuts, nodes, scalars), beam.length)
-
-
-def _shared(nodes: Mapping[str, Nodes], rotary: float) -> Nodes | None:
-    """The nodes that serve every bending plane at once, if there are such."""
-    if not nodes or rotary > SAME:
-        return None
-    first, *others = nodes.values()
-    if first.excess is not None and len(nodes) > 1:
-        return None
-    for other in others:
-        if other.masses.size != first.masses.size:
-            return None
-        if np.any(np.abs(other.masses - first.masses) > SAME * first.masses) or np.any(
-            np.abs(other.lengths - first.lengths) > SAME * first.lengths
-        ):
-            return None
-    return first
-
-
-def _snap(wish: Array, places: Array, near: float) -> Array:
-    """Each wish moved onto the nearest place within `near`, if none was taken before."""
-    out: list[float] = []
-    for x in wish:
-        free = [float(p) for p in places if abs(p - x) <= near and p not in out]
-        out.append(min(free, key=lambda p: abs(p - x)) if free else float(x))
-    return np.array(out)
-
-
 def _second_by_least_squares(
     beam: MassLine,
     nodes: Mapping[str, Nodes],
@@ -268,7 +220,7 @@ def _second_by_least_squares(
     """The plane with more modes exact, the other by least squares on its springs."""
     first = max(nodes, key=lambda port: nodes[port].stiffness.size)
     second = next(port for port in nodes if port != first)
-    chain, how = _assemble(beam, {first: nodes[first]}, strings)
+    chain, how = assemble(beam, {first: nodes[first]}, strings)
     edges = [0.0, *(h.x for h in chain.hinges), beam.length]
     start = np.array([1.0 / beam.compliance(a, b, second) for a, b in zip(edges[:-2], edges[2:], strict=True)]) * 2.0
     chain, miss = fit_stiffness(chain, second, targets[second], start)

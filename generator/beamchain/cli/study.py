@@ -51,7 +51,7 @@ def study(
     Example: beamchain study boom.toml -o study
     """
     from beamchain.checks import positive
-    from beamchain.errors import OutputError
+    from beamchain.files import check_free
     from beamchain.jobs import workers as pool
     from beamchain.spec import read_spec
     from beamchain.study import Options
@@ -63,10 +63,7 @@ def study(
     if amplitude is not None:
         positive("--amplitude", amplitude, "N or N m")
     positive("--budget", budget, "s")
-    if (output / "study.json").exists() and not force:
-        raise OutputError(
-            f"output {str(output / 'study.json')!r} exists; use --force to replace it, or another folder."
-        )
+    check_free(output / "study.json", force=force)
     options = Options(None if profile is None else read_text(profile), duration, budget, tuple(model or ()), amplitude)
     with pool(workers, dask) as executor, job_bar("measuring", quiet or as_json) as progress:
         result = measure(read, options, executor=executor, folder=output, resume=resume, progress=progress)

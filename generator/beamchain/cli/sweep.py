@@ -34,16 +34,13 @@ def sweep(
 
     Example: beamchain sweep array.toml --samples 1000 -o variants
     """
-    from beamchain.errors import OutputError
+    from beamchain.files import check_free
     from beamchain.jobs import workers as pool
     from beamchain.spec import read_spec
     from beamchain.sweep import sweep as draw
 
     read = read_spec(spec)
-    if (output / "sweep.json").exists() and not force:
-        raise OutputError(
-            f"output {str(output / 'sweep.json')!r} exists; use --force to replace it, or another folder."
-        )
+    check_free(output / "sweep.json", force=force)
     with pool(workers, dask) as executor, job_bar("fitting variants", quiet or as_json) as progress:
         result = draw(read, samples, seed=seed, executor=executor, folder=output, resume=resume, progress=progress)
     files = result.write(output, force=force)

@@ -6,7 +6,7 @@ and `M^-1 B` without a limit h -> 0, even at a step at which the simulation woul
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -56,6 +56,24 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
         return mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise EngineError(f"MuJoCo refuses {str(path)!r}: {error}") from None
+
+
+class Held(NamedTuple):
+    """A linearised model with its root held: its modes, and what joins them to the root.
+
+    Args:
+        apparent: `(m, m)` mass of the port with the joints loose.
+        squares: `(n,)` frequencies squared, ascending [1/s^2].
+        reaction: `(m, n)` wrench of each mode on the root.
+        drive: `(n, m)` what the root's acceleration does to each mode; `reaction x drive` is the sum of `W^2 L L^T`.
+        ratios: `(n,)` of damping.
+    """
+
+    apparent: Array
+    squares: Array
+    reaction: Array
+    drive: Array
+    ratios: Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,42 +159,44 @@ class Linearisation:
         root = [dof for _, dof in motors]
         inner = sorted(use - set(root))
         columns = [i for i, _ in motors]
-        g_root, g_inner = self.inputs[np.ix_(root, columns)], self.inputs[np.ix_(inner, columns)]
-        apparent = np.linalg.inv(g_root)  # the port's mass with the hinges loose
-        pull = self.stiffness[np.ix_(root, inner)]
-        follow = g_inner @ apparent
-        held = self.stiffness[np.ix_(inner, inner)] - follow @ pull
-        if not inner:
-            return PortModel(
-                (apparent + apparent.T) / 2.0 - (0.0 if ballast is None else ballast),
-                np.zeros(0),
-                np.zeros((0, len(root))),
-            )
-        squares, right = np.linalg.eig(held)
+        held = self.held(root, inner, columns, np.eye(len(root)))
+        rigid = (held.apparent + held.apparent.T) / 2.0 - (0.0 if ballast is None else ballast)
+        rows: list[Array] = []
+        for k, square in enumerate(held.squares):
+            # reaction x drive = W^2 L L^T: its symmetric part's leading eigenpair
+            both = np.outer(held.reaction[:, k], held.drive[k]) / square
+            values, vectors = np.linalg.eigh((both + both.T) / 2.0)
+            rows.append(vectors[:, -1] * np.sqrt(max(float(values[-1]), 0.0)))
+        participation = np.array(rows).reshape(-1, len(root))
+        return PortModel(rigid + participation.T @ participation, np.sqrt(held.squares), participation, held.ratios)
+
+    def held(self, root: list[int], inner: list[int], columns: list[int], turn: Array) -> Held:
+        """The model with its root held.
+
+        Args:
+            root: its degrees of freedom, one per motion of the port.
+            inner: the sprung ones.
+            columns: motors that drive the root.
+            turn: `(m, m)` diagonal, signs of the port's motions against the joints'.
+
+        Raises:
+            EngineError: a joint is not sprung.
+        """
+        apparent: Array = np.asarray(np.linalg.inv(turn @ self.inputs[np.ix_(root, columns)] @ turn), dtype=np.float64)
+        follow = self.inputs[np.ix_(inner, columns)] @ turn @ apparent
+        pull = turn @ self.stiffness[np.ix_(root, inner)]
+        squares, right = np.linalg.eig(self.stiffness[np.ix_(inner, inner)] - follow @ pull)
         order = np.argsort(np.real(squares))
         squares, right = np.real(squares)[order], np.real(right)[:, order]
         if np.any(squares <= 0.0):
             raise EngineError(
-                "a hinge of the held appendage has no positive stiffness; the port model needs every hinge sprung."
+                "a joint of the held appendage has no positive stiffness; the port model needs every joint sprung."
             )
         left = np.linalg.inv(right)
-        reaction, drive = apparent @ pull @ right, left @ follow
-        rows: list[Array] = []
-        for k, square in enumerate(squares):
-            # reaction x drive = W^2 L L^T: its symmetric part's leading eigenpair
-            both = np.outer(reaction[:, k], drive[k]) / square
-            values, vectors = np.linalg.eigh((both + both.T) / 2.0)
-            rows.append(vectors[:, -1] * np.sqrt(max(float(values[-1]), 0.0)))
-        participation = np.array(rows)
-        damping = self.damping[np.ix_(inner, inner)] - follow @ self.damping[np.ix_(root, inner)]
-        w = np.sqrt(squares)
-        ratios = np.diag(left @ damping @ right) / (2.0 * w)
-        rigid = (apparent + apparent.T) / 2.0 + participation.T @ participation
-        return PortModel(
-            rigid - (0.0 if ballast is None else ballast),
-            w,
-            participation,
-            np.where(np.abs(ratios) < 1e-14, 0.0, ratios),
+        damping = self.damping[np.ix_(inner, inner)] - follow @ turn @ self.damping[np.ix_(root, inner)]
+        ratios = np.diag(left @ damping @ right) / (2.0 * np.sqrt(squares))
+        return Held(
+            apparent, squares, apparent @ pull @ right, left @ follow, np.where(np.abs(ratios) < 1e-14, 0.0, ratios)
         )
 
     def coupling(self, groups: "list[tuple[int, ...]]") -> float:

@@ -7,7 +7,6 @@ from lxml.etree import _Element as Element
 
 from beamchain.engine.bench import Measured, rigid_mass
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
-from beamchain.errors import EngineError
 from beamchain.mjcf import write
 from beamchain.port import PORT_MOTION, PORTS, Array, PortModel
 from beamchain.structure.planes import into_planes, near_groups
@@ -62,40 +61,18 @@ def _port(linear: Linearisation, extra: Array, live: list[int]) -> PortModel:
     root = [linear.joints.index(joint) for joint in ROOT]
     inner = [i for i in range(len(linear.joints)) if i not in set(root)]
     columns = [linear.driven.index(dof) for dof in root]
-    turn = np.diag(SIGNS)
-    g_root = turn @ linear.inputs[np.ix_(root, columns)] @ turn
-    g_inner = linear.inputs[np.ix_(inner, columns)] @ turn
-    apparent = np.linalg.inv(g_root)  # the port's mass with the joints loose
-    apparent = (apparent + apparent.T) / 2.0
-    if not inner:
-        mass = (apparent - extra)[np.ix_(live, live)]
-        return PortModel(mass, np.zeros(0), np.zeros((0, len(live))))
-    pull = turn @ linear.stiffness[np.ix_(root, inner)]
-    follow = g_inner @ apparent
-    squares, right = np.linalg.eig(linear.stiffness[np.ix_(inner, inner)] - follow @ pull)
-    order = np.argsort(np.real(squares))
-    squares, right = np.real(squares)[order], np.real(right)[:, order]
-    if np.any(squares <= 0.0):
-        raise EngineError(
-            "a joint of the held appendage has no positive stiffness; the port model needs every joint sprung."
-        )
-    left = np.linalg.inv(right)
-    reaction, drive = apparent @ pull @ right, left @ follow
-    w = np.sqrt(squares)
+    held = linear.held(root, inner, columns, np.diag(SIGNS))
+    apparent, w = (held.apparent + held.apparent.T) / 2.0, np.sqrt(held.squares)
     rows = np.zeros((w.size, 6))
     groups = near_groups(w, TOGETHER)
     singles = [[k] for k in range(w.size) if not any(k in group for group in groups)]
     for group in [*singles, *groups]:
         # the sum over a group of W^2 L L^T is its own, whatever its eigenvectors: the leading eigenpairs are the rows
-        both = (reaction[:, group] / squares[group]) @ drive[group]
+        both = (held.reaction[:, group] / held.squares[group]) @ held.drive[group]
         values, vectors = np.linalg.eigh((both + both.T) / 2.0)
         top = values.size - len(group)
         rows[group] = (vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))).T[::-1]
     mass = apparent + rows.T @ rows - extra
     scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
     rows = into_planes(w, rows, scale, groups).participation
-    inner_damping = linear.damping[np.ix_(inner, inner)] - follow @ turn @ linear.damping[np.ix_(root, inner)]
-    ratios = np.diag(left @ inner_damping @ right) / (2.0 * w)
-    return PortModel(
-        mass[np.ix_(live, live)], w, rows[:, live], np.where(np.abs(ratios) < 1e-14, 0.0, ratios)
-    )  # fmt: skip
+    return PortModel(mass[np.ix_(live, live)], w, rows[:, live], held.ratios)

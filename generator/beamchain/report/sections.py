@@ -97,15 +97,13 @@ def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     links = sum(link.mass > 0.0 for link in fit.chain.links)
     what = f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for the beam's {_kept(fit)}"
     if fit.oscillators is not None:
-        what = (
-            f"{count(len(fit.oscillators.items), 'oscillator')} on a rigid root body stand for as many imported modes"
-        )
+        made = count(len(fit.oscillators.items), "oscillator")
+        what = f"{made} on a rigid root body stand for as many imported modes"
     elif fit.space is not None:
         what = what.replace("the beam's", "the imported modes:")
     hub = "the hub of the spec" if fit.hub_mass is not None else "a hub of 0.1, 1 or 10 times the appendage's mass"
     text = (
-        f"{what}: "
-        f"frequencies within {percent(frequency)}, read back through MuJoCo; the motion of {hub} is off by "
+        f"{what}: frequencies within {percent(frequency)}, read back through MuJoCo; the motion of {hub} is off by "
         f"at most {percent(errors[worst])} up to {short(fit.bandwidth[worst])} rad/s"
     )
     classical = rivals[worst].get(METHODS["classical"])
@@ -126,9 +124,8 @@ def _rigid_verdict(fit: "Fit") -> Verdict:
     text = "One rigid body stands for the appendage"
     if scene is not None and scene.bandwidth is not None and fit.promise is not None:
         text += f": the motion of the hub is off by at most {percent(fit.promise)} up to {short(scene.bandwidth)} rad/s"
-    if not fit.status.ok:
-        return Verdict(False, f"Less than was asked for: {fit.status.message.rstrip('.')}. {text}.")
-    return Verdict(True, f"{text}.")
+    less = "" if fit.status.ok else f"Less than was asked for: {fit.status.message.rstrip('.')}. "
+    return Verdict(fit.status.ok, f"{less}{text}.")
 
 
 def all_sections(
@@ -330,14 +327,8 @@ def _chain(fit: "Fit", pictures: Pictures) -> list[Block]:
         ]
         for i, link in enumerate(fit.chain.links, 1)
     ]
-    head = [
-        "link",
-        "starts at x, m",
-        "length, m",
-        "mass, kg",
-        "centre of mass x, m",
-        "inertia xx, yy, zz about it, kg m²",
-    ]
+    about = "inertia xx, yy, zz about it, kg m²"
+    head = ["link", "starts at x, m", "length, m", "mass, kg", "centre of mass x, m", about]
     blocks.append(Table(rows, head, caption="Links"))
     ports = fit.chain.ports
     damped = [port for port in ports if any(port in hinge.damping for hinge in fit.chain.hinges)]

@@ -1,16 +1,12 @@
 """study.html: what each second of computing buys; one file, nothing fetched."""
 
 import math
-from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING
-
-import jinja2
 
 from beamchain.assess.front import Metric, Reach
 from beamchain.report import study_plots
-from beamchain.report.page import Table, inline
-from beamchain.report.plots import to_svg
+from beamchain.report.page import Table, inline, page_text
+from beamchain.report.plots import short, to_svg
 
 if TYPE_CHECKING:
     from beamchain.study import Study
@@ -25,7 +21,8 @@ def study_page(study: "Study") -> tuple[str, dict[str, str]]:
         "growth.svg": to_svg(study_plots.growth_figure(study.growth), "growth"),
     }
     record = study.as_dict()
-    page = _template().render(
+    page = page_text(
+        "study.html",
         name=study.spec.name,
         verdict=verdict(study),
         scenario=scenario_sentence(study),
@@ -71,8 +68,7 @@ def reference_sentence(study: "Study") -> str:
         f"the exact motion by {figures.small_motion:.1g}, which is taken off."
     )
     if not figures.met:
-        worst = max(figures.change, figures.step_change)
-        text += f" It is no better than {worst:.1g}: errors below {10.0 * worst:.1g} are not to be relied on."
+        text += f" It is no better than {figures.error:.1g}: errors below {10.0 * figures.error:.1g} are not to be relied on."
     return text
 
 
@@ -80,7 +76,10 @@ def verdict(study: "Study") -> str:
     """The answer in one sentence."""
     best = study.best(1e-3, "error") or study.best(1e-2, "error")
     if best is None:
-        return "No setting reached an error of 1e-2 within the budget; raise --budget."
+        nearest = study.nearest("error")
+        near = "" if nearest is None else f"; {nearest.model} with n = {nearest.n} comes to {nearest.error:.2g}"
+        cure = "raise --budget" if study.scenario.large is None else "give a smaller load, or raise --budget"
+        return f"No setting of ours reached an error of 1e-2 within the budget{near}: {cure}."
     target = 1e-3 if study.best(1e-3, "error") else 1e-2
     point, rivals = best.point, study.rivals(target, "error")
     near = min(rivals.values(), key=lambda r: r.seconds, default=None)
@@ -91,16 +90,24 @@ def verdict(study: "Study") -> str:
     if near is None:
         return text
     how = " (extrapolated along its measured slope)" if near.extrapolated else ""
-    return f"{text} The nearest rival, {near.model}, takes {near.seconds / best.seconds:.3g} times as long{how}."
+    return f"{text} The nearest rival, {near.model}, takes {short(near.seconds / best.seconds)} times as long{how}."
 
 
 def row(reach: Reach, label: str, best: float) -> list[str]:
     """One line of the table: measured, or extrapolated and said so."""
     p = reach.point
     ratio = reach.seconds / best
-    slower = "" if ratio == 1.0 else f" ({ratio:.3g} x)"
+    slower = "" if ratio == 1.0 else f" ({short(ratio)} x)"
     if reach.extrapolated:
-        return [label, p.model, "more", p.integrator, "less", f"{1e3 * reach.seconds:.3g}{slower}, extrapolated", "-"]
+        return [
+            label,
+            p.model,
+            "more",
+            p.integrator,
+            "less",
+            f"{short(1e3 * reach.seconds)}{slower}, extrapolated",
+            "-",
+        ]
     return [
         label, p.model, str(p.n), p.integrator, f"{p.timestep:.4g}", f"{1e3 * reach.seconds:.4g}{slower}",
         f"{p.over_rigid_hub:.2f}",
@@ -115,7 +122,9 @@ def table(study: "Study", metric: Metric) -> Table:
     for target in TARGETS:
         best = study.best(target, metric)
         if best is None:
-            rows.append([power(target), "none within the budget", "", "", "", "", ""])
+            rows.append([power(target), "none of ours within the budget", "", "", "", "", ""])
+            rivals = study.rivals(target, metric).values()
+            rows += [row(r, "", r.seconds) for r in sorted(rivals, key=lambda r: r.seconds) if not r.extrapolated]
             continue
         rows.append(row(best, power(target), best.seconds))
         second = study.oscillators(target, metric)
@@ -124,7 +133,7 @@ def table(study: "Study", metric: Metric) -> Table:
             rows.append(row(reach, "", best.seconds))
         for model, floor in study.short_of(target, metric).items():
             rows.append(["", model, "any", "any", "any", f"never: {floor:.2g} at best", "-"])
-    return Table(rows, HEAD, caption=study_plots.TITLES[metric])
+    return Table(rows, HEAD, caption=study_plots.TITLES[metric], named=True)
 
 
 def commands(study: "Study") -> list[str]:
@@ -146,11 +155,3 @@ def _every(study: "Study") -> Table:
     ]  # fmt: skip
     head = ("model", "n", "integrator", "step, s", "error", "error, own clock", "time, ms", "µs per step", "spread, %")
     return Table(rows, head)
-
-
-@cache
-def _template() -> jinja2.Template:
-    loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
-    return jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined).get_template(
-        "study.html"
-    )

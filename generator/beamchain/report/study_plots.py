@@ -109,8 +109,9 @@ def growth_figure(growth: "Growth") -> Figure:
             ax = figure.add_subplot(1, 2, i + 1)
             n, times = [float(n) for n, _ in points], [factor * t for _, t in points]
             ax.loglog(n, times, color=OURS, marker="o", markersize=4.0)
-            log_axis(ax.xaxis, (n[0], n[-1]), plain)
-            log_axis(ax.yaxis, (min(times), max(times)), plain)
+            if points:  # a study restricted to one model measures no growth
+                log_axis(ax.xaxis, (n[0], n[-1]), plain)
+                log_axis(ax.yaxis, (min(times), max(times)), plain)
             ax.set_title(title if exponent is None else f"{title}: n^{exponent:.2f}")
             ax.set_xlabel("n")
             ax.set_ylabel(unit)

@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from beamchain.assess.front import Metric, Reach
-from beamchain.assess.large_reference import Figures
+from beamchain.assess.scenario import Scenario
 
 if TYPE_CHECKING:
     from beamchain.study import Study
@@ -27,10 +27,7 @@ def study_record(study: "Study") -> dict[str, Any]:
             "watched": scenario.watched,
             "largest_elastic_motion": scenario.largest,
         },
-        "reference": {
-            "kind": "linear" if scenario.large is None else "large motion",
-            **asdict(Figures(scenario.nonlinear) if scenario.large is None else scenario.large.figures),
-        },
+        "reference": _reference(scenario),
         "points": [point._asdict() for point in study.points],
         "notes": [
             {
@@ -53,6 +50,14 @@ def study_record(study: "Study") -> dict[str, Any]:
         "warnings": study.warnings,
         "seconds": study.seconds,
     }
+
+
+def _reference(scenario: Scenario) -> dict[str, Any]:
+    """What the motions were compared with, and how good it is."""
+    if scenario.large is None:
+        return {"kind": "linear", "nonlinear": scenario.nonlinear}
+    figures = scenario.large.figures
+    return {"kind": "large motion", **asdict(figures), "error": figures.error}
 
 
 def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
