@@ -60,9 +60,10 @@ def test_a_subset_of_the_extremes():
     print(f"float32 (MJX): {len(rows)} cases, {len(held)} held within {HELD:g}, {len(rows) - len(held)} not")  # noqa: T201
     for name, modes, spread, inertia, error in sorted(rows, key=lambda r: r[2]):
         verdict = "held" if error < HELD else "lost"
-        print(
+        said = (
             f"{name}: {modes} modes, w^2 spread {spread:.1e}, least inertia {inertia:.1e}, error {error:.1e}: {verdict}"
-        )  # noqa: T201
+        )
+        print(said)  # noqa: T201
     assert len(rows) >= 20
     for name, _, spread, _, error in rows:
         if spread < SPREAD:
