@@ -4,6 +4,7 @@
 # make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp" for more
 # make bench       print the timings that README and CHANGELOG quote
 # make bench-peers  the README's study beside Exudyn and Basilisk, in an environment of its own under build/peers
+# make fuzz        every reader with EXAMPLES spoilt files each, then coverage-guided where atheris installs
 # make notebooks   run the notebooks in place, outputs kept small
 # make docs-pictures  draw the pictures that README shows
 # make wheel       build the distribution into dist/
@@ -14,7 +15,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
 
-.PHONY: demo test test-full hosts bench bench-peers notebooks docs-pictures wheel wheel-test wheel-newest lint clean
+.PHONY: demo test test-full hosts bench bench-peers notebooks docs-pictures wheel wheel-test wheel-newest lint clean fuzz
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -53,6 +54,15 @@ bench-peers: $(VENV)/.installed
 	build/peers/venv/bin/python -W ignore tests/benchmarks/peers/exudyn_peers.py build/peers/exudyn.json
 	build/peers/venv/bin/python -W ignore tests/benchmarks/peers/basilisk_peer.py build/peers/basilisk.json
 	build/peers/venv/bin/python tests/benchmarks/peers/compare.py build/peers/study/study.json build/peers/exudyn.json build/peers/basilisk.json
+
+EXAMPLES ?= 2000
+FUZZ_SECONDS ?= 60
+
+fuzz: $(VENV)/.installed
+	BEAMCHAIN_FUZZ=$(EXAMPLES) $(BIN)/pytest -n $(WORKERS) tests/test_hostile.py
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris || echo "atheris does not install here"
+	for reader in spec print "modes, TOML" "modes, JSON" spacecraft profile; do \
+		PYTHONPATH=tests $(BIN)/python tests/fuzz.py "$$reader" $(FUZZ_SECONDS) || exit 1; done
 
 notebooks: $(VENV)/.installed
 	$(BIN)/python notebooks/execute.py

@@ -32,7 +32,7 @@ def positive(field: str, value: object, unit: str, *, cure: str = "") -> float:
     result = number(field, value, unit, cure=cure)
     if not result > 1e-30:
         raise InputError(
-            f"{field} = {result!r} must be above zero{f' ({unit})' if unit else ''}. "
+            f"{field} = {result!r} must be above {'zero' if result <= 0.0 else '1e-30'}{f' ({unit})' if unit else ''}. "
             + (cure or f"Give {field} a positive value.")
         )
     return result

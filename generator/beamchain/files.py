@@ -12,7 +12,7 @@ def write_files(files: Mapping[Path, str | bytes], *, force: bool) -> None:
     """Write all files, or none.
 
     Args:
-        files: content by path, in the order in which they shall appear.
+        files: content by path, in the order in which they shall appear; the last one's presence means all are there.
         force: replace files that exist.
 
     Raises:
@@ -31,6 +31,8 @@ def write_files(files: Mapping[Path, str | bytes], *, force: bool) -> None:
                 stream.write(content.encode("utf-8") if isinstance(content, str) else content)
                 stream.flush()
                 os.fsync(stream.fileno())
+        if len(waiting) > 1:  # the last one says that all are there: an old one must not say it of new files
+            waiting[-1][1].unlink(missing_ok=True)
         for temporary, path in waiting:
             temporary.chmod(0o644)
             temporary.replace(path)
@@ -54,7 +56,7 @@ def check_free(path: Path, *, force: bool) -> None:
     """
     if path.is_dir():
         raise OutputError(f"output {str(path)!r} is a folder; give another name.")
-    if path.exists() and not force:
+    if os.path.lexists(path) and not force:
         raise OutputError(f"output {str(path)!r} exists; use --force to replace it, or give another place.")
 
 

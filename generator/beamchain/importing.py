@@ -13,7 +13,7 @@ from beamchain.chain.chain import Chain, Link
 from beamchain.chain.damping import Damper, joint_damping, tendons
 from beamchain.chain.near import build_chain, same_planes
 from beamchain.chain.oscillators import LEAST, Oscillators, realise_oscillators
-from beamchain.engine.bench import Measured, ballast_for, measure
+from beamchain.engine.bench import Measured, measure, root_body
 from beamchain.engine.space import block, measure_in_space
 from beamchain.errors import InputError, RealisationError
 from beamchain.imported_case import Case, case_of, form_of, resolvable
@@ -96,7 +96,7 @@ def _chain_fit(case: Case, why: str, started: float, *, ok: bool = True) -> Fit:
     clock.append(time.perf_counter())
     tree = write.appendage(chain, spec.name, beam=line, dampers=dampers, visuals=case.scene.visuals)
     clock.append(time.perf_counter())
-    measured = measure(tree, PORTS, timestep=case.scene.timestep, ballast=ballast_for(chain))
+    measured = measure(tree, PORTS, timestep=case.scene.timestep, ballast=root_body(chain))
     live = tuple(data.live)
     achieved = _living(in_space(measured.ports, measured.rigid_mass), live)
     space = _space(case, "chain", why, achieved, live, None)

@@ -1,5 +1,6 @@
 """Many independent jobs over any `concurrent.futures.Executor`: stored as they come, resumed where they stopped."""
 
+import hashlib
 import json
 import os
 from collections.abc import Callable, Generator, Iterator, Mapping
@@ -137,19 +138,26 @@ def _read(store: Path) -> dict[str, Any]:
     if not store.is_file():
         return {}
     out: dict[str, Any] = {}
-    for line in store.read_text(encoding="utf-8").splitlines():
-        try:
-            entry = json.loads(line)
-            out[entry["key"]] = entry["value"]
-        except (json.JSONDecodeError, KeyError, TypeError):
-            continue  # the line that was being written when it stopped
+    with store.open(encoding="utf-8", errors="replace") as stream:
+        for line in stream:
+            try:
+                entry = json.loads(line)
+                if entry["check"] == _check(entry["key"], entry["value"]):
+                    out[entry["key"]] = entry["value"]
+            except (ValueError, KeyError, TypeError, RecursionError):
+                continue  # damaged, or the line that was being written when it stopped: it is done again
     return out
+
+
+def _check(key: str, value: Any) -> str:
+    """A sum that tells a damaged line."""
+    return hashlib.blake2b(json.dumps([key, value]).encode(), digest_size=8).hexdigest()
 
 
 def _append(store: Path, key: str, value: Any) -> None:
     try:
         store.parent.mkdir(parents=True, exist_ok=True)
         with store.open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps({"key": key, "value": value}) + "\n")
+            stream.write(json.dumps({"key": key, "value": value, "check": _check(key, value)}) + "\n")
     except OSError as error:
         raise OutputError(f"cannot write to {str(store)!r}: {error.strerror}; choose another folder.") from None

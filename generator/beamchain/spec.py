@@ -2,7 +2,6 @@
 
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -21,9 +20,9 @@ from beamchain.structure.imported import Imported
 from beamchain.structure.joint import Joint
 from beamchain.structure.lump import Lump, body_inertia
 from beamchain.structure.segment import Segment
+from beamchain.tables import LARGEST_TOML, tables
 from beamchain.uncertain import Uncertain
 
-LARGEST_FILE = 10_000_000  # bytes; a spec is a page of text
 MOST_MODES = 20
 
 Target = Literal["clamped", "free", "hub", "auto"]
@@ -321,9 +320,9 @@ def _read_toml(path: Path) -> dict[str, Any]:
             kind = "is a folder" if path.is_dir() else "does not exist" if not path.exists() else "is no regular file"
             raise InputError(f"spec {str(path)!r} {kind}; give the path of a SPEC.toml file.")
         size = path.stat().st_size
-        if size > LARGEST_FILE:
+        if size > LARGEST_TOML:
             raise InputError(
-                f"spec {str(path)!r} has {size} bytes, more than the {LARGEST_FILE} taken; a spec is a page of text."
+                f"spec {str(path)!r} has {size} bytes, more than the {LARGEST_TOML} taken; a spec is a page of text."
             )
         content = path.read_bytes().decode("utf-8")
     except UnicodeDecodeError as error:
@@ -335,8 +334,8 @@ def _read_toml(path: Path) -> dict[str, Any]:
             raise
         raise InputError(f"spec {str(path)!r} cannot be read ({error}); check the path and its permissions.") from None
     try:
-        return tomllib.loads(content)
-    except tomllib.TOMLDecodeError as error:
+        return tables(content)
+    except ValueError as error:
         raise InputError(f"spec {str(path)!r} is not TOML: {error}. Strings need quotes, tables [brackets].") from None
     except RecursionError:
         raise InputError(f"spec {str(path)!r} is nested too deeply to be a spec; flatten its tables.") from None

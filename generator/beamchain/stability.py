@@ -1,6 +1,6 @@
 """`beamchain stability`: the walk through step limits, large motion and extremes, and its record."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,8 +49,12 @@ class StabilityStudy:
     large: dict[str, LargeMotion]
     warnings: list[str]
 
-    def as_dict(self) -> dict[str, Any]:
-        """For stability.json."""
+    def as_dict(self, extremes: Mapping[str, Any]) -> dict[str, Any]:
+        """For stability.json.
+
+        Args:
+            extremes: record of the extremes suite.
+        """
         import beamchain
 
         return {
@@ -63,6 +67,7 @@ class StabilityStudy:
             "budgets": [b.as_dict() for b in self.budgets],
             "large_motion": [limit.as_dict() for limit in self.large.values()],
             "warnings": self.warnings,
+            "extremes": dict(extremes),
         }
 
 

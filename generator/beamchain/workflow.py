@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -21,10 +21,12 @@ from beamchain.chain.build import (
 )
 from beamchain.chain.chain import Chain
 from beamchain.chain.damping import Damper, joint_damping, modal_ratios, tendons
+from beamchain.chain.polar import raised
 from beamchain.chain.prewarp import Prewarp, loaded_tendons, prewarp
 from beamchain.chain.rods import Payload
-from beamchain.engine.bench import Measured, ballast_for, measure
-from beamchain.errors import InputError
+from beamchain.engine.bench import Measured, measure, root_body
+from beamchain.errors import InputError, RealisationError
+from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.port import PORTS, Array, PortModel, in_space
 from beamchain.result import Fit, appendage_tree, seconds_taken
 from beamchain.spec import Damping, FitOptions, Modes, Root, Scene, Spec, port_hub_mass
@@ -32,10 +34,9 @@ from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
 from beamchain.structure.modal_data import ModalData
 
-if TYPE_CHECKING:
-    pass
-
 DECOUPLED = 1e-9  # relative: what two independent ports may share
+LIGHTEST = 1e-9  # residual over rigid mass: free frequencies are good to about 1e-16 over it (measured)
+LEAST_INERTIA = 1.01 * SMALLEST  # a body's inertia is rounded once more on its way
 CANDIDATES = 4  # converged modes per port that a scene may choose from, where they become oscillators
 
 
@@ -140,7 +141,10 @@ def _fit(spec: Spec) -> Fit:
             'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, or use '
             'target = "clamped" (`beamchain embed` reads the hub from the spacecraft).'
         )
-    hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
+    hub = None
+    if spec.root.hub is not None:
+        check_hub(spec.root.hub.mass, spec.root.hub.inertia_matrix())
+        hub = spec.root.hub.mass_matrix()
     full = whole_beam(spec, beam)
     clock.append(time.perf_counter())
     plan = make_plan(spec, full, beam.rigid_mass(), hub)
@@ -150,12 +154,13 @@ def _fit(spec: Spec) -> Fit:
         {p: _prewarp(spec, p, full[p], t.modes, hub) for p, t in built.targets.items()} if spec.fit.timestep else {}
     )
     chain, dampers = _damped(spec, plan, built, warped)
+    chain, note = raised(chain, LEAST_INERTIA)
     clock.append(time.perf_counter())
     scene = spec.scene or Scene()
     tree = appendage_tree(spec, chain, beam, dampers)
     clock.append(time.perf_counter())
     free = tuple(kept) if tuple(kept) == ("xy",) else PORTS  # a planar boom is tested as the paper does
-    measured = measure(tree, free, timestep=scene.timestep, ballast=ballast_for(chain))
+    measured = measure(tree, free, timestep=scene.timestep, ballast=root_body(chain))
     bandwidth, error = {}, {}
     for port, target in built.targets.items():
         bandwidth[port] = scene.bandwidth or float(target.frequencies[-1])
@@ -187,7 +192,11 @@ def _fit(spec: Spec) -> Fit:
         choice=plan.choice,
         promise=promise,
         left_out=ledger(spec, plan.choice, bool(dampers)),
-        warnings=(*_warnings(spec, measured, achieved, dampers, limits), *_prewarp_note(warped)),
+        warnings=(
+            *_warnings(spec, measured, achieved, dampers, limits),
+            *_prewarp_note(warped),
+            *([note] if note else []),
+        ),
         prewarps=warped,
     )
 
@@ -243,7 +252,10 @@ def _build(spec: Spec, plan: Plan, beam: Beam, full: Mapping[str, PortModel], hu
     def target_of(port: str, count: int) -> PortModel:
         if spec.fit.timestep:
             return _prewarp(spec, port, full[port], count, hub).target
-        return spec.with_ratios(port, plan.reduce(plan.target, port, count))
+        target = plan.reduce(plan.target, port, count)
+        if plan.target == "free" and target.modes:
+            _check_free(target)
+        return spec.with_ratios(port, target)
 
     options = spec.fit
     payload = spec.payload
@@ -265,6 +277,18 @@ def _build(spec: Spec, plan: Plan, beam: Beam, full: Mapping[str, PortModel], hu
     links = options.links if isinstance(options.links, int) else None
     built = build_recipe(beam, options.method, kept, links, target_of)
     return replace(built, chain=with_real_polar(built.chain))
+
+
+def _check_free(target: PortModel) -> None:
+    """The free modes stand in double precision: what moves at the root is a difference of nearly equal masses."""
+    scale = np.sqrt(np.diag(target.rigid_mass))
+    left = float(np.linalg.eigvalsh(target.residual_mass / np.outer(scale, scale))[0])
+    if left < LIGHTEST:
+        raise RealisationError(
+            f"with {target.modes} free modes the root is too light beside the rest: its residual mass is {left:.1e} of the "
+            f"rigid mass, where {LIGHTEST:g} is needed for frequencies good to 1e-6. Keep fewer modes, or choose target "
+            '"clamped" or "hub".'
+        )
 
 
 def _prewarp(spec: Spec, port: str, model: PortModel, count: int, hub: Array | None) -> Prewarp:

@@ -25,7 +25,7 @@ HOSTS = {
     ),
     "basilisk": ("Basilisk.simulation.mujoco", "[basilisk]", KERNEL, ["tests/hosts/test_basilisk.py", NOTEBOOK]),
     "nastran": ("pyNastran", "[nastran]", [], ["tests/hosts/test_pynastran.py", "tests/test_f06.py"]),
-    "mjx": ("mujoco.mjx", "[mjx]", KERNEL, ["tests/hosts/test_mjx.py", NOTEBOOK]),
+    "mjx": ("mujoco.mjx", "[mjx]", KERNEL, ["tests/hosts/test_mjx.py", "tests/hosts/test_mjx_extremes.py", NOTEBOOK]),
     "warp": ("mujoco_warp", "[warp]", [], ["tests/hosts/test_warp.py"]),
 }
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.errors import EngineError
 from beamchain.port import Array
@@ -58,25 +58,30 @@ def measured_limit(
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     velocity = _perturbation(model, guess, seed)
     try:
-        low, high = 0.7 * guess, 1.4 * guess
-        while not stable(model, low, velocity):
-            low, high = low / 4.0, low
-            if low < 1e-9 * guess:
-                raise EngineError(f"no step of {integrator} is stable; the model falls over by itself.")
-        while stable(model, high, velocity):
-            low, high = high, high * 4.0
-            if high > 1e3 * guess:
-                return float("inf")
-        while high / low > 1.0 + accuracy:
-            middle = float(np.sqrt(low * high))
-            if stable(model, middle, velocity):
-                low = middle
-            else:
-                high = middle
-        return float(np.sqrt(low * high))
+        with quiet():  # what blows up is what is looked for
+            return _bisect(model, integrator, guess, velocity, accuracy)
     finally:
         model.opt.integrator, model.opt.disableflags = kept[0], kept[2]
         model.opt.gravity[:] = kept[1]
+
+
+def _bisect(model: "mujoco.MjModel", integrator: str, guess: float, velocity: Array, accuracy: float) -> float:
+    low, high = 0.7 * guess, 1.4 * guess
+    while not stable(model, low, velocity):
+        low, high = low / 4.0, low
+        if low < 1e-9 * guess:
+            raise EngineError(f"no step of {integrator} is stable; the model falls over by itself.")
+    while stable(model, high, velocity):
+        low, high = high, high * 4.0
+        if high > 1e3 * guess:
+            return float("inf")
+    while high / low > 1.0 + accuracy:
+        middle = float(np.sqrt(low * high))
+        if stable(model, middle, velocity):
+            low = middle
+        else:
+            high = middle
+    return float(np.sqrt(low * high))
 
 
 def _perturbation(model: "mujoco.MjModel", guess: float, seed: int) -> Array:

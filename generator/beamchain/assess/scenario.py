@@ -169,7 +169,10 @@ def parse_profile(content: str, source: str) -> Profile:
     Raises:
         InputError: a column is unknown, a number is missing, or the times do not ascend from 0.
     """
-    rows = [row for row in csv.reader(io.StringIO(content)) if row and not row[0].lstrip().startswith("#")]
+    try:
+        rows = [row for row in csv.reader(io.StringIO(content)) if row and not row[0].lstrip().startswith("#")]
+    except csv.Error as error:
+        raise InputError(f"profile {source!r} is no CSV ({error}); give numbers between commas.") from None
     head = [cell.strip() for cell in rows[0]] if rows else []
     unknown = [name for name in head if name not in ("time", *COLUMNS)]
     if "time" not in head or unknown or len(head) < 2 or not 3 <= len(rows) <= LONGEST_CSV:

@@ -184,8 +184,8 @@ def _plane(
 ) -> tuple[PortModel, Nodes]:
     """Target and canonical chain of a plane, with as many of `count` modes as are physical."""
     for modes in range(count, 0, -1):
-        target = target_of(port, modes)
         try:
+            target = target_of(port, modes)
             nodes = realise(target)
             probe = Chain(
                 tuple(planar_links(nodes, beam)), hinges_at(nodes.positions[1:-1], {port: nodes}, {}), beam.length

@@ -7,13 +7,14 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from beamchain.chain.chain import Link
+from beamchain.chain.chain import Chain, Link
 from beamchain.errors import RealisationError
 from beamchain.port import Array
 from beamchain.structure.mass_line import MassLine
 
 TINY = 1e-6  # polar over transverse inertia of a link where the appendage states none
 TRIES = 400
+ROLL = 1e-3  # of the transverse inertia about the root: what raising polar inertias may add to the roll inertia
 
 
 def real_polar(beam: MassLine, cuts: Array) -> Array:
@@ -124,3 +125,33 @@ def place(
         except RealisationError as error:
             reason = error
     raise reason
+
+
+def raised(chain: Chain, least: float) -> tuple[Chain, str]:
+    """The chain with no link's polar inertia below what an engine takes, and a sentence that says so.
+
+    Thin rods fall below it long before their mass or transverse inertia does. Bending does not see it; a chain that
+    bends in torsion is left alone, as is one whose roll inertia would no longer be small beside its transverse one.
+
+    Args:
+        chain: the chain.
+        least: smallest principal inertia [kg m^2].
+
+    Returns:
+        the chain, the same where nothing was to be done, and the sentence, empty then.
+    """
+    low = [i for i, link in enumerate(chain.links) if link.inertia[0] < least <= min(link.mass, *link.inertia[1:])]
+    rigid = chain.rigid_mass()
+    across = float(max(rigid[4, 4], rigid[5, 5]))
+    added = sum(least - chain.links[i].inertia[0] for i in low)
+    if not low or "torsion" in chain.ports or added > ROLL * across:
+        return chain, ""
+    links = list(chain.links)
+    for i in low:
+        links[i] = replace(links[i], inertia=(least, *links[i].inertia[1:]))
+    smallest, roll = min(chain.links[i].inertia[0] for i in low), float(rigid[3, 3])
+    return replace(chain, links=tuple(links)), (
+        f"the links are so thin that their polar inertia falls to {smallest:.3g} kg m^2; MuJoCo takes nothing below "
+        f"1e-15, so {len(low)} of them carry {least:.3g}: the appendage's roll inertia is {roll + added:.3g} instead of "
+        f"{roll:.3g} kg m^2 ({(roll + added) / across:.1e} of its transverse inertia). Bending does not see it."
+    )

@@ -1,5 +1,6 @@
 """`beamchain stability`: the step at which a model blows up, before it is simulated."""
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,7 +10,12 @@ from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json
 
 if TYPE_CHECKING:
     from beamchain.assess.budget import Budget
+    from beamchain.extremes.suite import Extremes
     from beamchain.stability import StabilityStudy
+
+SAMPLE = 48  # cases of the extremes suite that are run without --map
+NOISE = 1e-9  # damping ratio below which nothing is shown
+MOST = 8  # processes that share the whole suite
 
 
 def stability(
@@ -18,18 +24,24 @@ def stability(
         typer.Argument(metavar="SPEC.toml|MODEL.xml", help="An appendage, or any MuJoCo model.", show_default=False),
     ],
     output: Folder,
+    extremes_map: Annotated[
+        bool, typer.Option("--map", help="Run the whole extremes suite (minutes) and draw its map, extremes.png.")
+    ] = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Step limits predicted and measured, steps for an accuracy, damping each integrator adds, large motion.
+    """Step limits predicted and measured, steps for an accuracy, damping each integrator adds, large motion, extremes.
 
-    Writes report.html and stability.json into DIR.
+    Writes report.html and stability.json into DIR; with --map extremes.png too, from all of the extremes suite instead of
+    a sample.
 
     Example: beamchain stability boom.toml -o boom-stability
     """
     from rich.progress import Progress, SpinnerColumn, TextColumn
 
+    from beamchain.extremes.cases import cases
+    from beamchain.extremes.suite import run
     from beamchain.files import write_files
     from beamchain.report.record import to_json
     from beamchain.report.stability_html import stability_report
@@ -40,17 +52,29 @@ def stability(
     ) as progress:
         step = progress.add_task("reading")
         result = study(source, lambda text: progress.update(step, description=text))
-        record = result.as_dict()
-        report = stability_report(result, source, record)
-        files: dict[Path, str | bytes] = {output / "report.html": report, output / "stability.json": to_json(record)}
+        everything = cases()
+        chosen = everything if extremes_map else everything[:: len(everything) // SAMPLE]
+        found = run(
+            chosen,
+            lambda done: progress.update(step, description=f"extremes: {done} of {len(chosen)} cases"),
+            min(os.cpu_count() or 1, MOST) if extremes_map else 1,
+        )
+        record = result.as_dict(found.as_dict())
+        files: dict[Path, str | bytes] = {output / "report.html": stability_report(result, source, record)}
+        if extremes_map:
+            from beamchain.report.extremes_map import extremes_map as draw
+
+            files[output / "extremes.png"] = draw(found.rows)
+        files[output / "stability.json"] = to_json(record)
         write_files(files, force=force)
     if as_json:
         print_json(record)
     elif not quiet:
         _show(result)
+        _show_extremes(found)
         for file in files:
             console().print(f"wrote {file}")
-    if any(abs(r.difference) > 0.01 for r in result.rows):
+    if found.failed or any(abs(r.difference) > 0.01 for r in result.rows):
         raise typer.Exit(3)
 
 
@@ -84,6 +108,14 @@ def _show(result: "StabilityStudy") -> None:
         out.print(f"[yellow]note[/yellow]: {warning}")
 
 
+def _show_extremes(found: "Extremes") -> None:
+    counts = found.as_dict()
+    console().print(
+        f"extremes: {counts['cases']} cases, {counts['passed']} passed, {counts['refused']} refused with a reason, "
+        f"{counts['failed']} failed silently"
+    )
+
+
 def _budget_table(budget: "Budget") -> Any:
     from rich.table import Table
 
@@ -91,8 +123,11 @@ def _budget_table(budget: "Budget") -> Any:
     for column in ("rad/s", "structure", *budget.shown):
         table.add_column(column, justify="right")
     for i, (w, z) in enumerate(zip(budget.frequencies, budget.ratios, strict=True)):
-        shown = ["unstable" if v[i, 0] != v[i, 0] else f"{v[i, 1]:.4g}" for v in budget.shown.values()]
+        shown = [
+            "unstable" if v[i, 0] != v[i, 0] else f"{v[i, 1] if abs(v[i, 1]) > NOISE else 0.0:.4g}"
+            for v in budget.shown.values()
+        ]
         table.add_row(f"{w:.6g}", f"{z:.4g}", *shown)
     steps = [f"{name} {one:.4g} / {tenth:.4g}" for name, (one, tenth) in budget.accuracy.items()]
-    table.caption = f"steps for 1 % / 0.1 % of the first frequency [s]: {', '.join(steps)}"
+    table.caption = f"steps for 1 % / 0.1 % of the first frequency, in seconds: {', '.join(steps)}"
     return table

@@ -26,6 +26,8 @@ Workers = Annotated[
 Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to run on (extra: dask).")]
 Resume = Annotated[bool, typer.Option("--resume", help="Take up an interrupted run; nothing is measured twice.")]
 
+LARGEST_PROFILE = 10_000_000  # bytes
+
 
 def study(
     spec: SpecPath,
@@ -79,6 +81,8 @@ def read_text(path: Path) -> str:
     from beamchain.errors import InputError
 
     try:
+        if path.stat().st_size > LARGEST_PROFILE:
+            raise InputError(f"--profile {str(path)!r} has more than the {LARGEST_PROFILE} bytes taken; thin it out.")
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"--profile {str(path)!r} cannot be read ({error}); give a CSV file of text.") from None

@@ -1,17 +1,22 @@
 """The test bench: an appendage's root driven in MuJoCo, and the port models that A and B give back."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
 from lxml.etree import _Element as Element
 
 from beamchain.chain.chain import Chain
+from beamchain.engine.forces import port_of, readings
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
+from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import write
 from beamchain.port import PORT_MOTION, Array, PortModel, body_mass_matrix
+
+STRAIGHT = 1e-8  # perturbation: a straight chain at rest has no load for rounding to spoil, only curvature, its square
+DIGITS = 1e-11  # relative: beyond this A and B have lost digits in MuJoCo's solve with the mass matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +28,15 @@ class Measured:
         rigid_mass: `(6, 6)` about the root, from the compiled bodies.
         couplings: relative, per pair of ports (`"xy, torsion"`).
         linearisation: of the bench.
+        lost: per port, by how much A and B miss what MuJoCo's mass matrix and springs say, relative; where that is
+            more than rounding the port model stands on those instead.
     """
 
     ports: dict[str, PortModel]
     rigid_mass: Array
     couplings: dict[str, float]
     linearisation: Linearisation
+    lost: dict[str, float] = field(default_factory=dict[str, float])
 
     @property
     def coupling(self) -> float:
@@ -46,19 +54,50 @@ def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballas
         ballast: `(4,)` mass and principal inertias at the root; see `mjcf.write.bench`.
     """
     model = compile_model(write.text(write.bench(appendage, ports, timestep, ballast)))
-    linear = linearise(model)
+    linear = linearise(model, epsilon=STRAIGHT)
     groups: dict[str, tuple[int, ...]] = {}
     for port in ports:
         groups[port] = tuple(
             i for i, joint in enumerate(linear.joints) if joint in write.ROOT_JOINTS[port] or joint.endswith(f"_{port}")
         )
     extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
-    models = {}
+    models: dict[str, PortModel] = {}
+    lost: dict[str, float] = {}
+    read = readings(model)
     for port, dofs in groups.items():
         motion = PORT_MOTION[port]
-        models[port] = linear.port(dofs, motion.T @ extra @ motion)
+        ballast_mass = motion.T @ extra @ motion
+        root = [i for i in dofs if linear.joints[i] in write.ROOT_JOINTS[port]]
+        try:
+            direct = port_of(read, root, [i for i in dofs if i not in root], ballast_mass)
+        except InputError:
+            raise EngineError(
+                f"the chain's modes in {port} lie too far apart for double precision, so that MuJoCo's mass matrix does "
+                f"not hold them; keep fewer modes in {port}."
+            ) from None
+        try:
+            models[port] = linear.port(dofs, ballast_mass)
+            lost[port] = _distance(models[port], direct)
+        except (InputError, EngineError, np.linalg.LinAlgError):
+            lost[port] = 1.0
+        if lost[port] > DIGITS:
+            models[port] = direct
     pairs = {f"{a}, {b}": linear.coupling([groups[a], groups[b]]) for a, b in combinations(groups, 2)}
-    return Measured(models, rigid_mass(model, "bench") - extra, pairs, linear)
+    return Measured(models, rigid_mass(model, "bench") - extra, pairs, linear, lost)
+
+
+def _distance(a: PortModel, b: PortModel) -> float:
+    """Worst relative difference of frequencies, participation and rigid mass."""
+    if a.modes != b.modes:
+        return 1.0
+    size = np.sqrt(np.diag(b.rigid_mass))
+    rows = np.linalg.norm(b.participation / size, axis=1)
+    differences = (
+        np.abs(a.frequencies / b.frequencies - 1.0),
+        np.linalg.norm((a.participation - b.participation) / size, axis=1) / rows,
+        np.abs(a.rigid_mass - b.rigid_mass) / np.outer(size, size),
+    )
+    return max(float(np.max(d, initial=0.0)) for d in differences)
 
 
 def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
@@ -104,7 +143,23 @@ def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origi
 def ballast_for(chain: Chain) -> Array | None:
     """Something to hold where a hinge at the root leaves the bench massless: as much as the chain weighs."""
     first = chain.links[0]
-    if first.mass > 0.0 and min(first.inertia[1:]) > 0.0:
+    if min(first.mass, *first.inertia) >= write.SMALLEST:
         return None
+    return root_body(chain)
+
+
+def root_body(chain: Chain) -> Array:
+    """`(4,)` mass and inertias of a root body as heavy as the chain, to measure with.
+
+    However light the first link is (behind a soft joint at the root it weighs next to nothing), the bench is then well
+    conditioned and no digit is lost in reading A and B.
+    """
     rigid = np.diag(chain.rigid_mass())
-    return np.array([rigid[0], *np.full(3, max(rigid[3:]))])
+    across = max(rigid[4:])
+    out = np.array([rigid[0], max(rigid[3], write.SMALLEST), across, across])  # about x its own: torsion is far lighter
+    if np.min(out) < write.SMALLEST:
+        raise EngineError(
+            f"the appendage has mass {rigid[0]:.3g} kg and inertia {across:.3g} kg m^2 about its root; MuJoCo takes "
+            f"nothing below {write.SMALLEST:g}. {write.UNITS}"
+        )
+    return out

@@ -1,5 +1,7 @@
 """The one place that imports MuJoCo, so that a broken installation is met with its cure."""
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from beamchain.errors import EngineError
@@ -29,3 +31,18 @@ def rollout_engine() -> "Rollout":
     from mujoco.rollout import Rollout
 
     return Rollout(nthread=0)
+
+
+@contextmanager
+def quiet() -> Generator[None]:
+    """Keeps MuJoCo's warnings, which are counted in the data, out of MUJOCO_LOG.TXT in the working folder."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_silent)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _silent(message: str) -> None:
+    """MuJoCo's warning handler while warnings are expected."""

@@ -12,12 +12,16 @@ import numpy as np
 
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError, InputError
+from beamchain.mjcf.craft import check_text
 from beamchain.port import Array, PortModel, locked
 
 if TYPE_CHECKING:
     import control
 
 EPSILON = 1e-6  # perturbation of the centred differences
+VELOCITY = (
+    1e-3  # perturbation for what depends on velocity: the integrator "discrete" does not see damping forces of 1e-9
+)
 
 INTEGRATORS = {name: int(value) for name, value in (
     ("Euler", mujoco.mjtIntegrator.mjINT_EULER),
@@ -46,6 +50,8 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
     path = Path(source)
     if not path.is_file():
         raise InputError(f"model {str(path)!r} is not a file; give the path of an MJCF (.xml) file.")
+    if path.suffix.lower() != ".mjb":
+        check_text(path.read_bytes(), f"model {str(path)!r}")
     try:
         return mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
@@ -314,7 +320,7 @@ def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: 
         damping: `(nv, nv)` `M^-1 D` [1/s].
     """
     nv, h = model.nv, float(model.opt.timestep)
-    a, *_ = _transition(model, data, EPSILON, INTEGRATORS["discrete"])
+    a, *_ = _transition(model, data, VELOCITY, INTEGRATORS["discrete"])
     return (np.linalg.inv(a[nv : 2 * nv, nv : 2 * nv]) - np.eye(nv) - h * damping) / h**2
 
 

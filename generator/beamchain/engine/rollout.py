@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamchain.engine.library import mujoco, rollout_engine
+from beamchain.engine.library import mujoco, quiet, rollout_engine
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.port import Array
 
@@ -53,27 +53,22 @@ def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: 
     piece = max(min(steps, LARGEST // (size + model.nv)), 1)
     motion = np.full((steps, 6), np.nan)
     seconds, done = 0.0, 0
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(_silent)  # else a simulation that blows up writes MUJOCO_LOG.TXT
-    try:
-        with rollout_engine() as engine:
-            while done < steps:
-                count = min(piece, steps - done)
-                forces = np.zeros((1, count, model.nv))
-                forces[0, :, :6] = wrench[done : done + count]
-                out = np.empty((1, count, size))
-                start = time.thread_time()
-                engine.rollout(
-                    [model], [data], state, forces, control_spec=FORCES, skip_checks=True, nstep=count, state=out
-                )
-                seconds += time.thread_time() - start
-                if int(np.sum(data.warning.number)) > 0 or not np.all(np.isfinite(out[0, -1])):
-                    return Course(motion, seconds)
-                motion[done : done + count, :3] = out[0, :, 1:4] - rest
-                motion[done : done + count, 3:] = _rotation(out[0, :, 4:8])
-                state, done = out[:, -1].copy(), done + count
-    finally:
-        mujoco.set_mju_user_warning(before)
+    with quiet(), rollout_engine() as engine:
+        while done < steps:
+            count = min(piece, steps - done)
+            forces = np.zeros((1, count, model.nv))
+            forces[0, :, :6] = wrench[done : done + count]
+            out = np.empty((1, count, size))
+            start = time.thread_time()
+            engine.rollout(
+                [model], [data], state, forces, control_spec=FORCES, skip_checks=True, nstep=count, state=out
+            )
+            seconds += time.thread_time() - start
+            if int(np.sum(data.warning.number)) > 0 or not np.all(np.isfinite(out[0, -1])):
+                return Course(motion, seconds)
+            motion[done : done + count, :3] = out[0, :, 1:4] - rest
+            motion[done : done + count, 3:] = _rotation(out[0, :, 4:8])
+            state, done = out[:, -1].copy(), done + count
     return Course(motion, seconds)
 
 
@@ -93,20 +88,12 @@ def seconds_of(model: "mujoco.MjModel", integrator: str, timestep: float, wrench
     model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep
     data = mujoco.MjData(model)
     edges = [0, *changes.tolist(), wrench.shape[0]]
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(_silent)
-    try:
+    with quiet():
         start = time.thread_time()
         for first, end in pairwise(edges):
             data.qfrc_applied[:6] = wrench[first]
             mujoco.mj_step(model, data, nstep=end - first)
         return time.thread_time() - start
-    finally:
-        mujoco.set_mju_user_warning(before)
-
-
-def _silent(_message: str) -> None:
-    return None
 
 
 def _rotation(quaternions: Array) -> Array:

@@ -13,7 +13,9 @@ from lxml.etree import _Element as Element
 from beamchain.errors import InputError
 from beamchain.mjcf import marks
 
-LARGEST_FILE = 100_000_000  # bytes
+LARGEST_FILE = 50_000_000  # bytes
+MOST_ATTRIBUTES = 1000  # of one tag: MuJoCo's parser takes the square of their number
+MOST_TAGS = 500_000  # opened and closed: each takes some hundred bytes, and documents are copied
 ASSETS = {"mesh": "mesh", "hfield": "mesh", "skin": "mesh", "texture": "texture"}  # tag: which of the two folders
 
 
@@ -50,6 +52,7 @@ def parse_text(content: bytes, what: str) -> Any:
         load_dtd=False,
         huge_tree=False,
     )
+    check_text(content, what)
     try:
         tree = etree.ElementTree(etree.fromstring(content, parser))
     except (etree.XMLSyntaxError, ValueError) as error:
@@ -57,6 +60,22 @@ def parse_text(content: bytes, what: str) -> Any:
     if tree.docinfo.doctype:
         raise InputError(f"{what} declares a document type (<!DOCTYPE>), which MJCF does not need; remove it.")
     return tree
+
+
+def check_text(content: bytes, what: str) -> None:
+    """Refuse what would keep an XML parser, ours or MuJoCo's, busy for minutes or take all memory.
+
+    Raises:
+        InputError: too large, too many tags or attributes, or a document type.
+    """
+    if len(content) > LARGEST_FILE:
+        raise InputError(f"{what} is larger than the {LARGEST_FILE} bytes taken; is it MJCF?")
+    if content.count(b"<") > MOST_TAGS:
+        raise InputError(f"{what} holds more than the {MOST_TAGS} tags taken; is it MJCF?")
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+        raise InputError(f"{what} declares a document type (<!DOCTYPE>), which MJCF does not need; remove it.")
+    if any(piece.count(b'="') > MOST_ATTRIBUTES for piece in content.split(b"<")):
+        raise InputError(f"{what} has a tag with more than {MOST_ATTRIBUTES} attributes; is it MJCF?")
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,7 +60,7 @@ def oscillators(made: Oscillators, name: str, *, visuals: bool = True) -> Elemen
             raise EngineError(
                 f"mode {item.mode} would be a body of {item.body.mass:.3g} kg, smallest inertia "
                 f"{float(item.body.principal()[0].min()):.3g} kg m^2; MuJoCo takes nothing below {SMALLEST:g}. Leave "
-                "the mode out (imported.modes), or use larger units."
+                "the mode out (imported.modes), or use smaller units (millimetres, grams)."
             )
         at = np.asarray(item.point)
         element = deepcopy(prototype)

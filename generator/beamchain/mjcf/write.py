@@ -37,6 +37,11 @@ ROOT_JOINTS = {
 
 ALONG_X = "0.7071067811865476 0.0 0.7071067811865475 0.0"  # turns the axis of a capsule or cylinder from z to x
 SMALLEST = 1e-15  # mjMINVAL: mass and principal inertia of a moving body
+UNITS = (
+    "Write the spec in smaller units: in millimetres and grams the modulus keeps its number, density is divided by 1e6, "
+    "masses multiplied by 1e3 and inertias by 1e9."
+)
+UNSEEN = 1.1e-6  # [m]: where nothing is turned, MuJoCo takes a mass centre this near to the body's origin for it
 DEEPEST = 496  # bodies nested in one MJCF file
 
 
@@ -71,10 +76,10 @@ def joint_name(name: str, hinge: int, port: str) -> str:
 
 
 def _check(chain: Chain) -> None:
-    if len(chain.links) > DEEPEST:
+    if len(chain.links) >= DEEPEST:
         raise EngineError(
-            f"{len(chain.links)} links are more than the {DEEPEST} nested bodies one MJCF file can hold; "
-            "use fewer links."
+            f"{len(chain.links)} links and the body that carries them are more than the {DEEPEST} nested bodies one MJCF "
+            f"file can hold; use at most {DEEPEST - 1} links (fit.links; a recipe's hinge at the root takes one more)."
         )
     for i, link in enumerate(chain.links):
         if i == 0:
@@ -84,13 +89,31 @@ def _check(chain: Chain) -> None:
         if least < SMALLEST:
             raise EngineError(
                 f"link {i + 1} would have mass {link.mass:.3g} kg and smallest inertia {a:.3g} kg m^2; MuJoCo takes "
-                f"nothing below {SMALLEST:g}. Use a larger unit of length or mass, fewer links, or state polar inertia."
+                f"nothing below {SMALLEST:g}. {UNITS}"
             )
         if a + b < c:
             raise EngineError(
                 f"link {i + 1} would have inertias {a:.6g}, {b:.6g}, {c:.6g} kg m^2, which no body has (largest above "
                 "the sum of the others); use fewer links."
             )
+
+
+def check_hub(mass: float, inertia: ArrayLike) -> None:
+    """A hub that MuJoCo takes.
+
+    Args:
+        mass: [kg].
+        inertia: `(3, 3)` about its centre [kg m^2].
+
+    Raises:
+        EngineError: it is below mjMINVAL.
+    """
+    smallest = float(np.linalg.eigvalsh(np.asarray(inertia, dtype=np.float64))[0])
+    if min(mass, smallest) < SMALLEST:
+        raise EngineError(
+            f"the hub has mass {mass:.3g} kg and smallest inertia {smallest:.3g} kg m^2; MuJoCo takes nothing below "
+            f"{SMALLEST:g}. {UNITS}"
+        )
 
 
 def appendage(
@@ -168,6 +191,8 @@ def _joints(body: Element, name: str, index: int, hinge: Hinge | None) -> None:
 
 def _inertial(element: Element, link: Link, x: float) -> None:
     element.set("pos", number([link.com - x, 0.0, 0.0]))
+    if 0.0 < abs(link.com - x) < UNSEEN:
+        element.set("quat", "0 1 0 0")  # a half turn, which changes no inertia, has MuJoCo look at the offset
     element.set("mass", number(link.mass))
     element.set("diaginertia", number(link.inertia))
 

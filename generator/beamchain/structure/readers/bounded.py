@@ -4,8 +4,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from beamchain.errors import InputError
+from beamchain.tables import LARGEST_TOML
 
 LARGEST_FILE = 500_000_000  # bytes of a print; a model with 1e5 nodes and 100 mode shapes stays below
+LARGEST_JSON = 10_000_000
 LONGEST_LINE = 10_000  # characters
 
 
@@ -47,7 +49,7 @@ def lines(path: Path) -> Iterator[str]:
         raise InputError(f"file {str(path)!r} cannot be read ({error.strerror}); check its permissions.") from None
 
 
-def text(path: Path, largest: int = 50_000_000) -> str:
+def text(path: Path, largest: int = LARGEST_TOML) -> str:
     """A whole UTF-8 file.
 
     Raises:

@@ -14,6 +14,7 @@ from scipy import io, linalg
 from beamchain.errors import InputError
 from beamchain.port import Array
 from beamchain.structure.modal_data import ModalData
+from beamchain.structure.readers import stored
 from beamchain.structure.readers.bounded import check_size
 
 LARGEST = 4000  # freedoms; beyond that reduce in the program that made the model
@@ -37,12 +38,11 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
         )
     check_size(path, LARGEST_FILE)
     first = 0 if path.suffix.lower() == ".npz" else 1
+    wanted = {*BOUNDARY, *(name for names in NAMES.values() for name in names)}
     try:
-        if first == 0:
-            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-                held: dict[str, Any] = {name: stored[name] for name in stored.files}
-        else:
-            held = dict(io.loadmat(str(path)))
+        held = stored.numpy(path, wanted) if first == 0 else stored.matlab(path, wanted)
+    except InputError:
+        raise
     except Exception as error:  # zip, MATLAB and NumPy each raise their own kind
         raise InputError(
             f"file {str(path)!r} cannot be read ({type(error).__name__}: {error}); it is cut or of another kind: save "
@@ -52,7 +52,7 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
     for key, names in {**NAMES, "boundary": BOUNDARY}.items():
         name = next((n for n in names if n in held), None)
         if name is None:
-            have = ", ".join(sorted(n for n in held if not n.startswith("__"))) or "nothing"
+            have = ", ".join(sorted(held)) or "nothing of that kind"
             raise InputError(f"file {str(path)!r} holds no {key} (tried {', '.join(names)}; it holds {have}); add it.")
         found[key] = held[name]
     boundary = [int(v) - first for v in np.ravel(found["boundary"])]
@@ -73,13 +73,15 @@ def read_matrix_market(mass: Path, stiffness: Path, boundary: Sequence[int], nam
             )
         check_size(path, LARGEST_FILE)
         try:
-            rows, columns, *_ = io.mminfo(str(path))
+            rows, columns, entries, *_ = io.mminfo(str(path))
             if max(rows, columns) > LARGEST:
                 raise InputError(
                     f"{path.name}: {rows} freedoms are more than the {LARGEST} taken; reduce the model first."
                 )
+            if entries > rows * columns:
+                raise ValueError(f"{entries} entries in {rows} x {columns}")
             matrices.append(_dense(io.mmread(str(path)), path.name))
-        except (ValueError, OSError, OverflowError) as error:
+        except (ValueError, OSError, OverflowError, MemoryError) as error:
             if isinstance(error, InputError):
                 raise
             raise InputError(f"file {str(path)!r} is no Matrix Market file ({error}); write it again.") from None

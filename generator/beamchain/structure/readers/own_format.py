@@ -1,7 +1,6 @@
 """beamchain's own file of modes (.toml, .json): what people type in, and what `modes_text` writes."""
 
 import json
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,8 @@ from beamchain.errors import InputError
 from beamchain.structure.mass_line import Piece
 from beamchain.structure.modal_data import EXACT, ModalData
 from beamchain.structure.readers import craig_bampton
-from beamchain.structure.readers.bounded import text
+from beamchain.structure.readers.bounded import LARGEST_JSON, text
+from beamchain.tables import LARGEST_TOML, tables
 
 FULL_DIGITS = 15  # a number with as many was computed, not printed
 
@@ -85,16 +85,16 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
     """
     if subcase is not None:
         raise InputError(f"subcase = {subcase} is given, but {path.name!r} holds one set of modes; leave subcase out.")
-    content = text(path)
+    as_json = path.suffix.lower() == ".json"
+    content = text(path, LARGEST_JSON if as_json else LARGEST_TOML)
     try:
-        data = json.loads(content) if path.suffix.lower() == ".json" else tomllib.loads(content)
-        given = msgspec.convert(data, ModesFile)
-    except (tomllib.TOMLDecodeError, json.JSONDecodeError, RecursionError) as error:
+        given = msgspec.convert(json.loads(content) if as_json else tables(content), ModesFile)
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, msgspec.ValidationError):
+            keys = ", ".join(ModesFile.__struct_fields__)
+            raise InputError(f"file {str(path)!r}: {error}; the keys of a modes file are {keys}.") from None
         kind = path.suffix.lower()[1:].upper()
         raise InputError(f"file {str(path)!r} is no {kind} ({error}); it is cut or mangled: export it again.") from None
-    except msgspec.ValidationError as error:
-        keys = ", ".join(ModesFile.__struct_fields__)
-        raise InputError(f"file {str(path)!r}: {error}; the keys of a modes file are {keys}.") from None
     if given.matrices is not None:
         folder = path.parent
         return craig_bampton.read_matrix_market(

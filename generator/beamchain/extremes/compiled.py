@@ -1,0 +1,117 @@
+"""What MuJoCo compiled, read without MuJoCo's algebra: bodies, anchors and springs of a straight chain, with 60 digits.
+
+A chain's frequencies lie up to twelve decades apart, and a light root before a heavy tip takes the digits of double
+precision on the way to them. The numbers MuJoCo holds are exact binary fractions, and the mass matrix of a straight
+chain is made of their sums and products, so that nothing is lost that MuJoCo has.
+"""
+
+from collections.abc import Callable
+from decimal import Decimal, localcontext
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.engine.library import mujoco
+from beamchain.port import Array
+
+DIGITS = 60
+SMALL = 24  # degrees of freedom up to which the digits are worth their time; above it, double precision
+SWEEPS = 40  # of Jacobi's rotations; ten are seen
+INERTIA = {"xy": 2, "xz": 1, "torsion": 0}  # axis of the motion
+
+Numbers = NDArray[Any]  # of floats or of Decimals
+
+
+def frequencies(model: "mujoco.MjModel", port: str, root: str = "") -> Array:
+    """Natural frequencies of one port of a straight chain along x [rad/s], ascending.
+
+    Args:
+        model: compiled; its bodies lie on one line along x, unturned.
+        port: "xy", "xz" or "torsion".
+        root: body that moves freely with everything on it; empty: the chain is held.
+    """
+    joints = [j for j in range(model.njnt) if model.joint(j).name.endswith(f"_{port}")]
+    springs = [float(np.atleast_1d(model.jnt_stiffness[j])[0]) for j in joints]
+    n = len(joints)
+    if n > SMALL:
+        mass = _condensed(_mass(model, port, joints, root, float), n)
+        return 1.0 / np.sqrt(np.linalg.eigvalsh(mass / np.sqrt(np.outer(springs, springs)))[::-1])
+    with localcontext() as context:
+        context.prec = DIGITS
+        mass = _condensed(_mass(model, port, joints, root, Decimal), n)
+        scale = np.array([1 / Decimal(k).sqrt() for k in springs], dtype=object)
+        squares = np.array(sorted(_jacobi(mass * np.outer(scale, scale))), dtype=np.float64)
+    return 1.0 / np.sqrt(squares[::-1])
+
+
+def _mass(model: "mujoco.MjModel", port: str, joints: list[int], root: str, kind: Callable[[float], Any]) -> Numbers:
+    """Mass matrix of the joints, then of the root's displacement and rotation where it is free."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    first = model.body(root).id if root else 0
+    count = len(joints) + (2 if root else 0)
+    zero, one = kind(0.0), kind(1.0)
+    dtype: Any = np.float64 if kind is float else np.object_
+    out = np.full((count, count), zero, dtype=dtype)
+    axis = INERTIA[port]
+    for body in range(1, model.nbody):
+        line = _line(model, body)
+        if root and first not in line:
+            continue
+        centre = kind(float(data.xipos[body, 0]))
+        frame = data.ximat[body].reshape(3, 3)
+        inertia = kind(float(frame[axis] ** 2 @ model.body_inertia[body]))
+        moves, turns = np.full(count, zero, dtype=dtype), np.full(count, zero, dtype=dtype)
+        for i, j in enumerate(joints):
+            if int(model.jnt_bodyid[j]) in line:
+                moves[i] = zero if port == "torsion" else centre - kind(float(data.xanchor[j, 0]))
+                turns[i] = one
+        if root:
+            moves[-2:] = one, centre - kind(float(data.xpos[first, 0]))
+            turns[-1] = one
+        out = out + kind(float(model.body_mass[body])) * np.outer(moves, moves) + inertia * np.outer(turns, turns)
+    return out
+
+
+def _line(model: "mujoco.MjModel", body: int) -> set[int]:
+    """A body and all that carry it."""
+    out = {0}
+    while body:
+        out.add(body)
+        body = int(model.body_parentid[body])
+    return out
+
+
+def _condensed(mass: Numbers, n: int) -> Numbers:
+    """The joints' mass matrix with the root, the last two rows, free to follow."""
+    if mass.shape[0] == n:
+        return mass
+    (a, b), (_, d) = mass[n:, n:]
+    inverse = np.array([[d, -b], [-b, a]], dtype=object) / (a * d - b * b)
+    return mass[:n, :n] - mass[:n, n:].dot(inverse).dot(mass[n:, :n])
+
+
+def _jacobi(matrix: Numbers) -> list[Decimal]:
+    """Eigenvalues of a symmetric matrix by Jacobi's rotations."""
+    a = matrix.copy()
+    n = a.shape[0]
+    for _ in range(SWEEPS):
+        turned = False
+        for p in range(n):
+            for q in range(p + 1, n):
+                if a[p, q] ** 2 <= abs(a[p, p] * a[q, q]) * Decimal("1e-50"):
+                    continue
+                turned = True
+                theta = (a[q, q] - a[p, p]) / (2 * a[p, q])
+                tangent = (1 if theta >= 0 else -1) / (abs(theta) + (theta * theta + 1).sqrt())
+                cosine = 1 / (tangent * tangent + 1).sqrt()
+                sine = tangent * cosine
+                rows = a[[p, q]].copy()
+                a[p], a[q] = cosine * rows[0] - sine * rows[1], sine * rows[0] + cosine * rows[1]
+                columns = a[:, [p, q]].copy()
+                a[:, p] = cosine * columns[:, 0] - sine * columns[:, 1]
+                a[:, q] = sine * columns[:, 0] + cosine * columns[:, 1]
+        if not turned:
+            break
+    return [a[i, i] for i in range(n)]

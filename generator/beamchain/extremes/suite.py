@@ -1,0 +1,210 @@
+"""Runs the cases: each passes its tolerances by the independent check, is refused with a reason, or has failed."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from beamchain.engine.library import mujoco, quiet
+from beamchain.engine.linearise import compile_model
+from beamchain.errors import BeamchainError
+from beamchain.extremes.cases import Case
+from beamchain.extremes.compiled import frequencies
+from beamchain.extremes.truth import Rod
+from beamchain.jobs import workers
+from beamchain.port import Array
+from beamchain.workflow import Fit, fit
+
+FREQUENCY = 1e-6  # relative: a natural frequency of the beam lies as near to each of MuJoCo's
+PARTICIPATION = 1e-4  # relative to its own norm, of the outer product, however weak the mode
+MASS = 1e-7  # relative to the geometric means of the diagonal; behind a joint softened by 1e-6 digits are lost
+DAMPING = 1e-3  # relative, of every ratio
+TORSION = 1e-8  # relative, against the closed form of the prismatic rod
+CLASSICAL = 3.0  # error of mode k of N equal links is below this times k^2 / N^2 (0.5 is seen for k = 1)
+
+PASSED, REFUSED, FAILED = "passed", "refused", "failed"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a case.
+
+    Args:
+        case: the case.
+        verdict: "passed", "refused" or "failed".
+        reason: of a refusal or failure; of a pass, what was said where fewer modes came out.
+        modes: kept in plane xy.
+    """
+
+    case: Case
+    verdict: str
+    reason: str
+    modes: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """For stability.json."""
+        values = {name: getattr(self.case, name) for name in self.case.__dataclass_fields__}
+        return {**values, "verdict": self.verdict, "reason": self.reason, "modes_kept": self.modes}
+
+
+@dataclass(frozen=True, eq=False)
+class Extremes:
+    """All rows, with their counts."""
+
+    rows: list[Row]
+
+    def count(self, verdict: str) -> int:
+        """Rows with a verdict."""
+        return sum(row.verdict == verdict for row in self.rows)
+
+    @property
+    def failed(self) -> int:
+        """Silent failures."""
+        return self.count(FAILED)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For stability.json."""
+        return {
+            "cases": len(self.rows),
+            "passed": self.count(PASSED),
+            "refused": self.count(REFUSED),
+            "failed": self.failed,
+            "rows": [row.as_dict() for row in self.rows],
+        }
+
+
+def run(chosen: Sequence[Case], say: Callable[[int], None] = lambda _: None, processes: int = 1) -> Extremes:
+    """Run cases.
+
+    Args:
+        chosen: which.
+        say: told how many are done.
+        processes: that share the work.
+    """
+    rows: list[Row] = []
+    with workers(processes) as pool:
+        for row in map(verdict, chosen) if pool is None else pool.map(verdict, chosen, chunksize=8):
+            rows.append(row)
+            say(len(rows))
+    return Extremes(rows)
+
+
+def verdict(case: Case) -> Row:
+    """Fit one case and judge it."""
+    try:
+        result = fit(case.spec())
+    except BeamchainError as error:
+        return Row(case, REFUSED, str(error), 0)
+    except Exception as error:
+        return Row(case, FAILED, f"{type(error).__name__}: {error}", 0)
+    try:
+        judged = judge(case, result)
+    except Exception as error:  # a file that cannot be judged cannot be used either
+        judged = f"{type(error).__name__}: {error}"
+    kept = result.target["xy"].modes
+    if judged:
+        return Row(case, FAILED, judged, kept)
+    return Row(case, PASSED, "" if result.status.ok else result.status.message, kept)
+
+
+def judge(case: Case, result: Fit) -> str:
+    """What is wrong with a fit by the independent check; empty: nothing.
+
+    MuJoCo compiles the files the user gets; its mass matrix and springs are read from there. What the package read
+    through A and B, and printed, is held against the same truth.
+    """
+    rod = case.rod()
+    held = compile_model(result.to_mjcf())
+    scene = compile_model(result.scene_mjcf())
+    for model in (held, scene):
+        data = mujoco.MjData(model)
+        with quiet():
+            mujoco.mj_step(model, data)
+        if np.any(data.warning.number):
+            return "MuJoCo warns in the first step at rest"
+    wanted = {"xy": case.modes, **({"xz": case.modes, "torsion": min(case.modes, 1)} if case.space else {})}
+    for port, count in wanted.items():
+        modes = result.target[port].modes
+        if modes < count and result.status.ok:
+            return f"{port} keeps {modes} of {count} modes without saying so"
+    for port in [p for p in ("xy", "xz") if p in wanted]:
+        modes = result.target[port].modes
+        ours = frequencies(held, port)
+        if case.links:
+            for k in range(min(modes, case.links // 4)):
+                near = CLASSICAL * (k + 1) ** 2 / case.links**2
+                inside, _, below = rod.check_poles(np.array([ours[k]]) ** 2, min(near, 0.2))
+                if not inside[0] or below[0] != k + 1:
+                    return f"classical chain: mode {k + 1} is off by more than {near:.1e}"
+            continue
+        wrong = _plane(case, rod, result, scene, port, ours[:modes])
+        if wrong:
+            return f"{port}: {wrong}"
+    if "torsion" in wanted and case.target == "clamped" and case.taper == 1.0 and case.joint == 0.0:
+        truth = np.pi / 2.0 * np.sqrt(case.modulus / 2.6 / case.density) / case.length
+        seen = float(frequencies(held, "torsion")[0])
+        if abs(seen / truth - 1.0) > TORSION:
+            return f"torsion is off by {seen / truth - 1.0:.1e}"
+    return _mass(rod, scene, result.spec.name) or _damping(case, result)
+
+
+def _plane(case: Case, rod: Rod, result: Fit, scene: "mujoco.MjModel", port: str, ours: Array) -> str:
+    """One bending plane of the exact chain."""
+    achieved, n = result.achieved[port], ours.size
+    if case.target == "clamped":
+        inside, outer, below = rod.check_poles(ours**2, FREQUENCY)
+        size = np.sqrt(np.diag(rod.rigid()))
+        for k in range(n):
+            if not inside[k] or below[k] != k + 1:
+                return f"held mode {k + 1} of MuJoCo is not the beam's ({below[k]} of its modes lie below)"
+            row = achieved.participation[k] / size
+            true = outer[k] / np.outer(size, size)
+            miss = float(np.linalg.norm(np.outer(row, row) - true) / np.linalg.norm(true))
+            if miss > PARTICIPATION:
+                return f"participation of mode {k + 1}, read through A and B, is off by {miss:.1e}"
+        read, what = achieved.frequencies[:n], "held"
+    else:
+        hub = case.hub_body
+        arm = hub.offset[0]
+        mass = np.array([[hub.mass, -hub.mass * arm], [-hub.mass * arm, hub.inertia[2] + hub.mass * arm**2]])
+        if case.target == "free":
+            mass = np.zeros((2, 2))
+            coupled = frequencies(scene, port, f"{result.spec.name}_link1")[:n]
+        else:
+            coupled = frequencies(scene, port, "hub")[:n]
+        inside, _, below = rod.check_poles(coupled**2, FREQUENCY, mass)
+        for k in range(n):
+            if not inside[k] or below[k] != k + 1:
+                return f"{case.target} mode {k + 1} of MuJoCo is not the beam's ({below[k]} of its modes lie below)"
+        ours = coupled
+        read, what = achieved.with_hub(mass).free_frequencies[:n], "coupled"
+    miss = float(np.max(np.abs(read / ours[: read.size] - 1.0)))
+    return f"{what} frequencies read through A and B are off by {miss:.1e}" if miss > FREQUENCY or read.size < n else ""
+
+
+def _mass(rod: Rod, scene: "mujoco.MjModel", name: str) -> str:
+    """Total mass, first and second moment about the root of the compiled bodies."""
+    data = mujoco.MjData(scene)
+    mujoco.mj_forward(scene, data)
+    origin = data.body(f"{name}_link1").xpos
+    out = np.zeros((2, 2))
+    for i in range(scene.nbody):
+        if scene.body(i).name.startswith(f"{name}_"):
+            m, x = float(scene.body_mass[i]), float(data.xipos[i, 0] - origin[0])
+            out += [[m, m * x], [m * x, m * x * x + float(scene.body_inertia[i, 2])]]
+    truth = rod.rigid()
+    miss = float(np.max(np.abs(out - truth) / np.sqrt(np.outer(np.diag(truth), np.diag(truth)))))
+    return f"rigid mass is off by {miss:.1e}" if miss > MASS else ""
+
+
+def _damping(case: Case, result: Fit) -> str:
+    """Every kept mode's ratio, as MuJoCo reads it back."""
+    if case.damping == 0.0 or case.links:
+        return ""
+    for port, achieved in result.achieved.items():
+        kept = achieved.damping[: result.target[port].modes]
+        miss = float(np.max(np.abs(kept / case.damping - 1.0)))
+        if miss > DAMPING:
+            return f"{port}: a damping ratio is off by {miss:.1e}"
+    return ""

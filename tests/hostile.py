@@ -1,0 +1,231 @@
+"""Every reader of a file that a user names, a good file for each, and ways to spoil it."""
+
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from hypothesis import strategies as st
+
+import beamchain as bc
+from beamchain.assess.scenario import parse_profile
+from beamchain.cli.study import read_text
+from beamchain.embedding import take_out
+from beamchain.jobs import run_jobs
+from beamchain.mjcf.craft import read_craft
+from beamchain.spec import read_spec
+from beamchain.structure.readers import read_modes
+from prints import plate, whole
+from spacecraft import APPENDAGES, CRAFTS
+
+SPEC = """name = "boom"
+[[segment]]
+length = 15.0
+section = { shape = "round", diameter = 0.012 }
+section_end = { shape = "round", diameter = 0.010 }
+material = { youngs_modulus = 2.06e11, density = 7800.0, poissons_ratio = 0.3 }
+[[joint]]
+after_segment = 0
+stiffness_xy = 1000.0
+[[lump]]
+x = 15.0
+mass = 0.5
+[damping]
+ratio = { xy = [0.005, 0.01] }
+[root]
+target = "hub"
+hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0], offset = [1.0, 0.0, 0.0] }
+[scene]
+bandwidth = 10.0
+axes = ["z"]
+"""
+PROFILE = "time,mz\n0,1.0e-3\n4,-1.0e-3\n8,0\n"
+FEW = plate(3)
+MODES = {
+    "frequencies": FEW.frequencies.tolist(),
+    "participation": FEW.participation.T.tolist(),
+    "mass": FEW.mass.tolist(),
+    "damping": [0.01, 0.01, 0.02],
+    "length": 0.21,
+}
+STORE = "".join(json.dumps({"key": str(i), "value": i}) + "\n" for i in range(4))
+
+
+def toml_modes() -> str:
+    return "\n".join(f"{key} = {json.dumps(value)}" for key, value in MODES.items()) + "\n"
+
+
+def matrices() -> dict[str, np.ndarray]:
+    """A mass on six springs before another on the port: eight freedoms would do, twelve are clearer."""
+    k = np.diag([3.0, 4.0, 5.0, 6.0, 7.0, 8.0])
+    return {
+        "mass": np.kron(np.diag([1.0, 2.0]), np.eye(6)),
+        "stiffness": np.block([[k, -k], [-k, k]]),
+        "boundary": np.arange(6),
+    }
+
+
+def marked() -> bytes:
+    """A spacecraft with an appendage that embed put in."""
+    return bc.embed(CRAFTS / "planar.xml", {"mount": APPENDAGES / "rod.toml"}).to_mjcf().encode()
+
+
+def npz() -> bytes:
+    stream = io.BytesIO()
+    np.savez(stream, **matrices())
+    return stream.getvalue()
+
+
+def mat() -> bytes:
+    from scipy.io import savemat
+
+    stream = io.BytesIO()
+    savemat(stream, {**matrices(), "boundary": np.arange(1, 7)}, do_compression=True)
+    return stream.getvalue()
+
+
+def market(path: Path) -> object:
+    """A Matrix Market file, named by a modes file beside it."""
+    beside = path.with_name("modes.toml")
+    good = path.with_name("beside.mtx")
+    if not good.exists():
+        good.write_text(mtx("stiffness"))
+    named = '[matrices]\nmass = "%s"\nstiffness = "beside.mtx"\nboundary = [1, 2, 3, 4, 5, 6]\n'
+    beside.write_text(named % path.name)
+    return read_modes(beside)
+
+
+def mtx(which: str = "mass") -> str:
+    values = matrices()[which]
+    rows = [f"{i + 1} {j + 1} {float(values[i, j])!r}" for j in range(12) for i in range(12) if values[i, j]]
+    return f"%%MatrixMarket matrix coordinate real general\n12 12 {len(rows)}\n" + "\n".join(rows) + "\n"
+
+
+def resumed(path: Path) -> object:
+    return run_jobs(int, {str(i): (str(i),) for i in range(4)}, store=path, resume=True)
+
+
+#: name: (ending, a good file, reader)
+READERS: dict[str, tuple[str, bytes, Callable[[Path], object]]] = {
+    "spec": ("toml", SPEC.encode(), lambda path: read_spec(path).beam),
+    "print": ("f06", whole(FEW).encode(), read_modes),
+    "results": ("op2", b"\x04\x00\x00\x00\x03\x00\x00\x00\x04\x00\x00\x00NASTRAN" * 8, read_modes),
+    "modes, TOML": ("toml", toml_modes().encode(), read_modes),
+    "modes, JSON": ("json", json.dumps(MODES).encode(), read_modes),
+    "matrices, NumPy": ("npz", npz(), read_modes),
+    "matrices, MATLAB": ("mat", mat(), read_modes),
+    "matrices, Matrix Market": ("mtx", mtx().encode(), market),
+    "spacecraft": ("xml", (CRAFTS / "observer.xml").read_bytes(), lambda path: read_craft(path).includes()),
+    "spacecraft with a mark": ("xml", marked(), take_out),
+    "profile": ("csv", PROFILE.encode(), lambda path: parse_profile(read_text(path), path.name)),
+    "store of a stopped run": ("jsonl", STORE.encode(), resumed),
+}
+
+WORDS = (
+    b"nan", b"NaN", b"inf", b"-Infinity", b"1e309", b"-1", b"0", b"1e-320", b"9" * 400, b"[", b"]" * 3, b"{", b'"', b"\0",
+    b"\xff\xfe", b"\xed\xa0\x80", b"\n", b"=", b",,", b"<!DOCTYPE x>", b"&amp;", b"&x;", b"..", b"../../etc/passwd", b"null",
+    b"true", b"1_0", b"-0.0", b"\r", b"\x85", "\u202e".encode(), b"1.0D+400", b"*", b"1.234-400",
+)  # fmt: skip
+
+
+@st.composite
+def spoilt(draw: st.DrawFn, good: bytes) -> bytes:
+    """A good file cut off, with words put in, bytes changed, pieces doubled or dropped."""
+    content = bytearray(good)
+    for _ in range(draw(st.integers(1, 4))):
+        kind = draw(st.sampled_from(("cut", "word", "byte", "double", "drop", "number")))
+        at = draw(st.integers(0, max(len(content) - 1, 0)))
+        size = draw(st.integers(1, 60))
+        if kind == "cut":
+            del content[at:]
+        elif kind == "word":
+            content[at:at] = draw(st.sampled_from(WORDS))
+        elif kind == "byte" and content:
+            content[at] = draw(st.integers(0, 255))
+        elif kind == "double":
+            content[at:at] = content[at : at + size]
+        elif kind == "drop":
+            del content[at : at + size]
+        else:  # a whole number or word replaced
+            end = at
+            while end < len(content) and content[end : end + 1] not in b" ,\n]}\"'=":
+                end += 1
+            content[at:end] = draw(st.sampled_from(WORDS))
+    return bytes(content)
+
+
+def bombs() -> dict[str, tuple[str, bytes]]:
+    """Files made to hurt: ending and content by name."""
+    deep = 200_000
+    entities = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 10))
+    lol = f'<?xml version="1.0"?><!DOCTYPE m [<!ENTITY l0 "lol">{entities}]><mujoco model="&l9;"/>'
+    outside = '<!DOCTYPE m [<!ENTITY x SYSTEM "file:///etc/passwd">]><mujoco model="&x;"/>'
+    parameter = '<!DOCTYPE m [<!ENTITY % x SYSTEM "http://127.0.0.1:9/x.dtd"> %x;]><mujoco/>'
+    quadratic = f'<!DOCTYPE m [<!ENTITY a "{"a" * 50_000}">]><mujoco model="{"&a;" * 50_000}"/>'
+    return {
+        "entities of entities": ("xml", lol.encode()),
+        "an entity of quadratic size": ("xml", quadratic.encode()),
+        "an external entity": ("xml", outside.encode()),
+        "an external parameter entity": ("xml", parameter.encode()),
+        "deep XML": ("xml", b"<mujoco>" + b"<body>" * deep + b"</body>" * deep + b"</mujoco>"),
+        "many elements": ("xml", b"<mujoco>" + b"<a/>" * 5_000_000 + b"</mujoco>"),
+        "many attributes": ("xml", b"<mujoco " + b" ".join(b'a%d="1"' % i for i in range(200_000)) + b"/>"),
+        "UTF-16": ("xml", '<?xml version="1.0" encoding="utf-16"?><mujoco/>'.encode("utf-16")),
+        "deep TOML": ("toml", b'name = "a"\nx = ' + b"[" * deep + b"]" * deep),
+        "deep inline tables": ("toml", b'name = "a"\nx = ' + b"{a=" * deep),
+        "deep keys": ("toml", b"a." * deep + b"a = 1"),
+        "many dotted keys": ("toml", b"".join(b"a%d.b.c.d = 1\n" % i for i in range(300_000))),
+        "deep JSON": ("json", b'{"mass": ' + b"[" * deep + b"]" * deep + b"}"),
+        "NaN in JSON": ("json", json.dumps({**MODES, "mass": (FEW.mass * np.nan).tolist()}).encode()),
+        "infinity in JSON": ("json", json.dumps({**MODES, "frequencies": [1.0, 2.0, float("inf")]}).encode()),
+        "a long number in JSON": ("json", b'{"length": ' + b"9" * 5_000_000 + b"}"),
+        "a long number in TOML": ("toml", b"length = " + b"9" * 5_000_000),
+        "numbers without end": ("json", b'{"frequencies": [' + b"1.0," * 4_900_000 + b"1.0]}"),
+        "numbers without end, TOML": ("toml", b"frequencies = [" + b"1.0," * 4_900_000 + b"1.0]"),
+        "a small zip that is large": ("npz", zip_bomb()),
+        "a matrix that is not there": ("npz", claimed()),
+        "a matrix too large for its file": ("mtx", b"%%MatrixMarket matrix coordinate real general\n3000 3000 2000000000\n1 1 1\n"),
+        "a sparse matrix of a billion rows": ("mtx", b"%%MatrixMarket matrix coordinate real general\n1000000000 1000000000 1\n1 1 1\n"),
+        "a full matrix of a million rows": ("mtx", b"%%MatrixMarket matrix array real general\n1000000 1000000\n1\n"),
+        "one line of 20 MB": ("f06", b" " * 20_000_000),
+        "20 MB of eigenvalues": ("f06", whole(FEW).encode() + b"     1         1  1.0E+00  1.0E+00  1.0E+00  1.0E+00  1.0E+00\n" * 300_000),
+        "a line of a CSV without end": ("csv", b"time,mz\n" + b"1" * 3_000_000),
+        "many rows of a CSV": ("csv", b"time,mz\n" + b"".join(b"%d,1\n" % i for i in range(2_000_000))),
+        "quotes of a CSV without end": ("csv", b'time,mz\n"' + b"1\n" * 1_000_000),
+        "a store that is no text": ("jsonl", bytes(range(256)) * 1000),
+        "a store of wrong things": ("jsonl", b'{"key": [1], "value": 2}\n[]\n3\n{"key": "0"}\nnull\n{"key": {}, "value": 1}\n'),
+        "a deep store": ("jsonl", b"[" * deep),
+    }  # fmt: skip
+
+
+def zip_bomb() -> bytes:
+    """2 MB that unpack to 2 GB: a good header, then zeros."""
+    stream = io.BytesIO()
+    with (
+        zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive,
+        archive.open("mass.npy", "w", force_zip64=True) as file,
+    ):
+        np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (16000, 16000)})
+        block = bytes(1 << 24)
+        for _ in range(122):
+            file.write(block)
+    return stream.getvalue()
+
+
+def claimed() -> bytes:
+    """A header that promises a terabyte, and nothing behind it."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive, archive.open("mass.npy", "w") as file:
+        np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (400000, 400000)})
+    return stream.getvalue()
+
+
+def reader_of(ending: str, name: str = "") -> list[Callable[[Path], object]]:
+    """All readers that take files of an ending."""
+    del name
+    return [read for kind, _, read in READERS.values() if kind == ending]
+
+
+__all__ = ["APPENDAGES", "READERS", "bombs", "reader_of", "spoilt"]

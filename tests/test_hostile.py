@@ -1,0 +1,205 @@
+"""Hostile input: no traceback, no hang, no gigabyte, nothing written outside the output, nothing overwritten.
+
+Every reader gets good files that were spoilt (hypothesis), files made to hurt, and paths that lead outside. What comes
+back is either a result or one `BeamchainError`. `make fuzz` runs the same properties longer (BEAMCHAIN_FUZZ examples).
+"""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from multiprocessing import get_context
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import beamchain as bc
+from beamchain.engine.linearise import compile_model
+from beamchain.errors import BeamchainError, OutputError
+from beamchain.files import write_files
+from hostile import READERS, SPEC, bombs, reader_of, spoilt
+from spacecraft import CRAFTS, spec
+
+SECONDS = 5.0  # for any one file
+MEGABYTES = 1000  # what reading it may take
+EXAMPLES = int(os.environ.get("BEAMCHAIN_FUZZ", "25"))
+BOMBS = bombs()
+
+
+def taken(read, path) -> None:
+    """A result, or an error of ours."""
+    try:
+        read(path)
+    except BeamchainError as error:
+        assert str(error).strip()
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", list(READERS))
+@settings(
+    max_examples=EXAMPLES, deadline=1000.0 * SECONDS, derandomize=EXAMPLES <= 25,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)  # fmt: skip
+@given(data=st.data())
+def test_a_spoilt_file(name, tmp_path, data):
+    ending, good, read = READERS[name]
+    path = tmp_path / f"spoilt.{ending}"
+    path.write_bytes(data.draw(st.one_of(spoilt(good), st.binary(max_size=400))))
+    taken(read, path)
+
+
+@pytest.mark.parametrize("name", list(READERS))
+def test_the_good_file_is_good(name, tmp_path):
+    ending, good, read = READERS[name]
+    path = tmp_path / f"good.{ending}"
+    path.write_bytes(good)
+    if name == "results":
+        pytest.skip("pyNastran has an environment of its own")
+    assert read(path) is not None
+
+
+@pytest.mark.parametrize("name", ["print", "modes, JSON", "matrices, NumPy", "matrices, MATLAB", "spec"])
+def test_a_file_cut_anywhere(name, tmp_path):
+    ending, good, read = READERS[name]
+    path = tmp_path / f"cut.{ending}"
+    for at in range(0, len(good), max(len(good) // 60, 1)):
+        path.write_bytes(good[:at])
+        taken(read, path)
+
+
+def _measured(read, path, pipe) -> None:
+    """In a process of its own: what came of it, and the memory it took."""
+    signal.alarm(60)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    start = time.perf_counter()
+    try:
+        read(path)
+        said = ""
+    except BeamchainError as error:
+        said = str(error)
+    except BaseException as error:
+        said = f"TRACEBACK {type(error).__name__}: {error}"[:300]
+    used = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024.0
+    pipe.send((said, time.perf_counter() - start, used))
+
+
+CASES = [(name, i) for name, (ending, _) in BOMBS.items() for i in range(len(reader_of(ending)))]
+
+
+@pytest.mark.filterwarnings("ignore")  # Python warns of forking; threads are asleep here
+@pytest.mark.parametrize(("name", "reader"), CASES)
+def test_a_file_made_to_hurt(name, reader, tmp_path):
+    ending, content = BOMBS[name]
+    path = tmp_path / f"bomb.{ending}"
+    path.write_bytes(content)
+    ours, theirs = get_context("fork").Pipe(duplex=False)
+    child = get_context("fork").Process(target=_measured, args=(reader_of(ending)[reader], path, theirs))
+    child.start()
+    theirs.close()
+    try:
+        said, seconds, megabytes = ours.recv()
+    finally:
+        child.join()
+    assert not said.startswith("TRACEBACK"), said
+    assert "root:x:0" not in said
+    assert seconds < SECONDS
+    assert megabytes < MEGABYTES
+
+
+def test_a_spec_of_100_megabytes(tmp_path):
+    path = tmp_path / "large.toml"
+    with path.open("wb") as stream:
+        stream.truncate(100_000_000)
+    with pytest.raises(BeamchainError, match="100000000 bytes, more than"):
+        bc.fit(READERS["spec"][2](path))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '<include file="../../../../../../etc/passwd"/>',
+        '<include file="/etc/passwd"/>',
+        '<asset><mesh name="m" file="../../../../../../etc/passwd"/></asset>',
+        '<asset><texture name="t" type="2d" file="/etc/passwd"/></asset>',
+        '<asset><model name="m" file="../../../../../../etc/passwd"/></asset>',
+        '<include file="/dev/zero"/>',
+        '<include file="craft.xml"/>',
+    ],
+)
+def test_paths_that_lead_outside(line, tmp_path):
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    craft = inside / "craft.xml"
+    text = (CRAFTS / "planar.xml").read_text().replace("<worldbody>", f"{line}<worldbody>", 1)
+    craft.write_text(text)
+    out = inside / "out" / "out.xml"
+    try:
+        bc.embed(craft, {"mount": spec("rod")}).write(out)
+    except BeamchainError as error:
+        assert "root:x:0" not in str(error)
+    written = [p for p in tmp_path.rglob("*") if p.is_file() and p != craft]
+    assert all(p.parent == out.parent for p in written)
+    assert craft.read_text() == text
+
+
+@pytest.mark.parametrize("name", ["../x", "/tmp/x", "a/b", "..", "a\\b", "x\0", "con.xml"])
+def test_names_that_lead_outside(name, tmp_path):
+    path = tmp_path / "spec.toml"
+    path.write_text(SPEC.replace('"boom"', repr(name).replace("'", '"')))
+    with pytest.raises(BeamchainError):
+        READERS["spec"][2](path)
+
+
+def test_nothing_is_overwritten_not_even_a_dangling_link(tmp_path):
+    link = tmp_path / "fit.json"
+    link.symlink_to(tmp_path / "nowhere")
+    with pytest.raises(OutputError, match="exists"):
+        write_files({link: "x"}, force=False)
+    assert link.is_symlink()
+
+
+@pytest.mark.parametrize("entry", [n for n, (ending, _) in BOMBS.items() if ending == "xml"])
+def test_mujoco_s_own_parser_is_guarded(entry, tmp_path):
+    path = tmp_path / "model.xml"
+    path.write_bytes(BOMBS[entry][1])
+    start = time.perf_counter()
+    with pytest.raises(BeamchainError):
+        compile_model(path)
+    assert time.perf_counter() - start < SECONDS
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["fit", "embed", "stability", "inspect", "study", "sweep"])
+def test_commands_say_one_sentence(command, tmp_path):
+    for name, (ending, content) in BOMBS.items():
+        takes = {"fit": "toml", "study": "toml", "sweep": "toml"}.get(command, "xml")
+        if ending != takes:
+            continue
+        path = tmp_path / f"bomb.{ending}"
+        path.write_bytes(content)
+        arguments = {
+            "embed": [str(path), "--at", f"mount={spec('rod')}", "-o", str(tmp_path / "out" / "x.xml")],
+            "inspect": [str(path)],
+        }.get(command, [str(path), "-o", str(tmp_path / "out")])
+        done = subprocess.run(
+            [sys.executable, "-m", "beamchain", command, *arguments],
+            capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path,
+        )  # fmt: skip
+        assert done.returncode in (2, 0), (name, done.stderr[-500:])
+        assert "Traceback" not in done.stderr, name
+        assert sorted(p.name for p in tmp_path.iterdir() if p != path and p.name != "out") == []
+        assert not (tmp_path / "out").exists(), name
+
+
+def test_reading_leaves_no_file_open(tmp_path):
+    path = tmp_path / "x.npz"
+    path.write_bytes(READERS["matrices, NumPy"][1])
+    before = len(list(Path("/proc/self/fd").iterdir())) if Path("/proc/self/fd").exists() else 0
+    for _ in range(5):
+        READERS["matrices, NumPy"][2](path)
+    after = len(list(Path("/proc/self/fd").iterdir())) if before else 0
+    assert after <= before

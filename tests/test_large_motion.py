@@ -1,0 +1,94 @@
+"""Where a chain leaves a chain of 60 links in large motion: the stated loads, found again by MuJoCo itself.
+
+`large_motion` solves planar statics and spin with its own formulas; here MuJoCo's linearisation in spin, and its
+equilibrium under a uniform field, say the same of the same two chains.
+"""
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+from beamchain.assess.large_motion import FINE, LEFT, large_motion
+from beamchain.engine.linearise import compile_model
+from beamchain.spec import FitOptions
+from test_spin import space_beam, spinning
+
+AROUND = 0.05  # relative: beyond the limit by as much the error is above 1 %, below it is under
+SETTLED = 1e-9  # of the length per unit time
+
+
+@pytest.fixture(scope="module")
+def chains():
+    beam = space_beam()
+    ours = bc.fit(beam, name="blade", modes={"xy": 2, "xz": 2})
+    return beam, ours, large_motion(ours.chain, beam, "xy", modes=2)
+
+
+def resting(result, acceleration: float) -> float:
+    """Displacement of the mass centre of a held chain in a uniform field across it, after it came to rest."""
+    model = compile_model(result.to_mjcf())
+    model.opt.gravity[:] = [0.0, -acceleration, 0.0]
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    model.opt.timestep = 0.05
+    springs = np.array([float(np.atleast_1d(k)[0]) for k in model.jnt_stiffness])
+    model.dof_damping[:] = springs  # slow against every mode but the first
+    data = mujoco.MjData(model)
+    for _ in range(4000):
+        mujoco.mj_step(model, data)
+        if np.max(np.abs(data.qvel)) < SETTLED:
+            break
+    assert np.max(np.abs(data.qvel)) < 1e-6
+    mujoco.mj_forward(model, data)
+    mass = model.body_mass[1:]
+    return float(mass @ data.xipos[1:, 1] / mass.sum())
+
+
+def fine(beam):
+    return bc.fit(beam, name="fine", modes={"xy": 2}, options=FitOptions(method="midpoint", links=FINE))
+
+
+def test_the_acceleration_at_which_it_leaves(chains):
+    beam, ours, limit = chains
+    reference = fine(beam)
+    assert np.isfinite(limit.acceleration)
+
+    def error(load: float) -> float:
+        small = 1e-3 * limit.acceleration
+        shares = [resting(r, load) / load / (resting(r, small) / small) for r in (ours, reference)]
+        return abs(shares[0] / shares[1] - 1.0)
+
+    assert error((1.0 - AROUND) * limit.acceleration) < LEFT
+    # the moment at the root may leave first; the displacement is not far behind
+    assert error(1.5 * limit.acceleration) > LEFT / 3.0
+
+
+def test_the_spin_at_which_it_leaves(chains):
+    beam, ours, limit = chains
+    assert np.isfinite(limit.spin)
+    finer = bc.fit(beam, name="blade", modes={"xy": 5, "xz": 5})  # of a tenth of its error
+
+    def error(eta: float) -> float:
+        worst = 0.0
+        for plane in (0, 1):
+            a, b = (spinning(r, eta)[plane][:2] / spinning(r, 0.0)[plane][:2] for r in (ours, finer))
+            worst = max(worst, float(np.max(np.abs(a / b - 1.0))))
+        return worst
+
+    assert error(0.8 * limit.spin) < LEFT
+    assert error(1.25 * limit.spin) > LEFT
+
+
+def test_more_modes_go_further(chains):
+    beam, _, limit = chains
+    more = large_motion(bc.fit(beam, modes={"xy": 4, "xz": 4}).chain, beam, "xy", modes=2)
+    assert more.spin > limit.spin
+    assert more.acceleration > limit.acceleration
+
+
+def test_a_run_beyond_the_limit_is_said(chains):
+    _, _, limit = chains
+    assert limit.exceeded(spin=0.9 * limit.spin) == []
+    [said] = limit.exceeded(spin=1.1 * limit.spin)
+    assert "spin reached" in said
+    assert "keep more modes" in said

@@ -1,0 +1,128 @@
+"""Undamped models left to themselves: what an integrator does to energy, phase and momentum."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+import beamchain as bc
+from appendages import seed_boom
+from beamchain.assess.budget import budget, linear_model, oscillating
+from beamchain.engine.linearise import INTEGRATORS, compile_model
+from beamchain.spec import Hub, Root
+
+SHARE = 0.5  # of the stable step
+SMALL = 1e-5  # rad: linear motion
+WHEEL = 0.1  # rad/s: how fast the craft tumbles
+
+
+@dataclass(frozen=True)
+class Ringing:
+    """A mode left ringing.
+
+    Args:
+        timestep: [s].
+        worst, last: mean energy of 200 periods over that of the first ones, less one: the largest, and the last.
+        phase: frequency seen over the true one, less one.
+        predicted: the same from the step's matrix.
+    """
+
+    timestep: float
+    worst: float
+    last: float
+    phase: float
+    predicted: float
+
+
+def boom() -> mujoco.MjModel:
+    """The seed's boom on a hub."""
+    hub = Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
+    return compile_model(bc.fit(seed_boom(), modes={"xy": 2}, root=Root(hub=hub)).scene_mjcf())
+
+
+def ringing(integrator: str, steps: int) -> Ringing:
+    """Ring the first mode alone for `steps` steps at half the stable step (of Euler, where there is no limit)."""
+    model = boom()
+    model.opt.integrator = INTEGRATORS[integrator]
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    limits = budget(model)
+    limit = limits.largest_step[integrator]
+    h = SHARE * (limit if limit < np.inf else limits.largest_step["Euler"])
+    model.opt.timestep = h
+    data = mujoco.MjData(model)
+    linear = linear_model(model, data)
+    pole = oscillating(linear)[0]
+    values, shapes = np.linalg.eig(linear.stiffness)
+    mode = np.argmin(np.abs(values - abs(pole) ** 2))
+    shape = shapes[:, mode].real
+    shape *= SMALL / np.max(np.abs(shape))
+    data.qvel[:] = shape * abs(pole)
+    hinge = int(np.argmax(np.abs(shape[6:]))) + 6
+    place = int(model.jnt_qposadr[model.dof_jntid[hinge]])
+    window = round(200.0 * 2.0 * np.pi / abs(pole) / h)
+    trace = np.zeros(steps)
+    energy = np.zeros(steps)
+    for i in range(steps):
+        mujoco.mj_step(model, data)
+        trace[i], energy[i] = data.qpos[place], data.energy[0] + data.energy[1]
+    smooth = np.convolve(energy, np.ones(window) / window, mode="valid")
+    seen = _frequency(trace, h)
+    wanted = abs(linear.shown(integrator, h, np.array([pole]))[0].imag) / abs(pole) - 1.0
+    drift = smooth / smooth[0] - 1.0
+    return Ringing(h, float(np.max(np.abs(drift))), float(drift[-1]), seen / abs(pole) - 1.0, float(wanted))
+
+
+def _frequency(trace: np.ndarray, h: float) -> float:
+    """[rad/s] from the first to the last upward zero crossing that is not lost in rounding."""
+    loud = np.abs(trace) > 1e-9 * np.max(np.abs(trace))
+    end = int(np.flatnonzero(loud)[-1])
+    trace = trace[: end + 1]
+    up = np.flatnonzero((trace[:-1] < 0.0) & (trace[1:] >= 0.0))
+    at = up + trace[up] / (trace[up] - trace[up + 1])
+    return 2.0 * np.pi * (len(at) - 1) / ((at[-1] - at[0]) * h)
+
+
+def tumbling(integrator: str, timestep: float, seconds: float = 20.0) -> tuple[float, float]:
+    """Worst drift of linear and angular momentum of a free craft in space, relative to their sizes."""
+    hub = Hub(mass=40.0, inertia=(4.0, 6.0, 9.0), offset=(0.3, 0.1, 0.0))
+    beam = bc.Beam(
+        segments=(
+            bc.Segment(
+                length=3.0,
+                section=bc.Equivalent(
+                    bending_stiffness_xy=6.0,
+                    bending_stiffness_xz=9.0,
+                    torsion_stiffness=8.0,
+                    linear_mass=0.8,
+                    polar_inertia=0.02,
+                ),
+            ),
+        )
+    )
+    result = bc.fit(beam, modes={"xy": 2, "xz": 2, "torsion": 1}, root=Root(hub=hub))
+    model = compile_model(result.scene_mjcf())
+    model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep
+    data = mujoco.MjData(model)
+    data.qvel[:6] = [0.02, -0.01, 0.03, WHEEL, 2.0 * WHEEL, -WHEEL]
+    moments = []
+    for _ in range(round(seconds / timestep) + 1):
+        mujoco.mj_forward(model, data)
+        moments.append(momenta(model, data))
+        mujoco.mj_step(model, data)
+    p, angular = (np.array(v) for v in zip(*moments, strict=True))
+    return tuple(float(np.max(np.linalg.norm(v - v[0], axis=1)) / np.linalg.norm(v[0])) for v in (p, angular))  # type: ignore[return-value]
+
+
+def momenta(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+    """Linear momentum, and angular momentum about the world's origin, from bodies' velocities."""
+    p, angular = np.zeros(3), np.zeros(3)
+    velocity = np.zeros(6)
+    for body in range(1, model.nbody):
+        mujoco.mj_objectVelocity(model, data, int(mujoco.mjtObj.mjOBJ_BODY), body, velocity, 0)
+        turn, move = velocity[:3].copy(), velocity[3:].copy()  # at the mass centre
+        frame = data.ximat[body].reshape(3, 3)
+        p += model.body_mass[body] * move
+        angular += frame @ (model.body_inertia[body] * (frame.T @ turn)) + np.cross(
+            data.xipos[body], model.body_mass[body] * move
+        )
+    return p, angular
