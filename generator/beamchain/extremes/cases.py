@@ -6,10 +6,13 @@ from typing import Literal
 import numpy as np
 
 from beamchain.extremes.truth import Rod
-from beamchain.spec import Damping, FitOptions, Hub, Modes, Root, Spec
-from beamchain.structure.beam import Joint, Lump, Segment
+from beamchain.hub import Hub
+from beamchain.spec import Damping, FitOptions, Modes, Root, Spec
+from beamchain.structure.joint import Joint
+from beamchain.structure.lump import Lump
 from beamchain.structure.material import Material
 from beamchain.structure.section import Round
+from beamchain.structure.segment import Segment
 
 SPREAD = 1440  # cases of the hypercube
 SEED = 2008

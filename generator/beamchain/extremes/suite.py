@@ -14,7 +14,8 @@ from beamchain.extremes.compiled import frequencies
 from beamchain.extremes.truth import Rod
 from beamchain.jobs import workers
 from beamchain.port import Array
-from beamchain.workflow import Fit, fit
+from beamchain.result import Fit
+from beamchain.workflow import fit
 
 FREQUENCY = 1e-6  # relative: a natural frequency of the beam lies as near to each of MuJoCo's
 PARTICIPATION = 1e-4  # relative to its own norm, of the outer product, however weak the mode
