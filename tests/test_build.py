@@ -14,7 +14,7 @@ from beamchain.engine.bench import measure
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError, RealisationError
 from beamchain.mjcf import write
-from beamchain.port import PORTS
+from beamchain.motion import PORTS
 from beamchain.spec import FitOptions, Hub, Root, Spec
 from beamchain.structure.beam import Beam, Segment
 from beamchain.structure.section import Box, Equivalent, Rectangle

@@ -15,7 +15,8 @@ from beamchain.assess.needs import AXES
 from beamchain.assess.plan import everything
 from beamchain.chain.chain import Chain
 from beamchain.errors import InputError
-from beamchain.port import PORT_MOTION, PORTS, PortModel
+from beamchain.motion import PORT_MOTION, PORTS
+from beamchain.port import PortModel
 from beamchain.result import Fit
 from beamchain.spec import Damping, Hub, Root, Scene, Spec, read_spec
 from beamchain.structure.beam import Beam, Joint, Lump, Segment

@@ -14,7 +14,7 @@ from beamchain.engine.space import measure_in_space
 from beamchain.errors import RealisationError
 from beamchain.mjcf import write
 from beamchain.mjcf.oscillators import oscillators
-from beamchain.port import body_mass_matrix
+from beamchain.motion import body_mass_matrix
 from beamchain.structure.modal_data import ModalData
 from prints import cantilever, plate
 

@@ -20,7 +20,8 @@ from beamchain.errors import EngineError, InputError
 from beamchain.hub import Hub
 from beamchain.mjcf import embed as document
 from beamchain.mjcf import write
-from beamchain.port import PORTS, Array, PortModel, in_space
+from beamchain.motion import PORTS, Array
+from beamchain.port import PortModel, in_space
 from beamchain.result import Fit
 from beamchain.spec import Spec
 from beamchain.stability import large_limits

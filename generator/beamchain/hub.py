@@ -5,7 +5,7 @@ import numpy as np
 
 from beamchain.checks import number, positive
 from beamchain.errors import InputError
-from beamchain.port import PORT_MOTION, Array, body_mass_matrix
+from beamchain.motion import PORT_MOTION, Array, body_mass_matrix
 from beamchain.structure.lump import body_inertia
 
 Triple = tuple[float, float, float]

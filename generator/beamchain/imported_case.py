@@ -11,7 +11,8 @@ from beamchain.assess.fewest import SpacePromise, fewest
 from beamchain.assess.needs import Choice
 from beamchain.assess.plan import make_plan
 from beamchain.errors import InputError
-from beamchain.port import PORTS, Array, PortModel
+from beamchain.motion import PORTS, Array
+from beamchain.port import PortModel
 from beamchain.spec import Scene, Spec, Target
 from beamchain.structure.imported import with_length
 from beamchain.structure.modal_data import ModalData

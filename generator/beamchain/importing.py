@@ -19,7 +19,8 @@ from beamchain.errors import InputError, RealisationError
 from beamchain.imported_case import Case, case_of, form_of, resolvable
 from beamchain.mjcf import write
 from beamchain.mjcf.oscillators import oscillators as write_oscillators
-from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, in_space
+from beamchain.motion import PORT_MOTION, PORTS, Array
+from beamchain.port import PortModel, in_space
 from beamchain.result import Fit, InSpace, default_hub, seconds_taken
 from beamchain.spec import Spec, port_hub_mass
 from beamchain.structure.mass_line import MassLine, SpreadMass

@@ -12,12 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamchain.errors import InputError
-from beamchain.motion import PORT_MOTION as PORT_MOTION
-from beamchain.motion import PORTS as PORTS
-from beamchain.motion import Array as Array
-from beamchain.motion import body_mass_matrix as body_mass_matrix
-from beamchain.motion import locked as locked
-from beamchain.motion import square_root as square_root
+from beamchain.motion import PORT_MOTION, Array, locked, square_root
 
 if TYPE_CHECKING:
     import control

@@ -27,7 +27,8 @@ from beamchain.files import write_files
 from beamchain.hub import Hub
 from beamchain.mjcf import write
 from beamchain.mjcf.oscillators import oscillators as write_oscillators
-from beamchain.port import PORTS, Array, PortModel, in_space
+from beamchain.motion import PORTS, Array
+from beamchain.port import PortModel, in_space
 from beamchain.spec import Scene, Spec
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData

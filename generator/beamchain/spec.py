@@ -13,7 +13,8 @@ from beamchain.checks import not_negative, one_of, positive, whole
 from beamchain.errors import InputError
 from beamchain.hub import Hub
 from beamchain.hub import port_hub_mass as port_hub_mass
-from beamchain.port import PORTS, Array, PortModel
+from beamchain.motion import PORTS, Array
+from beamchain.port import PortModel
 from beamchain.sentences import sentence
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported

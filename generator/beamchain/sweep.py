@@ -22,7 +22,8 @@ from beamchain.engine.linearise import compile_model
 from beamchain.errors import BeamchainError, InputError
 from beamchain.files import write_files
 from beamchain.jobs import Progress, run_jobs
-from beamchain.port import Array, in_space
+from beamchain.motion import Array
+from beamchain.port import in_space
 from beamchain.report.spec_text import spec_toml
 from beamchain.result import Fit, default_hub
 from beamchain.spec import Damping, Modes, Spec, spec_from_dict

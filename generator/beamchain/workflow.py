@@ -27,7 +27,8 @@ from beamchain.chain.rods import Payload
 from beamchain.engine.bench import Measured, measure, root_body
 from beamchain.errors import InputError, RealisationError
 from beamchain.mjcf.write import SMALLEST, check_hub
-from beamchain.port import PORTS, Array, PortModel, in_space
+from beamchain.motion import PORTS, Array
+from beamchain.port import PortModel, in_space
 from beamchain.result import Fit, appendage_tree, seconds_taken
 from beamchain.spec import Damping, FitOptions, Modes, Root, Scene, Spec, port_hub_mass
 from beamchain.structure.beam import Beam

@@ -18,7 +18,8 @@ from beamchain.assess.error import DEFAULT_RATIO, damped
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import linearise
 from beamchain.engine.mount import Mount, full_mass, rest
-from beamchain.port import Array, PortModel, square_root
+from beamchain.motion import Array, square_root
+from beamchain.port import PortModel
 
 Response = NDArray[np.complex128]
 

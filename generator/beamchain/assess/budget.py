@@ -11,7 +11,7 @@ from beamchain.assess.stability import INTEGRATORS, step_for_error
 from beamchain.engine import linearise as engine
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError
-from beamchain.port import Array
+from beamchain.motion import Array
 
 HOST = "host RK4"  # a host that drives MuJoCo with its own explicit Runge-Kutta of order 4
 ERRORS = (1e-2, 1e-3)  # of the lowest frequency, for which the step is stated

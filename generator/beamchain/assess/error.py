@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
 from beamchain.errors import InputError
-from beamchain.port import Array, PortModel, locked
+from beamchain.motion import Array, locked
+from beamchain.port import PortModel
 
 DEFAULT_RATIO = 0.005  # damping ratio of every cantilever mode where none is given
 SAME_PEAK = 1e-7  # relative; far below the width of any peak that is resolved

@@ -6,7 +6,8 @@ import numpy as np
 
 from beamchain.assess.error import STANDARD_HUBS, damped, in_band_error
 from beamchain.assess.needs import AXES, FAR, Choice, LeftOut
-from beamchain.port import PORTS, Array, PortModel
+from beamchain.motion import PORTS, Array
+from beamchain.port import PortModel
 
 TRIED = 6  # lightest of the modes kept, each tried without
 LISTED = 6  # modes left out whose cost is worked out each by itself; the rest stands in one line

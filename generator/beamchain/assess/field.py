@@ -21,7 +21,8 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import RealisationError
 from beamchain.mjcf import write
-from beamchain.port import PORT_MOTION, Array, PortModel, in_space
+from beamchain.motion import PORT_MOTION, Array
+from beamchain.port import PortModel, in_space
 from beamchain.structure.beam import Beam
 
 OURS = {

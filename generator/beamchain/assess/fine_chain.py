@@ -12,7 +12,7 @@ from beamchain.assess.large_reference import Figures, LargeReference, at_zero, b
 from beamchain.assess.scenario import SMALL, Scenario
 from beamchain.engine.rollout import simulate
 from beamchain.errors import BeamchainError, EngineError
-from beamchain.port import Array
+from beamchain.motion import Array
 
 COARSE = 7  # links of the chain that tells whether the motion is large
 LINKS = (10, 14, 20, 28, 40, 57, 80)  # each twice the last but one; error falls with the square of the number

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.port import Array, PortModel, in_space, locked
+from beamchain.motion import Array, locked
+from beamchain.port import PortModel, in_space
 
 
 @dataclass(frozen=True, eq=False)

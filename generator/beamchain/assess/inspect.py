@@ -9,7 +9,7 @@ import numpy as np
 from beamchain.assess.stability import StepLimits, step_limits
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model, linearise
-from beamchain.port import Array
+from beamchain.motion import Array
 
 
 @dataclass(frozen=True, eq=False)

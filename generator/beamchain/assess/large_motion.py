@@ -14,7 +14,7 @@ from scipy.optimize import brentq, fsolve
 
 from beamchain.chain.chain import Chain
 from beamchain.chain.rivals import equal_links
-from beamchain.port import Array
+from beamchain.motion import Array
 from beamchain.structure.beam import Beam
 
 FINE = 60  # links of the reference

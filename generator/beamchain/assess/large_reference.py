@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from beamchain.assess.hub_response import HubResponse, Profile
-from beamchain.port import Array
+from beamchain.motion import Array
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import numpy as np
 from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.errors import EngineError
-from beamchain.port import Array
+from beamchain.motion import Array
 
 STEPS = 1000  # per trial
 GROWTH = 300.0  # of the velocity's norm: above what a stable step near its limit swings up to

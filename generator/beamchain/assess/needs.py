@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.assess.error import STANDARD_HUBS, band_grid, damped, spectral_norms
-from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, in_space
+from beamchain.motion import PORT_MOTION, PORTS, Array
+from beamchain.port import PortModel, in_space
 
 FAR = 25.0  # times the bandwidth: modes above act through their static flexibility only
 MOST = 8  # modes tried per port: beyond, the exact chain is rarely physical

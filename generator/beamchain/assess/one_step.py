@@ -21,7 +21,7 @@ from scipy.optimize import brentq, linear_sum_assignment
 from beamchain.assess.stability import INTEGRATORS
 from beamchain.checks import one_of
 from beamchain.errors import EngineError
-from beamchain.port import Array
+from beamchain.motion import Array
 
 Poles = NDArray[np.complex128]
 

@@ -9,7 +9,8 @@ from msgspec import structs
 from beamchain.assess.needs import FAR, MOST, Choice, LeftOut, Promise, Reduce, choose
 from beamchain.chain.build import Status
 from beamchain.errors import InputError
-from beamchain.port import PORTS, Array, PortModel
+from beamchain.motion import PORTS, Array
+from beamchain.port import PortModel
 from beamchain.spec import Modes, Spec, port_hub_mass
 from beamchain.structure.beam import Beam
 

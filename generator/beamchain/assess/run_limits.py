@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from beamchain.assess.large_motion import LargeMotion
 from beamchain.engine.driven import PLANES, Driven
-from beamchain.port import Array
+from beamchain.motion import Array
 
 
 def driven(motion: Array, spacing: float, offset: Array) -> Driven:

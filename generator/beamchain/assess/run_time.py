@@ -11,7 +11,7 @@ from beamchain.assess.field import RIGID_HUB, Entry, Task
 from beamchain.assess.scenario import Scenario
 from beamchain.engine.rollout import seconds_of, simulate
 from beamchain.errors import BeamchainError
-from beamchain.port import Array
+from beamchain.motion import Array
 
 #: Divisors of the beat (the common measure of all switching times): the ladder of steps, the next octaves alike.
 LADDER = (

@@ -10,7 +10,8 @@ import numpy as np
 from beamchain.assess.hub_response import HubResponse, Profile, hub_response
 from beamchain.assess.large_reference import LargeReference
 from beamchain.errors import InputError
-from beamchain.port import PORTS, Array, PortModel, locked
+from beamchain.motion import PORTS, Array, locked
+from beamchain.port import PortModel
 
 COLUMNS = ("fx", "fy", "fz", "mx", "my", "mz")
 MOTIONS = ("tx", "ty", "tz", "x", "y", "z")  # names of hub motions as in [scene] axes

@@ -10,7 +10,8 @@ from lxml.etree import _Element as Element
 
 from beamchain.chain.oscillators import Oscillators, realise_oscillators
 from beamchain.mjcf.oscillators import oscillators
-from beamchain.port import Array, PortModel, in_space
+from beamchain.motion import Array
+from beamchain.port import PortModel, in_space
 
 ROUNDING = 1e-12  # relative, of computed modes
 

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from beamchain.assess.error import band_grid, damped, spectral_norms
 from beamchain.assess.stability import INTEGRATORS, largest_angle, step_pole
-from beamchain.port import Array, PortModel
+from beamchain.motion import Array
+from beamchain.port import PortModel
 
 MARGIN = 0.8  # of the stability limit
 

@@ -9,7 +9,7 @@ from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.interleave import MassGroups, PlaneLinks, cells, merge_cuts, plane_links
 from beamchain.chain.realise import Nodes, planar_links
 from beamchain.errors import RealisationError
-from beamchain.port import Array
+from beamchain.motion import Array
 from beamchain.structure.mass_line import MassLine
 
 SAME = 1e-9  # relative: hinges and masses of two planes closer than this are the same

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamchain.port import Array, body_mass_matrix, locked
+from beamchain.motion import Array, body_mass_matrix, locked
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,8 @@ from beamchain.chain.realise import Nodes, planar_links, realise, realise_scalar
 from beamchain.chain.rods import Payload
 from beamchain.chain.tip import tip_exact
 from beamchain.errors import InputError, RealisationError
-from beamchain.port import Array, PortModel
+from beamchain.motion import Array
+from beamchain.port import PortModel
 from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from beamchain.checks import one_of
 from beamchain.errors import RealisationError
-from beamchain.port import PORT_MOTION, PORTS, Array, PortModel, port_from_rows
+from beamchain.motion import PORT_MOTION, PORTS, Array
+from beamchain.port import PortModel, port_from_rows
 
 
 @dataclass(frozen=True)

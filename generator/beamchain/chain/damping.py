@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from beamchain.chain.chain import Chain
-from beamchain.port import Array
+from beamchain.motion import Array
 
 
 class Damper(NamedTuple):

@@ -15,7 +15,7 @@ from scipy.optimize import linprog
 from beamchain.chain.chain import Link
 from beamchain.chain.realise import Nodes
 from beamchain.errors import RealisationError
-from beamchain.port import Array
+from beamchain.motion import Array
 from beamchain.structure.beam import Moments
 from beamchain.structure.mass_line import MassLine
 

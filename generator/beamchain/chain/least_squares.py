@@ -14,7 +14,8 @@ from beamchain.chain.chain import Chain
 from beamchain.chain.realise import Nodes, realise
 from beamchain.chain.rods import Numbers, Payload, Rods, jacobian, loaded_modes, nodes_to_rods
 from beamchain.errors import RealisationError
-from beamchain.port import Array, PortModel
+from beamchain.motion import Array
+from beamchain.port import PortModel
 from beamchain.structure.beam import Beam
 from beamchain.structure.lump import Lump
 from beamchain.structure.mass_line import MassLine

@@ -16,7 +16,8 @@ from scipy.linalg import eigh
 from beamchain.chain.bodies import Body, from_mass_matrix, remainder
 from beamchain.chain.stacks import Slide, Stack, place, stacked
 from beamchain.errors import RealisationError
-from beamchain.port import Array, PortModel, locked
+from beamchain.motion import Array, locked
+from beamchain.port import PortModel
 
 Kind = Literal["slider", "rotor", "screw"]
 

@@ -16,7 +16,8 @@ from scipy.optimize import brentq
 from beamchain.chain.chain import Chain
 from beamchain.chain.damping import Damper
 from beamchain.errors import InputError, RealisationError
-from beamchain.port import Array, PortModel, square_root
+from beamchain.motion import Array, square_root
+from beamchain.port import PortModel
 
 SEMI_IMPLICIT = ("Euler", "implicit", "implicitfast")
 RUNGE_KUTTA_REACH = 2.0  # w' h up to which the classical Runge-Kutta step is aimed; it is stable up to 2.828

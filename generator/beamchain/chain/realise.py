@@ -14,7 +14,8 @@ from scipy.optimize import NonlinearConstraint, minimize
 from beamchain.chain import polar
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.errors import RealisationError
-from beamchain.port import Array, PortModel
+from beamchain.motion import Array
+from beamchain.port import PortModel
 from beamchain.structure.mass_line import MassLine
 
 NO_MASS = 1e-12  # of the rigid mass: less is none

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamchain.port import Array
+from beamchain.motion import Array
 
 SAME_MASS = 1e-9  # relative: two sliders that heavy move one body
 

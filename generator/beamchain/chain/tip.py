@@ -10,7 +10,8 @@ from scipy.optimize import least_squares
 from beamchain.chain.realise import Nodes
 from beamchain.chain.rods import Numbers, jacobian, nodes_to_rods, rod_modes
 from beamchain.errors import RealisationError
-from beamchain.port import Array, PortModel
+from beamchain.motion import Array
+from beamchain.port import PortModel
 
 ALL_AT_ONCE = 2  # modes up to which a chain exists that meets every condition
 EXACT = 1e-11  # relative residual of the conditions at the root

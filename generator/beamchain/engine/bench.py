@@ -13,7 +13,8 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import write
-from beamchain.port import PORT_MOTION, Array, PortModel, body_mass_matrix
+from beamchain.motion import PORT_MOTION, Array, body_mass_matrix
+from beamchain.port import PortModel
 
 STRAIGHT = 1e-8  # perturbation: a straight chain at rest has no load for rounding to spoil, only curvature, its square
 DIGITS = 1e-11  # relative: beyond this A and B have lost digits in MuJoCo's solve with the mass matrix

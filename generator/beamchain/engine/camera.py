@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from beamchain.engine.library import mujoco
 from beamchain.engine.slew import Slew
 from beamchain.errors import EngineError
-from beamchain.port import Array
+from beamchain.motion import Array
 
 Frame = NDArray[np.uint8]
 

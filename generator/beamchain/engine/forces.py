@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from beamchain.engine.library import mujoco, quiet
-from beamchain.port import Array, PortModel
+from beamchain.motion import Array
+from beamchain.port import PortModel
 
 
 class Readings(NamedTuple):

@@ -13,7 +13,8 @@ import numpy as np
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf.craft import check_text
-from beamchain.port import Array, PortModel, locked
+from beamchain.motion import Array, locked
+from beamchain.port import PortModel
 
 if TYPE_CHECKING:
     import control

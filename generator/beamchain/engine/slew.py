@@ -8,7 +8,7 @@ from beamchain.engine.bench import rigid_mass
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import linearise
 from beamchain.errors import EngineError, InputError
-from beamchain.port import Array, locked
+from beamchain.motion import Array, locked
 
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 

@@ -8,7 +8,8 @@ from lxml.etree import _Element as Element
 from beamchain.engine.bench import Measured, rigid_mass
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.mjcf import write
-from beamchain.port import PORT_MOTION, PORTS, Array, PortModel
+from beamchain.motion import PORT_MOTION, PORTS, Array
+from beamchain.port import PortModel
 from beamchain.structure.planes import into_planes, near_groups
 
 ROOT = (

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.engine.library import mujoco
-from beamchain.port import Array
+from beamchain.motion import Array
 
 DIGITS = 60
 SMALL = 24  # degrees of freedom up to which the digits are worth their time; above it, double precision

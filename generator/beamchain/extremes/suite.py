@@ -13,7 +13,7 @@ from beamchain.extremes.cases import Case
 from beamchain.extremes.compiled import frequencies
 from beamchain.extremes.truth import Rod
 from beamchain.jobs import workers
-from beamchain.port import Array
+from beamchain.motion import Array
 from beamchain.result import Fit
 from beamchain.workflow import fit
 

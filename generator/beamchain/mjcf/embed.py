@@ -13,7 +13,7 @@ from beamchain.errors import InputError
 from beamchain.mjcf import check, marks, write
 from beamchain.mjcf.craft import Craft
 from beamchain.mjcf.place import Target
-from beamchain.port import Array
+from beamchain.motion import Array
 
 FORMS = ("inline", "attach")
 

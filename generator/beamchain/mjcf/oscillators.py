@@ -9,7 +9,7 @@ from beamchain.chain.bodies import Body
 from beamchain.chain.oscillators import Oscillator, Oscillators
 from beamchain.errors import EngineError
 from beamchain.mjcf.write import SMALLEST, find, number, template
-from beamchain.port import Array
+from beamchain.motion import Array
 
 
 def body_name(name: str, item: Oscillator) -> str:

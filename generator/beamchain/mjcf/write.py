@@ -13,7 +13,7 @@ from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.damping import Damper
 from beamchain.errors import EngineError
 from beamchain.mjcf import looks
-from beamchain.port import PORTS, Array
+from beamchain.motion import PORTS, Array
 from beamchain.structure.mass_line import MassLine
 
 _PACKAGED = Path(__file__).parent.parent / "mjcf_templates"

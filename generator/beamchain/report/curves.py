@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from beamchain.assess.error import DEFAULT_RATIO, STANDARD_HUBS, band_grid, damped
 from beamchain.chain import rivals
 from beamchain.chain.chain import Chain
-from beamchain.port import Array, PortModel
+from beamchain.motion import Array
+from beamchain.port import PortModel
 from beamchain.spec import port_hub_mass
 from beamchain.structure.beam import Beam
 from beamchain.structure.exact import UniformBeam

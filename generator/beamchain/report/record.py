@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from beamchain.port import Array, PortModel
+from beamchain.motion import Array
+from beamchain.port import PortModel
 
 if TYPE_CHECKING:
     from beamchain.result import Fit

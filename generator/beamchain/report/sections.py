@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from beamchain.assess.error import in_band_error
-from beamchain.port import Array
+from beamchain.motion import Array
 from beamchain.report.curves import METHODS, beam_model, chain_label, count, rival_chains, rival_model
 from beamchain.report.page import Block, Lines, Picture, Pictures, Section, Table, Text, inline
 from beamchain.report.plots import percent, short

@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamchain.port import Array, PortModel
+from beamchain.motion import Array
+from beamchain.port import PortModel
 from beamchain.report.plots import BEAM, OURS, percent
 from beamchain.structure.beam import Beam
 from beamchain.structure.shapes import mode_shapes

@@ -12,7 +12,8 @@ from functools import cache
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from beamchain.port import Array, PortModel, locked, port_from_rows
+from beamchain.motion import Array, locked
+from beamchain.port import PortModel, port_from_rows
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain.errors import InputError
-from beamchain.port import Array, locked
+from beamchain.motion import Array, locked
 from beamchain.structure.beam import Beam, Moments
 from beamchain.structure.elements import gauss
 from beamchain.structure.lump import Lump

@@ -11,7 +11,7 @@ import numpy as np
 
 from beamchain.checks import not_negative, positive
 from beamchain.errors import InputError
-from beamchain.port import Array
+from beamchain.motion import Array
 
 ZETA_5 = 1.03692775514337  # Riemann's zeta at 5
 

@@ -8,7 +8,8 @@ error by exp(W-dependent wave number x length), 1e7 for the sixth bending mode.
 
 import numpy as np
 
-from beamchain.port import Array, PortModel
+from beamchain.motion import Array
+from beamchain.port import PortModel
 from beamchain.structure.beam import Beam
 from beamchain.structure.segment import Stations
 
