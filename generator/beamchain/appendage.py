@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.assess.assembly import Carried, quiet
+from beamchain.assess.budget import linear_model
 from beamchain.assess.large_motion import LargeMotion
+from beamchain.assess.limits import step_limits
 from beamchain.assess.run_limits import exceeded
 from beamchain.assess.spoilers import spoilers
 from beamchain.engine.driven import keyframes
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import compile_model, linearise
+from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import Mount
 from beamchain.engine.unchanged import Difference, appended, differences, others
 from beamchain.errors import EngineError, InputError
@@ -121,20 +123,10 @@ def judged(craft: "mujoco.MjModel", model: "mujoco.MjModel", appendages: Sequenc
                 f'form "attach", which no default of the spacecraft reaches, or take '
                 f"{found[0].field.split('_', 1)[-1]} out of them."
             )
-    linear = linearise(quiet(model))
-    a_matrix = np.block([[np.zeros((model.nv, model.nv)), np.eye(model.nv)], [-linear.stiffness, -linear.damping]])
-    poles = np.linalg.eigvals(a_matrix)
-    poles = poles[poles.imag > 1e-5 * np.abs(poles).max(initial=0.0)]
     ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
     kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
-    return spoilers(
-        model,
-        np.abs(poles),
-        np.clip(-poles.real / np.abs(poles), 0.0, None),
-        kept,
-        min(ratios, default=0.0),
-        mine["geom"],
-    )
+    limits = step_limits(linear_model(quiet(model)))
+    return spoilers(model, limits, kept, min(ratios, default=0.0), mine["geom"])
 
 
 def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str]:

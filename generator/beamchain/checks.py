@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from numbers import Real
+from numbers import Integral, Real
 
 from beamchain.errors import InputError
 
@@ -58,6 +58,6 @@ def one_of(field: str, value: object, choices: Iterable[str]) -> None:
 
 def whole(field: str, value: object, least: int, most: int) -> int:
     """A whole number from `least` to `most`."""
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= int(value) <= most:
         raise InputError(f"{field} = {value!r} must be a whole number from {least} to {most}.")
-    return value
+    return int(value)

@@ -359,7 +359,10 @@ def _fit_all(
                 )
         held = place.held(spec.kept)
         if held:
-            warnings.append(f"{name}: the spacecraft's joints hold port {', '.join(held)}; the hub is infinite there.")
+            warnings.append(
+                f"{name}: the spacecraft's joints hold port {', '.join(held)}, wholly or in part; what they hold counts "
+                "as infinitely heavy."
+            )
         given = spec.root.hub
         if given is not None and not np.allclose(
             given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=1e-9 * hub.mass

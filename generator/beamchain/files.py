@@ -42,7 +42,7 @@ def write_files(files: Mapping[Path, str | bytes], *, force: bool) -> None:
         for folder in reversed(made):
             if not any(folder.iterdir()):
                 folder.rmdir()
-        place = error.filename or next(iter(files)).parent
+        place = next(iter(files)).parent
         raise OutputError(
             f"cannot write to {str(place)!r}: {error.strerror}; choose a folder you may write to."
         ) from None

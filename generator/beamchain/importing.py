@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from beamchain.assess.error import Comparison, compare, in_band_error
+from beamchain.assess.limits import coupled_limits
 from beamchain.assess.plan import ledger, verdict
-from beamchain.assess.stability import coupled_limits
 from beamchain.chain.build import Built, Status
 from beamchain.chain.chain import Chain, Link
 from beamchain.chain.damping import Damper, joint_damping, tendons

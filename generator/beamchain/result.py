@@ -10,8 +10,8 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from beamchain.assess.error import Comparison
+from beamchain.assess.limits import StepLimits
 from beamchain.assess.needs import AXES, Choice, LeftOut
-from beamchain.assess.stability import StepLimits
 from beamchain.assess.steps import StepChoice, choose_step
 from beamchain.chain.build import (
     Status,

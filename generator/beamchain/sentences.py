@@ -44,6 +44,8 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
         shown = (
             "" if value is None else f" = {str(value)[:60]!r}" if isinstance(value, str) else f" = {str(value)[:60]}"
         )
+        if (wrong[1], wrong[2]) == ("array", "object") and place in ("segment", "joint", "lump"):
+            return f"[{place}] is one table, but there may be several; write [[{place}]] with double brackets."
         return f"{place or 'the file'}{shown} is {_KINDS.get(wrong[2], wrong[2])}, but {wanted} is needed; write it so."
     short = re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", what)
     if short:

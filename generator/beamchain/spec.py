@@ -325,7 +325,7 @@ def _read_toml(path: Path) -> dict[str, Any]:
             raise InputError(
                 f"spec {str(path)!r} has {size} bytes, more than the {LARGEST_TOML} taken; a spec is a page of text."
             )
-        content = path.read_bytes().decode("utf-8")
+        content = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
             f"spec {str(path)!r} is not UTF-8 text ({error.reason} at byte {error.start}); save it as UTF-8."

@@ -10,8 +10,9 @@ import msgspec
 import numpy as np
 
 from beamchain.assess.error import compare, in_band_error
+from beamchain.assess.limits import StepLimits, coupled_limits
 from beamchain.assess.plan import Plan, ledger, make_plan, verdict, whole_beam
-from beamchain.assess.stability import StepLimits, coupled_limits, numerical_pole
+from beamchain.assess.stability import numerical_pole
 from beamchain.chain.build import (
     Built,
     build_exact,

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from beamchain.assess.limits import step_limits
 from beamchain.assess.one_step import LinearModel, Poles
 from beamchain.assess.stability import INTEGRATORS, step_for_error
 from beamchain.engine import linearise as engine
@@ -73,8 +74,11 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
         model: compiled.
         data: the state to linearise about; the initial one where left out.
     """
-    linear = engine.linearise(model, data)
     nv = model.nv
+    if nv and _holds_nothing(model):  # differences would show nothing but their own rounding
+        nothing = np.zeros((nv, nv))
+        return LinearModel(nothing, nothing, nothing, nothing)
+    linear = engine.linearise(model, data)
     own = np.zeros((nv, nv))
     row = np.zeros(nv)
     if data is None:
@@ -90,6 +94,15 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
         spring = engine.implicit_stiffness(model, data, linear.damping)
     euler = np.asarray(np.linalg.solve(own, np.diag(joints)), dtype=np.float64)
     return LinearModel(linear.stiffness, linear.damping, euler, spring)
+
+
+def _holds_nothing(model: "mujoco.MjModel") -> bool:
+    """No spring, damper, servo, medium or gravity: a rigid free-flyer."""
+    parts = (
+        model.jnt_stiffness, model.tendon_stiffness, model.dof_damping, model.tendon_damping, model.actuator_biasprm,
+        model.opt.gravity, model.opt.density, model.opt.viscosity,
+    )  # fmt: skip
+    return not any(np.any(np.asarray(part) != 0.0) for part in parts)
 
 
 def oscillating(model: LinearModel) -> Poles:
@@ -116,7 +129,14 @@ def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = No
     linear = linear_model(model)
     wanted = oscillating(linear)
     if wanted.size == 0:
-        raise EngineError("nothing oscillates in the model: no sprung joint; any step is stable as far as it goes.")
+        limits = step_limits(linear)
+        if limits.omega_max == 0.0:
+            raise EngineError("nothing oscillates in the model: no sprung joint; any step is stable as far as it goes.")
+        steps = ", ".join(f"{name} {step:.4g} s" for name, step in limits.largest_step.items() if np.isfinite(step))
+        raise EngineError(
+            "nothing oscillates in the model: every sprung mode is overdamped (fastest rate "
+            f"{limits.omega_max:.4g} 1/s), so that there is no frequency to keep; largest stable steps: {steps}."
+        )
     h = float(model.opt.timestep) if timestep is None else timestep
     frequencies, ratios = np.abs(wanted), np.clip(-wanted.real / np.abs(wanted), 0.0, None)
     ratios = np.where(ratios < 1e-9, 0.0, ratios)

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from beamchain.assess.stability import StepLimits, step_limits
+from beamchain.assess.budget import linear_model
+from beamchain.assess.limits import StepLimits, oscillations, step_limits
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import compile_model, linearise
+from beamchain.engine.linearise import INTEGRATORS, compile_model
 from beamchain.motion import Array
 
 
@@ -59,15 +60,8 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         EngineError: MuJoCo refuses it, or it has no degree of freedom.
     """
     model = compile_model(source)
-    linear = linearise(model)
-    nv = model.nv
-    a = np.block([[np.zeros((nv, nv)), np.eye(nv)], [-linear.stiffness, -linear.damping]])
-    poles = np.linalg.eigvals(a)
-    floor = 1e-5 * float(np.max(np.abs(poles), initial=0.0))  # rigid motion, at rounding level for a free joint
-    poles = poles[(poles.imag > floor)]
-    poles = poles[np.argsort(np.abs(poles))]
-    frequencies, ratios = np.abs(poles), np.clip(-poles.real / np.abs(poles), 0.0, None)
-    ratios[ratios < 1e-10] = 0.0
+    linear = linear_model(model)
+    frequencies, ratios = oscillations(linear.poles())
     springs: list[tuple[str, float, float]] = []
     for j in range(model.njnt):
         stiffness = float(np.atleast_1d(model.jnt_stiffness[j])[0])
@@ -76,17 +70,16 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
             springs.append(
                 (model.joint(j).name or f"joint {j}", stiffness, float(np.atleast_1d(model.dof_damping[dof])[0]))
             )
-    tendon = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0.0))
     return Inspection(
         name=model.names[: model.names.index(b"\0")].decode(),
         bodies=model.nbody - 1,
         joints=model.njnt,
-        dofs=nv,
+        dofs=model.nv,
         mass=float(np.sum(model.body_mass)),
         frequencies=frequencies,
         damping=ratios,
         springs=springs,
-        integrator=linear.integrator,
-        timestep=linear.timestep,
-        limits=step_limits(frequencies, ratios, tendon=tendon),
+        integrator=next((name for name, value in INTEGRATORS.items() if value == int(model.opt.integrator)), "Euler"),
+        timestep=float(model.opt.timestep),
+        limits=step_limits(linear),
     )

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamchain.assess.stability import step_limits
+from beamchain.assess.limits import StepLimits
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.errors import InputError
@@ -30,8 +30,7 @@ def check_flags(model: "mujoco.MjModel") -> None:
 
 def spoilers(
     model: "mujoco.MjModel",
-    frequencies: ArrayLike,
-    ratios: ArrayLike,
+    limits: StepLimits,
     kept: ArrayLike,
     zeta: float,
     geoms: Sequence[int],
@@ -40,7 +39,7 @@ def spoilers(
 
     Args:
         model: compiled.
-        frequencies, ratios: `(n,)` of its oscillations [rad/s].
+        limits: its largest steps.
         kept: kept cantilever frequencies of the appendages [rad/s].
         zeta: smallest damping ratio of the appendages; 0: undamped.
         geoms: ids of the appendages' geoms.
@@ -70,7 +69,6 @@ def spoilers(
     integrator = next((name for name, value in INTEGRATORS.items() if value == int(option.integrator)), "Euler")
     step = float(option.timestep)
     tendon = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0.0))
-    limits = step_limits(np.asarray(frequencies), np.clip(np.asarray(ratios), 0.0, 0.99), tendon=tendon)
     largest = limits.largest_step[integrator]
     if step > largest:
         out.append(

@@ -1,14 +1,11 @@
 """What a time step does to an oscillation, per integrator: stability limits, frequency shift, numerical damping."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from beamchain.checks import one_of
 from beamchain.motion import Array
-from beamchain.port import PortModel
 
 Poles = NDArray[np.complex128]
 
@@ -77,50 +74,3 @@ def step_for_error(integrator: str, omega: float, error: float) -> float:
     if over.size == 0:
         return limit / omega
     return float(brentq(lambda x: float(miss(x)), 1e-5 * limit, float(grid[over[0]]), rtol=1e-12)) / omega
-
-
-@dataclass(frozen=True)
-class StepLimits:
-    """Step limits of a model.
-
-    Args:
-        omega_max: fastest coupled frequency [rad/s].
-        ratio: its damping ratio.
-        largest_step: per integrator [s]; infinity: no limit.
-        accuracy: per integrator, steps for 1 % and 0.1 % error of the first kept frequency [s].
-    """
-
-    omega_max: float
-    ratio: float
-    largest_step: dict[str, float]
-    accuracy: dict[str, tuple[float, float]]
-
-
-def step_limits(frequencies: Array, ratios: Array, *, tendon: bool = False) -> StepLimits:
-    """Step limits of a model with the given coupled frequencies [rad/s] and damping ratios."""
-    if frequencies.size == 0:
-        return StepLimits(0.0, 0.0, dict.fromkeys(INTEGRATORS, float("inf")), {})
-    limits: dict[str, float] = {}
-    for name in INTEGRATORS:
-        steps = [
-            largest_angle(name, float(z), tendon=tendon) / float(w) for w, z in zip(frequencies, ratios, strict=True)
-        ]
-        limits[name] = min(steps)
-    fastest = int(np.argmax(frequencies))
-    first = float(np.min(frequencies))
-    accuracy: dict[str, tuple[float, float]] = {}
-    for name in INTEGRATORS:
-        one, tenth = (min(step_for_error(name, first, error), limits[name]) for error in (1e-2, 1e-3))
-        accuracy[name] = one, tenth
-    return StepLimits(float(frequencies[fastest]), float(ratios[fastest]), limits, accuracy)
-
-
-def coupled_limits(model: PortModel, hub: Array | None, *, tendon: bool) -> StepLimits:
-    """Step limits of a port model on a hub `(m, m)`, or alone."""
-    coupled = model if hub is None else model.with_hub(hub)
-    a, *_ = coupled.state_space()
-    poles = np.linalg.eigvals(a)
-    poles = poles[poles.imag > 0.0]
-    frequencies = np.abs(poles)
-    ratios = np.where(np.abs(poles.real) < 1e-12 * frequencies, 0.0, -poles.real / frequencies)
-    return step_limits(frequencies, np.clip(ratios, 0.0, None), tendon=tendon)

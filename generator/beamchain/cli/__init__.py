@@ -56,6 +56,10 @@ def main() -> None:
         sys.exit(130)
     except BrokenPipeError:
         sys.exit(0)
+    except OSError as error:  # of standard output: files have their own
+        explain(f"cannot write the output: {error.strerror or error}; what was asked for in files is written.")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the rest of it, at exit
+        sys.exit(2)
     except (MemoryError, RecursionError) as error:
         explain(f"the input is too large ({type(error).__name__}); make it smaller.")
         sys.exit(2)

@@ -114,6 +114,12 @@ def _show(result: "Fit", files: "list[Path]") -> None:
             mass = "-" if item.body is None else f"{item.body.mass:.5g}"
             bodies.add_row(str(item.mode), item.kind, at, axis, mass, f"{item.stiffness:.5g}")
         out.print(bodies)
+    if result.kept_for in ("free", "hub"):
+        what = "free modes" if result.kept_for == "free" else "coupled modes on the hub given"
+        out.print(
+            f'target "{result.kept_for}": the {what} are the beam\'s; the cantilever modes above are those of a chain '
+            "that has them, not the beam's own, and errors are against that chain as it should be."
+        )
     for port, error in result.error.items():
         band = result.bandwidth[port]
         on = "on the hub given" if result.spec.root.hub else "worst of three hubs"
@@ -121,7 +127,7 @@ def _show(result: "Fit", files: "list[Path]") -> None:
             f"in-band error {port} up to {band:.4g} rad/s, {on}, against the whole beam: "
             f"{error.accelerance_in_band:.2e}"
         )
-    steps = ", ".join(f"{k} {v:.4g} s" if v < 1e9 else f"{k} none" for k, v in result.limits.largest_step.items())
+    steps = ", ".join(f"{k} {v:.4g} s" if v < 1e9 else f"{k} no limit" for k, v in result.limits.largest_step.items())
     out.print(f"largest stable step: {steps}")
     took = sum(result.seconds.values())
     out.print(f"spec to verified chain: {took * 1e3:.1f} ms")

@@ -49,5 +49,5 @@ def inspect(
         limits.add_column(column, justify="left" if column == "integrator" else "right")
     for name, step in found.limits.largest_step.items():
         one, tenth = found.limits.accuracy.get(name, (float("inf"), float("inf")))
-        limits.add_row(name, f"{step:.5g}" if step < 1e9 else "none", f"{one:.4g}", f"{tenth:.4g}")
+        limits.add_row(name, f"{step:.5g}" if step < 1e9 else "no limit", f"{one:.4g}", f"{tenth:.4g}")
     out.print(limits)

@@ -87,7 +87,7 @@ def _show(result: "StabilityStudy") -> None:
         limits.add_column(column, justify="left" if column in ("model", "integrator") else "right")
     for row in result.rows:
         if row.predicted == row.measured:
-            limits.add_row(row.name, row.integrator, "none", "none", "-")
+            limits.add_row(row.name, row.integrator, "no limit", "no limit", "-")
         else:
             limits.add_row(
                 row.name, row.integrator, f"{row.predicted:.5g}", f"{row.measured:.5g}", f"{row.difference:+.1e}"
@@ -97,7 +97,7 @@ def _show(result: "StabilityStudy") -> None:
         out.print(_budget_table(budget))
     for limit in result.large.values():
         spin, acceleration, slew = (
-            "none found" if v == float("inf") else f"{v:.4g} {unit}"
+            "no limit found" if v == float("inf") else f"{v:.4g} {unit}"
             for v, unit in ((limit.spin, "rad/s"), (limit.acceleration, "m/s^2"), (limit.slew, "rad/s^2"))
         )
         out.print(

@@ -5,6 +5,7 @@ from itertools import accumulate, pairwise
 from math import ceil, log2
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from beamchain.errors import InputError
@@ -31,6 +32,7 @@ class Parts(NamedTuple):
 @lru_cache(maxsize=256)
 def converged(parts: Parts, port: str, modes: int) -> PortModel:
     """Raise the polynomial degree until the lowest `modes` held and free frequencies stand still."""
+    parts = _joined(parts)
     wanted = max(modes, 1)
     functions = 4 + ceil((10 + 1.6 * wanted) / len(parts.segments))
     coarse, before = _discretised(parts, port, functions), np.inf
@@ -44,6 +46,26 @@ def converged(parts: Parts, port: str, modes: int) -> PortModel:
         if change < 1e-12 * max(10.0, wanted) or stands or functions > 60:
             return fine
         functions, coarse, before = functions + 4, fine, change
+
+
+def _joined(parts: Parts) -> Parts:
+    """The same beam with equal neighbours made one: a hundred like bays need no hundred elements."""
+    hinged = {joint.after_segment for joint in parts.joints}
+    out: list[Segment] = []
+    place = {0: 0}  # of each segment's far end, before and after
+    for i, segment in enumerate(parts.segments):
+        last = out[-1] if out else None
+        if last is not None and i not in hinged and segment.section_end is None and _alike(last, segment):
+            out[-1] = msgspec.structs.replace(last, length=last.length + segment.length)
+        else:
+            out.append(segment)
+        place[i + 1] = len(out)
+    joints = tuple(msgspec.structs.replace(j, after_segment=place[j.after_segment]) for j in parts.joints)
+    return Parts(tuple(out), joints, parts.lumps)
+
+
+def _alike(a: Segment, b: Segment) -> bool:
+    return msgspec.structs.replace(a, length=b.length) == b
 
 
 def _discretised(parts: Parts, port: str, functions: int) -> PortModel:

@@ -57,7 +57,7 @@ def text(path: Path, largest: int = LARGEST_TOML) -> str:
     """
     check_size(path, largest)
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"file {str(path)!r} is not UTF-8 text (byte {error.start}); save it as UTF-8.") from None
     except OSError as error:

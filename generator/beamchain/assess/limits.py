@@ -1,0 +1,79 @@
+"""Step limits of a model: where each integrator blows up, and which step gives 1 % and 0.1 % of the first frequency."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamchain.assess.one_step import LinearModel, Poles
+from beamchain.assess.stability import INTEGRATORS, step_for_error
+from beamchain.motion import Array
+from beamchain.port import PortModel
+
+AT_REST = 1e-5  # of the fastest pole: what is slower is rigid motion, at rounding level for a free joint
+UNDAMPED = 1e-10  # ratios below it are rounding
+
+
+@dataclass(frozen=True)
+class StepLimits:
+    """Step limits of a model.
+
+    Args:
+        omega_max: fastest coupled frequency, or rate of an overdamped mode [rad/s].
+        ratio: its damping ratio; 1 where it is overdamped.
+        largest_step: per integrator [s]; infinity: no limit.
+        accuracy: per integrator, steps for 1 % and 0.1 % error of the slowest frequency [s]; empty where none rings.
+    """
+
+    omega_max: float
+    ratio: float
+    largest_step: dict[str, float]
+    accuracy: dict[str, tuple[float, float]]
+
+
+def step_limits(model: LinearModel) -> StepLimits:
+    """Step limits from one step's own matrices, overdamped modes included.
+
+    Raises:
+        EngineError: the model falls over by itself; no step is stable.
+    """
+    poles = model.poles()
+    moving = poles[np.abs(poles) > AT_REST * float(np.max(np.abs(poles), initial=0.0))]
+    if moving.size == 0:
+        return StepLimits(0.0, 0.0, dict.fromkeys(INTEGRATORS, float("inf")), {})
+    fastest = moving[np.argmax(np.abs(moving))]
+    ratio = max(0.0, float(-fastest.real / abs(fastest)))
+    limits = {name: model.largest_step(name) for name in INTEGRATORS}
+    accuracy: dict[str, tuple[float, float]] = {}
+    ringing = oscillations(poles)[0]
+    if ringing.size:
+        for name in INTEGRATORS:
+            one, tenth = (min(step_for_error(name, float(ringing[0]), e), limits[name]) for e in (1e-2, 1e-3))
+            accuracy[name] = one, tenth
+    return StepLimits(float(abs(fastest)), 0.0 if ratio < UNDAMPED else ratio, limits, accuracy)
+
+
+def oscillations(poles: Poles) -> tuple[Array, Array]:
+    """Frequencies `(n,)` [rad/s], ascending, and damping ratios of what oscillates among continuous poles [1/s]."""
+    floor = AT_REST * float(np.max(np.abs(poles), initial=0.0))
+    ringing = poles[poles.imag > floor]
+    ringing = ringing[np.argsort(np.abs(ringing))]
+    ratios = np.clip(-ringing.real / np.abs(ringing), 0.0, None)
+    return np.abs(ringing), np.where(ratios < UNDAMPED, 0.0, ratios)
+
+
+def coupled_limits(model: PortModel, hub: Array | None, *, tendon: bool) -> StepLimits:
+    """Step limits of a port model on a hub `(m, m)`, or alone.
+
+    Args:
+        model: the appendage.
+        hub: mass matrix about the port; None: nothing but the appendage.
+        tendon: the damping sits on tendons, which Euler integrates explicitly.
+    """
+    coupled = model if hub is None else model.with_hub(hub)
+    # in coordinates with a unit mass matrix, where stiffness and damping are symmetric
+    compliance = np.eye(coupled.modes) + coupled.participation @ coupled.gains @ coupled.participation.T
+    values, vectors = np.linalg.eigh((compliance + compliance.T) / 2.0)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    stiffness = root.T @ (coupled.frequencies[:, None] ** 2 * root)
+    damping = root.T @ ((2.0 * coupled.damping * coupled.frequencies)[:, None] * root)
+    return step_limits(LinearModel(stiffness, damping, np.zeros_like(damping) if tendon else damping, stiffness))
