@@ -162,6 +162,10 @@ def embed(
         RealisationError: no chain exists.
     """
     one_of("form", form, document.FORMS)
+    if not isinstance(at, Mapping):
+        raise InputError(
+            f'at = {at!r:.60} is a {type(at).__name__}; give appendages by place: {{"mount": "array.toml"}}.'
+        )
     if not at:
         raise InputError("nothing to embed: give at least one place and spec, --at NAME=SPEC.toml.")
     given = list(prefixes or [])

@@ -202,8 +202,17 @@ class Fit:
         """Attach the appendage to a site of an `mujoco.MjSpec` (x of the site's frame outwards), names unprefixed.
 
         Raises:
-            InputError: the spec has no such site.
+            InputError: it is no `MjSpec`, has no such site, or has the appendage already.
         """
+        if not isinstance(spec, mujoco.MjSpec):
+            raise InputError(
+                f"attach needs an mujoco.MjSpec, not a {type(spec).__name__}: mujoco.MjSpec.from_file(path), attach, "
+                "then compile(); or bc.embed for a file."
+            )
+        if spec.body(f"{self.spec.name}_link1") is not None:
+            raise InputError(
+                f"the model already has an appendage {self.spec.name!r}; fit this one under another name: name=..."
+            )
         place = spec.site(site)
         if place is None:
             known = ", ".join(s.name for s in spec.sites if s.name) or "none"

@@ -10,7 +10,7 @@ from beamchain.assess.large_motion import LargeMotion, large_motion
 from beamchain.assess.measured_limit import measured_limit
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
-from beamchain.errors import BeamchainError
+from beamchain.errors import BeamchainError, EngineError
 from beamchain.result import Fit
 from beamchain.spec import Spec, read_spec
 from beamchain.workflow import fit
@@ -113,14 +113,22 @@ def study_fit(result: Fit, say: Callable[[str], None] = lambda _: None) -> Stabi
     """Step limits of a fit, on its hub and on the bench, and its large-motion limits."""
     rows: list[StepRow] = []
     budgets: list[Budget] = []
+    silent: list[str] = []
     name = result.spec.name
     for label, text in ((f"{name} on its hub", result.scene_mjcf()), (f"{name} alone", result.bench_mjcf())):
         model = compile_model(text)
-        limits = budget(model, name=label)
+        try:
+            limits = budget(model, name=label)
+        except EngineError as error:
+            if not budgets:
+                raise
+            silent.append(f"{label}: {error}")  # overdamped without its hub
+            continue
         budgets.append(limits)
         rows += step_rows(model, limits, say)
     say("comparing with a chain of 60 links in large motion")
     large, warnings = large_limits(result)
+    warnings += silent
     scene = result.spec.scene
     warnings += _warnings(budgets[:1], 0.0 if scene is None else scene.timestep, scene.integrator if scene else None)
     return StabilityStudy(rows, budgets, large, warnings)

@@ -30,7 +30,7 @@ from beamchain.errors import InputError, RealisationError
 from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.motion import PORTS, Array
 from beamchain.port import PortModel, in_space
-from beamchain.result import Fit, appendage_tree, seconds_taken
+from beamchain.result import Fit, appendage_tree, default_hub, seconds_taken
 from beamchain.spec import Damping, FitOptions, Modes, Root, Scene, Spec, port_hub_mass
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
@@ -72,6 +72,16 @@ def fit(
         EngineError: MuJoCo refuses the model (sizes beyond its limits).
     """
     spec = as_spec(appendage)
+    for word, value, kind, example in (
+        ("root", root, Root, 'Root(target="hub", hub=Hub(...))'),
+        ("damping", damping, Damping, "Damping(ratio=0.005)"),
+        ("options", options, FitOptions, 'FitOptions(method="classical", links=20)'),
+        ("scene", scene, Scene, "Scene(bandwidth=5.0)"),
+    ):
+        if value is not None and not isinstance(value, kind):
+            raise InputError(f"{word} = {value!r} is a {type(value).__name__}; give a {kind.__name__}: {example}.")
+    if modes is not None and not isinstance(modes, Modes | Mapping):
+        raise InputError(f'modes = {modes!r} is a {type(modes).__name__}; give modes per port: modes={{"xy": 2}}.')
     if modes is not None and not isinstance(modes, Modes):
         unknown = set(modes) - set(Modes.__struct_fields__)
         if unknown:
@@ -93,10 +103,11 @@ def fit(
     if spec.imported is not None:
         from beamchain.importing import fit_imported  # which returns a Fit
 
-        return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
-    if spec.fit.form == "oscillators":
-        return _beam_as_oscillators(spec)
-    return _fit(spec)
+        result = fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
+    else:
+        result = _beam_as_oscillators(spec) if spec.fit.form == "oscillators" else _fit(spec)
+    said = _step_warnings(result)
+    return replace(result, warnings=(*result.warnings, *said)) if said else result
 
 
 def as_spec(appendage: Beam | Spec | ModalData) -> Spec:
@@ -246,6 +257,36 @@ def _warnings(
         if value > DECOUPLED:
             out.append(f"MuJoCo sees the ports {pair} coupled, by {value:.1e} relative: they are not independent.")
     return tuple(out)
+
+
+def _step_warnings(result: Fit) -> tuple[str, ...]:
+    """Where scene.xml's own step is unstable, or misses the scene's tolerance."""
+    scene = result.spec.scene
+    if scene is None or result.spec.fit.timestep or not result.achieved:
+        return ()
+    limits = result.limits
+    if result.spec.root.hub is None:
+        hub, space = default_hub(result.mass_line).mass_matrix(), result.space
+        if space is None:
+            model = in_space(result.achieved, result.measured.rigid_mass)
+        else:
+            model, hub = space.achieved, hub[np.ix_(space.live, space.live)]
+        limits = coupled_limits(model, hub, tendon=bool(result.dampers))
+    largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.timestep:g} s"
+    if scene.timestep > largest:
+        return (
+            f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
+            "give scene.timestep half of that, or less.",
+        )
+    kept = next((choice for choice in result.steps if choice.integrator == scene.integrator), None)
+    if kept is None or scene.timestep <= kept.step:
+        return ()
+    best = result.steps[0]
+    return (
+        f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: it keeps that up to "
+        f"{kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; give scene.integrator and scene.timestep, or "
+        "fit.timestep for a chain made for its step.",
+    )
 
 
 def _build(spec: Spec, plan: Plan, beam: Beam, full: Mapping[str, PortModel], hub: Array | None) -> Built:

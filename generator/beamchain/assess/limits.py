@@ -69,11 +69,14 @@ def coupled_limits(model: PortModel, hub: Array | None, *, tendon: bool) -> Step
         hub: mass matrix about the port; None: nothing but the appendage.
         tendon: the damping sits on tendons, which Euler integrates explicitly.
     """
-    coupled = model if hub is None else model.with_hub(hub)
-    # in coordinates with a unit mass matrix, where stiffness and damping are symmetric
-    compliance = np.eye(coupled.modes) + coupled.participation @ coupled.gains @ coupled.participation.T
+    stiffness, damping = normalised(model if hub is None else model.with_hub(hub))
+    return step_limits(LinearModel(stiffness, damping, np.zeros_like(damping) if tendon else damping, stiffness))
+
+
+def normalised(model: PortModel) -> tuple[Array, Array]:
+    """Stiffness and damping `(n, n)` of a free port model in coordinates with a unit mass matrix: both symmetric."""
+    compliance = np.eye(model.modes) + model.participation @ model.gains @ model.participation.T
     values, vectors = np.linalg.eigh((compliance + compliance.T) / 2.0)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    stiffness = root.T @ (coupled.frequencies[:, None] ** 2 * root)
-    damping = root.T @ ((2.0 * coupled.damping * coupled.frequencies)[:, None] * root)
-    return step_limits(LinearModel(stiffness, damping, np.zeros_like(damping) if tendon else damping, stiffness))
+    spring, damper = model.frequencies[:, None] ** 2, (2.0 * model.damping * model.frequencies)[:, None]
+    return root.T @ (spring * root), root.T @ (damper * root)

@@ -7,11 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.assess.error import band_grid, damped, spectral_norms
-from beamchain.assess.stability import INTEGRATORS, largest_angle, step_pole
+from beamchain.assess.limits import coupled_limits, normalised
+from beamchain.assess.stability import INTEGRATORS, step_pole
 from beamchain.motion import Array
 from beamchain.port import PortModel
 
 MARGIN = 0.8  # of the stability limit
+NEARLY = 0.99  # ratio that an overdamped mode is given: it has no frequency to keep
 
 #: Cost of a step against Euler's, measured on hub and 3 links (`tests/benchmarks/fit_time.py` prints them).
 RELATIVE_COST = {"Euler": 1.0, "implicitfast": 1.1, "implicit": 1.3, "discrete": 1.3, "RK4": 3.4}
@@ -57,10 +59,10 @@ def choose_step(
     ratios = _coupled_ratios(coupled)
     s = np.sqrt(np.diag(coupled.rigid_mass))[list(keep)]
     rigid = (coupled.rigid_port_values @ coupled.rigid_port_values.T)[np.ix_(keep, keep)] * np.outer(s, s)
+    stable = coupled_limits(coupled, None, tendon=tendon).largest_step
     out: list[StepChoice] = []
     for name in INTEGRATORS:
-        limit = min(largest_angle(name, float(z), tendon=tendon) / float(x) for x, z in zip(w, ratios, strict=True))
-        limit = MARGIN * min(limit, 3.0 / float(w[0]))
+        limit = MARGIN * min(stable[name], 3.0 / float(w[0]))
 
         def error(h: float, name: str = name) -> float:
             pole = np.log(step_pole(name, w * h, ratios, tendon=tendon)) / h
@@ -95,9 +97,8 @@ def _flexible(omega: Array, w: Array, ratios: Array, p: Array, s: Array) -> NDAr
 
 
 def _coupled_ratios(coupled: PortModel) -> Array:
-    """Damping ratios of the free modes, in order of frequency."""
-    a, *_ = coupled.state_space()
-    poles = np.linalg.eigvals(a)
-    poles = poles[poles.imag > 0.0]
-    order = np.argsort(np.abs(poles))[: coupled.free_frequencies.size]
-    return -poles[order].real / np.abs(poles[order])
+    """Damping ratios of the free modes, in order of frequency; what is overdamped counts as nearly so."""
+    stiffness, damping = normalised(coupled)
+    squares, shapes = np.linalg.eigh(stiffness)
+    ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (2.0 * np.sqrt(np.maximum(squares, 1e-300)))
+    return np.clip(ratios[-coupled.free_frequencies.size :], 0.0, NEARLY)

@@ -53,6 +53,9 @@ class Hinge:
         object.__setattr__(self, "stiffness", MappingProxyType(dict(self.stiffness)))
         object.__setattr__(self, "damping", MappingProxyType(dict(self.damping)))
 
+    def __reduce__(self) -> tuple[type["Hinge"], tuple[object, ...]]:
+        return Hinge, (self.x, dict(self.stiffness), dict(self.damping))  # a proxy cannot be pickled
+
 
 @dataclass(frozen=True)
 class Chain:

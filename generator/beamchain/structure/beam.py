@@ -44,7 +44,12 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     lumps: tuple[Lump, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("segments", "joints", "lumps"):
+        for name, kind in (("segments", Segment), ("joints", Joint), ("lumps", Lump)):
+            given = getattr(self, name)
+            if not isinstance(given, list | tuple) or not all(isinstance(item, kind) for item in given):
+                raise InputError(
+                    f"{name} = {given!r:.60} must be a list of {kind.__name__}: {name}=[{kind.__name__}(...)]."
+                )
             msgspec.structs.force_setattr(self, name, tuple(getattr(self, name)))
         if not self.segments:
             raise InputError(

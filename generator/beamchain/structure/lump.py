@@ -21,7 +21,7 @@ class Lump(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 def body_inertia(name: str, values: tuple[float, float, float]) -> None:
     """Three principal inertias that a rigid body can have."""
-    if len(values) != 3:
+    if not hasattr(values, "__len__") or len(values) != 3:
         raise InputError(f"{name} = {values!r} must hold three numbers [Ixx, Iyy, Izz] in kg m^2.")
     a, b, c = sorted(not_negative(f"{name}[{i}]", v, "kg m^2") for i, v in enumerate(values))
     if c > (a + b) * (1.0 + 1e-9):

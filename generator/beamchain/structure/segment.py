@@ -29,6 +29,12 @@ class Stations(NamedTuple):
     rotary_xz: Array
 
 
+EXAMPLES = {
+    "section": "Round(diameter=0.02), Tube(...), Rectangle(...), Box(...), Custom(...) or Equivalent(...)",
+    "material": "Material(youngs_modulus=7e10, density=2700.0)",
+}
+
+
 class Segment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A stretch of the appendage with one section, or a linear taper between two.
 
@@ -54,6 +60,9 @@ class Segment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         positive("length", self.length, "m")
         not_negative("nonstructural_mass", self.nonstructural_mass, "kg/m")
         one_of("theory", self.theory, ("euler", "timoshenko"))
+        for name, value, kind in (("section", self.section, Section), ("material", self.material, Material | None)):
+            if not isinstance(value, kind):
+                raise InputError(f"{name} = {value!r:.60} is a {type(value).__name__}; give one as {EXAMPLES[name]}.")
         if self.section_end is not None and type(self.section_end) is not type(self.section):
             raise InputError(
                 f'section_end has shape "{_shape(self.section_end)}" but section has "{_shape(self.section)}"; '

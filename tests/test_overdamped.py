@@ -1,0 +1,98 @@
+"""Step limits where modes are overdamped, or the scene asks for a step it cannot take: said, and found again by MuJoCo.
+
+Tolerances: SAME is between two ways of computing one number from A and B; MEASURED the bound of the issue of stability.
+"""
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+from beamchain.assess.inspect import inspect_model
+
+SAME = 1e-6
+MEASURED = 0.01
+
+ROD = bc.Beam(
+    segments=[
+        bc.Segment(
+            length=5.0, section=bc.Round(diameter=0.02), material=bc.Material(youngs_modulus=7e10, density=2700.0)
+        )
+    ]
+)
+HUB = bc.Hub(mass=85.0, inertia=(1.0, 1.0, 1.0), offset=(0.25, 0.0, 0.0))
+
+
+def fitted(ratio, **more):
+    damping = bc.Damping(ratio=ratio)
+    return bc.fit(ROD, name="rod", modes={"xy": 2}, damping=damping, root=bc.Root(hub=HUB), **more)
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.005, 0.04, 0.05, 0.3, 0.9])
+def test_fit_inspect_and_budget_agree(ratio):
+    fit = fitted(ratio)
+    seen = inspect_model(fit.scene_mjcf()).limits.largest_step
+    for name, step in fit.limits.largest_step.items():
+        assert step == pytest.approx(seen[name], rel=SAME), name
+    found = bc.budget(fit.scene_mjcf()).largest_step
+    assert fit.limits.largest_step["Euler"] == pytest.approx(found["Euler"], rel=SAME)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+@pytest.mark.parametrize("ratio", [0.05, 0.9])
+def test_the_limit_is_where_mujoco_blows_up(ratio, integrator):
+    fit = fitted(ratio)
+    predicted = fit.limits.largest_step[integrator]
+    model = mujoco.MjModel.from_xml_string(fit.scene_mjcf())
+    assert bc.measured_limit(model, integrator, predicted) == pytest.approx(predicted, rel=MEASURED)
+
+
+def test_an_unstable_step_of_the_scene_is_said():
+    fit = fitted(0.01, scene=bc.Scene(timestep=10.0, integrator="Euler"))
+    said = [w for w in fit.warnings if w.startswith("scene.xml takes Euler at 10 s, which is unstable above")]
+    assert len(said) == 1
+    assert f"{fit.limits.largest_step['Euler']:.4g} s" in said[0]
+
+
+def test_a_step_that_misses_the_tolerance_is_said_and_a_good_one_is_not():
+    root = bc.Root(hub=HUB)
+    asked = {"bandwidth": 5.0, "axes": ("z",)}
+    coarse = bc.fit(ROD, damping=bc.Damping(ratio=0.01), root=root, scene=bc.Scene(**asked, timestep=0.02))
+    assert any("above the tolerance 0.001" in w for w in coarse.warnings)
+    best = coarse.steps[0]
+    fine = bc.Scene(**asked, integrator=best.integrator, timestep=0.99 * best.step)
+    assert not any(
+        "scene.xml takes" in w for w in bc.fit(ROD, damping=bc.Damping(ratio=0.01), root=root, scene=fine).warnings
+    )
+
+
+def test_nothing_that_rings_is_said_with_its_steps():
+    source = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint type="hinge" stiffness="1" damping="10"/>
+    <geom size=".1" mass="1" pos="1 0 0"/></body></worldbody></mujoco>"""
+    with pytest.raises(bc.BeamchainError, match=r"every sprung mode is overdamped .* RK4 0\.\d+ s"):
+        bc.budget(source)
+    assert np.isfinite(inspect_model(source).limits.largest_step["RK4"])
+
+
+def test_a_rigid_free_flyer_has_no_limit():
+    free = inspect_model(
+        '<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody><option gravity="0 0 0"/></mujoco>'
+    )
+    assert set(free.limits.largest_step.values()) == {float("inf")}
+
+
+def test_neighbours_alike_are_one():
+    bay = bc.Segment(length=0.025, section=bc.Round(diameter=0.02), material=ROD.segments[0].material)
+    many = bc.fit(bc.Beam(segments=[bay] * 200), modes={"xy": 2}).target["xy"]
+    assert many.frequencies == pytest.approx(fitted(0.0).full["xy"].frequencies[:2], rel=1e-11)
+
+
+def test_a_byte_order_mark_is_no_mistake(tmp_path):
+    from beamchain import shipped
+
+    path = tmp_path / "boom.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + next(e.path for e in shipped.examples() if e.name == "seed_boom").read_bytes())
+    assert bc.read_spec(path).name == "boom"
+    path.write_text("[segment]\nlength = 1.0\n")
+    with pytest.raises(bc.BeamchainError, match=r"write \[\[segment\]\] with double brackets"):
+        bc.read_spec(path)
