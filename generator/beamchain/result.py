@@ -199,10 +199,14 @@ class Fit:
         return float(max(m for m in (1.0, 2.0, 5.0) if m * 10**exponent <= bound * (1 + 1e-12)) * 10**exponent)
 
     def attach(self, spec: "mujoco.MjSpec", site: str) -> None:
-        """Attach the appendage to a site of an `mujoco.MjSpec` (x of the site's frame outwards), names unprefixed.
+        """Attach the appendage, names unprefixed.
+
+        Args:
+            spec: the spacecraft, an `mujoco.MjSpec`; changed in place.
+            site: name of one of its sites, x of its frame outwards.
 
         Raises:
-            InputError: it is no `MjSpec`, has no such site, or has the appendage already.
+            InputError: `spec` is no `MjSpec`, has no such site, or has the appendage already.
         """
         if not isinstance(spec, mujoco.MjSpec):
             raise InputError(

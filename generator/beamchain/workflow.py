@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from beamchain.assess.doubtful import doubtful
 from beamchain.assess.error import compare, in_band_error
 from beamchain.assess.limits import StepLimits, coupled_limits
 from beamchain.assess.plan import Plan, ledger, make_plan, verdict, whole_beam
@@ -208,6 +209,7 @@ def _fit(spec: Spec) -> Fit:
         warnings=(
             *_warnings(spec, measured, achieved, dampers, limits),
             *_prewarp_note(warped),
+            *doubtful(spec.segment),
             *([note] if note else []),
         ),
         prewarps=warped,

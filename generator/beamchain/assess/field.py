@@ -35,7 +35,7 @@ OURS = {
 }
 OSCILLATORS = "oscillators"  # ours, but without the geometry of a chain: named beside the best, never recommended
 EQUAL = {"equal links, midpoint": "midpoint", "equal links, classical": "classical"}
-EQUAL_COUNTS = (3, 5, 7, 10, 14, 20, 24, 27, 30, 40, 57, 80)
+EQUAL_COUNTS = (3, 5, 7, 10, 14, 20, 24, 27, 30, 40, 57, 80, 95, 113)
 SOFT_COUNTS = (5, 7, 10, 14)
 PAPER = "paper's 3 links"
 RIGID_HUB = "rigid hub"

@@ -112,6 +112,7 @@ def _split(word: str, remove: bool) -> tuple[str, str]:
 
 
 def _show(result: "Embedded", files: list[Path]) -> None:
+    from rich.markup import escape
     from rich.table import Table
 
     out, assembly = console(), result.assembly
@@ -136,7 +137,15 @@ def _show(result: "Embedded", files: list[Path]) -> None:
         f"accelerance of {assembly.hub} ({len(assembly.motions)} motions) up to {assembly.common:.4g} rad/s: "
         f"error {assembly.in_band:.2e}"
     )
+    for item in result.appendages:
+        scene, promise = item.fit.spec.scene, item.fit.promise
+        if scene is not None and scene.bandwidth is not None and promise is not None:
+            out.print(
+                f"{item.at}: what its scene asks for ({', '.join(scene.axes)} up to {scene.bandwidth:g} rad/s within "
+                f"{scene.tolerance:g}) is kept to {promise:.2e}; other motions of the hub miss what was left out.",
+                markup=False,
+            )
     for warning in result.warnings:
-        out.print(f"[bold]note[/bold]: {warning}")
+        out.print(f"[bold]note[/bold]: {escape(warning)}")
     for file in files:
-        out.print(f"wrote {file}")
+        out.print(f"wrote {file}", markup=False)
