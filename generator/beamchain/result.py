@@ -36,8 +36,6 @@ from beamchain.structure.modal_data import ModalData
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-DECOUPLED = 1e-9  # relative: what two independent ports may share
-
 
 @dataclass(frozen=True, eq=False)
 class InSpace:

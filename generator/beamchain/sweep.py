@@ -28,7 +28,7 @@ from beamchain.report.spec_text import spec_toml
 from beamchain.result import Fit, default_hub
 from beamchain.spec import Damping, Modes, Spec, spec_from_dict
 from beamchain.structure.section import Equivalent
-from beamchain.workflow import _build, _damped, fit
+from beamchain.workflow import build, damped_chain, fit
 
 #: Fields of MuJoCo's model that differ between variants; they hold for the scene.xml written beside them.
 FIELDS = (
@@ -222,11 +222,11 @@ def _sample(nominal: Fit, model: "mujoco.MjModel", seed: int, index: int) -> dic
         hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
         full = whole_beam(spec, beam)
         plan = make_plan(spec, full, beam.rigid_mass(), hub)
-        built = _build(spec, plan, beam, full, hub)
+        built = build(spec, plan, beam, full, hub)
         fewer = [port for port, target in built.targets.items() if target.modes < nominal.target[port].modes]
         if fewer:
             return {"sample": index, "why": f"fewer modes in {fewer[0]}: {built.status.message}"}
-        chain, dampers = _damped(spec, plan, built, {})
+        chain, dampers = damped_chain(spec, plan, built, {})
         variant = replace(nominal, spec=spec, chain=chain, dampers=dampers)
         own = compile_model(variant.scene_mjcf())
     except BeamchainError as error:

@@ -11,9 +11,9 @@ import numpy as np
 
 from beamchain.assess.doubtful import doubtful
 from beamchain.assess.error import compare, in_band_error
-from beamchain.assess.limits import StepLimits, coupled_limits
+from beamchain.assess.limits import coupled_limits
 from beamchain.assess.plan import Plan, ledger, make_plan, verdict, whole_beam
-from beamchain.assess.stability import numerical_pole
+from beamchain.cautions import fit_warnings, prewarp_note, step_warnings
 from beamchain.chain.build import (
     Built,
     build_exact,
@@ -26,18 +26,17 @@ from beamchain.chain.damping import Damper, joint_damping, modal_ratios, tendons
 from beamchain.chain.polar import raised
 from beamchain.chain.prewarp import Prewarp, loaded_tendons, prewarp
 from beamchain.chain.rods import Payload
-from beamchain.engine.bench import Measured, measure, root_body
+from beamchain.engine.bench import measure, root_body
 from beamchain.errors import InputError, RealisationError
 from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.motion import PORTS, Array
 from beamchain.port import PortModel, in_space
-from beamchain.result import Fit, appendage_tree, default_hub, seconds_taken
+from beamchain.result import Fit, appendage_tree, seconds_taken
 from beamchain.spec import Damping, FitOptions, Modes, Root, Scene, Spec, port_hub_mass
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
 from beamchain.structure.modal_data import ModalData
 
-DECOUPLED = 1e-9  # relative: what two independent ports may share
 LIGHTEST = 1e-9  # residual over rigid mass: free frequencies are good to about 1e-16 over it (measured)
 LEAST_INERTIA = 1.01 * SMALLEST  # a body's inertia is rounded once more on its way
 CANDIDATES = 4  # converged modes per port that a scene may choose from, where they become oscillators
@@ -107,7 +106,7 @@ def fit(
         result = fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
     else:
         result = _beam_as_oscillators(spec) if spec.fit.form == "oscillators" else _fit(spec)
-    said = _step_warnings(result)
+    said = step_warnings(result)
     return replace(result, warnings=(*result.warnings, *said)) if said else result
 
 
@@ -163,11 +162,11 @@ def _fit(spec: Spec) -> Fit:
     clock.append(time.perf_counter())
     plan = make_plan(spec, full, beam.rigid_mass(), hub)
     kept = plan.kept
-    built = _build(spec, plan, beam, full, hub)
+    built = build(spec, plan, beam, full, hub)
     warped = (
         {p: _prewarp(spec, p, full[p], t.modes, hub) for p, t in built.targets.items()} if spec.fit.timestep else {}
     )
-    chain, dampers = _damped(spec, plan, built, warped)
+    chain, dampers = damped_chain(spec, plan, built, warped)
     chain, note = raised(chain, LEAST_INERTIA)
     clock.append(time.perf_counter())
     scene = spec.scene or Scene()
@@ -207,8 +206,8 @@ def _fit(spec: Spec) -> Fit:
         promise=promise,
         left_out=ledger(spec, plan.choice, bool(dampers)),
         warnings=(
-            *_warnings(spec, measured, achieved, dampers, limits),
-            *_prewarp_note(warped),
+            *fit_warnings(spec, measured, achieved, dampers, limits),
+            *prewarp_note(warped),
             *doubtful(spec.segment),
             *([note] if note else []),
         ),
@@ -216,82 +215,8 @@ def _fit(spec: Spec) -> Fit:
     )
 
 
-def _warnings(
-    spec: Spec, measured: Measured, achieved: Mapping[str, PortModel], dampers: tuple[Damper, ...], limits: StepLimits
-) -> tuple[str, ...]:
-    """What to know before the file is used."""
-    out: list[str] = []
-    if dampers:
-        euler, other = limits.largest_step["Euler"], limits.largest_step["implicitfast"]
-        text = (
-            "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo takes where nothing "
-            f"is said, integrates tendon damping explicitly and is stable up to {euler:.4g} s only "
-            f"(implicitfast {other:.4g} s)"
-        )
-        scene = spec.scene or Scene()
-        if scene.integrator == "Euler":
-            worst = max(dampers, key=lambda d: d.damping)
-            model = achieved[worst.port]
-            k = min(worst.mode, model.modes) - 1
-            w, zeta = float(model.frequencies[k]), float(model.damping[k])
-            pole = numerical_pole("Euler", w, zeta, scene.timestep, tendon=True)
-            seen = -pole.real / abs(pole)
-            text += (
-                f"; at the scene's step of {scene.timestep:g} s mode {worst.mode} in {worst.port} will show a damping "
-                f"ratio of {seen:.4g} instead of {zeta:.4g}"
-            )
-        out.append(f'{text}. Use implicitfast, or damping.form = "hinge".')
-    if spec.damping is not None and spec.damping.form == "hinge":
-        missed: list[str] = []
-        for port, model in achieved.items():
-            wanted = spec.damping.ratios(port, min(model.modes, spec.kept[port]))
-            missed += [
-                f"{port} {k + 1}: {have:.4g} for {want:.4g}"
-                for k, (want, have) in enumerate(zip(wanted, model.damping, strict=False))
-                if abs(have - want) > 0.01 * want
-            ]
-        if missed:
-            out.append(
-                f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}); "
-                'damping.form = "modal" is exact.'
-            )
-    for pair, value in measured.couplings.items():
-        if value > DECOUPLED:
-            out.append(f"MuJoCo sees the ports {pair} coupled, by {value:.1e} relative: they are not independent.")
-    return tuple(out)
-
-
-def _step_warnings(result: Fit) -> tuple[str, ...]:
-    """Where scene.xml's own step is unstable, or misses the scene's tolerance."""
-    scene = result.spec.scene
-    if scene is None or result.spec.fit.timestep or not result.achieved:
-        return ()
-    limits = result.limits
-    if result.spec.root.hub is None:
-        hub, space = default_hub(result.mass_line).mass_matrix(), result.space
-        if space is None:
-            model = in_space(result.achieved, result.measured.rigid_mass)
-        else:
-            model, hub = space.achieved, hub[np.ix_(space.live, space.live)]
-        limits = coupled_limits(model, hub, tendon=bool(result.dampers))
-    largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.timestep:g} s"
-    if scene.timestep > largest:
-        return (
-            f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
-            "give scene.timestep half of that, or less.",
-        )
-    kept = next((choice for choice in result.steps if choice.integrator == scene.integrator), None)
-    if kept is None or scene.timestep <= kept.step:
-        return ()
-    best = result.steps[0]
-    return (
-        f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: it keeps that up to "
-        f"{kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; give scene.integrator and scene.timestep, or "
-        "fit.timestep for a chain made for its step.",
-    )
-
-
-def _build(spec: Spec, plan: Plan, beam: Beam, full: Mapping[str, PortModel], hub: Array | None) -> Built:
+def build(spec: Spec, plan: Plan, beam: Beam, full: Mapping[str, PortModel], hub: Array | None) -> Built:
+    """The chain of a plan, with what was tried and what came of it."""
     kept = plan.kept
 
     def target_of(port: str, count: int) -> PortModel:
@@ -347,18 +272,6 @@ def _prewarp(spec: Spec, port: str, model: PortModel, count: int, hub: Array | N
     return prewarp(spec.with_ratios(port, model), count, load, integrator, spec.fit.timestep)
 
 
-def _prewarp_note(plans: Mapping[str, Prewarp]) -> list[str]:
-    """For which step and integrator a pre-warped chain is right."""
-    if not plans:
-        return []
-    plan = next(iter(plans.values()))
-    on = "a held root: give root.hub for the coupled modes" if plan.hub_mass is None else "the modes on the hub"
-    return [
-        f"pre-warped for {plan.integrator} at {plan.timestep:g} s, on {on}: at any other step or integrator the "
-        "frequencies are off; the errors stated are those of what that step shows."
-    ]
-
-
 def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
     """Link lengths for least squares: the user's, or as many equal ones as the modes need."""
     links = spec.fit.links
@@ -375,7 +288,9 @@ def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
     return np.full(count, beam.length / count)
 
 
-def _damped(spec: Spec, plan: Plan, built: Built, warped: Mapping[str, Prewarp]) -> tuple[Chain, tuple[Damper, ...]]:
+def damped_chain(
+    spec: Spec, plan: Plan, built: Built, warped: Mapping[str, Prewarp]
+) -> tuple[Chain, tuple[Damper, ...]]:
     """The wanted damping: tendons beside the chain, or dampers in its hinges where asked for or good enough."""
     chain, dampers = built.chain, []
     if spec.damping is None:

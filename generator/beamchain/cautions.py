@@ -1,0 +1,103 @@
+"""What to know before a fit's files are used: dampers, steps, ports that are not independent."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from beamchain.assess.limits import StepLimits, coupled_limits
+from beamchain.assess.stability import numerical_pole
+from beamchain.chain.damping import Damper
+from beamchain.chain.prewarp import Prewarp
+from beamchain.engine.bench import Measured
+from beamchain.port import PortModel, in_space
+from beamchain.result import Fit, default_hub
+from beamchain.spec import Scene, Spec
+
+DECOUPLED = 1e-9  # relative: what two independent ports may share
+
+
+def fit_warnings(
+    spec: Spec, measured: Measured, achieved: Mapping[str, PortModel], dampers: tuple[Damper, ...], limits: StepLimits
+) -> tuple[str, ...]:
+    """What to know before the file is used."""
+    out: list[str] = []
+    if dampers:
+        euler, other = limits.largest_step["Euler"], limits.largest_step["implicitfast"]
+        text = (
+            "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo takes where nothing "
+            f"is said, integrates tendon damping explicitly and is stable up to {euler:.4g} s only "
+            f"(implicitfast {other:.4g} s)"
+        )
+        scene = spec.scene or Scene()
+        if scene.integrator == "Euler":
+            worst = max(dampers, key=lambda d: d.damping)
+            model = achieved[worst.port]
+            k = min(worst.mode, model.modes) - 1
+            w, zeta = float(model.frequencies[k]), float(model.damping[k])
+            pole = numerical_pole("Euler", w, zeta, scene.timestep, tendon=True)
+            seen = -pole.real / abs(pole)
+            text += (
+                f"; at the scene's step of {scene.timestep:g} s mode {worst.mode} in {worst.port} will show a damping "
+                f"ratio of {seen:.4g} instead of {zeta:.4g}"
+            )
+        out.append(f'{text}. Use implicitfast, or damping.form = "hinge".')
+    if spec.damping is not None and spec.damping.form == "hinge":
+        missed: list[str] = []
+        for port, model in achieved.items():
+            wanted = spec.damping.ratios(port, min(model.modes, spec.kept[port]))
+            missed += [
+                f"{port} {k + 1}: {have:.4g} for {want:.4g}"
+                for k, (want, have) in enumerate(zip(wanted, model.damping, strict=False))
+                if abs(have - want) > 0.01 * want
+            ]
+        if missed:
+            out.append(
+                f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}); "
+                'damping.form = "modal" is exact.'
+            )
+    for pair, value in measured.couplings.items():
+        if value > DECOUPLED:
+            out.append(f"MuJoCo sees the ports {pair} coupled, by {value:.1e} relative: they are not independent.")
+    return tuple(out)
+
+
+def step_warnings(result: Fit) -> tuple[str, ...]:
+    """Where scene.xml's own step is unstable, or misses the scene's tolerance."""
+    scene = result.spec.scene
+    if scene is None or result.spec.fit.timestep or not result.achieved:
+        return ()
+    limits = result.limits
+    if result.spec.root.hub is None:
+        hub, space = default_hub(result.mass_line).mass_matrix(), result.space
+        if space is None:
+            model = in_space(result.achieved, result.measured.rigid_mass)
+        else:
+            model, hub = space.achieved, hub[np.ix_(space.live, space.live)]
+        limits = coupled_limits(model, hub, tendon=bool(result.dampers))
+    largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.timestep:g} s"
+    if scene.timestep > largest:
+        return (
+            f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
+            "give scene.timestep half of that, or less.",
+        )
+    kept = next((choice for choice in result.steps if choice.integrator == scene.integrator), None)
+    if kept is None or scene.timestep <= kept.step:
+        return ()
+    best = result.steps[0]
+    return (
+        f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: it keeps that up to "
+        f"{kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; give scene.integrator and scene.timestep, or "
+        "fit.timestep for a chain made for its step.",
+    )
+
+
+def prewarp_note(plans: Mapping[str, Prewarp]) -> list[str]:
+    """For which step and integrator a pre-warped chain is right."""
+    if not plans:
+        return []
+    plan = next(iter(plans.values()))
+    on = "a held root: give root.hub for the coupled modes" if plan.hub_mass is None else "the modes on the hub"
+    return [
+        f"pre-warped for {plan.integrator} at {plan.timestep:g} s, on {on}: at any other step or integrator the "
+        "frequencies are off; the errors stated are those of what that step shows."
+    ]
