@@ -29,7 +29,10 @@ def room(name: str) -> str:
     return "workflow" if name in LONE else ""
 
 
-CELLAR = {"errors", "checks", "files", "spec", "shipped", "__init__", "__main__", "uncertain"}
+CELLAR = {
+    "errors", "checks", "files", "tables", "sentences", "motion", "hub", "spec", "shipped", "uncertain", "jobs",
+    "__init__", "__main__",
+}  # fmt: skip
 LONE = {path.stem for path in SOURCE.glob("*.py")} - CELLAR - {"port"}
 
 
@@ -82,7 +85,7 @@ def draw() -> str:
         ]
     out += [
         f'<text x="20" y="218" font-size="11" fill="{INK}">Arcs: a room imports what stands to its left; the thicker, '
-        "the more. Below all: errors, checks, files, spec.</text>",
+        "the more. Below all: errors, checks, files, motion, hub, spec.</text>",
         "</svg>",
     ]
     return "\n".join(out) + "\n"
