@@ -4,10 +4,10 @@ The exact linear response carries all modes; what large motion changes is read f
 against its own small motion, so that what a chain of few links does wrong in small motion falls out.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from beamchain.assess.hub_response import HubResponse, Profile
@@ -60,8 +60,8 @@ class LargeReference:
 
     response: HubResponse
     profile: Profile
-    moved: CubicSpline
-    moved_rigid: CubicSpline
+    moved: Callable[[Array], Array]
+    moved_rigid: Callable[[Array], Array]
     figures: Figures
 
     def motion(self, at: Array) -> Array:
