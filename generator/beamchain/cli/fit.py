@@ -127,6 +127,12 @@ def _show(result: "Fit", files: "list[Path]") -> None:
             f"in-band error {port} up to {band:.4g} rad/s, {on}, against the whole beam: "
             f"{error.accelerance_in_band:.2e}"
         )
+    if result.spec.payload is not None:
+        out.print(
+            f"payload: fitted with 0, 2, 20 and 100 % of {result.spec.payload.mass:g} kg on the tip at once, so that your "
+            "scene may attach any of it; the figures above are without it.",
+            markup=False,
+        )
     steps = ", ".join(f"{k} {v:.4g} s" if v < 1e9 else f"{k} no limit" for k, v in result.limits.largest_step.items())
     out.print(f"largest stable step: {steps}")
     took = sum(result.seconds.values())
