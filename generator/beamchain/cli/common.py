@@ -1,6 +1,7 @@
 """What all commands share: options, error sentences, JSON output."""
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +18,8 @@ Folder = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
+Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to run on (extra: dask).")]
+Resume = Annotated[bool, typer.Option("--resume", help="Take up an interrupted run; nothing is measured twice.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 
 
@@ -39,6 +42,13 @@ def console() -> "Console":
     from rich.console import Console
 
     return Console(highlight=False, soft_wrap=False, width=None if sys.stdout.isatty() else 120)
+
+
+def print_written(files: Iterable[Path]) -> None:
+    """Where the results are; brackets in a path are no markup."""
+    out = console()
+    for file in files:
+        out.print(f"wrote {file}", markup=False)
 
 
 def print_json(record: dict[str, Any]) -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Json, Quiet, console, print_json
+from beamchain.cli.common import Force, Json, Quiet, console, print_json, print_written
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
@@ -147,5 +147,4 @@ def _show(result: "Embedded", files: list[Path]) -> None:
             )
     for warning in result.warnings:
         out.print(f"[bold]note[/bold]: {escape(warning)}")
-    for file in files:
-        out.print(f"wrote {file}", markup=False)
+    print_written(files)

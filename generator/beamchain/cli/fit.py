@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console, print_json
+from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console, print_json, print_written
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -139,8 +139,7 @@ def _show(result: "Fit", files: "list[Path]") -> None:
     out.print(f"spec to verified chain: {took * 1e3:.1f} ms")
     for text in result.warnings:
         out.print(f"[bold yellow]warning[/bold yellow]: {escape(text)}")
-    for file in files:
-        out.print(f"wrote {file}", markup=False)
+    print_written(files)
 
 
 def _explain(result: "Fit") -> None:

@@ -119,13 +119,11 @@ def render(
 def too_far(fit: "Fit", slew: "Slew") -> list[str]:
     """Sentences for a turn beyond what the fit's chain is right for."""
     from beamchain.assess.run_limits import exceeded, turned
-    from beamchain.result import default_hub
     from beamchain.stability import large_limits
 
     if fit.space is not None:
         return []
-    hub = fit.spec.root.hub or default_hub(fit.spec.beam)
-    return exceeded(large_limits(fit)[0], turned(slew.rate, slew.acceleration, slew.axis, hub.offset))
+    return exceeded(large_limits(fit)[0], turned(slew.rate, slew.acceleration, slew.axis, fit.hub.offset))
 
 
 def view(scene: Scene, as_json: Json = False, quiet: Quiet = False) -> None:

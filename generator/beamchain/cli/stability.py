@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json
+from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json, print_written
 
 if TYPE_CHECKING:
     from beamchain.assess.budget import Budget
@@ -72,13 +72,13 @@ def stability(
     elif not quiet:
         _show(result)
         _show_extremes(found)
-        for file in files:
-            console().print(f"wrote {file}")
+        print_written(files)
     if found.failed or any(abs(r.difference) > 0.01 for r in result.rows):
         raise typer.Exit(3)
 
 
 def _show(result: "StabilityStudy") -> None:
+    from rich.markup import escape
     from rich.table import Table
 
     out = console()
@@ -105,7 +105,7 @@ def _show(result: "StabilityStudy") -> None:
             f"acceleration {acceleration}, slew {slew}"
         )
     for warning in result.warnings:
-        out.print(f"[yellow]note[/yellow]: {warning}")
+        out.print(f"[yellow]note[/yellow]: {escape(warning)}")
 
 
 def _show_extremes(found: "Extremes") -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console, print_json
+from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecPath, console, print_json, print_written
 from beamchain.cli.progress import job_bar
 
 if TYPE_CHECKING:
@@ -23,8 +23,6 @@ Only = Annotated[list[str] | None, typer.Option("--model", metavar="NAME", help=
 Workers = Annotated[
     int, typer.Option(min=1, max=256, help="Local processes; more than one disturb each other's times.")
 ]
-Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to run on (extra: dask).")]
-Resume = Annotated[bool, typer.Option("--resume", help="Take up an interrupted run; nothing is measured twice.")]
 
 LARGEST_PROFILE = 10_000_000  # bytes
 
@@ -72,8 +70,7 @@ def study(
         print_json(result.as_dict())
     elif not quiet:
         show(result)
-        for file in files:
-            console().print(f"wrote {file}")
+        print_written(files)
 
 
 def read_text(path: Path) -> str:
@@ -90,6 +87,7 @@ def read_text(path: Path) -> str:
 
 def show(result: "Study") -> None:
     """The answer as tables."""
+    from rich.markup import escape
     from rich.table import Table
 
     from beamchain.report.study_html import commands, scenario_sentence, table, verdict
@@ -114,6 +112,6 @@ def show(result: "Study") -> None:
             f"time to fit as n^{growth.fit_exponent:.2f} (n 1..6)"
         )
     for warning in result.warnings:
-        out.print(f"[bold]warning[/bold]: {warning}")
+        out.print(f"[bold]warning[/bold]: {escape(warning)}")
     for command in commands(result):
         out.print(command)

@@ -4,9 +4,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console, print_json
+from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecPath, console, print_json, print_written
 from beamchain.cli.progress import job_bar
-from beamchain.cli.study import Dask, Resume
 
 if TYPE_CHECKING:
     from beamchain.sweep import Sweep
@@ -48,8 +47,7 @@ def sweep(
         print_json(result.as_dict())
     elif not quiet:
         _show(result)
-        for file in files:
-            console().print(f"wrote {file}")
+        print_written(files)
 
 
 def _show(result: "Sweep") -> None:
