@@ -96,3 +96,14 @@ def test_a_byte_order_mark_is_no_mistake(tmp_path):
     path.write_text("[segment]\nlength = 1.0\n")
     with pytest.raises(bc.BeamchainError, match=r"write \[\[segment\]\] with double brackets"):
         bc.read_spec(path)
+
+
+def test_an_embedding_has_no_scene_to_warn_of():
+    segment = ROD.segments[0]
+    scene = bc.Scene(bandwidth=5.0, axes=("z",), timestep=0.02)
+    spec = bc.Spec(name="rod", segment=(segment,), damping=bc.Damping(ratio=0.01, form="hinge"), scene=scene)
+    craft = """<mujoco><option gravity="0 0 0" timestep="0.001"/><worldbody><body name="bus"><freejoint/>
+    <inertial pos="0 0 0" mass="85" diaginertia="1 1 1"/><site name="mount" pos=".25 0 0"/></body></worldbody></mujoco>"""
+    done = bc.embed(craft, {"mount": spec})
+    assert any("scene.xml takes" in w for w in done.appendages[0].fit.warnings)
+    assert not any("scene.xml" in w for w in done.warnings)

@@ -7,7 +7,8 @@ import numpy as np
 
 import beamchain as bc
 from appendages import seed_boom
-from beamchain.assess.budget import budget, linear_model, oscillating
+from beamchain.assess.budget import budget, linear_model
+from beamchain.assess.limits import oscillating
 from beamchain.engine.linearise import INTEGRATORS, compile_model
 from beamchain.spec import Hub, Root
 
@@ -51,7 +52,7 @@ def ringing(integrator: str, steps: int) -> Ringing:
     model.opt.timestep = h
     data = mujoco.MjData(model)
     linear = linear_model(model, data)
-    pole = oscillating(linear)[0]
+    pole = oscillating(linear.poles())[0]
     values, shapes = np.linalg.eig(linear.stiffness)
     mode = np.argmin(np.abs(values - abs(pole) ** 2))
     shape = shapes[:, mode].real

@@ -1,6 +1,7 @@
 """What to know before a fit's files are used: dampers, steps, ports that are not independent."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,8 +11,10 @@ from beamchain.chain.damping import Damper
 from beamchain.chain.prewarp import Prewarp
 from beamchain.engine.bench import Measured
 from beamchain.port import PortModel, in_space
-from beamchain.result import Fit, default_hub
 from beamchain.spec import Scene, Spec
+
+if TYPE_CHECKING:
+    from beamchain.result import Fit
 
 DECOUPLED = 1e-9  # relative: what two independent ports may share
 
@@ -61,14 +64,14 @@ def fit_warnings(
     return tuple(out)
 
 
-def step_warnings(result: Fit) -> tuple[str, ...]:
+def step_warnings(result: "Fit") -> tuple[str, ...]:
     """Where scene.xml's own step is unstable, or misses the scene's tolerance."""
     scene = result.spec.scene
     if scene is None or result.spec.fit.timestep or not result.achieved:
         return ()
     limits = result.limits
     if result.spec.root.hub is None:
-        hub, space = default_hub(result.mass_line).mass_matrix(), result.space
+        hub, space = result.hub.mass_matrix(), result.space
         if space is None:
             model = in_space(result.achieved, result.measured.rigid_mass)
         else:

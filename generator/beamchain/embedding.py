@@ -381,7 +381,7 @@ def _fit_all(
         if (
             spec.damping is not None and spec.damping.form == "hinge"
         ):  # tendons are judged by the craft's own integrator
-            warnings += [f"{name}: {warning}" for warning in result.warnings]
+            warnings += [f"{name}: {warning}" for warning in result.cautions]
         out.append(Appendage(name, prefix, place, hub, spec, result))
     return tuple(out), warnings
 

@@ -255,15 +255,14 @@ def _finish(
         status = replace(
             status, message=f"{status.message} Step limits: on ten times its mass, as its root has none of its own."
         )
+    achieved = {port: measured.ports[port] for port in targets}
     if space.made is None:
-        kept_ports = {port: measured.ports[port] for port in targets}
-        limits = coupled_limits(in_space(kept_ports, measured.rigid_mass), limits_hub, tendon=bool(dampers))
+        limits = coupled_limits(in_space(achieved, measured.rigid_mass), limits_hub, tendon=bool(dampers))
     else:
         held = None if limits_hub is None else limits_hub[np.ix_(space.live, space.live)]
         limits = coupled_limits(space.achieved, held, tendon=False)
     promise = None if case.promise is None else case.promise.error(resolvable(space.achieved))
     clock.append(time.perf_counter())
-    achieved = {port: measured.ports[port] for port in targets}
     return Fit(
         spec=case.spec,
         chain=chain,

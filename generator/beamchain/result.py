@@ -84,7 +84,7 @@ class Fit:
         choice: how the modes were chosen for the scene; None where the spec states them.
         promise: in-band error on the hub in space of what was achieved, where the scene has a bandwidth.
         left_out: what the chain does without, why, and at what cost.
-        warnings: what to know before the file is used; shown by `beamchain fit` and in the report.
+        cautions: what to know before the drop-in file is used; `warnings` adds what concerns scene.xml.
         prewarps: per port, where `fit.timestep` asks for it; the error in band is then that of what the step shows.
         line: how the mass lies along x, where that is not the spec's beam.
         space: all six motions at once, where the modes were imported. In the oscillator form `chain` is what stays when
@@ -107,7 +107,7 @@ class Fit:
     choice: Choice | None = None
     promise: float | None = None
     left_out: tuple[LeftOut, ...] = ()
-    warnings: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
     prewarps: Mapping[str, Prewarp] = field(default_factory=dict[str, Prewarp])
     line: MassLine | None = None
     space: InSpace | None = None
@@ -131,6 +131,18 @@ class Fit:
     def oscillators(self) -> Oscillators | None:
         """The oscillators, in that form."""
         return None if self.space is None else self.space.made
+
+    @property
+    def hub(self) -> Hub:
+        """That of scene.xml: the spec's, or ten times the appendage."""
+        return self.spec.root.hub or default_hub(self.mass_line)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before the files are used; shown by `beamchain fit` and in the report."""
+        from beamchain.cautions import step_warnings
+
+        return (*self.cautions, *step_warnings(self))
 
     @cached_property
     def hub_mass(self) -> Array | None:
@@ -177,7 +189,7 @@ class Fit:
     def scene_mjcf(self) -> str:
         """A free-flying hub with the appendage on it, as text. Without a hub in the spec: ten times the appendage."""
         scene = self.spec.scene or Scene()
-        hub = self.spec.root.hub or default_hub(self.mass_line)
+        hub = self.hub
         timestep = self.spec.fit.timestep or (scene.timestep if self.spec.scene else self._safe_step(scene.integrator))
         root = write.scene(
             self.appendage(), self.spec.name, mass=hub.mass, inertia=hub.inertia_matrix(), offset=hub.offset,

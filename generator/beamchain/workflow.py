@@ -13,7 +13,7 @@ from beamchain.assess.doubtful import doubtful
 from beamchain.assess.error import compare, in_band_error
 from beamchain.assess.limits import coupled_limits
 from beamchain.assess.plan import Plan, ledger, make_plan, verdict, whole_beam
-from beamchain.cautions import fit_warnings, prewarp_note, step_warnings
+from beamchain.cautions import fit_warnings, prewarp_note
 from beamchain.chain.build import (
     Built,
     build_exact,
@@ -103,11 +103,8 @@ def fit(
     if spec.imported is not None:
         from beamchain.importing import fit_imported  # which returns a Fit
 
-        result = fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
-    else:
-        result = _beam_as_oscillators(spec) if spec.fit.form == "oscillators" else _fit(spec)
-    said = step_warnings(result)
-    return replace(result, warnings=(*result.warnings, *said)) if said else result
+        return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
+    return _beam_as_oscillators(spec) if spec.fit.form == "oscillators" else _fit(spec)
 
 
 def as_spec(appendage: Beam | Spec | ModalData) -> Spec:
@@ -182,10 +179,9 @@ def _fit(spec: Spec) -> Fit:
         seen = warped[port].shown(measured.ports[port]) if port in warped else measured.ports[port]
         in_band = in_band_error(seen, spec.with_ratios(port, full[port]), port_hub, bandwidth[port])
         error[port] = replace(plain, accelerance_in_band=in_band)
-    kept_ports = {port: measured.ports[port] for port in built.targets}
-    limits = coupled_limits(in_space(kept_ports, measured.rigid_mass), hub, tendon=bool(dampers))
-    clock.append(time.perf_counter())
     achieved = {port: measured.ports[port] for port in built.targets}
+    limits = coupled_limits(in_space(achieved, measured.rigid_mass), hub, tendon=bool(dampers))
+    clock.append(time.perf_counter())
     seen = {port: warped[port].shown(model) if port in warped else model for port, model in achieved.items()}
     promise = plan.promise.error(seen, dict.fromkeys(seen, "achieved")) if plan.promise else None
     return Fit(
@@ -205,7 +201,7 @@ def _fit(spec: Spec) -> Fit:
         choice=plan.choice,
         promise=promise,
         left_out=ledger(spec, plan.choice, bool(dampers)),
-        warnings=(
+        cautions=(
             *fit_warnings(spec, measured, achieved, dampers, limits),
             *prewarp_note(warped),
             *doubtful(spec.segment),

@@ -6,16 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from beamchain.assess.limits import step_limits
-from beamchain.assess.one_step import LinearModel, Poles
-from beamchain.assess.stability import INTEGRATORS, step_for_error
+from beamchain.assess.limits import oscillating, step_limits
+from beamchain.assess.one_step import LinearModel
+from beamchain.assess.stability import INTEGRATORS
 from beamchain.engine import linearise as engine
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError
 from beamchain.motion import Array
 
 HOST = "host RK4"  # a host that drives MuJoCo with its own explicit Runge-Kutta of order 4
-ERRORS = (1e-2, 1e-3)  # of the lowest frequency, for which the step is stated
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +104,6 @@ def _holds_nothing(model: "mujoco.MjModel") -> bool:
     return not any(np.any(np.asarray(part) != 0.0) for part in parts)
 
 
-def oscillating(model: LinearModel) -> Poles:
-    """`(n,)` poles with positive imaginary part, slowest first, rigid motion left out [1/s]."""
-    poles = model.poles()
-    floor = 1e-5 * float(np.max(np.abs(poles), initial=0.0))
-    poles = poles[poles.imag > floor]
-    return poles[np.argsort(np.abs(poles))]
-
-
 def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = None, name: str | None = None) -> Budget:
     """The step budget of a model about its rest pose.
 
@@ -127,9 +118,8 @@ def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = No
     """
     model = engine.compile_model(source)
     linear = linear_model(model)
-    wanted = oscillating(linear)
+    wanted, limits = oscillating(linear.poles()), step_limits(linear)
     if wanted.size == 0:
-        limits = step_limits(linear)
         if limits.omega_max == 0.0:
             raise EngineError("nothing oscillates in the model: no sprung joint; any step is stable as far as it goes.")
         steps = ", ".join(f"{name} {step:.4g} s" for name, step in limits.largest_step.items() if np.isfinite(step))
@@ -141,17 +131,13 @@ def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = No
     frequencies, ratios = np.abs(wanted), np.clip(-wanted.real / np.abs(wanted), 0.0, None)
     ratios = np.where(ratios < 1e-9, 0.0, ratios)
     names = available()
-    largest = {integrator: linear.largest_step(integrator) for integrator in names}
+    largest = {integrator: limits.largest_step[integrator] for integrator in names}
+    accuracy = {integrator: limits.accuracy[integrator] for integrator in names}
     shown: dict[str, Array] = {}
     for integrator in names:
         s = linear.shown(integrator, h, wanted)
         seen = np.column_stack([np.abs(s), -s.real / np.abs(s)])
         shown[integrator] = seen if h < largest[integrator] else np.full_like(seen, np.nan)
-    first = float(frequencies[0])
-    accuracy: dict[str, tuple[float, float]] = {}
-    for integrator in names:
-        one, tenth = (min(step_for_error(integrator, first, e), largest[integrator]) for e in ERRORS)
-        accuracy[integrator] = one, tenth
     largest[HOST], accuracy[HOST] = largest["RK4"], accuracy["RK4"]
     title = name or model.names[: model.names.index(b"\0")].decode()
     return Budget(title, frequencies, ratios, largest, accuracy, h, shown)

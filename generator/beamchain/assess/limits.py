@@ -10,6 +10,7 @@ from beamchain.motion import Array
 from beamchain.port import PortModel
 
 AT_REST = 1e-5  # of the fastest pole: what is slower is rigid motion, at rounding level for a free joint
+ERRORS = (1e-2, 1e-3)  # of the lowest frequency, for which the step is stated
 UNDAMPED = 1e-10  # ratios below it are rounding
 
 
@@ -47,16 +48,20 @@ def step_limits(model: LinearModel) -> StepLimits:
     ringing = oscillations(poles)[0]
     if ringing.size:
         for name in INTEGRATORS:
-            one, tenth = (min(step_for_error(name, float(ringing[0]), e), limits[name]) for e in (1e-2, 1e-3))
+            one, tenth = (min(step_for_error(name, float(ringing[0]), e), limits[name]) for e in ERRORS)
             accuracy[name] = one, tenth
     return StepLimits(float(abs(fastest)), 0.0 if ratio < UNDAMPED else ratio, limits, accuracy)
 
 
+def oscillating(poles: Poles) -> Poles:
+    """Poles with positive imaginary part, slowest first, rigid motion left out [1/s]."""
+    ringing = poles[poles.imag > AT_REST * float(np.max(np.abs(poles), initial=0.0))]
+    return ringing[np.argsort(np.abs(ringing))]
+
+
 def oscillations(poles: Poles) -> tuple[Array, Array]:
     """Frequencies `(n,)` [rad/s], ascending, and damping ratios of what oscillates among continuous poles [1/s]."""
-    floor = AT_REST * float(np.max(np.abs(poles), initial=0.0))
-    ringing = poles[poles.imag > floor]
-    ringing = ringing[np.argsort(np.abs(ringing))]
+    ringing = oscillating(poles)
     ratios = np.clip(-ringing.real / np.abs(ringing), 0.0, None)
     return np.abs(ringing), np.where(ratios < UNDAMPED, 0.0, ratios)
 
