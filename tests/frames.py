@@ -1,0 +1,269 @@
+"""Frames of beams out of one axis (L-shapes, skew legs), and modes files as another program would deliver them.
+
+Elements of 12 freedoms after Euler and Bernoulli in any direction, consistent mass, bodies at nodes. As in
+`finite_elements`, stiffness and mass are kept as rows: four Gauss points of the cubic shape functions are the
+consistent mass exactly, and the six natural strains (stretch, twist, and in each plane the symmetric and the
+antisymmetric bending) are the stiffness exactly. Nothing is imported from the package.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+from scipy.linalg import solve_triangular
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A prismatic member between two points, cut into `elements`: stiffness and inertia per length."""
+
+    start: tuple
+    end: tuple
+    elements: int
+    axial: float
+    torsion: float
+    bending_y: float  # about its own y axis
+    bending_z: float
+    mass: float
+    polar: float
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body at a point: mass and inertia about its centre, in the axes of the frame."""
+
+    at: tuple
+    mass: float
+    inertia: tuple = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class FrameModes:
+    """Modes about the port in SI: `(n,)`, `(n, 6)`, `(n, 6)` motion of the tip, `(6, 6)` rigid mass, length along x."""
+
+    frequencies: np.ndarray
+    participation: np.ndarray
+    tip: np.ndarray
+    rigid: np.ndarray
+    length: float
+    everything: np.ndarray  # `(6, 6)` effective mass of all modes of the mesh
+
+
+def _cross(r):
+    x, y, z = r
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _axes(direction):
+    """Rows: a member's own x, y, z; its z lies as near the frame's z as can be (the frame's y for upright members)."""
+    x = direction / np.linalg.norm(direction)
+    up = np.array([0.0, 0.0, 1.0]) if abs(x[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    y = np.cross(up, x)
+    y /= np.linalg.norm(y)
+    return np.array([x, y, np.cross(x, y)])
+
+
+def _element(a, b, leg):
+    """Rows of mass `(24, 12)`, positions of them as rigid rows `(24, 6)`, and rows of stiffness `(6, 12)`."""
+    span = float(np.linalg.norm(b - a))
+    turn = _axes(b - a)
+    own = np.zeros((12, 12))
+    for i in range(4):
+        own[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = turn
+    u, v, w, twist, v_turn, w_turn = (np.arange(12)[[i, i + 6]] for i in (0, 1, 2, 3, 5, 4))
+    stiff = np.zeros((6, 12))
+    stiff[0, u] = np.sqrt(leg.axial / span) * np.array([-1.0, 1.0])
+    stiff[1, twist] = np.sqrt(leg.torsion / span) * np.array([-1.0, 1.0])
+    # plane xy: slope = rotation about z; plane xz: slope = - rotation about y
+    for k, (place, angle, sign, bending) in enumerate(
+        ((v, v_turn, 1.0, leg.bending_z), (w, w_turn, -1.0, leg.bending_y))
+    ):
+        root = np.sqrt(bending / span)
+        stiff[2 + 2 * k, angle] = root * np.array([-1.0, 1.0])
+        stiff[3 + 2 * k, angle] = np.sqrt(3.0) * root * sign
+        stiff[3 + 2 * k, place] = np.sqrt(3.0) * root * 2.0 / span * np.array([1.0, -1.0])
+    points, weights = leggauss(4)
+    mass, rigid = [], []
+    for xi, weight in zip(points, weights * span / 2.0, strict=True):
+        s = (1.0 + xi) / 2.0
+        line = np.array([1.0 - s, s])
+        cubic = np.array([1.0 - 3.0 * s**2 + 2.0 * s**3, 3.0 * s**2 - 2.0 * s**3])
+        slope = span * np.array([s - 2.0 * s**2 + s**3, s**3 - s**2])
+        rows = np.zeros((4, 12))
+        rows[0, u] = line
+        rows[1, v], rows[1, v_turn] = cubic, slope
+        rows[2, w], rows[2, w_turn] = cubic, -slope
+        rows[3, twist] = line
+        heavy = np.sqrt(weight * np.array([leg.mass, leg.mass, leg.mass, leg.polar]))[:, None]
+        here = a + s * (b - a)
+        still = np.vstack([
+            np.hstack([turn, -turn @ _cross(here)]), np.hstack([np.zeros((1, 3)), turn[:1]])
+        ])  # fmt: skip
+        mass.append(heavy * rows @ own)
+        rigid.append(heavy * still)
+    return np.vstack(mass), np.vstack(rigid), stiff @ own
+
+
+def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
+    """Modes of a frame held at its port.
+
+    Args:
+        legs: members; ends at the same place are joined rigidly.
+        bodies: rigid bodies at ends of members.
+        modes: how many.
+        port: where it is held; all results are about that point, in the frame's axes.
+        tip: where the motion is read; the end of the last leg where left out.
+    """
+    port = np.asarray(port, dtype=float)
+    nodes = []
+
+    def node(place):
+        place = np.asarray(place, dtype=float) - port
+        for i, known in enumerate(nodes):
+            if np.linalg.norm(known - place) < 1e-9:
+                return i
+        nodes.append(place)
+        return len(nodes) - 1
+
+    assert node(port) == 0
+    members = []
+    for leg in legs:
+        a, b = np.asarray(leg.start, dtype=float), np.asarray(leg.end, dtype=float)
+        ends = [node(a + (b - a) * k / leg.elements) for k in range(leg.elements + 1)]
+        members += [(i, j, leg) for i, j in zip(ends[:-1], ends[1:], strict=True)]
+    size = 6 * len(nodes)
+
+    def wide(rows, *at):
+        out = np.zeros((rows.shape[0], size))
+        for k, i in enumerate(at):
+            out[:, 6 * i : 6 * i + 6] = rows[:, 6 * k : 6 * k + 6]
+        return out
+
+    mass, rigid, stiff = [], [], []
+    for i, j, leg in members:
+        m, r, s = _element(nodes[i], nodes[j], leg)
+        mass.append(wide(m, i, j))
+        rigid.append(r)
+        stiff.append(wide(s, i, j))
+    for body in bodies:
+        i = node(body.at)
+        root = np.diag(np.sqrt([body.mass] * 3 + list(body.inertia)))
+        mass.append(wide(root, i))
+        rigid.append(root @ np.block([[np.eye(3), -_cross(nodes[i])], [np.zeros((3, 3)), np.eye(3)]]))
+    assert size == 6 * len(nodes), "bodies sit at ends of elements"
+    moving, carried, strain = np.vstack(mass)[:, 6:], np.vstack(rigid), np.vstack(stiff)[:, 6:]
+    scale = np.linalg.norm(strain, axis=0)
+    triangle = np.linalg.qr(strain / scale, mode="r")
+    elastic = solve_triangular(triangle, (moving / scale).T, trans="T").T
+    left, values, right = np.linalg.svd(elastic, full_matrices=False)
+    shapes = solve_triangular(triangle, right.T / values) / scale[:, None]
+    participation = left.T @ carried
+    far = node(legs[-1].end if tip is None else tip) - 1
+    motion = shapes[6 * far : 6 * far + 6].T
+    n = min(modes, values.size)
+    return FrameModes(
+        1.0 / values[:n], participation[:n], motion[:n], carried.T @ carried, float(max(p[0] for p in nodes)),
+        participation.T @ participation,
+    )  # fmt: skip
+
+
+# -- the frames that are tried ------------------------------------------------------------------------------------------
+def tube(start, end, elements, diameter=0.05, wall=0.002, young=7e10, density=2700.0, poisson=0.33):
+    """A round tube as a leg."""
+    inner = diameter - 2.0 * wall
+    area, i = np.pi / 4.0 * (diameter**2 - inner**2), np.pi / 64.0 * (diameter**4 - inner**4)
+    shear = young / 2.0 / (1.0 + poisson)
+    return Leg(tuple(start), tuple(end), elements, young * area, 2.0 * shear * i, young * i, young * i, density * area,
+               2.0 * density * i)  # fmt: skip
+
+
+def strip(start, end, elements, width=0.1, thickness=0.01, young=7e10, density=2700.0, poisson=0.33):
+    """A flat strip, soft about its own y axis (its normal lies near the frame's z)."""
+    area, soft, hard = width * thickness, width * thickness**3 / 12.0, thickness * width**3 / 12.0
+    twist = width * thickness**3 / 3.0 * (1.0 - 0.63 * thickness / width)
+    shear = young / 2.0 / (1.0 + poisson)
+    return Leg(tuple(start), tuple(end), elements, young * area, shear * twist, young * soft, young * hard,
+               density * area, density * (soft + hard))  # fmt: skip
+
+
+def l_frame(seed, modes):
+    """An L or a skew three-legged frame: the first leg along x, then out of the axis; bodies at corner and end."""
+    rng = np.random.default_rng(7000 + seed)
+    first = rng.uniform(1.0, 4.0)
+    corner = np.array([first, 0.0, 0.0])
+    way = (np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), np.array([0.0, -0.8, 0.6]), rng.normal(size=3))[
+        seed % 4
+    ]
+    end = corner + rng.uniform(0.3, 1.2) * first * way / np.linalg.norm(way)
+    legs = [
+        tube((0.0, 0.0, 0.0), corner, 6, rng.uniform(0.03, 0.08), rng.uniform(0.001, 0.003)),
+        (tube if seed % 2 else strip)(corner, end, 6),
+    ]
+    if seed % 3 == 2:
+        legs.append(strip(end, end + np.array([rng.uniform(0.2, 0.8), 0.0, 0.1]), 3, 0.06, 0.008))
+    bodies = [Body(tuple(end), rng.uniform(0.2, 3.0), tuple(rng.uniform(0.02, 0.04, 3)))]
+    if seed % 2:
+        bodies.append(Body(tuple(corner), rng.uniform(0.1, 1.0)))
+    return frame_modes(legs, bodies, modes)
+
+
+def turned_axes(seed):
+    """A right-handed orthonormal set of axes, rows."""
+    q, r = np.linalg.qr(np.random.default_rng(9000 + seed).normal(size=(3, 3)))
+    q = q * np.sign(np.diag(r))
+    return q if np.linalg.det(q) > 0.0 else q[[1, 0, 2]]
+
+
+# -- files -------------------------------------------------------------------------------------------------------------
+def as_delivered(found, length=1.0, mass=1.0, axes=None, reference=(0.0, 0.0, 0.0)):
+    """The modes in a file's units and axes, about a file's reference point.
+
+    Args:
+        found: FrameModes in SI, the appendage's axes, about the port.
+        length, mass: metres per unit of length, kilograms per unit of mass (mm, tonnes: 1e-3, 1e3).
+        axes: rows: appendage x, y, z in the file's axes.
+        reference: the port from the file's reference point, in the file's axes and units.
+    """
+    turn = np.eye(3) if axes is None else np.asarray(axes, dtype=float)
+    away = np.asarray(reference, dtype=float) * length
+    both = np.block([[turn, np.zeros((3, 3))], [np.zeros((3, 3)), turn]])
+    # motion of the port (appendage axes) per motion of the reference point (file axes): v + omega x away
+    move = both @ np.block([[np.eye(3), -_cross(away)], [np.zeros((3, 3)), np.eye(3)]])
+    unit = np.array([1.0] * 3 + [length] * 3)
+    rigid = move.T @ found.rigid @ move
+    return {
+        "frequencies": found.frequencies,
+        "participation": (found.participation @ move) / unit / np.sqrt(mass),
+        "mass": rigid / np.outer(unit, unit) / mass,
+        "tip": (found.tip @ both) * unit * np.sqrt(mass) / length,
+        "length": found.length / length,
+    }
+
+
+def write_modes(path, found, length=1.0, mass=1.0, axes=None, reference=(0.0, 0.0, 0.0), damping=0.005, hertz=False):
+    """Write a modes file (.toml or .json) and return the `[imported]` table that takes it back to SI and the port."""
+    given = as_delivered(found, length, mass, axes, reference)
+    w = given["frequencies"]
+    keys = {
+        "frequencies_hz" if hertz else "frequencies": (w / 2.0 / np.pi if hertz else w).tolist(),
+        "participation": given["participation"].T.tolist(),
+        "mass": given["mass"].tolist(),
+        "damping": [damping] * len(w),
+        "digits": 17,
+        "tip": given["tip"].T.tolist(),
+        "length": given["length"],
+    }
+    path = Path(path)
+    if path.suffix == ".json":
+        path.write_text(json.dumps(keys))
+    else:
+        path.write_text("".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items()))
+    turn = np.eye(3) if axes is None else np.asarray(axes, dtype=float)
+    return {
+        "file": path.name,
+        "reference": [float(v) for v in reference],
+        "axes": turn.tolist(),
+        "units": {"length": length, "mass": mass},
+    }
