@@ -237,7 +237,7 @@ def as_delivered(found, length=1.0, mass=1.0, axes=None, reference=(0.0, 0.0, 0.
         "frequencies": found.frequencies,
         "participation": (found.participation @ move) / unit / np.sqrt(mass),
         "mass": rigid / np.outer(unit, unit) / mass,
-        "tip": (found.tip @ both) * unit * np.sqrt(mass) / length,
+        "tip": (found.tip @ both) * unit * np.sqrt(mass),
         "length": found.length / length,
     }
 
