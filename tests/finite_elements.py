@@ -439,6 +439,58 @@ def _sign(row, small=1e-9):
     return 1.0
 
 
+# -- two ports: normal modes and what a force and a moment at a second place bend ----------------------------------------
+@dataclass(frozen=True)
+class TwoPort:
+    """`n` normal modes with the root held and the static shapes of unit loads at `x`: the model of a carried payload.
+
+    Attributes:
+        frequencies: `(n + m,)` the first n are the appendage's own, the last m belong to the static shapes.
+        participation: `(n + m, m)` about the root, force positive.
+        motion: `(n + m, m)` at `x` in each mode.
+        rigid: `(m, m)` about the root.
+    """
+
+    port: str
+    x: float
+    frequencies: np.ndarray
+    participation: np.ndarray
+    motion: np.ndarray
+    rigid: np.ndarray
+    elastic: np.ndarray = field(repr=False)
+    carried: np.ndarray = field(repr=False)
+    at: np.ndarray = field(repr=False)
+
+    def coupled(self, payload, modes, hub=None):
+        """Lowest frequencies with a payload (mass, inertia) at `x`; root held, or free on a hub `(m, m)`."""
+        mass, inertia = payload
+        about = {"xy": 2, "xz": 1, "torsion": 0}.get(self.port)
+        sizes = [mass, inertia[about]] if self.port in BENDING else [mass if about is None else inertia[about]]
+        root = np.sqrt(sizes)[:, None]
+        place = np.vstack(_rigid(self.port, np.array([self.x])))
+        elastic, carried = np.vstack([self.elastic, root * self.at]), np.vstack([self.carried, root * place])
+        if hub is not None:
+            elastic = _Rows(elastic, carried, [], np.zeros((0, 0))).free(np.asarray(hub, dtype=float))
+        return 1.0 / np.linalg.svd(elastic, compute_uv=False)[:modes]
+
+
+def two_port(spec, name, modes, x=None):
+    """The model that keeps `modes` normal modes and is statically exact at `x` (the tip where left out)."""
+    x = length(spec) if x is None else x
+    cut = {**spec, "lump": [*spec.get("lump", ()), {"x": x, "mass": 0.0}]}
+    whole = port(cut, name, modes + 4)
+    at = whole.rows.at(x)
+    strains = whole.shapes[:, :modes] * whole.frequencies[:modes]
+    basis, _ = np.linalg.qr(np.hstack([strains, at.T / np.linalg.norm(at, axis=1)]))
+    elastic = whole.rows.elastic @ basis
+    left, values, right = np.linalg.svd(elastic, full_matrices=False)
+    participation, motion = left.T @ whole.rows.rigid, (at @ basis @ right.T / values).T
+    size = np.sqrt(np.diag(whole.rigid))
+    signs = np.array([_sign(row / size) for row in participation])[:, None]
+    return TwoPort(name, x, 1.0 / values, participation * signs, motion * signs, whole.rigid, elastic,
+                   whole.rows.rigid, at @ basis)  # fmt: skip
+
+
 # -- space -------------------------------------------------------------------------------------------------------------
 def rigid_mass(spec, payload=None):
     """`(6, 6)` mass matrix of the frozen appendage about its root; no rotary inertia of Euler sections in bending."""

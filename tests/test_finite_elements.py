@@ -234,3 +234,30 @@ def test_payload_is_a_lump():
             fe.port(spec, port, 5, load).frequencies, fe.port(lumped, port, 5).frequencies, rtol=1e-14
         )
     np.testing.assert_allclose(fe.rigid_mass(spec, load), fe.rigid_mass(lumped), rtol=1e-14)
+
+
+@pytest.mark.parametrize("make", [unit_beam, stepped])
+@pytest.mark.parametrize("port", ["xy", "xz", "torsion"])
+def test_two_ports_keep_modes_and_static_flexibility(make, port):
+    spec, n = make(), 3
+    x = fe.length(spec)
+    model, whole = fe.two_port(spec, port, n, x), fe.port(spec, port, n)
+    np.testing.assert_allclose(model.frequencies[:n], whole.frequencies, rtol=1e-11)
+    np.testing.assert_allclose(model.participation[:n], whole.participation, rtol=1e-8)
+    np.testing.assert_allclose(model.motion[:n], whole.tip, rtol=1e-8)
+    static = (model.motion.T / model.frequencies**2) @ model.motion
+    np.testing.assert_allclose(static, whole.flexibility(x), rtol=1e-10)
+    np.testing.assert_allclose(model.coupled((0.0, (0.0,) * 3), n), whole.frequencies, rtol=1e-11)
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.1, 1.0, 10.0, 1000.0])
+@pytest.mark.parametrize(("modes", "bound"), [(2, 1e-5), (3, 2e-4)])
+def test_two_ports_are_good_for_any_payload(modes, bound, ratio):
+    """What n normal modes and the static shapes are worth, without any chain: a bound for the chains that keep them."""
+    load = (ratio, (0.0, 0.0, 0.0))
+    truth = fe.port(unit_beam(), "xy", 6, load)
+    model = fe.two_port(unit_beam(), "xy", modes)
+    np.testing.assert_allclose(model.coupled(load, modes), truth.frequencies[:modes], rtol=bound)
+    for weight in (0.3, 10.0, 1e4):
+        hub = weight * np.array([[1.0, -0.2], [-0.2, 0.4]])
+        np.testing.assert_allclose(model.coupled(load, modes, hub), truth.coupled(hub, modes), rtol=max(bound, 2e-4))
