@@ -1,13 +1,13 @@
 """Exact chains: every figure read from the exported file through MuJoCo, against finite elements of the tests' own."""
 
-import finite_elements as fe
-import frames
 import numpy as np
 import pytest
-import readback as rb
-from random_appendages import random_appendage, toml, tube_and_strip, uniform
 
 import beamchain as bc
+import finite_elements as fe
+import frames
+import readback as rb
+from random_appendages import random_appendage, toml, tube_and_strip, uniform
 
 RATIOS = (0.0, 0.1, 1.0, 10.0, 1000.0)  # payload over appendage mass
 QUICK = 24  # of the random appendages
