@@ -439,7 +439,7 @@ def _sign(row, small=1e-9):
     return 1.0
 
 
-# -- two ports: normal modes and what a force and a moment at a second place bend ----------------------------------------
+# -- two ports: normal modes and what a force and a moment at a second place bend --------------------------------------
 @dataclass(frozen=True)
 class TwoPort:
     """`n` normal modes with the root held and the static shapes of unit loads at `x`: the model of a carried payload.

@@ -169,7 +169,7 @@ def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
     )  # fmt: skip
 
 
-# -- the frames that are tried ------------------------------------------------------------------------------------------
+# -- the frames that are tried ----------------------------------------------------------------------------------------
 def tube(start, end, elements, diameter=0.05, wall=0.002, young=7e10, density=2700.0, poisson=0.33):
     """A round tube as a leg."""
     inner = diameter - 2.0 * wall

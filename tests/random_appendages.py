@@ -69,11 +69,8 @@ def _section(rng, shape, slim):
         d = float(slim * rng.uniform(0.8, 1.6))
         return {"shape": shape, "outer_diameter": d, "wall": float(d * rng.uniform(0.03, 0.15))}
     if shape == "rectangle":
-        return {
-            "shape": shape,
-            "width_y": float(slim * rng.uniform(0.4, 1.5)),
-            "width_z": float(slim * rng.uniform(0.4, 1.5)),
-        }
+        y, z = (float(slim * rng.uniform(0.4, 1.5)) for _ in range(2))
+        return {"shape": shape, "width_y": y, "width_z": z}
     if shape == "box":
         y, z = (float(slim * rng.uniform(0.7, 1.6)) for _ in range(2))
         return {"shape": shape, "width_y": y, "width_z": z, "wall": float(min(y, z) * rng.uniform(0.04, 0.15))}
@@ -85,10 +82,14 @@ def _section(rng, shape, slim):
     bend = float(7e10 * slim**4 / 12.0 * rng.uniform(0.3, 3.0))
     mass = float(2700.0 * slim**2 * rng.uniform(0.5, 2.0))
     return {
-        "shape": "equivalent", "bending_stiffness_xy": bend, "bending_stiffness_xz": float(bend * rng.uniform(0.2, 5.0)),
-        "torsion_stiffness": float(bend * rng.uniform(0.1, 1.0)), "axial_stiffness": float(bend / slim**2 * 10.0),
-        "linear_mass": mass, "polar_inertia": float(mass * slim**2 * rng.uniform(0.1, 0.5)),
-    }  # fmt: skip
+        "shape": "equivalent",
+        "bending_stiffness_xy": bend,
+        "bending_stiffness_xz": float(bend * rng.uniform(0.2, 5.0)),
+        "torsion_stiffness": float(bend * rng.uniform(0.1, 1.0)),
+        "axial_stiffness": float(bend / slim**2 * 10.0),
+        "linear_mass": mass,
+        "polar_inertia": float(mass * slim**2 * rng.uniform(0.1, 0.5)),
+    }
 
 
 def _taper(rng, section):

@@ -90,6 +90,20 @@ def test_one_plane(tmp_path, modes):
     check_rigid(reading, fe.rigid_mass(spec), 1e-11)
 
 
+def test_random_appendages_hold_what_they_should():
+    specs = [random_appendage(seed) for seed in range(200)]
+    hinged = [{j["after_segment"]: j for j in spec.get("joint", ())} for spec in specs]
+    one_plane = [h for h in hinged if 0 in h and ("stiffness_xy" in h[0]) != ("stiffness_xz" in h[0])]
+    assert sum(0 in h for h in hinged) > 40
+    assert len(one_plane) > 20
+    assert sum(any("section_end" in s for s in spec["segment"]) for spec in specs) > 80
+    assert sum("lump" in spec for spec in specs) > 100
+    assert sum("root" in spec for spec in specs) > 60
+    counts = [(spec["modes"]["xy"], spec["modes"]["xz"]) for spec in specs]
+    assert {n for pair in counts for n in pair} == set(range(1, 7))
+    assert sum(xy != xz for xy, xz in counts) > 100
+
+
 @pytest.mark.parametrize("seed", some_slow(range(200), QUICK))
 def test_random_appendages(tmp_path, seed):
     spec = random_appendage(seed)

@@ -12,13 +12,15 @@ import readback as rb
 
 HINGED = """<mujoco><worldbody><body name="arm_link1" pos="0.4 -1 2">
   <inertial pos="0.1 0 0" mass="0.5" diaginertia="0.001 0.004 0.004"/><site name="arm_root"/>
-  <body name="arm_link2" pos="0.3 0 0"><joint name="arm_hinge1_xy" type="hinge" axis="0 0 1" stiffness="7" damping="0.2"/>
+  <body name="arm_link2" pos="0.3 0 0">
+    <joint name="arm_hinge1_xy" type="hinge" axis="0 0 1" stiffness="7" damping="0.2"/>
     <joint name="arm_hinge1_xz" type="hinge" axis="0 -1 0" stiffness="3" armature="0.02"/>
     <inertial pos="0.5 0 0" mass="2" diaginertia="0.01 0.2 0.2"/>
     <body name="arm_link3" pos="1.1 0 0"><joint name="arm_hinge2_xy" type="hinge" axis="0 0 1" damping="0.1"/>
       <inertial pos="0.25 0 0" mass="1" diaginertia="0.01 0.05 0.05"/><site name="arm_tip" pos="0.6 0 0"/>
     </body></body></body></worldbody>
-  <tendon><fixed name="arm_mode1_xy" stiffness="11" damping="0.3" armature="0.05"><joint joint="arm_hinge1_xy" coef="0.4"/>
+  <tendon><fixed name="arm_mode1_xy" stiffness="11" damping="0.3" armature="0.05">
+    <joint joint="arm_hinge1_xy" coef="0.4"/>
     <joint joint="arm_hinge2_xy" coef="1.3"/></fixed></tendon></mujoco>"""
 
 SPEC = """name = "array"
