@@ -7,8 +7,7 @@ import numpy as np
 
 from beamchain.assess.limits import StepLimits, coupled_limits
 from beamchain.assess.stability import numerical_pole
-from beamchain.chain.damping import Damper
-from beamchain.chain.prewarp import Prewarp
+from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
 from beamchain.port import PortModel, in_space
 from beamchain.spec import Scene, Spec
@@ -20,11 +19,13 @@ DECOUPLED = 1e-9  # relative: what two independent ports may share
 
 
 def fit_warnings(
-    spec: Spec, measured: Measured, achieved: Mapping[str, PortModel], dampers: tuple[Damper, ...], limits: StepLimits
+    spec: Spec, measured: Measured, achieved: Mapping[str, PortModel], chain: Chain, limits: StepLimits
 ) -> tuple[str, ...]:
     """What to know before the file is used."""
     out: list[str] = []
-    if dampers:
+    modes = [(t, port) for port, model in achieved.items() for t in chain.tendons
+             if t.is_mode and t.damping > 0.0 and t.label.endswith(f"_{port}") and model.modes]  # fmt: skip
+    if modes:
         euler, other = limits.largest_step["Euler"], limits.largest_step["implicitfast"]
         text = (
             "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo takes where nothing "
@@ -33,14 +34,14 @@ def fit_warnings(
         )
         scene = spec.scene or Scene()
         if scene.integrator == "Euler":
-            worst = max(dampers, key=lambda d: d.damping)
-            model = achieved[worst.port]
-            k = min(worst.mode, model.modes) - 1
+            worst, port = max(modes, key=lambda m: m[0].damping)
+            number, model = int(worst.label.removeprefix("mode").partition("_")[0]), achieved[port]
+            k = min(number, model.modes) - 1
             w, zeta = float(model.frequencies[k]), float(model.damping[k])
             pole = numerical_pole("Euler", w, zeta, scene.timestep, tendon=True)
             seen = -pole.real / abs(pole)
             text += (
-                f"; at the scene's step of {scene.timestep:g} s mode {worst.mode} in {worst.port} will show a damping "
+                f"; at the scene's step of {scene.timestep:g} s mode {number} in {port} will show a damping "
                 f"ratio of {seen:.4g} instead of {zeta:.4g}"
             )
         out.append(f'{text}. Use implicitfast, or damping.form = "hinge".')
@@ -76,7 +77,7 @@ def step_warnings(result: "Fit") -> tuple[str, ...]:
             model = in_space(result.achieved, result.measured.rigid_mass)
         else:
             model, hub = space.achieved, hub[np.ix_(space.live, space.live)]
-        limits = coupled_limits(model, hub, tendon=bool(result.dampers))
+        limits = coupled_limits(model, hub, tendon=result.tendon_damped)
     largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.timestep:g} s"
     if scene.timestep > largest:
         return (
@@ -92,15 +93,3 @@ def step_warnings(result: "Fit") -> tuple[str, ...]:
         f"{kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; give scene.integrator and scene.timestep, or "
         "fit.timestep for a chain made for its step.",
     )
-
-
-def prewarp_note(plans: Mapping[str, Prewarp]) -> list[str]:
-    """For which step and integrator a pre-warped chain is right."""
-    if not plans:
-        return []
-    plan = next(iter(plans.values()))
-    on = "a held root: give root.hub for the coupled modes" if plan.hub_mass is None else "the modes on the hub"
-    return [
-        f"pre-warped for {plan.integrator} at {plan.timestep:g} s, on {on}: at any other step or integrator the "
-        "frequencies are off; the errors stated are those of what that step shows."
-    ]

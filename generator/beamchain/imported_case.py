@@ -1,4 +1,4 @@
-"""What a fit of imported modes starts from: all modes of the file, those that are kept and why, and the form they take."""
+"""What a fit of imported modes starts from: all modes of the file, and those that are kept and why."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +17,6 @@ from beamchain.spec import Scene, Spec, Target
 from beamchain.structure.imported import with_length
 from beamchain.structure.modal_data import ModalData
 
-DECOUPLED = 1e-3  # part of a mode outside its port up to which a chain is taken: its loss is of that order
 UNDAMPED = 1e-8  # ratio up to which a mode counts as undamped
 
 
@@ -68,26 +67,22 @@ class Case:
         """Upper end of the band [rad/s]."""
         return self.scene.bandwidth or float(model.frequencies[-1])
 
-    def for_chain(self, target: Target | None = None) -> "Case":
-        """The case with the fewest modes per port that the scene needs; as it is where the spec states the modes.
+    def chosen(self, target: Target | None = None) -> "Case":
+        """The case with the fewest modes that the scene needs; as it is where the spec states the modes.
 
         Args:
             target: instead of the spec's.
         """
-        if not self.chooses:
+        if not self.chooses or self.promise is None:
             return self
+        if any(len(ports) > 1 for ports in self.data.groups):
+            fixed = {} if self.spec.modes is None else self.spec.modes.given()
+            numbers, choice = fewest(self.promise, self.data.belongs, self.scene.tolerance, fixed, self.scene.tip)
+            return self._choose(numbers, "clamped", choice)
         full = {port: self.data.port(port, own=True) for port in PORTS if port in self.data.belongs}
         root = self.spec.root if target is None else structs.replace(self.spec.root, target=target)
         plan = make_plan(structs.replace(self.spec, root=root), full, self.data.rigid_mass, self.hub)
         return self._choose(_first(self.data, plan.kept), plan.target, plan.choice)
-
-    def for_oscillators(self) -> "Case":
-        """The case with the fewest modes, whatever ports they couple, that the scene needs."""
-        if not self.chooses or self.promise is None:
-            return self
-        fixed = {} if self.spec.modes is None else self.spec.modes.given()
-        numbers, choice = fewest(self.promise, self.data.belongs, self.scene.tolerance, fixed, self.scene.tip)
-        return self._choose(numbers, "clamped", choice)
 
     def _choose(self, numbers: tuple[int, ...], target: str, choice: Choice | None) -> "Case":
         kept = self.data.selected(numbers) if numbers else self.data.frozen()
@@ -138,21 +133,6 @@ def _first(data: ModalData, counts: dict[str, int]) -> tuple[int, ...]:
             )
         numbers += own[:count]
     return tuple(sorted(numbers))
-
-
-def form_of(case: Case) -> tuple[str, str]:
-    """Chain or oscillators, and the reason."""
-    kept, forced = case.kept, case.spec.fit.form
-    leaks = kept.leaks
-    k = int(np.argmax(leaks))
-    worst = f"mode {case.numbers[k]} ({kept.belongs[k]}) has {leaks[k]:.2g} of its participation in other ports"
-    if forced is not None:
-        return forced, f'form = "{forced}" as asked; {worst}'
-    if max(float(leaks[k]), kept.mass_leak) <= DECOUPLED:
-        return "chain", f"chain, as the ports are independent ({worst}, limit {DECOUPLED:g})"
-    if leaks[k] <= DECOUPLED:
-        worst = f"the mass lies beside the x axis and couples the ports by {kept.mass_leak:.2g}"
-    return "oscillators", f"oscillators, as {worst}, more than the {DECOUPLED:g} up to which a chain is taken"
 
 
 def resolvable(model: PortModel) -> PortModel:

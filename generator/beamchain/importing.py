@@ -1,4 +1,4 @@
-"""Imported modes -> a verified drop-in file: chain or oscillators, by how much the modes leak between ports."""
+"""Imported modes -> a verified drop-in file: a chain, port by port where the modes are, else with one cut for all."""
 
 import time
 from dataclasses import replace
@@ -8,30 +8,28 @@ import numpy as np
 from beamchain.assess.error import Comparison, compare, in_band_error
 from beamchain.assess.limits import coupled_limits
 from beamchain.assess.plan import ledger, verdict
-from beamchain.chain.build import Built, Status
-from beamchain.chain.chain import Chain, Link
-from beamchain.chain.damping import Damper, joint_damping, tendons
-from beamchain.chain.near import build_chain, same_planes
-from beamchain.chain.oscillators import LEAST, Oscillators, realise_oscillators
-from beamchain.engine.bench import Measured, measure, root_body
-from beamchain.engine.space import block, measure_in_space
+from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain
+from beamchain.chain.damping import joint_damping
+from beamchain.chain.tendons import Modes, group_motion
+from beamchain.engine.bench import Measured, root_body
+from beamchain.engine.space import measure_in_space
 from beamchain.errors import InputError, RealisationError
-from beamchain.imported_case import Case, case_of, form_of, resolvable
-from beamchain.mjcf import write
-from beamchain.mjcf.oscillators import oscillators as write_oscillators
-from beamchain.motion import PORT_MOTION, PORTS, Array
-from beamchain.port import PortModel, in_space
-from beamchain.result import Fit, InSpace, default_hub, seconds_taken
+from beamchain.imported_case import Case, case_of, resolvable
+from beamchain.motion import PORT_MOTION, PORTS
+from beamchain.port import PortModel
+from beamchain.result import Fit, InSpace, appendage_tree, default_hub, seconds_taken
 from beamchain.spec import Spec, port_hub_mass
-from beamchain.structure.mass_line import MassLine, SpreadMass
+from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 
 SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
 EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode
+SAME_MASS = 1e-12  # relative, beyond which the chain's rigid mass is said to differ
+A_BODY = 1e-5  # relative, how far a printed rigid mass matrix may be from a rigid body's
 
 
 def fit_imported(spec: Spec, data: ModalData) -> Fit:
-    """Fit a chain or oscillators to imported modes and prove it through MuJoCo's own linearisation.
+    """Fit a chain to imported modes and prove it through MuJoCo's own linearisation.
 
     Args:
         spec: with [imported].
@@ -39,166 +37,111 @@ def fit_imported(spec: Spec, data: ModalData) -> Fit:
 
     Raises:
         InputError: what is asked for contradicts the data.
-        RealisationError: neither form exists.
+        RealisationError: no chain has these modes.
     """
-    started = time.perf_counter()
-    case = case_of(spec, data)
-    form, why = form_of(case)
-    forced = spec.fit.form is not None
-    if form == "oscillators":
-        try:
-            return _oscillator_fit(case.for_oscillators(), why, started)
-        except RealisationError as error:
-            if forced:
-                raise
-            return _chain_fit(case.for_chain(), f"{why}, but {error}", started, ok=False)
-    try:
-        chosen = case.for_chain()
-        fit = _chain_fit(chosen, why, started)
-        if not fit.status.ok and chosen.target != "clamped" and spec.root.target in (None, "auto"):
-            fit = _chain_fit(case.for_chain("clamped"), why, started)
-    except RealisationError as error:
-        if forced:
-            raise
-        return _oscillator_fit(case.for_oscillators(), f"no chain has these modes: {error}", started)
-    if fit.status.ok or forced:
-        return fit
-    try:
-        return _oscillator_fit(case.for_oscillators(), f"a chain would give less: {fit.status.message}", started)
-    except RealisationError:
-        return fit
+    clock = [time.perf_counter()]
+    case = case_of(spec, data).chosen()
+    clock.append(time.perf_counter())
+    line = case.data.line()
+    coupled = [ports for ports in case.kept.groups if len(ports) > 1] if case.kept.modes else []
+    built = _coupled(case, line) if coupled else _separate(case, line)
+    why = "the ports are independent"
+    if coupled:
+        names = " and ".join(coupled[0])
+        worst = float(np.max(case.kept.leaks))
+        why = f"modes or mass couple {names} (up to {worst:.2g} of a mode's participation)"
+    chain = built.chain
+    if spec.damping is not None and spec.damping.form == "hinge":
+        for port, target in built.targets.items():
+            chain = joint_damping(chain, port, np.resize(target.damping, chain.port(port).modes))
+    clock.append(time.perf_counter())
+    tree = appendage_tree(spec, chain, line)
+    clock.append(time.perf_counter())
+    live = tuple(data.live)
+    measured, achieved = measure_in_space(tree, timestep=case.scene.timestep, ballast=root_body(chain), live=live)
+    space = _space(case, why, achieved, live)
+    message = f"{built.status.message} Ports: {why}."
+    if space.error.mass_error > SAME_MASS:
+        message += f" Rigid mass off by {space.error.mass_error:.1e}: the print is no rigid body's to its last digits."
+    status = Status(built.status.ok, message, (*case.data.steps, *built.status.history))
+    return _finish(case, replace(built, chain=chain, status=status), measured, space, line, clock)
 
 
 # -- the chain ---------------------------------------------------------------------------------------------------------
-def _chain_fit(case: Case, why: str, started: float, *, ok: bool = True) -> Fit:
+def _separate(case: Case, line: MassLine) -> Built:
+    """Ports that are independent, each with its own modes."""
     spec, data, kept = case.spec, case.data, case.kept
-    clock = [started, time.perf_counter()]
-    targets = {port: kept.port(port, own=True) for port in PORTS if port in kept.belongs}
+    targets = {port: kept.port(port, own=True) for port in PORTS if port in kept.belongs} if kept.modes else {}
     same_planes(targets, kept.tolerance)
     target = case.target
+    if target == "hub" and case.hub is None:
+        raise InputError('target = "hub" needs the hub; add root.hub, or use target = "clamped".')
     whole = {port: data.port(port, own=True) for port in targets} if target in ("free", "hub") else {}
 
     def target_of(port: str, count: int) -> PortModel:
-        if count > targets[port].modes:
-            raise RealisationError(f"only {targets[port].modes} modes in {port} were imported, but {count} are needed.")
-        if target == "free":
-            model = whole[port].reduced(count, np.zeros((whole[port].motions,) * 2))
-            return model.replaced(damping=whole[port].damping[:count])
-        if target == "hub":
-            if case.hub is None:
-                raise InputError('target = "hub" needs the hub; add root.hub, or use target = "clamped".')
-            model = whole[port].reduced(count, port_hub_mass(case.hub, port))
-            return model.replaced(damping=whole[port].damping[:count])
-        return targets[port].truncated(count)
+        if target == "clamped":
+            return targets[port].truncated(count)
+        motions = whole[port].motions
+        hub = np.zeros((motions, motions)) if case.hub is None or target == "free" else port_hub_mass(case.hub, port)
+        return whole[port].reduced(count, hub).replaced(damping=whole[port].damping[:count])
 
     counts = {port: model.modes for port, model in targets.items()}
-    built, line, notes = build_chain(data.line(), counts, targets, target_of)
-    chain, dampers = _damped(spec, built)
-    clock.append(time.perf_counter())
-    tree = write.appendage(chain, spec.name, beam=line, dampers=dampers, visuals=case.scene.visuals)
-    clock.append(time.perf_counter())
-    measured = measure(tree, PORTS, timestep=case.scene.timestep, ballast=root_body(chain))
-    live = tuple(data.live)
-    achieved = _living(in_space(measured.ports, measured.rigid_mass), live)
-    space = _space(case, "chain", why, achieved, live, None)
-    loss = (
-        f"against all six motions of the imported modes its in-band error is {space.error.accelerance_in_band:.2e} up "
-        f"to {case.band(kept.space()):.4g} rad/s."
-    )
-    message = " ".join([f"{why}.", built.status.message, *notes, loss])
-    status = Status(built.status.ok and ok and not notes, message, (*data.steps, *built.status.history))
-    return _finish(case, chain, built.targets, measured, space, line, dampers, status, clock)
+    return build_exact(line, counts, target_of, Wishes(spec.fit.springs, _per_mode(spec, kept), spec.fit.cuts))
 
 
-def _damped(spec: Spec, built: Built) -> tuple[Chain, tuple[Damper, ...]]:
-    """The modes' ratios as tendons, or as dampers in the hinges."""
-    chain, dampers = built.chain, list[Damper]()
-    for port, target in built.targets.items():
-        if not np.any(target.damping > 0.0):
-            continue
-        if spec.damping is not None and spec.damping.form == "hinge":
-            chain = joint_damping(chain, port, target.damping)
-        else:
-            dampers += tendons(chain, port, target.damping)
-    return chain, tuple(dampers)
+def _per_mode(spec: Spec, kept: ModalData) -> bool:
+    """Whether each mode has damping of its own."""
+    return bool(np.any(kept.damping > 0.0)) and (spec.damping is None or spec.damping.form == "modal")
 
 
-# -- the oscillators ---------------------------------------------------------------------------------------------------
-def _oscillator_fit(case: Case, why: str, started: float) -> Fit:
-    spec, data, kept = case.spec, case.data, case.kept
-    if spec.root.target in ("free", "hub"):
+def _coupled(case: Case, line: MassLine) -> Built:
+    """Modes that couple ports, on one cut."""
+    spec, kept = case.spec, case.kept
+    if spec.fit.springs == "hinges":
         raise InputError(
-            f'root.target = "{spec.root.target}" and form = "oscillators" do not go together: oscillators are the '
-            "clamped "
-            'modes; use target = "clamped".'
+            'fit.springs = "hinges" needs ports that are independent, but these modes couple them; use '
+            'fit.springs = "auto".'
         )
-    clock = [started, time.perf_counter()]
-    length = float(data.length or 1.0)
-    made = realise_oscillators(
-        kept.rigid_mass, kept.frequencies, kept.participation, kept.damping, numbers=case.numbers, length=length,
-        precision=kept.precision,
-    )  # fmt: skip
-    clock.append(time.perf_counter())
-    tree = write_oscillators(made, spec.name, visuals=case.scene.visuals)
-    clock.append(time.perf_counter())
-    live = tuple(data.live)
-    measured, achieved = measure_in_space(tree, timestep=case.scene.timestep, ballast=_root_ballast(made), live=live)
-    space = _space(case, "oscillators", why, achieved, live, made)
-    alive = [
-        port for port in PORTS if np.all((PORT_MOTION[port].T @ kept.rigid_mass @ PORT_MOTION[port]).diagonal() > 0.0)
-    ]
+    _check_body(kept)
+    if case.target != "clamped":
+        live = list(kept.live)
+        hub = np.zeros((6, 6)) if case.hub is None or case.target == "free" else case.hub
+        reduced = case.data.space().reduced(kept.modes, hub[np.ix_(live, live)])
+        rows = np.zeros((kept.modes, 6))
+        rows[:, live] = reduced.participation
+        kept = replace(kept, frequencies=reduced.frequencies, participation=rows, tip=None)
+    damping = kept.damping if _per_mode(spec, kept) else np.zeros(kept.modes)
+    groups: list[Modes] = []
+    for ports in kept.groups:
+        parts = kept.parts[:, [PORTS.index(port) for port in ports]]
+        own = np.flatnonzero([port in ports for port in kept.belongs])
+        weights = {port: float(np.sum(parts[own, i] ** 2)) for i, port in enumerate(ports)}
+        numbers = tuple(range(1, own.size + 1)) if len(ports) == 1 else tuple((own + 1).tolist())
+        rows = kept.participation[own] @ group_motion(ports)
+        groups.append(Modes(ports, kept.frequencies[own], rows, damping[own], numbers=numbers, weights=weights))
+    chain, how, cut = cut_chain(line, groups, spec.fit.cuts)
+    alive = [port for port in PORTS if np.all(np.diag(PORT_MOTION[port].T @ kept.rigid_mass @ PORT_MOTION[port]) > 0.0)]
     targets = {port: model for port in alive if (model := _shown(kept, port)).modes}
-    kinds = [item.kind for item in made.items]
-    parts = ", ".join(
-        f"{n} {kind}{'s' if n > 1 else ''}" for kind in ("slider", "rotor", "screw") if (n := kinds.count(kind))
-    )
-    message = f"{why}. One rigid body of {made.root.mass:.6g} kg: the scene needs no mode."
-    if kinds:
-        message = (
-            f"{why}. {len(kinds)} modes as {parts} on one rigid root body of {made.root.mass:.6g} kg, exact at the "
-            "port."
+    return Built(chain, targets, Status(True, f"exact chain ({how}), {kept.modes} modes kept."), cut)
+
+
+def _check_body(data: ModalData) -> None:
+    """The rigid mass matrix is a rigid body's, to the precision of the print."""
+    mass = data.rigid_mass
+    mean = float(np.trace(mass[:3, :3])) / 3.0
+    scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
+    off = (mass - np.diag(np.diag(mass)))[:3, :3]
+    cross = mass[3:, :3]
+    miss = np.max(np.abs(np.concatenate([
+        ((np.diag(mass)[:3] - mean) / mean), (off / mean).ravel(),
+        ((cross + cross.T) / np.outer(scale[3:], scale[:3])).ravel(),
+    ])))  # fmt: skip
+    if miss > max(min(20.0 * data.precision, A_BODY), 1e-9):
+        raise RealisationError(
+            f"the rigid mass matrix differs by {miss:.1e} from a rigid body's (its mass depends on the direction, as "
+            "when an a-set leaves freedoms out), which no set of bodies can be; give the mass of the grid point "
+            "weight generator."
         )
-    if made.repair > 1e-12:
-        message += (
-            f" The root body's moments moved by {made.repair:.1e} of the appendage's, within the print, to be a body's."
-        )
-    if made.leak > 1e-12:
-        message += f" Left out: {made.leak:.1e} of a mode (a twist along its force, within the print)."
-    status = Status(True, message, data.steps)
-    rigid = made.rigid_mass()
-    link = Link(
-        start=0.0, length=length, mass=float(rigid[0, 0]), com=float(rigid[1, 5] / rigid[0, 0]),
-        inertia=_principal(rigid),
-    )  # fmt: skip
-    return _finish(case, Chain((link,), (), length), targets, measured, space, _line(data), (), status, clock)
-
-
-def _principal(rigid: Array) -> tuple[float, float, float]:
-    """Inertias about the mass centre as a chain's link states them."""
-    m, x = float(rigid[0, 0]), float(rigid[1, 5] / rigid[0, 0])
-    return float(rigid[3, 3]), float(rigid[4, 4] - m * x * x), float(rigid[5, 5] - m * x * x)
-
-
-def _line(data: ModalData) -> MassLine:
-    """The mass line for drawing and sizes; one without moments where the length does not hold the mass."""
-    try:
-        return data.line()
-    except InputError:
-        return SpreadMass(float(data.length or 1.0), data.rigid_mass, (), np.zeros((0, 5)))
-
-
-def _root_ballast(made: Oscillators) -> Array | None:
-    """Something to hold on the bench where the modes leave nothing at the root."""
-    rigid = made.rigid_mass()
-    scale = np.sqrt(np.where(np.diag(rigid) > 0.0, np.diag(rigid), 1.0))
-    left = (
-        np.linalg.eigvalsh(made.space().residual_mass / np.outer(scale, scale))[0]
-        if np.all(np.diag(rigid) > 0)
-        else 0.0
-    )
-    if left > EMPTY and made.root.mass > 0.0 and float(made.root.principal()[0].min()) > LEAST:
-        return None
-    return np.array([rigid[0, 0], *np.full(3, max(float(np.max(np.diag(rigid)[3:])), 1e-9))])
 
 
 def _shown(data: ModalData, port: str) -> PortModel:
@@ -214,28 +157,23 @@ def _shown(data: ModalData, port: str) -> PortModel:
     )  # fmt: skip
 
 
-# -- both --------------------------------------------------------------------------------------------------------------
-def _living(model: PortModel, live: tuple[int, ...]) -> PortModel:
-    return block(model, np.eye(6)[:, list(live)])
-
-
-def _space(
-    case: Case, form: str, why: str, achieved: PortModel, live: tuple[int, ...], made: Oscillators | None
-) -> InSpace:
+# -- the proof -----------------------------------------------------------------------------------------------------------
+def _space(case: Case, why: str, achieved: PortModel, live: tuple[int, ...]) -> InSpace:
     """The comparison with all motions at once."""
     full, target = case.data.space(), case.kept.space()
+    if case.target != "clamped" and target.modes:
+        hub = np.zeros((6, 6)) if case.hub is None or case.target == "free" else case.hub
+        target = full.reduced(target.modes, hub[np.ix_(live, live)])
     hub = None if case.hub is None else case.hub[np.ix_(live, live)]
     error = compare(achieved, target)
     in_band = in_band_error(resolvable(achieved), resolvable(full), hub, case.band(target))
     error = replace(error, accelerance_in_band=in_band)
-    return InSpace(case.data, form, why, full, target, achieved, error, live, made)
+    return InSpace(case.data, "chain", why, full, target, achieved, error, live)
 
 
-def _finish(
-    case: Case, chain: Chain, targets: dict[str, PortModel], measured: Measured, space: InSpace, line: MassLine,
-    dampers: tuple[Damper, ...], status: Status, clock: list[float],
-) -> Fit:  # fmt: skip
+def _finish(case: Case, built: Built, measured: Measured, space: InSpace, line: MassLine, clock: list[float]) -> Fit:
     """Errors per port, step limits, and the result."""
+    chain, targets, status = built.chain, built.targets, built.status
     full: dict[str, PortModel] = {}
     error: dict[str, Comparison] = {}
     bandwidth: dict[str, float] = {}
@@ -256,11 +194,8 @@ def _finish(
             status, message=f"{status.message} Step limits: on ten times its mass, as its root has none of its own."
         )
     achieved = {port: measured.ports[port] for port in targets}
-    if space.made is None:
-        limits = coupled_limits(in_space(achieved, measured.rigid_mass), limits_hub, tendon=bool(dampers))
-    else:
-        held = None if limits_hub is None else limits_hub[np.ix_(space.live, space.live)]
-        limits = coupled_limits(space.achieved, held, tendon=False)
+    held = None if limits_hub is None else limits_hub[np.ix_(space.live, space.live)]
+    limits = coupled_limits(space.achieved, held, tendon=any(t.damping > 0.0 for t in chain.tendons))
     promise = None if case.promise is None else case.promise.error(resolvable(space.achieved))
     clock.append(time.perf_counter())
     return Fit(
@@ -276,10 +211,27 @@ def _finish(
         seconds=seconds_taken(clock),
         bandwidth=bandwidth,
         kept_for=case.target,
-        dampers=dampers,
         choice=case.choice,
         promise=promise,
-        left_out=ledger(case.spec, case.choice, bool(dampers)),
+        cut=built.cut,
+        left_out=ledger(case.spec, case.choice, bool(chain.tendons)),
         line=line,
         space=space,
     )
+
+
+def same_planes(targets: dict[str, PortModel], tolerance: float) -> None:
+    """Planes that agree within the print become one, so that they share their hinges."""
+    if not {"xy", "xz"} <= set(targets):
+        return
+    a, b = targets["xy"], targets["xz"]
+    if a.modes != b.modes:
+        return
+    scale = np.sqrt(np.diag(a.rigid_mass))
+    gap = max(
+        float(np.max(np.abs(a.frequencies / b.frequencies - 1.0))),
+        float(np.max(np.abs((a.participation - b.participation) / scale))),
+        float(np.max(np.abs((a.rigid_mass - b.rigid_mass) / np.outer(scale, scale)))),
+    )
+    if gap <= tolerance:
+        targets["xz"] = b.replaced(rigid_mass=a.rigid_mass, frequencies=a.frequencies, participation=a.participation)

@@ -42,3 +42,11 @@ def body_mass_matrix(mass: float, centre: Array, inertia: Array) -> Array:
     x, y, z = centre
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.block([[mass * np.eye(3), -mass * cross], [mass * cross, inertia - mass * cross @ cross]])
+
+
+def shifted(point: Array) -> Array:
+    """`(6, 6)` motion of a point `(3,)` of a rigid body per motion of the body's origin (x, y, z, rotations)."""
+    x, y, z = point
+    out = np.eye(6)
+    out[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    return out

@@ -3,7 +3,7 @@
 A beam, a hinge chain, imported finite-element modes and a linearised MuJoCo model all become a `PortModel`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
@@ -17,6 +17,7 @@ from beamchain.motion import PORT_MOTION, Array, locked, square_root
 if TYPE_CHECKING:
     import control
 
+NORMAL = 1e-7  # part of an attachment mode outside the normal modes below which it is one of them
 RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass than this is none, and its mode lies at infinity
 DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
 
@@ -26,6 +27,35 @@ def _outer_sum(rows: Array, weight: NDArray[Any]) -> NDArray[Any]:
     m = rows.shape[1]
     outer = (rows[:, :, None] * rows[:, None, :]).reshape(rows.shape[0], m * m)
     return (outer.T @ weight).reshape(m, m, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Mode shapes where an appendage has mass.
+
+    Args:
+        x: `(r,)` [m].
+        moved, turned: `(r,)` square roots of mass and of rotary inertia there; in a scalar port `moved` only.
+        values: `(n, r)` motion in each mass-normalised mode times those roots.
+        bending: a hinge turns what lies behind it; else it shifts or twists it.
+    """
+
+    x: Array
+    moved: Array
+    turned: Array
+    values: Array
+    bending: bool
+
+    def momenta(self, hinges: Array) -> Array:
+        """`(n, h)`: what each mode's motion is worth in the unit motion of a hinge at each of `hinges` `(h,)` [m]."""
+        reach = self.x[:, None] - hinges[None, :]
+        behind = reach > 0.0
+        arms = np.where(behind, reach, 0.0) if self.bending else behind
+        return self.values @ (self.moved[:, None] * arms + self.turned[:, None] * behind)
+
+    def combined(self, modes: Array) -> "Shapes":
+        """Those of combinations `(k, n)` of the modes."""
+        return Shapes(self.x, self.moved, self.turned, modes @ self.values, self.bending)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,7 +74,9 @@ class PortModel:
         frequencies: `(n,)` cantilever frequencies (port held), ascending [rad/s].
         participation: `(n, m)` rows `L_k` of the mass-normalised cantilever modes.
         damping: `(n,)` damping ratios of the cantilever modes; zero when left out.
-        tip: `(n, 2)` or `(n, 1)`: tip motion in each mass-normalised cantilever mode, where known.
+        tip: `(n, m)` or more columns: tip motion in each mass-normalised cantilever mode, where known, then that of
+            further points.
+        shapes: the modes along the appendage, where known.
 
     Raises:
         InputError: shapes disagree, a number is not finite, or the residual mass is not positive semidefinite.
@@ -55,6 +87,7 @@ class PortModel:
     participation: Array
     damping: Array = field(default_factory=lambda: np.zeros(0))
     tip: Array | None = None
+    shapes: Shapes | None = None
 
     def __repr__(self) -> str:
         few = ", ".join(f"{w:.6g}" for w in self.frequencies[:3]) + (", ..." if self.modes > 3 else "")
@@ -95,6 +128,8 @@ class PortModel:
             signs = np.where(participation[np.arange(n), leading] < 0.0, -1.0, 1.0)[:, None]
             participation = participation * signs
             tip = None if tip is None else tip * signs
+            if self.shapes is not None and np.any(signs < 0.0):
+                object.__setattr__(self, "shapes", self.shapes.combined(np.diag(signs[:, 0])))
         for name, values in (
             ("rigid_mass", mass),
             ("frequencies", frequencies),
@@ -279,6 +314,7 @@ class PortModel:
             participation=self.participation[:modes],
             damping=self.damping[:modes],
             tip=None if self.tip is None else self.tip[:modes],
+            shapes=None if self.shapes is None else self.shapes.combined(np.eye(modes, self.modes)),
         )
 
     def condensed(self, above: float) -> "PortModel":
@@ -311,13 +347,34 @@ class PortModel:
             return self.truncated(0)
         if not 0 < modes <= self.modes:
             raise InputError(f"modes = {modes} must lie between 0 and {self.modes}, the number this model has.")
-        v = self.with_hub(hub_mass)._free[2][:, :modes]
+        return self._projected(self.with_hub(hub_mass)._free[2][:, :modes])
+
+    def _projected(self, basis: Array) -> "PortModel":
+        """Galerkin reduction on an orthonormal `basis` `(n, k)` of modal coordinates scaled by their strain energy."""
         rigid, elastic = self._rows()
-        u, s, wt = np.linalg.svd(elastic @ v, full_matrices=False)
-        tip = None
-        if self.tip is not None:  # tip rows are per mass-normalised mode: y / w in the scaled coordinates
-            tip = ((self.tip / self.frequencies[:, None]).T @ v @ wt.T / s).T
-        return PortModel(self.rigid_mass, 1.0 / s, u.T @ rigid, tip=tip)
+        u, s, wt = np.linalg.svd(elastic @ basis, full_matrices=False)
+        modes = (basis @ wt.T / s).T / self.frequencies  # (k, n): in terms of this model's mass-normalised modes
+        return PortModel(
+            self.rigid_mass, 1.0 / s, u.T @ rigid, tip=None if self.tip is None else modes @ self.tip,
+            shapes=None if self.shapes is None else self.shapes.combined(modes),
+        )  # fmt: skip
+
+    def attached(self, modes: int, columns: Sequence[int]) -> "PortModel":
+        """The first `modes` modes and the static response to a unit load at points whose motion `tip` holds.
+
+        The static flexibility of those points is then exact (attachment modes; R. R. Craig, Structural Dynamics,
+        1981), so that what hangs there may be heavy. The first frequencies stay; pseudo-modes follow them.
+
+        Args:
+            modes: lowest cantilever modes.
+            columns: of `tip`.
+        """
+        assert self.tip is not None
+        loads = self.tip[:, list(columns)] / self.frequencies[:, None]
+        loads = loads / np.linalg.norm(loads, axis=0)
+        loads[:modes] = 0.0  # what the normal modes do not carry already
+        u, s, _ = np.linalg.svd(loads, full_matrices=False)
+        return self._projected(np.column_stack([np.eye(self.modes)[:, :modes], u[:, s > NORMAL]]))
 
     def replaced(self, **changes: Any) -> "PortModel":
         """A copy with some fields changed.
@@ -325,7 +382,7 @@ class PortModel:
         Args:
             changes: new values by field name.
         """
-        names = ("rigid_mass", "frequencies", "participation", "damping", "tip")
+        names = ("rigid_mass", "frequencies", "participation", "damping", "tip", "shapes")
         return PortModel(**{name: changes.get(name, getattr(self, name)) for name in names})
 
 
@@ -344,13 +401,16 @@ def in_space(ports: Mapping[str, PortModel], rigid_mass: ArrayLike) -> PortModel
     return PortModel(np.asarray(rigid_mass), frequencies[order], participation, damping[order])
 
 
-def port_from_rows(rigid: Array, elastic: Array, tip: Array | None = None) -> PortModel:
+def port_from_rows(
+    rigid: Array, elastic: Array, tip: Array | None = None, shapes: Callable[[Array], Shapes] | None = None
+) -> PortModel:
     """The port model of a body given by mass-weighted motion rows.
 
     Args:
         rigid: `(r, m)`: square root of mass times motion, per unit motion of the port.
         elastic: `(r, n)`: the same per elastic coordinate, scaled so that the strain energy is `|y|^2 / 2`.
         tip: `(t, n)`: tip motion per elastic coordinate.
+        shapes: makes the shapes from the modes' mass-weighted motion `(n, r)`.
 
     One-sided (singular values of the rows, not eigenvalues of their squares), so that every frequency keeps
     nearly the relative precision of the rows.
@@ -359,4 +419,6 @@ def port_from_rows(rigid: Array, elastic: Array, tip: Array | None = None) -> Po
     keep = s > 1e-14 * s.max(initial=0.0)
     u, s, vt = u[:, keep], s[keep], vt[keep]
     tip_modes = None if tip is None else (tip @ vt.T / s).T
-    return PortModel(rigid.T @ rigid, 1.0 / s, u.T @ rigid, tip=tip_modes)
+    return PortModel(
+        rigid.T @ rigid, 1.0 / s, u.T @ rigid, tip=tip_modes, shapes=None if shapes is None else shapes(u.T)
+    )

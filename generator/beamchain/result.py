@@ -1,7 +1,7 @@
 """What a fit is: the chain, its proof through MuJoCo, and the files it writes."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,16 +17,13 @@ from beamchain.chain.build import (
     Status,
 )
 from beamchain.chain.chain import Chain
-from beamchain.chain.damping import Damper
-from beamchain.chain.oscillators import Oscillators
-from beamchain.chain.prewarp import Prewarp
+from beamchain.chain.cut import Cut
 from beamchain.engine.bench import Measured, ballast_for
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.files import write_files
 from beamchain.hub import Hub
 from beamchain.mjcf import write
-from beamchain.mjcf.oscillators import oscillators as write_oscillators
 from beamchain.motion import PORTS, Array
 from beamchain.port import PortModel, in_space
 from beamchain.spec import Scene, Spec
@@ -43,13 +40,12 @@ class InSpace:
 
     Args:
         data: the imported modes, about the port, in SI; what was done to them stands in its `steps`.
-        form: "chain" or "oscillators", and `why`.
+        form: "chain", and `why` it has the hinges it has.
         full: all imported modes.
         target: the modes that were asked for.
         achieved: read back through `mjd_transitionFD`.
         error: achieved against target; in band, against all modes.
         live: motions in which the appendage has inertia; the models hold these only.
-        made: the oscillators, in that form.
     """
 
     data: ModalData
@@ -60,7 +56,6 @@ class InSpace:
     achieved: PortModel
     error: Comparison
     live: tuple[int, ...]
-    made: Oscillators | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -80,15 +75,13 @@ class Fit:
         seconds: model, realise, write, verify.
         bandwidth: per port, of the in-band error [rad/s].
         kept_for: the target whose modes are kept: "clamped", "free" or "hub".
-        dampers: the damping tendons.
         choice: how the modes were chosen for the scene; None where the spec states them.
         promise: in-band error on the hub in space of what was achieved, where the scene has a bandwidth.
         left_out: what the chain does without, why, and at what cost.
         cautions: what to know before the drop-in file is used; `warnings` adds what concerns scene.xml.
-        prewarps: per port, where `fit.timestep` asks for it; the error in band is then that of what the step shows.
+        cut: where the hinges stand, where they were chosen for modal tendons.
         line: how the mass lies along x, where that is not the spec's beam.
-        space: all six motions at once, where the modes were imported. In the oscillator form `chain` is what stays when
-            nothing moves, one rigid link, and `space.made` holds the oscillators.
+        space: all six motions at once, where the modes were imported.
     """
 
     spec: Spec
@@ -103,12 +96,11 @@ class Fit:
     seconds: dict[str, float]
     bandwidth: dict[str, float]
     kept_for: str = "clamped"
-    dampers: tuple[Damper, ...] = ()
     choice: Choice | None = None
     promise: float | None = None
     left_out: tuple[LeftOut, ...] = ()
     cautions: tuple[str, ...] = ()
-    prewarps: Mapping[str, Prewarp] = field(default_factory=dict[str, Prewarp])
+    cut: Cut | None = None
     line: MassLine | None = None
     space: InSpace | None = None
 
@@ -128,9 +120,9 @@ class Fit:
         return self.spec.beam if self.line is None else self.line
 
     @property
-    def oscillators(self) -> Oscillators | None:
-        """The oscillators, in that form."""
-        return None if self.space is None else self.space.made
+    def tendon_damped(self) -> bool:
+        """Whether tendons damp its modes, which Euler takes explicitly."""
+        return any(tendon.damping > 0.0 for tendon in self.chain.tendons)
 
     @property
     def hub(self) -> Hub:
@@ -167,20 +159,17 @@ class Fit:
         if scene is None or scene.bandwidth is None or not self.achieved:
             return ()
         live = tuple(range(6))
-        model = in_space(self.achieved, self.measured.rigid_mass) if self.oscillators is None else None
-        if model is None and self.space is not None:  # modes in several ports at once
+        if self.space is None:
+            model = in_space(self.achieved, self.measured.rigid_mass)
+        else:  # modes in several ports at once
             model, live = self.space.achieved, self.space.live
-        assert model is not None
         hub = self.hub_mass[np.ix_(live, live)] if self.hub_mass is not None else model.rigid_mass
         keep = [i for i, motion in enumerate(live) if motion in {AXES[axis] for axis in scene.axes}]
-        return choose_step(model, hub, keep, scene.bandwidth, scene.tolerance, tendon=bool(self.dampers))
+        return choose_step(model, hub, keep, scene.bandwidth, scene.tolerance, tendon=self.tendon_damped)
 
     def appendage(self) -> Element:
         """The drop-in MJCF as an lxml tree."""
-        scene = self.spec.scene or Scene()
-        if self.oscillators is not None:
-            return write_oscillators(self.oscillators, self.spec.name, visuals=scene.visuals)
-        return appendage_tree(self.spec, self.chain, self.mass_line, self.dampers)
+        return appendage_tree(self.spec, self.chain, self.mass_line)
 
     def to_mjcf(self) -> str:
         """The drop-in MJCF file as text."""
@@ -288,15 +277,15 @@ def default_hub(beam: MassLine) -> Hub:
     return Hub(mass=mass, inertia=(inertia, inertia, inertia), offset=(side / 2.0, 0.0, 0.0))
 
 
-def appendage_tree(spec: Spec, chain: Chain, line: MassLine, dampers: tuple[Damper, ...]) -> Element:
+def appendage_tree(spec: Spec, chain: Chain, line: MassLine) -> Element:
     """The drop-in file with the elements that the scene uses."""
-    scene = spec.scene or Scene(tip=True)
+    scene, sensors = spec.scene or Scene(), spec.sensors
     return write.appendage(
         chain,
         spec.name,
         beam=line,
-        dampers=dampers,
         visuals=scene.visuals,
-        tip=scene.tip or spec.payload is not None,
+        sites=spec.sites(line.length),
         contacts=scene.contacts,
+        readings=write.Readings(sensors.modes, sensors.points, sensors.root_load),
     )

@@ -25,7 +25,7 @@ def run_study(
 
     Args:
         spec: the appendage and hub, or the path of a SPEC.toml; without a hub, one of ten times the appendage's mass.
-        models: names of the models to run, such as "exact, hub", "pre-warped" or "equal links, classical"; all where
+        models: names of the models to run, such as "exact, hub", "exact, clamped" or "equal links, classical"; all where
             empty, which takes minutes.
         duration: what is simulated [s]; four slow periods where left out.
         budget: simulation time spent per model, size and integrator [s].

@@ -84,6 +84,40 @@ def _ratio(name: str, value: object) -> None:
         )
 
 
+class Port(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A further point of the appendage that is exact beside the root, in the ports kept; site `NAME_<name>`.
+
+    Args:
+        name: of its site: a-z, 0-9 and _.
+        x: from the root [m].
+    """
+
+    name: str
+    x: float
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name) or self.name in ("root", "tip", "body"):
+            raise InputError(
+                f"name = {self.name!r} must start with a small letter, hold only a-z, 0-9 and _, and be neither root, tip "
+                'nor body; for example name = "camera".'
+            )
+        positive("x", self.x, "m")
+
+
+class Sensors(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Sensors written with the appendage, to watch modes, deflection and loads.
+
+    Args:
+        modes: amplitude and rate of each mode that has a tendon: `NAME_mode1_xy_amplitude`, `NAME_mode1_xy_rate`.
+        points: sites whose place and turn are read, seen from the root: `NAME_tip_place`, `NAME_tip_turn`.
+        root_load: force and moment between the appendage and what carries it: `NAME_root_force`, `NAME_root_moment`.
+    """
+
+    modes: bool = False
+    points: tuple[str, ...] = ()
+    root_load: bool = False
+
+
 class Modes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Flexible modes kept per port; 0 or absent: left out, rigid (with a scene's bandwidth, absent: chosen).
 
@@ -132,20 +166,38 @@ class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             "midpoint" (hinges at segment middles), "naive" (EI N/L everywhere), "seed" (the 2008 paper's three links).
         links: how many, or their lengths [m]; only for the methods that leave it open.
         free: what least squares varies.
-        form: "chain" or "oscillators" (imported modes); the one that fits where not given.
+        springs: "auto": on the hinges where that is exact in all ports, else one tendon per mode; "hinges": on the hinges;
+            "modes": a tendon per mode, whose frequency and damping are two numbers of the compiled model.
+        cuts: x of hinges that must stand; others are added where the modes need them [m].
+        form: "chain", the only one there is.
         timestep: above 0, stiffness is such that the frequencies are right at this step [s].
     """
 
     method: Method = "exact"
     links: int | tuple[float, ...] | None = None
     free: tuple[Literal["stiffness", "lengths", "masses"], ...] = ("stiffness", "lengths", "masses")
+    springs: Literal["auto", "hinges", "modes"] = "auto"
+    cuts: tuple[float, ...] = ()
     form: Literal["chain", "oscillators"] | None = None
     timestep: float = 0.0
 
     def __post_init__(self) -> None:
         one_of("method", self.method, ("exact", "least_squares", "classical", "midpoint", "naive", "seed"))
+        one_of("springs", self.springs, ("auto", "hinges", "modes"))
         if self.form is not None:
             one_of("form", self.form, ("chain", "oscillators"))
+        if self.form == "oscillators":
+            raise InputError(
+                'form = "oscillators" is no longer written: a chain with a tendon per mode is exact for any modes, '
+                "coupled ones included; leave fit.form out."
+            )
+        for i, value in enumerate(self.cuts):
+            not_negative(f"cuts[{i}]", value, "m")
+        if self.method != "exact" and (self.cuts or self.springs != "auto"):
+            word = "cuts" if self.cuts else "springs"
+            raise InputError(
+                f'{word} is for method = "exact", but method = "{self.method}" is asked for; leave fit.{word} out.'
+            )
         not_negative("timestep", self.timestep, "s")
         for word in self.free:
             one_of("free", word, ("stiffness", "lengths", "masses"))
@@ -208,6 +260,8 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         lump: rigid bodies carried along.
         imported: modes somebody else computed, instead of segments.
         payload: what the scene attaches at the tip.
+        port: further points that are exact beside the root.
+        sensors: that are written with the appendage.
         damping: of the cantilever modes.
         modes: kept per port.
         root: target and hub.
@@ -222,6 +276,8 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     lump: tuple[Lump, ...] = ()
     imported: Imported | None = None
     payload: Payload | None = None
+    port: tuple[Port, ...] = ()
+    sensors: Sensors = Sensors()
     damping: Damping | None = None
     modes: Modes | None = None
     root: Root = Root()
@@ -253,12 +309,50 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             raise InputError(
                 "[modes] keeps no mode at all; set xy, xz, torsion or axial to 1 or more, or remove [modes]."
             )
+        self._check_points()
+
+    def _check_points(self) -> None:
+        """Cuts, ports and sensors stand on the appendage."""
+        names = [port.name for port in self.port]
+        if len(set(names)) != len(names):
+            raise InputError(f"two ports have the same name ({', '.join(names)}); give each its own.")
         if self.imported is None:
-            self.beam  # noqa: B018  (built once so that what the parts say of each other is checked)
+            length = self.beam.length  # built once so that what the parts say of each other is checked
+            for key, x in [*((f"fit.cuts[{i}]", x) for i, x in enumerate(self.fit.cuts)),
+                           *((f"port.{port.name}.x", port.x) for port in self.port)]:  # fmt: skip
+                if x > length * (1.0 - 1e-9) and not (key.startswith("port") and x <= length * (1.0 + 1e-9)):
+                    raise InputError(f"{key} = {x!r} m lies beyond the appendage, which is {length!r} m long.")
+        if self.port or self.payload is not None:
+            if self.root.target in ("free", "hub"):
+                raise InputError(
+                    f'root.target = "{self.root.target}" and a further port do not go together: a second port is exact with '
+                    'the clamped modes; use target = "clamped", or leave it out.'
+                )
+            if self.port and self.fit.method != "exact":
+                raise InputError(f'[[port]] needs method = "exact", not "{self.fit.method}"; leave fit.method out.')
+        for point in self.sensors.points:
+            if point not in ("tip", *names):
+                raise InputError(
+                    f"sensors.points names {point!r}, which is no point of this appendage; choose from "
+                    f"{', '.join(['tip', *names])}, or add a [[port]]."
+                )
+
+    @property
+    def further(self) -> dict[str, float]:
+        """x of the points beside the root that must be exact: "tip" where a payload hangs there or it matters [m]."""
+        if self.imported is not None or self.fit.method != "exact":
+            return {}
+        tip = self.payload is not None or (self.scene is not None and self.scene.tip)
+        return ({"tip": self.beam.length} if tip else {}) | {port.name: port.x for port in self.port}
+
+    def sites(self, length: float) -> dict[str, float]:
+        """x of the sites beside the root's [m]; without a scene the tip, at `length`, has one."""
+        tip = self.scene is None or self.scene.tip or self.payload is not None or "tip" in self.sensors.points
+        return ({"tip": length} if tip else {}) | {port.name: port.x for port in self.port}
 
     def _check_imported(self) -> None:
         """What stands beside [imported] must make sense without a beam."""
-        for key in ("segment", "joint", "lump", "payload"):
+        for key in ("segment", "joint", "lump", "payload", "port"):
             if getattr(self, key):
                 raise InputError(
                     f"[imported] and {key} are both given; modes from a file replace the beam: remove {key}"

@@ -113,23 +113,18 @@ class Study:
     def best(self, target: float, metric: Metric) -> Reach | None:
         """The cheapest measured setting among our own chains, which keep their geometry in large motion."""
         found = self.reach(target, metric)
-        ours = [r for m, r in found.items() if m in field.OURS and m != field.OSCILLATORS and not r.extrapolated]
+        ours = [r for m, r in found.items() if m in field.OURS and not r.extrapolated]
         return min(ours, key=lambda r: r.seconds, default=None)
 
     def nearest(self, metric: Metric) -> Point | None:
         """The most accurate of our own chains, whatever it takes."""
-        ours = [x for x in self.ladders if x.entry.ours and x.entry.model != field.OSCILLATORS]
+        ours = [x for x in self.ladders if x.entry.ours]
         found = front.front(ours, metric)
         return found[-1][1] if found else None
 
     def rivals(self, target: float, metric: Metric) -> dict[str, Reach]:
         """The rivals' cheapest settings, extrapolated where they did not get there."""
         return {model: r for model, r in self.reach(target, metric).items() if model not in field.OURS}
-
-    def oscillators(self, target: float, metric: Metric) -> Reach | None:
-        """The oscillator form's cheapest measured setting."""
-        found = self.reach(target, metric).get(field.OSCILLATORS)
-        return None if found is None or found.extrapolated else found
 
     def short_of(self, target: float, metric: Metric) -> dict[str, float]:
         """Rivals that do not get there, and show no slope to follow: the best error of each."""
@@ -143,7 +138,7 @@ class Study:
         if best is None:
             return None
         point = best.point
-        words: dict[str, Target] = {"exact, hub": "hub", "exact, free": "free", "pre-warped": "hub"}
+        words: dict[str, Target] = {"exact, hub": "hub", "exact, free": "free"}
         planes = [p for p in ("xy", "xz") if p in self.kept] or list(self.kept)
         counts = {port: point.n if port in planes else n for port, n in self.kept.items()}
         scene = self.spec.scene or Scene()
@@ -153,7 +148,6 @@ class Study:
             "scene": msgspec.structs.replace(scene, integrator=point.integrator, timestep=point.timestep),
             "fit": FitOptions(
                 method="least_squares" if point.model == "least squares" else "exact",
-                timestep=point.timestep if point.model == "pre-warped" else 0.0,
             ),
         }
         return msgspec.structs.replace(self.spec, **changes)
@@ -250,7 +244,7 @@ def _too_far(task: Task, found: Study) -> tuple[str, ...]:
         best = {nearest[:2]: nearest}
     out: list[str] = []
     for point in best.values():
-        chain, _ = field.chain_of(task, Entry(*point[:3]), point.timestep)
+        chain = field.chain_of(task, Entry(*point[:3]))
         radius = max(float(task.hub.offset[0]), 0.0)
         limits = {port: large_motion(chain, task.beam, port, modes=point.n, radius=radius) for port in task.planes}
         out += [f"{point.model}, n = {point.n}: {sentence}" for sentence in exceeded(limits, run)]
@@ -336,11 +330,11 @@ def _duel(task: Task, scenario: Scenario, found: Study) -> list[Ladder]:
         if not group:
             continue
         runs = [
-            Run(field.model_of(task, Entry(*p[:3]), p.timestep), integrator, p.timestep,
+            Run(field.model_of(task, Entry(*p[:3])), integrator, p.timestep,
                 scenario.profile.mean(p.timestep, round(p.seconds / p.seconds_per_step)))
             for p in group
         ]  # fmt: skip
-        hub = field.model_of(task, Entry(field.RIGID_HUB, 0, integrator), 0.01)
+        hub = field.model_of(task, Entry(field.RIGID_HUB, 0, integrator))
         for p, t in zip(group, in_turns(runs, hub, DUEL_ROUNDS, [[] for _ in runs]), strict=True):
             per_step = t.seconds / round(p.seconds / p.seconds_per_step)
             fresh[p[:4]] = p._replace(

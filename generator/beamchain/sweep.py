@@ -28,12 +28,12 @@ from beamchain.report.spec_text import spec_toml
 from beamchain.result import Fit, default_hub
 from beamchain.spec import Damping, Modes, Spec, spec_from_dict
 from beamchain.structure.section import Equivalent
-from beamchain.workflow import build, damped_chain, fit
+from beamchain.workflow import damped, fit
 
 #: Fields of MuJoCo's model that differ between variants; they hold for the scene.xml written beside them.
 FIELDS = (
     "jnt_stiffness", "dof_damping", "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "site_pos",
-    "wrap_prm", "tendon_damping",
+    "wrap_prm", "tendon_stiffness", "tendon_damping", "tendon_armature",
 )  # fmt: skip
 NAMES = ("body", "jnt", "site", "tendon")
 CHUNK = 10  # samples per job
@@ -222,12 +222,12 @@ def _sample(nominal: Fit, model: "mujoco.MjModel", seed: int, index: int) -> dic
         hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
         full = whole_beam(spec, beam)
         plan = make_plan(spec, full, beam.rigid_mass(), hub)
-        built = build(spec, plan, beam, full, hub)
+        built = damped(spec, plan, beam, nominal.cut)
         fewer = [port for port, target in built.targets.items() if target.modes < nominal.target[port].modes]
         if fewer:
             return {"sample": index, "why": f"fewer modes in {fewer[0]}: {built.status.message}"}
-        chain, dampers = damped_chain(spec, plan, built, {})
-        variant = replace(nominal, spec=spec, chain=chain, dampers=dampers)
+        chain = built.chain
+        variant = replace(nominal, spec=spec, chain=chain)
         own = compile_model(variant.scene_mjcf())
     except BeamchainError as error:
         return {"sample": index, "why": str(error)}

@@ -6,26 +6,26 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from beamchain.assess.doubtful import doubtful
 from beamchain.assess.error import compare, in_band_error
 from beamchain.assess.limits import coupled_limits
-from beamchain.assess.plan import Plan, ledger, make_plan, verdict, whole_beam
-from beamchain.cautions import fit_warnings, prewarp_note
+from beamchain.assess.plan import Plan, further_columns, ledger, make_plan, verdict, whole_beam
+from beamchain.cautions import fit_warnings
 from beamchain.chain.build import (
     Built,
+    Wishes,
     build_exact,
     build_least_squares,
     build_recipe,
     with_real_polar,
 )
-from beamchain.chain.chain import Chain
-from beamchain.chain.damping import Damper, joint_damping, modal_ratios, tendons
+from beamchain.chain.cut import Cut
+from beamchain.chain.damping import joint_damping
 from beamchain.chain.polar import raised
-from beamchain.chain.prewarp import Prewarp, loaded_tendons, prewarp
 from beamchain.chain.rods import Payload
+from beamchain.chain.tendons import damped_modes
 from beamchain.engine.bench import measure, root_body
 from beamchain.errors import InputError, RealisationError
 from beamchain.mjcf.write import SMALLEST, check_hub
@@ -39,7 +39,6 @@ from beamchain.structure.modal_data import ModalData
 
 LIGHTEST = 1e-9  # residual over rigid mass: free frequencies are good to about 1e-16 over it (measured)
 LEAST_INERTIA = 1.01 * SMALLEST  # a body's inertia is rounded once more on its way
-CANDIDATES = 4  # converged modes per port that a scene may choose from, where they become oscillators
 
 
 def fit(
@@ -104,7 +103,7 @@ def fit(
         from beamchain.importing import fit_imported  # which returns a Fit
 
         return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
-    return _beam_as_oscillators(spec) if spec.fit.form == "oscillators" else _fit(spec)
+    return _fit(spec)
 
 
 def as_spec(appendage: Beam | Spec | ModalData) -> Spec:
@@ -127,22 +126,6 @@ def as_spec(appendage: Beam | Spec | ModalData) -> Spec:
     )
 
 
-def _beam_as_oscillators(spec: Spec) -> Fit:
-    """A beam's modes as oscillators: its modal data, as if another program had computed them."""
-    from beamchain.importing import fit_imported
-
-    if spec.payload is not None or spec.fit.method != "exact":
-        raise InputError(
-            'form = "oscillators" takes neither a payload nor another method than "exact"; use form = "chain" there.'
-        )
-    if spec.chooses:  # among more modes than a scene needs
-        ports = dict.fromkeys(whole_beam(spec, spec.beam), CANDIDATES)
-        return fit_imported(spec, ModalData.from_beam(spec.beam, ports, every=True))
-    kept = spec.kept
-    data = ModalData.from_beam(spec.beam, kept, every=True)
-    return fit_imported(msgspec.structs.replace(spec, modes=Modes(**kept)), data)
-
-
 def _fit(spec: Spec) -> Fit:
     clock = [time.perf_counter()]
     beam = spec.beam
@@ -159,31 +142,26 @@ def _fit(spec: Spec) -> Fit:
     clock.append(time.perf_counter())
     plan = make_plan(spec, full, beam.rigid_mass(), hub)
     kept = plan.kept
-    built = build(spec, plan, beam, full, hub)
-    warped = (
-        {p: _prewarp(spec, p, full[p], t.modes, hub) for p, t in built.targets.items()} if spec.fit.timestep else {}
-    )
-    chain, dampers = damped_chain(spec, plan, built, warped)
-    chain, note = raised(chain, LEAST_INERTIA)
+    built = damped(spec, plan, beam)
+    chain, note = raised(built.chain, LEAST_INERTIA)
     clock.append(time.perf_counter())
     scene = spec.scene or Scene()
-    tree = appendage_tree(spec, chain, beam, dampers)
+    tree = appendage_tree(spec, chain, beam)
     clock.append(time.perf_counter())
     free = tuple(kept) if tuple(kept) == ("xy",) else PORTS  # a planar boom is tested as the paper does
     measured = measure(tree, free, timestep=scene.timestep, ballast=root_body(chain))
     bandwidth, error = {}, {}
     for port, target in built.targets.items():
-        bandwidth[port] = scene.bandwidth or float(target.frequencies[-1])
+        bandwidth[port] = scene.bandwidth or float(target.frequencies[min(kept[port], target.modes) - 1])
         port_hub = None if hub is None else port_hub_mass(hub, port)
         plain = compare(measured.ports[port], target)
-        seen = warped[port].shown(measured.ports[port]) if port in warped else measured.ports[port]
-        in_band = in_band_error(seen, spec.with_ratios(port, full[port]), port_hub, bandwidth[port])
+        in_band = in_band_error(measured.ports[port], spec.with_ratios(port, full[port]), port_hub, bandwidth[port])
         error[port] = replace(plain, accelerance_in_band=in_band)
     achieved = {port: measured.ports[port] for port in built.targets}
-    limits = coupled_limits(in_space(achieved, measured.rigid_mass), hub, tendon=bool(dampers))
+    tendon = any(t.damping > 0.0 for t in chain.tendons)
+    limits = coupled_limits(in_space(achieved, measured.rigid_mass), hub, tendon=tendon)
     clock.append(time.perf_counter())
-    seen = {port: warped[port].shown(model) if port in warped else model for port, model in achieved.items()}
-    promise = plan.promise.error(seen, dict.fromkeys(seen, "achieved")) if plan.promise else None
+    promise = plan.promise.error(achieved, dict.fromkeys(achieved, "achieved")) if plan.promise else None
     return Fit(
         spec=spec,
         chain=chain,
@@ -197,27 +175,33 @@ def _fit(spec: Spec) -> Fit:
         seconds=seconds_taken(clock),
         bandwidth=bandwidth,
         kept_for=plan.target,
-        dampers=dampers,
         choice=plan.choice,
         promise=promise,
-        left_out=ledger(spec, plan.choice, bool(dampers)),
+        cut=built.cut,
+        left_out=ledger(spec, plan.choice, bool(chain.tendons)),
         cautions=(
-            *fit_warnings(spec, measured, achieved, dampers, limits),
-            *prewarp_note(warped),
+            *fit_warnings(spec, measured, achieved, chain, limits),
             *doubtful(spec.segment),
             *([note] if note else []),
         ),
-        prewarps=warped,
     )
 
 
-def build(spec: Spec, plan: Plan, beam: Beam, full: Mapping[str, PortModel], hub: Array | None) -> Built:
-    """The chain of a plan, with what was tried and what came of it."""
+def build(
+    spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None, *, per_mode: bool = False,
+) -> Built:  # fmt: skip
+    """The chain of a plan, with what was tried and what came of it.
+
+    Args:
+        spec: what was asked for.
+        plan: what is kept.
+        beam: the appendage.
+        cut: where the hinges stand; chosen where left out.
+        per_mode: each mode gets its own damping, on a tendon.
+    """
     kept = plan.kept
 
     def target_of(port: str, count: int) -> PortModel:
-        if spec.fit.timestep:
-            return _prewarp(spec, port, full[port], count, hub).target
         target = plan.reduce(plan.target, port, count)
         if plan.target == "free" and target.modes:
             _check_free(target)
@@ -225,21 +209,17 @@ def build(spec: Spec, plan: Plan, beam: Beam, full: Mapping[str, PortModel], hub
 
     options = spec.fit
     payload = spec.payload
-    if options.timestep and (options.method != "exact" or payload is not None):
-        raise InputError(
-            f"fit.timestep = {options.timestep!r} pre-warps the exact chain only; leave it out, or use "
-            'method = "exact" without a payload.'
-        )
-    if not kept or (options.method == "exact" and payload is None):
-        return build_exact(beam, kept, target_of, tip=(spec.scene or Scene()).tip)
-    if options.method in ("exact", "least_squares"):
+    if not kept or options.method == "exact":
+        further = tuple(spec.further.values())
+        wishes = Wishes(options.springs, per_mode, options.cuts, further, further_columns(spec), cut)
+        return build_exact(beam, kept, target_of, wishes)
+    if options.method == "least_squares":
         loads = None
         if payload is not None:
             ix, iy, iz = payload.inertia
             del ix
             loads = {"xy": Payload(payload.mass, iz), "xz": Payload(payload.mass, iy)}
-        free = options.free if options.links is None or options.method == "least_squares" else ("stiffness",)
-        return build_least_squares(beam, kept, _links(spec, beam, kept), free, loads, target_of)
+        return build_least_squares(beam, kept, _links(spec, beam, kept), options.free, loads, target_of)
     links = options.links if isinstance(options.links, int) else None
     built = build_recipe(beam, options.method, kept, links, target_of)
     return replace(built, chain=with_real_polar(built.chain))
@@ -255,17 +235,6 @@ def _check_free(target: PortModel) -> None:
             f"rigid mass, where {LIGHTEST:g} is needed for frequencies good to 1e-6. Keep fewer modes, or choose target "
             '"clamped" or "hub".'
         )
-
-
-def _prewarp(spec: Spec, port: str, model: PortModel, count: int, hub: Array | None) -> Prewarp:
-    """What the chain aims at in a port: the modes on the spec's hub unless another target is named."""
-    load = None if hub is None else port_hub_mass(hub, port)
-    if spec.root.target == "clamped":
-        load = None
-    elif spec.root.target == "free":
-        load = np.zeros((model.motions, model.motions))
-    integrator = (spec.scene or Scene()).integrator
-    return prewarp(spec.with_ratios(port, model), count, load, integrator, spec.fit.timestep)
 
 
 def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
@@ -284,30 +253,29 @@ def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
     return np.full(count, beam.length / count)
 
 
-def damped_chain(
-    spec: Spec, plan: Plan, built: Built, warped: Mapping[str, Prewarp]
-) -> tuple[Chain, tuple[Damper, ...]]:
-    """The wanted damping: tendons beside the chain, or dampers in its hinges where asked for or good enough."""
-    chain, dampers = built.chain, []
-    if spec.damping is None:
-        return chain, ()
-    if spec.damping.form == "hinge" and any(plan.rates.size for plan in warped.values()):
-        raise InputError(
-            'damping.form = "hinge" cannot give each mode what "discrete" leaves of its damping; '
-            'use damping.form = "modal", or leave fit.timestep out.'
-        )
-    hinged = chain
-    for port in built.targets:
-        hinged = joint_damping(hinged, port, spec.damping.ratios(port, chain.port(port).modes))
-    if spec.damping.form == "hinge":
-        return hinged, ()
-    if plan.choice is not None and plan.promise is not None and spec.scene is not None and not warped:
-        models = {port: hinged.port(port).replaced(damping=modal_ratios(hinged, port)) for port in built.targets}
-        if plan.promise.error(models, dict.fromkeys(models, "hinge damping")) <= spec.scene.tolerance:
-            return hinged, ()
-    for port, target in built.targets.items():
-        if port in warped and warped[port].rates.size:
-            dampers += loaded_tendons(chain, port, warped[port])
-        else:
-            dampers += tendons(chain, port, spec.damping.ratios(port, target.modes))
-    return chain, tuple(dampers)
+def damped(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
+    """The chain of a plan with the wanted damping: on tendons per mode, or in its hinges where asked for or good enough.
+
+    Args: as of `build`.
+    """
+    ratios = (
+        {} if spec.damping is None else {port: spec.damping.ratios(port, count) for port, count in plan.kept.items()}
+    )
+    if spec.damping is None or not any(np.any(values > 0.0) for values in ratios.values()):
+        return build(spec, plan, beam, cut)
+    scene, hinge = spec.scene, spec.damping.form == "hinge"
+    tried = hinge or (plan.choice is not None and plan.promise is not None and spec.fit.springs == "auto")
+    if tried or spec.fit.method != "exact":
+        built = build(spec, plan, beam, cut)
+        chain = built.chain
+        for port in built.targets:
+            chain = joint_damping(chain, port, spec.damping.ratios(port, chain.port(port).modes))
+        if hinge:
+            return replace(built, chain=chain)
+        if plan.promise is not None and scene is not None and not chain.tendons:
+            models = {port: chain.damped(port) for port in built.targets}
+            if plan.promise.error(models, dict.fromkeys(models, "hinge damping")) <= scene.tolerance:
+                return replace(built, chain=chain)
+        if spec.fit.method != "exact":
+            return replace(built, chain=damped_modes(built.chain, ratios))
+    return build(spec, plan, beam, cut, per_mode=True)

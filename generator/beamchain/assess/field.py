@@ -8,15 +8,14 @@ import numpy as np
 from lxml import etree
 from lxml.etree import _Element as Element
 
-from beamchain.assess import soft_rods, star
+from beamchain.assess import soft_rods
 from beamchain.assess.scenario import Rigid
 from beamchain.assess.stability import largest_angle
 from beamchain.chain import rivals
-from beamchain.chain.build import Built, build_exact, build_least_squares, with_real_polar
+from beamchain.chain.build import Built, Wishes, build_exact, build_least_squares, with_real_polar
 from beamchain.chain.chain import Chain
-from beamchain.chain.damping import Damper, joint_damping, tendons
-from beamchain.chain.oscillators import Oscillators
-from beamchain.chain.prewarp import prewarp
+from beamchain.chain.damping import joint_damping
+from beamchain.chain.tendons import damped_modes
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import RealisationError
@@ -29,17 +28,13 @@ OURS = {
     "exact, hub": 6,
     "exact, clamped": 6,
     "exact, free": 6,
-    "pre-warped": 6,
     "least squares": 4,
-    "oscillators": 6,
 }
-OSCILLATORS = "oscillators"  # ours, but without the geometry of a chain: named beside the best, never recommended
 EQUAL = {"equal links, midpoint": "midpoint", "equal links, classical": "classical"}
 EQUAL_COUNTS = (3, 5, 7, 10, 14, 20, 24, 27, 30, 40, 57, 80, 95, 113)
 SOFT_COUNTS = (5, 7, 10, 14)
 PAPER = "paper's 3 links"
 RIGID_HUB = "rigid hub"
-WARPED = ("Euler", "implicitfast", "RK4")  # "discrete" damps an undamped structure whatever it is aimed at
 INTEGRATORS = ("Euler", "implicitfast", "RK4", "discrete")
 DAMPED = 6  # first modes of a rival that get a damping tendon
 MARGIN = 0.97  # of the stability limit: the largest step tried
@@ -86,8 +81,7 @@ def entries(task: Task) -> list[Entry]:
     """Everything that can be built for this appendage, cheapest first within each model."""
     out = [Entry(RIGID_HUB, 0, integrator) for integrator in INTEGRATORS]
     for model, most in OURS.items():
-        integrators = WARPED if model == "pre-warped" else INTEGRATORS
-        out += [Entry(model, n, i) for i in integrators for n in range(1, most + 1)]
+        out += [Entry(model, n, i) for i in INTEGRATORS for n in range(1, most + 1)]
     if not task.planes:
         return out
     if task.beam.uniform and len(task.kept) == 1:
@@ -106,21 +100,18 @@ def largest_step(task: Task, entry: Entry) -> float:
     if entry.model in soft_rods.INTEGRATORS:
         fastest = soft_rods.fastest(task.beam, entry.n)
         return MARGIN * largest_angle(entry.integrator) / fastest
-    if entry.model == "pre-warped":
-        modes = in_space(task.full, task.beam.rigid_mass()).with_hub(task.hub.matrix).free_frequencies
-        reach = 1.5 if entry.integrator == "RK4" else 2.0  # w h beyond which the step cannot show a mode
-        return MARGIN * reach / float(modes[min(entry.n, modes.size) - 1])
-    if entry.model == OSCILLATORS:
-        frequency, ratio = star.fastest(_star(task, entry.n), task.hub.matrix)
-        return MARGIN * largest_angle(entry.integrator, ratio) / frequency
-    chain, dampers = chain_of(task, entry, 0.0)
+    chain = chain_of(task, entry)
     ports = {port: chain.port(port) for port in chain.ports}
     coupled = in_space(ports, chain.rigid_mass()).with_hub(task.hub.matrix)
     ratio = max((float(np.max(task.full[p].damping, initial=0.0)) for p in ports), default=0.0)
-    return MARGIN * largest_angle(entry.integrator, ratio, tendon=bool(dampers)) / float(coupled.free_frequencies[-1])
+    return (
+        MARGIN
+        * largest_angle(entry.integrator, ratio, tendon=any(t.damping > 0.0 for t in chain.tendons))
+        / float(coupled.free_frequencies[-1])
+    )
 
 
-def model_of(task: Task, entry: Entry, timestep: float) -> "mujoco.MjModel":
+def model_of(task: Task, entry: Entry) -> "mujoco.MjModel":
     """The compiled scene of an entry: a free-flying hub with the appendage, nothing drawn.
 
     The link welded to the hub becomes part of it when compiled (`fusestatic`), for rivals too.
@@ -128,16 +119,13 @@ def model_of(task: Task, entry: Entry, timestep: float) -> "mujoco.MjModel":
     if entry.model in soft_rods.INTEGRATORS:
         return soft_rods.scene_model(entry.model, task.beam, task.hub, entry.n)
     if entry.model == RIGID_HUB:
-        return compile_model(scene_text(task.hub, frozen(task.beam), ()))
-    if entry.model == OSCILLATORS:
-        return compile_model(_scene_of(task.hub, star.star_tree(_star(task, entry.n))))
-    chain, dampers = chain_of(task, entry, timestep)
-    return compile_model(scene_text(task.hub, chain, dampers))
+        return compile_model(scene_text(task.hub, frozen(task.beam)))
+    return compile_model(scene_text(task.hub, chain_of(task, entry)))
 
 
-def scene_text(hub: Rigid, chain: Chain, dampers: tuple[Damper, ...]) -> str:
+def scene_text(hub: Rigid, chain: Chain) -> str:
     """The scene of a chain on the hub as MJCF text."""
-    return _scene_of(hub, write.appendage(chain, "appendage", dampers=dampers, visuals=False, tip=False))
+    return _scene_of(hub, write.appendage(chain, "appendage", visuals=False, sites={}))
 
 
 def _scene_of(hub: Rigid, tree: Element) -> str:
@@ -162,23 +150,24 @@ def frozen(beam: Beam) -> Chain:
     return with_real_polar(rigid)
 
 
-def chain_of(task: Task, entry: Entry, timestep: float) -> tuple[Chain, tuple[Damper, ...]]:
-    """The chain of an entry and its damping tendons.
+def chain_of(task: Task, entry: Entry) -> Chain:
+    """The chain of an entry, damped.
 
     Raises:
         RealisationError: there is no such chain.
     """
-    chain, targets = _built(task, entry, timestep)
-    dampers: list[Damper] = []
+    chain, targets = _built(task, entry)
+    if any(t.stiffness > 0.0 for t in chain.tendons):
+        return chain  # each mode has its damping already
     for port in chain.ports:
         ratios = task.full[port].damping
         if not np.any(ratios > 0.0):
             continue
         if task.tendons:  # plain joint damping would starve the first modes of a chain of many links
-            dampers += tendons(chain, port, targets[port].damping if port in targets else ratios[:DAMPED])
+            chain = damped_modes(chain, {port: targets[port].damping if port in targets else ratios[:DAMPED]})
         else:
             chain = joint_damping(chain, port, np.resize(ratios, max(len(chain.hinges), 1)))
-    return chain, tuple(dampers)
+    return chain
 
 
 def _counts(task: Task, n: int) -> dict[str, int]:
@@ -188,14 +177,10 @@ def _counts(task: Task, n: int) -> dict[str, int]:
     return {port: n if port in task.planes else count for port, count in task.kept.items()}
 
 
-def _star(task: Task, n: int) -> Oscillators:
-    return star.star(task.full, _counts(task, n), frozen(task.beam).rigid_mass(), task.beam.length)
-
-
-def _built(task: Task, entry: Entry, timestep: float) -> tuple[Chain, Mapping[str, PortModel]]:
+def _built(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
     beam, kept = task.beam, _counts(task, entry.n)
     if entry.model in OURS:
-        built = _ours(task, entry, kept, timestep)
+        built = _ours(task, entry, kept)
         short = {port: target.modes for port, target in built.targets.items() if target.modes < kept[port]}
         if short:
             raise RealisationError(f"{entry.model}: no chain with {entry.n} modes; {built.status.message}")
@@ -221,7 +206,7 @@ def _built(task: Task, entry: Entry, timestep: float) -> tuple[Chain, Mapping[st
     return with_real_polar(replace(chains[0], hinges=hinges, links=links)), {}
 
 
-def _ours(task: Task, entry: Entry, kept: dict[str, int], timestep: float) -> Built:
+def _ours(task: Task, entry: Entry, kept: dict[str, int]) -> Built:
     def hub_of(port: str) -> Array:
         return PORT_MOTION[port].T @ task.hub.matrix @ PORT_MOTION[port]
 
@@ -231,8 +216,6 @@ def _ours(task: Task, entry: Entry, kept: dict[str, int], timestep: float) -> Bu
             out = full.reduced(count, 0.0 * hub_of(port))
         elif entry.model == "exact, hub":
             out = full.reduced(count, hub_of(port))
-        elif entry.model == "pre-warped":
-            out = prewarp(full, count, hub_of(port), entry.integrator, timestep).target
         else:
             out = full.truncated(count)
         return out.replaced(damping=full.damping[: out.modes])
@@ -240,4 +223,5 @@ def _ours(task: Task, entry: Entry, kept: dict[str, int], timestep: float) -> Bu
     if entry.model == "least squares":
         links = np.full(entry.n + 1, task.beam.length / (entry.n + 1))
         return build_least_squares(task.beam, kept, links, ("stiffness", "lengths", "masses"), None, target_of)
-    return build_exact(task.beam, kept, target_of)
+    damped = task.tendons and any(np.any(task.full[port].damping > 0.0) for port in kept)
+    return build_exact(task.beam, kept, target_of, Wishes(per_mode=damped))

@@ -76,7 +76,7 @@ def nonlinear(task: Task, scenario: Scenario) -> float:
     try:
         grid = _grid(task, scenario, coarse)
         steps = _steps(task, grid, coarse)
-        field.model_of(task, coarse, 0.0)
+        field.model_of(task, coarse)
     except (BeamchainError, np.linalg.LinAlgError):
         return float("nan")  # there is no chain of so many links
     if grid.number * steps > MOST_STEPS:
@@ -148,7 +148,7 @@ def _steps(task: Task, grid: _Grid, entry: Entry) -> int:
 
 def _pair(task: Task, scenario: Scenario, grid: _Grid, entry: Entry, steps: int) -> _Read:
     """A model's motion under the profile and under a small share of it, `steps` steps per moment."""
-    model = field.model_of(task, entry, 0.0)
+    model = field.model_of(task, entry)
     h = grid.spacing / steps
     wrench = scenario.profile.mean(h, grid.number * steps)
     large = simulate(model, entry.integrator, h, wrench)

@@ -40,7 +40,7 @@ def growth(task: Task) -> Growth:
     """Measure both, in turns."""
     if not task.planes:
         return Growth((), None, (), None)
-    models = {n: field.model_of(task, Entry("equal links, midpoint", n, "Euler"), 1e-4) for n in COUNTS}
+    models = {n: field.model_of(task, Entry("equal links, midpoint", n, "Euler")) for n in COUNTS}
     wrench = np.zeros((STEPS, 6))
     times: dict[int, list[float]] = {n: [] for n in COUNTS}
     for _ in range(ROUNDS):
@@ -51,7 +51,7 @@ def growth(task: Task) -> Growth:
         for n in MODES:
             start = time.thread_time()
             try:
-                field.model_of(task, Entry("exact, clamped", n, "Euler"), 0.0)
+                field.model_of(task, Entry("exact, clamped", n, "Euler"))
             except BeamchainError:
                 continue
             fits.setdefault(n, []).append(time.thread_time() - start)

@@ -19,7 +19,8 @@ class Inspection:
 
     Args:
         frequencies: `(n,)` of the oscillating modes [rad/s], with their `damping` ratios.
-        springs: name, stiffness, damping of every sprung joint.
+        springs: name, stiffness, damping of every joint with a spring of its own.
+        tendons: name, stiffness, damping, armature of every sprung tendon.
         limits: step limits.
     """
 
@@ -31,6 +32,7 @@ class Inspection:
     frequencies: Array
     damping: Array
     springs: list[tuple[str, float, float]]
+    tendons: list[tuple[str, float, float, float]]
     integrator: str
     timestep: float
     limits: StepLimits
@@ -45,6 +47,7 @@ class Inspection:
             "mass": self.mass,
             "modes": [{"frequency": w, "damping": z} for w, z in zip(self.frequencies, self.damping, strict=True)],
             "springs": [{"joint": n, "stiffness": k, "damping": c} for n, k, c in self.springs],
+            "tendons": [{"tendon": n, "stiffness": k, "damping": c, "armature": a} for n, k, c, a in self.tendons],
             "integrator": self.integrator,
             "timestep": self.timestep,
             "stability": {"omega_max": self.limits.omega_max, "largest_step": self.limits.largest_step},
@@ -70,6 +73,14 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
             springs.append(
                 (model.joint(j).name or f"joint {j}", stiffness, float(np.atleast_1d(model.dof_damping[dof])[0]))
             )
+    tendons: list[tuple[str, float, float, float]] = []
+    for i in range(model.ntendon):
+        stiffness, damping, armature = (
+            float(np.atleast_1d(values[i])[0])
+            for values in (model.tendon_stiffness, model.tendon_damping, model.tendon_armature)
+        )
+        if stiffness > 0.0:
+            tendons.append((model.tendon(i).name or f"tendon {i}", stiffness, damping, armature))
     return Inspection(
         name=model.names[: model.names.index(b"\0")].decode(),
         bodies=model.nbody - 1,
@@ -79,6 +90,7 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         frequencies=frequencies,
         damping=ratios,
         springs=springs,
+        tendons=tendons,
         integrator=next((name for name, value in INTEGRATORS.items() if value == int(model.opt.integrator)), "Euler"),
         timestep=float(model.opt.timestep),
         limits=step_limits(linear),

@@ -38,19 +38,20 @@ class Plan:
 
 def whole_beam(spec: Spec, beam: Beam) -> dict[str, PortModel]:
     """Per port the whole beam: the ports kept, or for a scene all in which the appendage is flexible."""
+    stations = list(spec.further.values())
     if not spec.chooses:
-        return {port: beam.port(port, 2 * count + 4) for port, count in spec.kept.items()}
+        return {port: beam.port(port, 2 * count + 4, stations) for port, count in spec.kept.items()}
     assert spec.scene is not None
     assert spec.scene.bandwidth is not None
     out: dict[str, PortModel] = {}
     for port in PORTS:
         try:
-            model = beam.port(port, 2 * MOST)
+            model = beam.port(port, 2 * MOST, stations)
         except InputError:
             continue  # rigid there
         inside = int(np.sum(model.frequencies <= FAR * spec.scene.bandwidth))
         if inside > 2 * MOST:
-            model = beam.port(port, min(inside, REFERENCE_MODES))
+            model = beam.port(port, min(inside, REFERENCE_MODES), stations)
         out[port] = model
     return out
 
@@ -79,6 +80,12 @@ def everything(spec: Spec) -> Spec:
     return structs.replace(spec, modes=Modes(**counts))
 
 
+def further_columns(spec: Spec) -> tuple[int, ...]:
+    """Where the further points' motion stands in a port model's `tip`: 0 the tip, then the stations in order of x."""
+    ordered = sorted(spec.further.values())
+    return tuple(0 if name == "tip" else 1 + ordered.index(x) for name, x in spec.further.items())
+
+
 def make_plan(spec: Spec, full: Mapping[str, PortModel], rigid_mass: Array, hub: Array | None) -> Plan:
     """Decide what is kept.
 
@@ -89,8 +96,13 @@ def make_plan(spec: Spec, full: Mapping[str, PortModel], rigid_mass: Array, hub:
         hub: `(6, 6)`; None: not known.
     """
 
+    columns = further_columns(spec)
+
     def reduce(target: str, port: str, count: int) -> PortModel:
         model = full[port]
+        if columns and count:
+            m = model.motions
+            return model.attached(count, [m * c + i for c in columns for i in range(m)])
         if target == "free":
             return model.reduced(count, np.zeros((model.motions, model.motions)))
         if target == "hub":
@@ -106,6 +118,7 @@ def make_plan(spec: Spec, full: Mapping[str, PortModel], rigid_mass: Array, hub:
     if not spec.chooses or promise is None or scene is None:
         return Plan(dict(spec.kept), wanted or "clamped", reduce, None, promise)
     free = ["clamped", "free"] if hub is None else ["clamped", "hub", "free"]
+    free = free[:1] if columns else free
     targets = free if wanted in (None, "auto") else [str(wanted)]
     fixed = {} if spec.modes is None else spec.modes.given()
     rigid = [port for port, count in fixed.items() if count and port not in full]
@@ -148,6 +161,7 @@ def ledger(spec: Spec, choice: Choice | None, tendons: bool) -> tuple[LeftOut, .
     if not scene.tip:
         out.append(LeftOut("tip site", "scene.tip = false", 0.0))
     if not tendons:
-        why = "no damping is wanted" if spec.damping is None else "plain hinge damping keeps the tolerance"
-        out.append(LeftOut("damping tendons", why, 0.0))
+        why = "the springs stand on the hinges"
+        why += ", no damping is wanted" if spec.damping is None else ", plain hinge damping keeps the tolerance"
+        out.append(LeftOut("modal tendons", why, 0.0))
     return tuple(out)

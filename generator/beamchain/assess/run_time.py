@@ -124,7 +124,7 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
     spent, still, note = 0.0, 0, "every step of the ladder measured"
     for h, count in steps:
         try:
-            model = field.model_of(task, entry, h)
+            model = field.model_of(task, entry)
         except BeamchainError as error:
             note = str(error)
             continue
@@ -158,7 +158,7 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
 
 def rigid_motion(task: Task, integrator: str, timestep: float, wrench: Array) -> Array:
     """`(t, 6)` motion of the hub with the appendage frozen, by the same integrator and step."""
-    model = field.model_of(task, Entry(RIGID_HUB, 0, integrator), timestep)
+    model = field.model_of(task, Entry(RIGID_HUB, 0, integrator))
     return simulate(model, integrator, timestep, wrench).motion
 
 
@@ -168,7 +168,7 @@ def _timed(
     """Repetitions of all short simulations in turns, each with the rigid hub beside it."""
     runs = [Run(model, entry.integrator, h, scenario.profile.mean(h, count)) for h, count, *_, model in found]
     known = [[] if seconds < SHORT else [seconds] for *_, seconds, _ in found]
-    hub = field.model_of(task, Entry(RIGID_HUB, 0, entry.integrator), 0.01)
+    hub = field.model_of(task, Entry(RIGID_HUB, 0, entry.integrator))
     times = in_turns(runs, hub, REPEATS, known)
     return [
         Point(*entry, h, error, own, t.seconds, t.seconds / count, t.spread, t.over_rigid_hub, t.repeats)

@@ -1,19 +1,20 @@
-"""From targets to one chain: which realisation is tried, what is done where it fails, and what is said of it."""
+"""From targets to one chain: springs on the hinges where the recursion serves all ports, else one tendon per mode."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Self
+from typing import Literal
 
 import numpy as np
 
 from beamchain.chain import polar, rivals
-from beamchain.chain.assemble import assemble, hinges_at
+from beamchain.chain.assemble import assemble
 from beamchain.chain.chain import Chain, Hinge
+from beamchain.chain.cut import Cut, Wanted, bodies, choose_cut, shortest_link
 from beamchain.chain.least_squares import fit_planar, fit_stiffness, payload_cases
 from beamchain.chain.realise import Nodes, planar_links, realise, realise_scalar
 from beamchain.chain.rods import Payload
-from beamchain.chain.tip import tip_exact
+from beamchain.chain.tendons import Modes, given_modes, springs_as_modes
 from beamchain.errors import InputError, RealisationError
 from beamchain.motion import Array
 from beamchain.port import PortModel
@@ -22,9 +23,12 @@ from beamchain.structure.mass_line import MassLine
 
 #: Target with the given number of modes of a port.
 TargetOf = Callable[[str, int], PortModel]
+Springs = Literal["auto", "hinges", "modes"]
 
 PLANES = ("xy", "xz")
 LOST_DIGITS = 1e-8  # a chain whose own frequencies miss the target by more is not handed out
+RANK = 1e-9  # relative singular value of participation that is none
+FILLER_RATIO = 0.05  # damping ratio of a filler mode where the others are damped
 
 
 @dataclass(frozen=True)
@@ -44,190 +48,212 @@ class Status:
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """A chain, the targets it was made for, and how it came about."""
+    """A chain, the targets it was made for, how it came about, and the cut it stands on where one was chosen."""
 
     chain: Chain
     targets: dict[str, PortModel]
     status: Status
+    cut: Cut | None = None
 
 
-def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, *, tip: bool = False) -> Built:
-    """The exact chain of all kept ports; where it is not physical, the nearest that is, said so in the status.
+@dataclass(frozen=True)
+class Wishes:
+    """What is asked of the realisation beside the modes.
+
+    Args:
+        springs: "auto": on the hinges where the recursion serves all ports and no mode needs a tendon of its own;
+            "hinges", "modes": one or the other.
+        per_mode: each mode has a damping ratio of its own, which takes a tendon.
+        lines: x where hinges must stand [m].
+        further: x of further ports, whose motion stands behind that of the root in the targets' `tip` columns [m].
+        columns: per further port, the first column of `tip` that holds it, in units of the port's motions.
+        cut: where the hinges stand, instead of a choice.
+    """
+
+    springs: Springs = "auto"
+    per_mode: bool = False
+    lines: tuple[float, ...] = ()
+    further: tuple[float, ...] = ()
+    columns: tuple[int, ...] = ()
+    cut: Cut | None = None
+
+
+def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes | None = None) -> Built:
+    """The exact chain of all kept ports.
 
     Args:
         beam: the appendage.
         kept: modes per port.
         target_of: target with a number of modes.
-        tip: match the tip displacement of the planes' modes too.
+        wishes: springs, hinge lines, further ports.
+
+    Raises:
+        RealisationError: no chain holds the modes; by how much, and what would.
     """
     if not kept:
         return _rigid(beam)
-    attempt = _Attempt.start(beam, kept, target_of, tip)
-    found: tuple[Chain, str] | None = None
-    while found is None:
+    wishes = wishes or Wishes()
+    if wishes.springs == "hinges" and (wishes.lines or wishes.further or wishes.per_mode):
+        what = "fit.cuts" if wishes.lines else "a further port" if wishes.further else 'damping.form = "modal"'
+        raise InputError(
+            f'fit.springs = "hinges" and {what} do not go together: that takes a tendon per mode; use fit.springs = "auto".'
+        )
+    history: list[str] = []
+    if not wishes.lines and not wishes.further and wishes.cut is None:
         try:
-            found = assemble(beam, attempt.nodes, attempt.strings)
+            return _recursive(beam, kept, target_of, wishes, history)
         except RealisationError as error:
-            attempt.history.append(str(error))
-            if not attempt.less_torsion(error):
-                found = attempt.morehinges() if attempt.lopsided else attempt.one_plane_exact(error)
-    return attempt.built(*found)
+            if wishes.springs == "hinges":
+                raise
+            history.append(f"recursion: {error}")
+    targets = {port: target_of(port, count) for port, count in kept.items()}
+    groups = [_modes_of(port, target, wishes) for port, target in targets.items()]
+    chain, how, cut = cut_chain(beam, groups, wishes.lines, wishes.further, wishes.cut)
+    return Built(chain, targets, Status(True, _message(how, targets), tuple(history)), cut)
+
+
+def _message(how: str, targets: Mapping[str, PortModel], notes: Sequence[str] = ()) -> str:
+    modes = ", ".join(f"{target.modes} in {port}" for port, target in targets.items())
+    return f"exact chain ({how}), modes kept: {modes}." + "".join(f" {note}" for note in notes)
+
+
+def _modes_of(port: str, target: PortModel, wishes: Wishes) -> Modes:
+    """A port's target as modes to be given to bodies."""
+    rows = [target.participation]
+    m = target.motions
+    for column in wishes.columns:
+        assert target.tip is not None
+        rows.append(target.tip[:, column * m : (column + 1) * m])
+    damping = target.damping if wishes.per_mode else np.zeros(target.modes)
+    return Modes((port,), target.frequencies, np.hstack(rows), damping, target.shapes)
 
 
 def _rigid(beam: MassLine) -> Built:
     """The appendage as one body."""
-    link = rivals.rigid_link(beam, 0.0, beam.length)
-    [polars] = polar.share([link], [link.inertia[0]], [[0]], np.array([link.inertia[0]]))
-    chain = Chain((polar.with_polar([link], [polars])[0],), (), beam.length)
-    return Built(chain, {}, Status(True, "one rigid body."))
+    links = polar.settled(beam, bodies(beam, np.zeros(0)), np.zeros(0))
+    return Built(Chain(tuple(links), (), beam.length), {}, Status(True, "one rigid body."))
 
 
-@dataclass(eq=False)
-class _Attempt:
-    """The ports realised one by one, and what is done where no bodies satisfy all of them together.
-
-    Args:
-        beam: the appendage.
-        kept: modes per port asked for.
-        target_of: target with a number of modes.
-        tip: match the tip displacement of the planes' modes too.
-        targets: per port, what is aimed at.
-        nodes: per plane, its canonical chain.
-        strings: per scalar port, its inertias and springs.
-        history: what was tried, in order.
-        notes: where less comes out than was asked for.
-        extra: a sentence on what comes out beyond it.
-        fewer: a port has fewer modes than were asked for, as more are not physical.
-    """
-
-    beam: MassLine
-    kept: Mapping[str, int]
-    target_of: TargetOf
-    tip: bool
-    targets: dict[str, PortModel] = field(default_factory=dict[str, PortModel])
-    nodes: dict[str, Nodes] = field(default_factory=dict[str, Nodes])
-    strings: dict[str, tuple[Array, Array]] = field(default_factory=dict[str, tuple[Array, Array]])
-    history: list[str] = field(default_factory=list[str])
-    notes: list[str] = field(default_factory=list[str])
-    extra: str = ""
-    fewer: bool = False
-    _evened: bool = False
-
-    @classmethod
-    def start(cls, beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, tip: bool) -> Self:
-        """Every port by itself, with as many modes as are physical."""
-        self = cls(beam, kept, target_of, tip)
-        for port, count in kept.items():
-            if port in PLANES:
-                self.targets[port], self.nodes[port] = _plane(beam, port, count, target_of, self.history, tip)
-            else:
-                self.targets[port] = target_of(port, count)
-                self.strings[port] = realise_scalar(self.targets[port])
-        self.notes = [
-            f"{port} keeps {self.targets[port].modes} of the {count} modes asked for"
-            for port, count in kept.items()
-            if self.targets[port].modes < count
-        ]
-        self.fewer = bool(self.notes)
-        return self
-
-    def less_torsion(self, error: RealisationError) -> bool:
-        """One torsion mode fewer, where the links do not hold the polar inertias."""
-        torsion = self.targets.get("torsion")
-        if torsion is None or torsion.modes <= 1 or "polar inertia" not in str(error):
-            return False
-        self.targets["torsion"] = self.target_of("torsion", torsion.modes - 1)
-        self.strings["torsion"] = realise_scalar(self.targets["torsion"])
-        self.notes = [note for note in self.notes if not note.startswith("torsion")]
-        self.notes.append(f"torsion keeps {torsion.modes - 1} of the {self.kept['torsion']} modes asked for: {error}")
-        return True
-
-    @property
-    def lopsided(self) -> bool:
-        """Whether one plane has fewer hinges than the other, and has not been given as many yet."""
-        return not self._evened and len({nodes.stiffness.size for nodes in self.nodes.values()}) == 2
-
-    def morehinges(self) -> tuple[Chain, str] | None:
-        """As many hinges in both planes: more than needed is no worse, and shared hinges or other cuts may do."""
-        self._evened = True
-        least = min(self.nodes, key=lambda port: self.nodes[port].stiffness.size)
-        most = max(nodes.stiffness.size for nodes in self.nodes.values())
-        saved = self.targets[least], self.nodes[least]
-        try:
-            self.targets[least], self.nodes[least] = _plane(self.beam, least, most, self.target_of, [], self.tip)
-            found = assemble(self.beam, self.nodes, self.strings)
-        except RealisationError:
-            self.targets[least], self.nodes[least] = saved
-            return None
-        self.extra = f" {least} keeps {self.targets[least].modes} modes: with {self.kept[least]} no bodies exist."
-        return found
-
-    def one_plane_exact(self, error: RealisationError) -> tuple[Chain, str]:
-        """The plane with more modes exact, the other by least squares; raises the error where there is one plane."""
-        if len(self.nodes) < 2:
-            raise error
-        chain, how, miss = _second_by_least_squares(self.beam, self.nodes, self.strings, self.targets)
-        self.notes.append(f"{error} The second plane is fitted by least squares: worst relative residual {miss:.1e}")
-        return chain, how
-
-    def built(self, chain: Chain, how: str) -> Built:
-        """The chain with its status."""
-        modes = ", ".join(f"{target.modes} in {port}" for port, target in self.targets.items())
-        message = f"exact chain ({how}), modes kept: {modes}.{self.extra}"
-        if self.notes:
-            reasons = f" {self.history[0]}" if self.history and self.fewer else ""
-            message = f"{message} {'; '.join(self.notes)}.{reasons}"
-        return Built(chain, self.targets, Status(not self.notes, message, tuple(self.history)))
+# -- springs on the hinges: the recursion ------------------------------------------------------------------------------
+def _recursive(
+    beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes, history: list[str]
+) -> Built:
+    """The recursion's chain for all ports; with fewer modes where springs must stand on the hinges."""
+    targets: dict[str, PortModel] = {}
+    nodes: dict[str, Nodes] = {}
+    strings: dict[str, tuple[Array, Array]] = {}
+    for port, count in kept.items():
+        if port in PLANES:
+            least = 1 if wishes.springs == "hinges" else count
+            targets[port], nodes[port] = _plane(beam, port, count, least, target_of, history)
+        else:
+            targets[port] = target_of(port, count)
+            strings[port] = realise_scalar(targets[port])
+    chain = assemble(beam, nodes, strings)
+    notes = [
+        f"{port} keeps {targets[port].modes} of the {count} modes asked for."
+        for port, count in kept.items()
+        if targets[port].modes < count
+    ]
+    how = "springs on the hinges"
+    if wishes.springs == "modes" or wishes.per_mode:
+        undamped = {port: np.zeros(target.modes) for port, target in targets.items()}
+        ratios = {port: target.damping for port, target in targets.items()} if wishes.per_mode else undamped
+        chain = springs_as_modes(chain, ratios)
+        why = 'fit.springs = "modes"' if wishes.springs == "modes" else "each has its own damping"
+        how = f"one tendon per mode, as {why}, on the bodies of the recursion"
+    if notes:
+        notes.append(history[0])
+    return Built(chain, targets, Status(not notes, _message(how, targets, notes), tuple(history)))
 
 
 def _plane(
-    beam: MassLine, port: str, count: int, target_of: TargetOf, history: list[str], tip: bool
+    beam: MassLine, port: str, count: int, least: int, target_of: TargetOf, history: list[str]
 ) -> tuple[PortModel, Nodes]:
-    """Target and canonical chain of a plane, with as many of `count` modes as are physical."""
-    for modes in range(count, 0, -1):
+    """Target and canonical chain of a plane, with as many of `count` modes as are physical, at least `least`."""
+    for modes in range(count, least - 1, -1):
         try:
             target = target_of(port, modes)
             nodes = realise(target)
-            probe = Chain(
-                tuple(planar_links(nodes, beam)), hinges_at(nodes.positions[1:-1], {port: nodes}, {}), beam.length
+            springs = tuple(
+                Hinge(x=float(x), stiffness={port: float(c)})
+                for x, c in zip(nodes.positions[1:-1], nodes.stiffness, strict=True)
             )
-            miss = float(np.max(np.abs(probe.port(port).frequencies / target.frequencies - 1.0)))
+            probe = Chain(tuple(planar_links(nodes, beam)), springs, beam.length).port(port)
+            miss = float(np.max(np.abs(probe.frequencies / target.frequencies - 1.0)))
             if miss > LOST_DIGITS:
                 raise RealisationError(f"digits are lost with {modes} modes: a frequency is off by {miss:.1e}.")
         except RealisationError as error:
             history.append(f"{port}, {modes} modes: {error}")
             continue
-        return target, _with_tip(nodes, target, beam, f"{port}, {modes} modes", history) if tip else nodes
-    raise RealisationError(f"no exact chain exists for this appendage in {port}: {history[-1]}")
+        return target, nodes
+    raise RealisationError(f"no chain with springs on its hinges exists for this appendage in {port}: {history[-1]}")
 
 
-def _with_tip(nodes: Nodes, target: PortModel, beam: MassLine, label: str, history: list[str]) -> Nodes:
-    """The chain that also carries the tip's motion, where its bodies are physical."""
-    try:
-        found = tip_exact(nodes, target, beam.length)
-        planar_links(found, beam)
-    except RealisationError as error:
-        history.append(f"{label}: the tip's motion is not matched: {error}")
-        return nodes
-    return found
+# -- one tendon per mode: a cut ----------------------------------------------------------------------------------------
+def cut_chain(
+    line: MassLine,
+    groups: Sequence[Modes],
+    lines: Sequence[float],
+    further: Sequence[float] = (),
+    cut: Cut | None = None,
+) -> tuple[Chain, str, Cut]:
+    """A chain on a chosen cut with one tendon per mode, how it was found, and the cut.
+
+    Args:
+        line: the appendage's mass.
+        groups: of ports, each with its modes; a single port's `shapes` are its modes along the appendage.
+        lines: x where hinges must stand [m].
+        further: x of further ports [m].
+        cut: where the hinges stand; chosen where left out.
+
+    Raises:
+        RealisationError: no cut holds the modes.
+    """
+    wanted = [Wanted(group, _counts(group), _fixed(line, group, lines)) for group in groups]
+    wanted = [
+        Wanted(w.modes, {p: max(count, len(w.fixed[p])) for p, count in w.counts.items()}, w.fixed) for w in wanted
+    ]
+    cut = cut or choose_cut(line, wanted, lines, further)
+    links = polar.settled(line, bodies(line, cut.x), cut.x)
+    hinges = tuple(Hinge(x=float(x), stiffness=dict.fromkeys(p, 0.0)) for x, p in zip(cut.x, cut.ports, strict=True))
+    chain = Chain(tuple(links), hinges, line.length)
+    placed: list[Modes] = []
+    for group in groups:
+        at = np.array([hinges[i].x for i, _ in chain.freedoms(group.ports)])
+        placed.append(group.on(at))
+    damped = any(np.any(group.damping > 0.0) for group in groups)
+    chain = given_modes(chain, placed, further, ratio=FILLER_RATIO if damped else 0.0)
+    short = shortest_link(cut.x, line.length)
+    how = f"one tendon per mode on {len(hinges)} chosen cuts, shortest link {short:.3g} of the length"
+    if cut.added:
+        how += f", {cut.added} more than the modes need because of the hinge lines that stand"
+    return chain, how, cut
 
 
-def _second_by_least_squares(
-    beam: MassLine,
-    nodes: Mapping[str, Nodes],
-    strings: Mapping[str, tuple[Array, Array]],
-    targets: Mapping[str, PortModel],
-) -> tuple[Chain, str, float]:
-    """The plane with more modes exact, the other by least squares on its springs."""
-    first = max(nodes, key=lambda port: nodes[port].stiffness.size)
-    second = next(port for port in nodes if port != first)
-    chain, how = assemble(beam, {first: nodes[first]}, strings)
-    edges = [0.0, *(h.x for h in chain.hinges), beam.length]
-    start = np.array([1.0 / beam.compliance(a, b, second) for a, b in zip(edges[:-2], edges[2:], strict=True)]) * 2.0
-    chain, miss = fit_stiffness(chain, second, targets[second], start)
-    return chain, f"{how} for {first}", miss
+def _counts(group: Modes) -> dict[str, int]:
+    """Hinges per port: as many as the modes need together, shared out as they move the ports."""
+    n, m = group.rows.shape
+    scale = np.linalg.norm(group.rows, axis=0)
+    rank = np.linalg.matrix_rank(group.rows / np.where(scale > 0.0, scale, 1.0), tol=RANK) if n else 0
+    total = n + m - int(rank)
+    if len(group.ports) == 1:
+        return {group.ports[0]: total}
+    own = dict.fromkeys(group.moving, 0)
+    least = {port: 2 if port in PLANES else 1 for port in own}
+    weights = group.weights
+    for _ in range(max(total, sum(least.values()))):  # the port that has least beside what moves in it
+        port = min(own, key=lambda p: (own[p] >= least[p], (own[p] + 0.5) / max(weights[p], 1e-3)))
+        own[port] += 1
+    return own
 
 
+def _fixed(line: MassLine, group: Modes, lines: Sequence[float]) -> dict[str, tuple[float, ...]]:
+    """Per port, x of the hinges that must stand: the user's and the real ones."""
+    return {port: tuple(sorted({*lines, *line.hinge_lines(port)})) for port in group.moving}
+
+
+# -- rivals ------------------------------------------------------------------------------------------------------------
 def build_least_squares(
     beam: Beam,
     kept: Mapping[str, int],

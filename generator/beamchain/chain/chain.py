@@ -1,27 +1,36 @@
-"""The hinge chain: rigid links joined by spring hinges, the thing MuJoCo simulates."""
+"""The hinge chain: rigid links joined by hinges, with springs on the hinges or on modal tendons; what MuJoCo simulates."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Self
 
 import numpy as np
 
 from beamchain.checks import one_of
 from beamchain.errors import RealisationError
-from beamchain.motion import PORT_MOTION, PORTS, Array
+from beamchain.motion import PORT_MOTION, PORTS, Array, body_mass_matrix, shifted
 from beamchain.port import PortModel, port_from_rows
+
+#: A degree of freedom of a chain: number of its hinge from 0, and the port in which that hinge moves.
+Freedom = tuple[int, str]
+
+STRAIGHT = (0.0, 0.0)
+PRINCIPAL = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Link:
-    """A rigid link along x.
+    """A rigid link.
 
     Args:
         start: x of its inner end [m].
         length: [m].
         mass: [kg].
         com: x of its centre of mass [m], from the root.
-        inertia: principal inertias `(Ixx, Iyy, Izz)` about its own centre [kg m^2].
+        inertia: `(Ixx, Iyy, Izz)` about its own centre [kg m^2].
+        beside: y and z of its centre of mass [m]; zero for a link of a straight beam.
+        products: `(Ixy, Ixz, Iyz)` entries of the inertia matrix about its centre [kg m^2].
     """
 
     start: float
@@ -29,15 +38,40 @@ class Link:
     mass: float
     com: float
     inertia: tuple[float, float, float]
+    beside: tuple[float, float] = STRAIGHT
+    products: tuple[float, float, float] = PRINCIPAL
+
+    @property
+    def centre(self) -> Array:
+        """`(3,)` centre of mass from the root [m]."""
+        return np.array([self.com, *self.beside])
+
+    def inertia_matrix(self) -> Array:
+        """`(3, 3)` about the centre of mass [kg m^2]."""
+        (xx, yy, zz), (xy, xz, yz) = self.inertia, self.products
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)
+
+    def mass_matrix(self) -> Array:
+        """`(6, 6)` about the root."""
+        return body_mass_matrix(self.mass, self.centre, self.inertia_matrix())
+
+    def rows(self) -> Array:
+        """`(6, 6)`: velocity of the centre and rate of turn, weighted by the roots of mass and inertia, per root motion."""
+        values, axes = np.linalg.eigh(self.inertia_matrix())
+        if self.products == PRINCIPAL:
+            values, axes = np.array(self.inertia), np.eye(3)
+        motion = shifted(self.centre)
+        turning = np.sqrt(np.maximum(values, 0.0))[:, None] * axes.T
+        return np.vstack([np.sqrt(self.mass) * motion[:3], turning @ motion[3:]])
 
 
 @dataclass(frozen=True)
 class Hinge:
-    """A spring hinge between two links at `x` [m].
+    """A hinge between two links at `x` [m].
 
     Args:
         x: from the root [m].
-        stiffness: per port that bends here [N m/rad] ([N/m] for axial).
+        stiffness: per port that moves here [N m/rad] ([N/m] for axial); zero: its springs are modal tendons.
         damping: per port, plain joint damping [N m s/rad].
     """
 
@@ -48,13 +82,43 @@ class Hinge:
     def __post_init__(self) -> None:
         for port, value in self.stiffness.items():
             one_of("hinge.stiffness", port, PORTS)
-            if not value > 0.0:
-                raise RealisationError(f"hinge at x = {self.x:.6g} m: stiffness {port} = {value!r} must be positive.")
+            if not value >= 0.0:
+                raise RealisationError(
+                    f"hinge at x = {self.x:.6g} m: stiffness {port} = {value!r} must not be negative."
+                )
         object.__setattr__(self, "stiffness", MappingProxyType(dict(self.stiffness)))
         object.__setattr__(self, "damping", MappingProxyType(dict(self.damping)))
 
     def __reduce__(self) -> tuple[type["Hinge"], tuple[object, ...]]:
         return Hinge, (self.x, dict(self.stiffness), dict(self.damping))  # a proxy cannot be pickled
+
+
+@dataclass(frozen=True, eq=False)
+class Tendon:
+    """A fixed tendon over hinges of the chain: a mode, a filler mode, or inertia alone.
+
+    The length of a modal tendon is the coordinate of its mass-normalised cantilever mode.
+
+    Args:
+        label: "mode1_xy", "mode1" where the mode moves several ports, "filler1_xy", "armature1".
+        freedoms: hinges it runs over.
+        coefficients: `(f,)` one per hinge.
+        stiffness: frequency squared [1/s^2].
+        damping: `2 zeta w` [1/s].
+        armature: inertia along the tendon, in units of the modal mass.
+    """
+
+    label: str
+    freedoms: tuple[Freedom, ...]
+    coefficients: Array
+    stiffness: float = 0.0
+    damping: float = 0.0
+    armature: float = 0.0
+
+    @property
+    def is_mode(self) -> bool:
+        """Whether it is one of the modes kept."""
+        return self.label.startswith("mode")
 
 
 @dataclass(frozen=True)
@@ -67,11 +131,13 @@ class Chain:
         links: from the root outwards.
         hinges: `hinges[i]` joins `links[i]` and `links[i + 1]`.
         length: root to tip [m].
+        tendons: modes, where the springs are not on the hinges.
     """
 
     links: tuple[Link, ...]
     hinges: tuple[Hinge, ...]
     length: float
+    tendons: tuple[Tendon, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.hinges) != len(self.links) - 1:
@@ -96,68 +162,119 @@ class Chain:
 
     def rigid_mass(self) -> Array:
         """`(6, 6)` mass matrix of the frozen chain about the root."""
-        out = np.zeros((6, 6))
-        for link in self.links:
-            m, x = link.mass, link.com
-            ix, iy, iz = link.inertia
-            out += np.diag([m, m, m, ix, iy + m * x**2, iz + m * x**2])
-            out[1, 5] += m * x
-            out[5, 1] += m * x
-            out[2, 4] -= m * x
-            out[4, 2] -= m * x
+        return np.sum([link.mass_matrix() for link in self.links], axis=0)
+
+    def freedoms(self, ports: Sequence[str] = PORTS) -> tuple[Freedom, ...]:
+        """Degrees of freedom in the given ports, hinge by hinge."""
+        return tuple(
+            (i, p) for i, hinge in enumerate(self.hinges) for p in PORTS if p in ports and p in hinge.stiffness
+        )
+
+    def freedom_motion(self, freedom: Freedom) -> Array:
+        """`(6,)` motion at the root that moves what hangs behind the hinge as one unit of the freedom does."""
+        hinge, port = freedom
+        return shifted(np.array([-self.hinges[hinge].x, 0.0, 0.0])) @ PORT_MOTION[port][:, -1]
+
+    def rows(self, freedoms: Sequence[Freedom]) -> tuple[Array, Array]:
+        """Motion rows weighted by the square root of mass, tendon armature included.
+
+        Args:
+            freedoms: `(f,)` that move; the others are locked.
+
+        Returns:
+            rigid `(r, 6)` per motion of the root, elastic `(r, f)` per freedom: `M = rows^T rows`.
+        """
+        motions = np.column_stack([np.zeros((6, 0)), *(self.freedom_motion(f) for f in freedoms)])
+        behind = np.array([i for i, _ in freedoms], dtype=np.int64)
+        own = [link.rows() for link in self.links]
+        elastic = [rows @ (motions * (behind < k)) for k, rows in enumerate(own)]
+        tied = [self._along(t, freedoms) * np.sqrt(t.armature) for t in self.tendons if t.armature > 0.0]
+        tied = [row for row in tied if np.any(row)]
+        return np.vstack([*own, np.zeros((len(tied), 6))]), np.vstack([*elastic, *(row[None] for row in tied)])
+
+    def _along(self, tendon: Tendon, freedoms: Sequence[Freedom]) -> Array:
+        """`(f,)` coefficients of a tendon over the given freedoms."""
+        known = dict(zip(tendon.freedoms, tendon.coefficients, strict=True))
+        return np.array([float(known.get(f, 0.0)) for f in freedoms])
+
+    def spring_rows(self, freedoms: Sequence[Freedom]) -> Array:
+        """`(s, f)` with `K = rows^T rows`: square roots of the hinges' springs and of the tendons'."""
+        springs = np.array([self.hinges[i].stiffness[port] for i, port in freedoms])
+        on_hinges = np.diag(np.sqrt(springs))[springs > 0.0]
+        on_tendons = [np.sqrt(t.stiffness) * self._along(t, freedoms) for t in self.tendons if t.stiffness > 0.0]
+        return np.vstack([on_hinges, *(row[None] for row in on_tendons if np.any(row))])
+
+    def stiffness(self, freedoms: Sequence[Freedom]) -> Array:
+        """`(f, f)` stiffness matrix."""
+        rows = self.spring_rows(freedoms)
+        return rows.T @ rows
+
+    def damping(self, freedoms: Sequence[Freedom]) -> Array:
+        """`(f, f)` damping matrix."""
+        out = np.diag([self.hinges[i].damping.get(port, 0.0) for i, port in freedoms])
+        for tendon in self.tendons:
+            along = self._along(tendon, freedoms)
+            out += tendon.damping * np.outer(along, along)
         return out
 
     def port(self, port: str = "xy") -> PortModel:
-        """How the chain pushes back at its root: all its modes in one port, undamped.
+        """How the chain pushes back at its root: all its modes in one port, undamped, the other ports locked.
 
         Args:
             port: "xy", "xz", "torsion" or "axial".
         """
         one_of("port", port, PORTS)
-        moving = [(i, hinge) for i, hinge in enumerate(self.hinges) if port in hinge.stiffness]
-        rigid, elastic = self._rows(port, moving)
-        tip_x = self.length
-        if port in ("xy", "xz"):
-            jumps = np.array([1.0 / np.sqrt(h.stiffness[port]) for _, h in moving])
-            arms = np.array([tip_x - h.x for _, h in moving])
-            tip = np.vstack([arms * jumps, jumps]) if moving else np.zeros((2, 0))
-        else:
-            tip = np.array([[1.0 / np.sqrt(h.stiffness[port]) for _, h in moving]])
-        if not moving:
-            motion = PORT_MOTION[port]
+        return self.model([port], PORT_MOTION[port])
+
+    def model(self, ports: Sequence[str], motion: Array) -> PortModel:
+        """The port model in some motions of the root with the hinges of some ports loose.
+
+        Args:
+            ports: whose hinges move.
+            motion: `(6, m)` motions of the root.
+        """
+        freedoms = self.freedoms(ports)
+        rigid, elastic, tip = self._scaled(freedoms)
+        if not freedoms:
             return PortModel(motion.T @ self.rigid_mass() @ motion, np.zeros(0), np.zeros((0, motion.shape[1])))
-        return port_from_rows(rigid, elastic, tip)
+        return port_from_rows(rigid @ motion, elastic, motion.T @ tip)
 
-    def _rows(self, port: str, moving: list[tuple[int, Hinge]]) -> tuple[Array, Array]:
-        """Mass-weighted motion rows of the links; elastic coordinates scaled by the hinges' stiffness."""
-        rigid: list[Array] = []
-        elastic: list[Array] = []
-        for i, link in enumerate(self.links):
-            before = np.array([1.0 / np.sqrt(h.stiffness[port]) if j < i else 0.0 for j, h in moving])
-            if port in ("xy", "xz"):
-                arms = np.array([link.com - h.x for _, h in moving])
-                mass, inertia = np.sqrt(link.mass), np.sqrt(link.inertia[2 if port == "xy" else 1])
-                rigid += [mass * np.array([1.0, link.com]), inertia * np.array([0.0, 1.0])]
-                elastic += [mass * arms * before, inertia * before]
-            else:
-                weight = np.sqrt(link.inertia[0] if port == "torsion" else link.mass)
-                rigid.append(weight * np.ones(1))
-                elastic.append(weight * before)
-        return np.array(rigid), np.array(elastic)
+    def _scaled(self, freedoms: Sequence[Freedom]) -> tuple[Array, Array, Array]:
+        """Rigid and elastic rows and the tip's six motions; elastic coordinates with strain energy `|y|^2 / 2`."""
+        rigid, elastic = self.rows(freedoms)
+        root = np.linalg.inv(np.linalg.qr(self.spring_rows(freedoms), mode="r")) if freedoms else np.zeros((0, 0))
+        tip = shifted(np.array([self.length, 0.0, 0.0]))
+        motions = np.column_stack([np.zeros((6, 0)), *(tip @ self.freedom_motion(f) for f in freedoms)])
+        return rigid, elastic @ root, motions @ root
 
-    def moments(self, port: str, modes: PortModel) -> Array:
-        """`(n, h)` hinge moments per unit mass-normalised modal amplitude, hinges that move in `port` only [N m].
-
-        With `psi_k` the hinge angles of mode k, row k is `c * psi_k`: the coefficients of its damping tendon times
-        `W_k^2`.
+    def shapes(self, port: str, modes: PortModel) -> Array:
+        """`(n, h)` angles of the hinges that move in `port` in the mass-normalised cantilever modes.
 
         Args:
             port: "xy", "xz", "torsion" or "axial".
             modes: `port(...)` of this chain, for the signs of its modes.
         """
-        moving = [(i, hinge) for i, hinge in enumerate(self.hinges) if port in hinge.stiffness]
-        rigid, elastic = self._rows(port, moving)
+        freedoms = self.freedoms([port])
+        springs = np.linalg.qr(self.spring_rows(freedoms), mode="r")
+        rigid, elastic, _ = self._scaled(freedoms)
         u, s, vt = np.linalg.svd(elastic, full_matrices=False)
-        signs = np.sign(np.sum((u.T @ rigid) * modes.participation, axis=1))
-        roots = np.array([np.sqrt(h.stiffness[port]) for _, h in moving])
-        return signs[:, None] * vt / s[:, None] * roots
+        signs = np.sign(np.sum((u.T @ rigid @ PORT_MOTION[port]) * modes.participation, axis=1))
+        return np.asarray(np.linalg.solve(springs, (signs[:, None] * vt / s[:, None]).T).T, dtype=np.float64)
+
+    def damped(self, port: str) -> PortModel:
+        """`port(...)` with the damping ratios that hinges and tendons give its modes."""
+        modes = self.port(port)
+        if modes.modes == 0:
+            return modes
+        shapes = self.shapes(port, modes)
+        rates = np.einsum("ki,ij,kj->k", shapes, self.damping(self.freedoms([port])), shapes)
+        return modes.replaced(damping=rates / (2.0 * modes.frequencies))
+
+    def replaced_springs(self, port: str, springs: Array) -> Self:
+        """The chain with other springs `(h,)` on the hinges that move in a port, in order."""
+        values = iter(springs.tolist())
+        hinges = tuple(
+            replace(hinge, stiffness={**hinge.stiffness, port: next(values)}) if port in hinge.stiffness else hinge
+            for hinge in self.hinges
+        )
+        return replace(self, hinges=hinges)

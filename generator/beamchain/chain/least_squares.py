@@ -123,12 +123,12 @@ def fit_stiffness(chain: Chain, port: str, target: PortModel, start: Array) -> t
     scale = np.sqrt(np.diag(target.rigid_mass))
     weight = np.linalg.norm(target.participation / scale, axis=1)[:, None]
 
+    sprung = replace(
+        chain, hinges=tuple(replace(hinge, stiffness={**hinge.stiffness, port: 1.0}) for hinge in chain.hinges)
+    )
+
     def with_springs(theta: Array) -> Chain:
-        springs = np.exp(theta)
-        hinges = [
-            replace(h, stiffness={**h.stiffness, port: float(c)}) for h, c in zip(chain.hinges, springs, strict=True)
-        ]
-        return replace(chain, hinges=tuple(hinges))
+        return sprung.replaced_springs(port, np.exp(theta))
 
     def residuals(theta: Array) -> Array:
         modes = with_springs(theta).port(port)
@@ -241,7 +241,7 @@ class _Problem:
         """The chain of these parameters."""
         if "masses" in self.free:
             masses, lengths, stiffness = self.nodes(theta)
-            return nodes_to_rods(masses, lengths, np.zeros(lengths.size), stiffness)
+            return nodes_to_rods(masses, lengths, stiffness)
         stiffness, lengths, _ = self.unpack(theta)
         edges = np.concatenate([np.zeros(1), np.cumsum(lengths)])
         table = np.array([self.cumulative(x, last=i == edges.size - 1) for i, x in enumerate(edges)])

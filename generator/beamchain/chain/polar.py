@@ -155,3 +155,24 @@ def raised(chain: Chain, least: float) -> tuple[Chain, str]:
         f"1e-15, so {len(low)} of them carry {least:.3g}: the appendage's roll inertia is {roll + added:.3g} instead of "
         f"{roll:.3g} kg m^2 ({(roll + added) / across:.1e} of its transverse inertia). Bending does not see it."
     )
+
+
+def settled(line: MassLine, links: Sequence[Link], cuts: Array) -> list[Link]:
+    """Links that are rigid bodies: where short ones cannot carry their own polar inertia, the longer ones carry it.
+
+    Args:
+        line: how the mass lies.
+        links: its own pieces.
+        cuts: `(c,)` between them [m].
+
+    Raises:
+        RealisationError: all links together cannot carry it.
+    """
+    if any(link.beside != (0.0, 0.0) or link.products != (0.0, 0.0, 0.0) for link in links):
+        return list(links)  # imported mass has its breadth in all three inertias
+    thin = [abs(b - c) * (1.0 + 1e-12) <= a <= (b + c) * (1.0 - 1e-12) and a > 0.0 for a, b, c in
+            (link.inertia for link in links if link.mass > 0.0)]  # fmt: skip
+    if all(thin):
+        return list(links)
+    real = real_polar(line, cuts)
+    return with_polar(links, share(list(links), [float(real.sum())], [list(range(len(links)))], real))

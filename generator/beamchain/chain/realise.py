@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import NonlinearConstraint, minimize
 
 from beamchain.chain import polar
 from beamchain.chain.chain import Chain, Hinge, Link
@@ -30,13 +29,11 @@ class Nodes:
         masses: `(N + 1,)` at the nodes, from the root [kg]; the first 0: a hinge at the root or a massless first rod.
         lengths: `(N,)` of the rods [m]; the first may be 0 then.
         stiffness: `(N - 1,)` at nodes 1..N-1 [N m/rad].
-        excess: `(N,)` rotary inertia of the rods beside their end masses [kg m^2]; None: none.
     """
 
     masses: Array
     lengths: Array
     stiffness: Array
-    excess: Array | None = None
 
     @property
     def positions(self) -> Array:
@@ -178,45 +175,7 @@ def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, A
         inner.append(node - outer[j])
     a, b = np.array(inner), np.array(outer)
     mass = a + b
-    inertia = a * b / mass * nodes.lengths**2
-    if nodes.excess is not None:
-        inertia = inertia + nodes.excess
-        if np.any(inertia <= 0.0):
-            a, b = _roomiest(nodes, share)
-            mass = a + b
-            inertia = a * b / mass * nodes.lengths**2 + nodes.excess
-        if np.any(inertia <= 0.0):
-            raise RealisationError(
-                "a link's rotary inertia would be negative; set scene.tip = false or keep other modes."
-            )
-    return mass, nodes.lengths * b / mass, inertia
-
-
-def _roomiest(nodes: Nodes, share: float) -> tuple[Array, Array]:
-    """End masses `(N,)` inner and outer: the split whose least rotary inertia, relative to its rod, is largest.
-
-    The inertias are concave in the shares, so that the program has one maximum.
-    """
-    assert nodes.excess is not None
-    m, squares = nodes.masses, nodes.lengths**2
-    scale = np.sum(m) * squares
-    bend = nodes.excess / scale
-
-    def ends(x: Array) -> tuple[Array, Array]:
-        return np.concatenate([m[:1], (1.0 - x) * m[1:-1]]), np.concatenate([x * m[1:-1], m[-1:]])
-
-    def room(v: Array) -> Array:
-        a, b = ends(v[:-1])
-        return a * b / (a + b) / np.sum(m) + bend - v[-1]
-
-    count = nodes.lengths.size - 1
-    start = np.concatenate([np.full(count, 0.5), [0.0]])
-    start[-1] = float(np.min(room(start)))
-    found = minimize(
-        lambda v: -float(v[-1]), start, method="SLSQP", bounds=[(share, 1.0 - share)] * count + [(None, None)],
-        constraints=[NonlinearConstraint(room, 0.0, np.inf)],
-    )  # fmt: skip
-    return ends(np.clip(found.x[:-1], share, 1.0 - share))
+    return mass, nodes.lengths * b / mass, a * b / mass * nodes.lengths**2
 
 
 def planar_links(nodes: Nodes, beam: MassLine) -> list[Link]:

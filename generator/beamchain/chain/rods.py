@@ -100,8 +100,8 @@ def loaded_modes(rods: Rods, tip: float, payloads: Sequence[Payload]) -> RodMode
     return RodModes(frequencies, participation * signs[:, :, None], tips * signs)
 
 
-def nodes_to_rods(masses: Numbers, lengths: Numbers, excess: Numbers, stiffness: Numbers) -> Rods:
-    """Rods from node masses `(N + 1,)`, rod lengths `(N,)` and rods' excess rotary inertia `(N,)`.
+def nodes_to_rods(masses: Numbers, lengths: Numbers, stiffness: Numbers) -> Rods:
+    """Rods from node masses `(N + 1,)` and rod lengths `(N,)`.
 
     Inner nodes are shared half and half: the port does not notice.
     """
@@ -110,7 +110,7 @@ def nodes_to_rods(masses: Numbers, lengths: Numbers, excess: Numbers, stiffness:
     a = np.concatenate([half[:1], half[1:-1]])
     b = np.concatenate([half[1:-1], half[-1:]])
     total = a + b
-    return Rods(x[:-1], total, x[:-1] + lengths * b / total, a * b / total * lengths**2 + excess, stiffness)
+    return Rods(x[:-1], total, x[:-1] + lengths * b / total, a * b / total * lengths**2, stiffness)
 
 
 def jacobian(function: Callable[[Numbers], Numbers], at: Array, step: float = 1e-30) -> Array:

@@ -99,21 +99,19 @@ def _show(result: "Fit", files: "list[Path]") -> None:
         chain.add_column(column, justify="right")
     for i, link in enumerate(result.chain.links):
         hinge = result.chain.hinges[i] if i < len(result.chain.hinges) else None
-        springs = ", ".join(f"{p} {c:.5g}" for p, c in hinge.stiffness.items()) if hinge else "-"
+        springs = ", ".join(f"{p} {f'{c:.5g}' if c else 'free'}" for p, c in hinge.stiffness.items()) if hinge else "-"
         chain.add_row(
             str(i + 1), f"{link.start:.5g}", f"{link.length:.5g}", f"{link.mass:.5g}", f"{link.inertia[2]:.5g}", springs
         )
-    if result.oscillators is None:
-        out.print(chain)
-    else:
-        bodies = Table(title="oscillators", title_justify="left")
-        for column in ("mode", "kind", "at m", "axis", "mass kg", "stiffness"):
-            bodies.add_column(column, justify="left" if column == "kind" else "right")
-        for item in result.oscillators.items:
-            at, axis = (", ".join(f"{v + 0.0:.4g}" for v in values) for values in (item.point, item.axis))
-            mass = "-" if item.body is None else f"{item.body.mass:.5g}"
-            bodies.add_row(str(item.mode), item.kind, at, axis, mass, f"{item.stiffness:.5g}")
-        out.print(bodies)
+    out.print(chain)
+    if result.chain.tendons:
+        tendons = Table(title="tendons", title_justify="left")
+        for column in ("tendon", "frequency rad/s", "damping 1/s", "armature"):
+            tendons.add_column(column, justify="left" if column == "tendon" else "right")
+        for tendon in result.chain.tendons:
+            w = f"{tendon.stiffness**0.5:.6g}" if tendon.stiffness else "-"
+            tendons.add_row(f"{result.spec.name}_{tendon.label}", w, f"{tendon.damping:.4g}", f"{tendon.armature:.4g}")
+        out.print(tendons)
     if result.kept_for in ("free", "hub"):
         what = "free modes" if result.kept_for == "free" else "coupled modes on the hub given"
         out.print(
@@ -129,8 +127,11 @@ def _show(result: "Fit", files: "list[Path]") -> None:
         )
     if result.spec.payload is not None:
         out.print(
-            f"payload: fitted with 0, 2, 20 and 100 % of {result.spec.payload.mass:g} kg on the tip at once, so that your "
-            "scene may attach any of it; the figures above are without it.",
+            "payload: the tip is exact with the root, so that your scene may attach any body there; the figures above are "
+            "without it."
+            if result.spec.fit.method == "exact"
+            else f"payload: fitted with 0, 2, 20 and 100 % of {result.spec.payload.mass:g} kg on the tip at once, so that "
+            "your scene may attach any of it; the figures above are without it.",
             markup=False,
         )
     steps = ", ".join(f"{k} {v:.4g} s" if v < 1e9 else f"{k} no limit" for k, v in result.limits.largest_step.items())

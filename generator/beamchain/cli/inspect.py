@@ -44,6 +44,13 @@ def inspect(
     for name, stiffness, damping in found.springs:
         hinges.add_row(name, f"{stiffness:.6g}", f"{damping:.6g}")
     out.print(hinges)
+    if found.tendons:
+        tendons = Table(title="sprung tendons", title_justify="left")
+        for column in ("tendon", "stiffness", "damping", "armature"):
+            tendons.add_column(column, justify="left" if column == "tendon" else "right")
+        for name, *values in found.tendons:
+            tendons.add_row(name, *(f"{value:.6g}" for value in values))
+        out.print(tendons)
     limits = Table(title=f"steps (the model asks for {found.integrator}, {found.timestep:g} s)", title_justify="left")
     for column in ("integrator", "largest stable s", "1 % frequency s", "0.1 % frequency s"):
         limits.add_column(column, justify="left" if column == "integrator" else "right")

@@ -78,7 +78,7 @@ def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballas
             ) from None
         try:
             models[port] = linear.port(dofs, ballast_mass)
-            lost[port] = _distance(models[port], direct)
+            lost[port] = distance(models[port], direct)
         except (InputError, EngineError, np.linalg.LinAlgError):
             lost[port] = 1.0
         if lost[port] > DIGITS:
@@ -87,7 +87,7 @@ def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballas
     return Measured(models, rigid_mass(model, "bench") - extra, pairs, linear, lost)
 
 
-def _distance(a: PortModel, b: PortModel) -> float:
+def distance(a: PortModel, b: PortModel) -> float:
     """Worst relative difference of frequencies, participation and rigid mass."""
     if a.modes != b.modes:
         return 1.0

@@ -1,16 +1,17 @@
-"""A second opinion beside A and B: MuJoCo's own bodies, spring forces and damper forces, read one by one.
+"""A second opinion beside A and B: MuJoCo's own bodies, springs and dampers, read one by one.
 
 A and B hold `M^-1 K`. Where the mass matrix is badly conditioned (a light link behind a soft joint, a taper of 1:100),
 MuJoCo's solve with it costs digits that no care in reading A and B brings back. The Jacobians of the bodies, their
-masses and inertias, and the passive forces have them all. The mass matrix itself is never formed: its square root is
-what the Jacobians are, so that the slowest and the fastest mode keep nearly the relative precision of the rows.
+masses and inertias, and the springs of joints and tendons have them all. The mass matrix itself is never formed: its
+square root is what the Jacobians are, so that the slowest and the fastest mode keep nearly the relative precision of
+the rows.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from beamchain.engine.library import mujoco, quiet
+from beamchain.engine.library import mujoco
 from beamchain.motion import Array
 from beamchain.port import PortModel
 
@@ -20,12 +21,14 @@ class Readings(NamedTuple):
 
     Args:
         rows: `(6 bodies, nv)` velocities of the bodies' mass centres and their rates about their principal axes, times
-            the square root of mass and inertia: `rows^T rows = M`.
-        stiffness, damping: `(nv, nv)`.
+            the square root of mass and inertia, then rates of the tendons times the root of their armature:
+            `rows^T rows = M`.
+        springs: `(s, nv)` hinges' and tendons' springs times the square root of their stiffness: `springs^T springs = K`.
+        damping: `(nv, nv)`.
     """
 
     rows: Array
-    stiffness: Array
+    springs: Array
     damping: Array
 
 
@@ -40,19 +43,39 @@ def readings(model: "mujoco.MjModel") -> Readings:
         mujoco.mj_jacBodyCom(model, data, moves, turns, i)
         inertia = np.sqrt(np.asarray(model.body_inertia[i]))[:, None] * (data.ximat[i].reshape(3, 3).T @ turns)
         rows += [np.sqrt(float(model.body_mass[i])) * moves, inertia]
-    stiffness, damping = np.zeros((nv, nv)), np.zeros((nv, nv))
-    rest, eye = data.qpos.copy(), np.eye(nv)
-    with quiet():  # of a pose far from rest
-        for i in range(nv):
-            data.qpos[:] = rest + eye[i]  # springs are linear: a whole radian will do
-            data.qvel[:] = 0.0
-            mujoco.mj_forward(model, data)
-            stiffness[:, i] = -data.qfrc_spring
-            data.qpos[:] = rest
-            data.qvel[:] = eye[i]
-            mujoco.mj_forward(model, data)
-            damping[:, i] = -data.qfrc_damper
-    return Readings(np.vstack(rows), stiffness, damping)
+    tendons = [along(model, i) for i in range(model.ntendon)]
+    rows += [np.sqrt(float(a)) * t[None] for a, t in zip(model.tendon_armature, tendons, strict=True) if a > 0.0]
+    joints = np.array([float(np.atleast_1d(v)[0]) for v in model.jnt_stiffness])
+    dampers = np.array([float(np.atleast_1d(v)[0]) for v in model.tendon_damping])
+    springs = [np.sqrt(k) * np.eye(nv)[int(dof)] for k, dof in zip(joints, model.jnt_dofadr, strict=True) if k > 0.0]
+    stiffness = [float(np.atleast_1d(v)[0]) for v in model.tendon_stiffness]
+    springs += [np.sqrt(k) * t for k, t in zip(stiffness, tendons, strict=True) if k > 0.0]
+    damping = np.diag([float(np.atleast_1d(v)[0]) for v in model.dof_damping])
+    damping = damping + sum(c * np.outer(t, t) for c, t in zip(dampers, tendons, strict=True))
+    return Readings(np.vstack(rows), np.array(springs).reshape(-1, nv), damping)
+
+
+def sprung(model: "mujoco.MjModel") -> list[int]:
+    """Joints that a spring holds, their own or that of a fixed tendon over them."""
+    held = {j for j in range(model.njnt) if float(np.atleast_1d(model.jnt_stiffness[j])[0]) > 0.0}
+    for i in range(model.ntendon):
+        if float(np.atleast_1d(model.tendon_stiffness[i])[0]) > 0.0:
+            first = int(model.tendon_adr[i])
+            wraps = range(first, first + int(model.tendon_num[i]))
+            held |= {
+                int(model.wrap_objid[k]) for k in wraps if int(model.wrap_type[k]) == int(mujoco.mjtWrap.mjWRAP_JOINT)
+            }
+    return sorted(held)
+
+
+def along(model: "mujoco.MjModel", tendon: int) -> Array:
+    """`(nv,)` coefficients of a fixed tendon."""
+    out = np.zeros(model.nv)
+    first = int(model.tendon_adr[tendon])
+    for k in range(first, first + int(model.tendon_num[tendon])):
+        if int(model.wrap_type[k]) == int(mujoco.mjtWrap.mjWRAP_JOINT):
+            out[int(model.jnt_dofadr[int(model.wrap_objid[k])])] += float(model.wrap_prm[k])
+    return out
 
 
 def port_of(read: Readings, root: list[int], inner: list[int], ballast: Array) -> PortModel:
@@ -67,9 +90,10 @@ def port_of(read: Readings, root: list[int], inner: list[int], ballast: Array) -
     rigid = read.rows[:, root]
     if not inner:
         return PortModel(rigid.T @ rigid - ballast, np.zeros(0), np.zeros((0, len(root))))
-    scale = 1.0 / np.sqrt(np.diag(read.stiffness)[inner])
-    left, s, right = np.linalg.svd(read.rows[:, inner] * scale, full_matrices=False)
-    shapes = scale[:, None] * right.T / s
+    springs = read.springs[:, inner]
+    scale = np.linalg.inv(np.linalg.qr(springs[np.any(springs != 0.0, axis=1)], mode="r"))
+    left, s, right = np.linalg.svd(read.rows[:, inner] @ scale, full_matrices=False)
+    shapes = scale @ right.T / s
     ratios = np.einsum("ik,ij,jk->k", shapes, read.damping[np.ix_(inner, inner)], shapes) * s / 2.0
     ratios = np.where(np.abs(ratios) < 1e-14, 0.0, ratios)
     return PortModel(rigid.T @ rigid - ballast, 1.0 / s, left.T @ rigid, ratios)

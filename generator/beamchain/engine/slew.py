@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamchain.engine.bench import rigid_mass
+from beamchain.engine.forces import sprung
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import linearise
 from beamchain.errors import EngineError, InputError
@@ -83,14 +84,14 @@ def simulate(model: "mujoco.MjModel", *, angle: float, frames: int) -> Slew:
     free = [j for j in range(model.njnt) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)]
     if not free:
         raise InputError("the scene has no freely flying body to turn; give one whose spacecraft has a <freejoint/>.")
-    sprung = [j for j in range(model.njnt) if float(np.atleast_1d(model.jnt_stiffness[j])[0]) > 0.0]
-    if not sprung:
+    held = sprung(model)
+    if not held:
         raise InputError("no joint of the scene has a spring, so that nothing can ring; attach an appendage first.")
     hub = int(model.jnt_bodyid[free[0]])
     name = model.body(hub).name
     axis, omega = _excited(model, int(model.jnt_dofadr[free[0]]))
-    elastic = tuple(int(model.jnt_qposadr[j]) for j in sprung)
-    hinged = [a for j, a in zip(sprung, elastic, strict=True) if int(model.jnt_type[j]) == _HINGE]
+    elastic = tuple(int(model.jnt_qposadr[j]) for j in held)
+    hinged = [a for j, a in zip(held, elastic, strict=True) if int(model.jnt_type[j]) == _HINGE]
     period = 2.0 * np.pi / omega
     about = np.zeros(3)
     about[axis] = 1.0 / np.linalg.inv(rigid_mass(model, name))[3 + axis, 3 + axis]

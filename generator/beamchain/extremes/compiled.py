@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamchain.engine.forces import along, readings
 from beamchain.engine.library import mujoco
 from beamchain.motion import Array
 
@@ -32,16 +33,18 @@ def frequencies(model: "mujoco.MjModel", port: str, root: str = "") -> Array:
         root: body that moves freely with everything on it; empty: the chain is held.
     """
     joints = [j for j in range(model.njnt) if model.joint(j).name.endswith(f"_{port}")]
-    springs = [float(np.atleast_1d(model.jnt_stiffness[j])[0]) for j in joints]
+    dofs = [int(model.jnt_dofadr[j]) for j in joints]
+    rows = readings(model).springs[:, dofs]
+    scaled = np.linalg.inv(np.linalg.qr(rows[np.any(rows != 0.0, axis=1)], mode="r"))
     n = len(joints)
     if n > SMALL:
         mass = _condensed(_mass(model, port, joints, root, float), n)
-        return 1.0 / np.sqrt(np.linalg.eigvalsh(mass / np.sqrt(np.outer(springs, springs)))[::-1])
+        return 1.0 / np.sqrt(np.linalg.eigvalsh(scaled.T @ mass @ scaled)[::-1])
     with localcontext() as context:
         context.prec = DIGITS
         mass = _condensed(_mass(model, port, joints, root, Decimal), n)
-        scale = np.array([1 / Decimal(k).sqrt() for k in springs], dtype=object)
-        squares = np.array(sorted(_jacobi(mass * np.outer(scale, scale))), dtype=np.float64)
+        scale = np.array([[Decimal(float(v)) for v in row] for row in scaled], dtype=object)
+        squares = np.array(sorted(_jacobi(scale.T @ mass @ scale)), dtype=np.float64)
     return 1.0 / np.sqrt(squares[::-1])
 
 
@@ -71,6 +74,11 @@ def _mass(model: "mujoco.MjModel", port: str, joints: list[int], root: str, kind
             moves[-2:] = one, centre - kind(float(data.xpos[first, 0]))
             turns[-1] = one
         out = out + kind(float(model.body_mass[body])) * np.outer(moves, moves) + inertia * np.outer(turns, turns)
+    dofs = [int(model.jnt_dofadr[j]) for j in joints]
+    for i in range(model.ntendon):
+        row = np.full(count, zero, dtype=dtype)
+        row[: len(joints)] = [kind(float(v)) for v in along(model, i)[dofs]]
+        out = out + kind(float(model.tendon_armature[i])) * np.outer(row, row)
     return out
 
 

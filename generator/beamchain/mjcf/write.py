@@ -1,16 +1,17 @@
 """Chain -> MJCF: lxml fills the templates of `mjcf_templates/`."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from lxml import etree
 from lxml.etree import _Element as Element
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from beamchain.chain.chain import Chain, Hinge, Link
-from beamchain.chain.damping import Damper
 from beamchain.errors import EngineError
 from beamchain.mjcf import looks
 from beamchain.motion import PORTS, Array
@@ -41,6 +42,7 @@ UNITS = (
     "Write the spec in smaller units: in millimetres and grams the modulus keeps its number, density is divided by 1e6, "
     "masses multiplied by 1e3 and inertias by 1e9."
 )
+ROUNDED = 1e-13  # relative deficit of the triangle inequality that turning to principal axes may leave
 UNSEEN = 1.1e-6  # [m]: where nothing is turned, MuJoCo takes a mass centre this near to the body's origin for it
 DEEPEST = 496  # bodies nested in one MJCF file
 
@@ -84,14 +86,14 @@ def _check(chain: Chain) -> None:
     for i, link in enumerate(chain.links):
         if i == 0:
             continue  # welded to its carrier, which has mass of its own
-        a, b, c = sorted(link.inertia)
+        a, b, c = sorted(np.linalg.eigvalsh(link.inertia_matrix()).tolist() if any(link.products) else link.inertia)
         least = min(link.mass, a)
         if least < SMALLEST:
             raise EngineError(
                 f"link {i + 1} would have mass {link.mass:.3g} kg and smallest inertia {a:.3g} kg m^2; MuJoCo takes "
                 f"nothing below {SMALLEST:g}. {UNITS}"
             )
-        if a + b < c:
+        if a + b < c * (1.0 - (ROUNDED if any(link.products) else 0.0)):
             raise EngineError(
                 f"link {i + 1} would have inertias {a:.6g}, {b:.6g}, {c:.6g} kg m^2, which no body has (largest above "
                 "the sum of the others); use fewer links."
@@ -121,10 +123,10 @@ def appendage(
     name: str,
     *,
     beam: MassLine | None = None,
-    dampers: Iterable[Damper] = (),
     visuals: bool = True,
-    tip: bool = True,
+    sites: Mapping[str, float] | None = None,
     contacts: bool = False,
+    readings: "Readings | None" = None,
 ) -> Element:
     """The drop-in file: nested link bodies from the root outwards, frame of the root: x along the appendage.
 
@@ -132,15 +134,16 @@ def appendage(
         chain: what to write.
         name: prefix of every body, joint, site and geom.
         beam: gives the links' look and depth; none: a thin bar.
-        dampers: one fixed tendon per damped mode.
         visuals: write massless, collision-free geoms.
-        tip: write the tip site.
+        sites: x of points that get a site, by name; the tip where left out.
         contacts: write massless capsules that touch other things, never each other or what carries the appendage.
+        readings: sensors to write.
 
     Raises:
         EngineError: MuJoCo would refuse the chain (too deep, masses below mjMINVAL).
     """
     _check(chain)
+    places = {"tip": chain.length} if sites is None else sites
     root = template("appendage")
     root.set("model", name)
     world = find(root, "worldbody")
@@ -156,16 +159,20 @@ def appendage(
         _joints(body, name, i, hinge)
         _inertial(find(body, "inertial"), link, x)
         _shapes(body, name, i, link, x, beam, chain.length, "capsule" if contacts else "drawn" if visuals else None)
-        for site, keep, at in (("root", i == 0, 0.0), ("tip", tip and i == len(chain.links) - 1, chain.length - x)):
-            element = find(body, f"site[@name='{site}']")
-            if keep:
-                element.set("name", f"{name}_{site}")
-                element.set("pos", number([at, 0.0, 0.0]))
-            else:
-                body.remove(element)
+        end = np.inf if i == len(chain.links) - 1 else chain.hinges[i].x
+        prototype_site = find(body, "site")
+        body.remove(prototype_site)
+        here = {"root": 0.0} if i == 0 else {}
+        for site, at in (here | {n: at for n, at in places.items() if x < at <= end}).items():
+            element = deepcopy(prototype_site)
+            element.set("name", f"{name}_{site}")
+            element.set("pos", number([at - x, 0.0, 0.0]))
+            body.append(element)
         parent.append(body)
         parent, origin = body, x
-    _tendons(root, name, dampers)
+    _tendons(root, name, chain)
+    if readings is not None:
+        _sensors(root, name, chain, readings)
     return root
 
 
@@ -190,7 +197,15 @@ def _joints(body: Element, name: str, index: int, hinge: Hinge | None) -> None:
 
 
 def _inertial(element: Element, link: Link, x: float) -> None:
-    element.set("pos", number([link.com - x, 0.0, 0.0]))
+    element.set("pos", number([link.com - x, *link.beside]))
+    if any(link.products) or any(link.beside):
+        values, axes = np.linalg.eigh(link.inertia_matrix())
+        values[2] = min(values[2], (1.0 - ROUNDED) * (values[0] + values[1]))
+        turn = Rotation.from_matrix(axes * np.array([1.0, 1.0, np.sign(np.linalg.det(axes))]))
+        element.set("quat", number(turn.as_quat(scalar_first=True)))
+        element.set("mass", number(link.mass))
+        element.set("diaginertia", number(values))
+        return
     if 0.0 < abs(link.com - x) < UNSEEN:
         element.set("quat", "0 1 0 0")  # a half turn, which changes no inertia, has MuJoCo look at the offset
     element.set("mass", number(link.mass))
@@ -228,28 +243,63 @@ def _shapes(
         place += 1
 
 
-def _tendons(root: Element, name: str, dampers: Iterable[Damper]) -> None:
-    dampers = list(dampers)
-    if not dampers:
+class Readings(NamedTuple):
+    """Sensors on an appendage.
+
+    Args:
+        modes: amplitude and rate of every modal tendon.
+        points: sites whose place is read, seen from the root.
+        root_load: force and moment that the appendage puts on what carries it.
+    """
+
+    modes: bool = False
+    points: Sequence[str] = ()
+    root_load: bool = False
+
+
+def _tendons(root: Element, name: str, chain: Chain) -> None:
+    if not chain.tendons:
         return
     tendon = etree.SubElement(root, "tendon")
-    for damper in dampers:
-        label = f"{name}_mode{damper.mode}_{damper.port}"
-        fixed = etree.SubElement(tendon, "fixed", name=label, damping=number(damper.damping), limited="false")
-        for hinge, coefficient in damper.coefficients:
-            etree.SubElement(fixed, "joint", joint=joint_name(name, hinge, damper.port), coef=number(coefficient))
+    for item in chain.tendons:
+        fixed = etree.SubElement(
+            tendon, "fixed", name=f"{name}_{item.label}", stiffness=number(item.stiffness),
+            damping=number(item.damping), armature=number(item.armature), limited="false",
+        )  # fmt: skip
+        for (hinge, port), coefficient in zip(item.freedoms, item.coefficients, strict=True):
+            etree.SubElement(fixed, "joint", joint=joint_name(name, hinge + 1, port), coef=number(coefficient))
+
+
+def _sensors(root: Element, name: str, chain: Chain, readings: Readings) -> None:
+    sensor = etree.SubElement(root, "sensor")
+    for item in chain.tendons if readings.modes else ():
+        if item.is_mode:
+            tendon = f"{name}_{item.label}"
+            etree.SubElement(sensor, "tendonpos", name=f"{tendon}_amplitude", tendon=tendon)
+            etree.SubElement(sensor, "tendonvel", name=f"{tendon}_rate", tendon=tendon)
+    for point in readings.points:
+        seen = {"objtype": "site", "objname": f"{name}_{point}", "reftype": "site", "refname": f"{name}_root"}
+        etree.SubElement(sensor, "framepos", seen, name=f"{name}_{point}_place")
+        etree.SubElement(sensor, "framequat", seen, name=f"{name}_{point}_turn")
+    if readings.root_load:
+        etree.SubElement(sensor, "force", name=f"{name}_root_force", site=f"{name}_root")
+        etree.SubElement(sensor, "torque", name=f"{name}_root_moment", site=f"{name}_root")
+    if not len(sensor):
+        root.remove(sensor)
 
 
 def hang(appendage_root: Element, host_root: Element, body: Element) -> None:
-    """Put the appendage's bodies below `body` of `host_root`, its tendons beside the host's."""
+    """Put the appendage's bodies below `body` of `host_root`, its tendons and sensors beside the host's."""
     for child in find(appendage_root, "worldbody"):
         body.append(deepcopy(child))
-    tendon = appendage_root.find("tendon")
-    if tendon is not None:
-        host = host_root.find("tendon")
+    for tag in ("tendon", "sensor"):
+        own = appendage_root.find(tag)
+        if own is None:
+            continue
+        host = host_root.find(tag)
         if host is None:
-            host = etree.SubElement(host_root, "tendon")
-        for child in tendon:
+            host = etree.SubElement(host_root, tag)
+        for child in own:
             host.append(deepcopy(child))
 
 

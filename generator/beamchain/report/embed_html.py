@@ -7,7 +7,7 @@ import numpy as np
 from beamchain.assess.budget import budget
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.errors import EngineError
-from beamchain.report import imported, plots
+from beamchain.report import plots
 from beamchain.report.assembly_plot import assembly_figure, difference_figure
 from beamchain.report.curves import count
 from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, inline, page_text, versions
@@ -130,9 +130,8 @@ def _appendage(a: "Appendage", number: int) -> list[Block]:
     note = "Modes above: cantilever, root held. In band: alone on the hub that its root feels, against the whole beam."
     blocks.append(Table(rows, ["port", "band, rad/s", "in-band error"], caption="In-band error", note=note))
     blocks += shape_blocks(fit)
-    draw = plots.chain_figure if fit.oscillators is None else imported.oscillators_figure
-    what = "The chain drawn to scale along its axis." if fit.oscillators is None else "The oscillators seen along z."
-    svg = to_svg(draw(fit), f"chain{number}")
+    what = "The chain drawn to scale along its axis."
+    svg = to_svg(plots.chain_figure(fit), f"chain{number}")
     caption = f"{what} Lengths in m from the root; the first body is welded to the spacecraft."
     return [*blocks, Picture(inline(svg, f"{fit.spec.name}: {what}"), caption)]
 

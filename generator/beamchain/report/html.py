@@ -19,15 +19,12 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
     for port in fit.target:
         pictures[f"accelerance_{port}.svg"] = plots.to_svg(plots.accelerance_figure(fit, port), f"accelerance_{port}")
         pictures[f"error_{port}.svg"] = plots.to_svg(plots.error_figure(fit, port), f"error_{port}")
-    draw = plots.chain_figure if fit.oscillators is None else imported.oscillators_figure
-    pictures["chain.svg"] = plots.to_svg(draw(fit), "chain")
+    pictures["chain.svg"] = plots.to_svg(plots.chain_figure(fit), "chain")
     record, rivals = fit.as_dict(), sections.rival_errors(fit)
     page = page_text(
         "report.html",
         name=fit.spec.name,
-        sections=imported.with_imported(
-            fit, sections.all_sections(fit, pictures, rivals, record["left_out"]), pictures
-        ),
+        sections=imported.with_imported(fit, sections.all_sections(fit, pictures, rivals, record["left_out"])),
         verdict=sections.verdict(fit, rivals),
         versions=versions(),
     )

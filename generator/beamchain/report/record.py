@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamchain.mjcf.write import joint_name
 from beamchain.motion import Array
 from beamchain.port import PortModel
 
@@ -73,20 +74,6 @@ def space_record(fit: "Fit") -> dict[str, Any]:
             "steps": space.data.steps,
         },
     }
-    if space.made is not None:
-        out["oscillators"] = [
-            {
-                "mode": item.mode,
-                "kind": item.kind,
-                "axis": item.axis,
-                "point": item.point,
-                "mass": 0.0 if item.body is None else item.body.mass,
-                "stiffness": item.stiffness,
-                "damping": item.damping,
-                "inside": None if item.inside is None else space.made.items[item.inside].mode,
-            }
-            for item in space.made.items
-        ]
     return out
 
 
@@ -126,6 +113,8 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
                     "com": link.com,
                     "inertia": link.inertia,
                     "start": link.start,
+                    "beside": link.beside,
+                    "products": link.products,
                 }
                 for link in fit.chain.links
             ],
@@ -141,16 +130,19 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
             "largest_step": limits.largest_step,
         },
         "accuracy": {name: {"1%": steps[0], "0.1%": steps[1]} for name, steps in limits.accuracy.items()},
-        "prewarp": {
-            port: {
-                "integrator": plan.integrator,
-                "timestep": plan.timestep,
-                "on_hub": plan.hub_mass is not None,
-                "shown": plan.wanted,
-                "chain": plan.aimed,
+        "tendons": [
+            {
+                "name": f"{fit.spec.name}_{tendon.label}",
+                "stiffness": tendon.stiffness,
+                "damping": tendon.damping,
+                "armature": tendon.armature,
+                "coefficients": {
+                    joint_name(fit.spec.name, hinge + 1, port): value
+                    for (hinge, port), value in zip(tendon.freedoms, tendon.coefficients.tolist(), strict=True)
+                },
             }
-            for port, plan in fit.prewarps.items()
-        },
+            for tendon in fit.chain.tendons
+        ],
         "left_out": [{"what": item.what, "why": item.why, "cost": item.cost} for item in fit.left_out],
         "scene": _scene_record(fit),
         "warnings": fit.warnings,

@@ -96,10 +96,7 @@ def verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     worst = max(errors, key=lambda port: errors[port])
     links = sum(link.mass > 0.0 for link in fit.chain.links)
     what = f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for the beam's {_kept(fit)}"
-    if fit.oscillators is not None:
-        made = count(len(fit.oscillators.items), "oscillator")
-        what = f"{made} on a rigid root body stand for as many imported modes"
-    elif fit.space is not None:
+    if fit.space is not None:
         what = what.replace("the beam's", "the imported modes:")
     hub = "the hub of the spec" if fit.hub_mass is not None else "a hub of 0.1, 1 or 10 times the appendage's mass"
     text = (
@@ -335,7 +332,7 @@ def _chain(fit: "Fit", pictures: Pictures) -> list[Block]:
     rows = [
         [
             str(i), _number(hinge.x),
-            *(_number(hinge.stiffness[port]) if port in hinge.stiffness else "rigid" for port in ports),
+            *(_spring(hinge.stiffness.get(port)) for port in ports),
             *(_number(hinge.damping[port]) if port in hinge.damping else "" for port in damped),
         ]
         for i, hinge in enumerate(fit.chain.hinges, 1)
@@ -343,7 +340,31 @@ def _chain(fit: "Fit", pictures: Pictures) -> list[Block]:
     head = ["hinge", "x, m", *(f"stiffness {port}, {'N/m' if port == 'axial' else 'N m/rad'}" for port in ports)]
     head += [f"damping {port}, {'N s/m' if port == 'axial' else 'N m s/rad'}" for port in damped]
     blocks.append(Table(rows, head, caption="Hinges"))
+    if fit.chain.tendons:
+        blocks.append(_tendons(fit))
     return blocks
+
+
+def _spring(stiffness: float | None) -> str:
+    return "rigid" if stiffness is None else "free" if stiffness == 0.0 else _number(stiffness)
+
+
+def _tendons(fit: "Fit") -> Block:
+    """The modal tendons, which hold the springs of hinges that are free."""
+    names = {freedom: f"{freedom[0] + 1} {freedom[1]}" for tendon in fit.chain.tendons for freedom in tendon.freedoms}
+    rows = [
+        [
+            tendon.label, _number(float(np.sqrt(tendon.stiffness))), _number(tendon.damping), _number(tendon.armature),
+            ", ".join(f"{names[f]}: {c:.4g}" for f, c in zip(tendon.freedoms, tendon.coefficients, strict=True)),
+        ]
+        for tendon in fit.chain.tendons
+    ]  # fmt: skip
+    note = (
+        "Each mode is one tendon over the hinges; its length is the coordinate of the mass-normalised cantilever mode. "
+        "Fillers are the modes of hinges beyond those kept, above the band; armature tendons carry inertia alone."
+    )
+    head = ["tendon", "frequency, rad/s", "damping, 1/s", "armature", "coefficients, by hinge"]
+    return Table(rows, head, caption="Tendons", note=note)
 
 
 def _steps(fit: "Fit") -> list[Block]:

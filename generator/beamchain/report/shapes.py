@@ -31,9 +31,8 @@ def chain_shapes(chain: "Chain", port: str, model: PortModel) -> tuple[Array, Ar
     Returns:
         `x` `(k,)` [m] and the shapes `(n, k)`; in torsion and axial motion each hinge stands twice, before and after.
     """
-    hinges = [hinge for hinge in chain.hinges if port in hinge.stiffness]
-    at = np.array([hinge.x for hinge in hinges])
-    angles = chain.moments(port, model) / np.array([hinge.stiffness[port] for hinge in hinges])
+    at = np.array([hinge.x for hinge in chain.hinges if port in hinge.stiffness])
+    angles = chain.shapes(port, model)
     if port in ("xy", "xz"):
         x = np.array([0.0, *at, chain.length])
         return x, angles @ np.clip(x[None] - at[:, None], 0.0, None)
@@ -47,7 +46,7 @@ def chain_shapes(chain: "Chain", port: str, model: PortModel) -> tuple[Array, Ar
 def shapes_svg(fit: "Fit", port: str) -> str:
     """Inline SVG of the kept modes of a port, beam under chain; empty where the beam or the chain has no shape."""
     beam = fit.mass_line
-    if not isinstance(beam, Beam) or fit.oscillators is not None:
+    if not isinstance(beam, Beam):
         return ""
     ours = fit.chain.port(port)
     count = min(fit.target[port].modes, ours.modes, MOST)

@@ -146,8 +146,6 @@ def table(study: "Study", metric: Metric) -> Table:
             rows += [row(r, "", r.seconds) for r in sorted(rivals, key=lambda r: r.seconds) if not r.extrapolated]
             continue
         rows.append(row(best, power(target), best.seconds))
-        second = study.oscillators(target, metric)
-        rows += [] if second is None else [row(second, "", best.seconds)]
         for reach in sorted(study.rivals(target, metric).values(), key=lambda r: r.seconds):
             rows.append(row(reach, "", best.seconds))
         for model, floor in study.short_of(target, metric).items():

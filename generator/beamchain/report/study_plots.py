@@ -19,11 +19,9 @@ if TYPE_CHECKING:
 #: Ours in colours that differ in lightness, rivals in grey, each told by its mark too.
 COLOURS = {
     "exact, hub": OURS,
-    "pre-warped": "#003366",
     "exact, clamped": "#3d8fd6",
     "exact, free": "#8dbbe6",
     "least squares": "#2b7a6f",
-    "oscillators": "#5fb3a3",
 }
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
 TITLES: dict[Metric, str] = {

@@ -69,10 +69,9 @@ def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
         if best is None:
             out[power(target)] = None
             continue
-        rivals, second = study.rivals(target, metric), study.oscillators(target, metric)
+        rivals = study.rivals(target, metric)
         out[power(target)] = {
             **best.point._asdict(),
-            "oscillators": None if second is None else _reach(second),
             "rivals": {model: reach.seconds / best.seconds for model, reach in rivals.items()},
             "rival_points": {model: _reach(reach) for model, reach in rivals.items()},
         }

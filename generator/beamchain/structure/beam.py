@@ -1,5 +1,6 @@
 """The elastic appendage: segments, compliant joints and lumped bodies along a straight axis x, root at x = 0."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -28,6 +29,14 @@ class Moments(NamedTuple):
     polar: float
     rotary_xy: float
     rotary_xz: float
+
+
+def straight_mass_matrix(m: Moments) -> Array:
+    """`(6, 6)` mass matrix about the root of a stretch with its mass on the x axis."""
+    out = np.diag([m.mass, m.mass, m.mass, m.polar, m.second + m.rotary_xz, m.second + m.rotary_xy])
+    out[1, 5] = out[5, 1] = m.first
+    out[2, 4] = out[4, 2] = -m.first
+    return out
 
 
 class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -85,6 +94,11 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         return [sum(segment.length for segment in self.segments[:i]) for i in range(len(self.segments))]
 
     @property
+    def steps(self) -> tuple[float, ...]:
+        """x of its lumps [m]."""
+        return tuple(lump.x for lump in self.lumps)
+
+    @property
     def uniform(self) -> bool:
         """One prismatic Euler segment and nothing else: the transcendental solution holds."""
         only = self.segments[0]
@@ -96,12 +110,13 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             and not self.lumps
         )
 
-    def port(self, port: str = "xy", modes: int = 8) -> PortModel:
+    def port(self, port: str = "xy", modes: int = 8, stations: Sequence[float] = ()) -> PortModel:
         """How the appendage pushes back at its root.
 
         Args:
             port: "xy", "xz", "torsion" or "axial".
             modes: lowest modes (free, held or on any hub) converged to 1e-11 relative, or to rounding.
+            stations: further points whose motion in the modes stands behind the tip's in `tip` [m].
 
         Returns:
             All modes of the discretisation, more than `modes`, so that its residual mass is the beam's own to the
@@ -111,15 +126,17 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             InputError: unknown port, or a port in which the appendage is rigid.
         """
         one_of("port", port, PORTS)
-        return converged(Parts(self.segments, self.joints, self.lumps), port, whole("modes", modes, 0, 60))
+        parts = Parts(self.segments, self.joints, self.lumps)
+        return converged(parts, port, whole("modes", modes, 0, 60), tuple(sorted(float(x) for x in stations)))
+
+    def hinge_lines(self, port: str) -> tuple[float, ...]:
+        """x of its joints that are compliant in a port [m]."""
+        ends = [*self.starts, self.length]
+        return tuple(ends[joint.after_segment] for joint in self.joints if joint.stiffness(port) is not None)
 
     def rigid_mass(self) -> Array:
         """`(6, 6)` mass matrix of the frozen appendage about the root, motions (x, y, z, rotations)."""
-        m = self.moments(0.0, self.length, closed=True)
-        out = np.diag([m.mass, m.mass, m.mass, m.polar, m.second + m.rotary_xz, m.second + m.rotary_xy])
-        out[1, 5] = out[5, 1] = m.first
-        out[2, 4] = out[4, 2] = -m.first
-        return out
+        return straight_mass_matrix(self.moments(0.0, self.length, closed=True))
 
     def moments(self, start: float, end: float, *, closed: bool = False) -> Moments:
         """Moments of the stretch `[start, end)` about the root; `closed` takes in a lump at `end` itself."""
@@ -144,6 +161,26 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
                 m, x = lump.mass, lump.x
                 total += [m, m * x, m * x**2, ix, iz, iy]
         return Moments(*(float(v) for v in total))
+
+    def behind(self, x: Array) -> Array:
+        """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m]; a lump there hangs before it."""
+        total = np.zeros((x.size, 6))
+        xi, weights = elements.gauss(6)
+        edge = 1e-9 * self.length
+        for x0, segment in zip(self.starts, self.segments, strict=True):
+            end = x0 + segment.length
+            a = np.clip(x, x0, end)
+            at_x = a[:, None] + (end - a)[:, None] * (1.0 + xi) / 2.0
+            at = segment.at(np.clip((at_x.ravel() - x0) / segment.length, 0.0, 1.0))
+            turn = 1.0 if segment.theory == "timoshenko" else 0.0
+            mass, polar, xy, xz = (v.reshape(at_x.shape) for v in (at.mass, at.polar, at.rotary_xy, at.rotary_xz))
+            values = np.stack([mass, mass * at_x, mass * at_x**2, polar, turn * xy, turn * xz], axis=-1)
+            total += np.einsum("kq,kqi,q->ki", (end - a)[:, None] / 2.0 * np.ones_like(at_x), values, weights)
+        for lump in self.lumps:
+            ix, iy, iz = lump.inertia
+            own = lump.mass * np.array([1.0, lump.x, lump.x**2, 0.0, 0.0, 0.0]) + np.array([0.0, 0.0, 0.0, ix, iz, iy])
+            total += np.where(lump.x > x + edge, 1.0, 0.0)[:, None] * own
+        return np.array([straight_mass_matrix(Moments(*row)) for row in total.tolist()])
 
     def density(self, x: float, port: str) -> Array:
         """`(3,)` derivative of mass, first and second moment (rotary inertia in it) at `x` [m] in a `port`, without lumps."""

@@ -30,14 +30,21 @@ class Parts(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def converged(parts: Parts, port: str, modes: int) -> PortModel:
-    """Raise the polynomial degree until the lowest `modes` held and free frequencies stand still."""
+def converged(parts: Parts, port: str, modes: int, stations: tuple[float, ...] = ()) -> PortModel:
+    """Raise the polynomial degree until the lowest `modes` held and free frequencies stand still.
+
+    Args:
+        parts: of the beam.
+        port: one of the four.
+        modes: how many.
+        stations: further points whose motion is wanted, ascending [m].
+    """
     parts = _joined(parts)
     wanted = max(modes, 1)
     functions = 4 + ceil((10 + 1.6 * wanted) / len(parts.segments))
-    coarse, before = _discretised(parts, port, functions), np.inf
+    coarse, before = _discretised(parts, port, functions, stations), np.inf
     while True:
-        fine = _discretised(parts, port, functions + 4)
+        fine = _discretised(parts, port, functions + 4, stations)
         change = 0.0
         for a, b in ((coarse.frequencies, fine.frequencies), (coarse.free_frequencies, fine.free_frequencies)):
             k = min(wanted, a.size, b.size)
@@ -68,9 +75,9 @@ def _alike(a: Segment, b: Segment) -> bool:
     return msgspec.structs.replace(a, length=b.length) == b
 
 
-def _discretised(parts: Parts, port: str, functions: int) -> PortModel:
+def _discretised(parts: Parts, port: str, functions: int, stations: tuple[float, ...]) -> PortModel:
     bending = port in ("xy", "xz")
-    pieces = _pieces(parts, port, functions)
+    pieces = _pieces(parts, port, functions, stations)
     if any(np.any(p.stiffness <= 0.0) for p in pieces):
         raise InputError(
             f'port "{port}": a segment states no stiffness there (an "equivalent" section with 0, rigid); '
@@ -96,14 +103,14 @@ def _discretised(parts: Parts, port: str, functions: int) -> PortModel:
         )
         for lump in parts.lumps
     ]
-    return elements.assemble(pieces, hinges, bodies, functions, bending=bending)
+    return elements.assemble(pieces, hinges, bodies, functions, bending=bending, stations=stations)
 
 
-def _pieces(parts: Parts, port: str, functions: int) -> list[elements.Piece]:
-    """The segments, cut at lumps and cut again where they taper strongly, sampled for one port."""
+def _pieces(parts: Parts, port: str, functions: int, stations: tuple[float, ...]) -> list[elements.Piece]:
+    """The segments, cut at lumps and stations and cut again where they taper strongly, sampled for one port."""
     out: list[elements.Piece] = []
     xi, _ = elements.gauss(functions + 5)
-    cuts = [lump.x for lump in parts.lumps]
+    cuts = [*(lump.x for lump in parts.lumps), *stations]
     slack = 1e-9 * parts.ends[-1]
     for x0, segment in zip(parts.ends[:-1], parts.segments, strict=True):
         inner = [c for c in cuts if x0 + slack < c < x0 + segment.length - slack]

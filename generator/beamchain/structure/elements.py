@@ -6,6 +6,7 @@ diagonal. Its square root (a QR of the strain rows, never a Gram matrix) scales 
 are then 1 / frequency: no digits are lost to the stiffness, however stiff a joint or slender a beam is.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
 from beamchain.motion import Array, locked
-from beamchain.port import PortModel, port_from_rows
+from beamchain.port import PortModel, Shapes, port_from_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +90,8 @@ class _March:
     displacement: Array = field(init=False)
     elastic: list[Array] = field(default_factory=list[Array])
     rigid: list[Array] = field(default_factory=list[Array])
+    places: list[Array] = field(default_factory=list[Array])
+    stations: list[Array] = field(default_factory=list[Array])
     used: int = 0
 
     def __post_init__(self) -> None:
@@ -100,10 +103,16 @@ class _March:
         self.used += count
         return slice(self.used - count, self.used)
 
-    def add(self, weight: Array, rows: Array, rigid: Array) -> None:
-        root = np.sqrt(weight)[:, None]
-        self.elastic.append(root * rows)
-        self.rigid.append(root * rigid)
+    def add(self, weight: Array, rows: Array, rigid: Array, x: Array, *, turns: bool = False) -> None:
+        """Inertia `weight` `(q,)` at `x` `(q,)` with motion `rows` per strain coordinate and `rigid` per root motion."""
+        root = np.sqrt(weight)
+        self.elastic.append(root[:, None] * rows)
+        self.rigid.append(root[:, None] * rigid)
+        self.places.append(np.column_stack([x, root * (not turns), root * turns]))
+
+    def here(self) -> Array:
+        """Motion rows of the current point."""
+        return np.vstack([self.displacement, self.rotation]) if self.bending else self.displacement[None]
 
     def rigid_rows(self, x: Array) -> tuple[Array, Array]:
         """Displacement and rotation at `x` per unit motion of the port."""
@@ -126,7 +135,13 @@ def gauss(count: int) -> tuple[Array, Array]:
 
 
 def assemble(
-    pieces: list[Piece], hinges: list[Hinge], bodies: list[Body], functions: int, *, bending: bool
+    pieces: list[Piece],
+    hinges: list[Hinge],
+    bodies: list[Body],
+    functions: int,
+    *,
+    bending: bool,
+    stations: Sequence[float] = (),
 ) -> PortModel:
     """The port model of a chain of pieces: all modes of the discretisation, the lowest of them converged.
 
@@ -136,6 +151,7 @@ def assemble(
         bodies: rigid bodies; each at the end of a piece or at the root.
         functions: Legendre polynomials per piece and strain.
         bending: True: displacement and rotation (2 motions); False: torsion or axial (1 motion).
+        stations: further points whose motion stands behind the tip's, ascending; each at the end of a piece or the root.
     """
     length = pieces[-1].start + pieces[-1].length
     close = 1e-9 * length
@@ -146,16 +162,21 @@ def assemble(
     strain = np.asarray(legvander(xi, functions - 1), dtype=np.float64)
     once, twice = _running(functions, xi), _running_twice(functions, xi)
     end_twice = _running_twice(functions, _END)[0]
+    waiting = list(stations)
     waiting_hinges, waiting_bodies = sorted(hinges, key=lambda h: h.x), sorted(bodies, key=lambda b: b.x)
 
     def stop(x: float) -> None:
         """Bodies and joints at `x`: a body at a joint hangs before it."""
         while waiting_bodies and waiting_bodies[0].x <= x + close:
             body = waiting_bodies.pop(0)
-            at, turn = march.rigid_rows(np.array([body.x]))
-            march.add(np.array([body.mass]), march.displacement[None], at)
+            place = np.array([body.x])
+            at, turn = march.rigid_rows(place)
+            march.add(np.array([body.mass]), march.displacement[None], at, place)
             if bending and body.inertia > 0.0:
-                march.add(np.array([body.inertia]), march.rotation[None], turn)
+                march.add(np.array([body.inertia]), march.rotation[None], turn, place, turns=True)
+        while waiting and waiting[0] <= x + close:
+            waiting.pop(0)
+            march.stations.append(march.here().copy())
         while waiting_hinges and waiting_hinges[0].x <= x + close:
             column = march.take(1)
             jump = 1.0 / np.sqrt(waiting_hinges.pop(0).stiffness)
@@ -169,11 +190,12 @@ def assemble(
         half = piece.length / 2.0
         columns = march.take(functions)
         scale = _scaled(strain, weights * half * piece.stiffness)
-        at, turn = march.rigid_rows(piece.start + half * (1.0 + xi))
+        x = piece.start + half * (1.0 + xi)
+        at, turn = march.rigid_rows(x)
         if not bending:
             rows = np.tile(march.displacement, (q, 1))
             rows[:, columns] += half * once @ scale
-            march.add(weights * half * piece.inertia, rows, at)
+            march.add(weights * half * piece.inertia, rows, at, x)
             march.displacement = march.displacement.copy()
             march.displacement[columns] += half * 2.0 * scale[0]
         else:
@@ -188,12 +210,15 @@ def assemble(
                 shear_scale = _scaled(strain, weights * half * piece.shear_stiffness)
                 rows[:, sheared] += half * once @ shear_scale
                 displacement[sheared] += half * 2.0 * shear_scale[0]
-            march.add(weights * half * piece.inertia, rows, at)
+            march.add(weights * half * piece.inertia, rows, at, x)
             if piece.rotary_inertia is not None:
-                march.add(weights * half * piece.rotary_inertia, rotation, turn)
+                march.add(weights * half * piece.rotary_inertia, rotation, turn, x, turns=True)
             march.rotation = march.rotation.copy()
             march.rotation[columns] += half * 2.0 * scale[0]
             march.displacement = displacement
         stop(piece.start + piece.length)
-    tip = np.vstack([march.displacement, march.rotation]) if bending else march.displacement[None]
-    return port_from_rows(np.vstack(march.rigid), np.vstack(march.elastic), tip)
+    places = np.vstack(march.places).T
+    return port_from_rows(
+        np.vstack(march.rigid), np.vstack(march.elastic), np.vstack([march.here(), *march.stations]),
+        lambda values: Shapes(*places, values, bending),
+    )  # fmt: skip

@@ -9,14 +9,15 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from beamchain.errors import InputError
-from beamchain.motion import Array, locked
-from beamchain.structure.beam import Beam, Moments
+from beamchain.motion import Array, body_mass_matrix, locked
+from beamchain.structure.beam import Beam, Moments, straight_mass_matrix
 from beamchain.structure.elements import gauss
 from beamchain.structure.lump import Lump
 
+FLAT = 1e-9  # of the second moment along x: a spread across it that is negative by less is none
 STATIONS = 5  # a linear taper's mass per length is quadratic, its polar inertia quartic: five stations are exact
 
 
@@ -38,12 +39,25 @@ class MassLine(Protocol):
         """One prismatic segment, for which the transcendental solution holds."""
         ...
 
+    @property
+    def steps(self) -> tuple[float, ...]:
+        """x where mass is concentrated [m]."""
+        ...
+
+    def hinge_lines(self, port: str) -> tuple[float, ...]:
+        """x of its compliant joints in a port [m]."""
+        ...
+
     def rigid_mass(self) -> Array:
         """`(6, 6)` mass matrix of the frozen appendage about the root."""
         ...
 
     def moments(self, start: float, end: float, *, closed: bool = False) -> Moments:
         """Moments of the stretch `[start, end)` about the root."""
+        ...
+
+    def behind(self, x: Array) -> Array:
+        """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m]."""
         ...
 
     def compliance(self, start: float, end: float, port: str) -> float:
@@ -88,6 +102,32 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
+class Beside:
+    """Mass beside the x axis: mean and spread of y and z at every x.
+
+    With x distributed as the mass line says, y and z have a mean that is linear in x and a constant covariance. That
+    reproduces any second moments, and every stretch of it is a physical body.
+
+    Args:
+        lean: `(2, 2)` rows y and z: value at the root [m] and slope.
+        spread: `(2, 2)` covariance about that mean [m^2].
+    """
+
+    lean: Array
+    spread: Array
+
+    def mass_matrix(self, mass: float, first: float, second: float) -> Array:
+        """`(6, 6)` about the root of a stretch with these moments along x."""
+        line = np.vstack([[0.0, 1.0], self.lean])  # x, y, z as linear functions of x
+        along = np.array([[mass, first], [first, second]])
+        moments = line @ along @ line.T
+        moments[1:, 1:] += mass * self.spread
+        centre = line @ np.array([mass, first]) / mass if mass > 0.0 else np.zeros(3)
+        about = moments - mass * np.outer(centre, centre)
+        return body_mass_matrix(mass, centre, np.trace(about) * np.eye(3) - about)
+
+
+@dataclass(frozen=True, eq=False)
 class SpreadMass:
     """A mass line from pieces and points: a `MassLine` without a beam.
 
@@ -97,6 +137,7 @@ class SpreadMass:
         pieces: smooth stretches.
         points: `(p, 5)` x [m], mass [kg], polar and rotary inertia in xy and xz [kg m^2].
         stiffness: per port an average bending or torsion stiffness [N m^2], where a search starts.
+        beside: where its mass lies beside the x axis; None: on it.
     """
 
     length: float
@@ -104,6 +145,7 @@ class SpreadMass:
     pieces: tuple[Piece, ...]
     points: Array
     stiffness: Mapping[str, float] = field(default_factory=dict)
+    beside: "Beside | None" = None
 
     @property
     def lumps(self) -> tuple[Lump, ...]:
@@ -111,9 +153,19 @@ class SpreadMass:
         return ()
 
     @property
+    def steps(self) -> tuple[float, ...]:
+        """x of its points [m]."""
+        return tuple(self.points[:, 0].tolist())
+
+    @property
     def uniform(self) -> bool:
         """Never: there is no beam to solve."""
         return False
+
+    def hinge_lines(self, port: str) -> tuple[float, ...]:
+        """None are known."""
+        del port
+        return ()
 
     def rigid_mass(self) -> Array:
         """`(6, 6)` about the root, as imported."""
@@ -121,6 +173,13 @@ class SpreadMass:
 
     def moments(self, start: float, end: float, *, closed: bool = False) -> Moments:
         """Moments of the stretch `[start, end)` about the root; `closed` takes in a point at `end` itself."""
+        edge, at = 1e-9 * self.length, self.points[:, 0]
+        inside = (start - edge <= at) & (at < end - edge)
+        if closed:
+            inside |= at >= end - edge
+        return Moments(*self._moments(start, end, inside))
+
+    def _moments(self, start: float, end: float, points: NDArray[np.bool_]) -> list[float]:
         total = np.zeros(6)
         xi, weights = gauss(6)
         for piece in self.pieces:
@@ -131,11 +190,19 @@ class SpreadMass:
             at = piece.at((x - piece.start) / piece.length)
             w = weights * (b - a) / 2.0
             total += [w @ at[:, 0], w @ (at[:, 0] * x), w @ (at[:, 0] * x**2), *(w @ at[:, 1:])]
-        edge = 1e-9 * self.length
-        for x, mass, *rotary in self.points:
-            if start - edge <= x < end - edge or (closed and x >= end - edge >= start):
-                total += [mass, mass * x, mass * x**2, *rotary]
-        return Moments(*(float(v) for v in total))
+        for x, mass, *rotary in self.points[points]:
+            total += [mass, mass * x, mass * x**2, *rotary]
+        return total.tolist()
+
+    def behind(self, x: Array) -> Array:
+        """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m]; a point there hangs before it."""
+        out: list[Array] = []
+        for at in np.asarray(x).tolist():
+            m = Moments(*self._moments(at, self.length, self.points[:, 0] > at + 1e-9 * self.length))
+            out.append(
+                straight_mass_matrix(m) if self.beside is None else self.beside.mass_matrix(m.mass, m.first, m.second)
+            )
+        return np.array(out)
 
     def compliance(self, start: float, end: float, port: str) -> float:
         """Rotation per unit moment from the average stiffness [rad/(N m)]."""
@@ -163,6 +230,8 @@ def line_of(beam: Beam) -> tuple[tuple[Piece, ...], Array]:
 def default_length(rigid_mass: Array) -> float:
     """Length of the uniform piece with the same centre and radius of gyration along x: a proposal, to be reported."""
     mass, first, second, *_ = _along(rigid_mass)
+    beside = _beside(rigid_mass)
+    second = second if beside is None else beside[0]
     centre = first / mass
     return float(centre + np.sqrt(3.0 * max(second / mass - centre**2, 0.0)))
 
@@ -171,9 +240,33 @@ def _along(rigid_mass: Array) -> tuple[float, float, float, float, float, float]
     """Mass, first and second moment along x, polar inertia, rotary inertia in xy and xz."""
     m = rigid_mass
     first = (m[1, 5] - m[2, 4]) / 2.0
-    second = min(m[4, 4], m[5, 5])
     mass = (m[1, 1] + m[2, 2]) / 2.0
+    second = min(m[4, 4], m[5, 5])
     return float(mass), float(first), float(second), float(m[3, 3]), float(m[5, 5] - second), float(m[4, 4] - second)
+
+
+def _beside(rigid_mass: Array) -> tuple[float, Beside] | None:
+    """Second moment along x [kg m^2] and where the mass lies beside the axis; None where no body has that mass matrix."""
+    mass = float(np.trace(rigid_mass[:3, :3])) / 3.0
+    coupling = (rigid_mass[3:, :3] + rigid_mass[:3, 3:].T) / 2.0 / mass
+    centre = (
+        np.array([coupling[2, 1] - coupling[1, 2], coupling[0, 2] - coupling[2, 0], coupling[1, 0] - coupling[0, 1]])
+        / 2.0
+    )
+    about = (rigid_mass[3:, 3:] + rigid_mass[3:, 3:].T) / 2.0
+    moments = np.trace(about) / 2.0 * np.eye(3) - about
+    own = moments - mass * np.outer(centre, centre)
+    if own[0, 0] <= 0.0:
+        return None
+    slope = own[1:, 0] / own[0, 0]
+    spread = own[1:, 1:] / mass - np.outer(slope, slope) * own[0, 0] / mass
+    values, vectors = np.linalg.eigh(spread)
+    size = float(moments[0, 0]) / mass
+    if values[0] < -FLAT * size:
+        return None
+    spread = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    lean = np.column_stack([centre[1:] - slope * centre[0], slope])
+    return float(moments[0, 0]), Beside(locked(lean), locked(spread))
 
 
 def spread(rigid_mass: ArrayLike, length: float, stiffness: Mapping[str, float] | None = None) -> SpreadMass:
@@ -191,6 +284,11 @@ def spread(rigid_mass: ArrayLike, length: float, stiffness: Mapping[str, float] 
     """
     rigid = np.asarray(rigid_mass, dtype=np.float64)
     mass, first, second, polar, rotary_xy, rotary_xz = _along(rigid)
+    beside = _beside(rigid)
+    if beside is not None:
+        second = beside[0]
+        yy, zz = beside[1].spread[0, 0], beside[1].spread[1, 1]
+        polar, rotary_xy, rotary_xz = mass * (yy + zz), mass * yy, mass * zz
     c, q = first / mass / length, second / mass / length**2  # on a unit length from here on
 
     def feasible(share: float) -> bool:
@@ -221,7 +319,9 @@ def spread(rigid_mass: ArrayLike, length: float, stiffness: Mapping[str, float] 
     shares = np.array([polar, rotary_xy, rotary_xz]) / mass
     pieces = (Piece(0.0, length, low * mass / length * np.array([[1.0, *shares]])),) if low > 0.0 else ()
     placed = np.array([[x, w, *(w * shares)] for x, w in points]).reshape(-1, 5)
-    return SpreadMass(length, locked(rigid), pieces, locked(placed), dict(stiffness or {}))
+    return SpreadMass(
+        length, locked(rigid), pieces, locked(placed), dict(stiffness or {}), None if beside is None else beside[1]
+    )
 
 
 def of_line(

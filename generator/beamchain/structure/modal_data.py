@@ -17,6 +17,7 @@ from beamchain.structure.mass_line import MassLine, Piece, default_length, line_
 from beamchain.structure.planes import into_planes, near_groups
 from beamchain.structure.rounding import MOTIONS, PRINTED, ROUNDING, settled
 
+SLIGHT = 1e-9  # part of a mode in a port, or of the rigid mass between two, that is rounding of whoever computed it
 EXACT = 1e-13  # relative precision of numbers that were not printed
 
 
@@ -159,6 +160,32 @@ class ModalData:
         """`(n,)` part of each mode's participation that lies outside its port, 0 to 1."""
         out = np.sqrt(np.clip(1.0 - np.max(self.shares, axis=1), 0.0, 1.0))
         return np.where(out < max(self.tolerance, 1e-12), 0.0, out)
+
+    @property
+    def parts(self) -> Array:
+        """`(n, 4)` part of each port in each mode's participation, 0 where only rounding moves it."""
+        out = np.sqrt(self.shares)
+        return np.where(out < max(self.tolerance, SLIGHT), 0.0, out)
+
+    @property
+    def groups(self) -> tuple[tuple[str, ...], ...]:
+        """Ports that modes or the rigid mass couple, those that a mode moves: one, or several that belong together."""
+        parts = self.parts
+        linked = (parts.T @ parts) > 0.0
+        across = np.abs(self.rigid_mass / np.outer(self.scale, self.scale)) > max(self.tolerance, SLIGHT)
+        for i, a in enumerate(PORTS):
+            for j, b in enumerate(PORTS):
+                linked[i, j] |= bool(np.any((np.abs(PORT_MOTION[a]).T @ across @ np.abs(PORT_MOTION[b])) > 0.0))
+        left, out = set(range(4)), list[tuple[str, ...]]()
+        while left:
+            group, reached = set[int](), {min(left)}
+            while reached != group:
+                group = reached
+                reached = group | {j for i in group for j in range(4) if linked[i, j]}
+            left -= group
+            if np.any(parts[:, sorted(group)] > 0.0):
+                out.append(tuple(PORTS[i] for i in sorted(group)))
+        return tuple(out)
 
     @property
     def mass_leak(self) -> float:

@@ -1,0 +1,347 @@
+"""Where an appendage is cut: hinges as evenly spaced as the modes let them be, real hinge lines and the user's kept.
+
+Modal tendons can give modes to a cut if the limp chain does not weigh more on the root than the residual mass of the
+modes (`chain.tendons`). The share of that residual mass which is left over is the cut's margin. It grows as the first
+hinges move towards the root, so that the most even cut with enough margin is the one wanted.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import minimize
+
+from beamchain.chain.chain import Freedom, Link
+from beamchain.chain.tendons import Modes, group_motion
+from beamchain.errors import RealisationError
+from beamchain.motion import PORT_MOTION, Array, shifted
+from beamchain.structure.mass_line import MassLine
+
+MARGIN = 0.02  # of the residual mass, that the inequality must leave
+SHORTEST = 1e-3  # of the length: a shorter link is none
+SPREADS = np.geomspace(0.5, 0.002, 24)  # first free hinge, in lengths
+POWERS = (1.0, 1.5, 2.0, 3.0, 4.0)  # how the others follow
+SWEEPS = 8  # of the relaxation towards even links
+STEPS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.03)
+MOST_ADDED = 4  # hinges tried beyond what the modes need
+NOTHING_LEFT = 1e-11  # of the rigid mass: less residual mass than this is none
+SAME_PLACE = 1e-9  # of the length
+TABLE = 1001  # stations of the mass behind them, between which is interpolated
+
+#: Motion of the root equal to a unit motion of a hinge at x: the first vector less x times the second.
+TURNS = {
+    port: (motion[:, -1], -shifted(np.array([-1.0, 0.0, 0.0])) @ motion[:, -1] + motion[:, -1])
+    for port, motion in PORT_MOTION.items()
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """A group of ports and how many hinges each needs.
+
+    Args:
+        modes: of the group.
+        counts: hinges per port.
+        fixed: per port, x of hinges that stand [m].
+    """
+
+    modes: Modes
+    counts: Mapping[str, int]
+    fixed: Mapping[str, tuple[float, ...]]
+
+    def more(self) -> "Wanted":
+        """The same with one more hinge in every port."""
+        return Wanted(self.modes, {port: count + 1 for port, count in self.counts.items()}, self.fixed)
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """Where the hinges stand.
+
+    Args:
+        x: `(c,)` from the root [m].
+        ports: per hinge, the ports in which it moves.
+        margin: least share of the residual mass that is left, over all groups.
+        added: hinges beyond what the modes need.
+    """
+
+    x: Array
+    ports: tuple[tuple[str, ...], ...]
+    margin: float
+    added: int
+
+    def shortest(self, length: float) -> float:
+        """Length of the shortest link over the whole."""
+        return shortest_link(self.x, length)
+
+
+def shortest_link(x: Array, length: float) -> float:
+    """Shortest distance between neighbouring hinges, root (where no hinge stands at it) and tip, over the length."""
+    edges = [*([] if x.size and x[0] <= SAME_PLACE * length else [0.0]), *x.tolist(), length]
+    return min(b - a for a, b in pairwise(edges)) / length
+
+
+@dataclass(eq=False)
+class _Search:
+    """Margins of candidate cuts of one appendage."""
+
+    line: MassLine
+    wanted: tuple[Wanted, ...]
+    further: tuple[float, ...]
+    rigid: Array = field(init=False)
+    _grid: Array = field(init=False)
+    _behind: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        length = self.line.length
+        steps = np.array([[x, x + 1e-8 * length] for x in self.line.steps]).ravel()
+        self._grid = np.unique(np.concatenate([np.linspace(0.0, length, TABLE), steps]))
+        table = self.line.behind(np.concatenate([[-length], self._grid]))
+        self.rigid, self._behind = table[0], table[1:]
+
+    def behind(self, x: Array) -> Array:
+        """`(c, 6, 6)` mass matrix behind each of `x` `(c,)`, from a table: good enough to choose by."""
+        at = np.clip(np.searchsorted(self._grid, x, side="right") - 1, 0, self._grid.size - 2)
+        part = (x - self._grid[at]) / (self._grid[at + 1] - self._grid[at])
+        low, high = self._behind[at], self._behind[at + 1]
+        return low + np.clip(part, 0.0, 1.0)[:, None, None] * (high - low)
+
+    def margin(self, group: Wanted, x: Array, freedoms: Sequence[Freedom], behind: Array) -> float:
+        """Least eigenvalue of what the inequality leaves, over the residual mass (and the further ports' own).
+
+        Args:
+            group: whose modes.
+            x: `(c,)` hinges [m].
+            freedoms: of the group.
+            behind: `(c, 6, 6)` mass matrix behind each hinge.
+        """
+        motion = group_motion(group.modes.ports)
+        at = np.array([i for i, _ in freedoms])
+        own = np.array([TURNS[p][0] - x[i] * TURNS[p][1] for i, p in freedoms]).T
+        pulled = np.einsum("fij,jf->if", behind[at], own)  # momentum of what moves, per freedom
+        kinematics = motion.T @ pulled
+        later = np.maximum(at[:, None], at[None, :])
+        inertia = np.einsum("if,fgij,jg->fg", own, behind[later], own)
+        rows = [kinematics]
+        for place in self.further:
+            moved = motion.T @ shifted(np.array([place, 0.0, 0.0])) @ own
+            rows.append(moved * (x[at] < place))
+        stack = np.vstack(rows)
+        try:
+            root = np.linalg.cholesky(inertia)
+        except np.linalg.LinAlgError:
+            return -np.inf
+        unit = np.linalg.solve(root, stack.T).T
+        left = unit @ unit.T - group.modes.rows.T @ group.modes.rows
+        m = motion.shape[1]
+        mass = motion.T @ self.rigid @ motion
+        part = group.modes.rows[:, :m]
+        floor = NOTHING_LEFT * np.diag(np.diag(mass))
+        blocks = [mass - part.T @ part + floor]
+        for k in range(1, len(rows)):
+            own_rows = unit[k * m : (k + 1) * m]
+            blocks.append(own_rows @ own_rows.T)
+        left[:m, :m] += floor
+        return _least_share(left, blocks)
+
+    def assigned(self, x: Array) -> tuple[float, list[list[Freedom]], list[float]]:
+        """Least margin, and per group its freedoms and margin, for hinges at `x`."""
+        behind = self.behind(x)
+        chosen: list[list[Freedom]] = []
+        margins: list[float] = []
+        for group in self.wanted:
+            best: tuple[float, list[Freedom]] = (-np.inf, [])
+            for nearest in (False, True):
+                freedoms = sorted(
+                    (
+                        (i, port)
+                        for port, count in group.counts.items()
+                        for i in self._places(group, port, count, x, nearest)
+                    ),
+                )
+                value = self.margin(group, x, freedoms, behind)
+                if value > best[0]:
+                    best = value, freedoms
+                if value >= MARGIN:
+                    break
+            chosen.append(best[1])
+            margins.append(best[0])
+        return min(margins), chosen, margins
+
+    def _places(self, group: Wanted, port: str, count: int, x: Array, nearest: bool) -> list[int]:
+        """Numbers of the hinges of a port: those that stand, and of the others every so manieth or those at the root."""
+        close = SAME_PLACE * self.line.length
+        own = [i for i, at in enumerate(x) if any(abs(at - f) <= close for f in group.fixed.get(port, ()))]
+        others = [i for i in range(x.size) if i not in own]
+        more = min(count - len(own), len(others))
+        if more <= 0:
+            return own
+        pick = range(more) if nearest else [k * len(others) // more for k in range(more)]
+        return [*own, *(others[k] for k in pick)]
+
+    def value(self, x: Array) -> float:
+        """Least margin of hinges at `x`; -inf where a link is too short."""
+        if shortest_link(x, self.line.length) < SHORTEST or np.any(np.diff(x) <= 0.0):
+            return -np.inf
+        return self.assigned(x)[0]
+
+
+def _least_share(left: Array, blocks: Sequence[Array]) -> float:
+    """Least eigenvalue of `left` with each diagonal block scaled by the inverse root of its own measure."""
+    size = left.shape[0]
+    scale = np.zeros((size, size))
+    at = 0
+    for block in blocks:
+        try:
+            scale[at : at + len(block), at : at + len(block)] = np.linalg.inv(np.linalg.cholesky(block))
+        except np.linalg.LinAlgError:
+            return -np.inf
+        at += len(block)
+    with np.errstate(all="ignore"):
+        unit = scale @ left @ scale.T
+    return float(np.linalg.eigvalsh(unit)[0]) if np.all(np.isfinite(unit)) else -np.inf
+
+
+def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float], further: Sequence[float] = ()) -> Cut:
+    """The most even cut that holds the modes.
+
+    Args:
+        line: how the mass lies.
+        wanted: per group of ports.
+        lines: x where hinges must stand [m].
+        further: x of further ports that must be exact too [m].
+
+    Raises:
+        RealisationError: no cut holds them; by how much, and what would.
+    """
+    length = line.length
+    fixed = _merged([*lines, *(x for group in wanted for places in group.fixed.values() for x in places)], length)
+    groups = list(wanted)
+    first: str | None = None
+    for added in range(MOST_ADDED + fixed.size + 1):
+        search = _Search(line, tuple(groups), tuple(further))
+        size = max(fixed.size, *(count for group in groups for count in group.counts.values()))
+        x, margin = _best(search, fixed, size - fixed.size)
+        if margin >= MARGIN:
+            x = _even(search, x, fixed)
+            margin, chosen, _ = search.assigned(x)
+            ports = [tuple(p for group in chosen for i, p in group if i == k) for k in range(x.size)]
+            used = [k for k in range(x.size) if ports[k]]
+            return Cut(x[used], tuple(ports[k] for k in used), margin, added)
+        margins = search.assigned(x)[2] if np.isfinite(margin) else [-np.inf] * len(groups)
+        if first is None:
+            first = _told(groups, margins)
+        groups = [g.more() if m < MARGIN else g for g, m in zip(groups, margins, strict=True)]
+    raise RealisationError(
+        f"no cut of the appendage holds these modes: {first}, and {MOST_ADDED + fixed.size} further hinges do not mend it; "
+        "keep fewer modes, or check the rigid mass and the participation."
+    )
+
+
+def _told(groups: Sequence[Wanted], margins: Sequence[float]) -> str:
+    k = int(np.argmin(margins))
+    ports = " and ".join(groups[k].modes.ports)
+    if not np.isfinite(margins[k]):
+        return f"the modes in {ports} leave no positive residual mass"
+    return f"in {ports} the limp chain weighs {1.0 - margins[k]:.3g} times the residual mass, where {1.0 - MARGIN:g} is the limit"
+
+
+def _merged(places: Sequence[float], length: float) -> Array:
+    out: list[float] = []
+    for x in sorted(places):
+        if not out or x - out[-1] > SAME_PLACE * length:
+            out.append(x)
+    return np.array(out)
+
+
+def _best(search: _Search, fixed: Array, free: int) -> tuple[Array, float]:
+    """Hinges with enough margin and the longest shortest link; else those with the largest margin."""
+    if free <= 0:
+        return fixed, search.value(fixed)
+    length = search.line.length
+    good: tuple[float, Array, float] | None = None
+    most: tuple[float, Array] = (-np.inf, fixed)
+    for p in POWERS if free > 1 else POWERS[:1]:
+        low, high = 0, SPREADS.size  # the margin grows as the first hinge nears the root
+        while low < high:
+            middle = (low + high) // 2
+            s = float(SPREADS[middle]) ** (1.0 / p)
+            own = length * (s + (1.0 - s) * np.arange(free) / free) ** p
+            x = np.sort(np.concatenate([fixed, own]))
+            margin, short = search.value(x), shortest_link(x, length)
+            if margin >= MARGIN:
+                high = middle
+                if good is None or short > good[0]:
+                    good = short, x, margin
+            else:
+                low = middle + 1 if short >= SHORTEST else low
+                high = high if short >= SHORTEST else middle
+                if margin > most[0]:
+                    most = margin, x
+    if good is not None:
+        return good[1], good[2]
+    return _climbed(search, fixed, *most)
+
+
+def _climbed(search: _Search, fixed: Array, margin: float, x: Array) -> tuple[Array, float]:
+    """The margin raised from a start, hinges between 0 and the tip."""
+    if not np.isfinite(margin):
+        return x, margin
+    length = search.line.length
+    own = np.array([v for v in x if not np.any(np.abs(fixed - v) <= SAME_PLACE * length)])
+
+    def places(free: Array) -> Array:
+        return np.sort(np.concatenate([fixed, length / (1.0 + np.exp(-free))]))
+
+    def lost(free: Array) -> float:
+        value = search.value(places(free))
+        return np.log(1.0 - value) if np.isfinite(value) else 50.0
+
+    found = minimize(
+        lost, np.log(own / (length - own)), method="Nelder-Mead",
+        options={"maxfev": 60 * own.size, "xatol": 1e-3, "fatol": 1e-3},
+    )  # fmt: skip
+    better = places(found.x)
+    value = search.value(better)
+    return (better, value) if value > margin else (x, margin)
+
+
+def _even(search: _Search, x: Array, fixed: Array) -> Array:
+    """The cut with its free hinges moved towards the middles of their neighbours as far as the margin allows."""
+    length = search.line.length
+    x = x.copy()
+    for _ in range(SWEEPS):
+        before = x.copy()
+        for i in range(x.size):
+            if np.any(np.abs(fixed - x[i]) <= SAME_PLACE * length):
+                continue
+            low, high = x[i - 1] if i else 0.0, x[i + 1] if i + 1 < x.size else length
+            for step in STEPS:
+                moved = x.copy()
+                moved[i] += step * ((low + high) / 2.0 - x[i])
+                if abs(moved[i] - x[i]) > 1e-6 * length and search.value(moved) >= MARGIN:
+                    x = moved
+                    break
+        if np.max(np.abs(x - before)) < 1e-4 * length:
+            break
+    return x
+
+
+def bodies(line: MassLine, x: Array) -> list[Link]:
+    """The appendage's own rigid pieces between the hinges, as they are; see `polar.settled` for thin ones."""
+    behind = line.behind(np.concatenate([[-line.length], x]))
+    pieces = [*(a - b for a, b in pairwise(behind)), behind[-1]]
+    edges = [0.0, *x.tolist(), line.length]
+    out: list[Link] = []
+    for a, b, matrix in zip(edges[:-1], edges[1:], pieces, strict=True):
+        mass = float(np.trace(matrix[:3, :3])) / 3.0
+        if mass <= 0.0:
+            out.append(Link(a, b - a, 0.0, a, (0.0, 0.0, 0.0)))
+            continue
+        centre = np.array([matrix[1, 5] - matrix[2, 4], 2.0 * matrix[2, 3], -2.0 * matrix[1, 3]]) / 2.0 / mass
+        about = matrix[3:, 3:] - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        inertia = (float(about[0, 0]), float(about[1, 1]), float(about[2, 2]))
+        products = (float(about[0, 1]), float(about[0, 2]), float(about[1, 2]))
+        out.append(Link(a, b - a, mass, float(centre[0]), inertia, (float(centre[1]), float(centre[2])), products))
+    return out

@@ -1,0 +1,243 @@
+"""Modal tendons: any modes on any bodies, exactly, by one fixed tendon per mode.
+
+Cut an appendage into rigid bodies with its rigid mass matrix `R` and join them by N hinges. With the root held, the mass
+matrix over (root motions, hinges) is `[[R, P], [P^T, Q]]`. Modes with frequencies `w_k` and participation `L_k` can be
+given to these bodies by stiffness and armature between the hinges if and only if
+
+    sum_k L_k L_k^T <= P Q^-1 P^T    and    N >= n + rank P - rank L,
+
+that is, if the limp chain does not weigh more on the root than the residual mass of the modes. Every mode is then one
+fixed tendon whose length is the modal coordinate. Rows for a further port stack below those of the root.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from beamchain.chain.chain import Chain, Freedom, Tendon
+from beamchain.errors import RealisationError
+from beamchain.motion import PORT_MOTION, Array, shifted
+from beamchain.port import Shapes
+
+SINGULAR = 1e-9  # relative singular value of P below which a motion of the root is not reached by the hinges
+TOO_HEAVY = 1e-9  # relative, of what is rounding
+PASSES = 400  # of the projection towards the real mode shapes; each costs some microseconds
+STILL = 1e-12  # change of a pass at which the projection has settled
+RAISED = 0.3  # least singular value on what the root does not see: a smaller one would need heavy armature
+DROPPED = 1e-13  # relative armature that is rounding
+FILLER = 2.0  # frequency of a filler mode over that of the last mode kept
+WORST_CONDITION = 1e3  # of the modes in hinge coordinates, beyond which digits are lost
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """What a group of ports is given.
+
+    Args:
+        ports: that the modes move: one, or several that they couple.
+        frequencies: `(n,)` [rad/s].
+        rows: `(n, m)` participation in the motions of the root, then the motion of any further port.
+        damping: `(n,)` ratios.
+        shapes: of the real modes along the appendage, for one port; None: not known.
+        momenta: `(n, f)` what the real modes are worth in the hinges' own motions; see `on`.
+        numbers: `(n,)` of the modes, from 1, for their names; 1, 2, ... where left out.
+        weights: per port, how many of the modes move it most; every port of the group where left out.
+    """
+
+    ports: tuple[str, ...]
+    frequencies: Array
+    rows: Array
+    damping: Array
+    shapes: Shapes | None = None
+    momenta: Array | None = None
+    numbers: tuple[int, ...] = ()
+    weights: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """Ports that get hinges: those that a mode moves."""
+        return tuple(port for port in self.ports if self.weights.get(port, 0.0) > 0.0 or not self.weights)
+
+    def on(self, hinges: Array) -> "Modes":
+        """The modes seen from hinges at `(f,)` x of their freedoms [m]."""
+        return self if self.shapes is None else replace(self, momenta=self.shapes.momenta(hinges))
+
+
+def modal_matrix(kinematics: Array, inertia: Array, modes: Modes) -> tuple[Array, Array]:
+    """The modes in hinge coordinates.
+
+    Args:
+        kinematics: `(m, f)` P over the rows of further ports.
+        inertia: `(f, f)` Q.
+        modes: what is wanted.
+
+    Returns:
+        T `(f, f)`: columns are mass-normalised modes, wanted ones first, and the armature `(f, f)` they need.
+
+    Raises:
+        RealisationError: the modes cannot be given to these bodies, or they are too nearly dependent.
+    """
+    n, size = modes.frequencies.size, inertia.shape[0]
+    root = np.linalg.cholesky(inertia)
+    unit = np.linalg.solve(root, kinematics.T).T
+    scale = np.sqrt(np.sum(unit**2, axis=1))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    left, s, right = np.linalg.svd(unit / scale[:, None])
+    rank = int(np.sum(s > SINGULAR * s[0]))
+    seen, unseen = right[:rank].T, right[rank:].T
+    b = (left[:, :rank].T @ (modes.rows / scale).T) / s[:rank, None]
+    _, values, vt = np.linalg.svd(b)
+    count = int(np.sum(values > SINGULAR * max(values[0], 1e-300))) if values.size else 0
+    if size < n + rank - count:
+        raise RealisationError(
+            f"{size} hinges hold {max(size - rank + count, 0)} of the {n} modes asked for; give {n + rank - count} hinges."
+        )
+    if np.any(values > 1.0 + TOO_HEAVY):
+        raise RealisationError(
+            f"the modes move {float(values[0]) ** 2:.6g} times the mass that the limp chain lets go, where 1 is the limit; "
+            "cut the appendage nearer to its root, or keep fewer modes."
+        )
+    values = np.minimum(values, 1.0)
+    gaps = np.ones(n)
+    gaps[: values.size] = np.sqrt(np.maximum(1.0 - values**2, 0.0))
+    lift = (vt.T * gaps) @ vt
+    free = vt[count:].T
+    guide = None if modes.momenta is None else unseen.T @ np.linalg.solve(root, modes.momenta.T)
+    u = np.column_stack([seen @ b + unseen @ _turned(lift, free, unseen.shape[1], guide) @ lift, np.zeros((size, 0))])
+    if size > n:
+        u = np.column_stack([u, np.linalg.svd(u, full_matrices=True)[0][:, n:]])
+    stretch = np.linalg.svd(u, compute_uv=False)
+    if stretch[-1] * WORST_CONDITION < stretch[0]:
+        raise RealisationError(
+            f"the modes on these hinges are too nearly dependent (condition {stretch[0] / max(stretch[-1], 1e-300):.1e}, "
+            f"limit {WORST_CONDITION:g}); keep fewer modes, or cut the appendage elsewhere."
+        )
+    missing = np.linalg.inv(u @ u.T) - np.eye(size)
+    return np.asarray(np.linalg.solve(root.T, u), dtype=np.float64), root @ ((missing + missing.T) / 2.0) @ root.T
+
+
+def _turned(lift: Array, free: Array, size: int, guide: Array | None) -> Array:
+    """`(size, n)` Z with no singular value above 1: nearest to the real mode shapes, never flat where the root is blind.
+
+    Args:
+        lift: `(n, n)` square root of what the root leaves open.
+        free: `(n, k)` combinations of modes that the root does not see.
+        size: hinge motions that the root does not see.
+        guide: `(size, n)` the real modes in those motions; None: any will do.
+    """
+    n = lift.shape[0]
+    if guide is None:  # an isometry: first on what the root does not see, then on the rest
+        rest = np.linalg.svd(free, full_matrices=True)[0][:, free.shape[1] :] if free.size else np.eye(n)
+        basis = np.column_stack([free, rest])[:, :size]
+        return np.eye(size)[:, : basis.shape[1]] @ basis.T
+    z = np.zeros((size, n))
+    for _ in range(PASSES):
+        last = z
+        z = _clipped(z - (z @ lift - guide) @ lift)
+        if np.max(np.abs(z - last), initial=0.0) < STILL:
+            break
+    if free.size:
+        left, s, right = np.linalg.svd(z @ free, full_matrices=False)
+        z = z + (left * (np.maximum(s, RAISED) - s)) @ right @ free.T
+    return _clipped(z)
+
+
+def _clipped(z: Array) -> Array:
+    left, s, right = np.linalg.svd(z, full_matrices=False)
+    return (left * np.minimum(s, 1.0)) @ right
+
+
+def given_modes(chain: Chain, groups: Sequence[Modes], further: Sequence[float] = (), ratio: float = 0.0) -> Chain:
+    """The chain with tendons that give it the wanted modes, exactly.
+
+    Args:
+        chain: bodies, and hinges without springs in the ports of the groups.
+        groups: what each group of ports is given; ports of different groups must not couple in these bodies.
+        further: x of the further ports whose rows stand below the root's [m].
+        ratio: damping ratio of the modes that surplus hinges have.
+    """
+    tendons: list[Tendon] = []
+    armatures: list[Tendon] = []
+    for group in groups:
+        freedoms = chain.freedoms(group.ports)
+        motion = group_motion(group.ports)
+        rigid, elastic = chain.rows(freedoms)
+        kinematics = np.vstack(
+            [(rigid @ motion).T @ elastic, *(port_rows(chain, freedoms, motion, x) for x in further)]
+        )
+        inertia = elastic.T @ elastic
+        shapes, armature = modal_matrix(kinematics, inertia, group)
+        n = group.frequencies.size
+        top = FILLER * float(group.frequencies[-1])
+        frequencies = np.concatenate([group.frequencies, np.full(len(freedoms) - n, top)])
+        ratios = np.concatenate([group.damping, np.full(len(freedoms) - n, ratio)])
+        numbers = group.numbers or tuple(range(1, n + 1))
+        port = f"_{group.ports[0]}" if len(group.ports) == 1 else ""
+        for k, along in enumerate(np.linalg.inv(shapes)):
+            w, label = float(frequencies[k]), f"mode{numbers[k]}{port}" if k < n else f"filler{k + 1 - n}{port}"
+            tendons.append(Tendon(label, freedoms, along, w**2, 2.0 * float(ratios[k]) * w))
+        armatures += _armatures(freedoms, armature, inertia)
+    armatures = [replace(t, label=f"armature{k}") for k, t in enumerate(armatures, 1)]
+    return replace(chain, tendons=(*tendons, *armatures))
+
+
+def _armatures(freedoms: tuple[Freedom, ...], armature: Array, inertia: Array) -> list[Tendon]:
+    """Inertia between hinges as tendons along its own directions."""
+    root = np.linalg.cholesky(inertia)
+    half = np.linalg.solve(root, armature)
+    values, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
+    return [
+        Tendon("armature", freedoms, root @ vector, armature=float(value))
+        for value, vector in zip(values, vectors.T, strict=True)
+        if value > DROPPED
+    ]
+
+
+def group_motion(ports: Sequence[str]) -> Array:
+    """`(6, m)` motions of the root that belong to some ports."""
+    return np.column_stack([PORT_MOTION[port] for port in ports])
+
+
+def port_rows(chain: Chain, freedoms: Sequence[Freedom], motion: Array, x: float) -> Array:
+    """`(m, f)` motion of the appendage's point at `x` per hinge freedom, root held: what stands before x does not move."""
+    place = shifted(np.array([x, 0.0, 0.0]))
+    columns = [motion.T @ place @ chain.freedom_motion(f) * (chain.hinges[f[0]].x < x) for f in freedoms]
+    return np.column_stack([np.zeros((motion.shape[1], 0)), *columns])
+
+
+def springs_as_modes(chain: Chain, damping: Mapping[str, Array]) -> Chain:
+    """A chain with springs on its hinges as the same chain with one tendon per mode, which has the mode's own damping.
+
+    Args:
+        chain: with springs on all its hinges.
+        damping: per port `(n,)` ratios.
+    """
+    tendons = [t for port in chain.ports for t in _modes_of(chain, port, damping[port], springs=True)]
+    loose = tuple(replace(hinge, stiffness=dict.fromkeys(hinge.stiffness, 0.0)) for hinge in chain.hinges)
+    return replace(chain, hinges=loose, tendons=tuple(tendons))
+
+
+def damped_modes(chain: Chain, damping: Mapping[str, Array]) -> Chain:
+    """A chain that keeps its springs on its hinges, with a damping tendon for each of the first modes.
+
+    Args:
+        chain: with springs on all its hinges.
+        damping: per port `(k,)` ratios of its first k modes.
+    """
+    tendons = [t for port in damping for t in _modes_of(chain, port, damping[port], springs=False) if t.damping > 0.0]
+    return replace(chain, tendons=(*chain.tendons, *tendons))
+
+
+def _modes_of(chain: Chain, port: str, ratios: Array, *, springs: bool) -> list[Tendon]:
+    """The first modes of a port, as many as `ratios` `(k,)`, as tendons over its hinges."""
+    modes = chain.port(port)
+    freedoms = chain.freedoms([port])
+    _, elastic = chain.rows(freedoms)
+    momenta = chain.shapes(port, modes) @ elastic.T @ elastic  # rows of the inverse of the modal matrix
+    out: list[Tendon] = []
+    for k in range(min(modes.modes, ratios.size)):
+        w = float(modes.frequencies[k])
+        spring, damper = w**2 if springs else 0.0, 2.0 * float(ratios[k]) * w
+        out.append(Tendon(f"mode{k + 1}_{port}", freedoms, momenta[k], spring, damper))
+    return out
