@@ -28,6 +28,8 @@ STEPS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.03)
 MOST_CHOICES = 24  # of hinges for a port that needs fewer than there are
 MOST_ADDED = 4  # hinges tried beyond what the modes need
 NOTHING_LEFT = 1e-11  # of the rigid mass: less residual mass than this is none
+ROUNDED = 1e-13  # of the whole inertia: what differences of its parts lose
+FLAT = 1e-12  # of the largest second moment: thickness of a lamina
 SAME_PLACE = 1e-9  # of the length
 TABLE = 1001  # stations of the mass behind them, between which is interpolated
 
@@ -361,6 +363,16 @@ def _even(search: _Search, x: Array, fixed: Array) -> Array:
     return x
 
 
+def _rounded(about: Array, noise: float) -> Array:
+    """`(3, 3)` inertia about the centre, no second moment below zero by rounding: a lamina's is nothing across it."""
+    moments = np.trace(about) / 2.0 * np.eye(3) - about
+    values, axes = np.linalg.eigh(moments)
+    if not -noise < values[0] < FLAT * values[2]:
+        return about
+    values = np.maximum(values, FLAT * values[2])
+    return float(np.sum(values)) * np.eye(3) - (axes * values) @ axes.T
+
+
 def bodies(line: MassLine, x: Array) -> list[Link]:
     """The appendage's own rigid pieces between the hinges, as they are; see `polar.settled` for thin ones."""
     behind = line.behind(np.concatenate([[-line.length], x]))
@@ -374,6 +386,7 @@ def bodies(line: MassLine, x: Array) -> list[Link]:
             continue
         centre = np.array([matrix[1, 5] - matrix[2, 4], 2.0 * matrix[2, 3], -2.0 * matrix[1, 3]]) / 2.0 / mass
         about = matrix[3:, 3:] - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        about = _rounded(about, ROUNDED * float(np.trace(behind[0][3:, 3:])))
         inertia = (float(about[0, 0]), float(about[1, 1]), float(about[2, 2]))
         products = (float(about[0, 1]), float(about[0, 2]), float(about[1, 2]))
         out.append(Link(a, b - a, mass, float(centre[0]), inertia, (float(centre[1]), float(centre[2])), products))
