@@ -28,7 +28,7 @@ Everything here is plain numpy, takes arrays of any one shape, and knows nothing
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -138,9 +138,9 @@ def step_sums(first: Complex, second: Complex, timestep: float) -> tuple[Array, 
         second: `s2`, its conjugate (or the other real one).
         timestep: `h` [s].
     """
-    a = np.exp((first + second) * timestep).real
-    b = (np.expm1(first * timestep) * np.expm1(second * timestep)).real
-    return a, b
+    a = np.exp((first + second) * timestep)
+    b = np.expm1(first * timestep) * np.expm1(second * timestep)
+    return np.real(a), np.real(b)
 
 
 def placed(
@@ -179,7 +179,7 @@ def placed(
         np.asarray(first, dtype=np.complex128),
         np.asarray(second, dtype=np.complex128),
     )
-    own = -(s1 + s2).real if damping is None else np.broadcast_to(np.asarray(damping, dtype=np.float64), k.shape)
+    own = -np.real(s1 + s2) if damping is None else np.broadcast_to(np.asarray(damping, dtype=np.float64), k.shape)
     turn = np.maximum(np.abs(s1), np.abs(s2)) * h
     slowed = turn > limit
     none = np.zeros(k.shape, dtype=np.bool_)
@@ -189,7 +189,7 @@ def placed(
     back = np.where(slowed, limit / np.maximum(turn, 1e-300), 1.0)
     a, b = step_sums(s1 * back, s2 * back, h)
     mass = h**2 * k / b
-    drag = -mass * np.expm1((s1 + s2).real * back * h) / h
+    drag = -mass * np.expm1(np.real(s1 + s2) * back * h) / h
     if scheme.implicit_damping:
         mass = a * mass
     clamped = mass < 1.0 - 1e-12
@@ -255,8 +255,8 @@ def step_pole(integrator: str, mass: ArrayLike, damping: ArrayLike, stiffness: A
         s = (-c + np.sqrt((c**2 - 4.0 * m * k).astype(np.complex128))) / (2.0 * m) * h
         other = -c / m * h - s
 
-        def polynomial(v: Complex) -> Complex:
-            return 1.0 + v * (1.0 + v / 2.0 * (1.0 + v / 3.0 * (1.0 + v / 4.0)))
+        def polynomial(v: NDArray[Any]) -> Complex:
+            return np.asarray(1.0 + v * (1.0 + v / 2.0 * (1.0 + v / 3.0 * (1.0 + v / 4.0))), dtype=np.complex128)
 
         z, twin = polynomial(s), polynomial(other)
         return np.where(np.abs(twin) > np.abs(z) * (1.0 + 1e-12), twin, z)
@@ -312,8 +312,8 @@ def start_rate(position: ArrayLike, rate: ArrayLike, frequency: ArrayLike, ratio
     h, x = float(timestep), np.asarray(frequency, dtype=np.float64) * timestep
     y = x * np.sqrt((1.0 - zeta**2).astype(np.complex128))
     small = np.abs(y) < 1e-6
-    sinc = np.where(small, 1.0 - y**2 / 6.0, np.sin(y) / np.where(small, 1.0, y)).real
+    sinc = np.real(np.where(small, 1.0 - y**2 / 6.0, np.sin(y) / np.where(small, 1.0, y)))
     grown = np.exp(zeta * x)
     # q(-h) = exp(zeta x) (q0 cos y - h (v0 + zeta w q0) sin(y)/y)
-    gone = 2.0 * (np.sin(y / 2.0) ** 2).real  # 1 - cos y
+    gone = 2.0 * np.real(np.sin(y / 2.0) ** 2)  # 1 - cos y
     return (q * (gone * grown - np.expm1(zeta * x)) + grown * h * (v + zeta * w * q) * sinc) / h
