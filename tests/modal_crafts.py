@@ -132,9 +132,7 @@ def craft(parts, mass, inertia, offset=1.0, ratio=0.0, scale=1.0) -> Craft:
         d[here, here] = a.rows.T @ np.diag(2 * ratios * w) @ a.rows
         bodies.append(body_text(a.chain, name, (offset * cos, offset * sin), angle))
         for i, row in enumerate(a.rows):
-            joints = "".join(
-                f'<joint joint="{name}_hinge{j + 1}_xy" coef="{number(c)}"/>' for j, c in enumerate(row)
-            )
+            joints = "".join(f'<joint joint="{name}_hinge{j + 1}_xy" coef="{number(c)}"/>' for j, c in enumerate(row))
             tendons.append(
                 f'<fixed name="{name}_mode{i + 1}_xy" limited="false" stiffness="{number(w[i] ** 2)}" '
                 f'damping="{number(2 * ratios[i] * w[i])}" armature="0" frictionloss="0" springlength="0">{joints}</fixed>'
@@ -154,7 +152,11 @@ def body_text(chain, name, at, angle) -> str:
     for i in reversed(range(len(chain.links))):
         link = chain.links[i]
         start = starts[i]
-        joint = f'<joint name="{name}_hinge{i}_xy" type="hinge" axis="0 0 1" stiffness="0" damping="0" armature="0"/>' if i else ""
+        joint = (
+            f'<joint name="{name}_hinge{i}_xy" type="hinge" axis="0 0 1" stiffness="0" damping="0" armature="0"/>'
+            if i
+            else ""
+        )
         place = (
             f'pos="{number(start - starts[i - 1])} 0 0"'
             if i
@@ -174,7 +176,10 @@ def uniform_beam_truth(modes: int, mass=500.0, inertia=500.0, offset=1.0) -> tup
     line, bend = 7800.0 * area, 2.06e11 * second
     beam = line * length
     lam = np.array(
-        [brentq(lambda v: np.cos(v) + 1 / np.cosh(v), (i + 0.5) * np.pi - 1.0, (i + 0.5) * np.pi + 1.0) for i in range(modes)]
+        [
+            brentq(lambda v: np.cos(v) + 1 / np.cosh(v), (i + 0.5) * np.pi - 1.0, (i + 0.5) * np.pi + 1.0)
+            for i in range(modes)
+        ]
     )
     sigma = (np.cosh(lam) + np.cos(lam)) / (np.sinh(lam) + np.sin(lam))
     # mass-normalised: integral of phi = 2 sigma/lam, of x phi = 2/lam^2

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
+from beamchain.assess.one_step import runge_kutta_limit
 from beamchain.checks import not_negative, one_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS
@@ -213,7 +214,8 @@ def stability(integrator: str, c: Array, stiffness: Array, damping: Array, armat
     """`h^2 lambda_max` of modal springs and dampers on a craft: the step is stable below 4, RK4's below 8.
 
     The pencil is `(h^2 K + 2 h D, C + mu)` where tendon damping is explicit, `(h^2 K - 2 h D, C + mu)` where it is
-    implicit (a pole leaves the unit circle at z = -1), for RK4 `(h^2 K, C + mu)`.
+    implicit (a pole leaves the unit circle at z = -1). For RK4 it is `(h^2 K, C + mu)` undamped; damped, 8 times the squared
+    ratio of the step to the largest one that its polynomial takes.
 
     Args:
         integrator: MuJoCo's name.
@@ -224,8 +226,18 @@ def stability(integrator: str, c: Array, stiffness: Array, damping: Array, armat
         timestep: h [s].
     """
     h = float(timestep)
+    if integrator == "RK4" and np.any(damping):
+        return _explicit(c + armature, stiffness, damping, h)
     sign = 0.0 if integrator == "RK4" else -1.0 if discrete.SCHEMES[integrator].implicit_damping else 1.0
     return float(np.max(eigh(h**2 * stiffness + 2.0 * sign * h * damping, c + armature, eigvals_only=True)))
+
+
+def _explicit(mass: Array, stiffness: Array, damping: Array, h: float) -> float:
+    n = mass.shape[0]
+    root = np.linalg.inv(np.linalg.cholesky(mass))
+    k, d = root @ stiffness @ root.T, root @ damping @ root.T
+    poles = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-(h**2) * k, -h * d]])).astype(np.complex128)
+    return 8.0 * max(1.0 / runge_kutta_limit(complex(p)) ** 2 for p in poles if p.imag >= 0.0)
 
 
 def _limit(integrator: str) -> float:
@@ -334,7 +346,7 @@ def _form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: 
                 stiff, drag, extra = w**2, t.damping, t.mass - 1.0
             else:
                 # u = V^T K y: springs of 1 each; scaled to unit mass with everything else free
-                v = eigh(mu[g] + mu[g].T, 2.0 * k[g])[1]
+                v = eigh((mu[g] + mu[g].T) / 2.0, k[g])[1]
                 rows = v.T @ k[g]
                 scale = np.einsum("ij,jk,ik->i", rows, flexible[g], rows)
                 rows = rows / np.sqrt(scale)[:, None]
