@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from scipy.optimize import linear_sum_assignment
 
 from beamchain.errors import InputError
 from beamchain.steps.inputs import HeldInput
@@ -36,8 +37,9 @@ def pole_errors(made, model):
     wanted = made.poles()
     z = np.linalg.eigvals(step_matrix(model))
     s = np.log(z[(np.abs(z - 1) > 1e-5) & (z.imag > 0)]) / h
-    s = s[np.argsort(s.imag)][: wanted.size]
-    return np.abs(s - wanted)[np.abs(wanted) * h < 2.6] / np.abs(wanted)[np.abs(wanted) * h < 2.6]
+    wanted = wanted[np.abs(wanted) * h < 2.6]
+    s = s[linear_sum_assignment(np.abs(s[None, :] - wanted[:, None]) / np.abs(wanted)[:, None])[1]]
+    return np.abs(s - wanted) / np.abs(wanted)
 
 
 def largest_growth(model):

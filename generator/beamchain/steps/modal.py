@@ -8,7 +8,7 @@ only; these have `limited="false"`. Its five numbers are
 
     solimplimit = "timestep  integrator  form  damping  stiffness"
 
-the step [s], MuJoCo's number of the integrator, the form (2 or 3), and the tendon's damping and stiffness as they were.
+the step [s], MuJoCo's number of the integrator, the form (2, 3 or 4), and the tendon's damping and stiffness as they were.
 It travels with the element: `<attach>`, `MjSpec.attach`, `<include>`, pasted text, `<replicate>`, MJX and Warp keep all
 five, to the last bit, and no default class reaches a number that is written out (measured with MuJoCo 3.13, 3.17 and 4.0; only
 `to_xml`, which writes every number so, rounds them to 6 digits).
@@ -33,7 +33,7 @@ PATTERN = re.compile(r"(?:.+_)?(?:mode|filler)\d+(?:_(?:xy|xz|torsion|axial)\d*)
 JOINT = 1  # mjWRAP_JOINT
 FREE_BALL = 1  # mjJNT_FREE is 0, mjJNT_BALL 1; slide and hinge come after
 UNMARKED = (0.9, 0.95, 0.001, 0.5, 2.0)  # MuJoCo's own solimplimit
-FORMS = (2, 3)
+FORMS = (2, 3, 4)
 NUMBERS = {number: name for name, number in INTEGRATORS.items()}
 
 
@@ -43,7 +43,7 @@ class MadeFor(NamedTuple):
     Args:
         timestep: [s].
         integrator: MuJoCo's name.
-        form: 2: each mode of the held appendage; 3: the coupled modes of the craft.
+        form: 2: each mode of the held appendage; 3: the coupled modes of the craft; 4: as 2, tuned for the craft.
     """
 
     timestep: float
@@ -139,7 +139,7 @@ def mark_text(timestep: float, integrator: str, form: int, damping: float, stiff
     Args:
         timestep: [s].
         integrator: MuJoCo's name.
-        form: 2 or 3.
+        form: 2, 3 or 4.
         damping: of the tendon as it was [1/s].
         stiffness: of the tendon as it was [1/s^2].
     """

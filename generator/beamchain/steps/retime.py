@@ -10,6 +10,10 @@ of the craft, with coefficients `a_i`, and every one is exact. Damping becomes m
 true pole, what couples two of them is left out and stated. Several appendages: tendons cannot reach from one
 to the next (MuJoCo drops armature between branches), so that each keeps its own block, and the poles are near.
 
+**Form 4** is form 2, tuned for one craft: armature and damping of the tendons are changed further until the craft's own
+poles are exact (`beamchain.steps.tune`). Coefficients, stiffness and all of the damping stay, several appendages are exact too
+unless two are alike, and taking it out is exact to the bit.
+
 **Any step is stable**: modes beyond the phase limit are slowed. Where appendages couple through a light hub the limit is
 lowered until `h^2 lambda_max` of the tendons' springs and dampers on the craft is below 3.8 (RK4: 7.6), of 4 (8) allowed.
 
@@ -18,7 +22,7 @@ Only `tendon_armature`, `tendon_damping`, `tendon_solimp_lim` (the mark) change,
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -47,10 +51,12 @@ from beamchain.steps.modal import (
     modal_tendons,
     wraps,
 )
+from beamchain.steps.tune import tune
 
 T = TypeVar("T")
 MARGIN = {"RK4": 7.6}  #: `h^2 lambda_max` allowed; of 8
 SEMI_IMPLICIT_MARGIN = 3.8  #: the same for the others; of 4
+EXACT = 1e-6  # pole error below which tuning is taken to have succeeded
 LOWEST = 0.05  # [rad] phase below which the limit is not lowered
 UNIT_MASS = 1e-4  # by which the modal mass of a held appendage's mode may miss 1 before the tendon is not ours
 ARRAYS = (
@@ -96,7 +102,7 @@ class Retimed:
     Args:
         timestep: [s]; 0: the timing was taken out.
         integrator: MuJoCo's name.
-        form: 2 or 3.
+        form: 2, 3 or 4.
         phase: [rad] per step, the limit beyond which modes were slowed.
         lambda_max: `h^2 lambda_max` of the tendons' springs and dampers on the craft; stable below 4 (RK4: 8).
         left_out: largest part of the damping that couples two coupled modes and was left out, against the geometric mean of
@@ -139,11 +145,11 @@ def retime(
 
     Args:
         model: compiled; arrays change, its topology does not.
-        timestep: [s]; 0 takes the timing out: after form 2 the model is as before, bit for bit (form 3: to rounding; its
+        timestep: [s]; 0 takes the timing out: the model is as before, bit for bit (after form 3: to rounding; its
             `Retimed.undo` is exact).
         integrator: MuJoCo's name; the model's own where left out. RK4: only modes beyond its limit are slowed;
             "discrete": nothing is changed, it is stable at every step and cannot be made exact.
-        form: 2 or 3, see above.
+        form: 2, 3 or 4, see above. 4 needs Euler, implicit or implicitfast; otherwise it is 2.
         qpos: pose in which the craft's coupling is looked at; the initial one where left out.
 
     Raises:
@@ -171,7 +177,9 @@ def retime(
     modal = modal_tendons(model)
     try:
         c = _coupled_mass(model, modal, qpos)
-        plan = _form2(modal, c, name, h) if form == 2 else _form3(model, modal, c, name, h)
+        plan = _form3(model, modal, c, name, h) if form == 3 else _form2(modal, c, name, h)
+        if form == 4:
+            plan = _form4(modal, c, name, h, plan)
     except BaseException:
         for array, values in before.items():
             getattr(model, array)[:] = values
@@ -259,6 +267,35 @@ def _form2(modal: Modal, c: Array, integrator: str, h: float) -> _Plan:
         modal.stiffness, t.damping, t.mass - 1.0, None, phase, largest, 0.0,
         _modes(modal.names, integrator, w, zeta, modal.stiffness, t, h),
     )  # fmt: skip
+
+
+def _form4(modal: Modal, c: Array, integrator: str, h: float, plan: _Plan) -> _Plan:
+    """Form 2's plan, tuned; or itself where the integrator cannot be exact or tuning would cost stability."""
+    if not discrete.SCHEMES[integrator].exact:
+        return plan
+    _, _, poles = coupled_modes(c, modal.stiffness, modal.damping)
+    first, second = poles.T
+    turn = np.maximum(np.abs(first), np.abs(second)) * h
+    for phase in dict.fromkeys((discrete.SCHEMES[integrator].phase, plan.phase)):
+        # tuned to the craft's own poles, the usual limit may do where form 2 had to lower it
+        wanted = np.exp(first * h * np.where(turn > phase, phase / turn, 1.0))
+        if np.any(np.imag(wanted) <= 0.0):  # overdamped
+            return plan
+        found = tune(integrator, c, modal.stiffness, plan.armature, plan.damping, wanted, h)
+        largest = stability(integrator, c, np.diag(modal.stiffness), np.diag(found.damping), np.diag(found.armature), h)
+        if largest <= _limit(integrator) and (found.error < EXACT or phase == plan.phase):
+            t = discrete.Timed(
+                1.0 + found.armature,
+                found.damping,
+                np.array([mode.slowed for mode in plan.modes]),
+                np.array([mode.clamped for mode in plan.modes]),
+            )
+            w = modal.frequency
+            modes = _modes(modal.names, integrator, w, modal.damping / (2.0 * w), modal.stiffness, t, h)
+            return replace(
+                plan, armature=found.armature, damping=found.damping, lambda_max=largest, phase=phase, modes=modes
+            )
+    return plan
 
 
 def _lowered(integrator: str, at: Callable[[float], tuple[T, float]]) -> tuple[tuple[T, float], float]:
