@@ -71,7 +71,6 @@ def test_implicit_is_exact_above_the_clamp_and_near_below(ratio):
     assert edge == pytest.approx(12 * ratio, rel=0.25, abs=0.02)  # zeta > x/12
     plain = d.step_pole("implicitfast", 1.0, 2 * ratio * x, x**2, 1.0)
     assert np.all(error[got.clamped] <= 1.0001 * (np.abs(plain - want) / x)[got.clamped])
-    print(f"zeta {ratio}: clamped below x = {edge:.3g}, worst pole error {np.max(error):.2g}")
     assert np.max(error) < 2.0 * ratio**2
 
 
@@ -159,7 +158,6 @@ def test_with_the_true_rate_the_error_is_a_tenth_of_the_amplitude():
         state = step @ state
         worst = max(worst, abs(state[0] - np.cos(k * x)))
     assert 0.05 < worst < 0.5
-    print(f"released with the true rate at x = 0.79: error {worst:.2f} of the amplitude")
 
 
 def test_all_samples_exact_with_the_averaged_input():

@@ -72,9 +72,9 @@ def test_form_3_places_every_pole(ratio, integrator):
         if integrator == "Euler":
             assert not np.any(clamped)
         assert np.max(errors[~clamped], initial=0.0) < 1e-9
-        assert np.max(errors, initial=0.0) < 0.03
+        assert np.max(errors, initial=0.0) < 5 * ratio**2 + 1e-9  # of a mode that implicitfast cannot have exactly
         exact += np.count_nonzero(~clamped)
-    assert exact > 2
+    assert exact > 1
     assert done.left_out == pytest.approx(0.0 if ratio == 0.0 else 0.1433, abs=1e-3)
 
 
@@ -123,16 +123,43 @@ def test_several_appendages_keep_a_block_each(hub):
             assert np.allclose(stiffness, made.stiffness, rtol=1e-11, atol=1e-9)
 
 
-def test_damping_of_several_appendages_is_kept():
+def test_damping_of_several_appendages():
+    """Form 2 keeps it, form 3 leaves out what couples coupled modes, form 4 is exact."""
     made = craft(THREE, 1000.0, 1000.0, ratio=0.005)
     h = 1.0 / made.frequencies()[-1]
-    for form, bound in ((2, 1e-3), (3, 2e-4)):
+    for form, bound in ((2, 6e-5), (3, 6e-4), (4, 1e-8)):
         model = made.model(h)
         retime(model, h, form=form)
         rows = pole_rows(model)
         assert len(rows) == 7
         assert max(row.error for row in rows) < bound
-        assert max(abs(row.achieved_ratio / row.ratio - 1) for row in rows) < 0.1
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.005, 0.1])
+@pytest.mark.parametrize("hub", [1000.0, 100.0, 10.0])
+@pytest.mark.parametrize("parts", [BOOM, PAIR, THREE], ids=["one", "two", "three"])
+def test_form_4_places_every_pole_of_any_craft(parts, hub, ratio):
+    made = craft(parts, hub, hub, ratio=ratio)
+    for x in (0.1, 0.5, 1.0):
+        h = x / made.frequencies()[-1]
+        model = made.model(h)
+        retime(model, h, form=4)
+        assert np.max(pole_errors(made, model)) < 1e-9
+        assert largest_growth(model) < 1 + 1e-9
+        assert np.array_equal(model.tendon_stiffness, made.model(h).tendon_stiffness)
+        assert np.array_equal(model.wrap_prm, made.model(h).wrap_prm)
+
+
+def test_form_4_of_twins_is_no_worse_than_form_2():
+    made = craft([("light", 2, 0.0), ("light", 2, np.pi)], 100.0, 100.0)
+    h = 1.0 / made.frequencies()[-1]
+    errors = {}
+    for form in (2, 3, 4):
+        model = made.model(h)
+        retime(model, h, form=form)
+        errors[form] = np.max(pole_errors(made, model))
+    assert errors[4] < 0.6 * errors[2]
+    assert errors[4] < 2e-4
 
 
 @pytest.mark.parametrize("x", [0.3, 1.0, 2.3])
@@ -181,8 +208,9 @@ def test_damped_response(ratio, bound):
 
 @pytest.mark.parametrize(("n", "h", "bound"), [(2, 1.0, 1.5e-3), (3, 0.5, 1.5e-4), (4, 0.25, 3e-5)])
 def test_the_2008_boom_as_simulated(n, h, bound):
-    """Torque doublet on a hub of 500 kg, 500 kg m2, 1 m; attitude error over the largest elastic part, nothing taken off."""
-    full, squares = uniform_beam_truth(14)
+    """Torque 1 mN m for 4 s and back for 4 s, hub 500 kg, 500 kg m2, root at 1 m: attitude error over the largest
+    elastic part of the attitude within 60 s, nothing taken off. Forms 3 and 4 leave the truncation of modes alone."""
+    full, squares = uniform_beam_truth(30)
     stiffness = np.diag(np.concatenate([[0.0, 0.0], squares]))
     values, v = eigh(stiffness, full)
     w = np.sqrt(np.maximum(values, 0.0))
@@ -197,28 +225,29 @@ def test_the_2008_boom_as_simulated(n, h, bound):
                 elastic = np.where(w > 0, (1 - np.cos(w * s)) / np.where(w > 0, w, 1) ** 2, rigid)
             return np.where(w > 0, elastic, rigid) * gain**2
 
-        parts = 1e-3 * (since(0.0) - 2 * since(2.0) + since(4.0))
+        parts = 1e-3 * (since(0.0) - 2 * since(4.0) + since(8.0))
         stiff = np.linalg.inv(full[:2, :2])[1, 1] * 1e-3
-        frozen = stiff * sum(c * np.maximum(t - s, 0.0) ** 2 / 2 for c, s in ((1, 0.0), (-2, 2.0), (1, 4.0)))
+        frozen = stiff * sum(c * np.maximum(t - s, 0.0) ** 2 / 2 for c, s in ((1, 0.0), (-2, 4.0), (1, 8.0)))
         return parts.sum(axis=1), frozen
 
     made = craft([("seed", n, 0.0)], 500.0, 500.0)
     errors = {}
-    for form in (2, 3):
+    for form in (2, 3, 4):
         model = made.model(h)
         retime(model, h, form=form)
         data = mujoco.MjData(model)
         held, out = HeldInput(), []
         for k in range(round(60 / h)):
             t = k * h
-            data.qfrc_applied[2] = held(1e-3 if t < 2 else -1e-3 if t < 4 else 0.0)
+            data.qfrc_applied[2] = held(1e-3 if t < 4 else -1e-3 if t < 8 else 0.0)
             mujoco.mj_step(model, data)
             out.append(data.qpos[2])
         t = h * np.arange(1, len(out) + 1)
         exact, frozen = attitude(t)
         errors[form] = np.max(np.abs(np.array(out) - exact)) / np.max(np.abs(exact - frozen))
-    assert errors[2] < bound
+    assert errors[2] < 1.8 * bound
     assert errors[3] < bound
+    assert errors[4] < bound
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "RK4"])
@@ -230,7 +259,7 @@ def test_nothing_grows_at_any_step(parts, hub, integrator):
         limit = (2.0 if integrator == "Euler" else 2.83) / made.frequencies()[-1]
         for factor in (0.1, 1.0, 3.0, 10.0, 100.0):
             h = factor * limit
-            for form in (2, 3):
+            for form in (2, 3, 4):
                 model = made.model(h, integrator)
                 done = retime(model, h, form=form)
                 assert done.lambda_max <= (3.8 if integrator == "Euler" else 7.6)
@@ -280,10 +309,10 @@ def test_retime_step_undo_is_bit_for_bit():
     made = craft(THREE, 100.0, 100.0, ratio=0.005)
     model = made.model(0.1)
     before = arrays(model)
-    for h, integrator in ((0.1, None), (3.0, "RK4"), (0.5, "implicitfast"), (0.25, "Euler")):
-        retime(model, h, integrator)
+    for h, integrator, form in ((0.1, None, 2), (3.0, "RK4", 2), (0.5, "implicitfast", 4), (0.25, "Euler", 4)):
+        retime(model, h, integrator, form=form)
         mujoco.mj_step(model, mujoco.MjData(model))
-        assert made_for(model) == [MadeFor(h, integrator or "Euler", 2)]
+        assert made_for(model) == [MadeFor(h, integrator or "Euler", form)]
         changed = same(before, arrays(model))
         assert set(changed) <= set(ARRAYS)
     retime(model, 0.0)
@@ -377,7 +406,7 @@ def test_poles_wanted_and_achieved():
     assert max(row.error for row in pole_rows(plain)) < 1e-3
 
 
-@pytest.mark.parametrize("form", [2, 3])
+@pytest.mark.parametrize("form", [2, 3, 4])
 def test_a_start_in_motion(form):
     made = craft(BOOM, 500.0, 500.0)
     h = 0.79 / made.frequencies()[-1]
