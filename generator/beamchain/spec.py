@@ -25,6 +25,7 @@ from beamchain.tables import LARGEST_TOML, tables
 from beamchain.uncertain import Uncertain
 
 MOST_MODES = 20
+DEFAULT_STEP = 0.01  # of scene.xml and of the bench, where none is stated [s]
 
 Target = Literal["clamped", "free", "hub", "auto"]
 Method = Literal["exact", "least_squares", "classical", "midpoint", "naive", "seed"]
@@ -170,7 +171,7 @@ class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             "modes": a tendon per mode, whose frequency and damping are two numbers of the compiled model.
         cuts: x of hinges that must stand; others are added where the modes need them [m].
         form: "chain", the only one there is.
-        timestep: above 0, stiffness is such that the frequencies are right at this step [s].
+        timestep: above 0, the written files are exact in time at this step of the scene's integrator [s].
     """
 
     method: Method = "exact"
@@ -224,7 +225,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         visuals: write massless shapes.
         contacts: write shapes that other things may touch.
         integrator: MuJoCo's name.
-        timestep: [s].
+        timestep: [s]; where it is stated, the written files are exact in time for it. 0.01 where left out.
     """
 
     bandwidth: float | None = None
@@ -234,13 +235,19 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     visuals: bool = True
     contacts: bool = False
     integrator: Integrator = "implicitfast"
-    timestep: float = 0.01
+    timestep: float | None = None
+
+    @property
+    def step(self) -> float:
+        """Of scene.xml and of the bench [s]."""
+        return DEFAULT_STEP if self.timestep is None else self.timestep
 
     def __post_init__(self) -> None:
         if self.bandwidth is not None:
             positive("bandwidth", self.bandwidth, "rad/s")
         positive("tolerance", self.tolerance, "")
-        positive("timestep", self.timestep, "s")
+        if self.timestep is not None:
+            positive("timestep", self.timestep, "s")
         one_of("integrator", self.integrator, ("Euler", "RK4", "implicit", "implicitfast", "discrete"))
         if not self.axes:
             raise InputError(
@@ -300,7 +307,8 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             )
         if self.root.target == "auto" and not self.chooses:
             raise InputError('root.target = "auto" chooses for a scene; give scene.bandwidth, or target = "clamped".')
-        if self.scene is not None and self.fit.timestep > 0.0 and self.fit.timestep != self.scene.timestep:
+        typed = None if self.scene is None else self.scene.timestep
+        if self.scene is not None and self.fit.timestep > 0.0 and typed is not None and self.fit.timestep != typed:
             raise InputError(
                 f"fit.timestep = {self.fit.timestep!r} and scene.timestep = {self.scene.timestep!r} differ; "
                 "the chain is right at one step only: give the same, or leave fit.timestep out."
@@ -336,6 +344,17 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
                     f"sensors.points names {point!r}, which is no point of this appendage; choose from "
                     f"{', '.join(['tip', *names])}, or add a [[port]]."
                 )
+
+    @property
+    def exact_step(self) -> float:
+        """Step for which the written files are exact in time [s]; 0: for none."""
+        typed = None if self.scene is None else self.scene.timestep
+        return self.fit.timestep or typed or 0.0
+
+    @property
+    def integrator(self) -> str:
+        """Of scene.xml."""
+        return (self.scene or Scene()).integrator
 
     @property
     def further(self) -> dict[str, float]:

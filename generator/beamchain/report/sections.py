@@ -182,7 +182,7 @@ def _asked(fit: "Fit") -> list[Block]:
         rows.append(("payload", f"{short(spec.payload.mass)} kg at the tip, attached by the scene"))
     if spec.scene is not None:
         scene = spec.scene
-        rows.append(("scene", f"{scene.integrator}, step {scene.timestep:g} s, tolerance {scene.tolerance:g}"))
+        rows.append(("scene", f"{scene.integrator}, step {scene.step:g} s, tolerance {scene.tolerance:g}"))
     return [Table(rows, words=True)]
 
 
