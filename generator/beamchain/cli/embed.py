@@ -45,6 +45,15 @@ def embed(
             "--plot", metavar="FILE.svg", help="Draw the hub's accelerance, exact and MuJoCo.", show_default=False
         ),
     ] = None,
+    retime: Annotated[
+        bool | None,
+        typer.Option(
+            "--retime/--no-retime",
+            help="Make the appendages exact in time for the spacecraft's own step, or not; where the step would be felt, "
+            "if left out.",
+            show_default=False,
+        ),
+    ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write OUT_report.html beside it.")] = True,
     as_json: Json = False,
     force: Force = False,
@@ -77,7 +86,7 @@ def embed(
         if len(set(named)) < len(named):
             raise InputError(f"--at names {max(named, key=named.count)!r} twice; one place carries one appendage.")
         with _working(quiet or as_json, "fitting the appendages and proving the whole"):
-            result = embed_all(craft, dict(places), form=form, prefixes=prefix)
+            result = embed_all(craft, dict(places), form=form, prefixes=prefix, retime=retime)
             result.assembly  # noqa: B018  (computed here, shown below)
     also = {} if plot is None else {plot: result.plot()}
     if report:

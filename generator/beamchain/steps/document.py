@@ -1,6 +1,6 @@
 """What `retime` did to a compiled model, written into its MJCF document."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from lxml.etree import _Element as Element
@@ -12,13 +12,13 @@ from beamchain.steps.discrete import SCHEMES, hinge_armature
 from beamchain.steps.modal import JOINT, modal_tendons, wraps
 
 
-def put_time(parts: Iterable[Element], model: "mujoco.MjModel", prefix: str = "") -> int:
+def put_time(parts: Iterable[Element], model: "mujoco.MjModel", named: Callable[[str], str] = lambda name: name) -> int:
     """Write armature, damping, stiffness, coefficients and mark of a model's modal tendons into its document.
 
     Args:
         parts: roots of the document that hold the tendons.
         model: compiled from them, then retimed.
-        prefix: what the names in the model have before those in the document.
+        named: name in the model of what has a name in the document.
 
     Returns:
         how many tendons were found.
@@ -28,7 +28,7 @@ def put_time(parts: Iterable[Element], model: "mujoco.MjModel", prefix: str = ""
     found = 0
     for part in parts:
         for fixed in part.iter("fixed"):
-            i = own.get(prefix + (fixed.get("name") or ""))
+            i = own.get(named(fixed.get("name") or ""))
             if i is None:
                 continue
             found += 1
@@ -44,7 +44,7 @@ def put_time(parts: Iterable[Element], model: "mujoco.MjModel", prefix: str = ""
                 if int(model.wrap_type[w]) == JOINT
             }
             for joint in fixed.iter("joint"):
-                joint.set("coef", number(coefficients[prefix + (joint.get("joint") or "")]))
+                joint.set("coef", number(coefficients[named(joint.get("joint") or "")]))
     return found
 
 
