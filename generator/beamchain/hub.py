@@ -3,7 +3,7 @@
 import msgspec
 import numpy as np
 
-from beamchain.checks import number, positive
+from beamchain.checks import number, own_numbers, positive
 from beamchain.errors import InputError
 from beamchain.motion import PORT_MOTION, Array, body_mass_matrix
 from beamchain.structure.lump import body_inertia
@@ -30,6 +30,7 @@ class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     apparent: tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         positive("mass", self.mass, "kg")
         body_inertia("inertia", self.inertia)
         for i, value in enumerate(self.inertia):

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from beamchain.checks import not_negative, one_of, positive, whole
+from beamchain.checks import not_negative, one_of, own_numbers, positive, whole
 from beamchain.errors import InputError
 from beamchain.hub import Hub
 from beamchain.hub import port_hub_mass as port_hub_mass
@@ -44,6 +44,7 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     inertia: Triple = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         positive("mass", self.mass, "kg")
         body_inertia("inertia", self.inertia)
 
@@ -60,10 +61,13 @@ class Damping(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     form: Literal["modal", "hinge"] = "modal"
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         one_of("form", self.form, ("modal", "hinge"))
         if isinstance(self.ratio, dict):
             for port, values in self.ratio.items():
                 one_of("ratio", port, PORTS)
+                if not isinstance(values, tuple):
+                    raise InputError(f"ratio.{port} = {values!r} must be a list, one per mode; write [{values!r}].")
                 for i, value in enumerate(values):
                     _ratio(f"ratio.{port}[{i}]", value)
         else:
@@ -100,6 +104,7 @@ class Modes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     axial: int | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         for port in PORTS:
             if getattr(self, port) is not None:
                 whole(port, getattr(self, port), 0, MOST_MODES)
@@ -120,6 +125,7 @@ class Root(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     hub: Hub | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         if self.target is not None:
             one_of("target", self.target, ("clamped", "free", "hub", "auto"))
 
@@ -143,6 +149,7 @@ class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     timestep: float = 0.0
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         one_of("method", self.method, ("exact", "least_squares", "classical", "midpoint", "naive", "seed"))
         if self.form is not None:
             one_of("form", self.form, ("chain", "oscillators"))
@@ -185,6 +192,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     timestep: float = 0.01
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         if self.bandwidth is not None:
             positive("bandwidth", self.bandwidth, "rad/s")
         positive("tolerance", self.tolerance, "")
@@ -230,6 +238,7 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     uncertain: Uncertain | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name):
             raise InputError(
                 f"name = {self.name!r} must start with a small letter and hold only a-z, 0-9 and _ (at most 63), "

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from beamchain.checks import not_negative, positive
+from beamchain.checks import not_negative, own_numbers, positive
 from beamchain.errors import InputError
 
 
@@ -14,6 +14,7 @@ class Lump(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         not_negative("x", self.x, "m")
         positive("mass", self.mass, "kg")
         body_inertia("inertia", self.inertia)
