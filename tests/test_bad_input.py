@@ -114,6 +114,19 @@ CASES = {
         'section = { shape = "equivalent", bending_stiffness_xy = 1, linear_mass = 1 }\n[modes]\ntorsion = 1\n',
         "torsion",
     ),
+    "payload beyond double precision": (GOOD + "[payload]\nmass = 1e30\n", "payload.mass = 1e+30 kg is 7.6e+28 times"),
+    "lump beyond double precision": (
+        GOOD + "[[lump]]\nx = 10.0\nmass = 1e15\n",
+        "lump.mass = 1000000000000000.0 kg is",
+    ),
+    "lump's inertia beyond double precision": (
+        GOOD + "[[lump]]\nx = 10.0\nmass = 1.0\ninertia = [1e20, 1e20, 1e20]\n",
+        "lump.inertia = 1e+20 kg m^2 is",
+    ),
+    "hub too far away": (
+        GOOD + "[root]\nhub = { mass = 1e20, inertia = [1e20, 1e20, 1e20], offset = [1e10, 0.0, 0.0] }\n",
+        "offset = [10000000000.0, 0.0, 0.0] m puts the root so far",
+    ),
 }
 
 

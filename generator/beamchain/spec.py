@@ -19,7 +19,7 @@ from beamchain.sentences import sentence
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
 from beamchain.structure.joint import Joint
-from beamchain.structure.lump import Lump, body_inertia
+from beamchain.structure.lump import Lump, body_inertia, check_carried
 from beamchain.structure.segment import Segment
 from beamchain.tables import LARGEST_TOML, tables
 from beamchain.uncertain import Uncertain
@@ -263,7 +263,9 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
                 "[modes] keeps no mode at all; set xy, xz, torsion or axial to 1 or more, or remove [modes]."
             )
         if self.imported is None:
-            self.beam  # noqa: B018  (built once so that what the parts say of each other is checked)
+            beam = self.beam  # built once so that what the parts say of each other is checked
+            if self.payload is not None:
+                check_carried("payload", self.payload.mass, self.payload.inertia, beam.own_mass, beam.length)
 
     def _check_imported(self) -> None:
         """What stands beside [imported] must make sense without a beam."""

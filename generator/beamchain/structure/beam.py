@@ -1,5 +1,6 @@
 """The elastic appendage: segments, compliant joints and lumped bodies along a straight axis x, root at x = 0."""
 
+from itertools import accumulate
 from typing import NamedTuple
 
 import msgspec
@@ -12,7 +13,7 @@ from beamchain.port import PortModel
 from beamchain.structure import elements
 from beamchain.structure.discretise import Parts, converged
 from beamchain.structure.joint import Joint
-from beamchain.structure.lump import Lump
+from beamchain.structure.lump import Lump, check_carried
 from beamchain.structure.lump import body_inertia as body_inertia
 from beamchain.structure.segment import Segment
 
@@ -68,11 +69,13 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         after = [joint.after_segment for joint in self.joints]
         if len(set(after)) != len(after):
             raise InputError(f"two joints stand after the same segment (after_segment = {after}); merge them into one.")
+        length, own = self.length, self.own_mass if self.lumps else 0.0
         for lump in self.lumps:
-            if lump.x > self.length * (1.0 + 1e-9):
+            if lump.x > length * (1.0 + 1e-9):
                 raise InputError(
-                    f"lump.x = {lump.x!r} m lies beyond the tip at {self.length!r} m; move it onto the appendage."
+                    f"lump.x = {lump.x!r} m lies beyond the tip at {length!r} m; move it onto the appendage."
                 )
+            check_carried("lump", lump.mass, lump.inertia, own, length)
 
     @property
     def length(self) -> float:
@@ -82,7 +85,13 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     @property
     def starts(self) -> list[float]:
         """x of the root end of each segment [m]."""
-        return [sum(segment.length for segment in self.segments[:i]) for i in range(len(self.segments))]
+        return [0.0, *accumulate(segment.length for segment in self.segments[:-1])]
+
+    @property
+    def own_mass(self) -> float:
+        """Mass of the segments, without lumps [kg]."""
+        xi, weights = elements.gauss(6)
+        return sum(float(weights @ s.at((1.0 + xi) / 2.0).mass) * s.length / 2.0 for s in self.segments)
 
     @property
     def uniform(self) -> bool:
