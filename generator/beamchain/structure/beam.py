@@ -1,5 +1,7 @@
 """The elastic appendage: segments, compliant joints and lumped bodies along a straight axis x, root at x = 0."""
 
+from bisect import bisect_right
+from functools import cached_property
 from itertools import accumulate
 from typing import NamedTuple
 
@@ -17,7 +19,8 @@ from beamchain.structure.lump import Lump, check_carried
 from beamchain.structure.lump import body_inertia as body_inertia
 from beamchain.structure.segment import Segment
 
-MOST_SEGMENTS = 200
+MOST_SEGMENTS = 1000
+MOST_LUMPS = 1000
 
 
 class Moments(NamedTuple):
@@ -31,7 +34,7 @@ class Moments(NamedTuple):
     rotary_xz: float
 
 
-class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
     """A straight elastic appendage.
 
     Args:
@@ -60,6 +63,11 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             raise InputError(
                 f"{len(self.segments)} segments are given; at most {MOST_SEGMENTS} are taken: join equal neighbours."
             )
+        if len(self.lumps) > MOST_LUMPS:
+            raise InputError(
+                f"{len(self.lumps)} lumps are given; at most {MOST_LUMPS} are taken: join neighbours, or state them as "
+                "nonstructural_mass."
+            )
         for joint in self.joints:
             if joint.after_segment >= len(self.segments):
                 raise InputError(
@@ -77,7 +85,7 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
                 )
             check_carried("lump", lump.mass, lump.inertia, own, length)
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Root to tip [m]."""
         return sum(segment.length for segment in self.segments)
@@ -85,7 +93,11 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     @property
     def starts(self) -> list[float]:
         """x of the root end of each segment [m]."""
-        return [0.0, *accumulate(segment.length for segment in self.segments[:-1])]
+        return list(self._starts)
+
+    @cached_property
+    def _starts(self) -> tuple[float, ...]:
+        return (0.0, *accumulate(segment.length for segment in self.segments[:-1]))
 
     @property
     def own_mass(self) -> float:
@@ -134,7 +146,7 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """Moments of the stretch `[start, end)` about the root; `closed` takes in a lump at `end` itself."""
         total = np.zeros(6)
         xi, weights = elements.gauss(6)
-        for x0, segment in zip(self.starts, self.segments, strict=True):
+        for x0, segment in zip(self._starts, self.segments, strict=True):
             a, b = max(start, x0), min(end, x0 + segment.length)
             if b <= a:
                 continue
@@ -156,9 +168,9 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     def density(self, x: float, port: str) -> Array:
         """`(3,)` derivative of mass, first and second moment (rotary inertia in it) at `x` [m] in a `port`, without lumps."""
-        index = max(int(np.searchsorted(np.array(self.starts), x, side="right")) - 1, 0)
+        index = max(bisect_right(self._starts, x) - 1, 0)
         segment = self.segments[index]
-        at = segment.at(np.array([(x - self.starts[index]) / segment.length]))
+        at = segment.at(np.array([(x - self._starts[index]) / segment.length]))
         mass = float(at.mass[0])
         rotary = float((at.rotary_xy if port == "xy" else at.rotary_xz)[0]) if segment.theory == "timoshenko" else 0.0
         return np.array([mass, mass * x, mass * x**2 + rotary])
@@ -167,7 +179,7 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """Rotation of the stretch `[start, end)` in a `port` per unit moment, joints inside included [rad/(N m)]."""
         total = 0.0
         xi, weights = elements.gauss(24)
-        for x0, segment in zip(self.starts, self.segments, strict=True):
+        for x0, segment in zip(self._starts, self.segments, strict=True):
             a, b = max(start, x0), min(end, x0 + segment.length)
             pieces = 1 if segment.taper == 1.0 else 8
             for i in range(pieces if b > a else 0):
@@ -185,8 +197,8 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     def depth(self, x: float, plane: str) -> float:
         """Extent of the section at `x` in a plane [m], for drawing; 0 where the shape is not known."""
-        index = int(np.searchsorted(np.array(self.starts), x, side="right")) - 1
-        segment = self.segments[max(index, 0)]
-        f = min(max((x - self.starts[max(index, 0)]) / segment.length, 0.0), 1.0)
+        index = max(bisect_right(self._starts, x) - 1, 0)
+        segment = self.segments[index]
+        f = min(max((x - self._starts[index]) / segment.length, 0.0), 1.0)
         end = segment.section if segment.section_end is None else segment.section_end
         return (1.0 - f) * segment.section.depth(plane) + f * end.depth(plane)
