@@ -5,6 +5,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import msgspec
 import mujoco
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from beamchain.cli import main
 from beamchain.embedding import take_out
 from beamchain.errors import BeamchainError
 from beamchain.mjcf.craft import read_craft
-from beamchain.spec import spec_from_dict
+from beamchain.spec import read_spec, spec_from_dict
 from spacecraft import CRAFTS, STYLES, frequencies, run, spec
 
 SAME = 1e-12  # two forms of one model: the same numbers through the same code
@@ -190,6 +191,17 @@ def test_user_data_stays(case, form, tmp_path):
     for kind, name in (("body", "hub"), ("joint", "wheel")):
         had = np.ravel(getattr(plain, kind)(name).user)
         np.testing.assert_array_equal(np.ravel(getattr(model, kind)(name).user)[: had.size], had)
+
+
+@pytest.mark.parametrize("bandwidth", [1e-9, 1e-3, 0.1])
+def test_a_scene_slower_than_every_mode(bandwidth):
+    """Six decades between the band and the beam's modes: a rigid appendage, and no word of NumPy's."""
+    slow = msgspec.structs.replace(
+        read_spec(spec("boom")), modes=None, root=bc.Root(), scene=bc.Scene(bandwidth=bandwidth, axes=("z",))
+    )
+    assembly = bc.embed(CRAFTS / "planar.xml", {"mount": slow}).assembly
+    assert assembly.in_band < 1e-3
+    assert all(np.isfinite(m.exact) for m in assembly.modes if m.exact is not None)
 
 
 class TestHub:
