@@ -136,7 +136,8 @@ def judged(
         )))  # fmt: skip
         own = appended(alone, names([replace(a, prefix=f"{a.spec.name}_")]))
         here = appended(model, names([a]))
-        found = differences(alone, model, {k: (own[k], here[k]) for k in own}, root=f"{a.prefix}link1", tolerance=SAME)
+        pairs = {k: (own[k], here[k]) for k in own}
+        found = differences(alone, model, pairs, root=f"{a.prefix}link1", tolerance=SAME, user=False)
         if found:
             raise InputError(
                 f"the spacecraft's defaults or compiler would change the appendage: {_told(found[0])}; use "

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from beamchain.checks import not_negative, one_of, positive, whole
+from beamchain.checks import not_negative, one_of, own_numbers, positive, whole
 from beamchain.errors import InputError
 from beamchain.hub import Hub
 from beamchain.hub import port_hub_mass as port_hub_mass
@@ -19,7 +19,7 @@ from beamchain.sentences import sentence
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
 from beamchain.structure.joint import Joint
-from beamchain.structure.lump import Lump, body_inertia
+from beamchain.structure.lump import Lump, body_inertia, check_carried
 from beamchain.structure.segment import Segment
 from beamchain.tables import LARGEST_TOML, tables
 from beamchain.uncertain import Uncertain
@@ -45,6 +45,7 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     inertia: Triple = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         positive("mass", self.mass, "kg")
         body_inertia("inertia", self.inertia)
 
@@ -61,10 +62,13 @@ class Damping(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     form: Literal["modal", "hinge"] = "modal"
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         one_of("form", self.form, ("modal", "hinge"))
         if isinstance(self.ratio, dict):
             for port, values in self.ratio.items():
                 one_of("ratio", port, PORTS)
+                if not isinstance(values, tuple):
+                    raise InputError(f"ratio.{port} = {values!r} must be a list, one per mode; write [{values!r}].")
                 for i, value in enumerate(values):
                     _ratio(f"ratio.{port}[{i}]", value)
         else:
@@ -135,6 +139,7 @@ class Modes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     axial: int | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         for port in PORTS:
             if getattr(self, port) is not None:
                 whole(port, getattr(self, port), 0, MOST_MODES)
@@ -155,6 +160,7 @@ class Root(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     hub: Hub | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         if self.target is not None:
             one_of("target", self.target, ("clamped", "free", "hub", "auto"))
 
@@ -183,6 +189,7 @@ class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     timestep: float = 0.0
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         one_of("method", self.method, ("exact", "least_squares", "classical", "midpoint", "naive", "seed"))
         one_of("springs", self.springs, ("auto", "hinges", "modes"))
         if self.form is not None:
@@ -243,6 +250,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         return DEFAULT_STEP if self.timestep is None else self.timestep
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         if self.bandwidth is not None:
             positive("bandwidth", self.bandwidth, "rad/s")
         positive("tolerance", self.tolerance, "")
@@ -293,6 +301,7 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     uncertain: Uncertain | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name):
             raise InputError(
                 f"name = {self.name!r} must start with a small letter and hold only a-z, 0-9 and _ (at most 63), "
@@ -326,6 +335,8 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             raise InputError(f"two ports have the same name ({', '.join(names)}); give each its own.")
         if self.imported is None:
             length = self.beam.length  # built once so that what the parts say of each other is checked
+            if self.payload is not None:
+                check_carried("payload", self.payload.mass, self.payload.inertia, self.beam.own_mass, length)
             for key, x in [*((f"fit.cuts[{i}]", x) for i, x in enumerate(self.fit.cuts)),
                            *((f"port.{port.name}.x", port.x) for port in self.port)]:  # fmt: skip
                 if x > length * (1.0 - 1e-9) and not (key.startswith("port") and x <= length * (1.0 + 1e-9)):

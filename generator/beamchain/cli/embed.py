@@ -68,7 +68,7 @@ def embed(
     """
     from beamchain.embedding import embed as embed_all
     from beamchain.embedding import take_out
-    from beamchain.files import write_files
+    from beamchain.files import check_free, write_files
     from beamchain.mjcf.craft import Craft, relocate
 
     places = [_split(word, remove) for word in at or []]
@@ -85,6 +85,8 @@ def embed(
         named = [name for name, _ in places]
         if len(set(named)) < len(named):
             raise InputError(f"--at names {max(named, key=named.count)!r} twice; one place carries one appendage.")
+        for place in (output, *([plot] if plot else ())):
+            check_free(place, force=force)
         with _working(quiet or as_json, "fitting the appendages and proving the whole"):
             result = embed_all(craft, dict(places), form=form, prefixes=prefix, retime=retime)
             result.assembly  # noqa: B018  (computed here, shown below)

@@ -280,7 +280,7 @@ def _frequencies(fit: "Fit", port: str) -> Table:
     rows = [
         [f"{name}, mode {k + 1}", _number(exact[k]), _number(ours[k]), percent(ours[k] / exact[k] - 1.0)]
         for name, exact, ours in cases
-        for k in range(kept)
+        for k in range(min(kept, exact.size, ours.size))
     ]
     head = ["frequencies, rad/s", "beam", "chain, through MuJoCo", "model error"]
     note = "Continuous time: no integrator is in these numbers."
