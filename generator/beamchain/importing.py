@@ -25,6 +25,7 @@ from beamchain.structure.modal_data import ModalData
 SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
 EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode
 SAME_MASS = 1e-12  # relative, beyond which the chain's rigid mass is said to differ
+POWERS = (0, 1, 2, 4)  # of x, with which mass may grow from the root where only its moments are known
 A_BODY = 1e-5  # relative, how far a printed rigid mass matrix may be from a rigid body's
 
 
@@ -42,9 +43,8 @@ def fit_imported(spec: Spec, data: ModalData) -> Fit:
     clock = [time.perf_counter()]
     case = case_of(spec, data).chosen()
     clock.append(time.perf_counter())
-    line = case.data.line()
     coupled = [ports for ports in case.kept.groups if len(ports) > 1] if case.kept.modes else []
-    built = _coupled(case, line) if coupled else _separate(case, line)
+    built, line = _built(case, coupled=bool(coupled))
     why = "the ports are independent"
     if coupled:
         names = " and ".join(coupled[0])
@@ -65,6 +65,22 @@ def fit_imported(spec: Spec, data: ModalData) -> Fit:
         message += f" Rigid mass off by {space.error.mass_error:.1e}: the print is no rigid body's to its last digits."
     status = Status(built.status.ok, message, (*case.data.steps, *built.status.history))
     return _finish(case, replace(built, chain=chain, status=status), measured, space, line, clock)
+
+
+def _built(case: Case, *, coupled: bool) -> tuple[Built, MassLine]:
+    """The chain, and the mass it is cut from: what the file leaves open of it lies farther out where that is needed."""
+    reason: RealisationError | None = None
+    for power in POWERS:
+        try:
+            line = case.data.line(power)
+            return (_coupled(case, line) if coupled else _separate(case, line)), line
+        except RealisationError as error:
+            reason = reason or error
+        except InputError:
+            if power == 0:
+                raise
+    assert reason is not None
+    raise reason
 
 
 # -- the chain ---------------------------------------------------------------------------------------------------------

@@ -154,7 +154,7 @@ def _fit(spec: Spec) -> Fit:
     for port, target in built.targets.items():
         bandwidth[port] = scene.bandwidth or float(target.frequencies[min(kept[port], target.modes) - 1])
         port_hub = None if hub is None else port_hub_mass(hub, port)
-        plain = compare(measured.ports[port], target)
+        plain = compare(measured.ports[port], target.truncated(min(kept[port], target.modes)))
         in_band = in_band_error(measured.ports[port], spec.with_ratios(port, full[port]), port_hub, bandwidth[port])
         error[port] = replace(plain, accelerance_in_band=in_band)
     achieved = {port: measured.ports[port] for port in built.targets}

@@ -5,9 +5,9 @@ modes (`chain.tendons`). The share of that residual mass which is left over is t
 hinges move towards the root, so that the most even cut with enough margin is the one wanted.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import combinations, islice, pairwise
 
 import numpy as np
 from scipy.optimize import minimize
@@ -22,10 +22,14 @@ MARGIN = 0.02  # of the residual mass, that the inequality must leave
 SHORTEST = 1e-3  # of the length: a shorter link is none
 SPREADS = np.geomspace(0.5, 0.002, 24)  # first free hinge, in lengths
 POWERS = (1.0, 1.5, 2.0, 3.0, 4.0)  # how the others follow
+NEAR = (0.3, 0.2, 0.134, 0.09, 0.06, 0.04, 0.02)  # hinges by a further port, in lengths from it
 SWEEPS = 8  # of the relaxation towards even links
 STEPS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.03)
+MOST_CHOICES = 24  # of hinges for a port that needs fewer than there are
 MOST_ADDED = 4  # hinges tried beyond what the modes need
 NOTHING_LEFT = 1e-11  # of the rigid mass: less residual mass than this is none
+ROUNDED = 1e-13  # of the whole inertia: what differences of its parts lose
+FLAT = 1e-12  # of the largest second moment: thickness of a lamina
 SAME_PLACE = 1e-9  # of the length
 TABLE = 1001  # stations of the mass behind them, between which is interpolated
 
@@ -152,16 +156,9 @@ class _Search:
         margins: list[float] = []
         for group in self.wanted:
             best: tuple[float, list[Freedom]] = (-np.inf, [])
-            for nearest in (False, True):
-                freedoms = sorted(
-                    (
-                        (i, port)
-                        for port, count in group.counts.items()
-                        for i in self._places(group, port, count, x, nearest)
-                    ),
-                )
+            for freedoms in self._choices(group, x):
                 value = self.margin(group, x, freedoms, behind)
-                if value > best[0]:
+                if value > best[0] or not best[1]:
                     best = value, freedoms
                 if value >= MARGIN:
                     break
@@ -169,16 +166,29 @@ class _Search:
             margins.append(best[0])
         return min(margins), chosen, margins
 
-    def _places(self, group: Wanted, port: str, count: int, x: Array, nearest: bool) -> list[int]:
-        """Numbers of the hinges of a port: those that stand, and of the others every so manieth or those at the root."""
+    def _choices(self, group: Wanted, x: Array) -> Iterator[list[Freedom]]:
+        """Hinges that a group may take: those that stand, and of the others some, evenly spread ones first."""
         close = SAME_PLACE * self.line.length
-        own = [i for i, at in enumerate(x) if any(abs(at - f) <= close for f in group.fixed.get(port, ()))]
-        others = [i for i in range(x.size) if i not in own]
-        more = min(count - len(own), len(others))
-        if more <= 0:
-            return own
-        pick = range(more) if nearest else [k * len(others) // more for k in range(more)]
-        return [*own, *(others[k] for k in pick)]
+        own: dict[str, list[int]] = {}
+        free: dict[str, list[int]] = {}
+        more: dict[str, int] = {}
+        for port, count in group.counts.items():
+            fixed = group.fixed.get(port, ())
+            own[port] = [i for i, at in enumerate(x) if any(abs(at - f) <= close for f in fixed)]
+            free[port] = [i for i in range(x.size) if i not in own[port]]
+            more[port] = max(min(count - len(own[port]), len(free[port])), 0)
+
+        def taken(pick: Mapping[str, Sequence[int]]) -> list[Freedom]:
+            return sorted((i, p) for p in own for i in [*own[p], *(free[p][k] for k in pick[p])])
+
+        yield taken({p: [k * len(free[p]) // more[p] for k in range(more[p])] for p in own})
+        if all(more[p] == len(free[p]) for p in own):
+            return
+        yield taken({p: range(more[p]) for p in own})
+        if len(own) == 1:
+            [port] = own
+            for pick in islice(combinations(range(len(free[port])), more[port]), MOST_CHOICES):
+                yield taken({port: pick})
 
     def value(self, x: Array) -> float:
         """Least margin of hinges at `x`; -inf where a link is too short."""
@@ -262,13 +272,11 @@ def _best(search: _Search, fixed: Array, free: int) -> tuple[Array, float]:
     length = search.line.length
     good: tuple[float, Array, float] | None = None
     most: tuple[float, Array] = (-np.inf, fixed)
-    for p in POWERS if free > 1 else POWERS[:1]:
+    for pattern in _patterns(length, free, search.further):
         low, high = 0, SPREADS.size  # the margin grows as the first hinge nears the root
         while low < high:
             middle = (low + high) // 2
-            s = float(SPREADS[middle]) ** (1.0 / p)
-            own = length * (s + (1.0 - s) * np.arange(free) / free) ** p
-            x = np.sort(np.concatenate([fixed, own]))
+            x = np.sort(np.concatenate([fixed, pattern(float(SPREADS[middle]))]))
             margin, short = search.value(x), shortest_link(x, length)
             if margin >= MARGIN:
                 high = middle
@@ -282,6 +290,33 @@ def _best(search: _Search, fixed: Array, free: int) -> tuple[Array, float]:
     if good is not None:
         return good[1], good[2]
     return _climbed(search, fixed, *most)
+
+
+def _patterns(length: float, free: int, further: Sequence[float]) -> Iterator[Callable[[float], Array]]:
+    """Free hinges by the place of the first, in lengths: graded towards the root, and towards further ports.
+
+    Args:
+        length: of the appendage [m].
+        free: how many hinges.
+        further: x of further ports [m].
+    """
+
+    def graded(a: float, power: float, count: int, end: float) -> Array:
+        s = a ** (1.0 / power)
+        return end * (s + (1.0 - s) * np.arange(count) / max(count, 1)) ** power
+
+    for power in POWERS if free > 1 else POWERS[:1]:
+        if not further:
+            yield lambda a, p=power: graded(a, p, free, length)
+    near = [np.array([-1.0, -0.4]), np.array([-1.0, 0.5]), np.array([-0.5, 0.5])]
+    for gap in NEAR if further else ():
+        for around in near:
+            own = np.concatenate([x + gap * length * around for x in further])
+            own = own[(own > 0.0) & (own < length)]
+            if own.size > free:
+                continue
+            for power in POWERS[:3]:
+                yield lambda a, p=power, o=own: np.concatenate([graded(a, p, free - o.size, 0.97 * float(o.min())), o])
 
 
 def _climbed(search: _Search, fixed: Array, margin: float, x: Array) -> tuple[Array, float]:
@@ -328,6 +363,16 @@ def _even(search: _Search, x: Array, fixed: Array) -> Array:
     return x
 
 
+def _rounded(about: Array, noise: float) -> Array:
+    """`(3, 3)` inertia about the centre, no second moment below zero by rounding: a lamina's is nothing across it."""
+    moments = np.trace(about) / 2.0 * np.eye(3) - about
+    values, axes = np.linalg.eigh(moments)
+    if not -noise < values[0] < FLAT * values[2]:
+        return about
+    values = np.maximum(values, FLAT * values[2])
+    return float(np.sum(values)) * np.eye(3) - (axes * values) @ axes.T
+
+
 def bodies(line: MassLine, x: Array) -> list[Link]:
     """The appendage's own rigid pieces between the hinges, as they are; see `polar.settled` for thin ones."""
     behind = line.behind(np.concatenate([[-line.length], x]))
@@ -341,6 +386,7 @@ def bodies(line: MassLine, x: Array) -> list[Link]:
             continue
         centre = np.array([matrix[1, 5] - matrix[2, 4], 2.0 * matrix[2, 3], -2.0 * matrix[1, 3]]) / 2.0 / mass
         about = matrix[3:, 3:] - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        about = _rounded(about, ROUNDED * float(np.trace(behind[0][3:, 3:])))
         inertia = (float(about[0, 0]), float(about[1, 1]), float(about[2, 2]))
         products = (float(about[0, 1]), float(about[0, 2]), float(about[1, 2]))
         out.append(Link(a, b - a, mass, float(centre[0]), inertia, (float(centre[1]), float(centre[2])), products))

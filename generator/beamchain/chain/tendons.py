@@ -26,7 +26,8 @@ PASSES = 400  # of the projection towards the real mode shapes; each costs some 
 STILL = 1e-12  # change of a pass at which the projection has settled
 RAISED = 0.3  # least singular value on what the root does not see: a smaller one would need heavy armature
 DROPPED = 1e-13  # relative armature that is rounding
-FILLER = 2.0  # frequency of a filler mode over that of the last mode kept
+FILLER = 2.0  # frequency of filler modes over that of the last mode kept
+FAR_FILLER = 10.0  # the same beside a further port, whose flexibility they share
 WORST_CONDITION = 1e3  # of the modes in hinge coordinates, beyond which digits are lost
 
 
@@ -159,27 +160,52 @@ def given_modes(chain: Chain, groups: Sequence[Modes], further: Sequence[float] 
     """
     tendons: list[Tendon] = []
     armatures: list[Tendon] = []
+    fillers = 0
+    top = (FAR_FILLER if further else FILLER) * max(float(group.frequencies[-1]) for group in groups)
     for group in groups:
         freedoms = chain.freedoms(group.ports)
         motion = group_motion(group.ports)
         rigid, elastic = chain.rows(freedoms)
-        kinematics = np.vstack(
-            [(rigid @ motion).T @ elastic, *(port_rows(chain, freedoms, motion, x) for x in further)]
-        )
+        port = [port_rows(chain, freedoms, motion, x) for x in further]
+        kinematics = np.vstack([(rigid @ motion).T @ elastic, *port])
         inertia = elastic.T @ elastic
         shapes, armature = modal_matrix(kinematics, inertia, group)
         n = group.frequencies.size
-        top = FILLER * float(group.frequencies[-1])
-        frequencies = np.concatenate([group.frequencies, np.full(len(freedoms) - n, top)])
-        ratios = np.concatenate([group.damping, np.full(len(freedoms) - n, ratio)])
+        surplus = len(freedoms) - n
+        frequencies = np.concatenate([group.frequencies, np.full(surplus, top)])
+        if surplus and further:
+            shapes, frequencies = _stiffened(shapes, frequencies, np.vstack(port) @ shapes, n)
+        ratios = np.concatenate([group.damping, np.full(surplus, ratio)])
         numbers = group.numbers or tuple(range(1, n + 1))
-        port = f"_{group.ports[0]}" if len(group.ports) == 1 else ""
-        for k, along in enumerate(np.linalg.inv(shapes)):
-            w, label = float(frequencies[k]), f"mode{numbers[k]}{port}" if k < n else f"filler{k + 1 - n}{port}"
-            tendons.append(Tendon(label, freedoms, along, w**2, 2.0 * float(ratios[k]) * w))
+        word = f"_{group.ports[0]}" if len(group.ports) == 1 else ""
+        labels = [f"mode{k}{word}" for k in numbers] + [f"filler{fillers + k + 1}{word}" for k in range(surplus)]
+        fillers += surplus
+        for label, along, w, zeta in zip(labels, np.linalg.inv(shapes), frequencies, ratios, strict=True):
+            tendons.append(Tendon(label, freedoms, along, float(w) ** 2, 2.0 * float(zeta) * float(w)))
         armatures += _armatures(freedoms, armature, inertia)
     armatures = [replace(t, label=f"armature{k}") for k, t in enumerate(armatures, 1)]
     return replace(chain, tendons=(*tendons, *armatures))
+
+
+def _stiffened(shapes: Array, frequencies: Array, moved: Array, n: int) -> tuple[Array, Array]:
+    """Modes whose last, the attachment modes, are stiffer by what fillers yield, so that a port's flexibility is exact.
+
+    Args:
+        shapes: `(f, f)` modes in hinge coordinates, fillers last.
+        frequencies: `(f,)` theirs [rad/s].
+        moved: `(p, f)` motion of the further ports in them.
+        n: modes that are no fillers.
+    """
+    last = slice(n - moved.shape[0], n)
+    own = moved[:, last]
+    yielding = (own / frequencies[last] ** 2) @ own.T - (moved[:, n:] / frequencies[n:] ** 2) @ moved[:, n:].T
+    back = np.linalg.inv(own)
+    values, turn = np.linalg.eigh(np.linalg.inv(back @ yielding @ back.T))
+    if values[0] <= 0.0:
+        return shapes, frequencies  # fillers softer than what is wanted: nothing to take from
+    shapes, frequencies = shapes.copy(), frequencies.copy()
+    shapes[:, last], frequencies[last] = shapes[:, last] @ turn, np.sqrt(values)
+    return shapes, frequencies
 
 
 def _armatures(freedoms: tuple[Freedom, ...], armature: Array, inertia: Array) -> list[Tendon]:

@@ -17,6 +17,7 @@ from beamchain.motion import PORT_MOTION, Array, body_mass_matrix
 from beamchain.port import PortModel
 
 STRAIGHT = 1e-8  # perturbation: a straight chain at rest has no load for rounding to spoil, only curvature, its square
+LEAST_ROW = 1e-9  # of the root of the rigid mass: a mode that moves the root by less does not move it
 DIGITS = 1e-11  # relative: beyond this A and B have lost digits in MuJoCo's solve with the mass matrix
 
 
@@ -92,7 +93,7 @@ def distance(a: PortModel, b: PortModel) -> float:
     if a.modes != b.modes:
         return 1.0
     size = np.sqrt(np.diag(b.rigid_mass))
-    rows = np.linalg.norm(b.participation / size, axis=1)
+    rows = np.maximum(np.linalg.norm(b.participation / size, axis=1), LEAST_ROW)
     differences = (
         np.abs(a.frequencies / b.frequencies - 1.0),
         np.linalg.norm((a.participation - b.participation) / size, axis=1) / rows,

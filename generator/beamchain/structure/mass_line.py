@@ -18,6 +18,7 @@ from beamchain.structure.elements import gauss
 from beamchain.structure.lump import Lump
 
 FLAT = 1e-9  # of the second moment along x: a spread across it that is negative by less is none
+INNER = 0.2  # of the length: nearer to the root no point stands, unless the moments leave nothing else
 STATIONS = 5  # a linear taper's mass per length is quadratic, its polar inertia quartic: five stations are exact
 
 
@@ -269,15 +270,19 @@ def _beside(rigid_mass: Array) -> tuple[float, Beside] | None:
     return float(moments[0, 0]), Beside(locked(lean), locked(spread))
 
 
-def spread(rigid_mass: ArrayLike, length: float, stiffness: Mapping[str, float] | None = None) -> SpreadMass:
+def spread(
+    rigid_mass: ArrayLike, length: float, stiffness: Mapping[str, float] | None = None, power: int = 0
+) -> SpreadMass:
     """The plainest positive mass distribution over `[0, length]` with the moments of a `(6, 6)` mass matrix.
 
-    As much of it as possible is uniform; what is left sits at the root, at the tip and at one place between.
+    As much of it as possible is uniform, or grows from the root with a power of x; what is left sits at the tip and at
+    one place before it.
 
     Args:
         rigid_mass: about the root, x along the appendage.
         length: [m].
         stiffness: see `SpreadMass`.
+        power: of x with which the smooth part grows, 0 to 4: the more, the less mass stands near the root.
 
     Raises:
         InputError: no such distribution exists, so that length, reference point, axes or units are wrong.
@@ -291,8 +296,10 @@ def spread(rigid_mass: ArrayLike, length: float, stiffness: Mapping[str, float] 
         polar, rotary_xy, rotary_xz = mass * (yy + zz), mass * yy, mass * zz
     c, q = first / mass / length, second / mass / length**2  # on a unit length from here on
 
+    smooth_first, smooth_second = (power + 1.0) / (power + 2.0), (power + 1.0) / (power + 3.0)
+
     def feasible(share: float) -> bool:
-        m, s, j = 1.0 - share, c - share / 2.0, q - share / 3.0
+        m, s, j = 1.0 - share, c - share * smooth_first, q - share * smooth_second
         return m > 0.0 and s >= 0.0 and j <= s + 1e-14 and s * s <= j * m + 1e-14
 
     if not (0.0 < c < 1.0 and feasible(0.0)):
@@ -301,23 +308,30 @@ def spread(rigid_mass: ArrayLike, length: float, stiffness: Mapping[str, float] 
             f"of gyration of {np.sqrt(max(q - c * c, 0.0)) * length:.6g} m; check length, reference (the port), axes "
             "(x from the root outwards) and units."
         )
-    low, high = 0.0, 1.0
-    if abs(c - 0.5) < 1e-12 and abs(q - 1.0 / 3.0) < 1e-12:
+
+    def near(share: float) -> float:
+        """Where the inner of two points stands that carry the rest with the tip; the root's own mass moves with no mode."""
+        m, s, j = 1.0 - share, c - share * smooth_first, q - share * smooth_second
+        return (s - j) / (m - s) if m > s else 1.0
+
+    low, high, inner = 0.0, 1.0, min(INNER, near(0.0))
+    if abs(c - smooth_first) < 1e-12 and abs(q - smooth_second) < 1e-12:
         low = 1.0
     else:
         for _ in range(60):
             middle = (low + high) / 2.0
-            low, high = (middle, high) if feasible(middle) else (low, middle)
+            good = feasible(middle) and near(middle) >= inner
+            low, high = (middle, high) if good else (low, middle)
     points: list[list[float]] = []
     rest = 1.0 - low
     if rest > 1e-12:
-        s, j = (c - low / 2.0) / rest, (q - low / 3.0) / rest
-        v = max(j - s * s, 0.0)
-        root, tip = v / s if s > 0.0 else 0.0, v / (1.0 - s) if s < 1.0 else 0.0
-        weights = [(0.0, root), (s, 1.0 - root - tip), (1.0, tip)]
-        points = [[x * length, max(w, 0.0) * rest * mass] for x, w in weights if w > 1e-15]
+        s, x = (c - low * smooth_first) / rest, near(low)
+        a = (1.0 - s) / (1.0 - x) if x < 1.0 else 0.0
+        points = [[at * length, max(w, 0.0) * rest * mass] for at, w in ((x, a), (1.0, 1.0 - a)) if w > 1e-15]
     shares = np.array([polar, rotary_xy, rotary_xz]) / mass
-    pieces = (Piece(0.0, length, low * mass / length * np.array([[1.0, *shares]])),) if low > 0.0 else ()
+    grown = (power + 1.0) * np.linspace(0.0, 1.0, power + 1) ** power if power else np.ones(1)
+    density = low * mass / length * grown[:, None] * np.array([1.0, *shares])
+    pieces = (Piece(0.0, length, density),) if low > 0.0 else ()
     placed = np.array([[x, w, *(w * shares)] for x, w in points]).reshape(-1, 5)
     return SpreadMass(
         length, locked(rigid), pieces, locked(placed), dict(stiffness or {}), None if beside is None else beside[1]

@@ -332,8 +332,11 @@ class ModalData:
             steps=(*self.steps, f"modes {words} of equal frequency turned into the planes"),
         )
 
-    def line(self) -> MassLine:
+    def line(self, power: int = 0) -> MassLine:
         """How the mass lies along x: as the file says, else the plainest that the rigid mass allows.
+
+        Args:
+            power: of x with which mass grows from the root; see `spread`.
 
         Raises:
             InputError: the length does not hold the mass.
@@ -346,9 +349,9 @@ class ModalData:
                 i = int(np.argmax(PORT_MOTION[port][:, 0]))
                 factor = length**3 / 12.36 if port in ("xy", "xz") else (2.0 / np.pi) ** 2 * length
                 stiffness[port] = own[0] ** 2 * max(float(self.rigid_mass[i, i]), 1e-30) * factor
-        if self.length is not None and (self.pieces or self.points.size):
+        if self.length is not None and (self.pieces or self.points.size) and power == 0:
             return of_line(length, self.rigid_mass, self.pieces, self.points, stiffness)
-        return spread(self.rigid_mass, length, stiffness)
+        return spread(self.rigid_mass, length, stiffness, power)
 
     @classmethod
     def from_beam(cls, beam: Beam, modes: dict[str, int], *, every: bool = False) -> "ModalData":
