@@ -227,8 +227,16 @@ def _read(craft: str | Path) -> tuple[Craft, dict[str, tuple[Spec, str]], str]:
     text = isinstance(craft, str) and craft.lstrip().startswith("<")
     read = craft_from_text(str(craft)) if text else read_craft(craft)
     facts = marks.embedded(read.root)
-    before = {f["at"]: (spec_from_dict(f["spec"], f"mark of {f['at']}"), f["prefix"]) for f in facts}
+    before = {f["at"]: (_spec_of_mark(f["spec"], f["at"]), f["prefix"]) for f in facts}
     return bare(read), before, facts[0]["form"] if facts else "inline"
+
+
+def _spec_of_mark(spec: Mapping[str, Any], at: str) -> Spec:
+    """The spec that a mark holds; one of version 1 may ask for oscillators, which are a chain today."""
+    options = spec.get("fit")
+    if isinstance(options, Mapping) and options.get("form") == "oscillators":
+        spec = {**spec, "fit": {**options, "form": None}}
+    return spec_from_dict(spec, f"mark of {at}")
 
 
 # -- into a document -------------------------------------------------------------------------------------------------
