@@ -104,7 +104,9 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: Modes) -> tuple[Array
     gaps[: values.size] = np.sqrt(np.maximum(1.0 - values**2, 0.0))
     lift = (vt.T * gaps) @ vt
     free = vt[count:].T
-    guide = None if modes.momenta is None else unseen.T @ np.linalg.solve(root, modes.momenta.T)
+    guide: Array | None = None
+    if modes.momenta is not None:
+        guide = np.asarray(unseen.T @ np.linalg.solve(root, modes.momenta.T), dtype=np.float64)
     u = np.column_stack([seen @ b + unseen @ _turned(lift, free, unseen.shape[1], guide) @ lift, np.zeros((size, 0))])
     if size > n:
         u = np.column_stack([u, np.linalg.svd(u, full_matrices=True)[0][:, n:]])
