@@ -246,7 +246,7 @@ def test_chain_refuses_the_wrong_number_of_hinges():
 
 
 def test_hinges_refuse_negative_stiffness_and_unknown_ports():
-    with pytest.raises(RealisationError, match=r"hinge at x = 1 m: stiffness xy = -2\.0 must be positive"):
+    with pytest.raises(RealisationError, match=r"hinge at x = 1 m: stiffness xy = -2\.0 must not be negative"):
         Hinge(x=1.0, stiffness={"xy": -2.0})
     with pytest.raises(ValueError, match=r"hinge\.stiffness = 'yx' is unknown; choose one of xy, xz, torsion, axial"):
         Hinge(x=1.0, stiffness={"yx": 2.0})
