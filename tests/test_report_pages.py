@@ -121,7 +121,7 @@ def test_no_report_where_none_is_wanted(tmp_path, monkeypatch):
 
 
 def test_less_than_asked_for_stands_in_the_verdict(tmp_path):
-    text = spec("rod").read_text().replace("xy = 2", "xy = 12")
+    text = spec("rod").read_text().replace("xy = 2", "xy = 12") + '\n[fit]\nsprings = "hinges"\n'
     (tmp_path / "many.toml").write_text(text)
     done = bc.embed(CRAFTS / "planar.xml", {"mount": tmp_path / "many.toml"})
     assert not done.appendages[0].fit.status.ok
