@@ -37,5 +37,29 @@ def test_slips_are_asked_about(wrong, words):
     assert words in said(**wrong)
 
 
+@pytest.mark.parametrize("theory", ["euler", "timoshenko"])
+def test_millimetres_are_asked_about(theory):
+    """Eighty metres of rod on five of boom: no theory helps, and none is advised before the unit is."""
+    with pytest.raises(bc.BeamchainError) as refused:
+        said(diameter=80.0, theory=theory)
+    text = str(refused.value)
+    assert text.startswith(
+        "segment[0]: diameter = 80 m on an appendage 5 m long; if mm were meant, write diameter = 0.08."
+    )
+    tube = bc.Tube(outer_diameter=20.0, wall=1.0)
+    steel = bc.Material(youngs_modulus=2e11, density=7800.0)
+    with pytest.raises(bc.BeamchainError, match=r"if mm were meant, write outer_diameter = 0\.02, wall = 0\.001\."):
+        bc.fit(bc.Beam(segments=[bc.Segment(length=15.0, section=tube, material=steel, theory=theory)]))
+
+
+def test_a_wide_panel_is_no_slip():
+    panel = bc.Segment(
+        length=8.0,
+        section=bc.Rectangle(width_y=0.02, width_z=1.9),
+        material=bc.Material(youngs_modulus=7e10, density=90.0),
+    )
+    assert "if mm were meant" not in " ".join(bc.fit(bc.Beam(segments=[panel])).warnings)
+
+
 def test_timoshenko_answers_the_question():
     assert "deep" not in said(length=0.1, theory="timoshenko")

@@ -242,7 +242,8 @@ def _embed_in_document(original: Craft, wanted: dict[str, tuple[Spec, str]], for
         for name, text in beside.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
         model = compile_model(out.to_bytes().decode("utf-8"))
-    warnings += judged(craft, model, appendages) + driven_too_far(model, appendages)
+    warnings += judged(craft, model, appendages, check.hostile(original.parts()))
+    warnings += driven_too_far(model, appendages)
     return Embedded(appendages, craft, model, tuple(warnings), original, form, layout)
 
 

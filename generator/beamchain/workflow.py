@@ -104,7 +104,11 @@ def fit(
         from beamchain.importing import fit_imported  # which returns a Fit
 
         return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
-    return _beam_as_oscillators(spec) if spec.fit.form == "oscillators" else _fit(spec)
+    try:
+        return _beam_as_oscillators(spec) if spec.fit.form == "oscillators" else _fit(spec)
+    except RealisationError as error:
+        asked = " ".join(doubtful(spec.segment))
+        raise RealisationError(f"{asked} As it is: {error}") from None if asked else error
 
 
 def as_spec(appendage: Beam | Spec | ModalData) -> Spec:

@@ -4,10 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from beamchain.structure.section import Custom, Equivalent
 from beamchain.structure.segment import Segment
 
 SOFT = 1e6  # N/m^2: rubber has more
 LIGHT = 5.0  # kg/m^3: a foam has more
+HUGE = 0.25  # of the appendage's length: a section as wide, and wider than 1 m, is likelier one in mm
 STOCKY = 10.0  # length over depth, below which Euler's theory misses shear
 
 
@@ -31,6 +33,14 @@ def doubtful(segments: Sequence[Segment]) -> list[str]:
             out["light"] = (
                 f"{where}: density = {rho:g} kg/m^3 is lighter than foam; if g/cm^3 were meant, write {rho * 1e3:g}."
             )
+        sizes = {} if isinstance(segment.section, Custom | Equivalent) else segment.section.dimensions()
+        if sizes and max(sizes.values()) > max(HUGE * length, 1.0):
+            name, size = max(sizes.items(), key=lambda item: item[1])
+            meant = ", ".join(f"{key} = {value * 1e-3:g}" for key, value in sizes.items())
+            out["huge"] = (
+                f"{where}: {name} = {size:g} m on an appendage {length:g} m long; if mm were meant, write {meant}."
+            )
+            continue
         at = segment.at(np.array([0.0]))
         axial = float(at.axial[0])
         if segment.theory == "euler" and axial > 0.0:

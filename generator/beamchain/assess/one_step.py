@@ -38,12 +38,14 @@ class LinearModel:
         damping: `(nv, nv)` `M^-1 D`, all of it [1/s].
         euler_damping: `(nv, nv)` the share of `damping` that Euler integrates implicitly (that of joints).
         discrete_stiffness: `(nv, nv)` the share of `stiffness` that "discrete" integrates implicitly.
+        preload: what pulls at the rest pose, as a sentence; empty: nothing.
     """
 
     stiffness: Array
     damping: Array
     euler_damping: Array
     discrete_stiffness: Array
+    preload: str = ""
 
     def poles(self) -> Poles:
         """`(2 nv,)` poles of the continuous system [1/s]."""
@@ -98,7 +100,8 @@ class LinearModel:
         fastest = float(np.max(np.abs(poles), initial=0.0))
         if np.any(poles.real > 1e-5 * fastest):
             raise EngineError(
-                f"the model is unstable about its rest pose at any step (a pole at {np.max(poles.real):.3g} 1/s): "
+                self.preload
+                or f"the model is unstable about its rest pose at any step (a pole at {np.max(poles.real):.3g} 1/s): "
                 "a spring or damper is negative, or gravity tips it over; linearise it about a stable pose."
             )
         if integrator == "RK4":
