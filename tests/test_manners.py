@@ -116,9 +116,25 @@ def test_init_writes_a_spec_that_fits(kind, tmp_path, capsys, monkeypatch):
     assert code == 0
     spec = bc.read_spec(tmp_path / f"{kind}.toml")
     assert spec.name == kind
-    assert bc.fit(spec).status.ok
+    fit = bc.fit(spec)
+    assert fit.status.ok
+    assert spec.scene is None or fit.warnings == ()  # what we ship needs no mending
     following = shlex.split(re.search(r"next: beamchain (.*)", told)[1])
     assert following[:2] == ["fit", f"{kind}.toml"]
+
+
+@pytest.mark.parametrize("at", ["mount", "left"])
+def test_init_writes_a_spacecraft_to_embed_into(at, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, told, _ = run(["init", "craft"], capsys, monkeypatch)
+    assert code == 0
+    assert shlex.split(re.search(r"next: beamchain (.*)", told)[1])[:2] == ["embed", "craft.xml"]
+    assert run(["init", "array", "-q"], capsys, monkeypatch)[0] == 0
+    code, told, _ = run(
+        ["embed", "craft.xml", "--at", f"{at}=array.toml", "-o", "flexible.xml", "--json"], capsys, monkeypatch
+    )
+    assert code == 0
+    assert (at != "mount") or json.loads(told)["warnings"] == []
 
 
 @pytest.mark.parametrize("kind", ["boom", "array", "mast"])

@@ -24,7 +24,7 @@ def fit_warnings(
 ) -> tuple[str, ...]:
     """What to know before the file is used."""
     out: list[str] = []
-    if dampers:
+    if dampers and (spec.scene is None or spec.scene.integrator == "Euler"):  # a scene that says another is heard
         euler, other = limits.largest_step["Euler"], limits.largest_step["implicitfast"]
         text = (
             "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo takes where nothing "

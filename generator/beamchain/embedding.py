@@ -24,6 +24,7 @@ from beamchain.appendage import (
     rigid_mass,
 )
 from beamchain.assess.assembly import Assembly, prove
+from beamchain.assess.doubtful import doubtful
 from beamchain.assess.spoilers import check_flags
 from beamchain.checks import one_of
 from beamchain.engine import mount as mounting
@@ -383,6 +384,8 @@ def _fit_all(
             spec.damping is not None and spec.damping.form == "hinge"
         ):  # tendons are judged by the craft's own integrator
             warnings += [f"{name}: {warning}" for warning in result.cautions]
+        else:
+            warnings += [f"{name}: {warning}" for warning in doubtful(spec.segment, spec.damping, result.target)]
         out.append(Appendage(name, prefix, place, hub, spec, result))
     return tuple(out), warnings
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from beamchain.assess.doubtful import doubtful
 from beamchain.assess.error import Comparison, compare, in_band_error
 from beamchain.assess.limits import coupled_limits
 from beamchain.assess.plan import ledger, verdict
@@ -280,6 +281,7 @@ def _finish(
         choice=case.choice,
         promise=promise,
         left_out=ledger(case.spec, case.choice, bool(dampers)),
+        cautions=tuple(doubtful((), case.spec.damping)),
         line=line,
         space=space,
     )

@@ -208,7 +208,7 @@ def _fit(spec: Spec) -> Fit:
         cautions=(
             *fit_warnings(spec, measured, achieved, dampers, limits),
             *prewarp_note(warped),
-            *doubtful(spec.segment),
+            *doubtful(spec.segment, spec.damping, built.targets),
             *([note] if note else []),
         ),
         prewarps=warped,
