@@ -4,9 +4,11 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -102,6 +104,51 @@ def test_no_color_on_a_terminal(no_color):
         assert running.wait() == 0
     os.close(master)
     assert bool(COLOUR.search(text.decode())) is not no_color
+
+
+# -- errors for scripts ----------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("arguments", "kind", "words"),
+    [
+        (["fit", "no.toml", "-o", "out"], "InputError", "spec 'no.toml' does not exist"),
+        (["fit", "good.toml", "-o", "taken"], "OutputError", "--force"),
+        (["embed", "no.xml", "--at", "a=good.toml", "-o", "o.xml"], "InputError", "no.xml"),
+        (["inspect", "broken.xml"], "EngineError", "MuJoCo refuses"),
+        (["init", "booom"], "InputError", "did you mean 'boom'"),
+        (["fit", "good.toml"], "MissingParameter", "-o"),
+        (["fit", "good.toml", "-o", "out", "--forse"], "NoSuchOption", "--force"),
+    ],
+)
+def test_errors_under_json_are_json(arguments, kind, words, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(starts()[0].path, "good.toml")
+    Path("broken.xml").write_text("<mujoco>")
+    Path("taken").mkdir()
+    Path("taken/fit.json").write_text("mine")
+    before = sorted(tmp_path.rglob("*"))
+    code, told, error = run([*arguments, "--json"], capsys, monkeypatch)
+    assert code == 2
+    record = json.loads(told)["error"]
+    assert record["type"] == kind
+    assert words in record["message"]
+    assert error.strip()
+    if kind.endswith("Error"):
+        assert error == f"beamchain: {record['message']}\n"
+    assert sorted(tmp_path.rglob("*")) == before
+    code, told, _ = run(arguments, capsys, monkeypatch)
+    assert (code, told.strip()) == (2, "")
+
+
+def test_json_keeps_the_other_statuses(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["schema", "--json"], capsys, monkeypatch)[0] == 0
+    text = (
+        next(s for s in starts() if s.name == "array").path.read_text().replace("bandwidth = 5.0 ", "bandwidth = 5e4 ")
+    )
+    Path("wide.toml").write_text(text)
+    code, told, _ = run(["fit", "wide.toml", "-o", "out", "--json"], capsys, monkeypatch)
+    assert code == 3
+    assert not json.loads(told)["status"]["ok"]
 
 
 # -- init ------------------------------------------------------------------------------------------------------------
