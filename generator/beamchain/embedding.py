@@ -24,6 +24,7 @@ from beamchain.appendage import (
     rigid_mass,
 )
 from beamchain.assess.assembly import Assembly, prove
+from beamchain.assess.doubtful import doubtful
 from beamchain.assess.spoilers import check_flags
 from beamchain.checks import one_of
 from beamchain.craft_time import on_tendons, timed, without_time, worth_it
@@ -277,7 +278,14 @@ def _compiled(original: Craft, appendages: Sequence[Appendage], form: str, layou
         out, beside = _assemble(original, appendages, form, None, "craft", layout, Path(folder))
         for name, text in beside.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
+<<<<<<< HEAD
         return compile_model(out.to_bytes().decode("utf-8"))
+=======
+        model = compile_model(out.to_bytes().decode("utf-8"))
+    warnings += judged(craft, model, appendages, check.hostile(original.parts()))
+    warnings += driven_too_far(model, appendages)
+    return Embedded(appendages, craft, model, tuple(warnings), original, form, layout)
+>>>>>>> input
 
 
 def _assemble(
@@ -427,6 +435,8 @@ def _fit_all(
             spec.damping is not None and spec.damping.form == "hinge"
         ):  # tendons are judged by the craft's own integrator
             warnings += [f"{name}: {warning}" for warning in result.cautions]
+        else:
+            warnings += [f"{name}: {warning}" for warning in doubtful(spec.segment, spec.damping, result.target)]
         out.append(Appendage(name, prefix, place, hub, spec, result))
     return tuple(out), warnings
 
