@@ -113,28 +113,20 @@ def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> Non
 
 
 def judged(
-<<<<<<< HEAD
-    craft: "mujoco.MjModel", model: "mujoco.MjModel", appendages: Sequence[Appendage], final: "mujoco.MjModel"
-=======
     craft: "mujoco.MjModel",
     model: "mujoco.MjModel",
     appendages: Sequence[Appendage],
+    final: "mujoco.MjModel",
     defaults: Mapping[str, Mapping[str, int]] | None = None,
->>>>>>> input
 ) -> list[str]:
     """Every number of the spacecraft and of the appendages is as it was; then what spoils the motion.
 
     Args:
         craft: the bare spacecraft.
-<<<<<<< HEAD
         model: with its appendages, timing taken out.
         appendages: what was embedded.
         final: as it will run.
-=======
-        model: the spacecraft with its appendages.
-        appendages: what was embedded.
         defaults: attributes that the spacecraft's file sets by default, per tag.
->>>>>>> input
     """
     mine = appended(model, names(appendages))
     theirs = others(model, mine)
@@ -155,22 +147,20 @@ def judged(
             _refuse(found[0], a, defaults or {})
     ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
     kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
-<<<<<<< HEAD
     limits = step_limits(linear_model(quiet(final)))
-    found = spoilers(final, limits, kept, min(ratios, default=0.0), mine["geom"])
-    return found if final is model else [text for text in found if not text.startswith(TENDON_DAMPING)]
-=======
-    limits = step_limits(linear_model(quiet(model)))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     pull = preload(model, data)
+    spoilt = spoilers(final, limits, kept, min(ratios, default=0.0), mine["geom"])
+    if final is not model:
+        spoilt = [text for text in spoilt if not text.startswith(TENDON_DAMPING)]
     return [
         *(
             [f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, move its springref."]
             if pull
             else []
         ),
-        *spoilers(model, limits, kept, min(ratios, default=0.0), mine["geom"]),
+        *spoilt,
     ]
 
 
@@ -187,14 +177,13 @@ def _refuse(found: Difference, changed: Appendage, defaults: Mapping[str, Mappin
         )
     kind, _, field = found.field.partition("_")
     tag = {"jnt": "joint", "dof": "joint", "tendon": "fixed"}.get(kind, kind)
-    own = {str(name) for node in changed.fit.appendage().iter(tag) for name in node.attrib}
+    own = {str(name) for node in changed.fit.appendage(timed=False).iter(tag) for name in node.attrib}
     left = [name for name in defaults.get(tag, {}) if name not in own and name not in check.NEUTRAL.get(tag, {})]
     word = ", ".join(left) or field  # a mesh by default shows in aabb, rbound, ...
     raise InputError(
         f'the spacecraft\'s defaults or compiler would change the appendage: {_told(found)}; use form "attach", which '
         f"no default of the spacecraft reaches, or take {word} out of them."
     )
->>>>>>> input
 
 
 def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str]:

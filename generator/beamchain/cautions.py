@@ -24,13 +24,10 @@ def fit_warnings(
 ) -> tuple[str, ...]:
     """What to know before the file is used."""
     out: list[str] = []
-<<<<<<< HEAD
     modes = [(t, port) for port, model in achieved.items() for t in chain.tendons
              if t.is_mode and t.damping > 0.0 and t.label.endswith(f"_{port}") and model.modes]  # fmt: skip
-    if modes and not spec.exact_step:
-=======
-    if dampers and (spec.scene is None or spec.scene.integrator == "Euler"):  # a scene that says another is heard
->>>>>>> input
+    euler_runs = spec.scene is None or spec.scene.integrator == "Euler"  # a scene that says another is heard
+    if modes and euler_runs and not spec.exact_step:
         euler, other = limits.largest_step["Euler"], limits.largest_step["implicitfast"]
         text = (
             "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo takes where nothing "

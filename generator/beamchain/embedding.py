@@ -265,7 +265,8 @@ def _embed_in_document(
         check_names(craft, appendages)
         model = _compiled(original, appendages, form, layout)
     final = timed(model) if good else model
-    warnings += judged(craft, model, appendages, final) + driven_too_far(model, appendages)
+    warnings += judged(craft, model, appendages, final, check.hostile(original.parts()))
+    warnings += driven_too_far(model, appendages)
     if good:
         appendages = tuple(replace(a, timed=final) for a in appendages)
     model = final
@@ -278,14 +279,7 @@ def _compiled(original: Craft, appendages: Sequence[Appendage], form: str, layou
         out, beside = _assemble(original, appendages, form, None, "craft", layout, Path(folder))
         for name, text in beside.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
-<<<<<<< HEAD
         return compile_model(out.to_bytes().decode("utf-8"))
-=======
-        model = compile_model(out.to_bytes().decode("utf-8"))
-    warnings += judged(craft, model, appendages, check.hostile(original.parts()))
-    warnings += driven_too_far(model, appendages)
-    return Embedded(appendages, craft, model, tuple(warnings), original, form, layout)
->>>>>>> input
 
 
 def _assemble(

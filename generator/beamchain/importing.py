@@ -236,13 +236,9 @@ def _finish(case: Case, built: Built, measured: Measured, space: InSpace, line: 
         kept_for=case.target,
         choice=case.choice,
         promise=promise,
-<<<<<<< HEAD
         cut=built.cut,
         left_out=ledger(case.spec, case.choice, bool(chain.tendons)),
-=======
-        left_out=ledger(case.spec, case.choice, bool(dampers)),
         cautions=tuple(doubtful((), case.spec.damping)),
->>>>>>> input
         line=line,
         space=space,
     )

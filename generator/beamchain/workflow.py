@@ -105,15 +105,11 @@ def fit(
         from beamchain.importing import fit_imported  # which returns a Fit
 
         return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
-<<<<<<< HEAD
-    return _fit(spec)
-=======
     try:
-        return _beam_as_oscillators(spec) if spec.fit.form == "oscillators" else _fit(spec)
+        return _fit(spec)
     except RealisationError as error:
         asked = " ".join(doubtful(spec.segment))
         raise RealisationError(f"{asked} As it is: {error}") from None if asked else error
->>>>>>> input
 
 
 def as_spec(appendage: Beam | Spec | ModalData) -> Spec:
@@ -190,14 +186,8 @@ def _fit(spec: Spec) -> Fit:
         cut=built.cut,
         left_out=ledger(spec, plan.choice, bool(chain.tendons)),
         cautions=(
-<<<<<<< HEAD
             *fit_warnings(spec, measured, achieved, chain, limits),
-            *doubtful(spec.segment),
-=======
-            *fit_warnings(spec, measured, achieved, dampers, limits),
-            *prewarp_note(warped),
             *doubtful(spec.segment, spec.damping, built.targets),
->>>>>>> input
             *([note] if note else []),
         ),
     )

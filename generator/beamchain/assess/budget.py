@@ -94,7 +94,11 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
     if "discrete" in engine.INTEGRATORS:
         spring = engine.implicit_stiffness(model, data, linear.damping)
     euler = np.asarray(np.linalg.solve(own, np.diag(joints)), dtype=np.float64)
-    return LinearModel(linear.stiffness, linear.damping, euler, spring, preloaded(model, data))
+    held = np.zeros((nv, nv))
+    for i in range(model.ntendon):
+        held += float(np.atleast_1d(model.tendon_stiffness[i])[0]) * np.outer(along(model, i), along(model, i))
+    tendons = np.asarray(np.linalg.solve(own, held), dtype=np.float64) if np.any(held) else None
+    return LinearModel(linear.stiffness, linear.damping, euler, spring, tendons, preloaded(model, data))
 
 
 def preloaded(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:

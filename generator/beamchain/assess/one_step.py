@@ -38,6 +38,8 @@ class LinearModel:
         damping: `(nv, nv)` `M^-1 D`, all of it [1/s].
         euler_damping: `(nv, nv)` the share of `damping` that Euler integrates implicitly (that of joints).
         discrete_stiffness: `(nv, nv)` the share of `stiffness` that "discrete" integrates implicitly.
+        discrete_tendons: `(nv, nv)` the share of fixed tendons, whose springs "discrete" takes implicitly for the force
+            of the position alone; None: there are none.
         preload: what pulls at the rest pose, as a sentence; empty: nothing.
     """
 
@@ -45,6 +47,7 @@ class LinearModel:
     damping: Array
     euler_damping: Array
     discrete_stiffness: Array
+    discrete_tendons: Array | None = None
     preload: str = ""
 
     def poles(self) -> Poles:
