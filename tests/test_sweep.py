@@ -105,11 +105,17 @@ def coupled(model: mujoco.MjModel) -> np.ndarray:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     mass = np.array([_column(model, data, i) for i in range(model.nv)])
-    stiffness = np.zeros(model.nv)
+    stiffness = np.zeros((model.nv, model.nv))
     for joint in range(model.njnt):
         if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
-            stiffness[model.jnt_dofadr[joint]] = model.jnt_stiffness[joint]
-    return np.sqrt(eigh(np.diag(stiffness), mass, eigvals_only=True)[6:])
+            at = model.jnt_dofadr[joint]
+            stiffness[at, at] = np.atleast_1d(model.jnt_stiffness[joint])[0]
+    for tendon in range(model.ntendon):
+        row = np.zeros(model.nv)
+        for k in range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon]):
+            row[model.jnt_dofadr[model.wrap_objid[k]]] = model.wrap_prm[k]
+        stiffness += np.atleast_1d(model.tendon_stiffness[tendon])[0] * np.outer(row, row)
+    return np.sqrt(eigh(stiffness, mass, eigvals_only=True)[6:])
 
 
 def _column(model: mujoco.MjModel, data: mujoco.MjData, i: int) -> np.ndarray:

@@ -10,6 +10,7 @@ from beamchain.assess.limits import oscillating, step_limits
 from beamchain.assess.one_step import LinearModel
 from beamchain.assess.stability import INTEGRATORS
 from beamchain.engine import linearise as engine
+from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError
 from beamchain.motion import Array

@@ -142,15 +142,17 @@ def _next(target_of: TargetOf, port: str, count: int) -> float | None:
 
 def _available(target_of: TargetOf, port: str, count: int, notes: list[str]) -> PortModel:
     """The target with as many of `count` modes as double precision holds."""
+    reason: RealisationError | None = None
     for modes in range(count, 0, -1):
         try:
             target = target_of(port, modes)
         except RealisationError as error:
-            reason = error
+            reason = reason or error
             continue
-        if modes < count:
+        if reason is not None:
             notes.append(f"{port} keeps {modes} of the {count} modes asked for. {reason}")
         return target
+    assert reason is not None
     raise reason
 
 

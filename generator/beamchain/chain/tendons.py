@@ -27,6 +27,7 @@ STILL = 1e-12  # change of a pass at which the projection has settled
 RAISED = 0.3  # least singular value on what the root does not see: a smaller one would need heavy armature
 DROPPED = 1e-13  # relative armature that is rounding
 FILLER = 20.0  # frequency of filler modes over that of the last mode kept, where the next real one is not known
+LEAST_LEFT = 1e-6  # of the rigid mass, that participation must leave
 SAME_MASS = 1e-10  # relative, of two rigid mass matrices
 WORST_CONDITION = 1e3  # of the modes in hinge coordinates, beyond which digits are lost
 
@@ -69,6 +70,10 @@ class Modes:
         if self.rigid is None or not np.max(np.abs(self.rigid - rigid)) > SAME_MASS * np.max(np.abs(rigid)):
             return self
         m = rigid.shape[0]
+        left = rigid - self.rows[:, :m].T @ self.rows[:, :m]
+        size = np.sqrt(np.diag(rigid))
+        if float(np.linalg.eigvalsh(left / np.outer(size, size))[0]) > LEAST_LEFT:
+            return self  # the participation as it is leaves these bodies something
         scale = 1.0 / np.sqrt(np.diag(rigid))
         both = [np.linalg.cholesky(matrix * np.outer(scale, scale)) for matrix in (rigid, self.rigid)]
         turn = (both[0] @ np.linalg.inv(both[1])) * np.outer(1.0 / scale, scale)

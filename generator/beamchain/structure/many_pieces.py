@@ -192,7 +192,7 @@ def assemble(
             moved, end = line.rows(block)
             space, motions, ends = np.vstack([space, block]), np.vstack([motions, moved]), np.vstack([ends, end])
             block = line.loads(moved, np.zeros_like(end))
-        r: Array = np.linalg.qr(
+        r = np.linalg.qr(
             np.vstack([motions, rigid]).T, mode="r"
         )  # what the rows weigh, in as few rows as columns
         model = port_from_rows(r[:, len(motions) :], r[:, : len(motions)], ends.T)
