@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+import beamchain as bc
 from appendages import close, dense_port, panels, seed_boom, stepped_boom, tip_loaded_boom, unit_beam
 from beamchain.chain.chain import Chain, Hinge, Link, Tendon
 from beamchain.chain.realise import planar_chain, realise
@@ -405,3 +406,13 @@ def test_an_actuator_of_another_kind_is_no_error():
     found = linearise(model)
     assert found.driven == (0, -1, -1)
     np.testing.assert_allclose(found.inputs[0] / found.inputs[0, 0], [1.0, 1.0, 2.0], rtol=1e-6)
+
+
+def test_numbers_too_far_apart_are_said():
+    """A thread of 64 um and four light-hours: what linearisation returns has no digit of it."""
+    soft = bc.Material(youngs_modulus=0.16380296123360136, density=8614.33701723042)
+    stiff = bc.Material(youngs_modulus=422935925043.1481, density=13955.563549129554)
+    thread = bc.Segment(length=4839833348736.828, section=bc.Round(diameter=6.420740210310238e-05), material=soft)
+    wire = bc.Segment(length=2.639015583134226, section=bc.Round(diameter=3.743015106952008e-06), material=stiff)
+    with pytest.raises(bc.BeamchainError, match="too far apart for double precision"):
+        bc.fit(bc.Beam(segments=[thread, wire]), modes={"xy": 1, "xz": 1, "torsion": 3})

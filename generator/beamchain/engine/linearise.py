@@ -260,7 +260,13 @@ def linearise(
     own = int(model.opt.integrator)
     a, b, c, d = _transition(model, data, epsilon, INTEGRATORS["implicitfast"])
     nv, h = model.nv, float(model.opt.timestep)
-    x = np.linalg.inv(a[nv : 2 * nv, nv : 2 * nv])
+    kept = a[nv : 2 * nv, nv : 2 * nv]
+    if not np.all(np.isfinite(kept)) or np.linalg.matrix_rank(kept) < nv:
+        raise EngineError(
+            f"a step of {h:g} s leaves no motion in a joint of the model ({nv} degrees of freedom): its numbers lie too far "
+            "apart for double precision; check the units of masses, lengths and stiffnesses."
+        )
+    x = np.linalg.inv(kept)
     stiffness = -x @ a[nv : 2 * nv, :nv] / h
     damping = (x - np.eye(nv)) / h
     inputs = x @ b[nv : 2 * nv] / h

@@ -192,9 +192,8 @@ def assemble(
             moved, end = line.rows(block)
             space, motions, ends = np.vstack([space, block]), np.vstack([motions, moved]), np.vstack([ends, end])
             block = line.loads(moved, np.zeros_like(end))
-        r = np.linalg.qr(
-            np.vstack([motions, rigid]).T, mode="r"
-        )  # what the rows weigh, in as few rows as columns
+        # what the rows weigh, in as few rows as columns
+        r = np.asarray(np.linalg.qr(np.vstack([motions, rigid]).T, mode="r"), dtype=np.float64)
         model = port_from_rows(r[:, len(motions) :], r[:, : len(motions)], ends.T)
         now = model.frequencies[:wanted], model.free_frequencies[:wanted]
         if not block.size or (before is not None and _still(before, now) and model.modes > 2 * wanted):
