@@ -142,7 +142,7 @@ class Study:
         planes = [p for p in ("xy", "xz") if p in self.kept] or list(self.kept)
         counts = {port: point.n if port in planes else n for port, n in self.kept.items()}
         scene = self.spec.scene or Scene()
-        changes = {
+        changes: dict[str, Any] = {
             "modes": Modes(**counts),
             "root": Root(target=words.get(point.model, "clamped"), hub=self.spec.root.hub),
             "scene": msgspec.structs.replace(scene, integrator=point.integrator, timestep=point.timestep),
