@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -188,8 +189,9 @@ def frozen(beam: Beam) -> Chain:
     return with_real_polar(rigid)
 
 
+@lru_cache(maxsize=8)
 def chain_of(task: Task, entry: Entry) -> Chain:
-    """The chain of an entry, damped.
+    """The chain of an entry, damped; kept, because every step of a ladder asks for it.
 
     Raises:
         RealisationError: there is no such chain.

@@ -47,6 +47,7 @@ LADDER = (
     52,
     56,
 )
+OFTEN = 40.0  # switching times per slowest period beyond which steps no longer divide them
 RUNGS = 28  # steps tried below the stability limit, at most
 FLOOR = 0.01  # two steps whose errors differ by less, relative, stand on the model's floor
 FINE_ENOUGH = 1e-5  # error below which no finer step is of interest
@@ -100,7 +101,7 @@ def steps_below(scenario: Scenario, limit: float) -> list[tuple[float, int]]:
     """Steps and their number, largest first: the beat over whole numbers, the scenario in whole steps."""
     beat = scenario.beat
     period = 2.0 * np.pi / float(np.min(np.abs(scenario.response.poles)))
-    if beat < period / 20.0:  # switching too often to step by: the mean wrench of each step is applied instead
+    if beat < period / OFTEN:  # switching too often to step by: the mean wrench of each step is applied instead
         beat = scenario.duration / np.ceil(scenario.duration / (period / 4.0))
     first = max(int(np.ceil(beat / limit * (1.0 - 1e-9))), 1)  # the largest stable step is tried, whatever the ladder
     divisors = [d for d in (*LADDER, *(m * 2**k for k in range(1, 40) for m in (32, 40, 48, 56))) if d > first]
