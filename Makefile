@@ -54,6 +54,7 @@ bench-peers: $(VENV)/.installed
 	build/peers/venv/bin/python -W ignore tests/benchmarks/peers/exudyn_peers.py build/peers/exudyn.json
 	build/peers/venv/bin/python -W ignore tests/benchmarks/peers/basilisk_peer.py build/peers/basilisk.json
 	build/peers/venv/bin/python tests/benchmarks/peers/compare.py build/peers/study/study.json build/peers/exudyn.json build/peers/basilisk.json
+	build/peers/venv/bin/python -W ignore tests/benchmarks/time_exact.py
 
 EXAMPLES ?= 2000
 FUZZ_SECONDS ?= 60

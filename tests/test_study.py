@@ -17,6 +17,7 @@ from beamchain.assess.field import Entry
 from beamchain.assess.hub_response import Profile, hub_response
 from beamchain.assess.run_time import CLOCK, Ladder, Point, climb, rigid_motion, steps_below
 from beamchain.assess.scenario import parse_profile, rounded_up
+from beamchain.chain.build import Wishes, build_exact
 from beamchain.chain.tendons import springs_as_modes
 from beamchain.cli import app
 from beamchain.engine.linearise import compile_model
@@ -168,7 +169,8 @@ def errors(prepared, entry: Entry, steps: list[float], metric: str) -> list[floa
     out = []
     for h in steps:
         wrench = scenario.profile.mean(h, round(60.0 / h))
-        course = simulate(field.model_of(task, entry), entry.integrator, h, wrench)
+        wrench = entry.fed(wrench)
+        course = simulate(field.model_of(task, entry, h), entry.integrator, h, wrench)
         rigid = rigid_motion(task, entry.integrator, h, wrench) if metric == "error_appendage" else None
         out.append(scenario.error(course.motion, h, rigid, CLOCK[entry.integrator] if rigid is not None else 0.0))
     return out
@@ -194,6 +196,13 @@ def test_equal_links_converge_with_the_square_of_their_number(prepared):
     counts = [10, 14, 20]
     found = [errors(prepared, Entry("equal links, midpoint", n, "RK4"), [0.01], "error")[0] for n in counts]
     assert order([1.0 / n for n in counts], found) == pytest.approx(2.0, abs=2.0 * ORDER)
+
+
+def test_armature_takes_the_steps_frequency_error_off(prepared):
+    """At four times the step, and as simulated, where the plain chain has its integrator's own error taken off."""
+    plain = errors(prepared, Entry("exact, hub", 3, "Euler"), [0.125], "error_appendage")[0]
+    timed = errors(prepared, Entry(field.TIMED, 3, "Euler"), [0.5], "error")[0]
+    assert timed < plain / 64.0
 
 
 def test_figures_of_the_seeds_problem(prepared):
@@ -270,6 +279,33 @@ def test_a_tendon_per_mode_moves_the_hub_as_springs_on_the_hinges(prepared, n):
         simulate(compile_model(field.scene_text(task.hub, chain)), "RK4", h, wrench).motion for chain in (plain, tied)
     )
     assert np.max(np.abs(a - b)) < 1e-9 * np.max(np.abs(a))
+
+
+@pytest.mark.parametrize("n", [2, 3, 4])
+def test_other_bodies_move_the_hub_as_the_clamped_chain(prepared, n):
+    """Two unlike sets of bodies of the same port model: the same motion while it is small."""
+    task, scenario = prepared
+    wishes = Wishes(lines=(0.4 * task.beam.length,))
+    cut = build_exact(task.beam, {"xy": n}, lambda port, count: task.full[port].truncated(count), wishes).chain
+    model = compile_model(field.scene_text(task.hub, cut))
+    own = field.chain_of(task, Entry("exact, clamped", n, "RK4"))
+    assert len(cut.hinges) != len(own.hinges) or abs(cut.hinges[0].x - own.hinges[0].x) > 0.01
+    motion = simulate(model, "RK4", 0.02, scenario.profile.mean(0.02, 3000)).motion
+    a = errors(prepared, Entry("exact, clamped", n, "RK4"), [0.02], "error")[0]
+    assert a == pytest.approx(scenario.error(motion, 0.02), rel=1e-3)
+
+
+def test_rivals_are_named_but_not_recommended():
+    points = [("equal links, midpoint", 1.0), ("exact, clamped", 2.0), (field.PAPER, 3.0)]
+    ladders = tuple(ladder(m, 2, [(0.1, 1e-3, s)]) for m, s in points)
+    spec = bc.read_spec(SEED)
+    _, scenario = studies.prepare(spec_toml(spec), studies.Options())
+    found = studies.Study(spec, studies.Options(), {"xy": 2}, scenario, ladders, Growth((), None, (), None), 0.0)
+    best = found.best(1e-2, "error")
+    assert best is not None
+    assert best.model == "exact, clamped"
+    rivals = found.rivals(1e-2, "error")
+    assert {name: reach.seconds for name, reach in rivals.items()} == {"equal links, midpoint": 1.0, field.PAPER: 3.0}
 
 
 def test_timing_without_recording_simulates_the_same(prepared, monkeypatch):

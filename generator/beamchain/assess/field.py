@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,9 +23,14 @@ from beamchain.errors import RealisationError
 from beamchain.mjcf import write
 from beamchain.motion import PORT_MOTION, Array
 from beamchain.port import PortModel, in_space
+from beamchain.steps.discrete import PHASE
+from beamchain.steps.inputs import HeldInput
+from beamchain.steps.retime import retime
 from beamchain.structure.beam import Beam
 
+TIMED = "exact in time"
 OURS = {
+    TIMED: 6,
     "exact, hub": 6,
     "exact, clamped": 6,
     "exact, free": 6,
@@ -38,6 +44,7 @@ RIGID_HUB = "rigid hub"
 INTEGRATORS = ("Euler", "implicitfast", "RK4", "discrete")
 DAMPED = 6  # first modes of a rival that get a damping tendon
 MARGIN = 0.97  # of the stability limit: the largest step tried
+BEYOND = 2.0  # a model exact in time is tried up to this many times the step from which its fastest mode is slowed
 
 
 class Entry(NamedTuple):
@@ -51,6 +58,22 @@ class Entry(NamedTuple):
     def ours(self) -> bool:
         """Made by this package's own methods."""
         return self.model in OURS
+
+    @property
+    def timed(self) -> bool:
+        """Made for one step, at which every sampled position is exact; fed with the mean of this and the last wrench."""
+        return self.model == TIMED
+
+    def fed(self, wrench: Array) -> Array:
+        """`(t, 6)` what the model is given in each step.
+
+        Args:
+            wrench: `(t, 6)` on the hub, constant over each step.
+        """
+        if not self.timed:
+            return wrench
+        held = HeldInput()
+        return np.array([held(row) for row in wrench]).reshape(wrench.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +104,8 @@ def entries(task: Task) -> list[Entry]:
     """Everything that can be built for this appendage, cheapest first within each model."""
     out = [Entry(RIGID_HUB, 0, integrator) for integrator in INTEGRATORS]
     for model, most in OURS.items():
-        out += [Entry(model, n, i) for i in INTEGRATORS for n in range(1, most + 1)]
+        integrators = ("Euler",) if model == TIMED else INTEGRATORS
+        out += [Entry(model, n, i) for i in integrators for n in range(1, most + 1)]
     if not task.planes:
         return out
     if task.beam.uniform and len(task.kept) == 1:
@@ -94,9 +118,16 @@ def entries(task: Task) -> list[Entry]:
 
 
 def largest_step(task: Task, entry: Entry) -> float:
-    """Largest step worth trying, a little below the stability limit on this hub [s]; infinity: none."""
+    """Largest step worth trying, a little below the stability limit on this hub [s]; infinity: none.
+
+    A model exact in time is stable at every step; it is tried from steps at which the fastest mode of every port is slowed.
+    """
     if entry.model == RIGID_HUB or entry.integrator == "discrete":
         return float("inf")
+    if entry.timed:
+        _, targets = _built(task, entry)
+        fastest = [float(m.with_hub(_hub_of(task, port)).free_frequencies[-1]) for port, m in targets.items()]
+        return BEYOND * PHASE / min(fastest)
     if entry.model in soft_rods.INTEGRATORS:
         fastest = soft_rods.fastest(task.beam, entry.n)
         return MARGIN * largest_angle(entry.integrator) / fastest
@@ -111,16 +142,24 @@ def largest_step(task: Task, entry: Entry) -> float:
     )
 
 
-def model_of(task: Task, entry: Entry) -> "mujoco.MjModel":
+def model_of(task: Task, entry: Entry, timestep: float = 0.0) -> "mujoco.MjModel":
     """The compiled scene of an entry: a free-flying hub with the appendage, nothing drawn.
 
     The link welded to the hub becomes part of it when compiled (`fusestatic`), for rivals too.
+
+    Args:
+        task: appendage and hub.
+        entry: which model.
+        timestep: for which a model is made exact in time [s]; 0: for none. Other models are the same at every step.
     """
     if entry.model in soft_rods.INTEGRATORS:
         return soft_rods.scene_model(entry.model, task.beam, task.hub, entry.n)
     if entry.model == RIGID_HUB:
         return compile_model(scene_text(task.hub, frozen(task.beam)))
-    return compile_model(scene_text(task.hub, chain_of(task, entry)))
+    model = compile_model(scene_text(task.hub, chain_of(task, entry)))
+    if entry.timed:
+        retime(model, timestep, entry.integrator, form=4)
+    return model
 
 
 def scene_text(hub: Rigid, chain: Chain) -> str:
@@ -150,8 +189,9 @@ def frozen(beam: Beam) -> Chain:
     return with_real_polar(rigid)
 
 
+@lru_cache(maxsize=8)
 def chain_of(task: Task, entry: Entry) -> Chain:
-    """The chain of an entry, damped.
+    """The chain of an entry, damped; kept, because every step of a ladder asks for it.
 
     Raises:
         RealisationError: there is no such chain.
@@ -206,16 +246,18 @@ def _built(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
     return with_real_polar(replace(chains[0], hinges=hinges, links=links)), {}
 
 
-def _ours(task: Task, entry: Entry, kept: dict[str, int]) -> Built:
-    def hub_of(port: str) -> Array:
-        return PORT_MOTION[port].T @ task.hub.matrix @ PORT_MOTION[port]
+def _hub_of(task: Task, port: str) -> Array:
+    """The hub's mass matrix in the motions of a port."""
+    return PORT_MOTION[port].T @ task.hub.matrix @ PORT_MOTION[port]
 
+
+def _ours(task: Task, entry: Entry, kept: dict[str, int]) -> Built:
     def target_of(port: str, count: int) -> PortModel:
         full = task.full[port]
         if entry.model == "exact, free":
-            out = full.reduced(count, 0.0 * hub_of(port))
-        elif entry.model == "exact, hub":
-            out = full.reduced(count, hub_of(port))
+            out = full.reduced(count, 0.0 * _hub_of(task, port))
+        elif entry.model in ("exact, hub", TIMED):
+            out = full.reduced(count, _hub_of(task, port))
         else:
             out = full.truncated(count)
         return out.replaced(damping=full.damping[: out.modes])
@@ -223,5 +265,7 @@ def _ours(task: Task, entry: Entry, kept: dict[str, int]) -> Built:
     if entry.model == "least squares":
         links = np.full(entry.n + 1, task.beam.length / (entry.n + 1))
         return build_least_squares(task.beam, kept, links, ("stiffness", "lengths", "masses"), None, target_of)
-    damped = task.tendons and any(np.any(task.full[port].damping > 0.0) for port in kept)
-    return build_exact(task.beam, kept, target_of, Wishes(per_mode=damped))
+    damped = any(np.any(task.full[port].damping > 0.0) for port in kept)
+    if entry.timed:  # armature and damping of the modes stand on their tendons
+        return build_exact(task.beam, kept, target_of, Wishes(springs="modes", per_mode=damped))
+    return build_exact(task.beam, kept, target_of, Wishes(per_mode=damped and task.tendons))

@@ -47,6 +47,7 @@ LADDER = (
     52,
     56,
 )
+OFTEN = 40.0  # switching times per slowest period beyond which steps no longer divide them
 RUNGS = 28  # steps tried below the stability limit, at most
 FLOOR = 0.01  # two steps whose errors differ by less, relative, stand on the model's floor
 FINE_ENOUGH = 1e-5  # error below which no finer step is of interest
@@ -66,7 +67,8 @@ class Point(NamedTuple):
     Args:
         model, n, integrator, timestep: the setting.
         error: of the hub's motion, relative to its largest elastic part.
-        error_appendage: the same with the integrator's rigid-hub error taken off, on its own clock.
+        error_appendage: the same with the integrator's rigid-hub error taken off, on its own clock; kept for readers of
+            study.json, asked no more.
         seconds: median time to simulate the scenario [s].
         seconds_per_step: the same over the number of steps.
         spread: half the range of the middle half of the repetitions, relative.
@@ -99,7 +101,7 @@ def steps_below(scenario: Scenario, limit: float) -> list[tuple[float, int]]:
     """Steps and their number, largest first: the beat over whole numbers, the scenario in whole steps."""
     beat = scenario.beat
     period = 2.0 * np.pi / float(np.min(np.abs(scenario.response.poles)))
-    if beat < period / 20.0:  # switching too often to step by: the mean wrench of each step is applied instead
+    if beat < period / OFTEN:  # switching too often to step by: the mean wrench of each step is applied instead
         beat = scenario.duration / np.ceil(scenario.duration / (period / 4.0))
     first = max(int(np.ceil(beat / limit * (1.0 - 1e-9))), 1)  # the largest stable step is tried, whatever the ladder
     divisors = [d for d in (*LADDER, *(m * 2**k for k in range(1, 40) for m in (32, 40, 48, 56))) if d > first]
@@ -124,11 +126,11 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
     spent, still, note = 0.0, 0, "every step of the ladder measured"
     for h, count in steps:
         try:
-            model = field.model_of(task, entry)
+            model = field.model_of(task, entry, h)
         except BeamchainError as error:
             note = str(error)
             continue
-        wrench = scenario.profile.mean(h, count)
+        wrench = entry.fed(scenario.profile.mean(h, count))
         probe = min(PROBE, count)
         cost = (
             found[-1][4] * count / found[-1][1]
@@ -142,7 +144,7 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
         spent += course.seconds
         error = scenario.error(course.motion, h)
         rigid = rigid_motion(task, entry.integrator, h, wrench)
-        own = scenario.error(course.motion, h, rigid, CLOCK[entry.integrator])
+        own = scenario.error(course.motion, h, rigid, clock(entry))
         if not np.isfinite(error):
             continue  # this step was beyond the stability limit after all
         found.append((h, count, error, own, course.seconds, model))
@@ -156,6 +158,11 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
     return Ladder(entry, _timed(task, scenario, entry, found), note)
 
 
+def clock(entry: Entry) -> float:
+    """Where the simulated time stands after a step, in steps from its end; a model exact in time shows its end."""
+    return 0.0 if entry.timed else CLOCK[entry.integrator]
+
+
 def rigid_motion(task: Task, integrator: str, timestep: float, wrench: Array) -> Array:
     """`(t, 6)` motion of the hub with the appendage frozen, by the same integrator and step."""
     model = field.model_of(task, Entry(RIGID_HUB, 0, integrator))
@@ -166,7 +173,9 @@ def _timed(
     task: Task, scenario: Scenario, entry: Entry, found: list[tuple[float, int, float, float, float, Any]]
 ) -> list[Point]:
     """Repetitions of all short simulations in turns, each with the rigid hub beside it."""
-    runs = [Run(model, entry.integrator, h, scenario.profile.mean(h, count)) for h, count, *_, model in found]
+    runs = [
+        Run(model, entry.integrator, h, entry.fed(scenario.profile.mean(h, count))) for h, count, *_, model in found
+    ]
     known = [[] if seconds < SHORT else [seconds] for *_, seconds, _ in found]
     hub = field.model_of(task, Entry(RIGID_HUB, 0, entry.integrator))
     times = in_turns(runs, hub, REPEATS, known)

@@ -90,19 +90,18 @@ def show(result: "Study") -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from beamchain.report.study_html import commands, scenario_sentence, table, verdict
+    from beamchain.report.study_html import commands, how_to_feed, scenario_sentence, table, verdict
 
     out = console()
     out.print(f"[bold]{result.spec.name}[/bold]: {verdict(result)}")
     out.print(scenario_sentence(result))
-    for metric in ("error", "error_appendage"):
-        found: Any = table(result, metric)
-        shown = Table(title=found.caption, title_justify="left")
-        for i, name in enumerate(found.head):
-            shown.add_column(name, justify="left" if i < 2 or i == 3 else "right")
-        for row in found.rows:
-            shown.add_row(*row)
-        out.print(shown)
+    found: Any = table(result, "error")
+    shown = Table(title=found.caption, title_justify="left")
+    for i, name in enumerate(found.head):
+        shown.add_column(name, justify="left" if i < 2 or i == 3 else "right")
+    for row in found.rows:
+        shown.add_row(*row)
+    out.print(shown)
     hub = ", ".join(f"{name} {1e6 * seconds:.2f} us" for name, seconds in result.rigid_hub.items())
     out.print(f"a step of the rigid hub alone: {hub}")
     growth = result.growth
@@ -115,3 +114,5 @@ def show(result: "Study") -> None:
         out.print(f"[bold]warning[/bold]: {escape(warning)}")
     for command in commands(result):
         out.print(command)
+    for sentence in how_to_feed(result):
+        out.print(sentence)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 #: Ours in colours that differ in lightness, rivals in grey, each told by its mark too.
 COLOURS = {
+    field.TIMED: "#082f5c",
     "exact, hub": OURS,
     "exact, clamped": "#3d8fd6",
     "exact, free": "#8dbbe6",
@@ -32,22 +33,19 @@ WORST = 2.0  # errors above are left out of the picture: nothing of the appendag
 
 
 def pareto_figure(study: "Study") -> Figure:
-    """Error against run time, both metrics, log-log: each model's front.
+    """Error against run time, log-log: each model's front.
 
     Args:
         study: what was measured.
     """
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 9.2))
-        metrics: tuple[Metric, ...] = ("error", "error_appendage")
-        for i, metric in enumerate(metrics):
-            ax = figure.add_subplot(2, 1, i + 1)
-            _panel(ax, study, metric)
+        figure = Figure(figsize=(7.2, 5.8))
+        _panel(figure.add_subplot(), study, "error")
         figure.axes[-1].set_xlabel(f"time to simulate {study.scenario.duration:g} s, ms")
         handles, labels = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="upper left", ncols=2, bbox_to_anchor=(0.09, 1.0))
         rows = (len(labels) + 1) // 2
-        figure.subplots_adjust(left=0.11, right=0.98, bottom=0.055, top=0.955 - 0.022 * rows, hspace=0.16)
+        figure.subplots_adjust(left=0.11, right=0.98, bottom=0.085, top=0.93 - 0.035 * rows)
     return figure
 
 
