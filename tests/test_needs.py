@@ -112,8 +112,8 @@ def independent_error(spec: Spec, chain: dict[str, PortModel], beam: dict[str, P
 
     ours, true = response(chain), response(beam)
     frozen = (np.linalg.inv(hub + rigid) * np.outer(scale, scale))[np.ix_(keep, keep)]
-    size = max(np.linalg.norm(true, 2, axis=(1, 2)).max(), np.linalg.norm(frozen, 2))
-    return float(np.linalg.norm(ours - true, 2, axis=(1, 2)).max() / size)
+    size = np.maximum(np.linalg.norm(true, 2, axis=(1, 2)), np.linalg.norm(frozen, 2))
+    return float(np.max(np.linalg.norm(ours - true, 2, axis=(1, 2)) / size))
 
 
 def whole(spec: Spec, modes: int = 40) -> dict[str, PortModel]:

@@ -27,6 +27,7 @@ from beamchain.chain.polar import raised
 from beamchain.chain.rods import Payload
 from beamchain.chain.tendons import damped_modes
 from beamchain.engine.bench import measure, root_body
+from beamchain.engine.threads import one_thread
 from beamchain.errors import InputError, RealisationError
 from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.motion import PORTS, Array
@@ -99,11 +100,12 @@ def fit(
     changes = {key: value for key, value in given.items() if value is not None}
     if changes:
         spec = Spec(**{field: changes.get(field, getattr(spec, field)) for field in Spec.__struct_fields__})
-    if spec.imported is not None:
-        from beamchain.importing import fit_imported  # which returns a Fit
+    with one_thread():
+        if spec.imported is not None:
+            from beamchain.importing import fit_imported  # which returns a Fit
 
-        return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
-    return _fit(spec)
+            return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
+        return _fit(spec)
 
 
 def as_spec(appendage: Beam | Spec | ModalData) -> Spec:

@@ -5,11 +5,11 @@ The promise is the in-band error of the hub's motion (`assess.error`), on the hu
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from beamchain.assess.error import STANDARD_HUBS, band_grid, damped, spectral_norms
+from beamchain.assess.error import STANDARD_HUBS, Block, Reference, damped
 from beamchain.motion import PORT_MOTION, PORTS, Array
 from beamchain.port import PortModel, in_space
 
@@ -84,28 +84,29 @@ class Promise:
         self.full = {port: damped(model).condensed(FAR * bandwidth) for port, model in full.items()}
         self.frequencies = {port: model.frequencies for port, model in full.items()}
         self.rigid, self.bandwidth = rigid, bandwidth
-        self.hubs = [hub_mass] if hub_mass is not None else [factor * rigid for factor in STANDARD_HUBS]
         self.keep = sorted({AXES[axis] for axis in axes})
-        self._known: dict[tuple[object, ...], tuple[float, float]] = {}
+        hubs = [hub_mass] if hub_mass is not None else [factor * rigid for factor in STANDARD_HUBS]
+        self.groups = [[block for block in self._blocks(hub) if self._kept(block)] for hub in hubs]
+        self._known: dict[tuple[object, ...], float] = {}
+        self._references = [
+            Reference([self._block(hub, block) for block in groups], bandwidth)
+            for hub, groups in zip(hubs, self.groups, strict=True)
+        ]
 
     def reaches(self, port: str) -> bool:
         """Whether a port can move any hub motion that matters."""
-        return any(port in block and self._kept(block) for hub in self.hubs for block in self._blocks(hub))
+        return any(port in block for blocks in self.groups for block in blocks)
 
     def error(self, models: Mapping[str, PortModel], label: Mapping[str, object]) -> float:
         """In-band error of `models` (a port without one is rigid); `label` names each port's model for reuse."""
         worst = 0.0
-        for number, hub in enumerate(self.hubs):
-            above, below = 0.0, 0.0
-            for block in self._blocks(hub):
-                if not self._kept(block):
-                    continue
+        for number, blocks in enumerate(self.groups):
+            for i, block in enumerate(blocks):
                 key = (number, block, tuple(label.get(port) for port in block))
                 if key not in self._known:
-                    self._known[key] = self._block_error(hub, block, models)
-                gap, size = self._known[key]
-                above, below = max(above, gap), max(below, size)
-            worst = max(worst, above / below if below > 0.0 else 0.0)
+                    model = self._block_model(block, {p: damped(models[p]) for p in block if p in models})
+                    self._known[key] = self._references[number].error(i, model)
+                worst = max(worst, self._known[key])
         return worst
 
     def _kept(self, block: tuple[str, ...]) -> list[int]:
@@ -123,33 +124,25 @@ class Promise:
             blocks = [b for b in blocks if b not in linked] + [{port}.union(*linked)]
         return [tuple(port for port in PORTS if port in block) for block in blocks]
 
-    def _block_error(self, hub: Array, block: tuple[str, ...], models: Mapping[str, PortModel]) -> tuple[float, float]:
-        """Numerator and denominator of the error over one block."""
-        motions = sorted(i for port in block for i in _motions(port))
-        whole = self._block_model(block, motions, self.full)
-        part = self._block_model(block, motions, {p: damped(models[p]) for p in block if p in models})
-        hub_block = hub[np.ix_(motions, motions)]
-        omega = band_grid([part.with_hub(hub_block), whole.with_hub(hub_block)], self.bandwidth)
-        pick = [motions.index(i) for i in self._kept(block)]
-        s = np.sqrt(np.diag(hub_block + whole.rigid_mass))[pick]
+    def _block(self, hub: Array, block: tuple[str, ...]) -> Block:
+        motions = _motions_of(block)
+        keep = tuple(motions.index(i) for i in self._kept(block))
+        return Block(hub[np.ix_(motions, motions)], self._block_model(block, self.full), keep)
 
-        def response(model: PortModel) -> NDArray[np.complex128]:
-            h = np.linalg.inv(np.moveaxis(hub_block[:, :, None] + model.D(omega), -1, 0))
-            return (h[:, pick][:, :, pick] * np.outer(s, s)).astype(np.complex128, copy=False)
-
-        ha, hb = response(part), response(whole)
-        frozen = np.linalg.inv(hub_block + whole.rigid_mass)[np.ix_(pick, pick)] * np.outer(s, s)
-        size = max(float(spectral_norms(hb).max()), float(np.linalg.norm(frozen, 2)))
-        return float(spectral_norms(ha - hb).max()), size
-
-    def _block_model(self, block: tuple[str, ...], motions: list[int], models: Mapping[str, PortModel]) -> PortModel:
+    def _block_model(self, block: tuple[str, ...], models: Mapping[str, PortModel]) -> PortModel:
         """One model in the motions of a block."""
+        motions = _motions_of(block)
         six = in_space({p: models[p] for p in block if p in models}, self.rigid)
         return PortModel(
             six.rigid_mass[np.ix_(motions, motions)], six.frequencies, six.participation[:, motions], six.damping
         )
 
 
+def _motions_of(block: tuple[str, ...]) -> list[int]:
+    return sorted(i for port in block for i in _motions(port))
+
+
+@cache
 def _motions(port: str) -> list[int]:
     return [int(i) for i in np.flatnonzero(np.any(PORT_MOTION[port] != 0.0, axis=1))]
 
