@@ -3,7 +3,10 @@
 Each case: the text of a spec, and a word its sentence must hold.
 """
 
+import contextlib
 import os
+import socket
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from beamchain.cli import main
+from beamchain.sweep import STORE
 
 SEGMENT = """
 [[segment]]
@@ -19,6 +23,8 @@ section = { shape = "round", diameter = 0.012 }
 material = { youngs_modulus = 2.06e11, density = 7800.0 }
 """
 GOOD = 'name = "boom"\n' + SEGMENT
+
+CRAFT = '<mujoco><worldbody><body name="hub"><freejoint/><geom size=".5" mass="50"/></body></worldbody></mujoco>'
 
 
 def changed(old: str, new: str) -> str:
@@ -107,6 +113,19 @@ CASES = {
         'name = "a"\n[[segment]]\nlength = 1.0\n'
         'section = { shape = "equivalent", bending_stiffness_xy = 1, linear_mass = 1 }\n[modes]\ntorsion = 1\n',
         "torsion",
+    ),
+    "payload beyond double precision": (GOOD + "[payload]\nmass = 1e30\n", "payload.mass = 1e+30 kg is 7.6e+28 times"),
+    "lump beyond double precision": (
+        GOOD + "[[lump]]\nx = 10.0\nmass = 1e15\n",
+        "lump.mass = 1000000000000000.0 kg is",
+    ),
+    "lump's inertia beyond double precision": (
+        GOOD + "[[lump]]\nx = 10.0\nmass = 1.0\ninertia = [1e20, 1e20, 1e20]\n",
+        "lump.inertia = 1e+20 kg m^2 is",
+    ),
+    "hub too far away": (
+        GOOD + "[root]\nhub = { mass = 1e20, inertia = [1e20, 1e20, 1e20], offset = [1e10, 0.0, 0.0] }\n",
+        "offset = [10000000000.0, 0.0, 0.0] m puts the root so far",
     ),
 }
 
@@ -207,6 +226,60 @@ class TestFiles:
         arguments = ["fit", str(self.good(tmp_path)), "-o", str(tmp_path / "o"), "--force"]
         self.refused(arguments, capsys, monkeypatch, "is a folder")
         assert [p.name for p in (tmp_path / "o").iterdir()] == ["fit.json"]
+
+    @pytest.mark.parametrize("kind", ["device", "fifo", "socket", "folder", "link"])
+    @pytest.mark.parametrize("command", ["fit", "embed", "embed --plot", "init", "stability"])
+    @pytest.mark.parametrize("force", [[], ["--force"]])
+    def test_place_of_an_output_is_no_file(self, kind, command, force, tmp_path, capsys, monkeypatch):
+        out = tmp_path / "out"
+        out.mkdir()
+        at = out / {"fit": "fit.json", "stability": "stability.json", "init": "boom.toml"}.get(command, "craft.xml")
+        word = {"device": "a device", "link": "a device", "folder": "a folder"}.get(kind, f"a {kind}")
+        with contextlib.ExitStack() as stack:
+            if kind == "fifo":
+                os.mkfifo(at)
+            elif kind == "folder":
+                at.mkdir()
+            elif kind == "socket":
+                monkeypatch.chdir(out)  # a socket's path is short
+                stack.enter_context(socket.socket(socket.AF_UNIX)).bind(at.name)
+            elif kind == "link":
+                at.symlink_to("/dev/full")
+            else:
+                try:
+                    os.mknod(at, stat.S_IFCHR | 0o600, os.makedev(1, 7))
+                except PermissionError:
+                    pytest.skip("only root makes devices")
+            before = os.lstat(at)
+            good = str(self.good(tmp_path))
+            craft = tmp_path / "craft.xml"
+            craft.write_text(CRAFT)
+            arguments = {
+                "fit": ["fit", good, "-o", str(out)],
+                "stability": ["stability", good, "-o", str(out)],
+                "init": ["init", "boom", "-o", str(at)],
+                "embed": ["embed", str(craft), "--at", f"hub={good}", "-o", str(at)],
+                "embed --plot": ["embed", str(craft), "--at", f"hub={good}", "-o", str(out / "o"), "--plot", str(at)],
+            }[command]
+            self.refused([*arguments, *force], capsys, monkeypatch, word)
+            after = os.lstat(at)
+            assert (after.st_ino, after.st_mode, after.st_ctime_ns) == (
+                before.st_ino,
+                before.st_mode,
+                before.st_ctime_ns,
+            )
+            assert list(out.iterdir()) == [at]
+
+    def test_the_store_of_a_sweep_is_a_fifo(self, tmp_path, capsys, monkeypatch):
+        """A fifo that nobody reads would stop the command for ever."""
+        monkeypatch.chdir(tmp_path)
+        spec = tmp_path / "spec.toml"
+        spec.write_text(GOOD + "[uncertain]\nstiffness = { relative = 0.05 }\n")
+        (tmp_path / "o").mkdir()
+        os.mkfifo(tmp_path / "o" / STORE)
+        arguments = ["sweep", str(spec), "-o", "o", "--samples", "2", "--workers", "1", "--quiet"]
+        self.refused(arguments, capsys, monkeypatch, "is a fifo")
+        assert (tmp_path / "o" / STORE).is_fifo()
 
     def test_below_a_file(self, tmp_path, capsys, monkeypatch):
         (tmp_path / "o").write_text("mine")

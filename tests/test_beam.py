@@ -271,7 +271,7 @@ TRUSS = Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0)
             r"nonstructural_mass = -0\.5 must not be negative",
         ),
         (lambda: Beam(segments=()), "the beam has no segment"),
-        (lambda: Beam(segments=(BAR,) * 1001), "1001 segments are given; at most 200"),
+        (lambda: Beam(segments=(BAR,) * 1001), "1001 segments are given; at most 1000"),
         (
             lambda: Beam(segments=(BAR,), joints=(Joint(after_segment=1, stiffness_xy=1.0),)),
             "after_segment = 1 must lie between 0 .* and 0",

@@ -11,8 +11,9 @@ from scipy.optimize import nnls
 
 from appendages import close
 from arrays import deployed_array, space_beam, tube
-from beamchain.chain.damping import joint_damping, tendons
+from beamchain.chain.damping import joint_damping
 from beamchain.chain.realise import planar_chain, realise
+from beamchain.chain.tendons import damped_modes, springs_as_modes
 from beamchain.engine.linearise import INTEGRATORS, linearise
 from beamchain.mjcf import write
 from beamchain.spec import Damping, Scene
@@ -27,9 +28,22 @@ def chain_of(n=4):
     return planar_chain(realise(space_beam().port("xy", 8).truncated(n)), space_beam())
 
 
-def standing(chain, h, integrator, dampers):
+def dampers_only(chain, ratios):
+    """Springs on the hinges, a damping tendon per mode."""
+    return damped_modes(chain, {"xy": ratios})
+
+
+def modal(chain, ratios):
+    """A tendon per mode that has its spring and its damper."""
+    return springs_as_modes(chain, {"xy": ratios})
+
+
+MADE = pytest.mark.parametrize("made", [dampers_only, modal])
+
+
+def standing(chain, h, integrator):
     """The file with its root on the world."""
-    root = write.appendage(chain, "boom", dampers=dampers)
+    root = write.appendage(chain, "boom")
     text = write.text(root)
     option = f'<option timestep="{float(h)!r}" integrator="{integrator}" gravity="0 0 0"/><worldbody>'
     return mujoco.MjModel.from_xml_string(text.replace("<worldbody>", option, 1))
@@ -72,28 +86,31 @@ def poles_of_rk4(a, h):
 # -- tendons -----------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("integrator", ["implicit", "implicitfast"])
 @pytest.mark.parametrize("h", [1e-3, 1e-2, 0.1])
-def test_each_mode_has_its_own_ratio_under_implicit_steps(integrator, h):
+@MADE
+def test_each_mode_has_its_own_ratio_under_implicit_steps(made, integrator, h):
     chain = chain_of()
-    model = standing(chain, h, integrator, tendons(chain, "xy", RATIOS))
+    model = standing(made(chain, RATIOS), h, integrator)
     linear = linearise(model)
     nv = model.nv
-    x = np.linalg.inv(linear.a[nv:, nv:])  # THEORY section 8, from the discrete matrix of this very integrator
+    x = np.linalg.inv(linear.a[nv:, nv:])  # from the discrete matrix of this very integrator
     achieved = ratios_of(-x @ linear.a[nv:, :nv] / h, (x - np.eye(nv)) / h)
     assert achieved == close(RATIOS, rel=ACHIEVED)
 
 
 @pytest.mark.parametrize("h", [1e-3, 5e-3])
-def test_each_mode_has_its_own_ratio_through_the_rk4_map(h):
+@MADE
+def test_each_mode_has_its_own_ratio_through_the_rk4_map(made, h):
     chain = chain_of()
-    model = standing(chain, h, "RK4", tendons(chain, "xy", RATIOS))
+    model = standing(made(chain, RATIOS), h, "RK4")
     s = poles_of_rk4(linearise(model).a, h)
     assert np.abs(s) == close(chain.port("xy").frequencies, rel=1e-8)
     assert -s.real / np.abs(s) == close(RATIOS, rel=ACHIEVED)
 
 
-def test_each_mode_has_its_own_ratio_in_mujoco_s_own_rk4_steps():
+@MADE
+def test_each_mode_has_its_own_ratio_in_mujoco_s_own_rk4_steps(made):
     chain, h = chain_of(), 5e-3
-    s = poles_of_rk4(step_map(standing(chain, h, "RK4", tendons(chain, "xy", RATIOS))), h)
+    s = poles_of_rk4(step_map(standing(made(chain, RATIOS), h, "RK4")), h)
     assert -s.real / np.abs(s) == close(RATIOS, rel=10 * MAP)
 
 
@@ -103,22 +120,23 @@ def test_the_whole_walk_achieves_every_ratio(make):
     result = fit(make(), modes={"xy": 3, "xz": 3, "torsion": 2}, damping=Damping(ratio=wanted))
     assert result.status.ok
     for port, ratios in wanted.items():
+        n = len(ratios)
         assert result.target[port].damping == close(ratios, rel=1e-15)
-        assert result.achieved[port].damping == close(ratios, rel=ACHIEVED)
-        assert result.achieved[port].frequencies == close(result.target[port].frequencies, rel=1e-7)
+        assert result.achieved[port].damping[:n] == close(ratios, rel=ACHIEVED)
+        assert result.achieved[port].frequencies[:n] == close(result.target[port].frequencies, rel=1e-9)
+        assert np.all(result.achieved[port].damping[n:] > 0.0)  # no filler rings on
     assert result.measured.coupling < 1e-9
 
 
 def test_axial_modes_are_damped_too():
     result = fit(tube(), modes={"xy": 1, "axial": 2}, damping=Damping(ratio={"axial": (0.01, 0.02)}))
-    assert result.achieved["axial"].damping == close([0.01, 0.02], rel=ACHIEVED)
-    assert result.achieved["xy"].damping == close([0.0], abs=1e-12)
+    assert result.achieved["axial"].damping[:2] == close([0.01, 0.02], rel=ACHIEVED)
+    assert result.achieved["xy"].damping[:1] == close([0.0], abs=1e-12)
 
 
 def test_tendons_only_touch_the_hinges_of_their_port():
-    result = fit(deployed_array(), name="wing", modes={"xy": 2, "xz": 2}, damping=Damping(ratio=0.01))
-    tree = result.appendage()
-    fixed = tree.findall("tendon/fixed")
+    result = fit(tube(), name="wing", modes={"xy": 2, "xz": 2}, damping=Damping(ratio=0.01))
+    fixed = result.appendage().findall("tendon/fixed")
     assert [f.get("name") for f in fixed] == [f"wing_mode{k}_{p}" for p in ("xy", "xz") for k in (1, 2)]
     for element in fixed:
         port = element.get("name").rpartition("_")[2]
@@ -126,12 +144,30 @@ def test_tendons_only_touch_the_hinges_of_their_port():
         assert len(element.findall("joint")) == 2
 
 
+def test_tendons_of_planes_that_share_no_hinges_stay_in_their_planes_too():
+    result = fit(deployed_array(), name="wing", modes={"xy": 2, "xz": 2}, damping=Damping(ratio=0.01))
+    fixed = result.appendage().findall("tendon/fixed")
+    names = [f.get("name") for f in fixed]
+    assert [n for n in names if "_mode" in n] == [f"wing_mode{k}_{p}" for p in ("xy", "xz") for k in (1, 2)]
+    for element in fixed:
+        ports = {j.get("joint").rpartition("_")[2] for j in element.findall("joint")}
+        assert len(ports) == 1
+        if "armature" in element.get("name"):
+            assert float(element.get("armature")) > 0.0
+            assert float(element.get("stiffness")) == float(element.get("damping")) == 0.0
+        else:
+            assert ports == {element.get("name").rpartition("_")[2]}
+            assert float(element.get("stiffness")) > 0.0
+            assert float(element.get("damping")) > 0.0  # fillers are damped too
+
+
 # -- Euler -------------------------------------------------------------------------------------------------------------
-def test_euler_integrates_tendon_damping_explicitly():
+@MADE
+def test_euler_integrates_tendon_damping_explicitly(made):
     # A_vv = I - h M^-1 D, where the implicit steps have (I + h M^-1 D)^-1: read with the implicit formula, the ratios
     # come out too large (and a wrong stiffness with them), read with Euler's own they are right
     chain, h = chain_of(), 5e-3
-    model = standing(chain, h, "Euler", tendons(chain, "xy", RATIOS))
+    model = standing(made(chain, RATIOS), h, "Euler")
     a, nv = linearise(model).a, model.nv
     own = ratios_of(-a[nv:, :nv] / h, (np.eye(nv) - a[nv:, nv:]) / h)
     assert own == close(RATIOS, rel=ACHIEVED)
@@ -144,11 +180,12 @@ def test_euler_integrates_tendon_damping_explicitly():
 
 
 @pytest.mark.parametrize(("integrator", "sign"), [("Euler", 1.0), ("implicit", -1.0), ("implicitfast", -1.0)])
-def test_discrete_poles_show_more_damping_under_euler_and_less_under_the_implicit_steps(integrator, sign):
+@MADE
+def test_discrete_poles_show_more_damping_under_euler_and_less_under_the_implicit_steps(made, integrator, sign):
     # |z|^2 = 1 - 2 zeta w h under Euler, 1 / (1 + 2 zeta w h) under the implicit steps
     chain, h = chain_of(2), 0.02
     zeta = np.array([0.02, 0.05])
-    model = standing(chain, h, integrator, tendons(chain, "xy", zeta))
+    model = standing(made(chain, zeta), h, integrator)
     z = np.linalg.eigvals(linearise(model).a)
     z = z[z.imag > 0.0]
     z = z[np.argsort(np.angle(z))]
@@ -160,14 +197,15 @@ def test_discrete_poles_show_more_damping_under_euler_and_less_under_the_implici
 
 
 @pytest.mark.parametrize(("integrator", "factor"), [("Euler", -1.0), ("implicitfast", 1.0), ("implicit", 1.0)])
-def test_tendon_damping_shrinks_euler_s_step_and_widens_the_others(integrator, factor):
-    # THEORY section 9: h w < 2 sqrt(1 + zeta^2) -+ 2 zeta, from the spectral radius of MuJoCo's A
+@MADE
+def test_tendon_damping_shrinks_euler_s_step_and_widens_the_others(made, integrator, factor):
+    # h w < 2 sqrt(1 + zeta^2) -+ 2 zeta, from the spectral radius of MuJoCo's A
     zeta = 0.1
     chain = chain_of(1)
     w = chain.port("xy").frequencies[0]
     limit = 2.0 * np.sqrt(1.0 + zeta**2) + factor * 2.0 * zeta
     for share, stable in ((0.999, True), (1.001, False)):
-        model = standing(chain, share * limit / w, integrator, tendons(chain, "xy", np.array([zeta])))
+        model = standing(made(chain, np.array([zeta])), share * limit / w, integrator)
         radius = np.max(np.abs(np.linalg.eigvals(linearise(model).a)))
         assert bool(radius < 1.0) is stable
 
@@ -194,12 +232,12 @@ def test_joint_damping_is_the_best_non_negative_fit():
     values = np.array([h.damping["xy"] for h in damped.hinges])
     assert np.all(values >= 0.0)
     port = chain.port("xy")
-    psi = chain.moments("xy", port) / np.array([h.stiffness["xy"] for h in chain.hinges])
+    psi = chain.shapes("xy", port)
     share = psi**2 / (2.0 * port.frequencies * wanted)[:, None]
     best, _ = nnls(share, np.ones(3))
     assert values == close(best, rel=1e-9, abs=1e-12)
     # its ratios through MuJoCo are those it says
-    linear = linearise(standing(damped, 0.01, "implicitfast", ()))
+    linear = linearise(standing(damped, 0.01, "implicitfast"))
     assert ratios_of(linear.stiffness, linear.damping) == close((psi**2 @ values) / (2.0 * port.frequencies), rel=1e-6)
 
 
@@ -216,19 +254,19 @@ def test_what_joint_damping_misses_is_measured_and_said():
     [text] = result.warnings
     assert "plain joint damping cannot give every mode its ratio (xy 1: " in text
     assert f"{result.achieved['xy'].damping[0]:.4g} for 0.01" in text
-    assert not result.dampers
+    assert not result.chain.tendons
     assert "tendon" not in result.to_mjcf()
 
 
 def test_no_ratio_no_damping():
     chain = chain_of(2)
     assert joint_damping(chain, "xy", np.zeros(2)) is chain
-    assert tendons(chain, "xy", np.zeros(2)) == []
+    assert damped_modes(chain, {"xy": np.zeros(2)}) == chain
 
 
 @pytest.mark.parametrize("integrator", [i for i in INTEGRATORS if i != "RK4"])
 def test_joint_damping_reads_the_same_under_every_integrator(integrator):
     chain = joint_damping(chain_of(2), "xy", np.array([0.01, 0.02]))
-    linear = linearise(standing(chain, 0.01, integrator, ()))
-    reference = linearise(standing(chain, 0.01, "implicitfast", ()))
+    linear = linearise(standing(chain, 0.01, integrator))
+    reference = linearise(standing(chain, 0.01, "implicitfast"))
     assert linear.damping == close(reference.damping, rel=1e-9, abs=1e-9)

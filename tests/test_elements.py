@@ -25,8 +25,9 @@ from appendages import (
     tip_loaded_boom,
     unit_beam,
 )
+from beamchain.errors import InputError
 from beamchain.port import PortModel
-from beamchain.structure import elements
+from beamchain.structure import discretise, elements
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.exact import UniformBeam
 from beamchain.structure.section import Equivalent, Rectangle, Round
@@ -379,3 +380,91 @@ def test_xz_uses_its_own_stiffness():
     section = Equivalent(bending_stiffness_xy=1.0, bending_stiffness_xz=4.0, linear_mass=1.0)
     beam = Beam(segments=(Segment(length=1.0, section=section),))
     assert beam.port("xz", 3).frequencies[:3] == close(2.0 * beam.port("xy", 3).frequencies[:3], rel=FREQUENCY)
+
+
+# -- many pieces: the same rows, never written down --------------------------------------------------------------------
+def crowded(kind: str, count: int) -> Beam:
+    """`count` unequal pieces: by lumps, by segments (tapered or with shear), or by joints with lumps."""
+    draw = np.random.default_rng(5)
+    size = lambda: 0.05 * (1.0 + 0.2 * float(draw.random()))  # noqa: E731
+    lumps = [
+        Lump(x=20.0 * (i + 1) / count, mass=0.1 + float(draw.random()), inertia=(0.01, 0.01, 0.01))
+        for i in range(count)
+    ]
+    if kind == "lumps":
+        return Beam(segments=(Segment(length=20.0, section=Round(diameter=0.05), material=STEEL),), lumps=tuple(lumps))
+    segments = [
+        Segment(
+            length=20.0 / count * (1.0 + float(draw.random())),
+            section=Round(diameter=size()),
+            section_end=Round(diameter=size()) if kind == "tapered" else None,
+            material=STEEL,
+            theory="timoshenko" if kind == "shear" and i % 3 else "euler",
+        )
+        for i in range(count)
+    ]
+    joints = [
+        Joint(after_segment=i, stiffness_xy=float(10.0 ** draw.uniform(2, 6)), stiffness_torsion=300.0)
+        for i in range(0, count, 2)
+    ]
+    return Beam(
+        segments=tuple(segments),
+        joints=tuple(joints) if kind == "joints" else (),
+        lumps=tuple(lumps) if kind == "joints" else (),
+    )
+
+
+@pytest.mark.parametrize("port", ["xy", "xz", "torsion", "axial"])
+@pytest.mark.parametrize("kind", ["lumps", "segments", "tapered", "shear", "joints"])
+def test_many_pieces_are_the_rows_written_down(kind, port, monkeypatch):
+    beam, wanted, hub = crowded(kind, 20), 8, None
+    discretise.converged.cache_clear()
+    monkeypatch.setattr(discretise, "WRITTEN", 100)
+    few = beam.port(port, wanted)
+    discretise.converged.cache_clear()
+    monkeypatch.setattr(discretise, "WRITTEN", 10**9)
+    every = beam.port(port, wanted)
+    discretise.converged.cache_clear()
+    assert few.modes != every.modes
+    hub = 0.3 * every.rigid_mass
+    assert few.rigid_mass == close(every.rigid_mass, rel=PARTICIPATION, abs=1e-12 * np.max(every.rigid_mass))
+    assert few.frequencies[:wanted] == close(every.frequencies[:wanted], rel=FREQUENCY)
+    assert few.free_frequencies[:wanted] == close(every.free_frequencies[:wanted], rel=FREQUENCY)
+    assert few.with_hub(hub).free_frequencies[:wanted] == close(
+        every.with_hub(hub).free_frequencies[:wanted], rel=FREQUENCY
+    )
+    size = np.max(np.abs(every.participation), axis=0)
+    assert few.participation[:wanted] / size == close(
+        every.participation[:wanted] / size, rel=PARTICIPATION, abs=PARTICIPATION
+    )
+    reach = np.max(np.abs(every.tip), axis=0)
+    assert few.tip[:wanted] / reach == close(every.tip[:wanted] / reach, rel=PARTICIPATION, abs=PARTICIPATION)
+    omega = np.sqrt(every.frequencies[: wanted - 1] * every.frequencies[1:wanted])
+    scale = np.sqrt(np.diag(every.rigid_mass))[:, None] * np.sqrt(np.diag(every.rigid_mass))
+    miss = np.abs(few.D(omega) - every.D(omega)) / scale[:, :, None]
+    assert np.max(miss) < RESPONSE
+
+
+@pytest.mark.parametrize("port", ["xy", "torsion"])
+def test_five_hundred_bays_are_one(port, monkeypatch):
+    """Equal bays, kept apart by hair's breadths of stiffness, against the closed form of the one rod they are."""
+    monkeypatch.setattr(discretise, "_joined", lambda parts: parts)
+    one = unit_beam().segments[0]
+    whole, cut = Beam(segments=(one,)), Beam(segments=(Segment(length=one.length / 500, section=one.section),) * 500)
+    assert cut.port(port, MODES).frequencies[:MODES] == close(
+        whole.port(port, MODES).frequencies[:MODES], rel=FREQUENCY
+    )
+
+
+def test_five_hundred_of_everything():
+    for kind in ("lumps", "segments", "joints"):
+        beam = crowded(kind, 500)
+        model = beam.port("xy", 4)
+        assert model.modes < 500
+        assert float(model.rigid_mass[0, 0]) == close(float(beam.rigid_mass()[0, 0]), rel=1e-12)
+
+
+def test_a_thousand_and_one_lumps_are_refused():
+    lumps = tuple(Lump(x=0.5, mass=1.0) for _ in range(1001))
+    with pytest.raises(InputError, match="1001 lumps are given; at most 1000 are taken"):
+        Beam(segments=unit_beam().segments, lumps=lumps)

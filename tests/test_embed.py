@@ -5,6 +5,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import msgspec
 import mujoco
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from beamchain.cli import main
 from beamchain.embedding import take_out
 from beamchain.errors import BeamchainError
 from beamchain.mjcf.craft import read_craft
-from beamchain.spec import spec_from_dict
+from beamchain.spec import read_spec, spec_from_dict
 from spacecraft import CRAFTS, STYLES, frequencies, run, spec
 
 SAME = 1e-12  # two forms of one model: the same numbers through the same code
@@ -156,6 +157,51 @@ class TestTheUsersFile:
         np.testing.assert_allclose(
             frequencies(bc.embed(text, at).model), frequencies(bc.embed(turned, at).model), rtol=1e-10
         )
+
+
+USER_DATA = {
+    "on a body": ("", 'user="1 2"', ""),
+    "room only": ('<size nuser_body="3" nuser_jnt="2" nuser_geom="1" nuser_site="2" nuser_tendon="1"/>', "", ""),
+    "both": ('<size nuser_body="3" nuser_actuator="2" nuser_sensor="2"/>', 'user="1"', ""),
+    "by default": ('<default><joint user="7 8"/><geom user="9"/><site user="4"/></default>', "", ""),
+    "everywhere": (
+        "",
+        'user="1 2"',
+        '<tendon><fixed name="t" user="6"><joint joint="wheel" coef="1"/></fixed></tendon>'
+        '<actuator><motor joint="wheel" user="1"/></actuator><sensor><jointpos joint="wheel" user="1 2"/></sensor>',
+    ),
+}
+
+
+@pytest.mark.parametrize("form", ["inline", "attach", "spec"])
+@pytest.mark.parametrize("case", USER_DATA)
+def test_user_data_stays(case, form, tmp_path):
+    before, own, behind = USER_DATA[case]
+    text = f"""<mujoco>{before}<worldbody><body name="hub" {own}><freejoint/><geom size=".5" mass="50"/>
+    <site name="mount"/><body name="w" pos="1 1 1"><joint name="wheel" user="5"/><geom size=".1" mass="1"/></body>
+    </body></worldbody>{behind}</mujoco>"""
+    plain = mujoco.MjModel.from_xml_string(text)
+    rod = spec("boom")
+    if form == "spec":
+        model = bc.embed(mujoco.MjSpec.from_string(text), {"mount": rod}).model
+    else:
+        path = bc.embed(text, {"mount": rod}, form=form).write(tmp_path / "out.xml")[-1]
+        model = mujoco.MjModel.from_xml_path(str(path))
+    assert model.nv > plain.nv
+    for kind, name in (("body", "hub"), ("joint", "wheel")):
+        had = np.ravel(getattr(plain, kind)(name).user)
+        np.testing.assert_array_equal(np.ravel(getattr(model, kind)(name).user)[: had.size], had)
+
+
+@pytest.mark.parametrize("bandwidth", [1e-9, 1e-3, 0.1])
+def test_a_scene_slower_than_every_mode(bandwidth):
+    """Six decades between the band and the beam's modes: a rigid appendage, and no word of NumPy's."""
+    slow = msgspec.structs.replace(
+        read_spec(spec("boom")), modes=None, root=bc.Root(), scene=bc.Scene(bandwidth=bandwidth, axes=("z",))
+    )
+    assembly = bc.embed(CRAFTS / "planar.xml", {"mount": slow}).assembly
+    assert assembly.in_band < 1e-3
+    assert all(np.isfinite(m.exact) for m in assembly.modes if m.exact is not None)
 
 
 class TestHub:

@@ -7,6 +7,7 @@ spoilt on purpose: a check that cannot fail proves nothing.
 import json
 from collections import Counter
 from dataclasses import replace
+from importlib.resources import files
 
 import mujoco
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 
 import beamchain as bc
 from appendages import TransferMatrix, close, roots_within
+from beamchain.cli import main
 from beamchain.errors import BeamchainError, EngineError
 from beamchain.extremes.cases import RANGES, Case, cases
 from beamchain.extremes.compiled import frequencies
@@ -236,6 +238,30 @@ def test_the_map_is_a_picture_of_all_rows():
     assert {reason(row) for row in found.rows[1:]} == {"exact chain not physical", "link below mjMINVAL"}
     assert extremes_map(found.rows).startswith(b"\x89PNG")
     assert json.loads(json.dumps(found.as_dict()))["passed"] == 2
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_stability_checks_itself_only_when_asked(asked, tmp_path, monkeypatch):
+    """What the suite finds is about beamchain: it takes no time and no exit status from a user who did not ask."""
+
+    def broken(_spec):
+        raise IndexError("index 3 is out of bounds")
+
+    monkeypatch.setattr("beamchain.extremes.suite.fit", broken)
+    monkeypatch.setattr("beamchain.extremes.cases.cases", lambda: [Case("x"), Case("y")])
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    spec = tmp_path / "boom.toml"
+    spec.write_text(files("beamchain").joinpath("starts/boom.toml").read_text())
+    arguments = ["beamchain", "stability", str(spec), "-o", str(tmp_path / "out"), "-q", *["--map"] * asked]
+    monkeypatch.setattr("sys.argv", arguments)
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == (3 if asked else 0)
+    record = json.loads((tmp_path / "out" / "stability.json").read_text())
+    counts = {key: value for key, value in record["extremes"].items() if key != "rows"}
+    assert counts == {"cases": 2 * asked, "passed": 0, "refused": 0, "failed": 2 * asked}
+    assert (tmp_path / "out" / "extremes.png").exists() == asked
+    assert ("failed silently" in (tmp_path / "out" / "report.html").read_text()) == asked
 
 
 @pytest.mark.slow

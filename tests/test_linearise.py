@@ -6,10 +6,10 @@ import pytest
 from scipy.optimize import brentq
 
 from appendages import close, dense_port, panels, seed_boom, stepped_boom, tip_loaded_boom, unit_beam
-from beamchain.chain.chain import Chain, Hinge, Link
-from beamchain.chain.damping import Damper, tendons
+from beamchain.chain.chain import Chain, Hinge, Link, Tendon
 from beamchain.chain.realise import planar_chain, realise
 from beamchain.chain.rivals import RECIPES, equal_links
+from beamchain.chain.tendons import damped_modes, springs_as_modes
 from beamchain.engine.bench import measure
 from beamchain.engine.linearise import INTEGRATORS, compile_model, linearise
 from beamchain.errors import EngineError, InputError
@@ -38,8 +38,8 @@ def exact_chain(beam, n, kind="clamped"):
     return planar_chain(realise(target(beam, kind, n)), beam)
 
 
-def bench_text(chain, h, integrator="implicitfast", dampers=(), ports=("xy",), ballast=None):
-    root = write.bench(write.appendage(chain, "boom", dampers=dampers), ports, h, ballast)
+def bench_text(chain, h, integrator="implicitfast", ports=("xy",), ballast=None):
+    root = write.bench(write.appendage(chain, "boom"), ports, h, ballast)
     write.find(root, "option").set("integrator", integrator)
     return write.text(root)
 
@@ -225,7 +225,7 @@ def test_discrete_integrator_damps_by_half_w_h():
     free = target(seed_boom(), "clamped", 3).free_frequencies
     h = 1e-3
     found, ratios = on_bench(chain, h, "discrete").discrete_frequencies()
-    assert ratios == close(free * h / 2.0, rel=1e-4)  # THEORY section 9; the next term is (w h)^2
+    assert ratios == close(free * h / 2.0, rel=1e-4)  # to first order; the next term is (w h)^2
     # z of v+ = (v - h w^2 q) / (1 + h^2 w^2), q+ = q + h v+: |z|^2 = 1 / (1 + h^2 w^2)
     assert np.exp(-2 * ratios * found * h) == close(1.0 / (1.0 + (h * free) ** 2), rel=1e-9)
 
@@ -251,23 +251,23 @@ def test_any_joint_damping_is_the_modes_share_of_it():
     bare = exact_chain(seed_boom(), 3)
     values = np.array([0.7, 0.1, 0.4])
     linear = on_bench(with_joint_damping(bare, values))
-    stiffness = np.array([hinge.stiffness["xy"] for hinge in bare.hinges])
     assert linear.damping[:, :2] == close(np.zeros((5, 2)), abs=1e-9)  # the root's own rates are not damped
     # modal: 2 zeta w = sum of c psi^2 over the hinges, psi the hinge angles of the mass-normalised held mode
     _, frequencies, _ = dense_port(
         [(link.mass, link.com, link.inertia[2]) for link in bare.links],
         [(hinge.x, hinge.stiffness["xy"]) for hinge in bare.hinges],
     )
-    psi = bare.moments("xy", bare.port()) / stiffness
+    psi = bare.shapes("xy", bare.port())
     assert linear.port().damping == close((psi**2 @ values) / (2.0 * frequencies), rel=1e-7)
 
 
+@pytest.mark.parametrize("made", [damped_modes, springs_as_modes])
 @pytest.mark.parametrize("integrator", ["implicit", "implicitfast", "Euler"])
 @pytest.mark.parametrize("h", STEPS)
-def test_tendons_damp_each_mode_by_its_own_ratio(h, integrator):
+def test_tendons_damp_each_mode_by_its_own_ratio(h, integrator, made):
     chain = exact_chain(seed_boom(), 4)
     ratios = np.array([0.005, 0.002, 0.01, 0.02])
-    linear = on_bench(chain, h, integrator, dampers=tendons(chain, "xy", ratios))
+    linear = on_bench(made(chain, {"xy": ratios}), h, integrator)
     port = linear.port()
     assert port.frequencies == close(chain.port().frequencies, rel=10 * FREQUENCY)
     assert port.damping == close(ratios, rel=max(RATIO, 1e-9 / h))
@@ -275,16 +275,16 @@ def test_tendons_damp_each_mode_by_its_own_ratio(h, integrator):
 
 def test_an_undamped_mode_gets_no_tendon():
     chain = exact_chain(seed_boom(), 3)
-    dampers = tendons(chain, "xy", np.array([0.01, 0.0, 0.02]))
-    assert [damper.mode for damper in dampers] == [1, 3]
-    assert on_bench(chain, dampers=dampers).port().damping == close([0.01, 0.0, 0.02], abs=1e-9)
+    damped = damped_modes(chain, {"xy": np.array([0.01, 0.0, 0.02])})
+    assert [tendon.label for tendon in damped.tendons] == ["mode1_xy", "mode3_xy"]
+    assert on_bench(damped).port().damping == close([0.01, 0.0, 0.02], abs=1e-9)
 
 
-def test_the_tendons_are_internal():
+@pytest.mark.parametrize("made", [damped_modes, springs_as_modes])
+def test_the_tendons_are_internal(made):
     # damping puts no wrench on the root: its rows and columns of D = M (M^-1 D) vanish
     chain = exact_chain(seed_boom(), 3)
-    dampers = tendons(chain, "xy", np.array([0.01, 0.01, 0.02]))
-    text = bench_text(chain, 0.01, dampers=dampers)
+    text = bench_text(made(chain, {"xy": np.array([0.01, 0.01, 0.02])}), 0.01)
     linear, model = linearise(text), compile_model(text)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -300,13 +300,13 @@ def test_the_tendons_are_internal():
 def test_euler_damps_tendons_explicitly_and_the_others_implicitly():
     # one hinge, one tendon over it: A_vv = 1 - h c / J against 1 / (1 + h c / J)
     links = (Link(0.0, 1.0, 1.0, 0.5, (0.1, 0.1, 0.1)), Link(1.0, 1.0, 1.0, 1.0, (2.0, 2.0, 2.0)))
-    chain = Chain(links, (Hinge(1.0, {"xy": 100.0}),), 2.0)
     h, c = 0.05, 3.0
-    damper = Damper("xy", 1, ((1, 1.0),), c)
+    tendon = Tendon("mode1_xy", ((0, "xy"),), np.ones(1), damping=c)
+    chain = Chain(links, (Hinge(1.0, {"xy": 100.0}),), 2.0, (tendon,))
     inertia = 2.0  # link 2 about the hinge: its mass sits on it
     found = {}
     for name in SEMI_IMPLICIT:
-        root = write.appendage(chain, "boom", dampers=[damper])
+        root = write.appendage(chain, "boom")
         text = write.text(root).replace("<worldbody>", f'<option timestep="{h}" integrator="{name}"/><worldbody>', 1)
         found[name] = linearise(text).a[1, 1]
     assert found["Euler"] == close(1.0 - h * c / inertia, rel=DERIVATIVE)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from beamchain.errors import InputError
+from beamchain.errors import InputError, RealisationError
 from beamchain.port import PortModel
 
 I2, ONE = np.eye(2), np.array([1.0])
@@ -54,3 +54,10 @@ def test_other_nonsense_is_refused_too(make, message):
 
 def test_a_tiny_negative_residual_is_taken_for_rounding():
     PortModel(I2, ONE, np.array([[1.0 + 1e-11, 0.0]]))
+
+
+def test_a_mass_above_all_others_is_said():
+    """Two motions of one far point: in double precision the mass matrix of a port has one direction only."""
+    far = PortModel(np.array([[1.0, 1e10], [1e10, 1e20]]), ONE, np.array([[0.5, 0.5e10]]))
+    with pytest.raises(RealisationError, match=r"the rigid mass matrix \(diagonal 1, 1e\+20\) is singular"):
+        far.free_frequencies

@@ -288,14 +288,16 @@ def test_tip_of_the_chain_is_the_last_link_s_end():
         assert ours[:, column] == close(np.array([deflection, slope]), rel=1e-10)
 
 
-def test_hinge_moments_give_the_modal_stiffness():
-    # row k holds c * psi_k of the mass-normalised mode: its angles' strain energy is W_k^2 / 2, its moments' the same
+def test_hinge_angles_of_the_modes_diagonalise_stiffness_and_mass():
+    # row k holds psi_k of the mass-normalised mode: strain energy W_k^2 / 2, no coupling of two modes
     beam = seed_boom()
     chain = planar_chain(realise(beam.port("xy", 8).truncated(4)), beam)
     port = chain.port("xy")
-    moments = chain.moments("xy", port)
+    shapes = chain.shapes("xy", port)
     stiffness = np.array([h.stiffness["xy"] for h in chain.hinges])
-    energy = (moments / stiffness) @ moments.T
+    energy = (shapes * stiffness) @ shapes.T
     assert energy == close(np.diag(port.frequencies**2), abs=1e-10 * port.frequencies[-1] ** 2)
+    _, rows = chain.rows(chain.freedoms(["xy"]))
+    assert shapes @ (rows.T @ rows) @ shapes.T == close(np.eye(4), abs=1e-11)
     # signs belong to the participation: tip rotation of mode k is the sum of its angles
-    assert np.sum(moments / stiffness, axis=1) == close(port.tip[:, 1], rel=1e-9)
+    assert np.sum(shapes, axis=1) == close(port.tip[:, 1], rel=1e-9)

@@ -3,8 +3,11 @@
 No tolerances: words only.
 """
 
+import json
 import pickle
+from fractions import Fraction
 
+import msgspec
 import mujoco
 import numpy as np
 import pytest
@@ -35,6 +38,7 @@ CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/><geom size=".5" mass=
             r"Material\(youngs_modulus=",
         ),
         (lambda: bc.Hub(mass=100.0, inertia=100.0), r"three numbers \[Ixx, Iyy, Izz\]"),
+        (lambda: bc.Damping(ratio={"xy": 0.01}), r"ratio\.xy = 0\.01 must be a list"),
         (lambda: bc.fit(ROD).attach("craft.xml", "mount"), r"needs an mujoco\.MjSpec, not a str"),
         (lambda: bc.fit(ROD).attach(mujoco.MjModel.from_xml_string(CRAFT), "mount"), r"not a MjModel"),
         (lambda: bc.embed(CRAFT, "array.toml"), r'\{"mount": "array.toml"\}'),
@@ -47,6 +51,54 @@ def test_the_sentence_shows_the_right_kind(call, words):
 
 def test_whole_numbers_of_numpy_are_whole_numbers():
     assert bc.fit(ROD, modes={"xy": np.int64(2)}).target["xy"].modes == 2
+
+
+def typed(n, seq):
+    """A spec whose numbers are of kind `n` and whose lists are of kind `seq`."""
+    steel = bc.Material(youngs_modulus=n(2.0**37), density=n(8000), poissons_ratio=n(0.25))
+    tube = bc.Tube(outer_diameter=n(0.0625), wall=n(0.001953125))
+    truss = bc.Equivalent(bending_stiffness_xy=n(8000), bending_stiffness_xz=n(8000), linear_mass=n(0.5))
+    return bc.Spec(
+        name="rod",
+        segment=seq([bc.Segment(length=n(2), section=tube, material=steel), bc.Segment(length=n(3), section=truss)]),
+        joint=seq([bc.Joint(after_segment=int(n(1)) if n is float else np.int64(1), stiffness_xy=n(512))]),
+        lump=seq([bc.Lump(x=n(4), mass=n(1), inertia=seq([n(0.125), n(0.125), n(0.125)]))]),
+        damping=bc.Damping(ratio={"xy": seq([n(0.0078125), n(0.00390625)])}),
+        root=bc.Root(
+            target="hub", hub=bc.Hub(mass=n(100), inertia=seq([n(9), n(9), n(9)]), offset=seq([n(1), n(0), n(0)]))
+        ),
+        scene=bc.Scene(tolerance=n(0.0625), timestep=n(0.0078125)),
+        modes=bc.Modes(xy=2 if n is float else np.int32(2)),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32, Fraction])
+def test_numbers_of_any_kind_are_pythons_own(kind, tmp_path):
+    plain, other = typed(float, tuple), typed(kind, list)
+    assert other == plain
+    assert hash(other.segment) == hash(plain.segment)
+    assert msgspec.json.decode(msgspec.json.encode(other), type=bc.Spec) == plain
+    fit = bc.fit(other)
+    assert json.loads(to_json(fit.as_dict()))["ports"]["xy"]["target"]["damping"] == [0.0078125, 0.00390625]
+    fit.write(tmp_path / "out")
+    bc.embed(CRAFT, {"mount": other}).write(tmp_path / "craft.xml")
+    assert bc.embed(tmp_path / "craft.xml", {"mount": plain}).appendages[0].spec == plain
+
+
+def test_arrays_stand_for_lists():
+    assert bc.Lump(x=1.0, mass=2.0, inertia=np.ones(3)) == bc.Lump(x=1.0, mass=2.0, inertia=(1.0, 1.0, 1.0))
+    assert bc.Hub(mass=1.0, inertia=np.ones(3), apparent=np.eye(6)).apparent[0] == (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert bc.FitOptions(method="classical", links=np.int64(4)) == bc.FitOptions(method="classical", links=4)
+    options = bc.FitOptions(method="least_squares", links=np.array([1.0, 2.0]), free=["stiffness"])
+    assert options.links == (1.0, 2.0)
+    assert hash(options)
+    imported = bc.Imported(file="modes.toml", axes=np.eye(3), modes=np.arange(1, 3))
+    assert imported == bc.Imported(file="modes.toml", modes=(1, 2))
+
+
+def test_every_scalar_of_numpy_goes_into_json():
+    record = {"a": np.float32(0.5), "b": np.int8(3), "c": np.bool_(True), "d": np.float64("nan"), "e": np.str_("x")}
+    assert json.loads(to_json(record)) == {"a": 0.5, "b": 3, "c": True, "d": None, "e": "x"}
 
 
 def test_attaching_twice_is_said():

@@ -41,6 +41,11 @@ if TYPE_CHECKING:
     from beamchain.spec import Scene as Scene
     from beamchain.spec import Spec as Spec
     from beamchain.spec import read_spec as read_spec
+    from beamchain.steps.inputs import HeldInput as HeldInput
+    from beamchain.steps.poles import pole_rows as pole_rows
+    from beamchain.steps.retime import Retimed as Retimed
+    from beamchain.steps.retime import retime as retime
+    from beamchain.steps.start import start_velocity as start_velocity
     from beamchain.structure.beam import Beam as Beam
     from beamchain.structure.exact import UniformBeam as UniformBeam
     from beamchain.structure.imported import Imported as Imported
@@ -74,6 +79,10 @@ _PLACES = {
     "runs": ("run_stability", "run_study", "run_sweep"),
     "seed": ("seed_beam", "seed_table"),
     "spec": ("Damping", "FitOptions", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
+    "steps.inputs": ("HeldInput",),
+    "steps.poles": ("pole_rows",),
+    "steps.retime": ("Retimed", "retime"),
+    "steps.start": ("start_velocity",),
     "structure.beam": ("Beam",),
     "structure.exact": ("UniformBeam",),
     "structure.imported": ("Imported",),

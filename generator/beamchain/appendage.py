@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from lxml.etree import _Element as Element
 from numpy.typing import NDArray
 
 from beamchain.assess.assembly import Carried, quiet
@@ -12,7 +13,7 @@ from beamchain.assess.budget import linear_model
 from beamchain.assess.large_motion import LargeMotion
 from beamchain.assess.limits import step_limits
 from beamchain.assess.run_limits import exceeded
-from beamchain.assess.spoilers import spoilers
+from beamchain.assess.spoilers import TENDON_DAMPING, spoilers
 from beamchain.engine.driven import keyframes
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
@@ -27,6 +28,7 @@ from beamchain.port import PortModel, in_space
 from beamchain.result import Fit
 from beamchain.spec import Spec
 from beamchain.stability import large_limits
+from beamchain.steps.document import put_time
 
 EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for
 PROBE = "beamchain probe "  # names of the empty bodies that stand for appendages while the spacecraft is measured
@@ -44,6 +46,7 @@ class Appendage:
         hub: what its root feels, other appendages rigid.
         spec: as it was given.
         fit: made for that hub.
+        timed: the spacecraft with its appendages exact in time for its own step; None: they are not.
     """
 
     at: str
@@ -52,6 +55,14 @@ class Appendage:
     hub: Hub
     spec: Spec
     fit: Fit
+    timed: "mujoco.MjModel | None" = None
+
+    def element(self) -> Element:
+        """Its drop-in MJCF, exact in time where the spacecraft is."""
+        tree, name = self.fit.appendage(timed=False), self.fit.spec.name
+        if self.timed is not None:
+            put_time([tree], self.timed, lambda word: self.prefix + word.removeprefix(f"{name}_"))
+        return tree
 
     @cached_property
     def large_motion(self) -> dict[str, LargeMotion]:
@@ -78,7 +89,7 @@ def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
     out: dict[str, set[str]] = {"body": set(), "jnt": set(), "geom": set(), "site": set(), "tendon": set()}
     kinds = {"body": "body", "joint": "jnt", "geom": "geom", "site": "site", "fixed": "tendon"}
     for a in appendages:
-        for node in document.renamed(a.fit.appendage(), a.fit.spec.name, a.prefix).iter(*kinds):
+        for node in document.renamed(a.fit.appendage(timed=False), a.fit.spec.name, a.prefix).iter(*kinds):
             if node.get("name"):
                 out[kinds[str(node.tag)]].add(str(node.get("name")))
     return out
@@ -101,8 +112,17 @@ def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> Non
             raise InputError(f"two appendages have the prefix {prefix!r}; give each its own --prefix.")
 
 
-def judged(craft: "mujoco.MjModel", model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
-    """Every number of the spacecraft and of the appendages is as it was; then what spoils the motion."""
+def judged(
+    craft: "mujoco.MjModel", model: "mujoco.MjModel", appendages: Sequence[Appendage], final: "mujoco.MjModel"
+) -> list[str]:
+    """Every number of the spacecraft and of the appendages is as it was; then what spoils the motion.
+
+    Args:
+        craft: the bare spacecraft.
+        model: with its appendages, timing taken out.
+        appendages: what was embedded.
+        final: as it will run.
+    """
     mine = appended(model, names(appendages))
     theirs = others(model, mine)
     own = _without_probes(craft)
@@ -111,12 +131,13 @@ def judged(craft: "mujoco.MjModel", model: "mujoco.MjModel", appendages: Sequenc
         raise EngineError(f"embedding changed the spacecraft itself: {_told(changed[0])}; please report this.")
     for a in appendages:
         alone = compile_model(write.text(write.scene(
-            a.fit.appendage(), a.fit.spec.name, mass=1.0, inertia=np.eye(3), offset=np.zeros(3), timestep=0.01,
+            a.fit.appendage(timed=False), a.fit.spec.name, mass=1.0, inertia=np.eye(3), offset=np.zeros(3), timestep=0.01,
             integrator="implicitfast",
         )))  # fmt: skip
         own = appended(alone, names([replace(a, prefix=f"{a.spec.name}_")]))
         here = appended(model, names([a]))
-        found = differences(alone, model, {k: (own[k], here[k]) for k in own}, root=f"{a.prefix}link1", tolerance=SAME)
+        pairs = {k: (own[k], here[k]) for k in own}
+        found = differences(alone, model, pairs, root=f"{a.prefix}link1", tolerance=SAME, user=False)
         if found:
             raise InputError(
                 f"the spacecraft's defaults or compiler would change the appendage: {_told(found[0])}; use "
@@ -125,8 +146,9 @@ def judged(craft: "mujoco.MjModel", model: "mujoco.MjModel", appendages: Sequenc
             )
     ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
     kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
-    limits = step_limits(linear_model(quiet(model)))
-    return spoilers(model, limits, kept, min(ratios, default=0.0), mine["geom"])
+    limits = step_limits(linear_model(quiet(final)))
+    found = spoilers(final, limits, kept, min(ratios, default=0.0), mine["geom"])
+    return found if final is model else [text for text in found if not text.startswith(TENDON_DAMPING)]
 
 
 def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str]:
@@ -205,7 +227,7 @@ def lightest(appendages: Sequence[Appendage]) -> tuple[float, float]:
     """Smallest mass [kg] and principal inertia [kg m^2] of the bodies that move."""
     masses, inertias = [np.inf], [np.inf]
     for a in appendages:
-        for inertial in list(a.fit.appendage().iter("inertial"))[1:]:
+        for inertial in list(a.fit.appendage(timed=False).iter("inertial"))[1:]:
             masses.append(float(inertial.get("mass", "inf")))
             inertias += [float(word) for word in inertial.get("diaginertia", "inf").split()]
     return min(masses), min(inertias)

@@ -25,7 +25,7 @@ def fit_warnings(
     out: list[str] = []
     modes = [(t, port) for port, model in achieved.items() for t in chain.tendons
              if t.is_mode and t.damping > 0.0 and t.label.endswith(f"_{port}") and model.modes]  # fmt: skip
-    if modes:
+    if modes and not spec.exact_step:
         euler, other = limits.largest_step["Euler"], limits.largest_step["implicitfast"]
         text = (
             "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo takes where nothing "
@@ -38,10 +38,10 @@ def fit_warnings(
             number, model = int(worst.label.removeprefix("mode").partition("_")[0]), achieved[port]
             k = min(number, model.modes) - 1
             w, zeta = float(model.frequencies[k]), float(model.damping[k])
-            pole = numerical_pole("Euler", w, zeta, scene.timestep, tendon=True)
+            pole = numerical_pole("Euler", w, zeta, scene.step, tendon=True)
             seen = -pole.real / abs(pole)
             text += (
-                f"; at the scene's step of {scene.timestep:g} s mode {number} in {port} will show a damping "
+                f"; at the scene's step of {scene.step:g} s mode {number} in {port} will show a damping "
                 f"ratio of {seen:.4g} instead of {zeta:.4g}"
             )
         out.append(f'{text}. Use implicitfast, or damping.form = "hinge".')
@@ -68,7 +68,7 @@ def fit_warnings(
 def step_warnings(result: "Fit") -> tuple[str, ...]:
     """Where scene.xml's own step is unstable, or misses the scene's tolerance."""
     scene = result.spec.scene
-    if scene is None or result.spec.fit.timestep or not result.achieved:
+    if scene is None or result.spec.exact_step or not result.achieved:
         return ()
     limits = result.limits
     if result.spec.root.hub is None:
@@ -78,14 +78,14 @@ def step_warnings(result: "Fit") -> tuple[str, ...]:
         else:
             model, hub = space.achieved, hub[np.ix_(space.live, space.live)]
         limits = coupled_limits(model, hub, tendon=result.tendon_damped)
-    largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.timestep:g} s"
-    if scene.timestep > largest:
+    largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.step:g} s"
+    if scene.step > largest:
         return (
             f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
             "give scene.timestep half of that, or less.",
         )
     kept = next((choice for choice in result.steps if choice.integrator == scene.integrator), None)
-    if kept is None or scene.timestep <= kept.step:
+    if kept is None or scene.step <= kept.step:
         return ()
     best = result.steps[0]
     return (

@@ -3,6 +3,9 @@
 import math
 from collections.abc import Iterable
 from numbers import Integral, Real
+from typing import Any
+
+import msgspec
 
 from beamchain.errors import InputError
 
@@ -61,3 +64,35 @@ def whole(field: str, value: object, least: int, most: int) -> int:
     if isinstance(value, bool) or not isinstance(value, Integral) or not least <= int(value) <= most:
         raise InputError(f"{field} = {value!r} must be a whole number from {least} to {most}.")
     return int(value)
+
+
+def own_numbers(struct: msgspec.Struct) -> None:
+    """Turn what stands in a struct's fields into Python's own numbers and tuples, in place.
+
+    NumPy's scalars and arrays, fractions and lists are taken as what they mean, so that every struct can be hashed,
+    compared and written. What is no number stays, for the checks to name.
+    """
+    for name in struct.__struct_fields__:
+        given = getattr(struct, name)
+        plain = _own(given)
+        if plain is not given:
+            msgspec.structs.force_setattr(struct, name, plain)
+
+
+def _own(value: Any) -> Any:
+    if value is None or isinstance(value, bool | msgspec.Struct) or type(value) in (int, float, str):
+        return value
+    if isinstance(value, dict):
+        return {key: _own(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        items = tuple(_own(item) for item in value)
+        same = isinstance(value, tuple) and all(a is b for a, b in zip(items, value, strict=True))
+        return value if same else items
+    if hasattr(value, "tolist"):  # NumPy's, without importing it
+        return _own(value.tolist()) if type(value.tolist()) is not type(value) else value
+    if isinstance(value, Integral):
+        return int(value)
+    try:
+        return float(value) if isinstance(value, Real) else value
+    except OverflowError:
+        return value

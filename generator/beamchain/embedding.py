@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from beamchain.appendage import (
 from beamchain.assess.assembly import Assembly, prove
 from beamchain.assess.spoilers import check_flags
 from beamchain.checks import one_of
+from beamchain.craft_time import on_tendons, timed, without_time, worth_it
 from beamchain.engine import mount as mounting
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
@@ -79,7 +80,12 @@ class Embedded:
     @cached_property
     def assembly(self) -> Assembly:
         """Coupled modes and hub accelerance against the exact assembly."""
-        return prove(self.craft, self.model, carried(self.model, self.appendages))
+        return prove(self.craft, self.untimed, carried(self.model, self.appendages))
+
+    @cached_property
+    def untimed(self) -> "mujoco.MjModel":
+        """The model with timing taken out, which is what is compared with the exact spacecraft."""
+        return without_time(self.model) if any(a.timed is not None for a in self.appendages) else self.model
 
     def to_mjcf(self, folder: str | Path | None = None) -> str:
         """The file's text, its relative paths right in `folder`; absolute where left out.
@@ -143,6 +149,7 @@ def embed(
     *,
     form: str = "inline",
     prefixes: Sequence[str] | None = None,
+    retime: bool | None = None,
 ) -> Embedded:
     """Put appendages into a spacecraft and prove the assembled model.
 
@@ -155,6 +162,8 @@ def embed(
             share a name: `site:NAME`, `body:NAME`.
         form: "inline": one self-contained file; "attach": appendage files beside it, brought in by `<attach>`.
         prefixes: one per entry of `at`, instead of `NAME_` of the appendage.
+        retime: make the appendages exact in time for the spacecraft's own step and integrator, or do not; where left
+            out, they are where the step's error would exceed a tenth of the scenes' tolerance (1e-4 without one).
 
     Raises:
         InputError: no such place, a frame that is none, a static body, clashing names, switches that would spoil it.
@@ -184,9 +193,9 @@ def embed(
             spec = msgspec.structs.replace(spec, imported=spec.imported.beside(Path.cwd()))
         wanted[name] = (spec, prefix)
     if isinstance(craft, mujoco.MjSpec):
-        return _embed_in_spec(craft, wanted)
+        return _embed_in_spec(craft, wanted, retime)
     original, before, _ = _read(craft)
-    return _embed_in_document(original, before | wanted, form)
+    return _embed_in_document(original, before | wanted, form, retime)
 
 
 def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
@@ -218,12 +227,22 @@ def _read(craft: str | Path) -> tuple[Craft, dict[str, tuple[Spec, str]], str]:
     text = isinstance(craft, str) and craft.lstrip().startswith("<")
     read = craft_from_text(str(craft)) if text else read_craft(craft)
     facts = marks.embedded(read.root)
-    before = {f["at"]: (spec_from_dict(f["spec"], f"mark of {f['at']}"), f["prefix"]) for f in facts}
+    before = {f["at"]: (_spec_of_mark(f["spec"], f["at"]), f["prefix"]) for f in facts}
     return bare(read), before, facts[0]["form"] if facts else "inline"
 
 
+def _spec_of_mark(spec: Mapping[str, Any], at: str) -> Spec:
+    """The spec that a mark holds; one of version 1 may ask for oscillators, which are a chain today."""
+    options = spec.get("fit")
+    if isinstance(options, Mapping) and options.get("form") == "oscillators":
+        spec = {**spec, "fit": {**options, "form": None}}
+    return spec_from_dict(spec, f"mark of {at}")
+
+
 # -- into a document -------------------------------------------------------------------------------------------------
-def _embed_in_document(original: Craft, wanted: dict[str, tuple[Spec, str]], form: str) -> Embedded:
+def _embed_in_document(
+    original: Craft, wanted: dict[str, tuple[Spec, str]], form: str, retime: bool | None = None
+) -> Embedded:
     # an empty body at every place: a hub whose frame MuJoCo would move while it carries nothing stays where it is
     probe = relocate(original, None)
     targets = {name: find_target(probe, name) for name in wanted}
@@ -237,13 +256,28 @@ def _embed_in_document(original: Craft, wanted: dict[str, tuple[Spec, str]], for
     check_names(craft, appendages)
     check.check_compiler(original.parts(), *lightest(appendages))
     layout = _layout(original, appendages, craft)
+    model = _compiled(original, appendages, form, layout)
+    good, why = worth_it(model, appendages, retime)
+    warnings += [why] if why else []
+    if good:
+        appendages = tuple(replace(a, fit=on_tendons(a.fit)) for a in appendages)
+        check_names(craft, appendages)
+        model = _compiled(original, appendages, form, layout)
+    final = timed(model) if good else model
+    warnings += judged(craft, model, appendages, final) + driven_too_far(model, appendages)
+    if good:
+        appendages = tuple(replace(a, timed=final) for a in appendages)
+    model = final
+    return Embedded(appendages, craft, model, tuple(warnings), original, form, layout)
+
+
+def _compiled(original: Craft, appendages: Sequence[Appendage], form: str, layout: dict[str, Any]) -> "mujoco.MjModel":
+    """The document with its appendages, compiled."""
     with tempfile.TemporaryDirectory() as folder:
         out, beside = _assemble(original, appendages, form, None, "craft", layout, Path(folder))
         for name, text in beside.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
-        model = compile_model(out.to_bytes().decode("utf-8"))
-    warnings += judged(craft, model, appendages) + driven_too_far(model, appendages)
-    return Embedded(appendages, craft, model, tuple(warnings), original, form, layout)
+        return compile_model(out.to_bytes().decode("utf-8"))
 
 
 def _assemble(
@@ -259,7 +293,7 @@ def _assemble(
     out = relocate(original, folder)
     items = [
         document.Insertion(
-            find_target(out, a.at), a.mount.position, a.mount.quaternion, a.fit.appendage(), a.spec.name, a.prefix,
+            find_target(out, a.at), a.mount.position, a.mount.quaternion, a.element(), a.spec.name, a.prefix,
             msgspec.to_builtins(a.spec),
         )
         for a in appendages
@@ -300,7 +334,7 @@ def _layout(original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjM
 
 
 # -- into an MjSpec --------------------------------------------------------------------------------------------------
-def _embed_in_spec(spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]]) -> Embedded:
+def _embed_in_spec(spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]], retime: bool | None = None) -> Embedded:
     places: dict[str, tuple[str, str]] = {}
     probe = spec.copy()
     for at in wanted:
@@ -323,15 +357,26 @@ def _embed_in_spec(spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]]) -
     warnings += moved_by_load(plain, craft)
     check_flags(craft)
     check_names(craft, appendages)
-    trial = spec.copy()
-    for place in (trial, spec):  # the user's spec is touched only after a copy has proved itself
+
+    def attached(place: "mujoco.MjSpec") -> "mujoco.MjSpec":
         for a in appendages:
             frame = _owner(place, *places[a.at]).add_frame(pos=a.mount.position, quat=a.mount.quaternion)
-            text = write.text(document.renamed(a.fit.appendage(), a.spec.name, ""))
+            text = write.text(document.renamed(a.element(), a.spec.name, ""))
             place.attach(mujoco.MjSpec.from_string(text), frame=frame, prefix=a.prefix)
-        if place is trial:
-            model = trial.compile()
-            warnings += judged(craft, model, appendages) + driven_too_far(model, appendages)
+        return place
+
+    model = attached(spec.copy()).compile()
+    good, why = worth_it(model, appendages, retime)
+    warnings += [why] if why else []
+    if good:
+        appendages = tuple(replace(a, fit=on_tendons(a.fit)) for a in appendages)
+        check_names(craft, appendages)
+        model = attached(spec.copy()).compile()
+    final = timed(model) if good else model
+    warnings += judged(craft, model, appendages, final) + driven_too_far(model, appendages)
+    if good:
+        appendages = tuple(replace(a, timed=final) for a in appendages)
+    attached(spec)  # the user's spec is touched only after a copy has proved itself
     return Embedded(appendages, craft, spec.copy().compile(), tuple(warnings))
 
 

@@ -1,11 +1,20 @@
 """Outputs are written whole or not at all: a temporary file beside the place, then a rename."""
 
 import os
+import stat
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from beamchain.errors import OutputError
+
+NOT_FILES = {
+    stat.S_ISDIR: "a folder",
+    stat.S_ISCHR: "a device",
+    stat.S_ISBLK: "a device",
+    stat.S_ISFIFO: "a fifo",
+    stat.S_ISSOCK: "a socket",
+}
 
 
 def write_files(files: Mapping[Path, str | bytes], *, force: bool) -> None:
@@ -52,12 +61,28 @@ def check_free(path: Path, *, force: bool) -> None:
     """Refuse a place where something stands that may not be replaced, before long work is done for it.
 
     Raises:
-        OutputError: there is a folder, or a file and `force` is False.
+        OutputError: there is something other than a file, whatever `force` says, or a file and `force` is False.
     """
-    if path.is_dir():
-        raise OutputError(f"output {str(path)!r} is a folder; give another name.")
+    check_regular(path)
     if os.path.lexists(path) and not force:
         raise OutputError(f"output {str(path)!r} exists; use --force to replace it, or give another place.")
+
+
+def check_regular(path: Path) -> None:
+    """Refuse a place where something stands that is no file: a rename would put a file in a device's place.
+
+    Raises:
+        OutputError: there is a folder, device, fifo or socket, or a link that leads to one or stands among devices.
+    """
+    try:
+        mode = path.stat().st_mode
+    except OSError:  # nothing there, or a link to nothing, which --force may replace
+        return
+    among = path.is_symlink() and path.absolute().parts[1:2] in (("dev",), ("proc",), ("sys",))
+    if stat.S_ISREG(mode) and not among:
+        return
+    kind = next((word for test, word in NOT_FILES.items() if test(mode)), "no regular file")
+    raise OutputError(f"output {str(path)!r} is {kind}; give another name.")
 
 
 def _make_folder(folder: Path, made: list[Path]) -> None:

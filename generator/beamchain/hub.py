@@ -3,12 +3,15 @@
 import msgspec
 import numpy as np
 
-from beamchain.checks import number, positive
+from beamchain.checks import number, own_numbers, positive
 from beamchain.errors import InputError
 from beamchain.motion import PORT_MOTION, Array, body_mass_matrix
 from beamchain.structure.lump import body_inertia
 
 Triple = tuple[float, float, float]
+ROUNDING = (
+    1e-14  # least inertia over mass x offset^2: below, the mass matrix about the root is singular but for rounding
+)
 
 
 class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -30,6 +33,7 @@ class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     apparent: tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         positive("mass", self.mass, "kg")
         body_inertia("inertia", self.inertia)
         for i, value in enumerate(self.inertia):
@@ -38,6 +42,13 @@ class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
             number(f"offset[{i}]", value, "m")
         for i, value in enumerate(self.products):
             number(f"products[{i}]", value, "kg m^2")
+        arm = self.mass * sum(float(value) ** 2 for value in self.offset)
+        if min(self.inertia) < ROUNDING * arm:
+            raise InputError(
+                f"offset = {list(self.offset)!r} m puts the root so far from the hub's centre that the hub's inertia "
+                f"{list(self.inertia)!r} kg m^2 is lost beside mass x offset^2 = {arm:.4g} kg m^2 (at least "
+                f"{ROUNDING:g} of it is needed); check the units of offset (m), mass (kg) and inertia (kg m^2)."
+            )
         if self.apparent is not None:
             matrix = np.array([[number("apparent", v, "") for v in row] for row in self.apparent if len(row) == 6])
             if matrix.shape != (6, 6) or float(np.linalg.eigvalsh(matrix)[0]) <= 0.0 or np.any(matrix != matrix.T):

@@ -19,6 +19,7 @@ from beamchain.motion import PORT_MOTION, PORTS
 from beamchain.port import PortModel
 from beamchain.result import Fit, InSpace, appendage_tree, default_hub, seconds_taken
 from beamchain.spec import Spec, port_hub_mass
+from beamchain.steps.discrete import SCHEMES
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 
@@ -58,7 +59,7 @@ def fit_imported(spec: Spec, data: ModalData) -> Fit:
     tree = appendage_tree(spec, chain, line)
     clock.append(time.perf_counter())
     live = tuple(data.live)
-    measured, achieved = measure_in_space(tree, timestep=case.scene.timestep, ballast=root_body(chain), live=live)
+    measured, achieved = measure_in_space(tree, timestep=case.scene.step, ballast=root_body(chain), live=live)
     space = _space(case, why, achieved, live)
     message = f"{built.status.message} Ports: {why}."
     if space.error.mass_error > SAME_MASS:
@@ -106,8 +107,10 @@ def _separate(case: Case, line: MassLine) -> Built:
 
 
 def _per_mode(spec: Spec, kept: ModalData) -> bool:
-    """Whether each mode has damping of its own."""
-    return bool(np.any(kept.damping > 0.0)) and (spec.damping is None or spec.damping.form == "modal")
+    """Whether each mode takes a tendon: for damping of its own, or to be exact in time."""
+    timed = spec.exact_step > 0.0 and SCHEMES[spec.integrator].exact and spec.fit.springs != "hinges"
+    damped = bool(np.any(kept.damping > 0.0)) and (spec.damping is None or spec.damping.form == "modal")
+    return damped or timed
 
 
 def _coupled(case: Case, line: MassLine) -> Built:

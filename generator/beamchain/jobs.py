@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from beamchain.errors import EngineError, InputError, OutputError
+from beamchain.files import check_regular
 
 #: Called after every job with the number done and the number of all.
 Progress = Callable[[int, int], None]
@@ -43,7 +44,10 @@ def run_jobs(
 
     Raises:
         EngineError: a worker died for good; what is done stays in `store`.
+        OutputError: `store` is no file, or cannot be written.
     """
+    if store is not None:
+        check_regular(store)
     done = _read(store) if store is not None and resume else {}
     done = {key: value for key, value in done.items() if key in jobs}
     if store is not None:  # begun anew with what is whole: a line cut off while it was written would spoil the next

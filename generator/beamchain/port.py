@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from beamchain.errors import InputError
+from beamchain.errors import InputError, RealisationError
 from beamchain.motion import PORT_MOTION, Array, locked, square_root
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 NORMAL = 1e-7  # part of an attachment mode outside the normal modes below which it is one of them
 RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass than this is none, and its mode lies at infinity
 LOADED = 8  # models with different hubs that are kept
+SINGULAR = 1e-15  # of a motion not in the others already: below, it is rounding
 DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
 
 
@@ -196,6 +197,11 @@ class PortModel:
         _, s, vt = np.linalg.svd(elastic - q @ along, full_matrices=False)
         finite = s > 1e-13 * np.max(1.0 / self.frequencies, initial=0.0)  # a singular residual sends a mode to infinity
         s, v = s[finite], vt[finite].T
+        if np.any(np.abs(np.diag(r)) <= SINGULAR * np.linalg.norm(r, axis=0)):
+            raise RealisationError(
+                f"the rigid mass matrix (diagonal {', '.join(f'{v:.3g}' for v in np.diag(self.rigid_mass))}) is singular "
+                "in double precision: one mass or inertia is too far above all others; check their sizes and units."
+            )
         values = -np.linalg.solve(r, along @ v) / s
         return locked(1.0 / s), locked(values.T), locked(v), locked(np.linalg.inv(r))
 

@@ -20,6 +20,7 @@ from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
 from beamchain.engine.bench import Measured, ballast_for
 from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError
 from beamchain.files import write_files
 from beamchain.hub import Hub
@@ -27,6 +28,10 @@ from beamchain.mjcf import write
 from beamchain.motion import PORTS, Array
 from beamchain.port import PortModel, in_space
 from beamchain.spec import Scene, Spec
+from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.document import put_hinge_armature, put_time
+from beamchain.steps.poles import PoleRow, pole_rows
+from beamchain.steps.retime import retime
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 
@@ -167,9 +172,38 @@ class Fit:
         keep = [i for i, motion in enumerate(live) if motion in {AXES[axis] for axis in scene.axes}]
         return choose_step(model, hub, keep, scene.bandwidth, scene.tolerance, tendon=self.tendon_damped)
 
-    def appendage(self) -> Element:
-        """The drop-in MJCF as an lxml tree."""
-        return appendage_tree(self.spec, self.chain, self.mass_line)
+    def appendage(self, *, timed: bool = True) -> Element:
+        """The drop-in MJCF as an lxml tree.
+
+        Args:
+            timed: exact in time for the spec's step, if it states one; False: with timing taken out.
+        """
+        tree = appendage_tree(self.spec, self.chain, self.mass_line)
+        if timed:
+            self._put_time(tree, form=2)
+        return tree
+
+    def _put_time(self, tree: Element, form: int) -> None:
+        """Make a document with the appendage exact in time for the spec's step; as it is where none is stated.
+
+        Args:
+            tree: the document.
+            form: 2: for any hub, 4: tuned for the hub that the document has.
+        """
+        step, integrator = self.spec.exact_step, self.spec.integrator
+        if not step or integrator not in SCHEMES:
+            return
+        if any(tendon.stiffness > 0.0 for tendon in self.chain.tendons):
+            model = compile_model(write.text(tree))
+            retime(model, step, integrator, form=form)
+            put_time([tree], model)
+        elif self.spec.fit.springs == "hinges":
+            put_hinge_armature(tree, step, integrator)
+
+    @cached_property
+    def time(self) -> list[PoleRow]:
+        """Modes of scene.xml with timing taken out, and what its integrator shows of them at its step."""
+        return pole_rows(compile_model(self.scene_mjcf())) if self.achieved else []
 
     def to_mjcf(self) -> str:
         """The drop-in MJCF file as text."""
@@ -179,17 +213,18 @@ class Fit:
         """A free-flying hub with the appendage on it, as text. Without a hub in the spec: ten times the appendage."""
         scene = self.spec.scene or Scene()
         hub = self.hub
-        timestep = self.spec.fit.timestep or (scene.timestep if self.spec.scene else self._safe_step(scene.integrator))
+        timestep = self.spec.exact_step or (scene.step if self.spec.scene else self._safe_step(scene.integrator))
         root = write.scene(
-            self.appendage(), self.spec.name, mass=hub.mass, inertia=hub.inertia_matrix(), offset=hub.offset,
+            self.appendage(timed=False), self.spec.name, mass=hub.mass, inertia=hub.inertia_matrix(), offset=hub.offset,
             timestep=timestep, integrator=scene.integrator, contacts=scene.contacts,
         )  # fmt: skip
+        self._put_time(root, form=4)
         return write.text(root)
 
     def bench_mjcf(self) -> str:
         """The appendage on the test bench: its root free in every kept port, as text."""
         ports = [port for port in PORTS if port in self.achieved]
-        return write.text(write.bench(self.appendage(), ports, 0.01, ballast_for(self.chain)))
+        return write.text(write.bench(self.appendage(timed=False), ports, 0.01, ballast_for(self.chain)))
 
     def _safe_step(self, integrator: str) -> float:
         """A round step: a fifth of the stability limit at most."""

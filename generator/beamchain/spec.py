@@ -9,7 +9,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from beamchain.checks import not_negative, one_of, positive, whole
+from beamchain.checks import not_negative, one_of, own_numbers, positive, whole
 from beamchain.errors import InputError
 from beamchain.hub import Hub
 from beamchain.hub import port_hub_mass as port_hub_mass
@@ -19,12 +19,13 @@ from beamchain.sentences import sentence
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
 from beamchain.structure.joint import Joint
-from beamchain.structure.lump import Lump, body_inertia
+from beamchain.structure.lump import Lump, body_inertia, check_carried
 from beamchain.structure.segment import Segment
 from beamchain.tables import LARGEST_TOML, tables
 from beamchain.uncertain import Uncertain
 
 MOST_MODES = 20
+DEFAULT_STEP = 0.01  # of scene.xml and of the bench, where none is stated [s]
 
 Target = Literal["clamped", "free", "hub", "auto"]
 Method = Literal["exact", "least_squares", "classical", "midpoint", "naive", "seed"]
@@ -44,6 +45,7 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     inertia: Triple = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         positive("mass", self.mass, "kg")
         body_inertia("inertia", self.inertia)
 
@@ -60,10 +62,13 @@ class Damping(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     form: Literal["modal", "hinge"] = "modal"
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         one_of("form", self.form, ("modal", "hinge"))
         if isinstance(self.ratio, dict):
             for port, values in self.ratio.items():
                 one_of("ratio", port, PORTS)
+                if not isinstance(values, tuple):
+                    raise InputError(f"ratio.{port} = {values!r} must be a list, one per mode; write [{values!r}].")
                 for i, value in enumerate(values):
                     _ratio(f"ratio.{port}[{i}]", value)
         else:
@@ -134,6 +139,7 @@ class Modes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     axial: int | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         for port in PORTS:
             if getattr(self, port) is not None:
                 whole(port, getattr(self, port), 0, MOST_MODES)
@@ -154,6 +160,7 @@ class Root(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     hub: Hub | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         if self.target is not None:
             one_of("target", self.target, ("clamped", "free", "hub", "auto"))
 
@@ -170,7 +177,7 @@ class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             "modes": a tendon per mode, whose frequency and damping are two numbers of the compiled model.
         cuts: x of hinges that must stand; others are added where the modes need them [m].
         form: "chain", the only one there is.
-        timestep: above 0, stiffness is such that the frequencies are right at this step [s].
+        timestep: above 0, the written files are exact in time at this step of the scene's integrator [s].
     """
 
     method: Method = "exact"
@@ -182,6 +189,7 @@ class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     timestep: float = 0.0
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         one_of("method", self.method, ("exact", "least_squares", "classical", "midpoint", "naive", "seed"))
         one_of("springs", self.springs, ("auto", "hinges", "modes"))
         if self.form is not None:
@@ -224,7 +232,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         visuals: write massless shapes.
         contacts: write shapes that other things may touch.
         integrator: MuJoCo's name.
-        timestep: [s].
+        timestep: [s]; where it is stated, the written files are exact in time for it. 0.01 where left out.
     """
 
     bandwidth: float | None = None
@@ -234,13 +242,20 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     visuals: bool = True
     contacts: bool = False
     integrator: Integrator = "implicitfast"
-    timestep: float = 0.01
+    timestep: float | None = None
+
+    @property
+    def step(self) -> float:
+        """Of scene.xml and of the bench [s]."""
+        return DEFAULT_STEP if self.timestep is None else self.timestep
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         if self.bandwidth is not None:
             positive("bandwidth", self.bandwidth, "rad/s")
         positive("tolerance", self.tolerance, "")
-        positive("timestep", self.timestep, "s")
+        if self.timestep is not None:
+            positive("timestep", self.timestep, "s")
         one_of("integrator", self.integrator, ("Euler", "RK4", "implicit", "implicitfast", "discrete"))
         if not self.axes:
             raise InputError(
@@ -286,6 +301,7 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     uncertain: Uncertain | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name):
             raise InputError(
                 f"name = {self.name!r} must start with a small letter and hold only a-z, 0-9 and _ (at most 63), "
@@ -300,7 +316,8 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             )
         if self.root.target == "auto" and not self.chooses:
             raise InputError('root.target = "auto" chooses for a scene; give scene.bandwidth, or target = "clamped".')
-        if self.scene is not None and self.fit.timestep > 0.0 and self.fit.timestep != self.scene.timestep:
+        typed = None if self.scene is None else self.scene.timestep
+        if self.scene is not None and self.fit.timestep > 0.0 and typed is not None and self.fit.timestep != typed:
             raise InputError(
                 f"fit.timestep = {self.fit.timestep!r} and scene.timestep = {self.scene.timestep!r} differ; "
                 "the chain is right at one step only: give the same, or leave fit.timestep out."
@@ -318,6 +335,8 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             raise InputError(f"two ports have the same name ({', '.join(names)}); give each its own.")
         if self.imported is None:
             length = self.beam.length  # built once so that what the parts say of each other is checked
+            if self.payload is not None:
+                check_carried("payload", self.payload.mass, self.payload.inertia, self.beam.own_mass, length)
             for key, x in [*((f"fit.cuts[{i}]", x) for i, x in enumerate(self.fit.cuts)),
                            *((f"port.{port.name}.x", port.x) for port in self.port)]:  # fmt: skip
                 if x > length * (1.0 - 1e-9) and not (key.startswith("port") and x <= length * (1.0 + 1e-9)):
@@ -336,6 +355,17 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
                     f"sensors.points names {point!r}, which is no point of this appendage; choose from "
                     f"{', '.join(['tip', *names])}, or add a [[port]]."
                 )
+
+    @property
+    def exact_step(self) -> float:
+        """Step for which the written files are exact in time [s]; 0: for none."""
+        typed = None if self.scene is None else self.scene.timestep
+        return self.fit.timestep or typed or 0.0
+
+    @property
+    def integrator(self) -> str:
+        """Of scene.xml."""
+        return (self.scene or Scene()).integrator
 
     @property
     def further(self) -> dict[str, float]:

@@ -130,7 +130,7 @@ def study_fit(result: Fit, say: Callable[[str], None] = lambda _: None) -> Stabi
     large, warnings = large_limits(result)
     warnings += silent
     scene = result.spec.scene
-    warnings += _warnings(budgets[:1], 0.0 if scene is None else scene.timestep, scene.integrator if scene else None)
+    warnings += _warnings(budgets[:1], 0.0 if scene is None else scene.step, scene.integrator if scene else None)
     return StabilityStudy(rows, budgets, large, warnings)
 
 

@@ -33,7 +33,7 @@ from beamchain.workflow import damped, fit
 #: Fields of MuJoCo's model that differ between variants; they hold for the scene.xml written beside them.
 FIELDS = (
     "jnt_stiffness", "dof_damping", "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "site_pos",
-    "wrap_prm", "tendon_stiffness", "tendon_damping", "tendon_armature",
+    "wrap_prm", "tendon_stiffness", "tendon_damping", "tendon_armature", "tendon_solimp_lim",
 )  # fmt: skip
 NAMES = ("body", "jnt", "site", "tendon")
 CHUNK = 10  # samples per job

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 from scipy.special import ndtr
 
-from beamchain.checks import one_of, positive
+from beamchain.checks import one_of, own_numbers, positive
 from beamchain.errors import InputError
 
 CUT = 3.0  # normal draws end here, in standard deviations: a tail would ask for negative stiffness
@@ -30,6 +30,7 @@ class Uncertainty(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     group: str = ""
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         one_of("distribution", self.distribution, ("normal", "uniform"))
         if (self.relative is None) == (self.absolute is None):
             raise InputError(
@@ -72,6 +73,7 @@ class Uncertain(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     joint_stiffness: Uncertainty | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         for name in ONLY_RELATIVE:
             given = getattr(self, name)
             if given is not None and given.relative is None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from beamchain.assess.doubtful import doubtful
@@ -34,6 +35,7 @@ from beamchain.motion import PORTS, Array
 from beamchain.port import PortModel, in_space
 from beamchain.result import Fit, appendage_tree, seconds_taken
 from beamchain.spec import Damping, FitOptions, Modes, Root, Scene, Spec, port_hub_mass
+from beamchain.steps.discrete import SCHEMES
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
 from beamchain.structure.modal_data import ModalData
@@ -151,7 +153,7 @@ def _fit(spec: Spec) -> Fit:
     tree = appendage_tree(spec, chain, beam)
     clock.append(time.perf_counter())
     free = tuple(kept) if tuple(kept) == ("xy",) else PORTS  # a planar boom is tested as the paper does
-    measured = measure(tree, free, timestep=scene.timestep, ballast=root_body(chain))
+    measured = measure(tree, free, timestep=scene.step, ballast=root_body(chain))
     bandwidth, error = {}, {}
     for port, target in built.targets.items():
         bandwidth[port] = scene.bandwidth or float(target.frequencies[min(kept[port], target.modes) - 1])
@@ -260,6 +262,12 @@ def damped(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
 
     Args: as of `build`.
     """
+    timed = (
+        bool(spec.exact_step) and spec.fit.springs == "auto" and spec.fit.method == "exact" and needs_time(spec, plan)
+    )
+    if timed:
+        options = msgspec.structs.replace(spec.fit, springs="modes")
+        spec = msgspec.structs.replace(spec, fit=options)
     ratios = (
         {} if spec.damping is None else {port: spec.damping.ratios(port, count) for port, count in plan.kept.items()}
     )
@@ -281,3 +289,14 @@ def damped(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
         if spec.fit.method != "exact":
             return replace(built, chain=damped_modes(built.chain, ratios))
     return build(spec, plan, beam, cut, per_mode=True)
+
+
+def needs_time(spec: Spec, plan: Plan) -> bool:
+    """Whether a stated step takes a tendon per mode: to be exact in time, or to slow what RK4 could not follow."""
+    scheme = SCHEMES[spec.integrator]
+    if scheme.exact or scheme.name != "RK4":
+        return scheme.exact
+    fastest = max(
+        (float(plan.reduce(plan.target, p, n).free_frequencies[-1]) for p, n in plan.kept.items()), default=0.0
+    )
+    return fastest * spec.exact_step > scheme.phase

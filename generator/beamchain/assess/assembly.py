@@ -107,6 +107,8 @@ class _System:
         """Frequencies above zero, ascending, and mass-normalised shapes; `reach`: a frequency of interest."""
         shift = (0.1 * reach) ** 2  # eigenvalues of the inverse, so that low frequencies keep their digits
         values, shapes = eigh(self.mass, self.stiffness + shift * self.mass)
+        above = values > 0.0  # what is not is lost in the rounding of the slowest: far beyond any frequency of interest
+        values, shapes = values[above], shapes[:, above]
         squares = 1.0 / values[::-1] - shift
         shapes = shapes[:, ::-1] * np.sqrt(1.0 / values[::-1])
         moving = squares > 1e-9 * shift

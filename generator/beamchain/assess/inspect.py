@@ -1,5 +1,6 @@
 """Modes, masses and step limits of any MuJoCo model, from its own linearisation."""
 
+import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,9 @@ from beamchain.assess.limits import StepLimits, oscillations, step_limits
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, compile_model
 from beamchain.motion import Array
+from beamchain.steps.modal import MadeFor, made_for
+from beamchain.steps.poles import PoleRow, mismatch, pole_rows
+from beamchain.steps.retime import retime
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +25,10 @@ class Inspection:
         frequencies: `(n,)` of the oscillating modes [rad/s], with their `damping` ratios.
         springs: name, stiffness, damping of every joint with a spring of its own.
         tendons: name, stiffness, damping, armature of every sprung tendon.
-        limits: step limits.
+        limits: step limits, timing taken out.
+        made_for: the steps and integrators for which appendages are exact in time.
+        shown: the modes as the model's own step shows them; empty where nothing is exact in time.
+        warnings: where the model runs at another step than it was made for.
     """
 
     name: str
@@ -36,6 +43,9 @@ class Inspection:
     integrator: str
     timestep: float
     limits: StepLimits
+    made_for: list[MadeFor]
+    shown: list[PoleRow]
+    warnings: list[str]
 
     def as_dict(self) -> dict[str, Any]:
         """For `--json`."""
@@ -48,6 +58,8 @@ class Inspection:
             "modes": [{"frequency": w, "damping": z} for w, z in zip(self.frequencies, self.damping, strict=True)],
             "springs": [{"joint": n, "stiffness": k, "damping": c} for n, k, c in self.springs],
             "tendons": [{"tendon": n, "stiffness": k, "damping": c, "armature": a} for n, k, c, a in self.tendons],
+            "made_for": [{"timestep": m.timestep, "integrator": m.integrator} for m in self.made_for],
+            "warnings": self.warnings,
             "integrator": self.integrator,
             "timestep": self.timestep,
             "stability": {"omega_max": self.limits.omega_max, "largest_step": self.limits.largest_step},
@@ -63,7 +75,11 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         EngineError: MuJoCo refuses it, or it has no degree of freedom.
     """
     model = compile_model(source)
-    linear = linear_model(model)
+    plain = copy.copy(model)
+    made = [mark for mark in made_for(model) if mark is not None]
+    if made:
+        retime(plain, 0.0)
+    linear = linear_model(plain)
     frequencies, ratios = oscillations(linear.poles())
     springs: list[tuple[str, float, float]] = []
     for j in range(model.njnt):
@@ -94,4 +110,7 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         integrator=next((name for name, value in INTEGRATORS.items() if value == int(model.opt.integrator)), "Euler"),
         timestep=float(model.opt.timestep),
         limits=step_limits(linear),
+        made_for=made,
+        shown=pole_rows(model) if made else [],
+        warnings=mismatch(model),
     )

@@ -28,12 +28,14 @@ class _Plane:
     """A chain in one bending plane, as arrays over its moving links.
 
     Args:
-        hinges, stiffness: `(h,)` [m], [N m/rad].
+        hinges: `(h,)` [m].
+        stiffness, armature: `(h, h)` over the hinge angles [N m/rad], [kg m^2].
         mass, com, inertia, along: `(h + 1,)` per link: mass, mass centre, inertia in the plane, second moment along x.
     """
 
     hinges: Array
     stiffness: Array
+    armature: Array
     mass: Array
     com: Array
     inertia: Array
@@ -50,10 +52,10 @@ class _Plane:
         h = self.hinges.size
         turned = np.tril(np.ones((h, h)))  # angle of link j + 1 from the hinge angles
         arms = np.where(np.tri(h, h, dtype=bool), self.com[1:, None] - self.hinges[None, :], 0.0)
-        m = arms.T @ (self.mass[1:, None] * arms) + turned.T @ (self.inertia[1:, None] * turned)
+        m = arms.T @ (self.mass[1:, None] * arms) + turned.T @ (self.inertia[1:, None] * turned) + self.armature
         span = self._spans()
         pull = rate**2 * (self.mass[1:] * (radius + self.com[1:]) @ span + self.along[1:])
-        k = np.diag(self.stiffness) + turned.T @ (pull[:, None] * turned)
+        k = self.stiffness + turned.T @ (pull[:, None] * turned)
         if not flap:
             k = k - rate**2 * (arms.T @ (self.mass[1:, None] * arms) + turned.T @ (self.along[1:, None] * turned))
         squares = np.linalg.eigvals(np.linalg.solve(k, m)).real  # 1 / w^2
@@ -99,7 +101,7 @@ class _Plane:
         outer = np.triu(np.ones((self.hinges.size, self.hinges.size)))
         turning = outer @ (x * force_y - y * force_x - slew * self.inertia)[1:]
         moment = turning - at_x * (outer @ force_y[1:]) + at_y * (outer @ force_x[1:])
-        return (moment - self.stiffness * np.diff(angles, prepend=0.0)) / self._scale(acceleration, slew)
+        return (moment - self.stiffness @ np.diff(angles, prepend=0.0)) / self._scale(acceleration, slew)
 
     def _scale(self, acceleration: float, slew: float) -> float:
         reach = float(self.com[-1])
@@ -111,7 +113,7 @@ class _Plane:
         force = -self.mass[1:] * (acceleration + slew * self.com[1:])
         arms = np.maximum(self.com[1:, None] - self.hinges[None, :], 0.0) * np.tri(self.hinges.size)
         turn = np.triu(np.ones((self.hinges.size, self.hinges.size))) @ (slew * self.inertia[1:])
-        return np.cumsum((arms.T @ force - turn) / self.stiffness)
+        return np.cumsum(np.linalg.solve(self.stiffness, arms.T @ force - turn))
 
 
 def _plane(chain: Chain, port: str) -> _Plane:
@@ -130,7 +132,9 @@ def _plane(chain: Chain, port: str) -> _Plane:
         rows.append((mass, com, inertia, along))
     mass, com, inertia, along = (np.array(v) for v in zip(*rows, strict=True))
     hinges = np.array([chain.hinges[i].x for i in moving])
-    return _Plane(hinges, np.array([chain.hinges[i].stiffness[port] for i in moving]), mass, com, inertia, along)
+    freedoms = chain.freedoms([port])
+    tied = chain.rows(freedoms)[1][6 * len(chain.links) :]
+    return _Plane(hinges, chain.stiffness(freedoms), tied.T @ tied, mass, com, inertia, along)
 
 
 @dataclass(frozen=True)

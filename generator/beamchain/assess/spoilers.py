@@ -13,6 +13,9 @@ from beamchain.errors import InputError
 DAMPS = 0.5  # numerical damping is worth a word from this share of the structure's own
 
 
+TENDON_DAMPING = "Euler treats the damping of tendons explicitly"
+
+
 def check_flags(model: "mujoco.MjModel") -> None:
     """Refuse a model that switches its springs off.
 
@@ -85,7 +88,7 @@ def spoilers(
             )
     eulerdamp = int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     if integrator == "Euler" and (tendon or eulerdamp) and zeta > 0.0:
-        out.append("Euler treats the damping of tendons explicitly, which shifts it by about w h; take implicitfast.")
+        out.append(f"{TENDON_DAMPING}, which shifts it by about w h; take implicitfast.")
     return out
 
 

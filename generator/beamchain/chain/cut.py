@@ -234,6 +234,7 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
         size = max(fixed.size, *(count for group in groups for count in group.counts.values()))
         x, margin = _best(search, fixed, size - fixed.size)
         if margin >= MARGIN:
+            search = _Search(line, tuple(_fewest(search, x, wanted, groups)), tuple(further))
             x = _even(search, x, fixed)
             margin, chosen, _ = search.assigned(x)
             ports = [tuple(p for group in chosen for i, p in group if i == k) for k in range(x.size)]
@@ -247,6 +248,19 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
         f"no cut of the appendage holds these modes: {first}, and {MOST_ADDED + fixed.size} further hinges do not mend it; "
         "keep fewer modes, or check the rigid mass and the participation."
     )
+
+
+def _fewest(search: _Search, x: Array, wanted: Sequence[Wanted], groups: Sequence[Wanted]) -> list[Wanted]:
+    """The groups, each with no more hinges than it needs on a cut that others needed."""
+    out = list(groups)
+    for k, first in enumerate(wanted):
+        least = first
+        while least.counts != groups[k].counts:
+            if _Search(search.line, (least,), search.further).assigned(x)[0] >= MARGIN:
+                out[k] = least
+                break
+            least = least.more()
+    return out
 
 
 def _told(groups: Sequence[Wanted], margins: Sequence[float]) -> str:

@@ -5,7 +5,7 @@ import sys
 
 import typer
 
-from beamchain.cli import embed, examples, fit, init, inspect, render, schema, seed, stability, study, sweep
+from beamchain.cli import embed, examples, fit, init, inspect, render, retime, schema, seed, stability, study, sweep
 from beamchain.cli.common import explain, version
 from beamchain.errors import BeamchainError
 
@@ -36,6 +36,7 @@ app.command(name="study")(study.study)
 app.command(name="sweep")(sweep.sweep)
 app.command(name="stability")(stability.stability)
 app.command(name="inspect")(inspect.inspect)
+app.command(name="retime")(retime.retime)
 app.command(name="schema")(schema.schema)
 app.command(name="render")(render.render)
 app.command(name="view")(render.view)

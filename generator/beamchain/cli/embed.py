@@ -45,6 +45,15 @@ def embed(
             "--plot", metavar="FILE.svg", help="Draw the hub's accelerance, exact and MuJoCo.", show_default=False
         ),
     ] = None,
+    retime: Annotated[
+        bool | None,
+        typer.Option(
+            "--retime/--no-retime",
+            help="Make the appendages exact in time for the spacecraft's own step, or not; where the step would be felt, "
+            "if left out.",
+            show_default=False,
+        ),
+    ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write OUT_report.html beside it.")] = True,
     as_json: Json = False,
     force: Force = False,
@@ -59,7 +68,7 @@ def embed(
     """
     from beamchain.embedding import embed as embed_all
     from beamchain.embedding import take_out
-    from beamchain.files import write_files
+    from beamchain.files import check_free, write_files
     from beamchain.mjcf.craft import Craft, relocate
 
     places = [_split(word, remove) for word in at or []]
@@ -76,8 +85,10 @@ def embed(
         named = [name for name, _ in places]
         if len(set(named)) < len(named):
             raise InputError(f"--at names {max(named, key=named.count)!r} twice; one place carries one appendage.")
+        for place in (output, *([plot] if plot else ())):
+            check_free(place, force=force)
         with _working(quiet or as_json, "fitting the appendages and proving the whole"):
-            result = embed_all(craft, dict(places), form=form, prefixes=prefix)
+            result = embed_all(craft, dict(places), form=form, prefixes=prefix, retime=retime)
             result.assembly  # noqa: B018  (computed here, shown below)
     also = {} if plot is None else {plot: result.plot()}
     if report:

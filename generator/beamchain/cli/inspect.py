@@ -25,6 +25,7 @@ def inspect(
         return
     if quiet:
         return
+    from rich.markup import escape
     from rich.table import Table
 
     out = console()
@@ -51,6 +52,12 @@ def inspect(
         for name, *values in found.tendons:
             tendons.add_row(name, *(f"{value:.6g}" for value in values))
         out.print(tendons)
+    for made in found.made_for:
+        out.print(
+            f"appendages exact in time for {made.integrator} at {made.timestep:g} s; the modes above are without that"
+        )
+    for warning in found.warnings:
+        out.print(f"[bold]note[/bold]: {escape(warning)}")
     limits = Table(title=f"steps (the model asks for {found.integrator}, {found.timestep:g} s)", title_justify="left")
     for column in ("integrator", "largest stable s", "1 % frequency s", "0.1 % frequency s"):
         limits.add_column(column, justify="left" if column == "integrator" else "right")

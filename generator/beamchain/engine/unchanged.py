@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from beamchain.engine.library import mujoco
+from beamchain.motion import Array
 
 KINDS = {
     "body": "nbody", "jnt": "njnt", "dof": "nv", "geom": "ngeom", "site": "nsite", "cam": "ncam", "light": "nlight",
@@ -81,6 +83,7 @@ def differences(
     *,
     root: str | None = None,
     tolerance: float = 0.0,
+    user: bool = True,
 ) -> list[Difference]:
     """Numbers of `found` that are not those of `wanted`.
 
@@ -89,6 +92,7 @@ def differences(
         pairs: per kind, ids in `wanted` and the same things' ids in `found`.
         root: name of a body in `found` whose place may differ.
         tolerance: relative, of the largest number of a row.
+        user: also the user's own data, which moves nothing.
     """
     out: list[Difference] = []
     for kind, (first, second) in pairs.items():
@@ -96,17 +100,28 @@ def differences(
             out.append(Difference(kind, "number of elements", len(first), len(second)))
             continue
         for field in _fields(wanted, kind):
+            if field.endswith("_user") and not user:
+                continue
             a, b = np.asarray(getattr(wanted, field)), np.asarray(getattr(found, field))
             for i, j in zip(first, second, strict=True):
                 label = _name(found, kind, j)
                 if label == root and field in ("body_pos", "body_quat"):
                     continue
-                x, y = np.atleast_1d(a[i]).astype(np.float64).ravel(), np.atleast_1d(b[j]).astype(np.float64).ravel()
+                x, y = _same_width(a[i], b[j])
                 far = np.abs(x - y) > tolerance * np.max(np.abs(x), initial=0.0)
                 if np.any(far):
                     k = int(np.argmax(far))
                     out.append(Difference(label, field, float(x[k]), float(y[k])))
     return out
+
+
+def _same_width(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    """Two rows as numbers; the shorter one of two models' user data (`<size nuser_...>`) ends in zeros."""
+    a, b = (np.atleast_1d(np.asarray(row, dtype=np.float64)).ravel() for row in (x, y))
+    wide = max(a.size, b.size)
+    if a.size == b.size:
+        return a, b
+    return np.pad(a, (0, wide - a.size)), np.pad(b, (0, wide - b.size))
 
 
 def _fields(model: "mujoco.MjModel", kind: str) -> list[str]:

@@ -80,9 +80,10 @@ def put_in(craft: Craft, insertions: Sequence[Insertion], form: str, files: Mapp
             body = write.find(own, "worldbody/body")
             _place(body, frame)
             marks.put_last(item.target.body, body, "appendage", **facts)
-            tendon = own.find("tendon")
-            if tendon is not None:
-                marks.put_last(craft.root, tendon, "tendon", at=item.target.at)
+            for tag in ("tendon", "sensor"):
+                section = own.find(tag)
+                if section is not None:
+                    marks.put_last(craft.root, section, tag, at=item.target.at)
         else:
             assert files is not None
             label = item.prefix + "appendage"

@@ -17,7 +17,7 @@ from beamchain.errors import InputError
 SIGN = "beamchain embed"
 
 #: what the comment's JSON says of the piece behind it
-PIECES = ("appendage", "tendon", "model", "compiler", "key", "path", "include", "end")
+PIECES = ("appendage", "tendon", "sensor", "model", "compiler", "key", "path", "include", "end")
 
 
 def mark(piece: str, **facts: Any) -> Element:

@@ -37,6 +37,7 @@ ROOT_JOINTS = {
 }
 
 ALONG_X = "0.7071067811865476 0.0 0.7071067811865475 0.0"  # turns the axis of a capsule or cylinder from z to x
+UNMARKED = "0.9 0.95 0.001 0.5 2"  # MuJoCo's own; a tendon made exact in time carries its step there (steps.modal)
 SMALLEST = 1e-15  # mjMINVAL: mass and principal inertia of a moving body
 UNITS = (
     "Write the spec in smaller units: in millimetres and grams the modulus keeps its number, density is divided by 1e6, "
@@ -265,6 +266,7 @@ def _tendons(root: Element, name: str, chain: Chain) -> None:
         fixed = etree.SubElement(
             tendon, "fixed", name=f"{name}_{item.label}", stiffness=number(item.stiffness),
             damping=number(item.damping), armature=number(item.armature), limited="false",
+            solimplimit=UNMARKED,
         )  # fmt: skip
         for (hinge, port), coefficient in zip(item.freedoms, item.coefficients, strict=True):
             etree.SubElement(fixed, "joint", joint=joint_name(name, hinge + 1, port), coef=number(coefficient))

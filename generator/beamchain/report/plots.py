@@ -294,8 +294,9 @@ def _draw_chain(ax: "Axes", chain: Chain, beam: MassLine, plane: str, title: str
     depth = 0.24 * (depth / depth.max() if depth.max() > 0.0 else np.ones(x.size))
     ax.fill_between(x, -depth, depth, color="#dddddd", linewidth=0, label="beam")
     ax.fill_between([left, 0.0], -0.3, 0.3, facecolor="#f4f4f4", edgecolor="#777777", hatch="////", linewidth=0.8)
-    for lump in beam.lumps:
-        ax.plot(lump.x, 0.27, marker="v", color="#777777", markersize=6.0)
+    if beam.lumps:
+        at = [lump.x for lump in beam.lumps]
+        ax.plot(at, np.full(len(at), 0.27), marker="v", color="#777777", markersize=6.0, linestyle="none")
     real = [link for link in chain.links if link.mass > 0.0]
     gap = 0.004 * length
     for link in real:

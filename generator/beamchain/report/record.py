@@ -28,8 +28,8 @@ def _plain(value: Any) -> Any:
         return _plain(value.tolist())
     if isinstance(value, (float, np.floating)):
         return float(value) if math.isfinite(value) else None
-    if isinstance(value, np.integer):
-        return int(value)
+    if isinstance(value, np.generic):
+        return value.item()
     return value
 
 
@@ -143,6 +143,20 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
             }
             for tendon in fit.chain.tendons
         ],
+        "time": {
+            "timestep": fit.spec.exact_step or None,
+            "integrator": fit.spec.integrator,
+            "modes": [
+                {
+                    "frequency": row.frequency,
+                    "ratio": row.ratio,
+                    "achieved_frequency": row.achieved_frequency,
+                    "achieved_ratio": row.achieved_ratio,
+                    "slowed": row.slowed,
+                }
+                for row in (fit.time if fit.spec.exact_step else ())
+            ],
+        },
         "left_out": [{"what": item.what, "why": item.why, "cost": item.cost} for item in fit.left_out],
         "scene": _scene_record(fit),
         "warnings": fit.warnings,

@@ -182,7 +182,7 @@ def _asked(fit: "Fit") -> list[Block]:
         rows.append(("payload", f"{short(spec.payload.mass)} kg at the tip, attached by the scene"))
     if spec.scene is not None:
         scene = spec.scene
-        rows.append(("scene", f"{scene.integrator}, step {scene.timestep:g} s, tolerance {scene.tolerance:g}"))
+        rows.append(("scene", f"{scene.integrator}, step {scene.step:g} s, tolerance {scene.tolerance:g}"))
     return [Table(rows, words=True)]
 
 
@@ -280,7 +280,7 @@ def _frequencies(fit: "Fit", port: str) -> Table:
     rows = [
         [f"{name}, mode {k + 1}", _number(exact[k]), _number(ours[k]), percent(ours[k] / exact[k] - 1.0)]
         for name, exact, ours in cases
-        for k in range(kept)
+        for k in range(min(kept, exact.size, ours.size))
     ]
     head = ["frequencies, rad/s", "beam", "chain, through MuJoCo", "model error"]
     note = "Continuous time: no integrator is in these numbers."

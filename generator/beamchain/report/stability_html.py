@@ -41,7 +41,7 @@ def stability_report(study: "StabilityStudy", source: Path, record: Mapping[str,
     )
     if study.large:
         parts.append(Section("Large motion", [_large(study.large)]))
-    if "extremes" in record:
+    if record.get("extremes", {}).get("cases"):
         parts.append(Section("Extremes", [_extremes(record["extremes"])]))
     parts.append(Section("To reproduce", _reproduce(source)))
     return page_text("stability.html", name=source.stem, sections=parts, verdict=_verdict(study), versions=versions())

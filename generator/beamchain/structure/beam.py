@@ -1,6 +1,9 @@
 """The elastic appendage: segments, compliant joints and lumped bodies along a straight axis x, root at x = 0."""
 
+from bisect import bisect_right
 from collections.abc import Sequence
+from functools import cached_property
+from itertools import accumulate
 from typing import NamedTuple
 
 import msgspec
@@ -13,11 +16,12 @@ from beamchain.port import PortModel
 from beamchain.structure import elements
 from beamchain.structure.discretise import Parts, converged
 from beamchain.structure.joint import Joint
-from beamchain.structure.lump import Lump
+from beamchain.structure.lump import Lump, check_carried
 from beamchain.structure.lump import body_inertia as body_inertia
 from beamchain.structure.segment import Segment
 
-MOST_SEGMENTS = 200
+MOST_SEGMENTS = 1000
+MOST_LUMPS = 1000
 
 
 class Moments(NamedTuple):
@@ -39,7 +43,7 @@ def straight_mass_matrix(m: Moments) -> Array:
     return out
 
 
-class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
     """A straight elastic appendage.
 
     Args:
@@ -68,6 +72,11 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             raise InputError(
                 f"{len(self.segments)} segments are given; at most {MOST_SEGMENTS} are taken: join equal neighbours."
             )
+        if len(self.lumps) > MOST_LUMPS:
+            raise InputError(
+                f"{len(self.lumps)} lumps are given; at most {MOST_LUMPS} are taken: join neighbours, or state them as "
+                "nonstructural_mass."
+            )
         for joint in self.joints:
             if joint.after_segment >= len(self.segments):
                 raise InputError(
@@ -77,13 +86,15 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         after = [joint.after_segment for joint in self.joints]
         if len(set(after)) != len(after):
             raise InputError(f"two joints stand after the same segment (after_segment = {after}); merge them into one.")
+        length, own = self.length, self.own_mass if self.lumps else 0.0
         for lump in self.lumps:
-            if lump.x > self.length * (1.0 + 1e-9):
+            if lump.x > length * (1.0 + 1e-9):
                 raise InputError(
-                    f"lump.x = {lump.x!r} m lies beyond the tip at {self.length!r} m; move it onto the appendage."
+                    f"lump.x = {lump.x!r} m lies beyond the tip at {length!r} m; move it onto the appendage."
                 )
+            check_carried("lump", lump.mass, lump.inertia, own, length)
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Root to tip [m]."""
         return sum(segment.length for segment in self.segments)
@@ -91,7 +102,17 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     @property
     def starts(self) -> list[float]:
         """x of the root end of each segment [m]."""
-        return [sum(segment.length for segment in self.segments[:i]) for i in range(len(self.segments))]
+        return list(self._starts)
+
+    @cached_property
+    def _starts(self) -> tuple[float, ...]:
+        return (0.0, *accumulate(segment.length for segment in self.segments[:-1]))
+
+    @property
+    def own_mass(self) -> float:
+        """Mass of the segments, without lumps [kg]."""
+        xi, weights = elements.gauss(6)
+        return sum(float(weights @ s.at((1.0 + xi) / 2.0).mass) * s.length / 2.0 for s in self.segments)
 
     @property
     def steps(self) -> tuple[float, ...]:
@@ -131,7 +152,7 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     def hinge_lines(self, port: str) -> tuple[float, ...]:
         """x of its joints that are compliant in a port [m]."""
-        ends = [*self.starts, self.length]
+        ends = [*self._starts, self.length]
         return tuple(ends[joint.after_segment] for joint in self.joints if joint.stiffness(port) is not None)
 
     def rigid_mass(self) -> Array:
@@ -142,7 +163,7 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """Moments of the stretch `[start, end)` about the root; `closed` takes in a lump at `end` itself."""
         total = np.zeros(6)
         xi, weights = elements.gauss(6)
-        for x0, segment in zip(self.starts, self.segments, strict=True):
+        for x0, segment in zip(self._starts, self.segments, strict=True):
             a, b = max(start, x0), min(end, x0 + segment.length)
             if b <= a:
                 continue
@@ -184,9 +205,9 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     def density(self, x: float, port: str) -> Array:
         """`(3,)` derivative of mass, first and second moment (rotary inertia in it) at `x` [m] in a `port`, without lumps."""
-        index = max(int(np.searchsorted(np.array(self.starts), x, side="right")) - 1, 0)
+        index = max(bisect_right(self._starts, x) - 1, 0)
         segment = self.segments[index]
-        at = segment.at(np.array([(x - self.starts[index]) / segment.length]))
+        at = segment.at(np.array([(x - self._starts[index]) / segment.length]))
         mass = float(at.mass[0])
         rotary = float((at.rotary_xy if port == "xy" else at.rotary_xz)[0]) if segment.theory == "timoshenko" else 0.0
         return np.array([mass, mass * x, mass * x**2 + rotary])
@@ -195,7 +216,7 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """Rotation of the stretch `[start, end)` in a `port` per unit moment, joints inside included [rad/(N m)]."""
         total = 0.0
         xi, weights = elements.gauss(24)
-        for x0, segment in zip(self.starts, self.segments, strict=True):
+        for x0, segment in zip(self._starts, self.segments, strict=True):
             a, b = max(start, x0), min(end, x0 + segment.length)
             pieces = 1 if segment.taper == 1.0 else 8
             for i in range(pieces if b > a else 0):
@@ -213,8 +234,8 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     def depth(self, x: float, plane: str) -> float:
         """Extent of the section at `x` in a plane [m], for drawing; 0 where the shape is not known."""
-        index = int(np.searchsorted(np.array(self.starts), x, side="right")) - 1
-        segment = self.segments[max(index, 0)]
-        f = min(max((x - self.starts[max(index, 0)]) / segment.length, 0.0), 1.0)
+        index = max(bisect_right(self._starts, x) - 1, 0)
+        segment = self.segments[index]
+        f = min(max((x - self._starts[index]) / segment.length, 0.0), 1.0)
         end = segment.section if segment.section_end is None else segment.section_end
         return (1.0 - f) * segment.section.depth(plane) + f * end.depth(plane)

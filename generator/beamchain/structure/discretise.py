@@ -1,5 +1,6 @@
 """From segments, joints and lumps to finite elements, refined until the lowest modes stand still."""
 
+from bisect import bisect_left, bisect_right
 from functools import lru_cache
 from itertools import accumulate, pairwise
 from math import ceil, log2
@@ -10,10 +11,13 @@ import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.port import PortModel
-from beamchain.structure import elements
+from beamchain.structure import elements, many_pieces
 from beamchain.structure.joint import Joint
 from beamchain.structure.lump import Lump
 from beamchain.structure.segment import Segment
+
+FEW = 12  # pieces up to which the degree of each is chosen by the number of segments alone
+WRITTEN = 400  # coordinates beyond which the rows are not written down
 
 
 class Parts(NamedTuple):
@@ -41,10 +45,13 @@ def converged(parts: Parts, port: str, modes: int, stations: tuple[float, ...] =
     """
     parts = _joined(parts)
     wanted = max(modes, 1)
+    count = len(_edges(parts))
     functions = 4 + ceil((10 + 1.6 * wanted) / len(parts.segments))
-    coarse, before = _discretised(parts, port, functions, stations), np.inf
+    if count > FEW:
+        functions = 2 + ceil((10 + 1.6 * wanted) / count)
+    coarse, before = _discretised(parts, port, functions, wanted, stations), np.inf
     while True:
-        fine = _discretised(parts, port, functions + 4, stations)
+        fine = _discretised(parts, port, functions + 4, wanted, stations)
         change = 0.0
         for a, b in ((coarse.frequencies, fine.frequencies), (coarse.free_frequencies, fine.free_frequencies)):
             k = min(wanted, a.size, b.size)
@@ -75,7 +82,7 @@ def _alike(a: Segment, b: Segment) -> bool:
     return msgspec.structs.replace(a, length=b.length) == b
 
 
-def _discretised(parts: Parts, port: str, functions: int, stations: tuple[float, ...]) -> PortModel:
+def _discretised(parts: Parts, port: str, functions: int, wanted: int, stations: tuple[float, ...]) -> PortModel:
     bending = port in ("xy", "xz")
     pieces = _pieces(parts, port, functions, stations)
     if any(np.any(p.stiffness <= 0.0) for p in pieces):
@@ -91,9 +98,8 @@ def _discretised(parts: Parts, port: str, functions: int, stations: tuple[float,
         raise InputError(
             'port "torsion": the appendage has no polar inertia; give polar_inertia or set modes.torsion = 0.'
         )
-    hinges = [
-        elements.Hinge(parts.ends[j.after_segment], c) for j in parts.joints if (c := j.stiffness(port)) is not None
-    ]
+    ends = parts.ends
+    hinges = [elements.Hinge(ends[j.after_segment], c) for j in parts.joints if (c := j.stiffness(port)) is not None]
     about = {"xy": 2, "xz": 1, "torsion": 0}
     bodies = [
         elements.Body(
@@ -103,17 +109,20 @@ def _discretised(parts: Parts, port: str, functions: int, stations: tuple[float,
         )
         for lump in parts.lumps
     ]
+    large = functions * (len(pieces) + sum(p.shear_stiffness is not None for p in pieces)) > WRITTEN
+    if large and not stations:
+        return many_pieces.assemble(pieces, hinges, bodies, functions, wanted, bending=bending)
     return elements.assemble(pieces, hinges, bodies, functions, bending=bending, stations=stations)
 
 
-def _pieces(parts: Parts, port: str, functions: int, stations: tuple[float, ...]) -> list[elements.Piece]:
-    """The segments, cut at lumps and stations and cut again where they taper strongly, sampled for one port."""
-    out: list[elements.Piece] = []
-    xi, _ = elements.gauss(functions + 5)
-    cuts = [*(lump.x for lump in parts.lumps), *stations]
-    slack = 1e-9 * parts.ends[-1]
-    for x0, segment in zip(parts.ends[:-1], parts.segments, strict=True):
-        inner = [c for c in cuts if x0 + slack < c < x0 + segment.length - slack]
+def _edges(parts: Parts, stations: tuple[float, ...] = ()) -> list[tuple[Segment, float, float, float]]:
+    """The segments, cut at lumps and stations and cut again where they taper strongly: segment, its start, from, to [m]."""
+    out: list[tuple[Segment, float, float, float]] = []
+    cuts = sorted([*(lump.x for lump in parts.lumps), *stations])
+    ends = parts.ends
+    slack = 1e-9 * ends[-1]
+    for x0, segment in zip(ends[:-1], parts.segments, strict=True):
+        inner = cuts[bisect_right(cuts, x0 + slack) : bisect_left(cuts, x0 + segment.length - slack)]
         count = max(1, ceil(log2(segment.taper) - 1e-9))
         # geometric grading: every piece tapers by the same ratio
         grown = segment.taper ** (np.arange(1, count) / count)
@@ -121,20 +130,26 @@ def _pieces(parts: Parts, port: str, functions: int, stations: tuple[float, ...]
         if count > 1 and segment.shrinks:
             edges = 1.0 - edges
         points = sorted({x0, x0 + segment.length, *inner, *(x0 + segment.length * float(e) for e in edges)})
-        for a, b in pairwise(points):
-            at = segment.at((a + (b - a) * (1.0 + xi) / 2.0 - x0) / segment.length)
-            bending = port in ("xy", "xz")
-            sheared = bending and segment.theory == "timoshenko"
-            out.append(
-                elements.Piece(
-                    start=a,
-                    length=b - a,
-                    stiffness={"xy": at.bending_xy, "xz": at.bending_xz, "torsion": at.torsion, "axial": at.axial}[
-                        port
-                    ],
-                    inertia=at.polar if port == "torsion" else at.mass,
-                    shear_stiffness=(at.shear_xy if port == "xy" else at.shear_xz) if sheared else None,
-                    rotary_inertia=(at.rotary_xy if port == "xy" else at.rotary_xz) if sheared else None,
-                )
+        out += [(segment, x0, a, b) for a, b in pairwise(points)]
+    return out
+
+
+def _pieces(parts: Parts, port: str, functions: int, stations: tuple[float, ...]) -> list[elements.Piece]:
+    """The stretches of `_edges`, sampled for one port."""
+    out: list[elements.Piece] = []
+    xi, _ = elements.gauss(functions + 5)
+    bending = port in ("xy", "xz")
+    for segment, x0, a, b in _edges(parts, stations):
+        at = segment.at((a + (b - a) * (1.0 + xi) / 2.0 - x0) / segment.length)
+        sheared = bending and segment.theory == "timoshenko"
+        out.append(
+            elements.Piece(
+                start=a,
+                length=b - a,
+                stiffness={"xy": at.bending_xy, "xz": at.bending_xz, "torsion": at.torsion, "axial": at.axial}[port],
+                inertia=at.polar if port == "torsion" else at.mass,
+                shear_stiffness=(at.shear_xy if port == "xy" else at.shear_xz) if sheared else None,
+                rotary_inertia=(at.rotary_xy if port == "xy" else at.rotary_xz) if sheared else None,
             )
+        )
     return out

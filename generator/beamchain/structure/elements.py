@@ -54,7 +54,7 @@ class Body:
     inertia: float = 0.0
 
 
-def _running(k: int, xi: Array) -> Array:
+def running(k: int, xi: Array) -> Array:
     """`(q, k)`: integral of the Legendre polynomials 0..k-1 from -1 to xi."""
     p = legvander(xi, k)
     out = np.empty((xi.size, k))
@@ -64,8 +64,8 @@ def _running(k: int, xi: Array) -> Array:
     return out
 
 
-def _running_twice(k: int, xi: Array) -> Array:
-    """`(q, k)`: the integral of `_running` from -1 to xi."""
+def running_twice(k: int, xi: Array) -> Array:
+    """`(q, k)`: the integral of `running` from -1 to xi."""
     p = legvander(xi, k + 1)
     out = np.empty((xi.size, k))
     out[:, 0] = 0.5 * (xi + 1.0) ** 2
@@ -121,9 +121,19 @@ class _March:
         return np.column_stack([np.ones_like(x), x]), np.column_stack([np.zeros_like(x), np.ones_like(x)])
 
 
-def _scaled(strain: Array, weight: Array) -> Array:
-    """Inverse square root of the piece's stiffness: strain coordinates = `R^-1 y`, strain energy `|y|^2 / 2`."""
-    r = np.linalg.qr(np.sqrt(weight)[:, None] * strain, mode="r")
+def strains(functions: int, xi: Array) -> Array:
+    """`(q, functions)` the Legendre polynomials that a piece's strain is made of."""
+    return np.asarray(legvander(xi, functions - 1), dtype=np.float64)
+
+
+def scaled(strain: Array, weight: Array) -> Array:
+    """Inverse square root of a piece's stiffness: strain coordinates = `R^-1 y`, strain energy `|y|^2 / 2`.
+
+    Args:
+        strain: `(q, k)`.
+        weight: `(q,)` of one piece, or `(p, q)` of many.
+    """
+    r = np.linalg.qr(np.sqrt(weight)[..., None] * strain, mode="r")
     return np.linalg.inv(r)
 
 
@@ -159,9 +169,9 @@ def assemble(
     march = _March(functions * (len(pieces) + shear) + len(hinges), bending)
     q = pieces[0].stiffness.size
     xi, weights = gauss(q)
-    strain = np.asarray(legvander(xi, functions - 1), dtype=np.float64)
-    once, twice = _running(functions, xi), _running_twice(functions, xi)
-    end_twice = _running_twice(functions, _END)[0]
+    strain = strains(functions, xi)
+    once, twice = running(functions, xi), running_twice(functions, xi)
+    end_twice = running_twice(functions, _END)[0]
     waiting = list(stations)
     waiting_hinges, waiting_bodies = sorted(hinges, key=lambda h: h.x), sorted(bodies, key=lambda b: b.x)
 
@@ -189,7 +199,7 @@ def assemble(
     for piece in pieces:
         half = piece.length / 2.0
         columns = march.take(functions)
-        scale = _scaled(strain, weights * half * piece.stiffness)
+        scale = scaled(strain, weights * half * piece.stiffness)
         x = piece.start + half * (1.0 + xi)
         at, turn = march.rigid_rows(x)
         if not bending:
@@ -207,7 +217,7 @@ def assemble(
             displacement[columns] += half**2 * end_twice @ scale
             if piece.shear_stiffness is not None:
                 sheared = march.take(functions)
-                shear_scale = _scaled(strain, weights * half * piece.shear_stiffness)
+                shear_scale = scaled(strain, weights * half * piece.shear_stiffness)
                 rows[:, sheared] += half * once @ shear_scale
                 displacement[sheared] += half * 2.0 * shear_scale[0]
             march.add(weights * half * piece.inertia, rows, at, x)

@@ -7,7 +7,7 @@ from typing import Self
 import msgspec
 import numpy as np
 
-from beamchain.checks import number, positive, whole
+from beamchain.checks import number, own_numbers, positive, whole
 from beamchain.errors import InputError
 from beamchain.structure.mass_line import default_length
 from beamchain.structure.modal_data import ModalData
@@ -24,6 +24,7 @@ class Units(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     mass: float = 1.0
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         positive("length", self.length, "m")
         positive("mass", self.mass, "kg")
 
@@ -50,6 +51,7 @@ class Imported(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     length: float | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         if Path(self.file).suffix.lower() not in READERS:
             raise InputError(f"file = {self.file!r} has an unknown ending; beamchain reads {', '.join(READERS)}.")
         for i, value in enumerate(self.reference):

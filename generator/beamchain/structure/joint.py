@@ -2,7 +2,7 @@
 
 import msgspec
 
-from beamchain.checks import positive, whole
+from beamchain.checks import own_numbers, positive, whole
 from beamchain.errors import InputError
 
 
@@ -22,6 +22,7 @@ class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     stiffness_torsion: float | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         whole("after_segment", self.after_segment, 0, 10_000)
         for name in ("stiffness_xy", "stiffness_xz", "stiffness_torsion"):
             if getattr(self, name) is not None:

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from beamchain.checks import not_negative, positive
+from beamchain.checks import not_negative, own_numbers, positive
 from beamchain.errors import InputError
 
 
@@ -14,9 +14,31 @@ class Lump(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         not_negative("x", self.x, "m")
         positive("mass", self.mass, "kg")
         body_inertia("inertia", self.inertia)
+
+
+HEAVIEST = 1e12  # a carried mass over what bends: beyond, double precision keeps four digits of the beam
+
+
+def check_carried(place: str, mass: float, inertia: tuple[float, float, float], own: float, length: float) -> None:
+    """A body that leaves the beam its digits.
+
+    Args:
+        place: "lump" or "payload".
+        mass, inertia: of the body [kg], [kg m^2].
+        own: mass of the segments [kg].
+        length: root to tip [m].
+    """
+    for name, value, least, unit in (("mass", mass, own, "kg"), ("inertia", max(inertia), own * length**2, "kg m^2")):
+        if value > HEAVIEST * least:
+            raise InputError(
+                f"{place}.{name} = {value!r} {unit} is {value / least:.1e} times that of the segments themselves "
+                f"({least:.4g} {unit}), at most {HEAVIEST:g} times is taken, or no digit of the beam is left; check the "
+                f"unit ({unit})."
+            )
 
 
 def body_inertia(name: str, values: tuple[float, float, float]) -> None:

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from beamchain.checks import number, positive
+from beamchain.checks import number, own_numbers, positive
 from beamchain.errors import InputError
 
 
@@ -25,6 +25,7 @@ class Material(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     shear_modulus: float | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         positive("youngs_modulus", self.youngs_modulus, "N/m^2")
         positive("density", self.density, "kg/m^3")
         if self.poissons_ratio is not None:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from beamchain.checks import not_negative, positive
+from beamchain.checks import not_negative, own_numbers, positive
 from beamchain.errors import InputError
 from beamchain.motion import Array
 
@@ -30,6 +30,7 @@ class _Section(msgspec.Struct, frozen=True, kw_only=True):
     """Dimensions of a section; `at` interpolates them linearly towards the other end of a taper."""
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         for name in self.__struct_fields__:
             positive(name, getattr(self, name), "m")
 
@@ -197,6 +198,7 @@ class Custom(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_
     polar_moment: float = 0.0
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         for name in ("second_moment_z", "second_moment_y", "torsion_constant"):
             positive(name, getattr(self, name), "m^4")
         positive("area", self.area, "m^2")
@@ -239,6 +241,7 @@ class Equivalent(_Section, frozen=True, kw_only=True, forbid_unknown_fields=True
     polar_inertia: float = 0.0
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         positive("bending_stiffness_xy", self.bending_stiffness_xy, "N m^2")
         positive("linear_mass", self.linear_mass, "kg/m")
         units = {"bending_stiffness_xz": "N m^2", "torsion_stiffness": "N m^2", "axial_stiffness": "N"}

@@ -5,7 +5,7 @@ from typing import Any, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from beamchain.checks import not_negative, one_of, positive
+from beamchain.checks import not_negative, one_of, own_numbers, positive
 from beamchain.errors import InputError
 from beamchain.motion import Array
 from beamchain.structure.material import Material
@@ -57,6 +57,7 @@ class Segment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     shear_factor: float | None = None
 
     def __post_init__(self) -> None:
+        own_numbers(self)
         positive("length", self.length, "m")
         not_negative("nonstructural_mass", self.nonstructural_mass, "kg/m")
         one_of("theory", self.theory, ("euler", "timoshenko"))

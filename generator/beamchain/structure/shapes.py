@@ -6,12 +6,19 @@ how well frequency and participation belong together. Good for as many modes as 
 error by exp(W-dependent wave number x length), 1e7 for the sixth bending mode.
 """
 
+from bisect import bisect_left, bisect_right
+from typing import TypeVar
+
 import numpy as np
 
 from beamchain.motion import Array
 from beamchain.port import PortModel
 from beamchain.structure.beam import Beam
+from beamchain.structure.lump import Lump
 from beamchain.structure.segment import Stations
+
+T = TypeVar("T")
+Place = tuple[float, T]
 
 STEPS = 240  # of fourth order, over the whole appendage
 
@@ -37,14 +44,19 @@ def mode_shapes(beam: Beam, port: str, model: PortModel) -> tuple[Array, Array]:
     else:
         state[1] = square * model.participation[:, 0]
     x, shapes = [0.0], [state[0]]
-    stops = sorted({0.0, *beam.starts, *(min(lump.x, beam.length) for lump in beam.lumps), beam.length})
+    length, starts = beam.length, beam.starts
+    close = 1e-9 * length
+    bodies = _places([(min(lump.x, length), lump) for lump in beam.lumps])
+    ends = [*starts, length]
+    hinges = _places([(ends[j.after_segment], c) for j in beam.joints if (c := j.stiffness(port)) is not None])
+    stops = sorted({0.0, *starts, *(at for at, _ in bodies), length})
     for start, end in zip(stops, [*stops[1:], None], strict=True):
-        state = _stop(beam, port, start, state, square)
-        if end is None or end - start <= 1e-9 * beam.length:
+        state = _stop(_near(bodies, start, close), _near(hinges, start, close), port, state, square)
+        if end is None or end - start <= close:
             continue
-        index = int(np.searchsorted(np.array(beam.starts), start + 1e-9 * beam.length, side="right")) - 1
-        x0, segment = beam.starts[index], beam.segments[index]
-        count = max(int(np.ceil(STEPS * (end - start) / beam.length)), 4)
+        index = bisect_right(starts, start + close) - 1
+        x0, segment = starts[index], beam.segments[index]
+        count = max(int(np.ceil(STEPS * (end - start) / length)), 4)
         at = segment.at((np.linspace(start, end, 2 * count + 1) - x0) / segment.length)
         slopes = _slopes(at, port, square, rotary=segment.theory == "timoshenko")
         h = (end - start) / count
@@ -86,25 +98,31 @@ def _slopes(at: Stations, port: str, square: Array, *, rotary: bool) -> Array:
     return out
 
 
-def _stop(beam: Beam, port: str, x: float, state: Array, square: Array) -> Array:
-    """Across the bodies and joints at `x`; a body at a joint hangs before it."""
-    close = 1e-9 * beam.length
+def _places(things: list[Place[T]]) -> list[Place[T]]:
+    """Things with their x, ascending."""
+    return sorted(things, key=lambda one: one[0])
+
+
+def _near(things: list[Place[T]], x: float, close: float) -> list[T]:
+    """Those of `_places` at `x`."""
+    first = bisect_left(things, x - close, key=lambda one: one[0])
+    last = bisect_right(things, x + close, key=lambda one: one[0])
+    return [thing for _, thing in things[first:last]]
+
+
+def _stop(lumps: list[Lump], hinges: list[float], port: str, state: Array, square: Array) -> Array:
+    """Across the bodies and then the joints' stiffnesses at one place: a body at a joint hangs before it."""
     state = state.copy()
     bending = port in ("xy", "xz")
-    for lump in beam.lumps:
-        if abs(min(lump.x, beam.length) - x) > close:
-            continue
+    for lump in lumps:
         if bending:
             state[3] += square * lump.mass * state[0]
             state[2] -= square * lump.inertia[2 if port == "xy" else 1] * state[1]
         else:
             state[1] -= square * (lump.inertia[0] if port == "torsion" else lump.mass) * state[0]
-    ends = [*beam.starts, beam.length]
-    for joint in beam.joints:
-        stiffness = joint.stiffness(port)
-        if stiffness is not None and abs(ends[joint.after_segment] - x) <= close:
-            if bending:
-                state[1] += state[2] / stiffness
-            else:
-                state[0] += state[1] / stiffness
+    for stiffness in hinges:
+        if bending:
+            state[1] += state[2] / stiffness
+        else:
+            state[0] += state[1] / stiffness
     return state

@@ -1,0 +1,64 @@
+"""`beamchain retime`: a model with appendages made exact in time for another step."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from beamchain.cli.common import Force, Json, Quiet, console, print_json, print_written
+from beamchain.errors import InputError
+
+
+def retime(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.xml", help="A model with appendages.", show_default=False)],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="OUT.xml", help="The file to write.", show_default=False)
+    ],
+    timestep: Annotated[
+        float, typer.Option("--timestep", metavar="H", help="Step in s; 0 takes the timing out.", show_default=False)
+    ],
+    integrator: Annotated[
+        str | None,
+        typer.Option("--integrator", metavar="NAME", help="MuJoCo's name; the model's own where left out."),
+    ] = None,
+    as_json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Make the appendages of a model exact in time for a step and integrator, and set both in its <option>.
+
+    Every mode's discrete pole is then that of the exact motion; modes beyond the step are slowed, so that any step is
+    stable. Feed actuators with the mean of this and the previous input (`bc.HeldInput`).
+
+    Example: beamchain retime flexible.xml --timestep 0.1 --integrator Euler -o flexible_0.1.xml
+    """
+    from beamchain.files import write_files
+    from beamchain.retiming import retimed_file
+
+    if not timestep >= 0.0 or timestep == float("inf"):
+        raise InputError(f"--timestep {timestep!r} must be zero or a positive number of seconds.")
+    text, rows = retimed_file(model, timestep, integrator, output.parent)
+    write_files({output: text}, force=force)
+    record = [
+        {
+            "frequency": row.frequency, "ratio": row.ratio, "achieved_frequency": row.achieved_frequency,
+            "achieved_ratio": row.achieved_ratio, "slowed": row.slowed,
+        }
+        for row in rows
+    ]  # fmt: skip
+    if as_json:
+        print_json({"timestep": timestep, "integrator": integrator, "modes": record})
+    elif not quiet:
+        from rich.table import Table
+
+        out = console()
+        table = Table(title="modes of the whole model at this step", title_justify="left")
+        for column in ("rad/s", "achieved rad/s", "damping ratio", "achieved", "slowed"):
+            table.add_column(column, justify="right")
+        for row in rows:
+            table.add_row(
+                f"{row.frequency:.8g}", f"{row.achieved_frequency:.8g}", f"{row.ratio:.4g}", f"{row.achieved_ratio:.4g}",
+                "yes" if row.slowed else "",
+            )  # fmt: skip
+        out.print(table)
+        print_written([output])

@@ -1,0 +1,220 @@
+"""The modal tendons of a compiled model: which they are, their numbers, and the step they were written for.
+
+An appendage's modes are fixed tendons `PREFIX_mode<k>_<port>` (`PREFIX_mode<k>` where modes couple ports) and
+`PREFIX_filler<k>`, each as long as its mode's amplitude: stiffness `w^2`, damping `2 zeta w`, modal mass 1.
+
+**The mark.** A tendon that was made exact in time says so in its `solimplimit`, which MuJoCo reads for limited tendons
+only; these have `limited="false"`. Its five numbers are
+
+    solimplimit = "timestep  integrator  form  damping  stiffness"
+
+the step [s], MuJoCo's number of the integrator, the form (2, 3 or 4), and the tendon's damping and stiffness as they were.
+It travels with the element: `<attach>`, `MjSpec.attach`, `<include>`, pasted text, `<replicate>`, MJX and Warp keep all
+five, to the last bit, and no default class reaches a number that is written out (measured with MuJoCo 3.13, 3.17 and 4.0; only
+`to_xml`, which writes every number so, rounds them to 6 digits).
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import INTEGRATORS
+from beamchain.errors import InputError
+from beamchain.motion import Array, locked
+
+Ints = NDArray[np.intp]
+
+PATTERN = re.compile(r"(?:.+_)?(?:mode|filler)\d+(?:_(?:xy|xz|torsion|axial)\d*)?$")
+JOINT = 1  # mjWRAP_JOINT
+FREE_BALL = 1  # mjJNT_FREE is 0, mjJNT_BALL 1; slide and hinge come after
+UNMARKED = (0.9, 0.95, 0.001, 0.5, 2.0)  # MuJoCo's own solimplimit
+FORMS = (2, 3, 4)
+NUMBERS = {number: name for name, number in INTEGRATORS.items()}
+
+
+class MadeFor(NamedTuple):
+    """What a model was made exact for.
+
+    Args:
+        timestep: [s].
+        integrator: MuJoCo's name.
+        form: 2: each mode of the held appendage; 3: the coupled modes of the craft; 4: as 2, tuned for the craft.
+    """
+
+    timestep: float
+    integrator: str
+    form: int
+
+
+@dataclass(frozen=True, eq=False)
+class Modal:
+    """The modal tendons of a model, as they are now.
+
+    Args:
+        index: `(n,)` tendon numbers.
+        names: of the tendons.
+        rows: `(n, nv)` coefficients over the model's degrees of freedom.
+        stiffness: `(n,)` [1/s^2].
+        damping: `(n,)` as it was before the model was made exact in time [1/s].
+        made_for: per tendon; None: for no step.
+    """
+
+    index: Ints
+    names: tuple[str, ...]
+    rows: Array
+    stiffness: Array
+    damping: Array
+    made_for: tuple[MadeFor | None, ...]
+
+    @property
+    def frequency(self) -> Array:
+        """`(n,)` of the held appendage's modes [rad/s] (form 3: of the craft's)."""
+        return np.sqrt(self.stiffness)
+
+    def groups(self) -> list[Ints]:
+        """Rows that span the same joints: what coefficients can be exchanged between."""
+        spans: dict[bytes, list[int]] = {}
+        for i, row in enumerate(self.rows):
+            spans.setdefault((row != 0.0).tobytes(), []).append(i)
+        return [np.array(group, dtype=np.intp) for group in spans.values()]
+
+
+def modal_tendons(model: "mujoco.MjModel") -> Modal:
+    """The modal tendons of a model, found by name; none where it has none.
+
+    A tendon that has the name, but is limited, runs through sites, has no spring or holds an unnamed sort of joint, is not one.
+
+    Args:
+        model: compiled.
+    """
+    index: list[int] = []
+    names: list[str] = []
+    rows: list[Array] = []
+    made_for: list[MadeFor | None] = []
+    damping: list[float] = []
+    for i in range(model.ntendon):
+        name = str(model.tendon(i).name)
+        if not PATTERN.fullmatch(name) or bool(model.tendon_limited[i]) or not float(model.tendon_stiffness[i]) > 0.0:
+            continue
+        row = _row(model, i)
+        if row is None:
+            continue
+        mark = _mark(model, i)
+        index.append(i)
+        names.append(name)
+        rows.append(row)
+        made_for.append(mark)
+        damping.append(float(model.tendon_damping[i] if mark is None else model.tendon_solimp_lim[i, 3]))
+    return Modal(
+        np.array(index, dtype=np.intp),
+        tuple(names),
+        locked(np.array(rows).reshape(-1, model.nv)),
+        locked(np.array([float(model.tendon_stiffness[i]) for i in index])),
+        locked(damping),
+        tuple(made_for),
+    )
+
+
+def made_for(model: "mujoco.MjModel") -> "list[MadeFor | None]":
+    """What the modal tendons of a model were made exact for, each answer once; empty where it has no modal tendons.
+
+    Args:
+        model: compiled.
+    """
+    out: list[MadeFor | None] = []
+    for mark in modal_tendons(model).made_for:
+        if mark not in out:
+            out.append(mark)
+    return out
+
+
+def mark_text(timestep: float, integrator: str, form: int, damping: float, stiffness: float) -> str:
+    """The `solimplimit` attribute of a tendon made exact in time, 17 digits.
+
+    Args:
+        timestep: [s].
+        integrator: MuJoCo's name.
+        form: 2, 3 or 4.
+        damping: of the tendon as it was [1/s].
+        stiffness: of the tendon as it was [1/s^2].
+    """
+    return " ".join(repr(float(v)) for v in (timestep, INTEGRATORS[integrator], form, damping, stiffness))
+
+
+def mass_matrix(model: "mujoco.MjModel", qpos: Array | None = None) -> Array:
+    """`(nv, nv)` mass matrix, armature included, through `mj_mulM`, which all versions share.
+
+    Args:
+        model: compiled.
+        qpos: pose; the model's initial one where left out.
+    """
+    data = mujoco.MjData(model)
+    if qpos is not None:
+        data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    out, column = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
+    for i, unit in enumerate(np.eye(model.nv)):
+        mujoco.mj_mulM(model, data, column, unit)
+        out[:, i] = column
+    return (out + out.T) / 2.0
+
+
+def condensed(mass: Array, rows: Array) -> tuple[Array, Array]:
+    """The mass matrix that modal coordinates feel while the rest of the craft follows freely, and how it follows.
+
+    Args:
+        mass: `(nv, nv)`.
+        rows: `(n, nv)` tendon coefficients, independent.
+
+    Returns:
+        `(n, n)` `C = (B M^-1 B^T)^-1`, and `(nv, n)` the motion `M^-1 B^T C` of all degrees of freedom per unit of
+        each modal coordinate, so that `y^T C y` is twice the kinetic energy of the modal rates y.
+    """
+    spread = np.linalg.solve(mass, rows.T)
+    flexible = rows @ spread
+    c = np.linalg.inv((flexible + flexible.T) / 2.0)
+    c = (c + c.T) / 2.0
+    return c, np.asarray(spread @ c, dtype=np.float64)
+
+
+def foreign(what: str) -> InputError:
+    """The answer to a model without modal tendons.
+
+    Args:
+        what: was asked for.
+    """
+    return InputError(
+        f"the model has no modal tendons (NAME_mode1_xy, ...), so that {what} is not possible; only appendages written "
+        "by beamchain with springs on modal tendons can be made exact in time."
+    )
+
+
+def _mark(model: "mujoco.MjModel", i: int) -> MadeFor | None:
+    step, number, form, *_ = (float(v) for v in model.tendon_solimp_lim[i])
+    if not (step > 0.0 and number in NUMBERS and form in FORMS):
+        return None
+    return MadeFor(step, NUMBERS[int(number)], int(form))
+
+
+def _row(model: "mujoco.MjModel", i: int) -> Array | None:
+    """Coefficients of a fixed tendon over the degrees of freedom; None for a spatial one."""
+    out = np.zeros(model.nv)
+    for w in wraps(model, i):
+        if int(model.wrap_type[w]) != JOINT:
+            return None
+        joint = int(model.wrap_objid[w])
+        if int(model.jnt_type[joint]) <= FREE_BALL:
+            return None
+        out[int(model.jnt_dofadr[joint])] += float(model.wrap_prm[w])
+    return out
+
+
+def wraps(model: "mujoco.MjModel", i: int) -> Sequence[int]:
+    """The wrap objects of a tendon."""
+    first = int(model.tendon_adr[i])
+    return range(first, first + int(model.tendon_num[i]))

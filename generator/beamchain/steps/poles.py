@@ -1,0 +1,199 @@
+"""What the craft shows at its step: every oscillating pole wanted and achieved, and what another step makes of it."""
+
+import copy
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import EPSILON, INTEGRATORS
+from beamchain.errors import EngineError
+from beamchain.motion import Array
+from beamchain.steps import discrete
+from beamchain.steps.modal import NUMBERS, modal_tendons
+from beamchain.steps.retime import retime
+
+AT_REST = 1e-5  # poles nearer to 1 than this are rigid motion
+OVERDAMPED = 1e-9  # imaginary part, relative, below which a pole does not oscillate
+
+
+@dataclass(frozen=True)
+class PoleRow:
+    """One oscillating mode of the craft.
+
+    Args:
+        frequency: [rad/s] `|s|` of the model with timing taken out.
+        ratio: of damping, likewise.
+        achieved_frequency: that the step shows, `|log(z)|/h`.
+        achieved_ratio: likewise.
+        slowed: it turns by more than the model's phase limit.
+    """
+
+    frequency: float
+    ratio: float
+    achieved_frequency: float
+    achieved_ratio: float
+    slowed: bool
+
+    @property
+    def error(self) -> float:
+        """`|s' - s|/|s|`: of frequency and damping together."""
+        wanted, got = (
+            w * complex(-z, np.sqrt(max(1.0 - z**2, 0.0)))
+            for w, z in ((self.frequency, self.ratio), (self.achieved_frequency, self.achieved_ratio))
+        )
+        return abs(got - wanted) / abs(wanted)
+
+
+def pole_rows(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> list[PoleRow]:
+    """Every oscillating mode of a craft at its own step and integrator, against the same craft without timing.
+
+    Through `mjd_transitionFD` of the whole model (RK4's, which it refuses, by its polynomial).
+
+    Args:
+        model: compiled.
+        data: the state to linearise about; the initial one where left out. It is not changed.
+
+    Raises:
+        EngineError: MuJoCo cannot linearise the model.
+    """
+    plain = copy.copy(model)
+    if modal_tendons(plain).names:
+        retime(plain, 0.0)
+    wanted = _oscillating(continuous_matrix(plain, data))
+    h = float(model.opt.timestep)
+    z = np.linalg.eigvals(step_matrix(model, data)).astype(np.complex128)
+    z = z[(np.abs(z - 1.0) > AT_REST) & (z.imag > -1e-12)]
+    s = np.log(z) / h
+    if wanted.size == 0 or s.size == 0:
+        return []
+    turn = np.abs(wanted) * h
+    phase = phase_limit(model)
+    shown = np.where(turn > phase, phase / turn, 1.0) * wanted
+    cost = np.abs(s[None, :] - shown[:, None]) / np.abs(shown)[:, None]
+    rows, columns = linear_sum_assignment(np.minimum(cost, 1e6))
+    return [
+        PoleRow(
+            float(np.abs(wanted[i])), float(-wanted[i].real / np.abs(wanted[i])) + 0.0, float(np.abs(s[j])),
+            float(-s[j].real / np.abs(s[j])) + 0.0, bool(turn[i] > phase),
+        )
+        for i, j in zip(rows, columns, strict=True)
+    ]  # fmt: skip
+
+
+def phase_limit(model: "mujoco.MjModel") -> float:
+    """[rad] per step beyond which the modes of a model were slowed: the lowest phase that a slowed tendon shows.
+
+    The integrator's usual limit where none was slowed; infinity where the model was not made exact in time.
+    """
+    modal = modal_tendons(model)
+    marks = [mark for mark in modal.made_for if mark is not None]
+    if not marks:
+        return float("inf")
+    limits = [discrete.SCHEMES[mark.integrator].phase for mark in marks]
+    for j, i in enumerate(modal.index):
+        mark = modal.made_for[j]
+        if mark is None:
+            continue
+        w, h = float(np.sqrt(modal.stiffness[j])), mark.timestep
+        z = discrete.step_pole(
+            mark.integrator, 1.0 + float(model.tendon_armature[i]), float(model.tendon_damping[i]), w**2, h
+        )
+        shown = float(np.abs(np.log(z)))
+        if w * h > 1.2 * shown:  # nothing but slowing shifts a mode so far
+            limits.append(shown)
+    return min(limits)
+
+
+def step_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> Array:
+    """`(2 nv, 2 nv)` one step of the model's own integrator, states (position, velocity).
+
+    Raises:
+        EngineError: MuJoCo cannot linearise the model.
+    """
+    name = NUMBERS[int(model.opt.integrator)]
+    if name != "RK4":
+        return _transition(model, data, name)
+    f = continuous_matrix(model, data) * float(model.opt.timestep)
+    out, term = np.eye(f.shape[0]), np.eye(f.shape[0])
+    for k in range(1, 5):
+        term = term @ f / k
+        out = out + term
+    return np.asarray(out, dtype=np.float64)
+
+
+def continuous_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> Array:
+    """`(2 nv, 2 nv)` the continuous system behind the model as it stands (its armature included).
+
+    Raises:
+        EngineError: MuJoCo cannot linearise the model.
+    """
+    a, nv, h = _transition(model, data, "implicitfast"), model.nv, float(model.opt.timestep)
+    x = np.linalg.inv(a[nv:, nv:])
+    return np.asarray(
+        np.block([[np.zeros((nv, nv)), np.eye(nv)], [x @ a[nv:, :nv] / h, -(x - np.eye(nv)) / h]]), dtype=np.float64
+    )
+
+
+def _transition(model: "mujoco.MjModel", data: "mujoco.MjData | None", integrator: str) -> Array:
+    nv = model.nv
+    a = np.zeros((2 * nv + model.na, 2 * nv + model.na))
+    mine = mujoco.MjData(model) if data is None else copy.copy(data)
+    before = int(model.opt.integrator)
+    model.opt.integrator = INTEGRATORS[integrator]
+    try:
+        mujoco.mjd_transitionFD(model, mine, EPSILON, True, a, None, None, None)
+    except (mujoco.FatalError, ValueError) as error:
+        raise EngineError(f"MuJoCo could not linearise the model: {error}") from None
+    finally:
+        model.opt.integrator = before
+    return a[: 2 * nv, : 2 * nv]
+
+
+def _oscillating(f: Array) -> discrete.Complex:
+    s = np.linalg.eigvals(f).astype(np.complex128)
+    fastest = float(np.max(np.abs(s), initial=0.0))
+    # rigid motion is a double pole at 0, which moves by the root of the rounding
+    s = s[(s.imag > OVERDAMPED * np.abs(s)) & (np.abs(s) > AT_REST * fastest)]
+    return s[np.argsort(np.abs(s))]
+
+
+def mismatch(model: "mujoco.MjModel") -> list[str]:
+    """Sentences where a model runs at another step or integrator than it was made for; empty where it fits.
+
+    The error stated is the worst of its modes' frequencies, of modes that were not slowed.
+
+    Args:
+        model: compiled; its own `opt` is what it is held against.
+    """
+    modal = modal_tendons(model)
+    h, name = float(model.opt.timestep), NUMBERS[int(model.opt.integrator)]
+    out: list[str] = []
+    for mark in dict.fromkeys(mark for mark in modal.made_for if mark is not None):
+        if mark.timestep == h and _same(mark.integrator, name):
+            continue
+        mine = [j for j, other in enumerate(modal.made_for) if other == mark]
+        index = modal.index[mine]
+        m, c, k = 1.0 + model.tendon_armature[index], model.tendon_damping[index], modal.stiffness[mine]
+        made = discrete.step_pole(mark.integrator, m, c, k, mark.timestep)
+        w, _ = discrete.seen(made, mark.timestep)
+        z = discrete.step_pole(name, m, c, k, h)
+        sentence = (
+            f"the appendage of tendon {modal.names[mine[0]]!r} was made exact for {mark.integrator} at {mark.timestep:g} s, "
+            f"but the model runs {name} at {h:g} s: "
+        )
+        if np.any(np.abs(z) > 1.0 + 1e-9):
+            sentence += "that is unstable"
+        else:
+            kept = w >= np.sqrt(k) / 1.2
+            shown, _ = discrete.seen(z, h)
+            worst = np.max(np.abs(shown / np.sqrt(k) - 1.0)[kept], initial=0.0)
+            sentence += f"its frequencies are off by up to {worst:.2g}"
+        out.append(f"{sentence}; retime it for this step, or run it at its own.")
+    return out
+
+
+def _same(one: str, other: str) -> bool:
+    pair = {"implicit", "implicitfast"}
+    return one == other or {one, other} <= pair

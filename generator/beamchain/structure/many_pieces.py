@@ -1,0 +1,227 @@
+"""The strain elements of `elements.py` for hundreds of pieces: the same rows, never written down.
+
+Motion is a running sum along the appendage, so that the rows times a vector, and their transpose times one, cost a few
+operations per piece. The root's own motions, the tip and one arbitrary load start a Krylov space of the compliance; in it
+the lowest modes, held, free or on any hub, and the quasi-static response stand to rounding after a few dozen vectors.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from beamchain.motion import Array
+from beamchain.port import PortModel, port_from_rows
+from beamchain.structure import elements
+
+STILL = 1e-12  # relative change of the wanted frequencies between two looks at which the space is large enough
+LOOK = 6  # blocks between two looks
+DEPENDENT = 1e-11  # what is left of a vector, relative, below which it is in the space already
+
+
+class ManyPieces:
+    """Rows of motion of a chain of pieces as an operator on strain coordinates.
+
+    Args:
+        pieces: from the root outwards, without gaps.
+        hinges: each at the end of a piece or at the root.
+        bodies: each at the end of a piece or at the root; a body at a joint hangs before it.
+        functions: Legendre polynomials per piece and strain.
+        bending: True: displacement and rotation; False: torsion or axial, whose motion is called a turn here.
+    """
+
+    def __init__(
+        self,
+        pieces: Sequence[elements.Piece],
+        hinges: Sequence[elements.Hinge],
+        bodies: Sequence[elements.Body],
+        functions: int,
+        *,
+        bending: bool,
+    ) -> None:
+        self.bending, self.functions, self.count = bending, functions, len(pieces)
+        self.half = np.array([p.length for p in pieces]) / 2.0
+        self.nodes = np.array([*(p.start for p in pieces), pieces[-1].start + pieces[-1].length])
+        xi, weights = elements.gauss(pieces[0].stiffness.size)
+        self.reach = 1.0 + xi
+        strain = elements.strains(functions, xi)
+        self.once, self.twice = elements.running(functions, xi), elements.running_twice(functions, xi)
+        self.end_twice = elements.running_twice(functions, np.array([1.0]))[0]
+        stretch = weights * self.half[:, None]
+        self.scale = elements.scaled(strain, stretch * np.array([p.stiffness for p in pieces]))
+        sheared = [p.shear_stiffness is not None for p in pieces]
+        self.shear_scale: Array | None = None
+        if any(sheared):  # a piece without shear has none in its coordinates
+            given = [np.ones(xi.size) if p.shear_stiffness is None else p.shear_stiffness for p in pieces]
+            self.shear_scale = elements.scaled(strain, stretch * np.array(given)) * np.array(sheared)[:, None, None]
+        inertia = np.sqrt(stretch * np.array([p.inertia for p in pieces]))
+        rotary = np.array([np.zeros(xi.size) if p.rotary_inertia is None else p.rotary_inertia for p in pieces])
+        self.move = inertia if bending else np.zeros_like(inertia)
+        self.turn = np.sqrt(stretch * rotary) if bending else inertia
+        self.hinge_nodes = self._nearest([h.x for h in hinges])
+        self.jumps = 1.0 / np.sqrt(np.array([h.stiffness for h in hinges], dtype=np.float64))
+        self.body_nodes = self._nearest([b.x for b in bodies])
+        mass = np.sqrt(np.array([b.mass for b in bodies], dtype=np.float64))
+        self.body_move = mass if bending else np.zeros_like(mass)
+        self.body_turn = np.sqrt(np.array([b.inertia for b in bodies], dtype=np.float64)) if bending else mass
+
+    def _nearest(self, places: Sequence[float]) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+        """Node of each place."""
+        middles = (self.nodes[:-1] + self.nodes[1:]) / 2.0
+        return np.searchsorted(middles, np.array(places, dtype=np.float64)).astype(np.int64)
+
+    @property
+    def size(self) -> int:
+        """Strain coordinates."""
+        strains = 1 if self.shear_scale is None else 2
+        return strains * self.count * self.functions + self.jumps.size
+
+    def _split(self, y: Array) -> tuple[Array, Array | None, Array]:
+        """Strain series, shear series and hinge angles of coordinates `(b, n)`."""
+        block = self.count * self.functions
+        shape = (y.shape[0], self.count, self.functions)
+        series = [y[:, :block]] if self.shear_scale is None else [y[:, :block], y[:, block : 2 * block]]
+        parts = [
+            np.matmul(scale, part.reshape(shape)[..., None])[..., 0]
+            for part, scale in zip(series, (self.scale, self.shear_scale), strict=False)
+            if scale is not None
+        ]
+        return parts[0], parts[1] if len(parts) > 1 else None, y[:, len(series) * block :]
+
+    def rows(self, y: Array) -> tuple[Array, Array]:
+        """Weighted motion `(b, r)` of all points and the tip's motion `(b, t)` for coordinates `(b, n)`."""
+        strain, shear, angles = self._split(y)
+        half = self.half
+        jump = np.zeros((y.shape[0], self.count + 1))
+        np.add.at(jump, (slice(None), self.hinge_nodes), angles * self.jumps)
+        before = np.zeros_like(jump)  # turn at each node, its own hinge not in it yet
+        before[:, 1:] = np.cumsum(jump[:, :-1] + 2.0 * half * strain[:, :, 0], axis=1)
+        start = (before + jump)[:, :-1]
+        turn = start[:, :, None] + half[:, None] * (strain @ self.once.T)
+        out = [(self.turn * turn).reshape(y.shape[0], -1), before[:, self.body_nodes] * self.body_turn]
+        if not self.bending:
+            return np.hstack(out), before[:, -1:]
+        move = half[:, None] ** 2 * (strain @ self.twice.T) + (half[:, None] * self.reach) * start[:, :, None]
+        grown = 2.0 * half * start + half**2 * (strain @ self.end_twice)
+        if shear is not None:
+            move += half[:, None] * (shear @ self.once.T)
+            grown = grown + 2.0 * half * shear[:, :, 0]
+        at = np.zeros_like(jump)
+        at[:, 1:] = np.cumsum(grown, axis=1)
+        move += at[:, :-1, None]
+        out += [(self.move * move).reshape(y.shape[0], -1), at[:, self.body_nodes] * self.body_move]
+        return np.hstack(out), np.column_stack([at[:, -1], before[:, -1]])
+
+    def loads(self, rows: Array, tip: Array) -> Array:
+        """The transpose of `rows`: coordinates' loads `(b, n)` of weighted forces `(b, r)` and of the tip's `(b, t)`."""
+        b, points, bodies = rows.shape[0], self.turn.size, self.body_nodes.size
+        shape, half = (b, *self.turn.shape), self.half
+        turn = rows[:, :points].reshape(shape) * self.turn
+        moment = np.zeros((b, self.count + 1))  # on each node, before its hinge
+        np.add.at(moment, (slice(None), self.body_nodes), rows[:, points : points + bodies] * self.body_turn)
+        moment[:, -1] += tip[:, -1]
+        strain = half[:, None] * (turn @ self.once)
+        start = np.sum(turn, axis=2)
+        shear = None
+        if self.bending:
+            move = rows[:, points + bodies : 2 * points + bodies].reshape(shape) * self.move
+            force = np.zeros((b, self.count + 1))
+            np.add.at(force, (slice(None), self.body_nodes), rows[:, 2 * points + bodies :] * self.body_move)
+            force[:, :-1] += np.sum(move, axis=2)
+            force[:, -1] += tip[:, 0]
+            beyond = _beyond(force)
+            start = start + half * (move @ self.reach) + 2.0 * half * beyond
+            strain += half[:, None] ** 2 * (move @ self.twice + beyond[:, :, None] * self.end_twice)
+            if self.shear_scale is not None:
+                shear = half[:, None] * (move @ self.once)
+                shear[:, :, 0] += 2.0 * half * beyond
+        moment[:, :-1] += start
+        behind = _beyond(moment)
+        strain[:, :, 0] += 2.0 * half * behind
+        hinge = np.zeros((b, self.count + 1))
+        hinge[:, :-1] = start + behind
+        parts = [np.matmul(strain[:, :, None, :], self.scale)[:, :, 0].reshape(b, -1)]
+        if shear is not None and self.shear_scale is not None:
+            parts.append(np.matmul(shear[:, :, None, :], self.shear_scale)[:, :, 0].reshape(b, -1))
+        return np.hstack([*parts, hinge[:, self.hinge_nodes] * self.jumps])
+
+    @cached_property
+    def rigid(self) -> Array:
+        """`(m, r)` weighted motion of all points per unit motion of the root."""
+        turn, body_turn = self.turn.ravel(), self.body_turn
+        if not self.bending:
+            return np.concatenate([turn, body_turn])[None]
+        x = (self.nodes[:-1, None] + self.half[:, None] * self.reach).ravel()
+        move, far = (
+            np.concatenate([self.move.ravel(), self.body_move]),
+            np.concatenate([x, self.nodes[self.body_nodes]]),
+        )
+        turned = np.concatenate([turn, body_turn])
+        return np.vstack([np.concatenate([0.0 * turned, move]), np.concatenate([turned, move * far])])
+
+
+def assemble(
+    pieces: Sequence[elements.Piece],
+    hinges: Sequence[elements.Hinge],
+    bodies: Sequence[elements.Body],
+    functions: int,
+    wanted: int,
+    *,
+    bending: bool,
+) -> PortModel:
+    """The port model of a chain of many pieces, reduced to what its `wanted` lowest modes and its root notice.
+
+    Args:
+        pieces, hinges, bodies, functions, bending: as for `elements.assemble`.
+        wanted: modes, held and free, that stand to rounding.
+    """
+    line = ManyPieces(pieces, hinges, bodies, functions, bending=bending)
+    rigid = line.rigid
+    tips = np.eye(2 if bending else 1)
+    any_load = np.random.default_rng(0).standard_normal((1, rigid.shape[1]))  # a mode that root and tip hardly notice
+    block = line.loads(np.vstack([rigid, 0.0 * rigid[:1].repeat(len(tips), 0), any_load]), np.vstack([
+        np.zeros((len(rigid), len(tips))), tips, np.zeros((1, len(tips))),
+    ]))  # fmt: skip
+    space, motions, ends = np.zeros((0, line.size)), np.zeros((0, rigid.shape[1])), np.zeros((0, len(tips)))
+    before: tuple[Array, Array] | None = None
+    while True:
+        for _ in range(LOOK):
+            block = _new(space, block)
+            if not block.size:
+                break
+            moved, end = line.rows(block)
+            space, motions, ends = np.vstack([space, block]), np.vstack([motions, moved]), np.vstack([ends, end])
+            block = line.loads(moved, np.zeros_like(end))
+        r = np.linalg.qr(np.vstack([motions, rigid]).T, mode="r")  # what the rows weigh, in as few rows as columns
+        model = port_from_rows(r[:, len(motions) :], r[:, : len(motions)], ends.T)
+        now = model.frequencies[:wanted], model.free_frequencies[:wanted]
+        if not block.size or (before is not None and _still(before, now) and model.modes > 2 * wanted):
+            return model
+        before = now
+
+
+def _beyond(values: Array) -> Array:
+    """`(b, p)` sums over the nodes behind each piece, of values `(b, p + 1)` at the nodes."""
+    return np.cumsum(values[:, :0:-1], axis=1)[:, ::-1]
+
+
+def _new(space: Array, block: Array) -> Array:
+    """Orthonormal rows for what of `block` is not in `space` yet."""
+    out: list[Array] = []
+    for row in block:
+        rest = row / (np.linalg.norm(row) or 1.0)
+        for _ in range(2):
+            rest = rest - (space @ rest) @ space
+            for other in out:
+                rest = rest - (other @ rest) * other
+        left = float(np.linalg.norm(rest))
+        if left > DEPENDENT:
+            rest = rest / left
+            rest = rest - (space @ rest) @ space
+            out.append(rest / np.linalg.norm(rest))
+    return np.array(out).reshape(len(out), block.shape[1])
+
+
+def _still(before: tuple[Array, Array], now: tuple[Array, Array]) -> bool:
+    """Whether both sets of frequencies are what they were."""
+    return all(a.size == b.size and bool(np.all(np.abs(b / a - 1.0) < STILL)) for a, b in zip(before, now, strict=True))
