@@ -194,7 +194,7 @@ def _matrices(model: "mujoco.MjModel") -> tuple[Array, Array, Array]:
     return mass, mass @ linear.damping, (stiffness + stiffness.T) / 2.0
 
 
-def _craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
+def craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
     """The spacecraft's own damping; 0.5 % in its sprung joints where it has none, so that no peak is infinite."""
     values, shapes = eigh(stiffness, mass)
     moving = values > 1e-12 * max(float(np.max(values, initial=0.0)), 1e-300)
@@ -207,7 +207,7 @@ def _craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
 def _craft(craft: "mujoco.MjModel", hub: int) -> _System:
     """The bare spacecraft."""
     mass, damping, stiffness = _matrices(craft)
-    return _System(mass, _craft_damping(damping, stiffness, mass), stiffness, _jacobian(craft, hub))
+    return _System(mass, craft_damping(damping, stiffness, mass), stiffness, _jacobian(craft, hub))
 
 
 def _exact(craft: _System, carried: Sequence[Carried]) -> _System:
@@ -233,7 +233,7 @@ def _ours(
 ) -> _System:
     mass, damping, stiffness = _matrices(model)
     own_mass, own_damping, own_stiffness = _matrices(craft)
-    extra = _craft_damping(own_damping, own_stiffness, own_mass) - own_damping
+    extra = craft_damping(own_damping, own_stiffness, own_mass) - own_damping
     damping[np.ix_(old, old)] += extra
     for item in carried:
         if not np.any(item.whole.damping > 0.0) and item.dofs:  # the ratio that undamped cantilever modes are given
