@@ -33,8 +33,8 @@ from beamchain.craft_time import on_tendons, timed, without_time, worth_it
 from beamchain.engine import mount as mounting
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
-from beamchain.engine.unchanged import appended
 from beamchain.engine.threads import one_thread
+from beamchain.engine.unchanged import appended
 from beamchain.errors import EngineError, InputError
 from beamchain.files import write_files
 from beamchain.hub import Hub

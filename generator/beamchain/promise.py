@@ -17,7 +17,9 @@ from beamchain.result import Fit
 from beamchain.spec import Modes, Scene, Spec, port_hub_mass
 
 MOST_MODES = 12  # of an appendage, unless --max-modes says otherwise
-FOR_TIES = 1e-9  # relative: a gain that is none
+PAYS = 0.9  # a mode that leaves more than this of the error pays little by itself
+IDLE = 0.05  # of the error: a port that alone costs less is not what it comes from
+ROUNDS = 3  # of growing and fitting: what comes out may miss what was foreseen
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ def keep_promise(
 ) -> tuple[tuple[Appendage, ...], tuple[str, ...]]:
     """The appendages with as many modes as the craft's promise needs, and the steps taken.
 
-    One mode at a time, in the port of the appendage where it lowers the error most; counts that were typed stay.
+    Counts that were typed stay.
 
     Args:
         craft: the bare spacecraft.
@@ -88,41 +90,90 @@ def keep_promise(
     if len(next(iter(found.values()))) > 1:  # several craft in one file
         return appendages, ()
     flat = {name: several[0] for name, several in found.items()}
-    ours = list(appendages)
-    models = [in_six(a.fit) for a in ours]
-    barred: set[tuple[int, str, int]] = set()
-    steps: list[str] = []
-    error, worst = _worst(flat, models)
-    best, least = tuple(ours), error
-    while error > want.tolerance:
-        tried: dict[tuple[int, str], float] = {}
-        for i, a in enumerate(ours):
-            if sum(m.modes for m in a.fit.target.values()) >= most:
-                continue
-            for port, model in _further(a).items():
-                if (i, port, model.modes) not in barred:
-                    changed = [*models[:i], in_six(a.fit, {port: model}), *models[i + 1 :]]
-                    tried[i, port] = worst.of_models(changed)
-        if not tried:
+    best, least = appendages, _worst(flat, [in_six(a.fit) for a in appendages])[0]
+    ours, steps, barred = list(appendages), list[str](), set[tuple[int, str]]()
+    for _ in range(ROUNDS):
+        if least <= want.tolerance:
             break
-        i, port = _choice(ours, tried)
-        counts = {p: m.modes for p, m in ours[i].fit.target.items()}
-        counts[port] = counts.get(port, 0) + 1
-        try:
-            again = replace(ours[i], fit=refit(ours[i], counts))
-        except RealisationError:
-            barred.add((i, port, counts[port]))
-            continue
-        ours[i], models[i] = again, in_six(again.fit)
-        before = error
-        error, worst = _worst(flat, models)
-        steps.append(
-            f"{again.at}: {counts[port]} modes in {port} instead of {counts[port] - 1}: "
-            f"error of the craft {before:.2e} -> {error:.2e}"
-        )
+        counts = [{port: target.modes for port, target in a.fit.target.items()} for a in ours]
+        wanted = _grow(flat, ours, counts, want.tolerance, most, barred, steps)
+        changed = [i for i, a in enumerate(ours) if any(a.fit.target[p].modes != n if p in a.fit.target else n
+                                                        for p, n in wanted[i].items())]  # fmt: skip
+        if not changed:
+            break
+        for i in changed:
+            try:
+                ours[i] = replace(ours[i], fit=refit(ours[i], wanted[i]))
+            except RealisationError as error:
+                barred |= {(i, port) for port in PORTS}
+                steps.append(f"{ours[i].at}: no chain has {wanted[i]}: {error}")
+        error, _ = _worst(flat, [in_six(a.fit) for a in ours])
         if error < least:
             best, least = tuple(ours), error
     return best, tuple(steps)
+
+
+def _grow(
+    poses: Mapping[str, Pose],
+    ours: Sequence[Appendage],
+    counts: Sequence[dict[str, int]],
+    tolerance: float,
+    most: int,
+    barred: set[tuple[int, str]],
+    steps: list[str],
+) -> list[dict[str, int]]:
+    """Modes per appendage and port with which the models keep the tolerance, or the best up to `most`.
+
+    One mode at a time where it pays most; where none pays by itself, in the port that alone costs most. `steps` gets a line each.
+    """
+    counts = [dict(some) for some in counts]
+    changed: list[dict[str, PortModel]] = [{} for _ in ours]
+
+    def models(more: Mapping[tuple[int, str], PortModel]) -> list[PortModel]:
+        return [
+            in_six(a.fit, {**changed[i], **{port: m for (k, port), m in more.items() if k == i}})
+            for i, a in enumerate(ours)
+        ]
+
+    error, worst = _worst(poses, models({}))
+    while error > tolerance:
+        further: dict[tuple[int, str], PortModel] = {}
+        for i, a in enumerate(ours):
+            if sum(counts[i].values()) < most:
+                further |= {(i, p): m for p, m in _further(a, counts[i]).items() if (i, p) not in barred}
+        if not further:
+            break
+        tried = {key: worst.of_models(models({key: further[key]})) for key in further}
+        found = min(tried, key=lambda k: (tried[k], further[k].frequencies[-1]))
+        if tried[found] > PAYS * error:  # it takes several: the port that alone costs most, the others exact
+            alone = {key: worst.of_models(_alone(worst, ours, changed, key)) for key in further}
+            heavy = max(alone, key=lambda k: alone[k])
+            if alone[heavy] < IDLE * error:
+                break  # nothing that modes could mend
+            found = heavy if tried[heavy] > PAYS * error or tried[found] > tried[heavy] else found
+        i, port = found
+        changed[i][port] = further[found]
+        counts[i][port] = counts[i].get(port, 0) + 1
+        before = error
+        error, worst = _worst(poses, models({}))
+        steps.append(f"{ours[i].at}: mode {counts[i][port]} in {port}: error of the craft {before:.2e} -> {error:.2e}")
+    return counts
+
+
+def _alone(
+    pose: Pose, ours: Sequence[Appendage], changed: Sequence[Mapping[str, PortModel]], key: tuple[int, str]
+) -> list[PortModel]:
+    """Exact appendages, but for one port of one of them, which stays as it is."""
+    i, port = key
+    fit, out = ours[i].fit, [item.whole for item in pose.carried]
+    own = {p: fit.spec.with_ratios(p, model) for p, model in fit.full.items()}
+    for p in PORTS:
+        if p not in own and p != port and p in fit.achieved:
+            own[p] = fit.achieved[p]
+    now = changed[i].get(port, fit.achieved.get(port))
+    own = {p: model for p, model in own.items() if p != port}
+    out[i] = in_space(own if now is None else {**own, port: now}, fit.measured.rigid_mass)
+    return out
 
 
 def _worst(poses: Mapping[str, Pose], models: Sequence[PortModel]) -> tuple[float, Pose]:
@@ -131,14 +182,7 @@ def _worst(poses: Mapping[str, Pose], models: Sequence[PortModel]) -> tuple[floa
     return errors[name], poses[name]
 
 
-def _choice(appendages: Sequence[Appendage], tried: Mapping[tuple[int, str], float]) -> tuple[int, str]:
-    """The port where one mode more leaves the least error; of equals the one whose next mode is slowest."""
-    least = min(tried.values())
-    equal = [key for key, value in tried.items() if value <= least * (1.0 + FOR_TIES)]
-    return min(equal, key=lambda key: float(_further(appendages[key[0]])[key[1]].frequencies[-1]))
-
-
-def _further(a: Appendage) -> dict[str, PortModel]:
+def _further(a: Appendage, counts: Mapping[str, int]) -> dict[str, PortModel]:
     """Per port whose number of modes is free, its model with one mode more."""
     spec, fit = a.spec, a.fit
     if spec.imported is not None or spec.fit.method != "exact":
@@ -150,7 +194,7 @@ def _further(a: Appendage) -> dict[str, PortModel]:
     for port in PORTS:
         if port in given:
             continue
-        count = fit.target[port].modes + 1 if port in fit.target else 1
+        count = counts.get(port, 0) + 1
         try:
             full = fit.full[port] if port in fit.full else spec.beam.port(port, 2 * count + 4)
         except InputError:

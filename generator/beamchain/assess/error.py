@@ -232,7 +232,9 @@ def unlike(peaks: Array, known: Array) -> Array:
     """Those of `peaks` `(k, 2)` that the points at `known` peaks do not resolve."""
     if not known.size or not peaks.size:
         return peaks
-    near = np.abs(peaks[:, None, 0] / known[None, :, 0] - 1.0) <= NEAR * np.minimum(peaks[:, None, 1], known[None, :, 1])
+    near = np.abs(peaks[:, None, 0] / known[None, :, 0] - 1.0) <= NEAR * np.minimum(
+        peaks[:, None, 1], known[None, :, 1]
+    )
     alike = near & (known[None, :, 1] <= WIDER * peaks[:, None, 1])
     return peaks[~alike.any(axis=1)]
 

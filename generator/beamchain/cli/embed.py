@@ -59,7 +59,9 @@ def embed(
         int,
         typer.Option("--max-modes", help="Modes of an appendage, up to which they are added where the craft misses."),
     ] = 12,
-    explain: Annotated[bool, typer.Option("--explain", help="Show which modes were added for the whole craft.")] = False,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Show which modes were added for the whole craft.")
+    ] = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
