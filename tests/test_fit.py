@@ -227,7 +227,7 @@ def test_json_holds_what_the_contract_says(tmp_path):
             assert len(entry[side]["frequencies"]) == count
             assert np.array(entry[side]["participation"]).shape == (count, motions)
             assert len(entry[side]["free_frequencies"]) == count
-        assert set(entry["error"]) == {"frequency", "participation", "accelerance_in_band"}
+        assert set(entry["error"]) == {"frequency", "participation", "accelerance_in_band", "in_band", "band"}
         assert entry["achieved"]["damping"] == close([0.01] * count, rel=1e-6)
     links, hinges = record["chain"]["links"], record["chain"]["hinges"]
     assert len(links) == len(hinges) + 1

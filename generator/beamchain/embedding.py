@@ -487,6 +487,12 @@ def _fit_all(
                 f"{name}: the spacecraft's joints hold port {', '.join(held)}, wholly or in part; what they hold counts "
                 "as infinitely heavy."
             )
+        warnings += [
+            f"{name}: {port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, "
+            f"{port} = 0 says that it shall be rigid."
+            for port in spec.unsaid
+            if not place.held([port])
+        ]
         given = spec.root.hub
         if given is not None and not np.allclose(
             given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=1e-9 * hub.mass

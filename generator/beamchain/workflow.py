@@ -59,7 +59,7 @@ def fit(
     Args:
         appendage: a beam, imported modes, or a whole spec (what is given beside it replaces what the spec says).
         name: prefix of bodies, joints and sites.
-        modes: flexible modes per port, `{"xy": 2}` where nothing is said.
+        modes: flexible modes per port; two in both planes where nothing is said.
         root: target and hub.
         damping: ratios of the cantilever modes.
         options: method and its settings.
