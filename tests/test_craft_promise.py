@@ -21,7 +21,7 @@ CRAFTS = 24
 AGREE = 0.05  # stated and found craft error, relative
 ROUNDING = 1e-7  # of the craft error: what differs below is the last digits of file and finite elements
 MODES = 30  # of every port in finite elements
-SEED = int(os.environ.get("BEAMCHAIN_SEED", datetime.datetime.now(datetime.timezone.utc).date().toordinal()))
+SEED = int(os.environ.get("BEAMCHAIN_SEED", datetime.datetime.now(datetime.UTC).date().toordinal()))
 AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}
 
 
@@ -134,7 +134,7 @@ def found_error(text, file, specs):
         scale = np.outer(scale, scale)
         floor = np.linalg.norm(np.linalg.inv(whole)[np.ix_(keep, keep)] * scale, 2)
 
-        def true(omega, own=own, own_damping=own_damping, own_stiffness=own_stiffness, motions=motions):
+        def true(omega, scale=scale, own=own, own_damping=own_damping, own_stiffness=own_stiffness, motions=motions):
             s = 1j * omega[:, None, None]
             total = own + own_damping / s + own_stiffness / s**2
             for site, m in motions.items():
@@ -148,7 +148,7 @@ def found_error(text, file, specs):
                 total = total + m.T @ felt @ m
             return np.linalg.inv(total)[:, keep][:, :, keep] * scale
 
-        def got(omega, mass=mass, damping=damping, stiffness=stiffness):
+        def got(omega, scale=scale, mass=mass, damping=damping, stiffness=stiffness):
             s = 1j * omega[:, None, None]
             return np.linalg.inv(mass + damping / s + stiffness / s**2)[:, keep][:, :, keep] * scale
 

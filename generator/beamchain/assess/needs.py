@@ -6,6 +6,7 @@ The promise is the in-band error of the hub's motion (`assess.error`), on the hu
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import combinations
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from beamchain.motion import PORT_MOTION, PORTS, Array
 from beamchain.port import PortModel, in_space
 
 FAR = 25.0  # times the bandwidth: modes above act through their static flexibility only
+STEPS = 30  # from neighbour to neighbour, at most
 MOST = 8  # modes tried per port: beyond, the exact chain is rarely physical
 
 #: Motions of the hub by the names of SPEC's `scene.axes`.
@@ -230,6 +232,7 @@ def _choose_for(
             if error(fewer) > max(tolerance, error(counts)):
                 break
             counts = fewer
+    counts = _no_better_neighbour(counts, error, tolerance, least, {p: n for p, n in most.items() if p not in fixed})
     total = error(counts)
     return Choice(
         counts,
@@ -240,6 +243,49 @@ def _choose_for(
         tuple(_cannot(promise, counts, tip)),
         tuple(f"{port} alone, the others whole: {alone[port]:.2e} with {counts[port]} modes" for port in counts),
     )
+
+
+def _no_better_neighbour(
+    counts: dict[str, int],
+    error: Callable[..., float],
+    tolerance: float,
+    least: Mapping[str, int],
+    most: Mapping[str, int],
+) -> dict[str, int]:
+    """Mode counts that no change by one in a port, nor by one in each of two ports, makes better.
+
+    Better: it keeps the tolerance with fewer modes, or with as many and less error; where none keeps it, less error.
+
+    Args:
+        counts: to start from.
+        error: of mode counts.
+        tolerance: of the error.
+        least, most: bounds per port; ports without an upper bound stay as they are.
+    """
+
+    def rank(some: Mapping[str, int]) -> tuple[bool, int, float]:
+        found = error(some)
+        return (False, sum(some.values()), found) if found <= tolerance else (True, 0, found)
+
+    single = [{port: step} for port in most for step in (-1, 1)]
+    paired = [{a: i, b: j} for a, b in combinations(most, 2) for i in (-1, 1) for j in (-1, 1)]
+    best = rank(counts)
+    for _ in range(STEPS):
+        around = [
+            {**counts, **{port: counts[port] + step for port, step in change.items()}} for change in single + paired
+        ]
+        around = [some for some in around if all(least[port] <= some[port] <= most[port] for port in most)]
+        ranks = [rank(some) for some in around]
+        at = min(range(len(around)), key=lambda k: ranks[k], default=None)
+        if at is None or not _better(ranks[at], best):
+            break
+        counts, best = around[at], ranks[at]
+    return counts
+
+
+def _better(new: tuple[bool, int, float], old: tuple[bool, int, float]) -> bool:
+    """Whether a rank is better by more than rounding."""
+    return new[:2] < old[:2] or (new[:2] == old[:2] and new[2] < old[2] * (1.0 - 1e-6))
 
 
 def _ledger(promise: Promise, counts: Mapping[str, int], error: Callable[..., float]) -> list[LeftOut]:
