@@ -7,7 +7,9 @@ BEAMCHAIN_SEED sets it.
 """
 
 import datetime
+import json
 import os
+import sys
 
 import mujoco
 import numpy as np
@@ -15,6 +17,7 @@ import pytest
 
 import beamchain as bc
 import finite_elements as fe
+from beamchain.cli import main
 from random_appendages import random_appendage, toml
 
 CRAFTS = 24
@@ -180,3 +183,63 @@ def test_stated_craft_error_is_what_the_file_has(number, tmp_path):
     assert done.met == (done.craft_error <= tolerance)
     if done.met:
         assert found <= tolerance * (1.0 + AGREE)
+
+
+def boom(**more):
+    """A uniform boom whose scene asks for little, on a light craft."""
+    return {
+        "name": "boom",
+        "segment": [{"length": 6.0, "section": {"shape": "round", "diameter": 0.03},
+                     "material": {"youngs_modulus": 7e10, "density": 2700.0}}],
+        "scene": {"bandwidth": 10.0, "tolerance": 1e-3},
+        **more,
+    }  # fmt: skip
+
+
+LIGHT = (
+    '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="60" '
+    'diaginertia="9 8 7"/><site name="place" pos="0.5 0 0"/></body></worldbody></mujoco>'
+)
+
+
+def test_exit_status_and_json_say_whether_the_promise_is_kept(tmp_path, capsys, monkeypatch):
+    (tmp_path / "craft.xml").write_text(LIGHT)
+    for name, more, met in (("kept", {}, True), ("typed", {"modes": {"xy": 1, "xz": 1}}, False)):
+        (tmp_path / f"{name}.toml").write_text(toml(boom(**more)))
+        words = [
+            "embed",
+            tmp_path / "craft.xml",
+            "--at",
+            f"place={tmp_path / name}.toml",
+            "-o",
+            tmp_path / f"{name}.xml",
+        ]
+        monkeypatch.setattr(sys, "argv", ["beamchain", *map(str, words), "--no-report", "--json"])
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        code = int(stopped.value.code or 0)
+        record = json.loads(capsys.readouterr().out)
+        assert code == (0 if met else 3)
+        assert record["met"] is met
+        assert record["band"] == 10.0
+        assert record["tolerance"] == 1e-3
+        assert (record["craft_error"] <= 1e-3) is met
+    assert len(record["appendages"][0]["ports"]["xy"]["frequencies"]) == 1  # typed: never changed
+
+
+def test_without_a_scene_nothing_is_promised(tmp_path):
+    spec = boom()
+    del spec["scene"]
+    (tmp_path / "boom.toml").write_text(toml(spec))
+    done = bc.embed(LIGHT, {"place": tmp_path / "boom.toml"})
+    assert done.met is None
+    assert done.tolerance is None
+    assert done.craft_error > 0.0
+
+
+def test_a_fit_for_the_same_hub_is_used_as_it_is(tmp_path):
+    (tmp_path / "boom.toml").write_text(toml(boom()))
+    first = bc.embed(LIGHT, {"place": tmp_path / "boom.toml"}, retime=False, max_modes=0)
+    made = first.appendages[0].fit
+    again = bc.embed(LIGHT, {"place": made}, retime=False, max_modes=0)
+    assert again.appendages[0].fit is made

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import numpy as np
@@ -44,7 +44,7 @@ from beamchain.mjcf.craft import Craft, bare, craft_from_text, read_craft, reloc
 from beamchain.mjcf.place import find_target, split
 from beamchain.promise import MOST_MODES, asked, keep_promise, kept_band, with_counts
 from beamchain.result import Fit
-from beamchain.spec import Root, Spec, read_spec, spec_from_dict
+from beamchain.spec import Root, Spec, Target, read_spec, spec_from_dict
 from beamchain.structure.beam import Beam
 from beamchain.workflow import as_spec, fit
 
@@ -507,7 +507,7 @@ def _fit_all(
         out.append(Appendage(name, prefix, place, hub, spec, result))
 
     def again(a: Appendage, counts: dict[str, int]) -> Fit:
-        return fits(with_counts(a.spec, counts), Root(target=a.fit.kept_for, hub=a.hub))
+        return fits(with_counts(a.spec, counts), Root(target=cast("Target", a.fit.kept_for), hub=a.hub))
 
     with one_thread():
         appendages, steps = keep_promise(model, tuple(out), most, again)

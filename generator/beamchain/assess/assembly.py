@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from beamchain.assess.error import DEFAULT_RATIO, damped
+from beamchain.assess.error import DEFAULT_RATIO, damped, relative
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import linearise
 from beamchain.engine.mount import Mount, full_mass, rest
@@ -173,8 +173,8 @@ def prove(craft: "mujoco.MjModel", model: "mujoco.MjModel", carried: Sequence[Ca
     scale = np.sqrt(np.diag(np.linalg.inv(rigid))) if full else 1.0 / np.sqrt(np.diag(rigid))
     weight = np.outer(scale, scale)
     inside = omega <= common
-    off, size = (np.linalg.norm(np.moveaxis(h, -1, 0) * weight, 2, axis=(1, 2)) for h in (ha - hb, hb))
-    error = off / max(float(size[inside].max()), float(np.linalg.norm(rigid * weight, 2)))
+    got, true = (np.moveaxis(h, -1, 0) * weight for h in (ha, hb))
+    error = relative(got, true, float(np.linalg.norm(rigid * weight, 2)))
     return Assembly(modes, band, common, omega, hb, ha, motions, error, float(error[inside].max()), name)
 
 

@@ -1,7 +1,7 @@
 """Linear algebra on one thread: matrices of a hundred rows lose by more, and by a hundred times on a busy machine."""
 
 import ctypes
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from functools import cache, partial
 
@@ -13,7 +13,7 @@ STEMS = ("scipy_openblas_{}_num_threads64_", "scipy_openblas_{}_num_threads", "o
 
 
 @contextmanager
-def one_thread() -> Iterator[None]:
+def one_thread() -> Generator[None]:
     """Within it OpenBLAS, NumPy's and SciPy's, works on one thread; other libraries are left as they are."""
     before = [(put, int(get())) for get, put in _switches()]
     try:
@@ -31,7 +31,8 @@ def _switches() -> tuple[tuple[Callable[[], int], Callable[[int], object]], ...]
     out: list[tuple[Callable[[], int], Callable[[int], object]]] = []
     for module in (getattr(np.linalg, "_umath_linalg", None), cython_blas):
         try:
-            library = ctypes.CDLL(str(module.__file__))  # a symbol is looked for in what the module itself loads
+            # a symbol is looked for in what the module itself loads
+            library = ctypes.CDLL(str(getattr(module, "__file__", "none")))
         except (AttributeError, OSError):
             continue
         for stem in STEMS:
