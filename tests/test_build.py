@@ -8,7 +8,7 @@ import pytest
 
 from appendages import close, panels, seed_boom, timoshenko_boom, unit_beam
 from arrays import ALUMINIUM, deployed_array, flat_bar, space_beam, tube
-from beamchain.chain.build import build_exact, build_recipe
+from beamchain.chain.build import Wishes, build_exact, build_recipe
 from beamchain.chain.realise import realise_scalar
 from beamchain.engine.bench import measure
 from beamchain.engine.linearise import compile_model
@@ -27,7 +27,7 @@ RIGID = 1e-12  # masses written with 17 digits, summed
 
 
 def built(beam, kept, **more):
-    fulls = {port: beam.port(port, 8) for port in kept}
+    fulls = {port: beam.port(port, max(8, 2 * n + 4)) for port, n in kept.items()}
     return build_exact(beam, kept, lambda port, n: fulls[port].truncated(n), **more)
 
 
@@ -63,7 +63,8 @@ def test_uniform_rectangle_is_exact_in_both_planes_on_shared_hinges(n):
     kept = {"xy": n, "xz": n}
     result = fit(flat_bar(), modes=kept)
     assert result.status.ok
-    assert "shared hinges" in result.status.message
+    assert "springs on the hinges" in result.status.message
+    assert not result.chain.tendons
     assert len(result.chain.hinges) == n
     # one stiffness ratio everywhere: 5^2, the ratio of the second moments
     for hinge in result.chain.hinges:
@@ -151,14 +152,34 @@ def test_strings_are_positive_for_any_number_of_modes(n):
 
 
 # -- status ------------------------------------------------------------------------------------------------------------
-def test_fewer_modes_than_asked_for_is_said():
+def test_modes_beyond_the_recursion_take_a_tendon_each():
     result = built(unit_beam(), {"xy": 8})
+    assert result.status.ok
+    assert "one tendon per mode" in result.status.message
+    assert any("8 modes" in line and "not physical" in line for line in result.status.history)
+    assert any("length of link" in line for line in result.status.history)  # and why
+    assert result.targets["xy"].modes == 8
+    found = result.chain.port("xy").truncated(8)
+    wanted = unit_beam().port("xy", 20).truncated(8)
+    assert found.frequencies == close(wanted.frequencies, rel=OWN * 10)
+    assert found.participation == close(wanted.participation, rel=1e-9)
+
+
+def test_fewer_modes_than_asked_for_is_said_where_springs_must_stand_on_hinges():
+    result = built(unit_beam(), {"xy": 8}, wishes=Wishes(springs="hinges"))
     assert not result.status.ok
     assert "xy keeps 7 of the 8 modes asked for" in result.status.message
     assert "length of link" in result.status.message  # and why
     assert any("8 modes" in line and "not physical" in line for line in result.status.history)
     assert result.targets["xy"].modes == 7
+    assert not result.chain.tendons
     assert result.chain.port("xy").frequencies == close(unit_beam().port("xy", 8).frequencies[:7], rel=OWN * 10)
+
+
+def test_what_springs_on_hinges_cannot_have_is_said():
+    for wishes in (Wishes("hinges", lines=(0.3,)), Wishes("hinges", per_mode=True), Wishes("hinges", further=(0.5,))):
+        with pytest.raises(InputError, match='fit.springs = "hinges" and .* do not go together'):
+            built(unit_beam(), {"xy": 2}, wishes=wishes)
 
 
 def test_torsion_of_a_wide_appendage_falls_back_and_says_so():
@@ -189,7 +210,7 @@ def test_too_wide_altogether_is_refused():
 def test_good_status_names_what_was_made():
     result = built(tube(), {"xy": 3, "xz": 3, "torsion": 2})
     assert result.status.ok
-    assert result.status.message == "exact chain (shared hinges), modes kept: 3 in xy, 3 in xz, 2 in torsion."
+    assert result.status.message == "exact chain (springs on the hinges), modes kept: 3 in xy, 3 in xz, 2 in torsion."
     assert result.status.history == ()
 
 
@@ -197,13 +218,20 @@ def test_the_same_input_gives_the_same_chain():
     one, two = (built(deployed_array(), {"xy": 3, "xz": 3, "torsion": 2}).chain for _ in range(2))
     assert one.links == two.links
     assert [(h.x, dict(h.stiffness)) for h in one.hinges] == [(h.x, dict(h.stiffness)) for h in two.hinges]
+    assert len(one.tendons) == len(two.tendons) > 0
+    for a, b in zip(one.tendons, two.tendons, strict=True):
+        assert (a.label, a.freedoms, a.stiffness, a.damping, a.armature) == (
+            b.label, b.freedoms, b.stiffness, b.damping, b.armature,
+        )  # fmt: skip
+        assert np.array_equal(a.coefficients, b.coefficients)
 
 
 @pytest.mark.parametrize("make", [tube, flat_bar, deployed_array, panels, timoshenko_boom])
 def test_bodies_are_rigid_bodies(make):
     kept = {"xy": 3, "xz": 3, "torsion": 1} if make is not timoshenko_boom else {"xy": 2, "xz": 2, "torsion": 1}
-    for link in built(make(), kept).chain.links:
-        a, b, c = sorted(link.inertia)
+    chain = built(make(), kept).chain
+    for link in chain.links[1:] if chain.hinges[0].x == 0.0 else chain.links:  # at the root stands what carries it
+        a, b, c = sorted(np.linalg.eigvalsh(link.inertia_matrix()))
         assert link.mass > 0.0
         assert a > 0.0
         assert a + b >= c

@@ -89,7 +89,8 @@ def test_everything_on_the_page_runs(page, tmp_path, monkeypatch):
         if words[1] == "view" or (words[1] == "render" and not draws):
             continue
         if words[1] == "init":  # the files taken for granted are what this line makes
-            Path(f"{words[2]}.toml").unlink(missing_ok=True)
+            for kind in ("toml", "xml"):
+                Path(f"{words[2]}.{kind}").unlink(missing_ok=True)
         done = subprocess.run(
             [sys.executable, "-m", *words], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
         )
@@ -208,3 +209,11 @@ def test_a_broken_readme_would_be_seen(tmp_path, monkeypatch):
     found = pieces("a\n\n    beamchain seed   # told\n\n```python\nx = 1\n```\n```toml\nbeamchain = 3\n```\n")
     assert found == [("command", "beamchain seed"), ("python", "x = 1\n")]
     assert not os.listdir(tmp_path)
+
+
+@readme
+def test_what_remove_gives_back_is_said_alike():
+    told = [README, *(ROOT / "docs").glob("*.md"), *(ROOT / "notebooks").glob("*.ipynb")]
+    for page in told:
+        text = page.read_text(encoding="utf-8")
+        assert not re.search(r"gives the\s+original back,?\s+byte", text), page.name

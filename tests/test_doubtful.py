@@ -8,6 +8,9 @@ import pytest
 import beamchain as bc
 from appendages import panels, seed_boom, stepped_boom
 
+CRAFT = """<mujoco><option gravity="0 0 0" integrator="implicitfast"/><worldbody><body name="hub"><freejoint/>
+<geom size=".5" mass="500"/><site name="mount"/></body></worldbody></mujoco>"""
+
 
 def said(length=5.0, diameter=0.02, modulus=7e10, density=2700.0, theory="euler"):
     material = bc.Material(youngs_modulus=modulus, density=density, poissons_ratio=0.3)
@@ -35,6 +38,67 @@ def test_sound_numbers_pass_in_silence():
 )
 def test_slips_are_asked_about(wrong, words):
     assert words in said(**wrong)
+
+
+@pytest.mark.parametrize("theory", ["euler", "timoshenko"])
+def test_millimetres_are_asked_about(theory):
+    """Eighty metres of rod on five of boom: no theory helps, and none is advised before the unit is."""
+    with pytest.raises(bc.BeamchainError) as refused:
+        said(diameter=80.0, theory=theory)
+    text = str(refused.value)
+    assert text.startswith(
+        "segment[0]: diameter = 80 m on an appendage 5 m long; if mm were meant, write diameter = 0.08."
+    )
+    tube = bc.Tube(outer_diameter=20.0, wall=1.0)
+    steel = bc.Material(youngs_modulus=2e11, density=7800.0)
+    with pytest.raises(bc.BeamchainError, match=r"if mm were meant, write outer_diameter = 0\.02, wall = 0\.001\."):
+        bc.fit(bc.Beam(segments=[bc.Segment(length=15.0, section=tube, material=steel, theory=theory)]))
+
+
+@pytest.mark.parametrize(
+    ("ratio", "place"),
+    [(0.3, "ratio"), ({"xy": (0.005, 0.3)}, r"ratio.xy[1]"), ({"xy": [0.3], "xz": [0.4]}, "ratio.xy[0]")],
+)
+def test_damping_in_per_cent_is_asked_about(ratio, place):
+    damping = bc.Damping(ratio=ratio)
+    said_of = bc.fit(seed_boom(), damping=damping).warnings
+    wanted = (
+        f"damping.{place} = 0.3 is 30% of critical, where structures have 0.001 to 0.02: a likely slip; "
+        "if 0.3 % were meant, write 0.003."
+    )
+    assert wanted in said_of
+    craft = bc.embed(CRAFT, {"mount": bc.Spec(segment=seed_boom().segments, damping=damping)})
+    assert f"mount: {wanted}" in craft.warnings
+
+
+def test_damping_of_a_structure_is_no_slip():
+    assert "slip" not in " ".join(bc.fit(seed_boom(), damping=bc.Damping(ratio=0.05)).warnings)
+
+
+def test_damping_of_imported_modes_is_asked_about():
+    data = bc.ModalData.from_beam(seed_boom(), {"xy": 2})
+    assert "likely slip" in " ".join(bc.fit(data, damping=bc.Damping(ratio=0.3)).warnings)
+
+
+def test_a_plane_that_is_left_out_needs_no_theory():
+    """A panel 1.2 m wide and 5 m long bends out of its plane; how deep it is in its plane matters where that is kept."""
+    panel = bc.Segment(
+        length=5.0,
+        section=bc.Rectangle(width_y=0.02, width_z=1.2),
+        material=bc.Material(youngs_modulus=7e10, density=90.0),
+    )
+    beam = bc.Beam(segments=[panel])
+    assert "timoshenko" not in " ".join(bc.fit(beam, modes={"xy": 1}).warnings)
+    assert "timoshenko" in " ".join(bc.fit(beam, modes={"xz": 1}).warnings)
+
+
+def test_a_wide_panel_is_no_slip():
+    panel = bc.Segment(
+        length=8.0,
+        section=bc.Rectangle(width_y=0.02, width_z=1.9),
+        material=bc.Material(youngs_modulus=7e10, density=90.0),
+    )
+    assert "if mm were meant" not in " ".join(bc.fit(bc.Beam(segments=[panel])).warnings)
 
 
 def test_timoshenko_answers_the_question():

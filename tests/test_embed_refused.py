@@ -1,6 +1,7 @@
 """What embed refuses or warns of: one sentence with the figure and the cure, nothing written."""
 
 import re
+import tomllib
 
 import mujoco
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.errors import BeamchainError
+from beamchain.spec import spec_from_dict
 from spacecraft import frequencies, run, spec
 
 SAME = 1e-12  # two forms of one model: the same numbers through the same code
@@ -48,6 +50,9 @@ REFUSED = {
     "springs off": (craft(before='<option><flag spring="disable"/></option>'), "mount", "spring"),
     "shapes turned by default": (craft(before='<default><geom euler="0 0 30"/></default>'), "mount", "attach"),
     "a default nothing overrules": (craft(before=MESHED), "mount", "attach"),
+    "a mesh by default": (craft(before=MESHED), "mount", "or take mesh out of them"),
+    "shapes dropped": (
+        craft(before='<compiler discardvisual="true"/>'), "mount", 'write discardvisual="false" in <compiler>, or'),
     "short keyframe": (craft(behind="</worldbody><keyframe><key qpos='0 0'/></keyframe><worldbody>"), "mount", "qpos"),
 }  # fmt: skip
 
@@ -69,6 +74,11 @@ class TestRefused:
         assert error.count("\n") == 1
         assert word in error, error
         assert not out.parent.exists()
+
+    def test_the_way_out_of_dropped_shapes_leads_out(self):
+        plain = spec_from_dict({**tomllib.loads(spec("rod").read_text()), "scene": {"visuals": False}})
+        text = craft(before='<compiler discardvisual="true"/>')
+        assert bc.embed(text, {"mount": plain}).model.ngeom == 0
 
     def test_cycle_of_includes(self, tmp_path):
         (tmp_path / "a.xml").write_text('<mujocoinclude><include file="b.xml"/></mujocoinclude>')
@@ -151,6 +161,30 @@ class TestHostile:
             for _ in range(2000):
                 mujoco.mj_step(model, data)
             assert (np.abs(data.qvel[-1]) < 1e-3) == stable
+
+    @pytest.mark.parametrize("axis", ["0 1 0", "0 0 1"])
+    def test_a_preloaded_spring_behind_the_mount(self, axis, tmp_path, capsys, monkeypatch):
+        """A drive whose spring pulls against a stop: the same modes as with a slack spring, and a word."""
+        yoke = (
+            '<body name="yoke"><joint name="drive" axis="{}" stiffness="1000" springref="{}"/>'
+            '<inertial pos=".3 .1 0" mass="5" diaginertia="1 1 1"/><site name="mount"/></body>'
+        )
+        pulled, slack = (
+            bc.embed(craft(yoke.format(axis, turn), before='<option gravity="0 0 0"/>'), {"mount": spec("rod")})
+            for turn in (30, 0)
+        )
+        assert any(
+            "spring of joint 'drive' is preloaded: it pulls with 523.6 N m at rest" in w for w in pulled.warnings
+        )
+        assert not any("preloaded" in w for w in slack.warnings)
+        np.testing.assert_allclose(
+            *([m.mujoco for m in one.assembly.modes if m.mujoco] for one in (pulled, slack)), rtol=1e-9
+        )
+        path = tmp_path / "pulled.xml"
+        pulled.write(path)
+        code, error = run(["stability", str(path), "-o", str(tmp_path / "out"), "-q"], capsys, monkeypatch)
+        assert code == 2
+        assert "the spring of joint 'drive' is preloaded: it pulls with 523.6 N m in the pose" in error
 
     def test_alignfree_is_said(self):
         text = craft(before='<compiler alignfree="true"/>').replace('pos="0 0 0" mass', 'pos="0.1 0 0" mass')

@@ -172,3 +172,19 @@ def test_o8_as_a_print(tmp_path):
     assert data.frequencies[:4] / (2 * np.pi) == pytest.approx([63.70329, 63.70329, 319.9485, 319.9485], rel=DIGITS)
     assert data.belongs == ("xy", "xz", "xy", "xz", "axial")  # the pairs are turned back into the planes
     assert float(data.leaks.max()) < 1e-5
+
+
+def test_superelements_are_named(tmp_path):
+    """Two superelements, each with its own mode 1; a second run of the same model is another matter."""
+    first, second = Print(), Print()
+    first.eigenvalues(PLATE)
+    second.eigenvalues(plate(length=0.3).in_units(1e-3, 1e3))
+    with pytest.raises(InputError, match=r"mode 1 stands twice in the .* table .*; print one run only"):
+        read_modes(written(tmp_path, first.text() + second.text()))
+    page = f"0{'SUPERELEMENT':>100} {{}}\n"
+    content = page.format(10) + first.text() + page.format(20) + second.text()
+    with pytest.raises(
+        InputError, match=r"mode 1 stands twice .* because the print holds superelements, .*BEGIN SUPER"
+    ):
+        read_modes(written(tmp_path, content))
+    assert read_modes(written(tmp_path, page.format(10) + whole(PLATE))).modes == 21

@@ -98,17 +98,23 @@ def test_targets_keep_the_modes_they_promise(target, poles):
 
 
 # -- MJCF --------------------------------------------------------------------------------------------------------------
-def test_the_drop_in_file_compiles_and_is_named_after_the_appendage():
-    text = bc.fit(deployed_array(), name="wing", modes=KEPT, damping=bc.Damping(ratio=0.01)).to_mjcf()
+@pytest.mark.parametrize("make", [tube, deployed_array])
+def test_the_drop_in_file_compiles_and_is_named_after_the_appendage(make):
+    text = bc.fit(make(), name="wing", modes=KEPT, damping=bc.Damping(ratio=0.01)).to_mjcf()
     tree = etree.fromstring(text)
     names = [element.get("name") for element in tree.iter() if element.get("name")]
     assert names
     assert all(name.startswith("wing_") for name in names)
     assert len(set(zip((e.tag for e in tree.iter() if e.get("name")), names, strict=True))) == len(names)
     model = compile_model(text)
-    assert model.nv == sum(KEPT.values())
+    modes = [model.tendon(i).name for i in range(model.ntendon) if model.tendon(i).name.startswith("wing_mode")]
+    assert sorted(modes) == sorted(f"wing_mode{k}_{port}" for port, n in KEPT.items() for k in range(1, n + 1))
+    if make is tube:  # springs on shared hinges: not a joint and not a tendon more than there are modes
+        assert model.nv == model.ntendon == sum(KEPT.values())
+    else:  # two hinge lines stand, and each hinge beyond the modes is a filler
+        fillers = [i for i in range(model.ntendon) if model.tendon(i).name.startswith("wing_filler")]
+        assert model.nv == sum(KEPT.values()) + len(fillers)
     assert {"wing_root", "wing_tip"} == {model.site(i).name for i in range(model.nsite)}
-    assert model.ntendon == model.nv
 
 
 def test_masses_of_the_compiled_file_are_the_beam_s():
@@ -226,8 +232,9 @@ def test_nothing_is_left_behind_when_a_folder_cannot_be_made(tmp_path):
 
 
 # -- fit.json ----------------------------------------------------------------------------------------------------------
-def test_json_holds_what_the_contract_says(tmp_path):
-    result = bc.fit(deployed_array(), name="wing", modes=KEPT, root=bc.Root(hub=HUB), damping=bc.Damping(ratio=0.01))
+@pytest.mark.parametrize("make", [tube, deployed_array])
+def test_json_holds_what_the_contract_says(make, tmp_path):
+    result = bc.fit(make(), name="wing", modes=KEPT, root=bc.Root(hub=HUB), damping=bc.Damping(ratio=0.01))
     result.write(tmp_path)
     record = json.loads((tmp_path / "fit.json").read_text())
     assert record["name"] == "wing"
@@ -242,11 +249,13 @@ def test_json_holds_what_the_contract_says(tmp_path):
         entry = record["ports"][port]
         motions = 2 if port in ("xy", "xz") else 1
         for side in ("target", "achieved"):
-            assert len(entry[side]["frequencies"]) == count
-            assert np.array(entry[side]["participation"]).shape == (count, motions)
-            assert len(entry[side]["free_frequencies"]) == count
+            size = len(entry[side]["frequencies"])
+            assert size == count if side == "target" or make is tube else size >= count  # a filler per further hinge
+            assert np.array(entry[side]["participation"]).shape == (size, motions)
+            assert len(entry[side]["free_frequencies"]) == size
         assert set(entry["error"]) == {"frequency", "participation", "accelerance_in_band", "in_band", "band"}
-        assert entry["achieved"]["damping"] == close([0.01] * count, rel=1e-6)
+        assert entry["achieved"]["damping"][:count] == close([0.01] * count, rel=1e-6)
+        assert entry["achieved"]["frequencies"][:count] == close(entry["target"]["frequencies"], rel=1e-9)
     links, hinges = record["chain"]["links"], record["chain"]["hinges"]
     assert len(links) == len(hinges) + 1
     assert {"length", "mass", "com", "inertia"} <= set(links[0])
@@ -306,7 +315,7 @@ def test_report_tells_the_warnings(tmp_path):
 
 def test_fewer_modes_than_asked_for_exits_with_three(tmp_path, monkeypatch, capsys):
     spec = tmp_path / "boom.toml"
-    spec.write_text(TUBE + "[modes]\nxy = 8\n")
+    spec.write_text(TUBE + '[modes]\nxy = 8\n[fit]\nsprings = "hinges"\n')
     assert run(monkeypatch, "fit", str(spec), "-o", str(tmp_path / "out"), "--json") == 3
     record = json.loads(capsys.readouterr().out)
     assert record["status"]["ok"] is False
@@ -315,8 +324,18 @@ def test_fewer_modes_than_asked_for_exits_with_three(tmp_path, monkeypatch, caps
     assert (tmp_path / "out" / "fit.json").is_file()
 
 
+def test_as_many_modes_as_asked_for_where_tendons_are_allowed(tmp_path, monkeypatch, capsys):
+    spec = tmp_path / "boom.toml"
+    spec.write_text(TUBE + "[modes]\nxy = 8\n")
+    assert run(monkeypatch, "fit", str(spec), "-o", str(tmp_path / "out"), "--json") == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["status"]["ok"] is True
+    wanted = tube().port("xy", 20).frequencies[:8]
+    assert record["ports"]["xy"]["achieved"]["frequencies"][:8] == close(wanted.tolist(), rel=1e-9)
+
+
 def test_a_status_that_is_not_ok_is_not_hidden():
-    result = bc.fit(tube(), modes={"xy": 8})
+    result = bc.fit(tube(), modes={"xy": 8}, options=bc.FitOptions(springs="hinges"))
     assert not result.status.ok
     assert result.status.history
     assert result.target["xy"].modes == 7

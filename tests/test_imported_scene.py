@@ -63,7 +63,7 @@ def kept_of(result) -> list[int]:
 @pytest.mark.parametrize("band", [0.3, 1.5, 6.0])
 @pytest.mark.parametrize("tolerance", [1e-2, 3e-4])
 def test_coupled_modes_are_chosen(axes, band, tolerance):
-    """A plate: oscillators, the promise kept, and no longer kept without the lightest of them."""
+    """A plate: the promise kept, and no longer kept without the lightest of them."""
     data = printed(plate())
     mass = float(data.rigid_mass[0, 0])
     hub = Hub(mass=3.0 * mass, inertia=tuple(0.02 * mass * v for v in (1.0, 1.2, 1.5)), offset=(0.05, 0.01, 0.0))
@@ -71,7 +71,7 @@ def test_coupled_modes_are_chosen(axes, band, tolerance):
     result = fit(data, scene=scene, root=Root(hub=hub))
     kept = kept_of(result)
     assert result.status.ok
-    assert result.space.form == "oscillators"
+    assert result.space.form == "chain"
     assert result.choice is not None
     assert len(kept) == sum(result.choice.modes.values()) < data.modes
     assert result.promise <= tolerance
@@ -112,27 +112,27 @@ def test_stated_numbers_overrule():
     assert fit(data, scene=scene, modes={"xy": 4}).choice.modes["xy"] == 4
     data = printed(plate())
     scene = Scene(bandwidth=float(data.frequencies[0]) * 1.5)
-    result = fit(data, scene=scene, modes={"xz": 4}, options=FitOptions(form="oscillators"))
+    result = fit(data, scene=scene, modes={"xz": 4})
     assert result.choice.modes["xz"] == 4
     assert result.promise <= scene.tolerance
 
 
 @pytest.mark.parametrize("make", [tapered_boom, tip_loaded_boom])
-def test_a_beam_as_oscillators_is_chosen_too(make):
+def test_a_beam_with_a_tendon_per_mode_is_chosen_too(make):
     scene = Scene(bandwidth=1.5 * float(make().port("xz", 4).frequencies[0]), tolerance=1e-2, axes=("y", "tz"))
-    result = fit(make(), scene=scene, options=FitOptions(form="oscillators"))
+    result = fit(make(), scene=scene, options=FitOptions(springs="modes"))
     assert result.status.ok
-    assert 0 < len(result.oscillators.items) == sum(result.choice.modes.values())
+    assert 0 < sum(t.is_mode for t in result.chain.tendons) == sum(result.choice.modes.values())
 
 
 SPEC = 'name = "array"\n[imported]\nfile = "array.f06"\n{units}[scene]\nbandwidth = {band}\ntolerance = 1e-2\n'
 
 
-@pytest.fixture(params=["chain", "oscillators"])
+@pytest.fixture(params=["independent", "coupled"])
 def spec(request, tmp_path):
-    modes = cantilever(0.3) if request.param == "chain" else plate().in_units(1e-3, 1e3)
-    (tmp_path / "array.f06").write_text(whole(modes, weight=request.param == "chain"))
-    units = "" if request.param == "chain" else "units = { length = 1e-3, mass = 1e3 }\n"
+    modes = cantilever(0.3) if request.param == "independent" else plate().in_units(1e-3, 1e3)
+    (tmp_path / "array.f06").write_text(whole(modes, weight=request.param == "independent"))
+    units = "" if request.param == "independent" else "units = { length = 1e-3, mass = 1e3 }\n"
     path = tmp_path / "array.toml"
     path.write_text(SPEC.format(units=units, band=500.0))
     return path

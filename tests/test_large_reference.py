@@ -88,7 +88,7 @@ def test_a_good_chain_is_judged_by_large_motion(large):
     task, scenario = large
     h = 0.05
     wrench = scenario.profile.mean(h, 1200)
-    motion = simulate(field.model_of(task, Entry("exact, hub", 6, "RK4"), h), "RK4", h, wrench).motion
+    motion = simulate(field.model_of(task, Entry("exact, hub", 6, "RK4")), "RK4", h, wrench).motion
     linear = studies.Scenario(
         scenario.profile, 60.0, scenario.watched, scenario.response, scenario.largest, scenario.beat
     )
@@ -199,9 +199,13 @@ def test_the_reference_says_how_far_it_may_be_off():
 def test_rivals_of_a_damped_appendage_are_damped_as_it_is():
     """Every kept mode of the equal links has its own ratio, through the tendons' rates in modal coordinates."""
     task = studies.make_task(spec_toml(bc.read_spec(SEED.parent / "array_uncertain.toml")))
-    chain, dampers = field.chain_of(task, Entry("equal links, midpoint", 10, "RK4"), 0.0)
-    found = {(d.port, d.mode): d.damping for d in dampers}
+    chain = field.chain_of(task, Entry("equal links, midpoint", 10, "RK4"))
+    found = {tendon.label: tendon for tendon in chain.tendons}
+    assert len(found) == 3 * field.DAMPED
     for port in ("xy", "xz", "torsion"):
-        w = chain.port(port).frequencies
+        damped = chain.damped(port)
+        w = damped.frequencies
         for k in range(field.DAMPED):
-            assert found[port, k + 1] == pytest.approx(2.0 * 0.005 * w[k])
+            assert found[f"mode{k + 1}_{port}"].damping == pytest.approx(2.0 * 0.005 * w[k])
+            assert found[f"mode{k + 1}_{port}"].stiffness == 0.0
+        assert damped.damping[: field.DAMPED] == pytest.approx(np.full(field.DAMPED, 0.005), rel=1e-9)

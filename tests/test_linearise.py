@@ -393,3 +393,15 @@ def test_results_are_locked():
     for values in (linear.stiffness, linear.damping, linear.inputs, linear.a, linear.b, linear.c, linear.d):
         with pytest.raises(ValueError, match="read-only"):
             values[...] = 0.0
+
+
+def test_an_actuator_of_another_kind_is_no_error():
+    """A wrench on a site is linearised like any input; only a port needs plain joint motors."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><joint name="j" axis="0 0 1"/><geom size=".1" pos="1 0 0"/><site name="s" pos="1 0 0"/>
+        </body></worldbody><actuator><motor joint="j"/><motor site="s" gear="0 1 0 0 0 0"/><motor joint="j" gear="2"/>
+        </actuator></mujoco>"""
+    )
+    found = linearise(model)
+    assert found.driven == (0, -1, -1)
+    np.testing.assert_allclose(found.inputs[0] / found.inputs[0, 0], [1.0, 1.0, 2.0], rtol=1e-6)

@@ -4,9 +4,11 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -104,6 +106,51 @@ def test_no_color_on_a_terminal(no_color):
     assert bool(COLOUR.search(text.decode())) is not no_color
 
 
+# -- errors for scripts ----------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("arguments", "kind", "words"),
+    [
+        (["fit", "no.toml", "-o", "out"], "InputError", "spec 'no.toml' does not exist"),
+        (["fit", "good.toml", "-o", "taken"], "OutputError", "--force"),
+        (["embed", "no.xml", "--at", "a=good.toml", "-o", "o.xml"], "InputError", "no.xml"),
+        (["inspect", "broken.xml"], "EngineError", "MuJoCo refuses"),
+        (["init", "booom"], "InputError", "did you mean 'boom'"),
+        (["fit", "good.toml"], "MissingParameter", "-o"),
+        (["fit", "good.toml", "-o", "out", "--forse"], "NoSuchOption", "--force"),
+    ],
+)
+def test_errors_under_json_are_json(arguments, kind, words, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(starts()[0].path, "good.toml")
+    Path("broken.xml").write_text("<mujoco>")
+    Path("taken").mkdir()
+    Path("taken/fit.json").write_text("mine")
+    before = sorted(tmp_path.rglob("*"))
+    code, told, error = run([*arguments, "--json"], capsys, monkeypatch)
+    assert code == 2
+    record = json.loads(told)["error"]
+    assert record["type"] == kind
+    assert words in record["message"]
+    assert error.strip()
+    if kind.endswith("Error"):
+        assert error == f"beamchain: {record['message']}\n"
+    assert sorted(tmp_path.rglob("*")) == before
+    code, told, _ = run(arguments, capsys, monkeypatch)
+    assert (code, told.strip()) == (2, "")
+
+
+def test_json_keeps_the_other_statuses(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["schema", "--json"], capsys, monkeypatch)[0] == 0
+    text = (
+        next(s for s in starts() if s.name == "array").path.read_text().replace("bandwidth = 5.0 ", "bandwidth = 5e4 ")
+    )
+    Path("wide.toml").write_text(text)
+    code, told, _ = run(["fit", "wide.toml", "-o", "out", "--json"], capsys, monkeypatch)
+    assert code == 3
+    assert not json.loads(told)["status"]["ok"]
+
+
 # -- init ------------------------------------------------------------------------------------------------------------
 def test_the_promised_starts_are_there():
     assert {start.name for start in starts()} == {"boom", "array", "mast"}
@@ -116,9 +163,25 @@ def test_init_writes_a_spec_that_fits(kind, tmp_path, capsys, monkeypatch):
     assert code == 0
     spec = bc.read_spec(tmp_path / f"{kind}.toml")
     assert spec.name == kind
-    assert bc.fit(spec).status.ok
+    fit = bc.fit(spec)
+    assert fit.status.ok
+    assert spec.scene is None or fit.warnings == ()  # what we ship needs no mending
     following = shlex.split(re.search(r"next: beamchain (.*)", told)[1])
     assert following[:2] == ["fit", f"{kind}.toml"]
+
+
+@pytest.mark.parametrize("at", ["mount", "left"])
+def test_init_writes_a_spacecraft_to_embed_into(at, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, told, _ = run(["init", "craft"], capsys, monkeypatch)
+    assert code == 0
+    assert shlex.split(re.search(r"next: beamchain (.*)", told)[1])[:2] == ["embed", "craft.xml"]
+    assert run(["init", "array", "-q"], capsys, monkeypatch)[0] == 0
+    code, told, _ = run(
+        ["embed", "craft.xml", "--at", f"{at}=array.toml", "-o", "flexible.xml", "--json"], capsys, monkeypatch
+    )
+    assert code == 0
+    assert (at != "mount") or json.loads(told)["warnings"] == []
 
 
 @pytest.mark.parametrize("kind", ["boom", "array", "mast"])

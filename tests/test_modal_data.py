@@ -323,7 +323,10 @@ def test_spread_mass_has_the_moments_it_was_made_from(mass, centre, gyration):
     rigid[2, 4] = rigid[4, 2] = -mass * centre
     line = spread(rigid, 1.0)
     total = line.moments(0.0, 1.0, closed=True)
-    assert total[:4] == pytest.approx((mass, mass * centre, rigid[5, 5], 0.2), rel=1e-9)
+    assert (total.mass, total.first, total.polar) == pytest.approx((mass, mass * centre, 0.2), rel=1e-9)
+    assert total.second + total.rotary_xy == pytest.approx(rigid[5, 5], rel=1e-9)
+    assert total.second + total.rotary_xz == pytest.approx(rigid[4, 4], rel=1e-9)
+    assert line.behind(np.array([-1.0]))[0] == pytest.approx(rigid, rel=1e-9, abs=1e-12)
     edges = np.linspace(0.0, 1.0, 30)
     pieces = [line.moments(a, b, closed=b == 1.0).mass for a, b in pairwise(edges)]
     assert min(pieces) >= 0.0

@@ -26,13 +26,13 @@ from beamchain.chain.realise import Nodes, planar_chain, realise, split
 from beamchain.errors import RealisationError
 from beamchain.port import PortModel
 
-PRINTED = 1.0  # units of the last printed digit of THEORY.md section 4
+PRINTED = 1.0  # units of the last printed digit of the method
 FORWARD = 1e-9  # LAPACK's generalised eigenproblem on matrices whose entries span 1e4; the recursion itself keeps 4e-12
-OWN = 1e-11  # through the package's own port, which keeps nearly every digit; THEORY.md: 4e-12 at n = 7
+OWN = 1e-11  # through the package's own port, which keeps nearly every digit; 4e-12 at n = 7
 FREE = 1e-9  # top free modes hang on the residual mass, a difference that leaves 1e-5 of the rigid mass
 SUMS = 1e-12  # sums of masses and first moments
 UNIQUE = 1e-6  # a chain drawn at random and recovered: a nonlinear inverse problem, up to 1e7 roundings
-#: modes up to which the clamped and hub targets give a physical chain: THEORY.md says 7 (uniform, tapered, stepped,
+#: modes up to which the clamped and hub targets give a physical chain: 7 (uniform, tapered, stepped,
 #: tip-loaded); a soft root joint costs two (found here, root stiffness up to 30 EI / L)
 MOST = {"soft root": 5}
 CASES = [
@@ -246,7 +246,7 @@ def test_chain_refuses_the_wrong_number_of_hinges():
 
 
 def test_hinges_refuse_negative_stiffness_and_unknown_ports():
-    with pytest.raises(RealisationError, match=r"hinge at x = 1 m: stiffness xy = -2\.0 must be positive"):
+    with pytest.raises(RealisationError, match=r"hinge at x = 1 m: stiffness xy = -2\.0 must not be negative"):
         Hinge(x=1.0, stiffness={"xy": -2.0})
     with pytest.raises(ValueError, match=r"hinge\.stiffness = 'yx' is unknown; choose one of xy, xz, torsion, axial"):
         Hinge(x=1.0, stiffness={"yx": 2.0})

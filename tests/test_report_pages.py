@@ -13,6 +13,7 @@ from lxml import html
 import beamchain as bc
 from beamchain import shipped, stability
 from beamchain.cli import main
+from beamchain.report.page import begun
 from beamchain.report.stability_html import stability_report
 from spacecraft import CRAFTS, frequencies, spec
 
@@ -121,7 +122,7 @@ def test_no_report_where_none_is_wanted(tmp_path, monkeypatch):
 
 
 def test_less_than_asked_for_stands_in_the_verdict(tmp_path):
-    text = spec("rod").read_text().replace("xy = 2", "xy = 12")
+    text = spec("rod").read_text().replace("xy = 2", "xy = 12") + '\n[fit]\nsprings = "hinges"\n'
     (tmp_path / "many.toml").write_text(text)
     done = bc.embed(CRAFTS / "planar.xml", {"mount": tmp_path / "many.toml"})
     assert not done.appendages[0].fit.status.ok
@@ -162,3 +163,32 @@ def test_the_extremes_stand_in_the_page_where_there_are_any(study):
     source, found = study
     counts = {"cases": 48, "passed": 40, "refused": 8, "failed": 0}
     assert rows(stability_report(found, source, {"extremes": counts}), "Extremes")[1][1] == "40"
+
+
+def test_names_of_the_user_keep_their_letters():
+    """A site `py` is no word to begin a sentence with."""
+    text = """<mujoco><worldbody><body name="hub"><freejoint/><geom size=".5" mass="50"/>
+    <body name="rotor"><joint name="drive" axis="1 0 0"/><geom size=".1" mass="2"/><site name="py"/></body></body>
+    </worldbody></mujoco>"""
+    done = bc.embed(text, {"py": spec("rod")})
+    assert any(warning.startswith("py: ") for warning in done.warnings)
+    page = done.report()
+    assert "py: stands behind the joint drive" in page
+    assert "Py:" not in page
+    assert "Gravity is 0 0 -9.81" in page
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "shown"),
+    [
+        ("gravity is there.", (), "Gravity is there."),
+        ("boom: a word", ("boom",), "boom: a word"),
+        ("boom on its hub: a word", ("boom",), "boom on its hub: a word"),
+        ("segment[0]: a word", (), "segment[0]: a word"),
+        ("damping.ratio = 0.3", (), "damping.ratio = 0.3"),
+        ("xy keeps 1 mode", (), "xy keeps 1 mode"),
+        ("", (), ""),
+    ],
+)
+def test_how_a_sentence_begins(text, names, shown):
+    assert begun(text, names) == shown

@@ -118,12 +118,15 @@ def test_embed_into_an_mjspec_warns_too():
     assert any("keyframe spin" in w for w in done.warnings)
 
 
-def test_embedded_modes_without_a_beam_have_no_limits():
+def test_embedded_chains_have_limits_wherever_their_springs_stand():
     done = bc.embed(craft(("spin", "0 0 0.9", 0.0)), {"mount": bc.read_spec(spec("rod"))})
     assert done.appendages[0].large_motion
-    oscillators = bc.fit(bc.read_spec(SEED), options=bc.FitOptions(form="oscillators"))
-    assert oscillators.space is not None
-    assert too_far(oscillators, _slew(3.0, 1.0)) == []
+    plain = bc.fit(bc.read_spec(SEED))
+    tied = bc.fit(bc.read_spec(SEED), options=bc.FitOptions(springs="modes"))
+    assert tied.chain.tendons
+    said = too_far(tied, _slew(3.0, 1.0))
+    assert said
+    assert said == too_far(plain, _slew(3.0, 1.0))
 
 
 def _slew(angle: float, seconds: float) -> Slew:

@@ -14,11 +14,12 @@ import beamchain as bc
 from beamchain import study as studies
 from beamchain.assess import field, front, soft_rods
 from beamchain.assess.field import Entry
-from beamchain.assess.growth import Growth
 from beamchain.assess.hub_response import Profile, hub_response
 from beamchain.assess.run_time import CLOCK, Ladder, Point, climb, rigid_motion, steps_below
 from beamchain.assess.scenario import parse_profile, rounded_up
+from beamchain.chain.tendons import springs_as_modes
 from beamchain.cli import app
+from beamchain.engine.linearise import compile_model
 from beamchain.engine.rollout import seconds_of, simulate
 from beamchain.report.spec_text import spec_toml
 
@@ -143,7 +144,7 @@ def test_a_simulation_that_blows_up_is_quiet(prepared, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     task, scenario = prepared
     entry = Entry("equal links, midpoint", 10, "Euler")
-    model = field.model_of(task, entry, 2.0)
+    model = field.model_of(task, entry)
     course = simulate(model, "Euler", 2.0, np.repeat(scenario.profile.mean(2.0, 30), 40, axis=0))
     assert not np.all(np.isfinite(course.motion))
     assert scenario.error(course.motion, 2.0) == float("inf")
@@ -167,7 +168,7 @@ def errors(prepared, entry: Entry, steps: list[float], metric: str) -> list[floa
     out = []
     for h in steps:
         wrench = scenario.profile.mean(h, round(60.0 / h))
-        course = simulate(field.model_of(task, entry, h), entry.integrator, h, wrench)
+        course = simulate(field.model_of(task, entry), entry.integrator, h, wrench)
         rigid = rigid_motion(task, entry.integrator, h, wrench) if metric == "error_appendage" else None
         out.append(scenario.error(course.motion, h, rigid, CLOCK[entry.integrator] if rigid is not None else 0.0))
     return out
@@ -195,19 +196,10 @@ def test_equal_links_converge_with_the_square_of_their_number(prepared):
     assert order([1.0 / n for n in counts], found) == pytest.approx(2.0, abs=2.0 * ORDER)
 
 
-def test_prewarping_takes_the_steps_frequency_error_off(prepared):
-    plain = errors(prepared, Entry("exact, hub", 3, "Euler"), [0.125], "error_appendage")[0]
-    warped = errors(prepared, Entry("pre-warped", 3, "Euler"), [0.125], "error_appendage")[0]
-    assert warped < plain / 8.0
-
-
 def test_figures_of_the_seeds_problem(prepared):
     """Errors of an independent prototype, to its two digits (the times belong to the machine)."""
     for entry, h, metric, expected in (
         (Entry("exact, hub", 4, "RK4"), 0.0625, "error", 5.4e-5),
-        (Entry("pre-warped", 2, "Euler"), 0.25, "error_appendage", 4.4e-3),
-        (Entry("pre-warped", 3, "Euler"), 0.125, "error_appendage", 1.0e-3),
-        (Entry("pre-warped", 4, "Euler"), 0.03125, "error_appendage", 7.6e-5),
         (Entry("exact, hub", 2, "Euler"), 0.25, "error_appendage", 3.9e-2),
     ):
         assert errors(prepared, entry, [h], metric)[0] == pytest.approx(expected, rel=0.03)
@@ -262,35 +254,28 @@ def test_every_entry_exists_or_says_why(prepared):
 
 def test_study_scene_holds_nothing_that_costs_time(prepared):
     task, _ = prepared
-    model = field.model_of(task, Entry("exact, hub", 2, "RK4"), 0.1)
+    model = field.model_of(task, Entry("exact, hub", 2, "RK4"))
     assert (model.nbody, model.nv, model.ngeom, model.nsite, model.nlight) == (4, 8, 0, 0, 0)
 
 
 @pytest.mark.parametrize("n", [1, 2, 4])
-def test_oscillators_move_the_hub_as_the_clamped_chain(prepared, n):
-    """Two unlike sets of bodies of the same port model: the same motion while it is small."""
-    a, b = (errors(prepared, Entry(m, n, "RK4"), [0.2], "error")[0] for m in ("exact, clamped", "oscillators"))
-    assert a == pytest.approx(b, rel=1e-3)
-
-
-def test_oscillators_are_named_but_not_recommended():
-    points = [("oscillators", 1.0), ("exact, clamped", 2.0), (field.PAPER, 3.0)]
-    ladders = tuple(ladder(m, 2, [(0.1, 1e-3, s)]) for m, s in points)
-    spec = bc.read_spec(SEED)
-    _, scenario = studies.prepare(spec_toml(spec), studies.Options())
-    found = studies.Study(spec, studies.Options(), {"xy": 2}, scenario, ladders, Growth((), None, (), None), 0.0)
-    best, second = found.best(1e-2, "error"), found.oscillators(1e-2, "error")
-    assert best is not None
-    assert second is not None
-    assert best.model == "exact, clamped"
-    assert second.seconds == 1.0
-    assert set(found.rivals(1e-2, "error")) == {field.PAPER}
+def test_a_tendon_per_mode_moves_the_hub_as_springs_on_the_hinges(prepared, n):
+    """Two ways to hold the same modes on the same bodies: the same motion while it is small."""
+    task, scenario = prepared
+    plain = field.chain_of(task, Entry("exact, clamped", n, "RK4"))
+    tied = springs_as_modes(plain, {"xy": np.zeros(n)})
+    h = 0.2
+    wrench = scenario.profile.mean(h, round(60.0 / h))
+    a, b = (
+        simulate(compile_model(field.scene_text(task.hub, chain)), "RK4", h, wrench).motion for chain in (plain, tied)
+    )
+    assert np.max(np.abs(a - b)) < 1e-9 * np.max(np.abs(a))
 
 
 def test_timing_without_recording_simulates_the_same(prepared, monkeypatch):
     """The loop that is timed takes every step, each with its own wrench."""
     task, scenario = prepared
-    model = field.model_of(task, Entry("exact, hub", 2, "RK4"), 0.1)
+    model = field.model_of(task, Entry("exact, hub", 2, "RK4"))
     wrench = scenario.profile.mean(0.1, 600)
     seen: list[mujoco.MjData] = []
     step = mujoco.mj_step

@@ -52,8 +52,8 @@ def test_root_and_tip_are_exact_for_every_mode(make, n):
     assert achieved.frequencies == close(wanted.frequencies, rel=ROOT)
     assert achieved.participation == close(wanted.participation, rel=ROOT)
     assert achieved.rigid_mass == close(wanted.rigid_mass, rel=ROOT)
-    assert result.tip_error["xy"].size >= n
-    assert np.max(np.abs(result.tip_error["xy"])) < TIP
+    assert result.tip_error["xy"].size == n + 2  # two attachment modes follow, which are no modes of the beam
+    assert np.max(np.abs(result.tip_error["xy"][:n])) < TIP
     reading = rb.read(result.to_mjcf())
     assert reading.frequencies[:n] == close(wanted.frequencies, rel=ROOT)
     motion = reading.site("boom_tip")[:n]
@@ -80,8 +80,8 @@ def test_the_tip_is_exact_through_mujoco_s_differences(make, n):
 def test_both_planes(make, kept):
     result = fit(make(), name="boom", modes=kept, scene=Scene(tip=True))
     assert result.status.ok
-    for port in kept:
-        assert np.max(np.abs(result.tip_error[port])) < TIP
+    for port, n in kept.items():
+        assert np.max(np.abs(result.tip_error[port][:n])) < TIP
         assert result.error[port].frequency < ROOT
         assert result.error[port].participation < ROOT
 
@@ -118,7 +118,7 @@ def test_tip_angle_in_torsion():
     assert np.all(np.isfinite(result.tip_error["torsion"]))
     assert realise_scalar(tube().port("torsion", 6).truncated(3))[1].size == 3
     careful = fit(tube(), modes={"torsion": 3}, scene=Scene(tip=True))
-    assert np.max(np.abs(careful.tip_error["torsion"])) < TIP
+    assert np.max(np.abs(careful.tip_error["torsion"][:3])) < TIP
     assert careful.error["torsion"].frequency < ROOT
 
 

@@ -1,6 +1,6 @@
 """One embedded appendage, and what is proved of it: its numbers and the spacecraft's are as they were."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,7 +9,7 @@ from lxml.etree import _Element as Element
 from numpy.typing import NDArray
 
 from beamchain.assess.assembly import Carried, quiet
-from beamchain.assess.budget import linear_model
+from beamchain.assess.budget import linear_model, preload
 from beamchain.assess.large_motion import LargeMotion
 from beamchain.assess.limits import step_limits
 from beamchain.assess.run_limits import exceeded
@@ -21,8 +21,8 @@ from beamchain.engine.mount import Mount
 from beamchain.engine.unchanged import Difference, appended, differences, others
 from beamchain.errors import EngineError, InputError
 from beamchain.hub import Hub
+from beamchain.mjcf import check, write
 from beamchain.mjcf import embed as document
-from beamchain.mjcf import write
 from beamchain.motion import PORTS, Array
 from beamchain.port import PortModel, in_space
 from beamchain.result import Fit
@@ -113,7 +113,11 @@ def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> Non
 
 
 def judged(
-    craft: "mujoco.MjModel", model: "mujoco.MjModel", appendages: Sequence[Appendage], final: "mujoco.MjModel"
+    craft: "mujoco.MjModel",
+    model: "mujoco.MjModel",
+    appendages: Sequence[Appendage],
+    final: "mujoco.MjModel",
+    defaults: Mapping[str, Mapping[str, int]] | None = None,
 ) -> list[str]:
     """Every number of the spacecraft and of the appendages is as it was; then what spoils the motion.
 
@@ -122,6 +126,7 @@ def judged(
         model: with its appendages, timing taken out.
         appendages: what was embedded.
         final: as it will run.
+        defaults: attributes that the spacecraft's file sets by default, per tag.
     """
     mine = appended(model, names(appendages))
     theirs = others(model, mine)
@@ -139,16 +144,46 @@ def judged(
         pairs = {k: (own[k], here[k]) for k in own}
         found = differences(alone, model, pairs, root=f"{a.prefix}link1", tolerance=SAME, user=False)
         if found:
-            raise InputError(
-                f"the spacecraft's defaults or compiler would change the appendage: {_told(found[0])}; use "
-                f'form "attach", which no default of the spacecraft reaches, or take '
-                f"{found[0].field.split('_', 1)[-1]} out of them."
-            )
+            _refuse(found[0], a, defaults or {})
     ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
     kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
     limits = step_limits(linear_model(quiet(final)))
-    found = spoilers(final, limits, kept, min(ratios, default=0.0), mine["geom"])
-    return found if final is model else [text for text in found if not text.startswith(TENDON_DAMPING)]
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    pull = preload(model, data)
+    spoilt = spoilers(final, limits, kept, min(ratios, default=0.0), mine["geom"])
+    if final is not model:
+        spoilt = [text for text in spoilt if not text.startswith(TENDON_DAMPING)]
+    return [
+        *(
+            [f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, move its springref."]
+            if pull
+            else []
+        ),
+        *spoilt,
+    ]
+
+
+def _refuse(found: Difference, changed: Appendage, defaults: Mapping[str, Mapping[str, int]]) -> None:
+    """Say what the spacecraft would change of an appendage, and the way out that works.
+
+    Raises:
+        InputError: always.
+    """
+    if found.field == "number of elements" and found.element == "geom":
+        raise InputError(
+            f"the spacecraft's compiler would drop the appendage's shapes ({found.found:g} of {found.wanted:g} are left); "
+            'write discardvisual="false" in <compiler>, or scene.visuals = false in the appendage\'s spec.'
+        )
+    kind, _, field = found.field.partition("_")
+    tag = {"jnt": "joint", "dof": "joint", "tendon": "fixed"}.get(kind, kind)
+    own = {str(name) for node in changed.fit.appendage(timed=False).iter(tag) for name in node.attrib}
+    left = [name for name in defaults.get(tag, {}) if name not in own and name not in check.NEUTRAL.get(tag, {})]
+    word = ", ".join(left) or field  # a mesh by default shows in aabb, rbound, ...
+    raise InputError(
+        f'the spacecraft\'s defaults or compiler would change the appendage: {_told(found)}; use form "attach", which '
+        f"no default of the spacecraft reaches, or take {word} out of them."
+    )
 
 
 def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str]:

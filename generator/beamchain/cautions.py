@@ -11,6 +11,7 @@ from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
 from beamchain.port import PortModel, in_space
 from beamchain.spec import Scene, Spec
+from beamchain.steps.discrete import SCHEMES
 
 if TYPE_CHECKING:
     from beamchain.result import Fit
@@ -29,7 +30,8 @@ def fit_warnings(
     ]
     modes = [(t, port) for port, model in achieved.items() for t in chain.tendons
              if t.is_mode and t.damping > 0.0 and t.label.endswith(f"_{port}") and model.modes]  # fmt: skip
-    if modes and not spec.exact_step:
+    euler_runs = spec.scene is None or spec.scene.integrator == "Euler"  # a scene that says another is heard
+    if modes and euler_runs and not spec.exact_step:
         euler, other = limits.largest_step["Euler"], limits.largest_step["implicitfast"]
         text = (
             "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo takes where nothing "
@@ -72,8 +74,10 @@ def fit_warnings(
 def step_warnings(result: "Fit") -> tuple[str, ...]:
     """Where scene.xml's own step is unstable, or misses the scene's tolerance."""
     scene = result.spec.scene
-    if scene is None or result.spec.exact_step or not result.achieved:
+    if scene is None or not result.achieved:
         return ()
+    if result.spec.exact_step and (SCHEMES[scene.integrator].exact or result.tendon_sprung):
+        return ()  # exact in time, or slowed
     limits = result.limits
     if result.spec.root.hub is None:
         hub, space = result.hub.mass_matrix(), result.space

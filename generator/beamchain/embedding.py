@@ -26,6 +26,7 @@ from beamchain.appendage import (
 from beamchain.assess.assembly import Assembly, prove
 from beamchain.assess.craft_error import CraftError, craft_error, craft_poses
 from beamchain.assess.needs import AXES
+from beamchain.assess.doubtful import doubtful
 from beamchain.assess.spoilers import check_flags
 from beamchain.checks import one_of
 from beamchain.checks import whole as checked_int
@@ -327,7 +328,8 @@ def _embed_in_document(
         check_names(craft, appendages)
         model = _compiled(original, appendages, form, layout)
     final = timed(model) if good else model
-    warnings += judged(craft, model, appendages, final) + driven_too_far(model, appendages)
+    warnings += judged(craft, model, appendages, final, check.hostile(original.parts()))
+    warnings += driven_too_far(model, appendages)
     if good:
         appendages = tuple(replace(a, timed=final) for a in appendages)
     model = final
@@ -517,6 +519,8 @@ def _fit_all(
         if a.spec.damping is not None and a.spec.damping.form == "hinge":
             # tendons are judged by the craft's own integrator
             warnings += [f"{a.at}: {warning}" for warning in a.fit.cautions]
+        else:
+            warnings += [f"{a.at}: {warning}" for warning in doubtful(a.spec.segment, a.spec.damping, a.fit.target)]
     return appendages, warnings, steps
 
 

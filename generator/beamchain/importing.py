@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from beamchain.assess.doubtful import doubtful
 from beamchain.assess.error import Comparison, compare, in_band_error
 from beamchain.assess.limits import coupled_limits
 from beamchain.assess.plan import ledger, verdict
@@ -137,7 +138,10 @@ def _coupled(case: Case, line: MassLine) -> Built:
         weights = {port: float(np.sum(parts[own, i] ** 2)) for i, port in enumerate(ports)}
         numbers = tuple(range(1, own.size + 1)) if len(ports) == 1 else tuple((own + 1).tolist())
         rows = kept.participation[own] @ group_motion(ports)
-        groups.append(Modes(ports, kept.frequencies[own], rows, damping[own], numbers=numbers, weights=weights))
+        mass = group_motion(ports).T @ kept.rigid_mass @ group_motion(ports)
+        groups.append(
+            Modes(ports, kept.frequencies[own], rows, damping[own], numbers=numbers, weights=weights, rigid=mass)
+        )
     chain, how, cut = cut_chain(line, groups, spec.fit.cuts)
     alive = [port for port in PORTS if np.all(np.diag(PORT_MOTION[port].T @ kept.rigid_mass @ PORT_MOTION[port]) > 0.0)]
     targets = {port: model for port in alive if (model := _shown(kept, port)).modes}
@@ -234,6 +238,7 @@ def _finish(case: Case, built: Built, measured: Measured, space: InSpace, line: 
         promise=promise,
         cut=built.cut,
         left_out=ledger(case.spec, case.choice, bool(chain.tendons)),
+        cautions=tuple(doubtful((), case.spec.damping)),
         line=line,
         space=space,
     )

@@ -132,6 +132,11 @@ class Fit:
         return any(tendon.damping > 0.0 for tendon in self.chain.tendons)
 
     @property
+    def tendon_sprung(self) -> bool:
+        """Whether its modes stand on tendons."""
+        return any(tendon.stiffness > 0.0 for tendon in self.chain.tendons)
+
+    @property
     def hub(self) -> Hub:
         """That of scene.xml: the spec's, or ten times the appendage."""
         return self.spec.root.hub or default_hub(self.mass_line)
@@ -232,7 +237,7 @@ class Fit:
         step, integrator = self.spec.exact_step, self.spec.integrator
         if not step or integrator not in SCHEMES:
             return
-        if any(tendon.stiffness > 0.0 for tendon in self.chain.tendons):
+        if self.tendon_sprung:
             model = compile_model(write.text(tree))
             retime(model, step, integrator, form=form)
             put_time([tree], model)

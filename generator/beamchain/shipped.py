@@ -33,6 +33,11 @@ def starts() -> list[Shipped]:
     return _of("starts")
 
 
+def spacecraft() -> Shipped:
+    """The small spacecraft that `beamchain init craft` writes."""
+    return Shipped("craft", _HERE / "starts" / "craft.xml", "A small spacecraft (MJCF) to embed an appendage into.")
+
+
 def pick(choices: list[Shipped], name: str, field: str) -> Shipped:
     """The one that is called `name`.
 

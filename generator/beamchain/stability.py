@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from beamchain.assess.budget import HOST, Budget, available, budget
+from beamchain.assess.budget import HOST, Budget, available, budget, preloaded
 from beamchain.assess.large_motion import LargeMotion, large_motion
 from beamchain.assess.measured_limit import measured_limit
 from beamchain.engine.library import mujoco
@@ -101,6 +101,10 @@ def study(source: Path, say: Callable[[str], None] = lambda _: None) -> Stabilit
     """
     if source.suffix.lower() == ".xml":
         model = compile_model(source)
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        if said := preloaded(model, data):  # it would be simulated as it moves off
+            raise EngineError(said)
         limits = budget(model)
         return StabilityStudy(
             step_rows(model, limits, say), [limits], {}, _warnings([limits], float(model.opt.timestep))

@@ -107,7 +107,11 @@ def fit(
             from beamchain.importing import fit_imported  # which returns a Fit
 
             return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
-        return _fit(spec)
+        try:
+            return _fit(spec)
+        except RealisationError as error:
+            asked = " ".join(doubtful(spec.segment))
+            raise RealisationError(f"{asked} As it is: {error}") from None if asked else error
 
 
 def as_spec(appendage: Beam | Spec | ModalData) -> Spec:
@@ -185,7 +189,7 @@ def _fit(spec: Spec) -> Fit:
         left_out=ledger(spec, plan.choice, bool(chain.tendons)),
         cautions=(
             *fit_warnings(spec, measured, achieved, chain, limits),
-            *doubtful(spec.segment),
+            *doubtful(spec.segment, spec.damping, built.targets),
             *([note] if note else []),
         ),
     )

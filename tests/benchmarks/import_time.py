@@ -58,7 +58,7 @@ def main() -> None:
                 told(f"{label}, {modes} in xz as a chain", spec)
         o8 = Imported(file=str(place / "o8.f06"), length=1.0)
         told("ORACLES O8", Spec(imported=o8))
-        told("ORACLES O8 as oscillators", Spec(imported=o8, fit=FitOptions(form="oscillators")))
+        told("ORACLES O8, a tendon per mode", Spec(imported=o8, fit=FitOptions(springs="modes")))
 
 
 if __name__ == "__main__":

@@ -92,7 +92,8 @@ def test_all_forms(models):
 
 def test_frequencies(models):
     reference = frequencies(models["inline by embed"])
-    assert reference.size == 4
+    (nv,) = {model.nv for model in models.values()}
+    assert reference.size == nv - 6 >= 4  # every hinge of the appendage, on a free hub
     for name, model in models.items():
         np.testing.assert_allclose(frequencies(model), reference, rtol=FREQUENCY, err_msg=name)
 

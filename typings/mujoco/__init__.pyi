@@ -21,6 +21,10 @@ class mjtTrn:
     mjTRN_JOINT: mjtTrn
     def __int__(self) -> int: ...
 
+class mjtWrap:
+    mjWRAP_JOINT: mjtWrap
+    def __int__(self) -> int: ...
+
 class mjtObj:
     mjOBJ_GEOM: mjtObj
     mjOBJ_XBODY: mjtObj

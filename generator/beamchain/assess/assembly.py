@@ -126,13 +126,15 @@ class _System:
 
 
 def quiet(model: "mujoco.MjModel") -> "mujoco.MjModel":
-    """A copy for linearising: no gravity, no medium, no contacts, no constraints."""
+    """A copy for linearising: no gravity, no medium, no contacts, no constraints, springs slack in the pose of rest."""
     import copy
 
     out = copy.deepcopy(model)
     out.opt.gravity[:] = 0.0
     out.opt.density = out.opt.viscosity = 0.0
     out.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    out.qpos_spring[:] = out.qpos0
+    out.tendon_lengthspring[:] = out.tendon_length0[:, None]
     if hasattr(mujoco.mjtEnableBit, "mjENBL_SLEEP"):
         out.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     return out

@@ -16,6 +16,8 @@ from beamchain.motion import Array
 
 HOST = "host RK4"  # a host that drives MuJoCo with its own explicit Runge-Kutta of order 4
 
+AT_REST = 1e-9  # rad/s^2 or m/s^2: what balances to rounding does not accelerate
+
 
 @dataclass(frozen=True, eq=False)
 class Budget:
@@ -92,7 +94,31 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
     if "discrete" in engine.INTEGRATORS:
         spring = engine.implicit_stiffness(model, data, linear.damping)
     euler = np.asarray(np.linalg.solve(own, np.diag(joints)), dtype=np.float64)
-    return LinearModel(linear.stiffness, linear.damping, euler, spring)
+    held = np.zeros((nv, nv))
+    for i in range(model.ntendon):
+        held += float(np.atleast_1d(model.tendon_stiffness[i])[0]) * np.outer(along(model, i), along(model, i))
+    tendons = np.asarray(np.linalg.solve(own, held), dtype=np.float64) if np.any(held) else None
+    return LinearModel(linear.stiffness, linear.damping, euler, spring, tendons, preloaded(model, data))
+
+
+def preloaded(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
+    """A sentence where springs pull in the pose that is linearised about: it is no pose of rest then."""
+    pull = preload(model, data)
+    return pull and (
+        f"{pull} in the pose that is linearised about, which therefore is no pose of rest; write its "
+        "springref (or its tendon's springlength) so that it is slack there."
+    )
+
+
+def preload(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
+    """The joint whose spring pulls hardest in a pose, and how hard, where nothing balances it; else nothing."""
+    force = np.asarray(data.qfrc_spring)
+    worst = int(np.argmax(np.abs(force))) if force.size else 0
+    if not force.size or force[worst] == 0.0 or not np.any(np.abs(np.asarray(data.qacc)) > AT_REST):
+        return ""
+    joint = model.joint(int(model.dof_jntid[worst]))
+    unit = "N" if int(joint.type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE) else "N m"
+    return f"the spring of joint {joint.name!r} is preloaded: it pulls with {abs(float(force[worst])):.4g} {unit}"
 
 
 def _holds_nothing(model: "mujoco.MjModel") -> bool:

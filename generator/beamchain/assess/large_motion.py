@@ -113,7 +113,8 @@ class _Plane:
         force = -self.mass[1:] * (acceleration + slew * self.com[1:])
         arms = np.maximum(self.com[1:, None] - self.hinges[None, :], 0.0) * np.tri(self.hinges.size)
         turn = np.triu(np.ones((self.hinges.size, self.hinges.size))) @ (slew * self.inertia[1:])
-        return np.cumsum(np.linalg.solve(self.stiffness, arms.T @ force - turn))
+        bent = np.linalg.solve(self.stiffness, arms.T @ force - turn)
+        return np.asarray(np.cumsum(bent), dtype=np.float64)
 
 
 def _plane(chain: Chain, port: str) -> _Plane:

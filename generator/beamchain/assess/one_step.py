@@ -38,12 +38,17 @@ class LinearModel:
         damping: `(nv, nv)` `M^-1 D`, all of it [1/s].
         euler_damping: `(nv, nv)` the share of `damping` that Euler integrates implicitly (that of joints).
         discrete_stiffness: `(nv, nv)` the share of `stiffness` that "discrete" integrates implicitly.
+        discrete_tendons: `(nv, nv)` the share of fixed tendons, whose springs "discrete" takes implicitly for the force
+            of the position alone; None: there are none.
+        preload: what pulls at the rest pose, as a sentence; empty: nothing.
     """
 
     stiffness: Array
     damping: Array
     euler_damping: Array
     discrete_stiffness: Array
+    discrete_tendons: Array | None = None
+    preload: str = ""
 
     def poles(self) -> Poles:
         """`(2 nv,)` poles of the continuous system [1/s]."""
@@ -56,7 +61,10 @@ class LinearModel:
         nothing = np.zeros_like(self.stiffness)
         if integrator == "Euler":
             return self.euler_damping, self.damping - self.euler_damping, nothing
-        return self.damping, nothing, self.discrete_stiffness if integrator == "discrete" else nothing
+        if integrator != "discrete":
+            return self.damping, nothing, nothing
+        tendons = 0.0 if self.discrete_tendons is None else self.discrete_tendons
+        return self.damping, nothing, self.discrete_stiffness + tendons
 
     def step(self, integrator: str, timestep: float) -> Array:
         """`(2 nv, 2 nv)` one step in the states (q, h v), so that all entries are pure numbers.
@@ -80,6 +88,8 @@ class LinearModel:
             eye + h * implicit + h**2 * spring, np.hstack([h**2 * self.stiffness, eye - h * explicit])
         )
         pull, keep = solved[:, :n], solved[:, n:]
+        if integrator == "discrete" and self.discrete_tendons is not None:
+            keep = np.linalg.solve(eye + h * implicit + h**2 * self.discrete_stiffness, eye - h * explicit)
         return np.asarray(np.block([[eye - pull, keep], [-pull, keep]]), dtype=np.float64)
 
     def spectral_radius(self, integrator: str, timestep: float) -> float:
@@ -98,7 +108,8 @@ class LinearModel:
         fastest = float(np.max(np.abs(poles), initial=0.0))
         if np.any(poles.real > 1e-5 * fastest):
             raise EngineError(
-                f"the model is unstable about its rest pose at any step (a pole at {np.max(poles.real):.3g} 1/s): "
+                self.preload
+                or f"the model is unstable about its rest pose at any step (a pole at {np.max(poles.real):.3g} 1/s): "
                 "a spring or damper is negative, or gravity tips it over; linearise it about a stable pose."
             )
         if integrator == "RK4":

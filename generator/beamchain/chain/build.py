@@ -14,12 +14,12 @@ from beamchain.chain.cut import Cut, Wanted, bodies, choose_cut, shortest_link
 from beamchain.chain.least_squares import fit_planar, fit_stiffness, payload_cases
 from beamchain.chain.realise import Nodes, planar_links, realise, realise_scalar
 from beamchain.chain.rods import Payload
-from beamchain.chain.tendons import Modes, given_modes, springs_as_modes
+from beamchain.chain.tendons import Modes, given_modes, group_motion, springs_as_modes
 from beamchain.errors import InputError, RealisationError
 from beamchain.motion import Array
 from beamchain.port import PortModel
 from beamchain.structure.beam import Beam
-from beamchain.structure.mass_line import MassLine
+from beamchain.structure.mass_line import MassLine, spread
 
 #: Target with the given number of modes of a port.
 TargetOf = Callable[[str, int], PortModel]
@@ -28,6 +28,7 @@ Springs = Literal["auto", "hinges", "modes"]
 PLANES = ("xy", "xz")
 LOST_DIGITS = 1e-8  # a chain whose own frequencies miss the target by more is not handed out
 RANK = 1e-9  # relative singular value of participation that is none
+NOTHING = 1e-9  # of the rigid mass: less residual mass than this is none, and takes a hinge at the root
 FILLER_RATIO = 0.05  # damping ratio of a filler mode where the others are damped
 
 
@@ -106,10 +107,11 @@ def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wi
             if wishes.springs == "hinges":
                 raise
             history.append(f"recursion: {error}")
-    targets = {port: target_of(port, count) for port, count in kept.items()}
-    groups = [_modes_of(port, target, wishes) for port, target in targets.items()]
+    notes: list[str] = []
+    targets = {port: _available(target_of, port, count, notes) for port, count in kept.items()}
+    groups = [_modes_of(port, t, wishes, _next(target_of, port, kept[port])) for port, t in targets.items()]
     chain, how, cut = cut_chain(beam, groups, wishes.lines, wishes.further, wishes.cut)
-    return Built(chain, targets, Status(True, _message(how, targets), tuple(history)), cut)
+    return Built(chain, targets, Status(not notes, _message(how, targets, notes), tuple(history)), cut)
 
 
 def _message(how: str, targets: Mapping[str, PortModel], notes: Sequence[str] = ()) -> str:
@@ -117,7 +119,7 @@ def _message(how: str, targets: Mapping[str, PortModel], notes: Sequence[str] = 
     return f"exact chain ({how}), modes kept: {modes}." + "".join(f" {note}" for note in notes)
 
 
-def _modes_of(port: str, target: PortModel, wishes: Wishes) -> Modes:
+def _modes_of(port: str, target: PortModel, wishes: Wishes, beyond: float | None = None) -> Modes:
     """A port's target as modes to be given to bodies."""
     rows = [target.participation]
     m = target.motions
@@ -125,7 +127,31 @@ def _modes_of(port: str, target: PortModel, wishes: Wishes) -> Modes:
         assert target.tip is not None
         rows.append(target.tip[:, column * m : (column + 1) * m])
     damping = target.damping if wishes.per_mode else np.zeros(target.modes)
-    return Modes((port,), target.frequencies, np.hstack(rows), damping, target.shapes)
+    return Modes(
+        (port,), target.frequencies, np.hstack(rows), damping, target.shapes, rigid=target.rigid_mass, beyond=beyond
+    )
+
+
+def _next(target_of: TargetOf, port: str, count: int) -> float | None:
+    """Frequency of the first mode left out of a port [rad/s]; None where it is not known."""
+    try:
+        return float(target_of(port, count + 1).frequencies[-1])
+    except (InputError, RealisationError):
+        return None
+
+
+def _available(target_of: TargetOf, port: str, count: int, notes: list[str]) -> PortModel:
+    """The target with as many of `count` modes as double precision holds."""
+    for modes in range(count, 0, -1):
+        try:
+            target = target_of(port, modes)
+        except RealisationError as error:
+            reason = error
+            continue
+        if modes < count:
+            notes.append(f"{port} keeps {modes} of the {count} modes asked for. {reason}")
+        return target
+    raise reason
 
 
 def _rigid(beam: MassLine) -> Built:
@@ -210,12 +236,22 @@ def cut_chain(
     Raises:
         RealisationError: no cut holds the modes.
     """
-    wanted = [Wanted(group, _counts(group), _fixed(line, group, lines)) for group in groups]
+    rigid = line.behind(np.array([-line.length]))[0]
+    groups = [group.fitting(group_motion(group.ports).T @ rigid @ group_motion(group.ports)) for group in groups]
+    wanted = [Wanted(group, _counts(group), _fixed(line, group, lines, rigid)) for group in groups]
     wanted = [
         Wanted(w.modes, {p: max(count, len(w.fixed[p])) for p, count in w.counts.items()}, w.fixed) for w in wanted
     ]
     cut = cut or choose_cut(line, wanted, lines, further)
-    links = polar.settled(line, bodies(line, cut.x), cut.x)
+    try:
+        links = polar.settled(line, bodies(line, cut.x), cut.x)
+    except RealisationError:
+        if not isinstance(line, Beam):
+            raise
+        # too wide for thin links: bodies of the same rigid mass whose breadth stands in all three inertias
+        wide = spread(line.rigid_mass(), line.length)
+        chain, how, cut = cut_chain(wide, groups, lines, further)
+        return chain, f"{how}, bodies of the appendage's rigid mass as it is too wide for thin links", cut
     hinges = tuple(Hinge(x=float(x), stiffness=dict.fromkeys(p, 0.0)) for x, p in zip(cut.x, cut.ports, strict=True))
     chain = Chain(tuple(links), hinges, line.length)
     placed: list[Modes] = []
@@ -227,7 +263,7 @@ def cut_chain(
     short = shortest_link(cut.x, line.length)
     how = f"one tendon per mode on {len(hinges)} chosen cuts, shortest link {short:.3g} of the length"
     if cut.added:
-        how += f", {cut.added} more than the modes need because of the hinge lines that stand"
+        how += f", {cut.added} more than the modes alone would need"
     return chain, how, cut
 
 
@@ -248,9 +284,15 @@ def _counts(group: Modes) -> dict[str, int]:
     return own
 
 
-def _fixed(line: MassLine, group: Modes, lines: Sequence[float]) -> dict[str, tuple[float, ...]]:
-    """Per port, x of the hinges that must stand: the user's and the real ones."""
-    return {port: tuple(sorted({*lines, *line.hinge_lines(port)})) for port in group.moving}
+def _fixed(line: MassLine, group: Modes, lines: Sequence[float], rigid: Array) -> dict[str, tuple[float, ...]]:
+    """Per port, x of the hinges that must stand: the user's, the real ones, the root where it is left no mass."""
+    motion = group_motion(group.ports)
+    mass = motion.T @ rigid @ motion
+    size = np.sqrt(np.diag(mass))
+    part = group.rows[:, : mass.shape[0]] / size
+    bare = float(np.linalg.eigvalsh(mass / np.outer(size, size) - part.T @ part)[0]) < NOTHING
+    root = {0.0} if bare else set[float]()
+    return {port: tuple(sorted({*lines, *line.hinge_lines(port), *root})) for port in group.moving}
 
 
 # -- rivals ------------------------------------------------------------------------------------------------------------

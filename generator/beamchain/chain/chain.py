@@ -198,19 +198,23 @@ class Chain:
         return np.array([float(known.get(f, 0.0)) for f in freedoms])
 
     def spring_rows(self, freedoms: Sequence[Freedom]) -> Array:
-        """`(s, f)` with `K = rows^T rows`: square roots of the hinges' springs and of the tendons'."""
+        """`(s, f)` with `K = rows^T rows`: square roots of the hinges' springs and of the tendons'.
+
+        Args:
+            freedoms: `(f,)` that move.
+        """
         springs = np.array([self.hinges[i].stiffness[port] for i, port in freedoms])
         on_hinges = np.diag(np.sqrt(springs))[springs > 0.0]
         on_tendons = [np.sqrt(t.stiffness) * self._along(t, freedoms) for t in self.tendons if t.stiffness > 0.0]
         return np.vstack([on_hinges, *(row[None] for row in on_tendons if np.any(row))])
 
     def stiffness(self, freedoms: Sequence[Freedom]) -> Array:
-        """`(f, f)` stiffness matrix."""
+        """`(f, f)` stiffness matrix over `freedoms`."""
         rows = self.spring_rows(freedoms)
         return rows.T @ rows
 
     def damping(self, freedoms: Sequence[Freedom]) -> Array:
-        """`(f, f)` damping matrix."""
+        """`(f, f)` damping matrix over `freedoms`."""
         out = np.diag([self.hinges[i].damping.get(port, 0.0) for i, port in freedoms])
         for tendon in self.tendons:
             along = self._along(tendon, freedoms)

@@ -26,6 +26,7 @@ NEAR = (0.3, 0.2, 0.134, 0.09, 0.06, 0.04, 0.02)  # hinges by a further port, in
 SWEEPS = 8  # of the relaxation towards even links
 STEPS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.03)
 MOST_CHOICES = 24  # of hinges for a port that needs fewer than there are
+LEAST_MARGIN = 0.004  # of the same beside a further port, whose own share is what is left
 MOST_ADDED = 4  # hinges tried beyond what the modes need
 NOTHING_LEFT = 1e-11  # of the rigid mass: less residual mass than this is none
 ROUNDED = 1e-13  # of the whole inertia: what differences of its parts lose
@@ -233,7 +234,8 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
         search = _Search(line, tuple(groups), tuple(further))
         size = max(fixed.size, *(count for group in groups for count in group.counts.values()))
         x, margin = _best(search, fixed, size - fixed.size)
-        if margin >= MARGIN:
+        enough = LEAST_MARGIN if further else MARGIN
+        if margin >= enough:
             search = _Search(line, tuple(_fewest(search, x, wanted, groups)), tuple(further))
             x = _even(search, x, fixed)
             margin, chosen, _ = search.assigned(x)

@@ -26,8 +26,8 @@ PASSES = 400  # of the projection towards the real mode shapes; each costs some 
 STILL = 1e-12  # change of a pass at which the projection has settled
 RAISED = 0.3  # least singular value on what the root does not see: a smaller one would need heavy armature
 DROPPED = 1e-13  # relative armature that is rounding
-FILLER = 2.0  # frequency of filler modes over that of the last mode kept
-FAR_FILLER = 10.0  # the same beside a further port, whose flexibility they share
+FILLER = 20.0  # frequency of filler modes over that of the last mode kept, where the next real one is not known
+SAME_MASS = 1e-10  # relative, of two rigid mass matrices
 WORST_CONDITION = 1e3  # of the modes in hinge coordinates, beyond which digits are lost
 
 
@@ -44,6 +44,9 @@ class Modes:
         momenta: `(n, f)` what the real modes are worth in the hinges' own motions; see `on`.
         numbers: `(n,)` of the modes, from 1, for their names; 1, 2, ... where left out.
         weights: per port, how many of the modes move it most; every port of the group where left out.
+        rigid: `(m, m)` rigid mass that goes with the participation, in the motions of the root; that of the bodies where
+            left out.
+        beyond: frequency of the first mode left out, where known, for the modes of surplus hinges [rad/s].
     """
 
     ports: tuple[str, ...]
@@ -54,6 +57,23 @@ class Modes:
     momenta: Array | None = None
     numbers: tuple[int, ...] = ()
     weights: Mapping[str, float] = field(default_factory=dict)
+    rigid: Array | None = None
+    beyond: float | None = None
+
+    def fitting(self, rigid: Array) -> "Modes":
+        """The modes with participation that fits bodies of a slightly different rigid mass `(m, m)`.
+
+        A printed rigid mass is a body's to its last digits only. The congruence that takes one into the other takes the
+        residual mass along, which stays positive.
+        """
+        if self.rigid is None or not np.max(np.abs(self.rigid - rigid)) > SAME_MASS * np.max(np.abs(rigid)):
+            return self
+        m = rigid.shape[0]
+        scale = 1.0 / np.sqrt(np.diag(rigid))
+        both = [np.linalg.cholesky(matrix * np.outer(scale, scale)) for matrix in (rigid, self.rigid)]
+        turn = (both[0] @ np.linalg.inv(both[1])) * np.outer(1.0 / scale, scale)
+        rows = np.column_stack([self.rows[:, :m] @ turn.T, self.rows[:, m:]])
+        return replace(self, rows=rows, rigid=rigid)
 
     @property
     def moving(self) -> tuple[str, ...]:
@@ -104,7 +124,9 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: Modes) -> tuple[Array
     gaps[: values.size] = np.sqrt(np.maximum(1.0 - values**2, 0.0))
     lift = (vt.T * gaps) @ vt
     free = vt[count:].T
-    guide = None if modes.momenta is None else unseen.T @ np.linalg.solve(root, modes.momenta.T)
+    guide: Array | None = None
+    if modes.momenta is not None:
+        guide = np.asarray(unseen.T @ np.linalg.solve(root, modes.momenta.T), dtype=np.float64)
     u = np.column_stack([seen @ b + unseen @ _turned(lift, free, unseen.shape[1], guide) @ lift, np.zeros((size, 0))])
     if size > n:
         u = np.column_stack([u, np.linalg.svd(u, full_matrices=True)[0][:, n:]])
@@ -161,7 +183,7 @@ def given_modes(chain: Chain, groups: Sequence[Modes], further: Sequence[float] 
     tendons: list[Tendon] = []
     armatures: list[Tendon] = []
     fillers = 0
-    top = (FAR_FILLER if further else FILLER) * max(float(group.frequencies[-1]) for group in groups)
+    last = max(float(group.frequencies[-1]) for group in groups)
     for group in groups:
         freedoms = chain.freedoms(group.ports)
         motion = group_motion(group.ports)
@@ -172,10 +194,13 @@ def given_modes(chain: Chain, groups: Sequence[Modes], further: Sequence[float] 
         shapes, armature = modal_matrix(kinematics, inertia, group)
         n = group.frequencies.size
         surplus = len(freedoms) - n
+        top = (
+            FILLER * last if group.beyond is None or further else max(group.beyond, 1.2 * float(group.frequencies[-1]))
+        )
         frequencies = np.concatenate([group.frequencies, np.full(surplus, top)])
         if surplus and further:
             shapes, frequencies = _stiffened(shapes, frequencies, np.vstack(port) @ shapes, n)
-        ratios = np.concatenate([group.damping, np.full(surplus, ratio)])
+        ratios = np.concatenate([group.damping, np.full(surplus, ratio if np.any(group.damping > 0.0) else 0.0)])
         numbers = group.numbers or tuple(range(1, n + 1))
         word = f"_{group.ports[0]}" if len(group.ports) == 1 else ""
         labels = [f"mode{k}{word}" for k in numbers] + [f"filler{fillers + k + 1}{word}" for k in range(surplus)]

@@ -1,13 +1,18 @@
 """The command line: parse, call, print."""
 
+import json
 import os
 import sys
+from typing import Any
 
 import typer
 
 from beamchain.cli import embed, examples, fit, init, inspect, render, retime, schema, seed, stability, study, sweep
 from beamchain.cli.common import explain, version
 from beamchain.errors import BeamchainError
+
+#: base of typer's own errors: click's, or in newer versions typer's copy of it
+USAGE: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
 app = typer.Typer(
     name="beamchain",
@@ -48,9 +53,12 @@ def main() -> None:
     """Entry point: 0 done, 2 bad input, 3 done but a stated tolerance was missed."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small: threads only wait for each other
     try:
+        if "--json" in sys.argv:
+            _run_for_a_script()
         app()
     except BeamchainError as error:
         explain(str(error))
+        _as_json(str(error), type(error).__name__)
         sys.exit(2)
     except KeyboardInterrupt:
         explain("stopped; nothing was left half written.")
@@ -62,5 +70,23 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the rest of it, at exit
         sys.exit(2)
     except (MemoryError, RecursionError) as error:
-        explain(f"the input is too large ({type(error).__name__}); make it smaller.")
+        sentence = f"the input is too large ({type(error).__name__}); make it smaller."
+        explain(sentence)
+        _as_json(sentence, type(error).__name__)
         sys.exit(2)
+
+
+def _run_for_a_script() -> None:
+    """The command, its usage errors as JSON too."""
+    try:
+        sys.exit(app(standalone_mode=False) or 0)
+    except USAGE as error:
+        error.show()
+        _as_json(error.format_message(), type(error).__name__)
+        sys.exit(error.exit_code)
+
+
+def _as_json(message: str, kind: str) -> None:
+    """An error on stdout where a script asked for JSON; the sentence stands on stderr in any case."""
+    if "--json" in sys.argv:
+        sys.stdout.write(json.dumps({"error": {"message": " ".join(message.split()), "type": kind}}) + "\n")

@@ -1,4 +1,4 @@
-"""`beamchain init`: a commented spec to start from."""
+"""`beamchain init`: a commented spec to start from, or a spacecraft to put it on."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,41 +9,51 @@ from beamchain.cli.common import Force, Json, Quiet, console, print_json
 
 
 def _kinds(incomplete: str) -> list[tuple[str, str]]:
-    from beamchain.shipped import starts
+    from beamchain.shipped import spacecraft, starts
 
-    return [(one.name, one.about) for one in starts() if one.name.startswith(incomplete)]
+    return [(one.name, one.about) for one in [*starts(), spacecraft()] if one.name.startswith(incomplete)]
 
 
 def init(
     kind: Annotated[
         str,
-        typer.Argument(metavar="boom|array|mast", help="What it is like.", autocompletion=_kinds, show_default=False),
+        typer.Argument(
+            metavar="boom|array|mast|craft",
+            help="Which; craft: a spacecraft to embed into.",
+            autocompletion=_kinds,
+            show_default=False,
+        ),
     ],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="SPEC.toml", help="File to write.", show_default="KIND.toml"),
+        typer.Option("-o", "--output", metavar="FILE", help="File to write.", show_default="KIND.toml or craft.xml"),
     ] = None,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a commented SPEC.toml to start from.
+    """Write a commented SPEC.toml to start from, or a small spacecraft (MJCF) to embed it into.
 
     Never replaces a file without --force.
 
     Example: beamchain init boom
 
     Example: beamchain init array -o my_array.toml
+
+    Example: beamchain init craft
     """
     from beamchain.files import write_files
-    from beamchain.shipped import pick, starts
+    from beamchain.shipped import pick, spacecraft, starts
 
-    start = pick(starts(), kind, "init: the kind")
-    place = output or Path(f"{kind}.toml")
+    start = pick([*starts(), spacecraft()], kind, "init: the kind")
+    place = output or Path(f"{kind}{start.path.suffix}")
     write_files({place: start.path.read_text(encoding="utf-8")}, force=force)
     if as_json:
         print_json({"kind": kind, "file": str(place)})
     elif not quiet:
         out = console()
         out.print(f"wrote {place}", soft_wrap=True, markup=False)
-        out.print(f"next: beamchain fit {place} -o {place.stem}", soft_wrap=True, markup=False)
+        following = f"beamchain fit {place} -o {place.stem}"
+        if start == spacecraft():
+            following = f"beamchain embed {place} --at mount=array.toml -o flexible.xml"
+        out.print(f"next: {following}", soft_wrap=True, markup=False)

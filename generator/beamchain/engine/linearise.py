@@ -89,7 +89,7 @@ class Linearisation:
         timestep: [s].
         integrator: MuJoCo's name.
         joints: `(nv,)` joint name of each degree of freedom.
-        driven: `(nu,)` degree of freedom each motor drives.
+        driven: `(nu,)` degree of freedom each motor drives; -1: no plain joint motor of unit gear.
     """
 
     stiffness: Array
@@ -250,7 +250,7 @@ def linearise(
         the model's own integrator and step (RK4's from the continuous system, by its polynomial).
 
     Raises:
-        EngineError: the model does not compile, has no degree of freedom, or a motor is not a plain joint motor.
+        EngineError: the model does not compile, or has no degree of freedom.
     """
     model = compile_model(source)
     if model.nv == 0:

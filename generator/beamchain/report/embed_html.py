@@ -10,7 +10,7 @@ from beamchain.errors import EngineError
 from beamchain.report import plots
 from beamchain.report.assembly_plot import assembly_figure, difference_figure
 from beamchain.report.curves import count
-from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, inline, page_text, versions
+from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, begun, inline, page_text, versions
 from beamchain.report.plots import percent, short, to_svg
 from beamchain.report.sections import Verdict, left_out_blocks, mode_table, shape_blocks, step_words
 from beamchain.report.spec_text import spec_toml
@@ -35,8 +35,9 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         Section("Coupled modes of the whole spacecraft", [_modes(assembly)]),
         Section("The hub over frequency", _hub(assembly)),
     ]
+    own = {name for a in appendages for name in (a.at, a.at.partition(":")[2], a.fit.spec.name)}
     if embedded.warnings:
-        parts.append(Section("Before you use it", [Lines([t[:1].upper() + t[1:] for t in embedded.warnings])]))
+        parts.append(Section("Before you use it", [Lines([begun(t, own) for t in embedded.warnings])]))
     parts += [Section(f"{a.fit.spec.name} at {a.at}", _appendage(a, i)) for i, a in enumerate(appendages, 1)]
     parts.append(Section("Time steps", _steps(embedded)))
     parts.append(Section("Left out", _left_out(embedded)))

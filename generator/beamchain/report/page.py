@@ -1,13 +1,16 @@
 """What a page is made of: tables, pictures, sentences and lists in sections; and the page itself from a template."""
 
 import platform
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jinja2
 import numpy as np
+
+from beamchain.motion import PORTS
 
 
 class Table(NamedTuple):
@@ -68,6 +71,13 @@ def inline(svg: str, label: str) -> str:
     body = body.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
     quoted = label.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
     return body.replace("<svg", f'<svg role="img" aria-label="{quoted}"', 1).strip()
+
+
+def begun(text: str, names: Iterable[str] = ()) -> str:
+    """A sentence with its first letter large, unless it begins with a name that the user gave."""
+    word = re.split(r"[\s:,]", text, maxsplit=1)[0]
+    own = not word.isalpha() or word in {*PORTS, *names}  # segment[0] is a place in the user's file
+    return text if own else text[:1].upper() + text[1:]
 
 
 def page_text(template: str, **values: Any) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from beamchain.assess.error import in_band_error
 from beamchain.motion import Array
 from beamchain.report.curves import METHODS, beam_model, chain_label, count, rival_chains, rival_model
-from beamchain.report.page import Block, Lines, Picture, Pictures, Section, Table, Text, inline
+from beamchain.report.page import Block, Lines, Picture, Pictures, Section, Table, Text, begun, inline
 from beamchain.report.plots import percent, short
 from beamchain.report.record import mass_record
 from beamchain.report.shapes import shapes_svg
@@ -62,10 +62,6 @@ def left_out_blocks(items: Sequence[Mapping[str, Any]]) -> list[Block]:
     rows = [[str(i["what"]), str(i["why"]), percent(float(i["cost"])) if i["cost"] else "nothing"] for i in items]
     note = "Cost: relative change of the hub's motion within the band that leaving it out alone makes."
     return [Table(rows, ["left out", "why", "cost"], note=note, words=True)]
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def rival_errors(fit: "Fit") -> RivalErrors:
@@ -148,7 +144,7 @@ def all_sections(
     if shapes := shape_blocks(fit):
         out.insert(3, Section("Shapes of the modes kept", shapes))
     if fit.warnings:
-        out.append(Section("Before you use it", [Lines([_sentence(text) for text in fit.warnings])]))
+        out.append(Section("Before you use it", [Lines([begun(text, {fit.spec.name}) for text in fit.warnings])]))
     if left_out:
         out.append(Section("Left out", left_out_blocks(left_out)))
     out += [Section("How it went", _history(fit)), Section("To reproduce", _reproduce(fit))]

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, inline, page_text, versions
+from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, begun, inline, page_text, versions
 from beamchain.report.plots import percent, short, to_svg
 from beamchain.report.sections import Verdict, step_words
 from beamchain.report.spec_text import spec_toml
@@ -30,8 +30,9 @@ def stability_report(study: "StabilityStudy", source: Path, record: Mapping[str,
     """
     budgets = study.budgets
     parts = [Section("What was asked", [_asked(study, source)])]
+    own = {budget.name.split()[0] for budget in budgets if budget.name}
     if study.warnings:
-        parts.append(Section("Before you use it", [Lines([t[:1].upper() + t[1:] for t in study.warnings])]))
+        parts.append(Section("Before you use it", [Lines([begun(t, own) for t in study.warnings])]))
     parts.append(
         Section("Largest stable step", [_limits(study), *(_steps(study, b, i) for i, b in enumerate(budgets))])
     )

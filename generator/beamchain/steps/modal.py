@@ -113,7 +113,7 @@ def modal_tendons(model: "mujoco.MjModel") -> Modal:
     return Modal(
         np.array(index, dtype=np.intp),
         tuple(names),
-        locked(np.array(rows).reshape(-1, model.nv)),
+        locked(np.array(rows).reshape(len(rows), model.nv)),
         locked(np.array([float(model.tendon_stiffness[i]) for i in index])),
         locked(damping),
         tuple(made_for),

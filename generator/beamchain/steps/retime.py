@@ -209,7 +209,9 @@ def _coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> 
     mass = mass_matrix(model, qpos)
     for i, name in enumerate(modal.names):
         span = np.flatnonzero(modal.rows[i])
-        own = float(modal.rows[i, span] @ np.linalg.solve(mass[np.ix_(span, span)], modal.rows[i, span]))
+        own = float(
+            modal.rows[i, span] @ np.linalg.solve(mass[np.ix_(span.tolist(), span.tolist())], modal.rows[i, span])
+        )
         if abs(own - 1.0) > UNIT_MASS:
             raise InputError(
                 f"tendon {name!r} has the name of a modal tendon, but the mass {1.0 / own:.6g} of its mode is not 1; rename "
@@ -377,7 +379,7 @@ def _form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: 
         turn = np.zeros((n, n))
         stiffness, damping, armature = np.zeros(n), np.zeros(n), np.zeros(n)
         for group in groups:
-            g = np.ix_(group, group)
+            g = np.ix_(group.tolist(), group.tolist())
             if len(groups) == 1:
                 rows, scale = a.T, w**2
                 stiff, drag, extra = w**2, t.damping, t.mass - 1.0
@@ -392,8 +394,8 @@ def _form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: 
                 extra = scale * np.einsum("ji,jk,ki->i", v, mu[g], v)
             order = np.argsort(scale)  # ascending, laid on the tendons by ascending frequency
             place = group[np.argsort(modal.stiffness[group])]
-            signs = np.sign(np.einsum("ij,ji->i", rows[order], flexible[np.ix_(group, place)]))
-            turn[np.ix_(place, group)] = rows[order] * np.where(signs == 0.0, 1.0, signs)[:, None]
+            signs = np.sign(np.einsum("ij,ji->i", rows[order], flexible[np.ix_(group.tolist(), place.tolist())]))
+            turn[np.ix_(place.tolist(), group.tolist())] = rows[order] * np.where(signs == 0.0, 1.0, signs)[:, None]
             stiffness[place], damping[place] = stiff[order], np.maximum(drag[order], 0.0)
             armature[place] = np.maximum(extra[order], 0.0)
         back = turn.T
@@ -449,8 +451,8 @@ def _take_out(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> None
 def _held_modes(model: "mujoco.MjModel", modal: Modal, group: "NDArray[np.intp]", mass: Array) -> None:
     """Coefficients of the held appendage's modes, worked out from its springs and masses."""
     span = np.flatnonzero(modal.rows[group[0]])
-    rows = modal.rows[np.ix_(group, span)]
-    flexible = rows @ np.linalg.solve(mass[np.ix_(span, span)], rows.T)  # B Q^-1 B^T
+    rows = modal.rows[np.ix_(group.tolist(), span.tolist())]
+    flexible = rows @ np.linalg.solve(mass[np.ix_(span.tolist(), span.tolist())], rows.T)  # B Q^-1 B^T
     root = np.linalg.cholesky((flexible + flexible.T) / 2.0)
     stiffness, u = np.linalg.eigh(root.T @ (modal.stiffness[group][:, None] * root))
     new: Array = np.asarray(u.T @ np.linalg.solve(root, rows), dtype=np.float64)  # unit masses, then along the modes
@@ -461,7 +463,7 @@ def _held_modes(model: "mujoco.MjModel", modal: Modal, group: "NDArray[np.intp]"
             f"tendons of {modal.names[group[0]]!r} no longer have the modes they had before form 3 was applied: stiffness, "
             "masses or joints were changed since; compile the model again."
         )
-    metric = np.linalg.solve(mass[np.ix_(span, span)], rows.T)
+    metric = np.linalg.solve(mass[np.ix_(span.tolist(), span.tolist())], rows.T)
     for j, i in enumerate(group):
         row = new[order[j]]
         _coefficients(model, int(modal.index[i]), span, row if row @ metric[:, j] >= 0.0 else -row)

@@ -94,9 +94,13 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
                 )
             check_carried("lump", lump.mass, lump.inertia, own, length)
 
-    @cached_property
+    @property
     def length(self) -> float:
         """Root to tip [m]."""
+        return self._length
+
+    @cached_property
+    def _length(self) -> float:
         return sum(segment.length for segment in self.segments)
 
     @property

@@ -227,8 +227,8 @@ def assemble(
             march.rotation[columns] += half * 2.0 * scale[0]
             march.displacement = displacement
         stop(piece.start + piece.length)
-    places = np.vstack(march.places).T
+    x, moved, turned = np.vstack(march.places).T
     return port_from_rows(
         np.vstack(march.rigid), np.vstack(march.elastic), np.vstack([march.here(), *march.stations]),
-        lambda values: Shapes(*places, values, bending),
+        lambda values: Shapes(x, moved, turned, values, bending),
     )  # fmt: skip

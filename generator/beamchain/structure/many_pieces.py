@@ -93,7 +93,7 @@ class ManyPieces:
         strain, shear, angles = self._split(y)
         half = self.half
         jump = np.zeros((y.shape[0], self.count + 1))
-        np.add.at(jump, (slice(None), self.hinge_nodes), angles * self.jumps)
+        np.add.at(jump.T, self.hinge_nodes, (angles * self.jumps).T)
         before = np.zeros_like(jump)  # turn at each node, its own hinge not in it yet
         before[:, 1:] = np.cumsum(jump[:, :-1] + 2.0 * half * strain[:, :, 0], axis=1)
         start = (before + jump)[:, :-1]
@@ -118,7 +118,7 @@ class ManyPieces:
         shape, half = (b, *self.turn.shape), self.half
         turn = rows[:, :points].reshape(shape) * self.turn
         moment = np.zeros((b, self.count + 1))  # on each node, before its hinge
-        np.add.at(moment, (slice(None), self.body_nodes), rows[:, points : points + bodies] * self.body_turn)
+        np.add.at(moment.T, self.body_nodes, (rows[:, points : points + bodies] * self.body_turn).T)
         moment[:, -1] += tip[:, -1]
         strain = half[:, None] * (turn @ self.once)
         start = np.sum(turn, axis=2)
@@ -126,7 +126,7 @@ class ManyPieces:
         if self.bending:
             move = rows[:, points + bodies : 2 * points + bodies].reshape(shape) * self.move
             force = np.zeros((b, self.count + 1))
-            np.add.at(force, (slice(None), self.body_nodes), rows[:, 2 * points + bodies :] * self.body_move)
+            np.add.at(force.T, self.body_nodes, (rows[:, 2 * points + bodies :] * self.body_move).T)
             force[:, :-1] += np.sum(move, axis=2)
             force[:, -1] += tip[:, 0]
             beyond = _beyond(force)
@@ -192,7 +192,9 @@ def assemble(
             moved, end = line.rows(block)
             space, motions, ends = np.vstack([space, block]), np.vstack([motions, moved]), np.vstack([ends, end])
             block = line.loads(moved, np.zeros_like(end))
-        r = np.linalg.qr(np.vstack([motions, rigid]).T, mode="r")  # what the rows weigh, in as few rows as columns
+        r: Array = np.linalg.qr(
+            np.vstack([motions, rigid]).T, mode="r"
+        )  # what the rows weigh, in as few rows as columns
         model = port_from_rows(r[:, len(motions) :], r[:, : len(motions)], ends.T)
         now = model.frequencies[:wanted], model.free_frequencies[:wanted]
         if not block.size or (before is not None and _still(before, now) and model.modes > 2 * wanted):

@@ -28,6 +28,7 @@ _NUMBER = r"[+-]?(?:\d+\.\d*|\.\d+|\d+)(?:[EeDd][+-]?\d+|[+-]\d+)?"
 _REAL = re.compile(_NUMBER + r"|\S+")
 _ROW = re.compile(r"^\s*(\d+)\s+(\S.*)$")
 _MATRIX = re.compile(r"^[0 ]?\s*\*(.*)\*\s*$")
+_SUPERELEMENT = re.compile(r"\bSUPERELEMENT\s+[1-9]\d*\b")
 _SUBCASE = re.compile(r"\bSUBCASE\s+(\d+)\s*$")
 _PAGE = re.compile(r"\bPAGE\s+\d+\s*$")
 _DATE = re.compile(r"\b(19|20)\d\d\b.*NASTRAN")
@@ -57,6 +58,7 @@ class _Case:
     matrices: dict[str, list[list[float]]] = field(default_factory=dict)
     points: dict[str, str] = field(default_factory=dict)
     fractions: bool = False
+    superelements: bool = False
 
 
 def read(path: Path, subcase: int | None = None) -> ModalData:
@@ -96,6 +98,11 @@ def _scan(path: Path) -> tuple[dict[int, _Case], _Case]:
     shared = _Case()
     current, table = 0, ""
     for number, line in enumerate(lines(path), 1):
+        if _SUPERELEMENT.search(line):
+            shared.superelements = True
+            line = _SUPERELEMENT.sub("", line)
+            if not line.strip("0 \t"):
+                continue
         if _PAGE.search(line) or _DATE.search(line):
             continue
         found = _SUBCASE.search(line)
@@ -144,10 +151,15 @@ def _scan(path: Path) -> tuple[dict[int, _Case], _Case]:
             if mode in rows and max(abs(a - b) for a, b in zip(rows[mode], values, strict=True)) > 1e-6 * max(
                 map(abs, values)
             ):
-                raise InputError(
+                where = (
                     f"file {str(path)!r}, line {number}: mode {mode} stands twice in the {table} table with different "
-                    "numbers; print one run only."
                 )
+                if shared.superelements:
+                    raise InputError(
+                        f"{where}numbers, because the print holds superelements, each with modes of its own; run the "
+                        "model without them (no SESET, BEGIN SUPER), or give its assembled modes in a .toml file."
+                    )
+                raise InputError(f"{where}numbers; print one run only.")
             rows[mode] = values
     return cases, shared
 
