@@ -63,8 +63,26 @@ def test_beam_and_spec_and_modes_as_table_are_the_same():
     assert one.to_mjcf() == two.to_mjcf() == three.to_mjcf()
 
 
-def test_two_modes_in_xy_where_nothing_is_said():
-    assert {port: model.modes for port, model in bc.fit(tube()).target.items()} == {"xy": 2}
+def test_two_modes_in_both_planes_where_nothing_is_said():
+    assert {port: model.modes for port, model in bc.fit(tube()).target.items()} == {"xy": 2, "xz": 2}
+
+
+def test_a_plane_left_out_without_a_word_is_a_warning():
+    assert any(text.startswith("xz is rigid") for text in bc.fit(tube(), modes={"xy": 2}).warnings)
+    assert not any("xz" in text for text in bc.fit(tube(), modes={"xy": 2, "xz": 0}).warnings)
+
+
+def test_the_model_s_error_comes_before_the_readback():
+    result = bc.fit(tube(), modes={"xy": 2, "xz": 0})
+    assert result.in_band_error == result.error["xy"].accelerance_in_band
+    assert result.readback_error["xy"].frequency < 1e-9 < result.in_band_error
+    lines = repr(result).splitlines()
+    assert "in-band error" in lines[1]
+    assert "tip motion off by" in lines[1]
+    entry = result.as_dict()["ports"]["xy"]
+    assert entry["error"]["in_band"] == result.in_band_error
+    assert entry["error"]["band"] == result.bandwidth["xy"]
+    assert set(entry["readback"]) == {"frequency", "participation"}
 
 
 def test_unknown_port_is_named():
@@ -235,7 +253,7 @@ def test_json_holds_what_the_contract_says(make, tmp_path):
             assert size == count if side == "target" or make is tube else size >= count  # a filler per further hinge
             assert np.array(entry[side]["participation"]).shape == (size, motions)
             assert len(entry[side]["free_frequencies"]) == size
-        assert set(entry["error"]) == {"frequency", "participation", "accelerance_in_band"}
+        assert set(entry["error"]) == {"frequency", "participation", "accelerance_in_band", "in_band", "band"}
         assert entry["achieved"]["damping"][:count] == close([0.01] * count, rel=1e-6)
         assert entry["achieved"]["frequencies"][:count] == close(entry["target"]["frequencies"], rel=1e-9)
     links, hinges = record["chain"]["links"], record["chain"]["hinges"]

@@ -207,15 +207,16 @@ def _told(difference: Difference) -> str:
     return f"{difference.field} of {difference.element} is {difference.found!r} instead of {difference.wanted!r}"
 
 
-def carried(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[Carried]:
-    """The appendages as the beams they are, for the exact assembly."""
+def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> list[Carried]:
+    """The appendages as the beams they are, for the exact assembly; without a model their freedoms are left out."""
     out: list[Carried] = []
     for a in appendages:
         whole, kept, band = _imported(a) if a.fit.space is not None else _beam(a)
         if not band:  # a rigid body: as far as the scene looks
             scene = a.fit.spec.scene
             band = {"rigid": scene.bandwidth if scene and scene.bandwidth else float(whole.frequencies[0])}
-        out.append(Carried(a.mount, whole, kept, appended(model, names([a]))["dof"], band))
+        dofs = [] if model is None else appended(model, names([a]))["dof"]
+        out.append(Carried(a.mount, whole, kept, dofs, band))
     return out
 
 
@@ -226,7 +227,9 @@ def _beam(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]
     ports: dict[str, PortModel] = {}
     for port in PORTS:
         try:
-            ports[port] = spec.with_ratios(port, spec.beam.port(port, 2 * counts.get(port, 0) + EXTRA_MODES))
+            own = spec.beam.port(port, 2 * counts.get(port, 0) + EXTRA_MODES)
+            known = a.fit.full.get(port)
+            ports[port] = spec.with_ratios(port, known if known is not None and known.modes > own.modes else own)
         except InputError:
             continue  # rigid there
     band = {port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes}

@@ -23,7 +23,11 @@ def fit_warnings(
     spec: Spec, measured: Measured, achieved: Mapping[str, PortModel], chain: Chain, limits: StepLimits
 ) -> tuple[str, ...]:
     """What to know before the file is used."""
-    out: list[str] = []
+    out = [
+        f"{port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, {port} = 0 says that "
+        "it shall be rigid"
+        for port in spec.unsaid
+    ]
     modes = [(t, port) for port, model in achieved.items() for t in chain.tendons
              if t.is_mode and t.damping > 0.0 and t.label.endswith(f"_{port}") and model.modes]  # fmt: skip
     euler_runs = spec.scene is None or spec.scene.integrator == "Euler"  # a scene that says another is heard

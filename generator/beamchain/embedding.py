@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import numpy as np
@@ -24,13 +24,17 @@ from beamchain.appendage import (
     rigid_mass,
 )
 from beamchain.assess.assembly import Assembly, prove
+from beamchain.assess.craft_error import CraftError, craft_error, craft_poses
+from beamchain.assess.needs import AXES
 from beamchain.assess.doubtful import doubtful
 from beamchain.assess.spoilers import check_flags
 from beamchain.checks import one_of
+from beamchain.checks import whole as checked_int
 from beamchain.craft_time import on_tendons, timed, without_time, worth_it
 from beamchain.engine import mount as mounting
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
+from beamchain.engine.threads import one_thread
 from beamchain.engine.unchanged import appended
 from beamchain.errors import EngineError, InputError
 from beamchain.files import write_files
@@ -39,11 +43,13 @@ from beamchain.mjcf import check, marks, write
 from beamchain.mjcf import embed as document
 from beamchain.mjcf.craft import Craft, bare, craft_from_text, read_craft, relocate
 from beamchain.mjcf.place import find_target, split
+from beamchain.promise import MOST_MODES, asked, keep_promise, kept_band, with_counts
 from beamchain.result import Fit
-from beamchain.spec import Root, Spec, read_spec, spec_from_dict
+from beamchain.spec import Root, Spec, Target, read_spec, spec_from_dict
 from beamchain.structure.beam import Beam
 from beamchain.workflow import as_spec, fit
 
+SAME_HUB = 1e-12  # relative: hubs that are one
 RIGID = 1e-6  # relative: a hub that differs from a rigid body by more has loose joints
 
 
@@ -58,6 +64,7 @@ class Embedded:
         warnings: what would spoil the motion, and what was decided on the way.
         document: the bare spacecraft's document; None for an `MjSpec`.
         form: "inline" or "attach".
+        steps: modes that were added for the craft's promise, a line each.
     """
 
     appendages: tuple[Appendage, ...]
@@ -66,6 +73,7 @@ class Embedded:
     warnings: tuple[str, ...]
     document: Craft | None = None
     form: str = "inline"
+    steps: tuple[str, ...] = ()
     _layout: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -82,6 +90,51 @@ class Embedded:
     def assembly(self) -> Assembly:
         """Coupled modes and hub accelerance against the exact assembly."""
         return prove(self.craft, self.untimed, carried(self.model, self.appendages))
+
+    @cached_property
+    def promise(self) -> CraftError:
+        """The coupled spacecraft against exact appendages, pose by pose: up to the largest band that a scene asks for.
+
+        Without a scene's band: all motions, up to where every appendage keeps every mode of its ports.
+        """
+        want, exact = asked([a.spec for a in self.appendages]), carried(self.model, self.appendages)
+        found = craft_poses(self.craft, exact, want.band or kept_band(self.appendages), want.motions)
+        return craft_error(self.craft, self.untimed, exact, found)
+
+    @property
+    def craft_error(self) -> float:
+        """In-band error of the base body's motion, worst of all poses."""
+        return self.promise.error
+
+    @property
+    def band(self) -> float:
+        """Upper end of the craft's error [rad/s]."""
+        return self.promise.band
+
+    @property
+    def tolerance(self) -> float | None:
+        """The smallest that a scene with a band asks for; None without one."""
+        return asked([a.spec for a in self.appendages]).tolerance
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the craft's error stays within the tolerance; None without one."""
+        return None if self.tolerance is None else self.craft_error <= self.tolerance
+
+    @property
+    def headline(self) -> str:
+        """The craft's promise in a sentence."""
+        found, tolerance = self.promise, self.tolerance
+        names = [name for name, i in AXES.items() if i in found.motions]
+        said = (
+            f"motion of {found.body} ({', '.join(names)}) up to {found.band:.4g} rad/s, all appendages together: off by "
+            f"at most {found.error:.2e}"
+        )
+        if len(found.poses) > 1:
+            said += f" (worst of {len(found.poses)} poses: {max(found.poses, key=lambda k: found.poses[k])})"
+        if tolerance is None:
+            return f"{said}; no tolerance is asked for."
+        return f"{said}, {'within' if self.met else 'above'} the tolerance {tolerance:g}."
 
     @cached_property
     def untimed(self) -> "mujoco.MjModel":
@@ -151,6 +204,7 @@ def embed(
     form: str = "inline",
     prefixes: Sequence[str] | None = None,
     retime: bool | None = None,
+    max_modes: int = MOST_MODES,
 ) -> Embedded:
     """Put appendages into a spacecraft and prove the assembled model.
 
@@ -159,12 +213,13 @@ def embed(
     Args:
         craft: path or text of an MJCF file, or an `MjSpec`, which is then changed in place.
         at: by name of a site or body of the spacecraft (x of its frame outwards): a spec, the path of a SPEC.toml, a
-            beam, or a fit, whose spec is then fitted anew to the hub it meets. Where a site and a body
-            share a name: `site:NAME`, `body:NAME`.
+            beam, or a fit, which is used as it is where its hub is the one it meets, else fitted anew. Where a site
+            and a body share a name: `site:NAME`, `body:NAME`.
         form: "inline": one self-contained file; "attach": appendage files beside it, brought in by `<attach>`.
         prefixes: one per entry of `at`, instead of `NAME_` of the appendage.
         retime: make the appendages exact in time for the spacecraft's own step and integrator, or do not; where left
             out, they are where the step's error would exceed a tenth of the scenes' tolerance (1e-4 without one).
+        max_modes: of an appendage, up to which modes are added where the whole craft misses the scenes' tolerance.
 
     Raises:
         InputError: no such place, a frame that is none, a static body, clashing names, switches that would spoil it.
@@ -184,8 +239,11 @@ def embed(
             f"{len(given)} prefixes are given for {len(at)} appendages; give one --prefix per --at, or none."
         )
     wanted: dict[str, tuple[Spec, str]] = {}
+    ready: dict[str, Fit] = {}
+    most = checked_int("max_modes", max_modes, 0, 1000)
     for i, (name, spec) in enumerate(at.items()):
         if isinstance(spec, Fit):
+            ready[name] = spec
             spec = spec.spec
         spec = read_spec(spec) if isinstance(spec, str | Path) else as_spec(spec)
         prefix = given[i] if given else f"{spec.name}_"
@@ -194,9 +252,9 @@ def embed(
             spec = msgspec.structs.replace(spec, imported=spec.imported.beside(Path.cwd()))
         wanted[name] = (spec, prefix)
     if isinstance(craft, mujoco.MjSpec):
-        return _embed_in_spec(craft, wanted, retime)
+        return _embed_in_spec(craft, wanted, retime, most, ready)
     original, before, _ = _read(craft)
-    return _embed_in_document(original, before | wanted, form, retime)
+    return _embed_in_document(original, before | wanted, form, retime, most, ready)
 
 
 def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
@@ -242,7 +300,12 @@ def _spec_of_mark(spec: Mapping[str, Any], at: str) -> Spec:
 
 # -- into a document -------------------------------------------------------------------------------------------------
 def _embed_in_document(
-    original: Craft, wanted: dict[str, tuple[Spec, str]], form: str, retime: bool | None = None
+    original: Craft,
+    wanted: dict[str, tuple[Spec, str]],
+    form: str,
+    retime: bool | None = None,
+    most: int = MOST_MODES,
+    ready: Mapping[str, Fit] | None = None,
 ) -> Embedded:
     # an empty body at every place: a hub whose frame MuJoCo would move while it carries nothing stays where it is
     probe = relocate(original, None)
@@ -251,7 +314,7 @@ def _embed_in_document(
         etree.SubElement(target.body, "body", name=f"{PROBE}{i}")
     craft = compile_model(probe.to_bytes().decode("utf-8"))
     mounts = {name: mounting.mount(craft, name, t.kind, t.name) for name, t in targets.items()}
-    appendages, warnings = _fit_all(craft, mounts, wanted)
+    appendages, warnings, steps = _fit_all(craft, mounts, wanted, most, ready)
     warnings += moved_by_load(compile_model(relocate(original, None).to_bytes().decode("utf-8")), craft)
     check_flags(craft)
     check_names(craft, appendages)
@@ -270,7 +333,7 @@ def _embed_in_document(
     if good:
         appendages = tuple(replace(a, timed=final) for a in appendages)
     model = final
-    return Embedded(appendages, craft, model, tuple(warnings), original, form, layout)
+    return Embedded(appendages, craft, model, tuple(warnings), original, form, steps, layout)
 
 
 def _compiled(original: Craft, appendages: Sequence[Appendage], form: str, layout: dict[str, Any]) -> "mujoco.MjModel":
@@ -336,7 +399,13 @@ def _layout(original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjM
 
 
 # -- into an MjSpec --------------------------------------------------------------------------------------------------
-def _embed_in_spec(spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]], retime: bool | None = None) -> Embedded:
+def _embed_in_spec(
+    spec: "mujoco.MjSpec",
+    wanted: dict[str, tuple[Spec, str]],
+    retime: bool | None,
+    most: int,
+    ready: Mapping[str, Fit],
+) -> Embedded:
     places: dict[str, tuple[str, str]] = {}
     probe = spec.copy()
     for at in wanted:
@@ -355,7 +424,7 @@ def _embed_in_spec(spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]], r
     except ValueError as error:
         raise EngineError(f"MuJoCo refuses the spacecraft: {error}") from None
     mounts = {at: mounting.mount(craft, at, kind, name) for at, (kind, name) in places.items()}
-    appendages, warnings = _fit_all(craft, mounts, wanted)
+    appendages, warnings, steps = _fit_all(craft, mounts, wanted, most, ready)
     warnings += moved_by_load(plain, craft)
     check_flags(craft)
     check_names(craft, appendages)
@@ -379,7 +448,7 @@ def _embed_in_spec(spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]], r
     if good:
         appendages = tuple(replace(a, timed=final) for a in appendages)
     attached(spec)  # the user's spec is touched only after a copy has proved itself
-    return Embedded(appendages, craft, spec.copy().compile(), tuple(warnings))
+    return Embedded(appendages, craft, spec.copy().compile(), tuple(warnings), steps=steps)
 
 
 def _owner(spec: "mujoco.MjSpec", kind: str, name: str) -> Any:
@@ -389,13 +458,19 @@ def _owner(spec: "mujoco.MjSpec", kind: str, name: str) -> Any:
 
 # -- both ------------------------------------------------------------------------------------------------------------
 def _fit_all(
-    model: "mujoco.MjModel", mounts: dict[str, mounting.Mount], wanted: dict[str, tuple[Spec, str]]
-) -> tuple[tuple[Appendage, ...], list[str]]:
+    model: "mujoco.MjModel",
+    mounts: dict[str, mounting.Mount],
+    wanted: dict[str, tuple[Spec, str]],
+    most: int,
+    ready: Mapping[str, Fit] | None = None,
+) -> tuple[tuple[Appendage, ...], list[str], tuple[str, ...]]:
+    """Every appendage fitted to the hub it meets, with the modes that the craft's promise needs; notes; steps taken."""
     rigid = {name: rigid_mass(spec) for name, (spec, _) in wanted.items()}
     places = list(mounts.values())
     behind, felt = mounting.rigid_hubs(model, places, rigid), mounting.apparent_hubs(model, places, rigid)
     out: list[Appendage] = []
     warnings: list[str] = []
+    fits = _Fits()
     for name, (spec, prefix) in wanted.items():
         place, hub = mounts[name], Hub.from_mass_matrix(behind[name])
         size = np.sqrt(np.diag(behind[name]))
@@ -414,6 +489,12 @@ def _fit_all(
                 f"{name}: the spacecraft's joints hold port {', '.join(held)}, wholly or in part; what they hold counts "
                 "as infinitely heavy."
             )
+        warnings += [
+            f"{name}: {port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, "
+            f"{port} = 0 says that it shall be rigid."
+            for port in spec.unsaid
+            if not place.held([port])
+        ]
         given = spec.root.hub
         if given is not None and not np.allclose(
             given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=1e-9 * hub.mass
@@ -422,17 +503,49 @@ def _fit_all(
                 f"{name}: the hub of the spec ({_words(given)}) is not what the spacecraft has behind the root "
                 f"({_words(hub)}), which was used instead."
             )
-        result = fit(spec, root=Root(target=spec.root.target, hub=hub))
-        if not result.status.ok:
-            warnings.append(f"{name}: {result.status.message}")
-        if (
-            spec.damping is not None and spec.damping.form == "hinge"
-        ):  # tendons are judged by the craft's own integrator
-            warnings += [f"{name}: {warning}" for warning in result.cautions]
-        else:
-            warnings += [f"{name}: {warning}" for warning in doubtful(spec.segment, spec.damping, result.target)]
+        result = (ready or {}).get(name)
+        if result is None or result.spec != spec or not _same_hub(result, hub):
+            result = fits(spec, Root(target=spec.root.target, hub=hub))
         out.append(Appendage(name, prefix, place, hub, spec, result))
-    return tuple(out), warnings
+
+    def again(a: Appendage, counts: dict[str, int]) -> Fit:
+        return fits(with_counts(a.spec, counts), Root(target=cast("Target", a.fit.kept_for), hub=a.hub))
+
+    with one_thread():
+        appendages, steps = keep_promise(model, tuple(out), most, again)
+    for a in appendages:
+        if not a.fit.status.ok:
+            warnings.append(f"{a.at}: {a.fit.status.message}")
+        if a.spec.damping is not None and a.spec.damping.form == "hinge":
+            # tendons are judged by the craft's own integrator
+            warnings += [f"{a.at}: {warning}" for warning in a.fit.cautions]
+        else:
+            warnings += [f"{a.at}: {warning}" for warning in doubtful(a.spec.segment, a.spec.damping, a.fit.target)]
+    return appendages, warnings, steps
+
+
+class _Fits:
+    """Fits that were made already: equal appendages on equal hubs are fitted once."""
+
+    def __init__(self) -> None:
+        self._made: list[tuple[Spec, Root, Fit]] = []
+
+    def __call__(self, spec: Spec, root: Root) -> Fit:
+        for known, at, made in self._made:
+            if known == spec and at.target == root.target and root.hub is not None and _same_hub(made, root.hub):
+                return made
+        made = fit(spec, root=root)
+        self._made.append((spec, root, made))
+        return made
+
+
+def _same_hub(made: Fit, hub: Hub) -> bool:
+    """Whether a fit was made for this hub."""
+    known, here = made.hub_mass, hub.mass_matrix()
+    if known is None:
+        return False
+    size = np.sqrt(np.diag(here))
+    return float(np.max(np.abs(known - here) / np.outer(size, size))) <= SAME_HUB
 
 
 def _words(hub: Hub) -> str:

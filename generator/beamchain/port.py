@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 NORMAL = 1e-7  # part of an attachment mode outside the normal modes below which it is one of them
 RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass than this is none, and its mode lies at infinity
+LOADED = 8  # models with different hubs that are kept
 SINGULAR = 1e-15  # of a motion not in the others already: below, it is rounding
 DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
 
@@ -210,6 +211,12 @@ class PortModel:
         return self._free[0]
 
     @property
+    def free_damping(self) -> Array:
+        """`(n,)` damping ratios of the free modes, where damping does not couple them."""
+        frequencies, _, shares, _ = self._free
+        return np.asarray(frequencies * ((self.damping / self.frequencies) @ shares**2), dtype=np.float64)
+
+    @property
     def free_port_values(self) -> Array:
         """`(n, m)` port motion in each mass-normalised free mode."""
         return self._free[1]
@@ -309,7 +316,17 @@ class PortModel:
         hub = np.asarray(hub_mass, dtype=np.float64)
         if hub.shape != self.rigid_mass.shape:
             raise InputError(f"hub_mass has shape {hub.shape}, but the port needs {self.rigid_mass.shape}.")
-        return self.replaced(rigid_mass=self.rigid_mass + hub)
+        key = hub.tobytes()
+        if key not in self._loaded:
+            if len(self._loaded) >= LOADED:
+                self._loaded.clear()
+            self._loaded[key] = self.replaced(rigid_mass=self.rigid_mass + hub)
+        return self._loaded[key]
+
+    @cached_property
+    def _loaded(self) -> "dict[bytes, PortModel]":
+        """Models with a hub that were made already: their modes are dear."""
+        return {}
 
     def truncated(self, modes: int) -> "PortModel":
         """Only the first `modes` cantilever modes; the rigid mass stays."""

@@ -38,6 +38,8 @@ from beamchain.structure.modal_data import ModalData
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+TIP_TOLD = 0.01  # error of the tip's motion that is told beside the model's
+
 
 @dataclass(frozen=True, eq=False)
 class InSpace:
@@ -150,6 +152,43 @@ class Fit:
     def hub_mass(self) -> Array | None:
         """`(6, 6)` mass matrix of the spec's hub about the root; None without one."""
         return None if self.spec.root.hub is None else self.spec.root.hub.mass_matrix()
+
+    @property
+    def readback_error(self) -> dict[str, Comparison]:
+        """Per port, MuJoCo against the reduced target it was made for: how exact the file is, not how good the model."""
+        return self.error
+
+    @property
+    def worst_port(self) -> str | None:
+        """The port with the largest in-band error; None where the appendage is rigid."""
+        return max(self.error, key=lambda port: self.error[port].accelerance_in_band or 0.0, default=None)
+
+    @property
+    def in_band_error(self) -> float | None:
+        """The model's error: in band against the whole appendage, the worst port; a rigid one's where a scene asks."""
+        port = self.worst_port
+        return self.promise if port is None else self.error[port].accelerance_in_band
+
+    @property
+    def headline(self) -> str:
+        """The model's error in a sentence, and the tip's where that is above 1 %."""
+        port, error = self.worst_port, self.in_band_error
+        if error is None:
+            return "rigid: no in-band error is known without scene.bandwidth"
+        if port is None:
+            band = self.spec.scene.bandwidth if self.spec.scene else None
+            said = f"in-band error {error:.2e}" + ("" if band is None else f" up to {band:.4g} rad/s, rigid")
+        else:
+            said = f"in-band error {error:.2e} up to {self.bandwidth[port]:.4g} rad/s ({port}"
+            said += f", worst of {len(self.error)} ports)" if len(self.error) > 1 else ")"
+        off = {(p, k + 1): float(e) for p, errors in self.tip_error.items() for k, e in enumerate(errors)}
+        worst = max(off, key=lambda k: abs(off[k]), default=None)
+        if worst is not None and abs(off[worst]) > TIP_TOLD:
+            said += (
+                f"; tip motion off by {off[worst]:+.1%} in mode {worst[1]} of {worst[0]}: where the tip matters keep more "
+                "modes, or give it a [[port]]"
+            )
+        return said
 
     @property
     def tip_error(self) -> dict[str, Array]:

@@ -25,6 +25,7 @@ from beamchain.tables import LARGEST_TOML, tables
 from beamchain.uncertain import Uncertain
 
 MOST_MODES = 20
+RECIPES = ("classical", "midpoint", "naive", "seed")  # of one bending plane
 DEFAULT_STEP = 0.01  # of scene.xml and of the bench, where none is stated [s]
 
 Target = Literal["clamped", "free", "hub", "auto"]
@@ -421,7 +422,17 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """Modes kept per port, where the scene does not decide; empty: all that were imported."""
         if self.imported is not None and self.modes is None:
             return {}
-        return (self.modes or Modes(xy=2)).counts()
+        default = Modes(xy=2) if self.fit.method in RECIPES else Modes(xy=2, xz=2)
+        return (self.modes or default).counts()
+
+    @property
+    def unsaid(self) -> tuple[str, ...]:
+        """The plane that is rigid only because [modes] names the other one alone; `xz = 0` says that it shall be."""
+        if self.modes is None or self.chooses or self.imported is not None or self.fit.method in RECIPES:
+            return ()
+        given = self.modes.given()
+        planes = [port for port in ("xy", "xz") if given.get(port)]
+        return tuple(port for port in ("xy", "xz") if port not in given) if planes else ()
 
 
 def read_spec(path: str | Path) -> Spec:

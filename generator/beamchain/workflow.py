@@ -28,6 +28,7 @@ from beamchain.chain.polar import raised
 from beamchain.chain.rods import Payload
 from beamchain.chain.tendons import damped_modes
 from beamchain.engine.bench import measure, root_body
+from beamchain.engine.threads import one_thread
 from beamchain.errors import InputError, RealisationError
 from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.motion import PORTS, Array
@@ -58,7 +59,7 @@ def fit(
     Args:
         appendage: a beam, imported modes, or a whole spec (what is given beside it replaces what the spec says).
         name: prefix of bodies, joints and sites.
-        modes: flexible modes per port, `{"xy": 2}` where nothing is said.
+        modes: flexible modes per port; two in both planes where nothing is said.
         root: target and hub.
         damping: ratios of the cantilever modes.
         options: method and its settings.
@@ -101,15 +102,16 @@ def fit(
     changes = {key: value for key, value in given.items() if value is not None}
     if changes:
         spec = Spec(**{field: changes.get(field, getattr(spec, field)) for field in Spec.__struct_fields__})
-    if spec.imported is not None:
-        from beamchain.importing import fit_imported  # which returns a Fit
+    with one_thread():
+        if spec.imported is not None:
+            from beamchain.importing import fit_imported  # which returns a Fit
 
-        return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
-    try:
-        return _fit(spec)
-    except RealisationError as error:
-        asked = " ".join(doubtful(spec.segment))
-        raise RealisationError(f"{asked} As it is: {error}") from None if asked else error
+            return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
+        try:
+            return _fit(spec)
+        except RealisationError as error:
+            asked = " ".join(doubtful(spec.segment))
+            raise RealisationError(f"{asked} As it is: {error}") from None if asked else error
 
 
 def as_spec(appendage: Beam | Spec | ModalData) -> Spec:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from beamchain.assess.error import DEFAULT_RATIO, damped
+from beamchain.assess.error import DEFAULT_RATIO, damped, relative
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import linearise
 from beamchain.engine.mount import Mount, full_mass, rest
@@ -175,8 +175,8 @@ def prove(craft: "mujoco.MjModel", model: "mujoco.MjModel", carried: Sequence[Ca
     scale = np.sqrt(np.diag(np.linalg.inv(rigid))) if full else 1.0 / np.sqrt(np.diag(rigid))
     weight = np.outer(scale, scale)
     inside = omega <= common
-    off, size = (np.linalg.norm(np.moveaxis(h, -1, 0) * weight, 2, axis=(1, 2)) for h in (ha - hb, hb))
-    error = off / max(float(size[inside].max()), float(np.linalg.norm(rigid * weight, 2)))
+    got, true = (np.moveaxis(h, -1, 0) * weight for h in (ha, hb))
+    error = relative(got, true, float(np.linalg.norm(rigid * weight, 2)))
     return Assembly(modes, band, common, omega, hb, ha, motions, error, float(error[inside].max()), name)
 
 
@@ -196,7 +196,7 @@ def _matrices(model: "mujoco.MjModel") -> tuple[Array, Array, Array]:
     return mass, mass @ linear.damping, (stiffness + stiffness.T) / 2.0
 
 
-def _craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
+def craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
     """The spacecraft's own damping; 0.5 % in its sprung joints where it has none, so that no peak is infinite."""
     values, shapes = eigh(stiffness, mass)
     moving = values > 1e-12 * max(float(np.max(values, initial=0.0)), 1e-300)
@@ -209,7 +209,7 @@ def _craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
 def _craft(craft: "mujoco.MjModel", hub: int) -> _System:
     """The bare spacecraft."""
     mass, damping, stiffness = _matrices(craft)
-    return _System(mass, _craft_damping(damping, stiffness, mass), stiffness, _jacobian(craft, hub))
+    return _System(mass, craft_damping(damping, stiffness, mass), stiffness, _jacobian(craft, hub))
 
 
 def _exact(craft: _System, carried: Sequence[Carried]) -> _System:
@@ -235,7 +235,7 @@ def _ours(
 ) -> _System:
     mass, damping, stiffness = _matrices(model)
     own_mass, own_damping, own_stiffness = _matrices(craft)
-    extra = _craft_damping(own_damping, own_stiffness, own_mass) - own_damping
+    extra = craft_damping(own_damping, own_stiffness, own_mass) - own_damping
     damping[np.ix_(old, old)] += extra
     for item in carried:
         if not np.any(item.whole.damping > 0.0) and item.dofs:  # the ratio that undamped cantilever modes are given

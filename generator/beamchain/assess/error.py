@@ -1,7 +1,8 @@
 """How far one port model is from another: one comparison and one in-band error for the whole package."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,11 @@ from beamchain.motion import Array, locked
 from beamchain.port import PortModel
 
 DEFAULT_RATIO = 0.005  # damping ratio of every cantilever mode where none is given
-SAME_PEAK = 1e-7  # relative; far below the width of any peak that is resolved
+UNDAMPED = 1e-9  # ratios up to here are rounding
+NARROWEST = 1e-6  # least ratio with which a peak is resolved
+NEAR = 0.05  # of the ratio: peaks that close need one cluster of points
+WIDER = 1.5  # times the ratio: the points of a wider peak do not resolve a narrower one
+REACH = 1.3  # times the bandwidth: peaks up to here are resolved as far as they reach into the band
 STANDARD_HUBS = (0.1, 1.0, 10.0)  # times the appendage's rigid mass, where no hub is given
 
 Response = Callable[[Array], NDArray[np.complex128]]
@@ -94,10 +99,7 @@ def compare(
 def in_band_error(
     a: PortModel, b: PortModel, hub_mass: ArrayLike | None, bandwidth: float, keep: Sequence[int] | None = None
 ) -> float:
-    """The in-band error of `a` against `b`.
-
-    `H(w) = (M_hub + D(w))^-1`, `S = sqrt(diag(M_hub + M_rigid))`: the maximum over 0 < w <= bandwidth of
-    `||S (H_a - H_b) S||`, over the larger of the maxima of `||S H_b S||` and `||S H_rigid S||`, spectral norms.
+    """The in-band error of `a` against `b`, frequency by frequency; see `Reference`.
 
     Args:
         a, b: models; a model without damping gets 0.5 % in every cantilever mode.
@@ -107,47 +109,168 @@ def in_band_error(
     """
     if hub_mass is None:
         return max(in_band_error(a, b, factor * b.rigid_mass, bandwidth, keep) for factor in STANDARD_HUBS)
-    hub = np.asarray(hub_mass, dtype=np.float64)
-    a, b = damped(a), damped(b)
-    omega = band_grid([a.with_hub(hub), b.with_hub(hub)], bandwidth)
-    s = np.sqrt(np.diag(hub + b.rigid_mass))
-    pick = list(range(s.size)) if keep is None else list(keep)
-    scaled = np.outer(s, s)[np.ix_(pick, pick)]
+    pick = range(b.motions) if keep is None else keep
+    return Reference([Block(np.asarray(hub_mass, dtype=np.float64), b, tuple(pick))], bandwidth).error(0, a)
 
-    def response(model: PortModel) -> NDArray[np.complex128]:
-        h = np.linalg.inv(np.moveaxis(hub[:, :, None] + model.D(omega), -1, 0))
-        return (h[:, pick][:, :, pick] * scaled).astype(np.complex128, copy=False)
 
-    ha, hb = response(a), response(b)
-    rigid = np.linalg.inv(hub + b.rigid_mass)[np.ix_(pick, pick)] * scaled
-    below = max(float(spectral_norms(hb).max()), float(np.linalg.norm(rigid, 2)))
-    return float(spectral_norms(ha - hb).max()) / below
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Motions that the hub and the appendage couple with no others.
+
+    Args:
+        hub: `(m, m)` mass matrix.
+        exact: the whole appendage in these motions.
+        keep: which of the motions matter.
+    """
+
+    hub: Array
+    exact: PortModel
+    keep: tuple[int, ...]
+
+    @cached_property
+    def scale(self) -> Array:
+        """`(k, k)` what makes the accelerance dimensionless."""
+        s = np.sqrt(np.diag(self.hub + self.exact.rigid_mass))[list(self.keep)]
+        return np.outer(s, s)
+
+    def response(self, model: PortModel, omega: Array) -> NDArray[np.complex128]:
+        """`(k, n, n)` dimensionless accelerance of hub and `model`, the motions that matter."""
+        pick = list(self.keep)
+        inverse = small_inverse(np.moveaxis(self.hub[:, :, None] + model.D(omega), -1, 0))
+        return inverse[:, pick][:, :, pick] * self.scale
+
+    @cached_property
+    def frozen(self) -> float:
+        """Norm of the dimensionless accelerance of the rigid whole."""
+        pick = list(self.keep)
+        inverse = np.linalg.inv(self.hub + self.exact.rigid_mass)
+        return float(np.linalg.norm(inverse[np.ix_(pick, pick)] * self.scale, 2))
+
+
+class Reference:
+    """Exact appendages on a hub, against which models are measured: the one in-band error of the package.
+
+    `H(w) = (M_hub + D(w))^-1`, `S = sqrt(diag(M_hub + M_rigid))`. The error is the maximum over 0 < w <= bandwidth of
+    `||S (H_model - H_exact) S||` over the larger of `||S H_exact S||` and `||S H_rigid S||`, all at the same w,
+    spectral norms, on a grid that resolves every peak to a tenth of its damping ratio. Blocks do not couple, so that
+    the norm of the whole is the largest of theirs.
+
+    Args:
+        blocks: independent groups of motions.
+        bandwidth: [rad/s].
+    """
+
+    def __init__(self, blocks: Sequence[Block], bandwidth: float) -> None:
+        self.blocks = [replace(block, exact=damped(block.exact)) for block in blocks]
+        self.bandwidth = bandwidth
+        self._peaks = [peaks_of(block.exact, block.hub) for block in self.blocks]
+        self._floor = max((block.frozen for block in self.blocks), default=1.0)
+        self._own: dict[int, tuple[Array, NDArray[np.complex128], Array]] = {}
+
+    def size(self, omega: Array, number: int = -1, own: NDArray[np.complex128] | None = None) -> Array:
+        """`(k,)` the denominator at `omega`; `own`: the response of block `number`, where it is known."""
+        out = np.full(omega.size, self._floor)
+        for i, block in enumerate(self.blocks):
+            exact = own if i == number and own is not None else block.response(block.exact, omega)
+            np.maximum(out, spectral_norms(exact), out=out)
+        return out
+
+    def error(self, number: int, model: PortModel) -> float:
+        """In-band error that `model` in place of the exact one of block `number` makes."""
+        block, model = self.blocks[number], damped(model)
+        if number not in self._own:
+            omega = grid_of([self._peaks[number]], self.bandwidth)
+            exact = block.response(block.exact, omega)
+            self._own[number] = omega, exact, self.size(omega, number, exact)
+        omega, exact, below = self._own[number]
+        worst = float(np.max(spectral_norms(block.response(model, omega) - exact) / below))
+        more = clusters(unlike(peaks_of(model, block.hub), self._peaks[number]), self.bandwidth)
+        return max(worst, float(self.curve(number, model, more).max(initial=0.0)))
+
+    def curve(self, number: int, model: PortModel, omega: Array) -> Array:
+        """`(k,)` the error at each of `omega`, before its maximum is taken."""
+        block, model = self.blocks[number], damped(model)
+        if omega.size == 0:
+            return np.zeros(0)
+        exact = block.response(block.exact, omega)
+        return spectral_norms(block.response(model, omega) - exact) / self.size(omega, number, exact)
+
+    def grid(self, number: int, models: Sequence[PortModel]) -> Array:
+        """`(k,)` where the error of `models` in a block is looked at [rad/s]."""
+        peaks = [peaks_of(damped(model), self.blocks[number].hub) for model in models]
+        return grid_of([self._peaks[number], *peaks], self.bandwidth)
+
+
+def small_inverse(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Inverses of `(k, m, m)`; in closed form for m = 1 and 2."""
+    size = matrices.shape[-1]
+    if size == 1:
+        return 1.0 / matrices
+    if size == 2:
+        a, b, c, d = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 0], matrices[:, 1, 1]
+        out = np.empty_like(matrices)
+        out[:, 0, 0], out[:, 0, 1], out[:, 1, 0], out[:, 1, 1] = d, -b, -c, a
+        return out / (a * d - b * c)[:, None, None]
+    return np.asarray(np.linalg.inv(matrices), dtype=np.complex128)
 
 
 def damped(model: PortModel) -> PortModel:
     """The model with its own damping, or 0.5 % in every cantilever mode where it has none."""
-    if model.modes == 0 or np.any(model.damping > 0.0):
+    if model.modes == 0 or np.any(model.damping > UNDAMPED):
         return model
     return model.replaced(damping=np.full(model.modes, DEFAULT_RATIO))
 
 
-def band_grid(models: Sequence[PortModel], bandwidth: float) -> Array:
-    """`(k,)` frequencies up to `bandwidth`, dense at every peak of the given models (hub included) [rad/s]."""
+def peaks_of(model: PortModel, hub: Array) -> Array:
+    """`(k, 2)` frequency [rad/s] and damping ratio of every peak: coupled with the `hub` `(m, m)`, and held."""
+    loaded = model.with_hub(hub)
+    coupled = np.column_stack([loaded.free_frequencies, loaded.free_damping])
+    return np.vstack([coupled, np.column_stack([model.frequencies, model.damping])])
+
+
+def unlike(peaks: Array, known: Array) -> Array:
+    """Those of `peaks` `(k, 2)` that the points at `known` peaks do not resolve."""
+    if not known.size or not peaks.size:
+        return peaks
+    near = np.abs(peaks[:, None, 0] / known[None, :, 0] - 1.0) <= NEAR * np.minimum(
+        peaks[:, None, 1], known[None, :, 1]
+    )
+    alike = near & (known[None, :, 1] <= WIDER * peaks[:, None, 1])
+    return peaks[~alike.any(axis=1)]
+
+
+def clusters(peaks: Array, bandwidth: float) -> Array:
+    """`(k,)` frequencies up to `bandwidth` around `peaks` `(n, 2)`: steps of a tenth of the ratio, wider far away."""
+    points = [np.zeros(0)]
+    for peak, ratio in peaks[peaks[:, 0] < REACH * bandwidth]:
+        width = min(max(float(ratio), NARROWEST), 1.0)
+        close = width * np.arange(0.0, 2.05, 0.1)
+        far = np.geomspace(2.2 * width, max(0.5, 3.0 * width), max(int(np.log(0.25 / width) / 0.14), 4))
+        offsets = np.concatenate([close, far])
+        points += [peak * (1.0 + offsets), peak * (1.0 - offsets)]
+    grid = np.concatenate(points)
+    return np.unique(grid[(grid > 0.0) & (grid <= bandwidth)])
+
+
+def grid_of(peaks: Sequence[Array], bandwidth: float) -> Array:
+    """`(k,)` frequencies up to `bandwidth` that resolve all `peaks` (each `(n, 2)`: frequency, ratio) [rad/s]."""
     points = [np.linspace(bandwidth / 400.0, bandwidth, 400)]
-    offsets = np.concatenate([[0.0], np.geomspace(0.02, 60.0, 40)])
-    seen = np.zeros(0)
-    for model in models:
-        peaks = np.concatenate([model.free_frequencies, model.frequencies])
-        if seen.size:  # a peak that another model has too needs no second cluster of points
-            peaks = peaks[np.min(np.abs(peaks[:, None] / seen - 1.0), axis=1) > SAME_PEAK]
-        seen = np.concatenate([seen, peaks])
-        width = float(np.max(model.damping, initial=DEFAULT_RATIO))
-        narrow = max(float(np.min(model.damping, initial=1.0)), 1e-6)
-        for peak in peaks[peaks < 1.2 * bandwidth]:
-            for ratio in {narrow, width}:
-                points += [peak * (1.0 + ratio * offsets), peak * (1.0 - ratio * offsets)]
-    grid = np.unique(np.concatenate(points))
-    return grid[(grid > 0.0) & (grid <= bandwidth)]
+    seen = np.zeros((0, 2))
+    for some in peaks:
+        new = unlike(some, seen)
+        points.append(clusters(new, bandwidth))
+        seen = np.vstack([seen, new])
+    return np.unique(np.concatenate(points))
+
+
+def band_grid(models: Sequence[PortModel], bandwidth: float) -> Array:
+    """`(k,)` frequencies up to `bandwidth` that resolve every peak of `models`, each with its hub [rad/s]."""
+    return grid_of([peaks_of(model, np.zeros_like(model.rigid_mass)) for model in models], bandwidth)
+
+
+def relative(ours: NDArray[np.complex128], exact: NDArray[np.complex128], frozen: float) -> Array:
+    """`(k,)` the in-band error before its maximum is taken, of dimensionless responses `(k, m, m)`."""
+    return spectral_norms(ours - exact) / np.maximum(spectral_norms(exact), frozen)
 
 
 def spectral_norms(matrices: NDArray[np.complex128]) -> Array:

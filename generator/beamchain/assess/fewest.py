@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from beamchain.assess.error import STANDARD_HUBS, damped, in_band_error
+from beamchain.assess.error import STANDARD_HUBS, Block, Reference, damped
 from beamchain.assess.needs import AXES, FAR, Choice, LeftOut
 from beamchain.motion import PORTS, Array
 from beamchain.port import PortModel
@@ -31,13 +31,15 @@ class SpacePromise:
         self._near = self.full.condensed(FAR * bandwidth)
         self._hub = None if hub_mass is None else hub_mass[np.ix_(live, live)]
         self._keep = [i for i, motion in enumerate(live) if motion in {AXES[axis] for axis in axes}]
+        hubs = [self._hub] if self._hub is not None else [factor * full.rigid_mass for factor in STANDARD_HUBS]
+        self._references = [Reference([Block(hub, self._near, tuple(self._keep))], bandwidth) for hub in hubs]
         self._known: dict[tuple[int, ...], float] = {}
 
     def error(self, model: PortModel) -> float:
         """In-band error of any model with the same motions."""
         if not self._keep:
             return 0.0
-        return in_band_error(damped(model), self._near, self._hub, self.bandwidth, self._keep)
+        return max(reference.error(0, model) for reference in self._references)
 
     def of(self, modes: Sequence[int]) -> float:
         """In-band error with these modes only, numbers from 0."""

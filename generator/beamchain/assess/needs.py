@@ -5,15 +5,17 @@ The promise is the in-band error of the hub's motion (`assess.error`), on the hu
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from beamchain.assess.error import STANDARD_HUBS, band_grid, damped, spectral_norms
+from beamchain.assess.error import STANDARD_HUBS, Block, Reference, damped
 from beamchain.motion import PORT_MOTION, PORTS, Array
 from beamchain.port import PortModel, in_space
 
 FAR = 25.0  # times the bandwidth: modes above act through their static flexibility only
+STEPS = 30  # from neighbour to neighbour, at most
 MOST = 8  # modes tried per port: beyond, the exact chain is rarely physical
 
 #: Motions of the hub by the names of SPEC's `scene.axes`.
@@ -84,28 +86,29 @@ class Promise:
         self.full = {port: damped(model).condensed(FAR * bandwidth) for port, model in full.items()}
         self.frequencies = {port: model.frequencies for port, model in full.items()}
         self.rigid, self.bandwidth = rigid, bandwidth
-        self.hubs = [hub_mass] if hub_mass is not None else [factor * rigid for factor in STANDARD_HUBS]
         self.keep = sorted({AXES[axis] for axis in axes})
-        self._known: dict[tuple[object, ...], tuple[float, float]] = {}
+        hubs = [hub_mass] if hub_mass is not None else [factor * rigid for factor in STANDARD_HUBS]
+        self.groups = [[block for block in self._blocks(hub) if self._kept(block)] for hub in hubs]
+        self._known: dict[tuple[object, ...], float] = {}
+        self._references = [
+            Reference([self._block(hub, block) for block in groups], bandwidth)
+            for hub, groups in zip(hubs, self.groups, strict=True)
+        ]
 
     def reaches(self, port: str) -> bool:
         """Whether a port can move any hub motion that matters."""
-        return any(port in block and self._kept(block) for hub in self.hubs for block in self._blocks(hub))
+        return any(port in block for blocks in self.groups for block in blocks)
 
     def error(self, models: Mapping[str, PortModel], label: Mapping[str, object]) -> float:
         """In-band error of `models` (a port without one is rigid); `label` names each port's model for reuse."""
         worst = 0.0
-        for number, hub in enumerate(self.hubs):
-            above, below = 0.0, 0.0
-            for block in self._blocks(hub):
-                if not self._kept(block):
-                    continue
+        for number, blocks in enumerate(self.groups):
+            for i, block in enumerate(blocks):
                 key = (number, block, tuple(label.get(port) for port in block))
                 if key not in self._known:
-                    self._known[key] = self._block_error(hub, block, models)
-                gap, size = self._known[key]
-                above, below = max(above, gap), max(below, size)
-            worst = max(worst, above / below if below > 0.0 else 0.0)
+                    model = self._block_model(block, {p: damped(models[p]) for p in block if p in models})
+                    self._known[key] = self._references[number].error(i, model)
+                worst = max(worst, self._known[key])
         return worst
 
     def _kept(self, block: tuple[str, ...]) -> list[int]:
@@ -123,33 +126,25 @@ class Promise:
             blocks = [b for b in blocks if b not in linked] + [{port}.union(*linked)]
         return [tuple(port for port in PORTS if port in block) for block in blocks]
 
-    def _block_error(self, hub: Array, block: tuple[str, ...], models: Mapping[str, PortModel]) -> tuple[float, float]:
-        """Numerator and denominator of the error over one block."""
-        motions = sorted(i for port in block for i in _motions(port))
-        whole = self._block_model(block, motions, self.full)
-        part = self._block_model(block, motions, {p: damped(models[p]) for p in block if p in models})
-        hub_block = hub[np.ix_(motions, motions)]
-        omega = band_grid([part.with_hub(hub_block), whole.with_hub(hub_block)], self.bandwidth)
-        pick = [motions.index(i) for i in self._kept(block)]
-        s = np.sqrt(np.diag(hub_block + whole.rigid_mass))[pick]
+    def _block(self, hub: Array, block: tuple[str, ...]) -> Block:
+        motions = _motions_of(block)
+        keep = tuple(motions.index(i) for i in self._kept(block))
+        return Block(hub[np.ix_(motions, motions)], self._block_model(block, self.full), keep)
 
-        def response(model: PortModel) -> NDArray[np.complex128]:
-            h = np.linalg.inv(np.moveaxis(hub_block[:, :, None] + model.D(omega), -1, 0))
-            return (h[:, pick][:, :, pick] * np.outer(s, s)).astype(np.complex128, copy=False)
-
-        ha, hb = response(part), response(whole)
-        frozen = np.linalg.inv(hub_block + whole.rigid_mass)[np.ix_(pick, pick)] * np.outer(s, s)
-        size = max(float(spectral_norms(hb).max()), float(np.linalg.norm(frozen, 2)))
-        return float(spectral_norms(ha - hb).max()), size
-
-    def _block_model(self, block: tuple[str, ...], motions: list[int], models: Mapping[str, PortModel]) -> PortModel:
+    def _block_model(self, block: tuple[str, ...], models: Mapping[str, PortModel]) -> PortModel:
         """One model in the motions of a block."""
+        motions = _motions_of(block)
         six = in_space({p: models[p] for p in block if p in models}, self.rigid)
         return PortModel(
             six.rigid_mass[np.ix_(motions, motions)], six.frequencies, six.participation[:, motions], six.damping
         )
 
 
+def _motions_of(block: tuple[str, ...]) -> list[int]:
+    return sorted(i for port in block for i in _motions(port))
+
+
+@cache
 def _motions(port: str) -> list[int]:
     return [int(i) for i in np.flatnonzero(np.any(PORT_MOTION[port] != 0.0, axis=1))]
 
@@ -237,6 +232,7 @@ def _choose_for(
             if error(fewer) > max(tolerance, error(counts)):
                 break
             counts = fewer
+    counts = _no_better_neighbour(counts, error, tolerance, least, {p: n for p, n in most.items() if p not in fixed})
     total = error(counts)
     return Choice(
         counts,
@@ -247,6 +243,49 @@ def _choose_for(
         tuple(_cannot(promise, counts, tip)),
         tuple(f"{port} alone, the others whole: {alone[port]:.2e} with {counts[port]} modes" for port in counts),
     )
+
+
+def _no_better_neighbour(
+    counts: dict[str, int],
+    error: Callable[..., float],
+    tolerance: float,
+    least: Mapping[str, int],
+    most: Mapping[str, int],
+) -> dict[str, int]:
+    """Mode counts that no change by one in a port, nor by one in each of two ports, makes better.
+
+    Better: it keeps the tolerance with fewer modes, or with as many and less error; where none keeps it, less error.
+
+    Args:
+        counts: to start from.
+        error: of mode counts.
+        tolerance: of the error.
+        least, most: bounds per port; ports without an upper bound stay as they are.
+    """
+
+    def rank(some: Mapping[str, int]) -> tuple[bool, int, float]:
+        found = error(some)
+        return (False, sum(some.values()), found) if found <= tolerance else (True, 0, found)
+
+    single = [{port: step} for port in most for step in (-1, 1)]
+    paired = [{a: i, b: j} for a, b in combinations(most, 2) for i in (-1, 1) for j in (-1, 1)]
+    best = rank(counts)
+    for _ in range(STEPS):
+        around = [
+            {**counts, **{port: counts[port] + step for port, step in change.items()}} for change in single + paired
+        ]
+        around = [some for some in around if all(least[port] <= some[port] <= most[port] for port in most)]
+        ranks = [rank(some) for some in around]
+        at = min(range(len(around)), key=lambda k: ranks[k], default=None)
+        if at is None or not _better(ranks[at], best):
+            break
+        counts, best = around[at], ranks[at]
+    return counts
+
+
+def _better(new: tuple[bool, int, float], old: tuple[bool, int, float]) -> bool:
+    """Whether a rank is better by more than rounding."""
+    return new[:2] < old[:2] or (new[:2] == old[:2] and new[2] < old[2] * (1.0 - 1e-6))
 
 
 def _ledger(promise: Promise, counts: Mapping[str, int], error: Callable[..., float]) -> list[LeftOut]:

@@ -55,6 +55,13 @@ def embed(
         ),
     ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write OUT_report.html beside it.")] = True,
+    max_modes: Annotated[
+        int,
+        typer.Option("--max-modes", help="Modes of an appendage, up to which they are added where the craft misses."),
+    ] = 12,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Show which modes were added for the whole craft.")
+    ] = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -88,8 +95,8 @@ def embed(
         for place in (output, *([plot] if plot else ())):
             check_free(place, force=force)
         with _working(quiet or as_json, "fitting the appendages and proving the whole"):
-            result = embed_all(craft, dict(places), form=form, prefixes=prefix, retime=retime)
-            result.assembly  # noqa: B018  (computed here, shown below)
+            result = embed_all(craft, dict(places), form=form, prefixes=prefix, retime=retime, max_modes=max_modes)
+            result.assembly, result.promise  # noqa: B018  (computed here, shown below)
     also = {} if plot is None else {plot: result.plot()}
     if report:
         also[output.with_name(f"{output.stem}_report.html")] = result.report(craft.name, output.name)
@@ -98,7 +105,10 @@ def embed(
         print_json(result.as_dict())
     elif not quiet:
         _show(result, files)
-    if not all(a.fit.status.ok for a in result.appendages):
+        if explain:
+            for line in result.steps or ("no mode was added for the craft as a whole",):
+                console().print(line, markup=False)
+    if result.met is False or not all(a.fit.status.ok for a in result.appendages):
         raise typer.Exit(3)
 
 
@@ -127,6 +137,7 @@ def _show(result: "Embedded", files: list[Path]) -> None:
     from rich.table import Table
 
     out, assembly = console(), result.assembly
+    out.print(result.headline, markup=False)
     table = Table(title="appendages", title_justify="left")
     for column in ("at", "prefix", "rigidly behind it kg", "on", "target"):
         table.add_column(column, justify="left")

@@ -69,6 +69,7 @@ def _show(result: "Fit", files: "list[Path]") -> None:
 
     out = console()
     out.print(f"[bold]{result.spec.name}[/bold]: {escape(result.status.message)}")
+    out.print(escape(result.headline))
     table = Table(title="modes, read back from MuJoCo (mjd_transitionFD)", title_justify="left")
     headings = (
         "port",
@@ -76,8 +77,8 @@ def _show(result: "Fit", files: "list[Path]") -> None:
         "cantilever rad/s",
         "free rad/s",
         "participation",
-        "frequency error",
-        "participation error",
+        "readback, frequency",
+        "readback, participation",
     )
     damping = result.spec.damping
     headings += ("damping wanted", "achieved") if damping is not None else ()

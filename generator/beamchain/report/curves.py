@@ -4,9 +4,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from beamchain.assess.error import DEFAULT_RATIO, STANDARD_HUBS, band_grid, damped
+from beamchain.assess.error import DEFAULT_RATIO, STANDARD_HUBS, Block, Reference, damped
 from beamchain.chain import rivals
 from beamchain.chain.chain import Chain
 from beamchain.motion import Array
@@ -199,23 +198,11 @@ def error_curves(
         limits: frequencies evaluated [rad/s].
     """
     beam, band = beam_model(fit, port), fit.bandwidth[port]
-    damped_models = [damped(model) for model in models]
-    loaded = [thing.with_hub(hub) for thing in (beam, *damped_models)]
-    peaks = np.concatenate([thing.free_frequencies for thing in loaded])
+    reference = Reference([Block(hub, beam, tuple(range(beam.motions)))], band)
+    peaks = np.concatenate([thing.with_hub(hub).free_frequencies for thing in (beam, *models)])
     steps = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0]) * float(np.max(beam.damping, initial=DEFAULT_RATIO))
     beyond = (peaks[:, None] * (1.0 + np.concatenate([-steps[1:], steps]))).ravel()
-    omega = np.unique(
-        np.concatenate([np.geomspace(*limits, 280), beyond[beyond > band], band_grid(loaded, band), [band]])
-    )
+    inside = reference.grid(0, models)
+    omega = np.unique(np.concatenate([np.geomspace(*limits, 280), beyond[beyond > band], inside, [band]]))
     omega = omega[(omega >= limits[0]) & (omega <= limits[1])]
-    scale = np.sqrt(np.diag(hub + beam.rigid_mass))
-    scale = np.outer(scale, scale)
-
-    def moved(thing: PortModel) -> NDArray[np.complex128]:
-        return (np.linalg.inv(np.moveaxis(hub[:, :, None] + thing.D(omega), -1, 0)) * scale).astype(np.complex128)
-
-    exact = moved(beam)
-    rigid = float(np.linalg.norm(np.linalg.inv(hub + beam.rigid_mass) * scale, 2))
-    largest = float(np.linalg.norm(exact[omega <= band * EDGE], 2, axis=(1, 2)).max(initial=0.0))
-    below = max(largest, rigid)
-    return [ErrorCurve(omega, np.linalg.norm(moved(model) - exact, 2, axis=(1, 2)) / below) for model in damped_models]
+    return [ErrorCurve(omega, reference.curve(0, model, omega)) for model in models]

@@ -50,12 +50,14 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
 def _verdict(embedded: "Embedded") -> Verdict:
     assembly = embedded.assembly
     kept = [m for m in assembly.modes if m.kept and m.exact is not None and m.exact <= assembly.band]
-    text = (
+    text = f"{embedded.headline[:1].upper()}{embedded.headline[1:]} " + (
         f"{count(len(embedded.appendages), 'appendage')}, {count(len(kept), 'coupled mode')} kept up to "
         f"{short(assembly.band)} rad/s: the worst is off by {percent(assembly.worst)} from beams on the same "
         f"spacecraft, read back through MuJoCo; the motion of {assembly.hub} is off by at most "
         f"{percent(assembly.in_band)} up to {short(assembly.common)} rad/s."
     )
+    if embedded.met is False:
+        return Verdict(False, text)
     short_of = [a.at for a in embedded.appendages if not a.fit.status.ok]
     if short_of:
         return Verdict(False, f"Less than was asked for at {', '.join(short_of)}. {text}")
@@ -110,7 +112,7 @@ def _hub(assembly: "Assembly") -> list[Block]:
     drawn = to_svg(assembly_figure(assembly, columns=1), "assembly")
     off = to_svg(difference_figure(assembly), "difference")
     told = (
-        "Difference of the two at each frequency, all motions together, relative to the largest motion in the band; "
+        "Difference of the two at each frequency, all motions together, relative to the motion at that frequency; "
         f"its largest there is the in-band error, {percent(assembly.in_band)}."
     )
     return [

@@ -10,14 +10,14 @@ if TYPE_CHECKING:
     from beamchain.embedding import Embedded
     from beamchain.result import Fit
 
-HEAD = ("port", "mode", "cantilever, rad/s", "through MuJoCo", "frequency error", "participation error")
+HEAD = ("port", "mode", "cantilever, rad/s", "through MuJoCo", "readback, frequency", "readback, participation")
 COUPLED = ("mode", "exact, rad/s", "through MuJoCo", "error", "kept")
 
 
 def fit_text(fit: "Fit") -> str:
     """One line per fact."""
-    lines = [f"<Fit {fit.spec.name!r}: {fit.status.message}>"]
-    lines += [f"  {row[0]} {row[1]}: {row[2]} rad/s, error {row[4]}, participation {row[5]}" for row in _modes(fit)]
+    lines = [f"<Fit {fit.spec.name!r}: {fit.status.message}>", f"  {fit.headline}"]
+    lines += [f"  {row[0]} {row[1]}: {row[2]} rad/s, readback error {row[4]}, participation {row[5]}" for row in _modes(fit)]
     return "\n".join(lines)
 
 
@@ -25,7 +25,7 @@ def fit_html(fit: "Fit") -> str:
     """The message, the modes and what to know before use."""
     steps = fit.limits.largest_step
     limits = ", ".join(f"{name} {h:.4g} s" for name, h in steps.items() if np.isfinite(h))
-    notes = [f"largest stable step: {limits}"] if limits else []
+    notes = [fit.headline, *([f"largest stable step: {limits}"] if limits else [])]
     notes += [f"warning: {text}" for text in fit.warnings]
     return _block(f"{fit.spec.name}: {fit.status.message}", HEAD, _modes(fit), notes)
 
@@ -33,7 +33,7 @@ def fit_html(fit: "Fit") -> str:
 def embedded_text(done: "Embedded") -> str:
     """One line per fact."""
     places = ", ".join(f"{a.spec.name} at {a.at}" for a in done.appendages)
-    lines = [f"<Embedded {places}; worst kept coupled mode off by {done.assembly.worst:.1e}>"]
+    lines = [f"<Embedded {places}; {done.headline} Worst kept coupled mode off by {done.assembly.worst:.1e}>"]
     return "\n".join([*lines, *(f"  note: {text}" for text in done.warnings)])
 
 
@@ -44,7 +44,8 @@ def embedded_html(done: "Embedded") -> str:
         [str(i), _value(m.exact, ".6g"), _value(m.mujoco, ".6g"), _value(m.error, ".1e"), "yes" if m.kept else "no"]
         for i, m in enumerate(done.assembly.modes, 1)
     ]
-    notes = [f"worst of the kept modes: {done.assembly.worst:.1e}", *(f"note: {text}" for text in done.warnings)]
+    notes = [done.headline, f"worst of the kept modes up to {done.assembly.band:.4g} rad/s: {done.assembly.worst:.1e}"]
+    notes += [f"note: {text}" for text in done.warnings]
     return _block(title, COUPLED, rows, notes)
 
 

@@ -90,6 +90,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         "mujoco": mujoco.__version__,
         "method": fit.spec.fit.method,
         "target": fit.kept_for,
+        "in_band_error": fit.in_band_error,
         "mass": {**mass_record(fit.measured.rigid_mass), "target": mass_record(fit.mass_line.rigid_mass())},
         "ports": {
             port: {
@@ -99,6 +100,12 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
                     "frequency": fit.error[port].frequency,
                     "participation": fit.error[port].participation,
                     "accelerance_in_band": fit.error[port].accelerance_in_band,
+                    "in_band": fit.error[port].accelerance_in_band,
+                    "band": fit.bandwidth[port],
+                },
+                "readback": {
+                    "frequency": fit.error[port].frequency,
+                    "participation": fit.error[port].participation,
                 },
                 "bandwidth": fit.bandwidth[port],
             }
