@@ -14,6 +14,7 @@ import beamchain as bc
 from beamchain import study as studies
 from beamchain.assess import field, front, soft_rods
 from beamchain.assess.field import Entry
+from beamchain.assess.growth import Growth
 from beamchain.assess.hub_response import Profile, hub_response
 from beamchain.assess.run_time import CLOCK, Ladder, Point, climb, rigid_motion, steps_below
 from beamchain.assess.scenario import parse_profile, rounded_up

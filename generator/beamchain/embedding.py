@@ -25,8 +25,8 @@ from beamchain.appendage import (
 )
 from beamchain.assess.assembly import Assembly, prove
 from beamchain.assess.craft_error import CraftError, craft_error, craft_poses
-from beamchain.assess.needs import AXES
 from beamchain.assess.doubtful import doubtful
+from beamchain.assess.needs import AXES
 from beamchain.assess.spoilers import check_flags
 from beamchain.checks import one_of
 from beamchain.checks import whole as checked_int

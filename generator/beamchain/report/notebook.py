@@ -17,7 +17,9 @@ COUPLED = ("mode", "exact, rad/s", "through MuJoCo", "error", "kept")
 def fit_text(fit: "Fit") -> str:
     """One line per fact."""
     lines = [f"<Fit {fit.spec.name!r}: {fit.status.message}>", f"  {fit.headline}"]
-    lines += [f"  {row[0]} {row[1]}: {row[2]} rad/s, readback error {row[4]}, participation {row[5]}" for row in _modes(fit)]
+    lines += [
+        f"  {row[0]} {row[1]}: {row[2]} rad/s, readback error {row[4]}, participation {row[5]}" for row in _modes(fit)
+    ]
     return "\n".join(lines)
 
 
