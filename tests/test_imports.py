@@ -19,11 +19,11 @@ HEAVY = ("mujoco", "lxml", "matplotlib", "control")
 
 PUBLIC = {
     "Beam", "BeamchainError", "Box", "Budget", "Chain", "Comparison", "Custom", "Damping", "Embedded", "Equivalent",
-    "Fit", "FitOptions", "Hub", "Imported", "Joint", "LargeMotion", "Linearisation", "Lump", "Material", "ModalData",
-    "Modes", "Payload", "PortModel", "Rectangle", "Root", "Round", "Scene", "Segment", "Spec", "Tube", "UniformBeam",
+    "Fit", "FitOptions", "HeldInput", "Hub", "Imported", "Joint", "LargeMotion", "Linearisation", "Lump", "Material", "ModalData",
+    "Modes", "Payload", "PortModel", "Rectangle", "Retimed", "Root", "Round", "Scene", "Segment", "Spec", "Tube", "UniformBeam",
     "__version__", "budget", "compare", "embed", "equal_links", "fit", "large_motion", "linearise", "measured_limit",
-    "planar_chain", "read_modes", "read_spec", "realise", "run_stability", "run_study", "run_sweep", "seed_beam",
-    "seed_chain", "seed_table",
+    "planar_chain", "pole_rows", "read_modes", "read_spec", "realise", "retime", "run_stability", "run_study",
+    "run_sweep", "seed_beam", "seed_chain", "seed_table", "start_velocity",
 }  # fmt: skip
 
 

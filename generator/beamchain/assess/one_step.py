@@ -16,12 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, linear_sum_assignment
+from scipy.optimize import linear_sum_assignment
 
 from beamchain.assess.stability import INTEGRATORS
 from beamchain.checks import one_of
 from beamchain.errors import EngineError
 from beamchain.motion import Array
+from beamchain.steps.discrete import runge_kutta_limit
 
 Poles = NDArray[np.complex128]
 
@@ -143,18 +144,3 @@ class LinearModel:
         out = np.full(wanted.size, np.nan + 0j)
         out[rows] = s[columns]
         return out
-
-
-def runge_kutta_limit(pole: complex) -> float:
-    """Largest step [s] at which the classical Runge-Kutta polynomial does not let a continuous pole [1/s] grow."""
-    size = abs(pole)
-    direction = pole / size if pole.real < 0.0 else 1j  # a pole right of the axis by rounding counts as undamped
-
-    def excess(x: float) -> float:
-        s = x * direction
-        return abs(1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0)))) - 1.0
-
-    grid = np.linspace(0.5, 4.0, 351)
-    over = np.flatnonzero(np.array([excess(float(x)) for x in grid]) > 1e-12)
-    first = int(over[0])
-    return float(brentq(excess, float(grid[first - 1]), float(grid[first]), xtol=1e-14)) / size

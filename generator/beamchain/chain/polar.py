@@ -14,6 +14,7 @@ from beamchain.structure.mass_line import MassLine
 
 TINY = 1e-6  # polar over transverse inertia of a link where the appendage states none
 TRIES = 400
+NO_POLAR = 1e-14  # of the transverse inertia about the root: less polar inertia than this is rounding
 ROLL = 1e-3  # of the transverse inertia about the root: what raising polar inertias may add to the roll inertia
 
 
@@ -170,9 +171,10 @@ def settled(line: MassLine, links: Sequence[Link], cuts: Array) -> list[Link]:
     """
     if any(link.beside != (0.0, 0.0) or link.products != (0.0, 0.0, 0.0) for link in links):
         return list(links)  # imported mass has its breadth in all three inertias
-    thin = [abs(b - c) * (1.0 + 1e-12) <= a <= (b + c) * (1.0 - 1e-12) and a > 0.0 for a, b, c in
-            (link.inertia for link in links if link.mass > 0.0)]  # fmt: skip
-    if all(thin):
+    rigid = line.rigid_mass()
+    none = float(rigid[3, 3]) <= NO_POLAR * float(max(rigid[4, 4], rigid[5, 5]))
+    solid = [link.inertia for link in links if link.mass > 0.0]
+    if not none and all(abs(b - c) * (1.0 + 1e-12) <= a <= (b + c) * (1.0 - 1e-12) and a > 0.0 for a, b, c in solid):
         return list(links)
     real = real_polar(line, cuts)
-    return with_polar(links, share(list(links), [float(real.sum())], [list(range(len(links)))], real))
+    return with_polar(links, share(list(links), [0.0 if none else float(real.sum())], [list(range(len(links)))], real))

@@ -96,7 +96,8 @@ def embed(
             check_free(place, force=force)
         with _working(quiet or as_json, "fitting the appendages and proving the whole"):
             result = embed_all(craft, dict(places), form=form, prefixes=prefix, retime=retime, max_modes=max_modes)
-            result.assembly, result.promise  # noqa: B018  (computed here, shown below)
+            result.assembly  # noqa: B018  (computed here, shown below)
+            result.promise  # noqa: B018
     also = {} if plot is None else {plot: result.plot()}
     if report:
         also[output.with_name(f"{output.stem}_report.html")] = result.report(craft.name, output.name)

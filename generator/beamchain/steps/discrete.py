@@ -32,6 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
 
 from beamchain.checks import one_of
 from beamchain.motion import Array
@@ -317,3 +318,18 @@ def start_rate(position: ArrayLike, rate: ArrayLike, frequency: ArrayLike, ratio
     # q(-h) = exp(zeta x) (q0 cos y - h (v0 + zeta w q0) sin(y)/y)
     gone = 2.0 * np.real(np.sin(y / 2.0) ** 2)  # 1 - cos y
     return (q * (gone * grown - np.expm1(zeta * x)) + grown * h * (v + zeta * w * q) * sinc) / h
+
+
+def runge_kutta_limit(pole: complex) -> float:
+    """Largest step [s] at which the classical Runge-Kutta polynomial does not let a continuous pole [1/s] grow."""
+    size = abs(pole)
+    direction = pole / size if pole.real < 0.0 else 1j  # a pole right of the axis by rounding counts as undamped
+
+    def excess(x: float) -> float:
+        s = x * direction
+        return abs(1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0)))) - 1.0
+
+    grid = np.linspace(0.5, 4.0, 351)
+    over = np.flatnonzero(np.array([excess(float(x)) for x in grid]) > 1e-12)
+    first = int(over[0])
+    return float(brentq(excess, float(grid[first - 1]), float(grid[first]), xtol=1e-14)) / size

@@ -31,7 +31,6 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from beamchain.assess.one_step import runge_kutta_limit
 from beamchain.checks import not_negative, one_of
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS
@@ -247,7 +246,7 @@ def _explicit(mass: Array, stiffness: Array, damping: Array, h: float) -> float:
     root = np.linalg.inv(np.linalg.cholesky(mass))
     k, d = root @ stiffness @ root.T, root @ damping @ root.T
     poles = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-(h**2) * k, -h * d]])).astype(np.complex128)
-    return 8.0 * max(1.0 / runge_kutta_limit(complex(p)) ** 2 for p in poles if p.imag >= 0.0)
+    return 8.0 * max(1.0 / discrete.runge_kutta_limit(complex(p)) ** 2 for p in poles if p.imag >= 0.0)
 
 
 def _limit(integrator: str) -> float:
