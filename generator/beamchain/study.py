@@ -329,9 +329,10 @@ def _duel(task: Task, scenario: Scenario, found: Study) -> list[Ladder]:
             named[reach.point[:4]] = reach.point
         best = found.best(target, "error")
         for ladder in found.ladders if best is not None else ():
-            near = front.reach([ladder], ladder.entry.model, target, "error") if ladder.entry.ours else None
+            met = [p for error, p in front.honest(ladder, "error") if error <= target and ladder.entry.ours]
+            near = max(met, key=lambda p: p.timestep, default=None)  # the fewest steps
             if best is not None and near is not None and near.seconds < DUEL_NEAR * best.seconds:
-                named[near.point[:4]] = near.point
+                named[near[:4]] = near
     points = [p for p in named.values() if p.seconds < DUEL_LONGEST]
     fresh: dict[tuple[Any, ...], Point] = {}
     for integrator in field.INTEGRATORS:

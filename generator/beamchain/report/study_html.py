@@ -174,7 +174,7 @@ def how_to_feed(study: "Study") -> list[str]:
         return []
     return [
         "A chain exact in time is made for one step and Euler, and measured under the mean of each step's wrench and the "
-        "one before (beamchain.steps.inputs.HeldInput); give it its inputs so, or its whole motion is half a step early."
+        "one before (beamchain.HeldInput); give it its inputs so, or its whole motion is half a step early."
     ]
 
 
