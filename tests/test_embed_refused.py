@@ -139,7 +139,7 @@ class TestHostile:
 
     def test_warnings_carry_figure_and_cure(self):
         text = craft(before='<option timestep="0.5" gravity="0 0 -9.81" density="1.2" integrator="Euler"/>')
-        done = bc.embed(text, {"mount": spec("array_left")})
+        done = bc.embed(text, {"mount": spec("array_left")}, retime=False)
         for word in ("-9.81 m/s^2", "density 1.2", "timestep 0.5 s is above", "implicitfast"):
             assert any(word in w for w in done.warnings), word
         if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
@@ -149,10 +149,10 @@ class TestHostile:
     def test_the_warned_step_is_the_limit(self):
         """MuJoCo blows up above the step that the warning names, and not below."""
         text = craft(before='<option timestep="{}" gravity="0 0 0" integrator="implicitfast"/>')
-        warned = bc.embed(text.format(1.0), {"mount": spec("rod")}).warnings
+        warned = bc.embed(text.format(1.0), {"mount": spec("rod")}, retime=False).warnings
         limit = float(re.search(r"above the ([0-9.e-]+) s", " ".join(warned)).group(1))
         for factor, stable in ((0.98, True), (1.02, False)):
-            model = bc.embed(text.format(factor * limit), {"mount": spec("rod")}).model
+            model = bc.embed(text.format(factor * limit), {"mount": spec("rod")}, retime=False).model
             model.opt.disableflags |= (
                 int(mujoco.mjtDisableBit.mjDSBL_AUTORESET) if hasattr(mujoco.mjtDisableBit, "mjDSBL_AUTORESET") else 0
             )

@@ -65,7 +65,7 @@ def test_a_residual_below_zero_by_rounding_is_projected_and_told(tmp_path):
     mass[1, 5] = mass[5, 1] = 40.0
     mass[2, 4] = mass[4, 2] = -40.0
     result = fit(typed(tmp_path, [1.234], [[0.0], [4.473], [0.0], [0.0], [0.0], [8.944]], mass))
-    assert result.space.achieved.frequencies == pytest.approx([1.234], rel=MUJOCO)
+    assert result.space.achieved.frequencies[:1] == pytest.approx([1.234], rel=MUJOCO)  # a filler stands above it
     assert any("printed precision" in step for step in result.status.history)
     assert np.linalg.eigvalsh(result.space.full.residual_mass)[0] > -1e-9
 

@@ -414,5 +414,5 @@ def test_numbers_too_far_apart_are_said():
     stiff = bc.Material(youngs_modulus=422935925043.1481, density=13955.563549129554)
     thread = bc.Segment(length=4839833348736.828, section=bc.Round(diameter=6.420740210310238e-05), material=soft)
     wire = bc.Segment(length=2.639015583134226, section=bc.Round(diameter=3.743015106952008e-06), material=stiff)
-    with pytest.raises(bc.BeamchainError, match="too far apart for double precision"):
+    with pytest.raises(bc.BeamchainError, match="too (far apart for double precision|nearly dependent)"):
         bc.fit(bc.Beam(segments=[thread, wire]), modes={"xy": 1, "xz": 1, "torsion": 3})

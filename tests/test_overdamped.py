@@ -23,8 +23,8 @@ ROD = bc.Beam(
 HUB = bc.Hub(mass=85.0, inertia=(1.0, 1.0, 1.0), offset=(0.25, 0.0, 0.0))
 
 
-def fitted(ratio, **more):
-    damping = bc.Damping(ratio=ratio)
+def fitted(ratio, form="modal", **more):
+    damping = bc.Damping(ratio=ratio, form=form)
     return bc.fit(ROD, name="rod", modes={"xy": 2}, damping=damping, root=bc.Root(hub=HUB), **more)
 
 
@@ -48,7 +48,8 @@ def test_the_limit_is_where_mujoco_blows_up(ratio, integrator):
 
 
 def test_an_unstable_step_of_the_scene_is_said():
-    fit = fitted(0.01, scene=bc.Scene(timestep=10.0, integrator="Euler"))
+    hinges = bc.FitOptions(springs="hinges")
+    fit = fitted(0.01, form="hinge", options=hinges, scene=bc.Scene(timestep=10.0, integrator="Euler"))
     said = [w for w in fit.warnings if w.startswith("scene.xml takes Euler at 10 s, which is unstable above")]
     assert len(said) == 1
     assert f"{fit.limits.largest_step['Euler']:.4g} s" in said[0]
@@ -57,13 +58,14 @@ def test_an_unstable_step_of_the_scene_is_said():
 def test_a_step_that_misses_the_tolerance_is_said_and_a_good_one_is_not():
     root = bc.Root(hub=HUB)
     asked = {"bandwidth": 5.0, "axes": ("z",)}
-    coarse = bc.fit(ROD, damping=bc.Damping(ratio=0.01), root=root, scene=bc.Scene(**asked, timestep=0.02))
+    springs = {"damping": bc.Damping(ratio=0.01, form="hinge"), "options": bc.FitOptions(springs="hinges")}
+    coarse = bc.fit(ROD, root=root, scene=bc.Scene(**asked, timestep=0.02), **springs)
     assert any("above the tolerance 0.001" in w for w in coarse.warnings)
     best = coarse.steps[0]
     fine = bc.Scene(**asked, integrator=best.integrator, timestep=0.99 * best.step)
-    assert not any(
-        "scene.xml takes" in w for w in bc.fit(ROD, damping=bc.Damping(ratio=0.01), root=root, scene=fine).warnings
-    )
+    assert not any("scene.xml takes" in w for w in bc.fit(ROD, root=root, scene=fine, **springs).warnings)
+    exact = bc.fit(ROD, damping=bc.Damping(ratio=0.01), root=root, scene=bc.Scene(**asked, timestep=0.02))
+    assert not any("scene.xml takes" in w for w in exact.warnings)  # one tendon per mode: exact in time at its step
 
 
 def test_nothing_that_rings_is_said_with_its_steps():
@@ -101,7 +103,8 @@ def test_a_byte_order_mark_is_no_mistake(tmp_path):
 def test_an_embedding_has_no_scene_to_warn_of():
     segment = ROD.segments[0]
     scene = bc.Scene(bandwidth=5.0, axes=("z",), timestep=0.02)
-    spec = bc.Spec(name="rod", segment=(segment,), damping=bc.Damping(ratio=0.01, form="hinge"), scene=scene)
+    springs = {"damping": bc.Damping(ratio=0.01, form="hinge"), "fit": bc.FitOptions(springs="hinges")}
+    spec = bc.Spec(name="rod", segment=(segment,), scene=scene, **springs)
     craft = """<mujoco><option gravity="0 0 0" timestep="0.001"/><worldbody><body name="bus"><freejoint/>
     <inertial pos="0 0 0" mass="85" diaginertia="1 1 1"/><site name="mount" pos=".25 0 0"/></body></worldbody></mujoco>"""
     done = bc.embed(craft, {"mount": spec})

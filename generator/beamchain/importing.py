@@ -21,12 +21,14 @@ from beamchain.port import PortModel
 from beamchain.result import Fit, InSpace, appendage_tree, default_hub, seconds_taken
 from beamchain.spec import Spec, port_hub_mass
 from beamchain.steps.discrete import SCHEMES
-from beamchain.structure.mass_line import MassLine
+from beamchain.structure.mass_line import MassLine, SpreadMass
 from beamchain.structure.modal_data import ModalData
 
 SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
 EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode
 SAME_MASS = 1e-12  # relative, beyond which the chain's rigid mass is said to differ
+ROUNDING = 1e-11  # relative: a residual mass below zero by less is zero
+MOST_LACKING = 1.1  # more than a few printed digits explain
 POWERS = (0, 1, 2, 4)  # of x, with which mass may grow from the root where only its moments are known
 A_BODY = 1e-5  # relative, how far a printed rigid mass matrix may be from a rigid body's
 
@@ -74,7 +76,7 @@ def _built(case: Case, *, coupled: bool) -> tuple[Built, MassLine]:
     reason: RealisationError | None = None
     for power in POWERS:
         try:
-            line = case.data.line(power)
+            line = _roomy(case.data.line(power), case.kept)
             return (_coupled(case, line) if coupled else _separate(case, line)), line
         except RealisationError as error:
             reason = reason or error
@@ -83,6 +85,26 @@ def _built(case: Case, *, coupled: bool) -> tuple[Built, MassLine]:
                 raise
     assert reason is not None
     raise reason
+
+
+def _roomy(line: MassLine, kept: ModalData) -> MassLine:
+    """The mass line, heavier by what the print lacks for the modes' participation to leave something at the root."""
+    if not isinstance(line, SpreadMass) or not kept.modes:
+        return line
+    live = [i for i in kept.live if line.rigid_mass()[i, i] > 0.0]
+    own = line.behind(np.array([-line.length]))[0][np.ix_(live, live)]
+    size = np.sqrt(np.diag(own))
+    rows = kept.participation[:, live] / size
+    root = np.linalg.cholesky(own / np.outer(size, size))
+    most = float(np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, rows.T @ rows).T))[-1])
+    if not 1.0 + ROUNDING < most < MOST_LACKING:
+        return line
+    factor = most + 0.2 * (most - 1.0)
+    return replace(
+        line, rigid=line.rigid * factor,
+        pieces=tuple(replace(piece, densities=piece.densities * factor) for piece in line.pieces),
+        points=line.points * np.array([1.0, *[factor] * 4]),
+    )  # fmt: skip
 
 
 # -- the chain ---------------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ from beamchain.chain.chain import Chain, Hinge
 from beamchain.chain.realise import Nodes, planar_links
 from beamchain.errors import RealisationError
 from beamchain.motion import Array
+from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine
 
 SAME = 1e-9  # relative: hinges and masses of two planes closer than this are the same
@@ -26,7 +27,10 @@ def assemble(beam: MassLine, nodes: Mapping[str, Nodes], strings: Mapping[str, t
         RealisationError: the ports do not share their bodies.
     """
     total = beam.moments(0.0, beam.length, closed=True)
-    shared = _shared(nodes, abs(total.rotary_xy - total.rotary_xz) / total.second)
+    rotary = abs(total.rotary_xy - total.rotary_xz) / total.second
+    if len(nodes) == 1 and not isinstance(beam, Beam):
+        rotary = 0.0  # of imported mass it is known to the print, and only one plane asks
+    shared = _shared(nodes, rotary)
     if shared is None:
         raise RealisationError("the planes do not share their hinges.")
     if "axial" in strings:

@@ -251,8 +251,7 @@ def cut_chain(
         if not isinstance(line, Beam):
             raise
         # too wide for thin links: bodies of the same rigid mass whose breadth stands in all three inertias
-        wide = spread(line.rigid_mass(), line.length)
-        chain, how, cut = cut_chain(wide, groups, lines, further)
+        chain, how, cut = _wide(line, groups, lines, further)
         return chain, f"{how}, bodies of the appendage's rigid mass as it is too wide for thin links", cut
     hinges = tuple(Hinge(x=float(x), stiffness=dict.fromkeys(p, 0.0)) for x, p in zip(cut.x, cut.ports, strict=True))
     chain = Chain(tuple(links), hinges, line.length)
@@ -267,6 +266,20 @@ def cut_chain(
     if cut.added:
         how += f", {cut.added} more than the modes alone would need"
     return chain, how, cut
+
+
+def _wide(
+    line: Beam, groups: Sequence[Modes], lines: Sequence[float], further: Sequence[float]
+) -> tuple[Chain, str, Cut]:
+    """The chain on bodies of the appendage's rigid mass, the less of it near the root the more that is needed."""
+    reason: RealisationError | None = None
+    for power in (0, 1, 2, 4):
+        try:
+            return cut_chain(spread(line.rigid_mass(), line.length, power=power), groups, lines, further)
+        except (RealisationError, InputError) as error:
+            reason = reason or RealisationError(str(error))
+    assert reason is not None
+    raise reason
 
 
 def _counts(group: Modes) -> dict[str, int]:

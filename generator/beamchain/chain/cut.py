@@ -403,6 +403,9 @@ def bodies(line: MassLine, x: Array) -> list[Link]:
         centre = np.array([matrix[1, 5] - matrix[2, 4], 2.0 * matrix[2, 3], -2.0 * matrix[1, 3]]) / 2.0 / mass
         about = matrix[3:, 3:] - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
         about = _rounded(about, ROUNDED * float(np.trace(behind[0][3:, 3:])))
+        if np.max(np.abs(about - np.diag(np.diag(about)))) < ROUNDED * float(np.trace(behind[0][3:, 3:])):
+            about = np.diag(np.diag(about))
+        centre[1:] = np.where(np.abs(centre[1:]) < ROUNDED * line.length, 0.0, centre[1:])
         inertia = (float(about[0, 0]), float(about[1, 1]), float(about[2, 2]))
         products = (float(about[0, 1]), float(about[0, 2]), float(about[1, 2]))
         out.append(Link(a, b - a, mass, float(centre[0]), inertia, (float(centre[1]), float(centre[2])), products))
