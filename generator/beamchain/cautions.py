@@ -76,7 +76,7 @@ def step_warnings(result: "Fit") -> tuple[str, ...]:
     scene = result.spec.scene
     if scene is None or not result.achieved:
         return ()
-    if result.spec.exact_step and (SCHEMES[scene.integrator].exact or result.tendon_sprung):
+    if result.spec.exact_step and result.tendon_sprung and scene.integrator in SCHEMES:
         return ()  # exact in time, or slowed
     limits = result.limits
     if result.spec.root.hub is None:

@@ -48,7 +48,13 @@ def fit_imported(spec: Spec, data: ModalData) -> Fit:
     case = case_of(spec, data).chosen()
     clock.append(time.perf_counter())
     coupled = [ports for ports in case.kept.groups if len(ports) > 1] if case.kept.modes else []
-    built, line = _built(case, coupled=bool(coupled))
+    try:
+        built, line = _built(case, coupled=bool(coupled))
+    except RealisationError:
+        if case.target == "clamped" or spec.root.target not in (None, "auto"):
+            raise
+        case = case_of(spec, data).chosen("clamped")
+        built, line = _built(case, coupled=bool(coupled))
     why = "the ports are independent"
     if coupled:
         names = " and ".join(coupled[0])

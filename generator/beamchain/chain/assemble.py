@@ -35,8 +35,9 @@ def assemble(beam: MassLine, nodes: Mapping[str, Nodes], strings: Mapping[str, t
         raise RealisationError("the planes do not share their hinges.")
     if "axial" in strings:
         raise RealisationError("axial modes do not share the hinges of bending.")
+    own = total.polar if total.polar > polar.NO_POLAR * total.second else 0.0
     links, cuts = planar_links(shared, beam), shared.positions[1:-1]
-    inertias = np.array([total.polar]) if "torsion" not in strings else strings["torsion"][0]
+    inertias = np.array([own]) if "torsion" not in strings else strings["torsion"][0]
     turning, polars = polar.place(beam, links, cuts, inertias, polar.real_polar(beam, cuts))
     torsion = dict(zip(turning, strings["torsion"][1].tolist(), strict=True)) if "torsion" in strings else {}
     hinges = tuple(

@@ -26,6 +26,7 @@ TargetOf = Callable[[str, int], PortModel]
 Springs = Literal["auto", "hinges", "modes"]
 
 PLANES = ("xy", "xz")
+A_POINT = 1e-13  # of the transverse inertia about the root: a link with less is a point
 LOST_DIGITS = 1e-8  # a chain whose own frequencies miss the target by more is not handed out
 RANK = 1e-9  # relative singular value of participation that is none
 NOTHING = 1e-9  # of the rigid mass: less residual mass than this is none, and takes a hinge at the root
@@ -111,6 +112,13 @@ def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wi
     targets = {port: _available(target_of, port, count, notes) for port, count in kept.items()}
     groups = [_modes_of(port, t, wishes, _next(target_of, port, kept[port])) for port, t in targets.items()]
     chain, how, cut = cut_chain(beam, groups, wishes.lines, wishes.further, wishes.cut)
+    for port, target in () if wishes.further else targets.items():
+        found = chain.port(port).frequencies[: target.modes]
+        miss = float(np.max(np.abs(found / target.frequencies - 1.0)))
+        if miss > LOST_DIGITS:
+            raise RealisationError(
+                f"digits are lost with {target.modes} modes in {port}: a frequency is off by {miss:.1e}; keep fewer modes."
+            )
     return Built(chain, targets, Status(not notes, _message(how, targets, notes), tuple(history)), cut)
 
 
@@ -178,6 +186,9 @@ def _recursive(
             targets[port] = target_of(port, count)
             strings[port] = realise_scalar(targets[port])
     chain = assemble(beam, nodes, strings)
+    across = float(max(np.diag(chain.rigid_mass())[4:]))
+    if any(min(link.inertia[1:]) < A_POINT * across for link in chain.links[1:]):
+        raise RealisationError("a link of the recursion would be a point; its hinges nearly coincide.")
     notes = [
         f"{port} keeps {targets[port].modes} of the {count} modes asked for."
         for port, count in kept.items()
