@@ -50,8 +50,8 @@ def promise(data: ModalData, kept, hub: np.ndarray, scene: Scene) -> float:
 
     ours, true = response(list(kept)), response(list(range(data.modes)))
     frozen = (np.linalg.inv(hub + mass) * np.outer(scale, scale))[np.ix_(keep, keep)]
-    size = max(np.linalg.norm(true, 2, axis=(1, 2)).max(), np.linalg.norm(frozen, 2))
-    return float(np.linalg.norm(ours - true, 2, axis=(1, 2)).max() / size)
+    size = np.maximum(np.linalg.norm(true, 2, axis=(1, 2)), np.linalg.norm(frozen, 2))  # at the same frequency
+    return float(np.max(np.linalg.norm(ours - true, 2, axis=(1, 2)) / size))
 
 
 def kept_of(result) -> list[int]:
