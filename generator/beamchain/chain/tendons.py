@@ -199,9 +199,7 @@ def given_modes(chain: Chain, groups: Sequence[Modes], further: Sequence[float] 
         shapes, armature = modal_matrix(kinematics, inertia, group)
         n = group.frequencies.size
         surplus = len(freedoms) - n
-        top = (
-            FILLER * last if group.beyond is None or further else max(group.beyond, 1.2 * float(group.frequencies[-1]))
-        )
+        top = FILLER * last if group.beyond is None or further else max(group.beyond, 2.0 * last)
         frequencies = np.concatenate([group.frequencies, np.full(surplus, top)])
         if surplus and further:
             shapes, frequencies = _stiffened(shapes, frequencies, np.vstack(port) @ shapes, n)
