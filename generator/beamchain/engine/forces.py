@@ -7,6 +7,7 @@ square root is what the Jacobians are, so that the slowest and the fastest mode 
 the rows.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -60,19 +61,21 @@ def sprung(model: "mujoco.MjModel") -> list[int]:
     held = {j for j in range(model.njnt) if float(np.atleast_1d(model.jnt_stiffness[j])[0]) > 0.0}
     for i in range(model.ntendon):
         if float(np.atleast_1d(model.tendon_stiffness[i])[0]) > 0.0:
-            first = int(model.tendon_adr[i])
-            wraps = range(first, first + int(model.tendon_num[i]))
-            held |= {
-                int(model.wrap_objid[k]) for k in wraps if int(model.wrap_type[k]) == int(mujoco.mjtWrap.mjWRAP_JOINT)
-            }
+            joint = int(mujoco.mjtWrap.mjWRAP_JOINT)
+            held |= {int(model.wrap_objid[k]) for k in wraps(model, i) if int(model.wrap_type[k]) == joint}
     return sorted(held)
+
+
+def wraps(model: "mujoco.MjModel", tendon: int) -> Sequence[int]:
+    """The wrap objects of a tendon."""
+    first = int(model.tendon_adr[tendon])
+    return range(first, first + int(model.tendon_num[tendon]))
 
 
 def along(model: "mujoco.MjModel", tendon: int) -> Array:
     """`(nv,)` coefficients of a fixed tendon."""
     out = np.zeros(model.nv)
-    first = int(model.tendon_adr[tendon])
-    for k in range(first, first + int(model.tendon_num[tendon])):
+    for k in wraps(model, tendon):
         if int(model.wrap_type[k]) == int(mujoco.mjtWrap.mjWRAP_JOINT):
             out[int(model.jnt_dofadr[int(model.wrap_objid[k])])] += float(model.wrap_prm[k])
     return out

@@ -5,11 +5,12 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from lxml.etree import _Element as Element
 
+from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.mjcf.write import number
 from beamchain.steps.discrete import SCHEMES, hinge_armature
-from beamchain.steps.modal import JOINT, modal_tendons, wraps
+from beamchain.steps.modal import JOINT, modal_tendons
 
 
 def put_time(parts: Iterable[Element], model: "mujoco.MjModel", named: Callable[[str], str] = lambda name: name) -> int:

@@ -15,13 +15,13 @@ five, to the last bit, and no default class reaches a number that is written out
 """
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.errors import InputError
@@ -212,9 +212,3 @@ def _row(model: "mujoco.MjModel", i: int) -> Array | None:
             return None
         out[int(model.jnt_dofadr[joint])] += float(model.wrap_prm[w])
     return out
-
-
-def wraps(model: "mujoco.MjModel", i: int) -> Sequence[int]:
-    """The wrap objects of a tendon."""
-    first = int(model.tendon_adr[i])
-    return range(first, first + int(model.tendon_num[i]))

@@ -32,6 +32,7 @@ from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
 from beamchain.checks import not_negative, one_of
+from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.errors import EngineError, InputError
@@ -48,7 +49,6 @@ from beamchain.steps.modal import (
     foreign,
     mass_matrix,
     modal_tendons,
-    wraps,
 )
 from beamchain.steps.tune import tune
 
