@@ -140,17 +140,20 @@ class Pose:
     ) -> None:
         body = base_body(craft, carried[0].mount.body)
         own = matrices(craft, qpos, body)
-        self.own = Matrices(own.mass, craft_damping(own.damping, own.stiffness, own.mass), own.stiffness, own.base)
-        self.extra = self.own.damping - own.damping
+        self.own: Matrices = Matrices(
+            own.mass, craft_damping(own.damping, own.stiffness, own.mass), own.stiffness, own.base
+        )
+        self.extra: Array = self.own.damping - own.damping
         data = mujoco.MjData(craft)
         data.qpos[:] = qpos
         mujoco.mj_kinematics(craft, data)
         mujoco.mj_comPos(craft, data)
-        self.jacobians = [_port(craft, data, item) for item in carried]
-        self.carried, self.band = carried, band
+        self.jacobians: list[Array] = [_port(craft, data, item) for item in carried]
+        self.carried: Sequence[Carried] = carried
+        self.band: float = band
         rows = np.linalg.norm(self.own.base, axis=1)
         able = [i for i in range(6) if rows[i] > RANK * rows.max(initial=1e-300)]
-        self.motions = tuple(i for i in wanted if i in able) or tuple(able)
+        self.motions: tuple[int, ...] = tuple(i for i in wanted if i in able) or tuple(able)
         frozen = self.own.mass + sum(
             (j.T @ item.whole.rigid_mass @ j for j, item in zip(self.jacobians, carried, strict=True)),
             np.zeros_like(self.own.mass),
@@ -160,8 +163,8 @@ class Pose:
         rigid = self.own.base[:, mine] @ np.linalg.solve(locked, self.own.base[:, mine].T)
         inverse = np.linalg.pinv(rigid, rcond=RANK, hermitian=True)
         s = np.sqrt(np.diag(inverse))[list(self.motions)]
-        self.scale = np.outer(s, s)
-        self.frozen = float(np.linalg.norm(rigid[np.ix_(self.motions, self.motions)] * self.scale, 2))
+        self.scale: Array = np.outer(s, s)
+        self.frozen: float = float(np.linalg.norm(rigid[np.ix_(self.motions, self.motions)] * self.scale, 2))
 
     def response(self, models: Sequence[PortModel], omega: Array) -> NDArray[np.complex128]:
         """`(k, n, n)` dimensionless accelerance of the base body with these appendages."""

@@ -161,8 +161,8 @@ class Reference:
     """
 
     def __init__(self, blocks: Sequence[Block], bandwidth: float) -> None:
-        self.blocks = [replace(block, exact=damped(block.exact)) for block in blocks]
-        self.bandwidth = bandwidth
+        self.blocks: list[Block] = [replace(block, exact=damped(block.exact)) for block in blocks]
+        self.bandwidth: float = bandwidth
         self._peaks = [peaks_of(block.exact, block.hub) for block in self.blocks]
         self._floor = max((block.frozen for block in self.blocks), default=1.0)
         self._own: dict[int, tuple[Array, NDArray[np.complex128], Array]] = {}

@@ -27,7 +27,8 @@ class SpacePromise:
     def __init__(
         self, full: PortModel, hub_mass: Array | None, live: Sequence[int], axes: Sequence[str], bandwidth: float
     ) -> None:
-        self.full, self.bandwidth = damped(full), bandwidth
+        self.full: PortModel = damped(full)
+        self.bandwidth: float = bandwidth
         self._near = self.full.condensed(FAR * bandwidth)
         self._hub = None if hub_mass is None else hub_mass[np.ix_(live, live)]
         self._keep = [i for i, motion in enumerate(live) if motion in {AXES[axis] for axis in axes}]

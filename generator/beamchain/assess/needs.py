@@ -83,12 +83,17 @@ class Promise:
         size = float(np.max(np.diag(rigid)[3:]))
         for i in range(6):  # an appendage that states no polar inertia has a trace of it
             rigid[i, i] = max(rigid[i, i], 1e-9 * size)
-        self.full = {port: damped(model).condensed(FAR * bandwidth) for port, model in full.items()}
-        self.frequencies = {port: model.frequencies for port, model in full.items()}
-        self.rigid, self.bandwidth = rigid, bandwidth
-        self.keep = sorted({AXES[axis] for axis in axes})
+        self.full: dict[str, PortModel] = {
+            port: damped(model).condensed(FAR * bandwidth) for port, model in full.items()
+        }
+        self.frequencies: dict[str, Array] = {port: model.frequencies for port, model in full.items()}
+        self.rigid: Array = rigid
+        self.bandwidth: float = bandwidth
+        self.keep: list[int] = sorted({AXES[axis] for axis in axes})
         hubs = [hub_mass] if hub_mass is not None else [factor * rigid for factor in STANDARD_HUBS]
-        self.groups = [[block for block in self._blocks(hub) if self._kept(block)] for hub in hubs]
+        self.groups: list[list[tuple[str, ...]]] = [
+            [block for block in self._blocks(hub) if self._kept(block)] for hub in hubs
+        ]
         self._known: dict[tuple[object, ...], float] = {}
         self._references = [
             Reference([self._block(hub, block) for block in groups], bandwidth)

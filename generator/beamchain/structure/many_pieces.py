@@ -39,16 +39,19 @@ class ManyPieces:
         *,
         bending: bool,
     ) -> None:
-        self.bending, self.functions, self.count = bending, functions, len(pieces)
-        self.half = np.array([p.length for p in pieces]) / 2.0
-        self.nodes = np.array([*(p.start for p in pieces), pieces[-1].start + pieces[-1].length])
+        self.bending: bool = bending
+        self.functions: int = functions
+        self.count: int = len(pieces)
+        self.half: Array = np.array([p.length for p in pieces]) / 2.0
+        self.nodes: Array = np.array([*(p.start for p in pieces), pieces[-1].start + pieces[-1].length])
         xi, weights = elements.gauss(pieces[0].stiffness.size)
-        self.reach = 1.0 + xi
+        self.reach: Array = 1.0 + xi
         strain = elements.strains(functions, xi)
-        self.once, self.twice = elements.running(functions, xi), elements.running_twice(functions, xi)
-        self.end_twice = elements.running_twice(functions, np.array([1.0]))[0]
+        self.once: Array = elements.running(functions, xi)
+        self.twice: Array = elements.running_twice(functions, xi)
+        self.end_twice: Array = elements.running_twice(functions, np.array([1.0]))[0]
         stretch = weights * self.half[:, None]
-        self.scale = elements.scaled(strain, stretch * np.array([p.stiffness for p in pieces]))
+        self.scale: Array = elements.scaled(strain, stretch * np.array([p.stiffness for p in pieces]))
         sheared = [p.shear_stiffness is not None for p in pieces]
         self.shear_scale: Array | None = None
         if any(sheared):  # a piece without shear has none in its coordinates
@@ -56,14 +59,14 @@ class ManyPieces:
             self.shear_scale = elements.scaled(strain, stretch * np.array(given)) * np.array(sheared)[:, None, None]
         inertia = np.sqrt(stretch * np.array([p.inertia for p in pieces]))
         rotary = np.array([np.zeros(xi.size) if p.rotary_inertia is None else p.rotary_inertia for p in pieces])
-        self.move = inertia if bending else np.zeros_like(inertia)
-        self.turn = np.sqrt(stretch * rotary) if bending else inertia
-        self.hinge_nodes = self._nearest([h.x for h in hinges])
-        self.jumps = 1.0 / np.sqrt(np.array([h.stiffness for h in hinges], dtype=np.float64))
-        self.body_nodes = self._nearest([b.x for b in bodies])
+        self.move: Array = inertia if bending else np.zeros_like(inertia)
+        self.turn: Array = np.sqrt(stretch * rotary) if bending else inertia
+        self.hinge_nodes: np.ndarray[tuple[int], np.dtype[np.int64]] = self._nearest([h.x for h in hinges])
+        self.jumps: Array = 1.0 / np.sqrt(np.array([h.stiffness for h in hinges], dtype=np.float64))
+        self.body_nodes: np.ndarray[tuple[int], np.dtype[np.int64]] = self._nearest([b.x for b in bodies])
         mass = np.sqrt(np.array([b.mass for b in bodies], dtype=np.float64))
-        self.body_move = mass if bending else np.zeros_like(mass)
-        self.body_turn = np.sqrt(np.array([b.inertia for b in bodies], dtype=np.float64)) if bending else mass
+        self.body_move: Array = mass if bending else np.zeros_like(mass)
+        self.body_turn: Array = np.sqrt(np.array([b.inertia for b in bodies], dtype=np.float64)) if bending else mass
 
     def _nearest(self, places: Sequence[float]) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
         """Node of each place."""
