@@ -204,6 +204,12 @@ def test_a_beam_comes_back_as_the_same_chain(tmp_path, name):
     imported = fit(Spec(imported=Imported(file=str(path)), fit=FitOptions(form="chain")))
     direct = fit(make(), modes=modes)
     assert imported.status.ok == direct.status.ok
+    for port in direct.achieved:
+        found = compare(imported.achieved[port], direct.achieved[port].truncated(modes[port]))
+        assert max(found.frequency, found.participation) < MUJOCO
+    if name == "panels":
+        assert direct.chain.tendons
+        return  # cut at hinge lines, of which modes know nothing: the same appendage on other bodies
     assert len(imported.chain.links) == len(direct.chain.links)
     length = direct.chain.length
     for ours, theirs in zip(imported.chain.links, direct.chain.links, strict=True):
@@ -213,9 +219,6 @@ def test_a_beam_comes_back_as_the_same_chain(tmp_path, name):
         assert ours.inertia == pytest.approx(theirs.inertia, rel=1e-8, abs=ROUND_TRIP * max(theirs.inertia))
     for ours, theirs in zip(imported.chain.hinges, direct.chain.hinges, strict=True):
         assert dict(ours.stiffness) == pytest.approx(dict(theirs.stiffness), rel=ROUND_TRIP)
-    for port in direct.achieved:
-        found = compare(imported.achieved[port], direct.achieved[port])
-        assert max(found.frequency, found.participation) < MUJOCO
 
 
 # -- the choice, and the walk beyond -----------------------------------------------------------------------------------

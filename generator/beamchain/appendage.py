@@ -86,8 +86,9 @@ def driven_too_far(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> 
 
 def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
     """Names of all elements the appendages bring, per kind."""
-    out: dict[str, set[str]] = {"body": set(), "jnt": set(), "geom": set(), "site": set(), "tendon": set()}
     kinds = {"body": "body", "joint": "jnt", "geom": "geom", "site": "site", "fixed": "tendon"}
+    kinds |= dict.fromkeys(("tendonpos", "tendonvel", "framepos", "framequat", "force", "torque"), "sensor")
+    out: dict[str, set[str]] = {kind: set() for kind in kinds.values()}
     for a in appendages:
         for node in document.renamed(a.fit.appendage(timed=False), a.fit.spec.name, a.prefix).iter(*kinds):
             if node.get("name"):
@@ -102,7 +103,14 @@ def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> Non
         InputError: with the name and the cure.
     """
     taken = appended(craft, names(appendages))
-    for kind, word in (("body", "body"), ("jnt", "joint"), ("geom", "geom"), ("site", "site"), ("tendon", "tendon")):
+    for kind, word in (
+        ("body", "body"),
+        ("jnt", "joint"),
+        ("geom", "geom"),
+        ("site", "site"),
+        ("tendon", "tendon"),
+        ("sensor", "sensor"),
+    ):
         if taken[kind]:
             name = getattr(craft, word)(taken[kind][0]).name
             raise InputError(f"the spacecraft already has a {word} {name!r}; give the appendage another --prefix.")

@@ -132,14 +132,15 @@ def _separate(case: Case, line: MassLine) -> Built:
         return whole[port].reduced(count, hub).replaced(damping=whole[port].damping[:count])
 
     counts = {port: model.modes for port, model in targets.items()}
-    return build_exact(line, counts, target_of, Wishes(spec.fit.springs, _per_mode(spec, kept), spec.fit.cuts))
+    wishes = Wishes(spec.fit.springs, _per_mode(spec, kept), spec.fit.cuts, faint=target != "clamped")
+    return build_exact(line, counts, target_of, wishes)
 
 
 def _per_mode(spec: Spec, kept: ModalData) -> bool:
     """Whether each mode takes a tendon: for damping of its own, or to be exact in time."""
     timed = spec.exact_step > 0.0 and SCHEMES[spec.integrator].exact and spec.fit.springs != "hinges"
     damped = bool(np.any(kept.damping > 0.0)) and (spec.damping is None or spec.damping.form == "modal")
-    return damped or timed
+    return damped or timed or spec.sensors.modes
 
 
 def _coupled(case: Case, line: MassLine) -> Built:
@@ -168,8 +169,9 @@ def _coupled(case: Case, line: MassLine) -> Built:
         rows = kept.participation[own] @ group_motion(ports)
         mass = group_motion(ports).T @ kept.rigid_mass @ group_motion(ports)
         groups.append(
-            Modes(ports, kept.frequencies[own], rows, damping[own], numbers=numbers, weights=weights, rigid=mass)
-        )
+            Modes(ports, kept.frequencies[own], rows, damping[own], numbers=numbers, weights=weights, rigid=mass,
+                  faint=case.target != "clamped")
+        )  # fmt: skip
     chain, how, cut = cut_chain(line, groups, spec.fit.cuts)
     alive = [port for port in PORTS if np.all(np.diag(PORT_MOTION[port].T @ kept.rigid_mass @ PORT_MOTION[port]) > 0.0)]
     targets = {port: model for port in alive if (model := _shown(kept, port)).modes}

@@ -350,6 +350,11 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
                 )
             if self.port and self.fit.method != "exact":
                 raise InputError(f'[[port]] needs method = "exact", not "{self.fit.method}"; leave fit.method out.')
+        if self.sensors.modes and self.fit.springs == "hinges":
+            raise InputError(
+                'sensors.modes = true reads the tendon of each mode, and fit.springs = "hinges" leaves none; use '
+                'fit.springs = "auto", or sensors.modes = false.'
+            )
         for point in self.sensors.points:
             if point not in ("tip", *names):
                 raise InputError(

@@ -111,7 +111,9 @@ def fit(
             return _fit(spec)
         except RealisationError as error:
             asked = " ".join(doubtful(spec.segment))
-            raise RealisationError(f"{asked} As it is: {error}") from None if asked else error
+            if not asked:
+                raise
+            raise RealisationError(f"{asked} As it is: {error}") from None
 
 
 def as_spec(appendage: Beam | Spec | ModalData) -> Spec:
@@ -219,7 +221,8 @@ def build(
     payload = spec.payload
     if not kept or options.method == "exact":
         further = tuple(spec.further.values())
-        wishes = Wishes(options.springs, per_mode, options.cuts, further, further_columns(spec), cut)
+        columns = further_columns(spec)
+        wishes = Wishes(options.springs, per_mode, options.cuts, further, columns, cut, plan.target != "clamped")
         return build_exact(beam, kept, target_of, wishes)
     if options.method == "least_squares":
         loads = None
@@ -269,7 +272,7 @@ def damped(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
     timed = (
         bool(spec.exact_step) and spec.fit.springs == "auto" and spec.fit.method == "exact" and needs_time(spec, plan)
     )
-    if timed:
+    if timed or (spec.sensors.modes and spec.fit.method == "exact"):
         options = msgspec.structs.replace(spec.fit, springs="modes")
         spec = msgspec.structs.replace(spec, fit=options)
     ratios = (

@@ -101,11 +101,7 @@ class _Plane:
         outer = np.triu(np.ones((self.hinges.size, self.hinges.size)))
         turning = outer @ (x * force_y - y * force_x - slew * self.inertia)[1:]
         moment = turning - at_x * (outer @ force_y[1:]) + at_y * (outer @ force_x[1:])
-        return (moment - self.stiffness @ np.diff(angles, prepend=0.0)) / self._scale(acceleration, slew)
-
-    def _scale(self, acceleration: float, slew: float) -> float:
-        reach = float(self.com[-1])
-        return float(np.sum(self.mass)) * reach * (abs(acceleration) + abs(slew) * reach) + 1e-300
+        return np.linalg.solve(self.stiffness, moment) - np.diff(angles, prepend=0.0)
 
     def _linear(self, acceleration: float, slew: float, span: Array) -> Array:
         """Angles of the links in small motion."""

@@ -70,6 +70,7 @@ class Wishes:
         further: x of further ports, whose motion stands behind that of the root in the targets' `tip` columns [m].
         columns: per further port, the first column of `tip` that holds it, in units of the port's motions.
         cut: where the hinges stand, instead of a choice.
+        faint: modes of surplus hinges must not disturb the hub, as the target is exact on it alone.
     """
 
     springs: Springs = "auto"
@@ -78,6 +79,7 @@ class Wishes:
     further: tuple[float, ...] = ()
     columns: tuple[int, ...] = ()
     cut: Cut | None = None
+    faint: bool = False
 
 
 def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes | None = None) -> Built:
@@ -108,6 +110,20 @@ def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wi
             if wishes.springs == "hinges":
                 raise
             history.append(f"recursion: {error}")
+    try:
+        return _cut(beam, kept, target_of, wishes, history)
+    except RealisationError:
+        if not history:
+            raise
+        try:  # fewer modes where their springs can stand on the hinges
+            return _recursive(beam, kept, target_of, replace(wishes, springs="hinges"), history)
+        except RealisationError:
+            pass
+        raise
+
+
+def _cut(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes, history: list[str]) -> Built:
+    """The chain on a chosen cut for all ports."""
     notes: list[str] = []
     targets = {port: _available(target_of, port, count, notes) for port, count in kept.items()}
     groups = [_modes_of(port, t, wishes, _next(target_of, port, kept[port])) for port, t in targets.items()]
@@ -136,8 +152,9 @@ def _modes_of(port: str, target: PortModel, wishes: Wishes, beyond: float | None
         rows.append(target.tip[:, column * m : (column + 1) * m])
     damping = target.damping if wishes.per_mode else np.zeros(target.modes)
     return Modes(
-        (port,), target.frequencies, np.hstack(rows), damping, target.shapes, rigid=target.rigid_mass, beyond=beyond
-    )
+        (port,), target.frequencies, np.hstack(rows), damping, target.shapes, rigid=target.rigid_mass, beyond=beyond,
+        faint=wishes.faint,
+    )  # fmt: skip
 
 
 def _next(target_of: TargetOf, port: str, count: int) -> float | None:

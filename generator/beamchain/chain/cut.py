@@ -248,7 +248,11 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
         groups = [g.more() if m < MARGIN else g for g, m in zip(groups, margins, strict=True)]
     raise RealisationError(
         f"no cut of the appendage holds these modes: {first}, and {MOST_ADDED + fixed.size} further hinges do not mend it; "
-        "keep fewer modes, or check the rigid mass and the participation."
+        + (
+            "keep fewer modes, or fewer points beside the root."
+            if further
+            else "keep fewer modes, or check the rigid mass and the participation."
+        )
     )
 
 

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.linalg import eigh
 
 from beamchain.chain.chain import Chain, Freedom, Tendon
 from beamchain.errors import RealisationError
@@ -26,6 +27,7 @@ PASSES = 400  # of the projection towards the real mode shapes; each costs some 
 STILL = 1e-12  # change of a pass at which the projection has settled
 RAISED = 0.3  # least singular value on what the root does not see: a smaller one would need heavy armature
 DROPPED = 1e-13  # relative armature that is rounding
+FAINT = 1e-2  # of a filler mode's motion where the modes are exact on one hub, which a filler must not disturb
 FILLER = 60.0  # frequency of filler modes over that of the last mode kept, where the next real one is not known
 LEAST_LEFT = 1e-6  # of the rigid mass, that participation must leave
 SAME_MASS = 1e-10  # relative, of two rigid mass matrices
@@ -48,6 +50,8 @@ class Modes:
         rigid: `(m, m)` rigid mass that goes with the participation, in the motions of the root; that of the bodies where
             left out.
         beyond: frequency of the first mode left out, where known, for the modes of surplus hinges [rad/s].
+        faint: the modes of surplus hinges get so much inertia that they move the root next to nothing: for a target whose
+            modes are exact on one hub, beyond the frequencies of the held appendage.
     """
 
     ports: tuple[str, ...]
@@ -60,6 +64,19 @@ class Modes:
     weights: Mapping[str, float] = field(default_factory=dict)
     rigid: Array | None = None
     beyond: float | None = None
+    faint: bool = False
+
+    def filler_frequency(self, last: float) -> float:
+        """Frequency of the modes of surplus hinges [rad/s].
+
+        Args:
+            last: highest frequency kept in any group [rad/s].
+        """
+        if self.faint and self.rigid is not None and self.frequencies.size:  # above the modes of the free appendage
+            rows = self.rows[:, : self.rigid.shape[0]]
+            left = np.eye(self.frequencies.size) - rows @ np.linalg.solve(self.rigid, rows.T)
+            return FILLER * max(float(np.sqrt(eigh(np.diag(self.frequencies**2), left, eigvals_only=True)[-1])), last)
+        return FILLER * last if self.beyond is None else max(self.beyond, 2.0 * last)
 
     def fitting(self, rigid: Array) -> "Modes":
         """The modes with participation that fits bodies of a slightly different rigid mass `(m, m)`.
@@ -141,6 +158,8 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: Modes) -> tuple[Array
             f"the modes on these hinges are too nearly dependent (condition {stretch[0] / max(stretch[-1], 1e-300):.1e}, "
             f"limit {WORST_CONDITION:g}); keep fewer modes, or cut the appendage elsewhere."
         )
+    if modes.faint:
+        u[:, n:] *= FAINT
     missing = np.linalg.inv(u @ u.T) - np.eye(size)
     return np.asarray(np.linalg.solve(root.T, u), dtype=np.float64), root @ ((missing + missing.T) / 2.0) @ root.T
 
@@ -199,7 +218,7 @@ def given_modes(chain: Chain, groups: Sequence[Modes], further: Sequence[float] 
         shapes, armature = modal_matrix(kinematics, inertia, group)
         n = group.frequencies.size
         surplus = len(freedoms) - n
-        top = FILLER * last if group.beyond is None or further else max(group.beyond, 2.0 * last)
+        top = replace(group, beyond=None if further else group.beyond).filler_frequency(last)
         frequencies = np.concatenate([group.frequencies, np.full(surplus, top)])
         if surplus and further:
             shapes, frequencies = _stiffened(shapes, frequencies, np.vstack(port) @ shapes, n)

@@ -99,8 +99,8 @@ def _port(linear: Linearisation, extra: Array, live: list[int]) -> PortModel:
         # the sum over a group of W^2 L L^T is its own, whatever its eigenvectors: the leading eigenpairs are the rows
         both = (held.reaction[:, group] / held.squares[group]) @ held.drive[group]
         values, vectors = np.linalg.eigh((both + both.T) / 2.0)
-        top = values.size - len(group)
-        rows[group] = (vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))).T[::-1]
+        top = max(values.size - len(group), 0)  # more modes than motions: those left over move nothing
+        rows[group[: values.size - top]] = (vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))).T[::-1]
     mass = apparent + rows.T @ rows - extra
     scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
     rows = into_planes(w, rows, scale, groups).participation

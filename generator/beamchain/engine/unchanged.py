@@ -14,7 +14,7 @@ KINDS = {
     "mesh": "nmesh", "mat": "nmat", "tex": "ntex", "pair": "npair", "eq": "neq", "tendon": "ntendon", "actuator": "nu",
     "sensor": "nsensor",
 }  # fmt: skip
-NAMED = {"body": "body", "jnt": "joint", "geom": "geom", "site": "site", "tendon": "tendon"}
+NAMED = {"body": "body", "jnt": "joint", "geom": "geom", "site": "site", "tendon": "tendon", "sensor": "sensor"}
 #: where a thing is stored, what is derived from the whole model, what a weld group shares
 INDEXED = (
     "id",
@@ -58,7 +58,7 @@ class Difference(NamedTuple):
 
 
 def appended(model: "mujoco.MjModel", names: Mapping[str, set[str]]) -> dict[str, list[int]]:
-    """Ids per kind of the elements that bear one of `names[kind]` (bodies, joints, geoms, sites, tendons)."""
+    """Ids per kind of the elements that bear one of `names[kind]` (bodies, joints, geoms, sites, tendons, sensors)."""
     out: dict[str, list[int]] = {}
     for kind, word in NAMED.items():
         get = getattr(model, word)
