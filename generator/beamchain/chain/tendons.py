@@ -23,8 +23,8 @@ from beamchain.port import Shapes
 
 SINGULAR = 1e-9  # relative singular value of P below which a motion of the root is not reached by the hinges
 TOO_HEAVY = 1e-9  # relative, of what is rounding
-PASSES = 400  # of the projection towards the real mode shapes; each costs some microseconds
-STILL = 1e-12  # change of a pass at which the projection has settled
+PASSES = 100  # of the projection towards the real mode shapes; each costs some microseconds
+STILL = 1e-9  # change of a pass at which the projection has settled
 RAISED = 0.3  # least singular value on what the root does not see: a smaller one would need heavy armature
 DROPPED = 1e-13  # relative armature that is rounding
 FAINT = 1e-2  # of a filler mode's motion where the modes are exact on one hub, which a filler must not disturb
@@ -178,12 +178,18 @@ def _turned(lift: Array, free: Array, size: int, guide: Array | None) -> Array:
         rest = np.linalg.svd(free, full_matrices=True)[0][:, free.shape[1] :] if free.size else np.eye(n)
         basis = np.column_stack([free, rest])[:, :size]
         return np.eye(size)[:, : basis.shape[1]] @ basis.T
-    z = np.zeros((size, n))
-    for _ in range(PASSES):
-        last = z
-        z = _clipped(z - (z @ lift - guide) @ lift)
-        if np.max(np.abs(z - last), initial=0.0) < STILL:
+    z = ahead = np.zeros((size, n))
+    pace = 1.0
+    for _ in range(PASSES):  # projected gradient with Nesterov's momentum, begun anew where it turns back
+        last, z = z, _clipped(ahead - (ahead @ lift - guide) @ lift)
+        moved = z - last
+        if np.max(np.abs(moved), initial=0.0) < STILL:
             break
+        if float(np.sum((ahead - z) * moved)) > 0.0:
+            pace, ahead = 1.0, z
+            continue
+        before, pace = pace, (1.0 + np.sqrt(1.0 + 4.0 * pace**2)) / 2.0
+        ahead = z + (before - 1.0) / pace * moved
     if free.size:
         left, s, right = np.linalg.svd(z @ free, full_matrices=False)
         z = z + (left * (np.maximum(s, RAISED) - s)) @ right @ free.T

@@ -37,9 +37,17 @@ class Moments(NamedTuple):
 
 def straight_mass_matrix(m: Moments) -> Array:
     """`(6, 6)` mass matrix about the root of a stretch with its mass on the x axis."""
-    out = np.diag([m.mass, m.mass, m.mass, m.polar, m.second + m.rotary_xz, m.second + m.rotary_xy])
-    out[1, 5] = out[5, 1] = m.first
-    out[2, 4] = out[4, 2] = -m.first
+    return straight_mass_matrices(np.array([m]))[0]
+
+
+def straight_mass_matrices(moments: Array) -> Array:
+    """`(k, 6, 6)` mass matrices about the root of stretches with their mass on the x axis; `(k, 6)` as in `Moments`."""
+    mass, first, second, polar, rotary_xy, rotary_xz = moments.T
+    out = np.zeros((len(moments), 6, 6))
+    for i, values in enumerate((mass, mass, mass, polar, second + rotary_xz, second + rotary_xy)):
+        out[:, i, i] = values
+    out[:, 1, 5] = out[:, 5, 1] = first
+    out[:, 2, 4] = out[:, 4, 2] = -first
     return out
 
 
@@ -205,7 +213,7 @@ class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             ix, iy, iz = lump.inertia
             own = lump.mass * np.array([1.0, lump.x, lump.x**2, 0.0, 0.0, 0.0]) + np.array([0.0, 0.0, 0.0, ix, iz, iy])
             total += np.where(lump.x > x + edge, 1.0, 0.0)[:, None] * own
-        return np.array([straight_mass_matrix(Moments(*row)) for row in total.tolist()])
+        return straight_mass_matrices(total)
 
     def density(self, x: float, port: str) -> Array:
         """`(3,)` derivative of mass, first and second moment (rotary inertia in it) at `x` [m] in a `port`, without lumps."""
