@@ -165,6 +165,14 @@ def test_hinges_where_the_user_wants_them():
         assert np.min(np.abs(places - x)) < 1e-9
 
 
+def test_cuts_that_hold_the_modes_only_with_more_say_so():
+    """Quarter points weigh 48 times the residual mass of three modes of a uniform beam."""
+    result = fit(tube(), modes={"xy": 3, "xz": 3}, options=FitOptions(cuts=(2.0, 4.0, 6.0)))
+    judge(tube(), result, {"xy": 3, "xz": 3})
+    assert "in xy the limp chain weighs 48 times the residual mass" in result.status.message
+    assert "now hinges stand also at 0.614 m" in result.status.message
+
+
 def test_a_lump_at_the_tip_belongs_to_the_last_body():
     beam = Beam(segments=space_beam().segments, lumps=(Lump(x=1.0, mass=0.5),))
     result = fit(beam, modes={"xy": 3, "xz": 2})

@@ -71,11 +71,34 @@ def fit_warnings(
     return tuple(out)
 
 
+def turn_warning(error: float | None, scene: Scene, integrator: str, timestep: float) -> tuple[str, ...]:
+    """Where a step turns the rigid spacecraft with more error than the scene allows.
+
+    Args:
+        error: of the rates after one radian, relative; None where no rates are stated.
+        scene: with rates and tolerance.
+        integrator, timestep: that run.
+    """
+    if error is None or scene.rates is None or error <= scene.tolerance:
+        return ()
+    rates = ", ".join(f"{rate:g}" for rate in scene.rates)
+    return (
+        f"{integrator} at {timestep:g} s turns the rigid spacecraft from rates of ({rates}) rad/s with an error of "
+        f"{error:.2g} of them in one radian, above the tolerance {scene.tolerance:g}, whatever the appendages do; take RK4, "
+        "for which modes beyond the step are slowed, or a shorter step.",
+    )
+
+
 def step_warnings(result: "Fit") -> tuple[str, ...]:
     """Where scene.xml's own step is unstable, or misses the scene's tolerance."""
     scene = result.spec.scene
     if scene is None or not result.achieved:
         return ()
+    return (*turn_warning(result.turn_error, scene, scene.integrator, scene.step), *_stable(result, scene))
+
+
+def _stable(result: "Fit", scene: Scene) -> tuple[str, ...]:
+    """Where scene.xml's own step is unstable, or its vibration misses the scene's tolerance."""
     if result.spec.exact_step and result.tendon_sprung and scene.integrator in SCHEMES:
         return ()  # exact in time, or slowed
     limits = result.limits

@@ -7,15 +7,19 @@ from dataclasses import replace
 import numpy as np
 
 from beamchain.appendage import Appendage
+from beamchain.assess.craft_error import base_body
+from beamchain.cautions import turn_warning
 from beamchain.chain.tendons import springs_as_modes
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.errors import EngineError
+from beamchain.motion import Array
 from beamchain.result import Fit
 from beamchain.steps.discrete import SCHEMES
 from beamchain.steps.modal import made_for
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.retime import retime
+from beamchain.steps.turn import turn_error
 
 SHARE = 0.1  # of the scenes' tolerance: what the step's own error may take before the appendages are made exact in time
 UNASKED = 1e-4  # the same where no scene states a tolerance
@@ -68,6 +72,38 @@ def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: b
             f"the appendages are exact in time for {step} ({why}); give actuators the mean of this and the last input.",
         )
     return False, ""  # what the step does is within what was asked for
+
+
+def turned(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
+    """What the step does to the rigid spacecraft at the rates that the scenes state, where that is above a tolerance.
+
+    Args:
+        model: the spacecraft with its appendages.
+        appendages: what was embedded.
+    """
+    name = next(n for n, value in INTEGRATORS.items() if value == int(model.opt.integrator))
+    step, out = float(model.opt.timestep), list[str]()
+    for a in appendages:
+        scene = a.fit.spec.scene
+        if scene is not None and scene.rates is not None:
+            base = base_body(model, model.body(f"{a.prefix}link1").id)
+            error = turn_error(_inertia(model, base), scene.rates, step, name)
+            out += turn_warning(error, scene, name, step)
+    return list(dict.fromkeys(out))
+
+
+def _inertia(model: "mujoco.MjModel", base: int) -> Array:
+    """`(3, 3)` inertia of a body and all it carries about their mass centre, in its axes, at rest [kg m^2]."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    total = np.zeros((3, 3))
+    for body in range(1, model.nbody):
+        if model.body_rootid[body] == model.body_rootid[base]:
+            frame, arm = data.ximat[body].reshape(3, 3), data.xipos[body] - data.subtree_com[base]
+            total += frame @ np.diag(model.body_inertia[body]) @ frame.T
+            total += model.body_mass[body] * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    axes = data.xmat[base].reshape(3, 3)
+    return np.asarray(axes.T @ total @ axes, dtype=np.float64)
 
 
 def _rows(model: "mujoco.MjModel") -> list[PoleRow]:

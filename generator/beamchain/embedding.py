@@ -30,7 +30,7 @@ from beamchain.assess.needs import AXES
 from beamchain.assess.spoilers import check_flags
 from beamchain.checks import one_of
 from beamchain.checks import whole as checked_int
-from beamchain.craft_time import on_tendons, timed, without_time, worth_it
+from beamchain.craft_time import on_tendons, timed, turned, without_time, worth_it
 from beamchain.engine import mount as mounting
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
@@ -329,7 +329,7 @@ def _embed_in_document(
         model = _compiled(original, appendages, form, layout)
     final = timed(model) if good else model
     warnings += judged(craft, model, appendages, final, check.hostile(original.parts()))
-    warnings += driven_too_far(model, appendages)
+    warnings += driven_too_far(model, appendages) + turned(model, appendages)
     if good:
         appendages = tuple(replace(a, timed=final) for a in appendages)
     model = final
@@ -445,6 +445,7 @@ def _embed_in_spec(
         model = attached(spec.copy()).compile()
     final = timed(model) if good else model
     warnings += judged(craft, model, appendages, final) + driven_too_far(model, appendages)
+    warnings += turned(model, appendages)
     if good:
         appendages = tuple(replace(a, timed=final) for a in appendages)
     attached(spec)  # the user's spec is touched only after a copy has proved itself

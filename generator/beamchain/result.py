@@ -32,6 +32,7 @@ from beamchain.steps.discrete import SCHEMES
 from beamchain.steps.document import put_hinge_armature, put_time
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.retime import retime
+from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 
@@ -147,6 +148,18 @@ class Fit:
         from beamchain.cautions import step_warnings
 
         return (*self.cautions, *step_warnings(self))
+
+    @cached_property
+    def turn_error(self) -> float | None:
+        """What the scene's step does to the rigid spacecraft's rates in a free turn of one radian, relative.
+
+        None where the scene states no `rates` or the spec no hub.
+        """
+        scene = self.spec.scene
+        if scene is None or scene.rates is None or self.hub_mass is None:
+            return None
+        inertia = central_inertia(self.hub_mass + self.measured.rigid_mass)
+        return turn_error(inertia, scene.rates, scene.step, scene.integrator)
 
     @cached_property
     def hub_mass(self) -> Array | None:

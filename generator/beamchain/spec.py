@@ -9,7 +9,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from beamchain.checks import not_negative, one_of, own_numbers, positive, whole
+from beamchain.checks import not_negative, number, one_of, own_numbers, positive, whole
 from beamchain.errors import InputError
 from beamchain.hub import Hub
 from beamchain.hub import port_hub_mass as port_hub_mass
@@ -232,7 +232,8 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         tip: the tip's motion matters too, and the tip site is written.
         visuals: write massless shapes.
         contacts: write shapes that other things may touch.
-        integrator: MuJoCo's name.
+        integrator: MuJoCo's name; "auto": Euler where it turns the spacecraft at `rates` within the tolerance, else RK4.
+        rates: largest rates of the spacecraft about its own axes, at once [rad/s].
         timestep: [s]; where it is stated, the written files are exact in time for it. 0.01 where left out.
     """
 
@@ -242,7 +243,8 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     tip: bool = False
     visuals: bool = True
     contacts: bool = False
-    integrator: Integrator = "implicitfast"
+    integrator: Integrator | Literal["auto"] = "implicitfast"
+    rates: tuple[float, float, float] | None = None
     timestep: float | None = None
 
     @property
@@ -257,7 +259,15 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         positive("tolerance", self.tolerance, "")
         if self.timestep is not None:
             positive("timestep", self.timestep, "s")
-        one_of("integrator", self.integrator, ("Euler", "RK4", "implicit", "implicitfast", "discrete"))
+        one_of("integrator", self.integrator, ("auto", "Euler", "RK4", "implicit", "implicitfast", "discrete"))
+        for i, rate in enumerate(self.rates or ()):
+            number(f"rates[{i}]", rate, "rad/s")
+        if self.integrator == "auto" and (self.rates is None or self.timestep is None):
+            missing = "rates" if self.rates is None else "timestep"
+            raise InputError(
+                f'integrator = "auto" chooses by what a step does to the turning spacecraft, and {missing} is not given; '
+                "add it, for example rates = [0.01, 0.0, 0.02] and timestep = 0.05, or name an integrator."
+            )
         if not self.axes:
             raise InputError(
                 "axes = [] leaves no hub motion that matters; name some of x y z tx ty tz, or leave axes out."

@@ -36,6 +36,7 @@ from beamchain.port import PortModel, in_space
 from beamchain.result import Fit, appendage_tree, seconds_taken
 from beamchain.spec import Damping, FitOptions, Modes, Root, Scene, Spec, port_hub_mass
 from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
 from beamchain.structure.modal_data import ModalData
@@ -106,7 +107,9 @@ def fit(
         if spec.imported is not None:
             from beamchain.importing import fit_imported  # which returns a Fit
 
-            return fit_imported(spec, appendage if isinstance(appendage, ModalData) else spec.imported.read())
+            data = appendage if isinstance(appendage, ModalData) else spec.imported.read()
+            return fit_imported(_with_integrator(spec, data.rigid_mass), data)
+        spec = _with_integrator(spec, spec.beam.rigid_mass())
         try:
             return _fit(spec)
         except RealisationError as error:
@@ -114,6 +117,29 @@ def fit(
             if not asked:
                 raise
             raise RealisationError(f"{asked} As it is: {error}") from None
+
+
+def _with_integrator(spec: Spec, rigid: Array) -> Spec:
+    """The spec with the integrator that `integrator = "auto"` leaves open.
+
+    Euler, exact in time, where it turns the rigid spacecraft at the scene's rates within the tolerance; else RK4.
+
+    Args:
+        spec: what was asked for.
+        rigid: `(6, 6)` of the appendage about its root.
+    """
+    scene = spec.scene
+    if scene is None or scene.integrator != "auto":
+        return spec
+    assert scene.rates is not None
+    if spec.root.hub is None:
+        raise InputError(
+            'integrator = "auto" chooses by how the whole spacecraft turns; add root.hub with its mass and inertia, or name '
+            "an integrator."
+        )
+    error = turn_error(central_inertia(spec.root.hub.mass_matrix() + rigid), scene.rates, scene.step)
+    chosen = "Euler" if error <= scene.tolerance else "RK4"
+    return msgspec.structs.replace(spec, scene=msgspec.structs.replace(scene, integrator=chosen))
 
 
 def as_spec(appendage: Beam | Spec | ModalData) -> Spec:

@@ -7,7 +7,9 @@ large: spin, slews and long free runs of the recursion's chain and of an evenly 
 fit: time from a beam to its verified chain, to be compared between commits.
 """
 
+import statistics
 import sys
+import tempfile
 import time
 import warnings
 from pathlib import Path
@@ -25,6 +27,7 @@ from beamchain.chain.build import cut_chain  # noqa: E402
 from beamchain.chain.tendons import Modes  # noqa: E402
 from beamchain.errors import BeamchainError  # noqa: E402
 from beamchain.spec import FitOptions, Root  # noqa: E402
+from random_appendages import random_appendage, toml  # noqa: E402
 from test_spin import FLAP, spinning  # noqa: E402
 from undisturbed import momenta  # noqa: E402
 
@@ -201,7 +204,34 @@ def fit_times() -> None:
         say(row)
 
 
-PARTS = {"step": (step_costs,), "large": (in_spin, in_slew, free_runs), "fit": (fit_times,)}
+def shortest_links() -> None:
+    say("\nthe 200 random appendages of tests/random_appendages.py: time to fit and shortest link over the length")
+    short, times, kinds = [], [], {"hinges": 0, "modes": 0}
+    for seed in range(200):
+        spec = random_appendage(seed)
+        text = toml(spec)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "spec.toml"
+            path.write_text(text)
+            start = time.perf_counter()
+            result = bc.fit(bc.read_spec(path))
+            times.append(time.perf_counter() - start)
+        if not result.status.ok:
+            say(f"seed {seed}: {result.status.message}")
+        kinds["modes" if result.chain.tendons else "hinges"] += 1
+        if result.chain.hinges:
+            short.append((shortest(result), seed))
+    short.sort()
+    say(f"springs on the hinges {kinds['hinges']}, one tendon per mode {kinds['modes']}")
+    say(
+        "shortest: "
+        + ", ".join(f"{s:.4f} (seed {k})" for s, k in short[:5])
+        + f"; median {short[len(short) // 2][0]:.3f}"
+    )
+    say(f"time: median {statistics.median(times) * 1e3:.0f} ms, longest {max(times) * 1e3:.0f} ms")
+
+
+PARTS = {"step": (step_costs,), "large": (in_spin, in_slew, free_runs), "fit": (fit_times, shortest_links)}
 
 if __name__ == "__main__":
     for part in sys.argv[1:] or PARTS:

@@ -293,6 +293,11 @@ def cut_chain(
     how = f"one tendon per mode on {len(hinges)} chosen cuts, shortest link {short:.3g} of the length"
     if cut.added:
         how += f", {cut.added} more than the modes alone would need"
+        if lines:
+            count = len(cut.x) - cut.added
+            free = [x for x in cut.x if not np.any(np.isclose(x, lines, rtol=0.0, atol=1e-9 * line.length))]
+            how += f" (with {count}, {len(lines)} of them from fit.cuts, {cut.reason}; now hinges stand also at "
+            how += ", ".join(f"{x:.3g}" for x in free) + " m)"
     return chain, how, cut
 
 

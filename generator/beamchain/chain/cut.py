@@ -71,12 +71,14 @@ class Cut:
         ports: per hinge, the ports in which it moves.
         margin: least share of the residual mass that is left, over all groups.
         added: hinges beyond what the modes need.
+        reason: why they were added.
     """
 
     x: Array
     ports: tuple[tuple[str, ...], ...]
     margin: float
     added: int
+    reason: str = ""
 
     def shortest(self, length: float) -> float:
         """Length of the shortest link over the whole."""
@@ -257,7 +259,7 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
             margin, chosen, _ = search.assigned(x)
             ports = [tuple(p for group in chosen for i, p in group if i == k) for k in range(x.size)]
             used = [k for k in range(x.size) if ports[k]]
-            return Cut(x[used], tuple(ports[k] for k in used), margin, added)
+            return Cut(x[used], tuple(ports[k] for k in used), margin, added, first or "")
         margins = search.assigned(x)[2] if np.isfinite(margin) else [-np.inf] * len(groups)
         if first is None:
             first = _told(groups, margins)

@@ -153,6 +153,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         "time": {
             "timestep": fit.spec.exact_step or None,
             "integrator": fit.spec.integrator,
+            "turn_error": fit.turn_error,
             "modes": [
                 {
                     "frequency": row.frequency,
