@@ -15,10 +15,10 @@ SINGLE = 2e-4  # of the peak: float32 carries 7 digits, 2000 steps at 0.01 s los
 STEP, STEPS = 0.01, 2000
 
 
-def test_free_motion():
+@pytest.mark.parametrize("timed", [False, True], ids=["plain", "exact in time"])
+def test_free_motion(timed):
     text = (CRAFTS / "planar.xml").read_text().replace('integrator="RK4"', 'integrator="implicitfast"')
-    model = bc.embed(text, {"mount": APPENDAGES / "rod.toml"}).model
-    model.opt.timestep = STEP
+    model = bc.embed(text, {"mount": APPENDAGES / "rod.toml"}, retime=timed).model
     data = mujoco.MjData(model)
     data.qvel[:3] = [0.01, -0.02, 0.05]
     mujoco.mj_forward(model, data)
