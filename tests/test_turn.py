@@ -113,3 +113,17 @@ def test_bad_rates_are_named(given, word):
 def test_auto_needs_the_hub():
     with pytest.raises(InputError, match=r"root\.hub"):
         bc.fit(tube(), scene=scene(integrator="auto", rates=FAST))
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4"])
+def test_the_spring_of_the_craft_that_sets_the_limit_is_named(integrator):
+    """Every step is stable for appendages that are exact in time; the spring of a drive is the spacecraft's own."""
+    craft = (
+        f'<mujoco><option timestep="0.05" gravity="0 0 0" integrator="{integrator}"/><worldbody><body name="bus"><freejoint/>'
+        '<inertial pos="0 0 0" mass="300" diaginertia="60 90 120"/><body name="yoke" pos="0.5 0 0">'
+        '<joint name="drive" type="hinge" axis="1 0 0" stiffness="80000"/><inertial pos="0 0 0" mass="2" '
+        'diaginertia="0.05 0.05 0.05"/><site name="mount"/></body></body></worldbody></mujoco>'
+    )
+    spec = bc.Spec(segment=tube().segments, modes=bc.Modes(xy=2, xz=2, torsion=1))
+    [said] = [w for w in bc.embed(craft, {"mount": spec}).warnings if "becomes unstable" in w]
+    assert "held mostly by the spring of joint 'drive'" in said

@@ -5,7 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from beamchain.assess.assembly import quiet
+from beamchain.assess.budget import linear_model
 from beamchain.assess.limits import StepLimits
+from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.errors import InputError
@@ -76,7 +79,8 @@ def spoilers(
     if step > largest:
         out.append(
             f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes unstable (fastest "
-            f'coupled mode {limits.omega_max:.5g} rad/s); write <option timestep="{_round_down(0.5 * largest):g}">.'
+            f"coupled mode {limits.omega_max:.5g} rad/s{_held_by(model)}); write "
+            f'<option timestep="{_round_down(0.5 * largest):g}">.'
         )
     if integrator == "discrete":
         added = step * float(np.max(np.asarray(kept))) / 2.0
@@ -95,3 +99,19 @@ def spoilers(
 def _round_down(value: float) -> float:
     digit = 10.0 ** np.floor(np.log10(value))
     return float(np.floor(value / digit) * digit)
+
+
+def _held_by(model: "mujoco.MjModel") -> str:
+    """Words for the spring that holds most of the fastest mode's energy, where a name tells which it is."""
+    linear = linear_model(quiet(model))
+    values, vectors = np.linalg.eig(linear.stiffness)
+    shape = vectors[:, int(np.argmax(np.abs(values)))].real
+    shares: list[tuple[float, str]] = []
+    for j in range(model.njnt):
+        stiffness = float(np.atleast_1d(model.jnt_stiffness[j])[0])
+        shares.append((stiffness * float(shape[int(model.jnt_dofadr[j])]) ** 2, f"joint {model.joint(j).name!r}"))
+    for i in range(model.ntendon):
+        stiffness = float(np.atleast_1d(model.tendon_stiffness[i])[0])
+        shares.append((stiffness * float(along(model, i) @ shape) ** 2, f"tendon {model.tendon(i).name!r}"))
+    share, name = max(shares, default=(0.0, ""))
+    return f", held mostly by the spring of {name}" if share > 0.0 else ""
