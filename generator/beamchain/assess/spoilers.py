@@ -105,7 +105,7 @@ def _held_by(model: "mujoco.MjModel") -> str:
     """Words for the spring that holds most of the fastest mode's energy, where a name tells which it is."""
     linear = linear_model(quiet(model))
     values, vectors = np.linalg.eig(linear.stiffness)
-    shape = vectors[:, int(np.argmax(np.abs(values)))].real
+    shape = np.real(vectors)[:, int(np.argmax(np.abs(values)))]
     shares: list[tuple[float, str]] = []
     for j in range(model.njnt):
         stiffness = float(np.atleast_1d(model.jnt_stiffness[j])[0])
