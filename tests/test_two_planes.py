@@ -13,7 +13,8 @@ from appendages import close, panels
 from arrays import deployed_array, random_array, space_beam, tube
 from beamchain.chain.build import build_exact
 from beamchain.errors import RealisationError
-from beamchain.spec import FitOptions, Hub, Modes, Root, Spec
+from beamchain.port import PortModel
+from beamchain.spec import FitOptions, Hub, Modes, Root, Spec, port_hub_mass
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.section import Equivalent
 from beamchain.workflow import fit
@@ -163,6 +164,19 @@ def test_hinges_where_the_user_wants_them():
     places = np.array([hinge.x for hinge in result.chain.hinges])
     for x in (0.4, 2.0):
         assert np.min(np.abs(places - x)) < 1e-9
+
+
+@pytest.mark.parametrize("kept", [{"xy": 3, "xz": 1}, {"xy": 1, "xz": 1}, {"xy": 1, "xz": 3}, {"xy": 2, "xz": 2}])
+def test_surplus_hinges_do_not_disturb_the_hub_of_a_hub_target(kept):
+    """A plane with one mode takes two hinges; the coupled modes of its hub stay the beam's."""
+    hub = Hub(mass=20.0, inertia=(3.0, 3.0, 3.0), offset=(0.2, 0.0, 0.0))
+    result = fit(one_plane_taper(), modes=kept, root=Root(target="hub", hub=hub))
+    for port, n in kept.items():
+        carried = port_hub_mass(hub.mass_matrix(), port)
+        found = rb.read(result.to_mjcf()).port(port)
+        achieved = PortModel(result.achieved[port].rigid_mass, found[0], found[1])
+        wanted = one_plane_taper().port(port, 20).with_hub(carried).free_frequencies[:n]
+        assert achieved.with_hub(carried).free_frequencies[:n] == close(wanted, rel=1e-6)
 
 
 def test_cuts_that_hold_the_modes_only_with_more_say_so():

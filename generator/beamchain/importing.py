@@ -132,7 +132,7 @@ def _separate(case: Case, line: MassLine) -> Built:
         return whole[port].reduced(count, hub).replaced(damping=whole[port].damping[:count])
 
     counts = {port: model.modes for port, model in targets.items()}
-    wishes = Wishes(spec.fit.springs, _per_mode(spec, kept), spec.fit.cuts, faint=target != "clamped")
+    wishes = Wishes(spec.fit.springs, _per_mode(spec, kept), spec.fit.cuts, neutral=target != "clamped")
     return build_exact(line, counts, target_of, wishes)
 
 
@@ -170,7 +170,7 @@ def _coupled(case: Case, line: MassLine) -> Built:
         mass = group_motion(ports).T @ kept.rigid_mass @ group_motion(ports)
         groups.append(
             Modes(ports, kept.frequencies[own], rows, damping[own], numbers=numbers, weights=weights, rigid=mass,
-                  faint=case.target != "clamped")
+                  neutral=case.target != "clamped")
         )  # fmt: skip
     chain, how, cut = cut_chain(line, groups, spec.fit.cuts)
     alive = [port for port in PORTS if np.all(np.diag(PORT_MOTION[port].T @ kept.rigid_mass @ PORT_MOTION[port]) > 0.0)]

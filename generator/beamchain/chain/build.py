@@ -70,7 +70,7 @@ class Wishes:
         further: x of further ports, whose motion stands behind that of the root in the targets' `tip` columns [m].
         columns: per further port, the first column of `tip` that holds it, in units of the port's motions.
         cut: where the hinges stand, instead of a choice.
-        faint: modes of surplus hinges must not disturb the hub, as the target is exact on it alone.
+        neutral: modes of surplus hinges must not disturb the hub, as the target is exact on it alone.
     """
 
     springs: Springs = "auto"
@@ -79,7 +79,7 @@ class Wishes:
     further: tuple[float, ...] = ()
     columns: tuple[int, ...] = ()
     cut: Cut | None = None
-    faint: bool = False
+    neutral: bool = False
 
 
 def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes | None = None) -> Built:
@@ -153,7 +153,7 @@ def _modes_of(port: str, target: PortModel, wishes: Wishes, beyond: float | None
     damping = target.damping if wishes.per_mode else np.zeros(target.modes)
     return Modes(
         (port,), target.frequencies, np.hstack(rows), damping, target.shapes, rigid=target.rigid_mass, beyond=beyond,
-        faint=wishes.faint,
+        neutral=wishes.neutral,
     )  # fmt: skip
 
 

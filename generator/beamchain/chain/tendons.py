@@ -27,7 +27,10 @@ PASSES = 100  # of the projection towards the real mode shapes; each costs some 
 STILL = 1e-9  # change of a pass at which the projection has settled
 RAISED = 0.3  # least singular value on what the root does not see: a smaller one would need heavy armature
 DROPPED = 1e-13  # relative armature that is rounding
-FAINT = 1e-2  # of a filler mode's motion where the modes are exact on one hub, which a filler must not disturb
+ROOM = 0.9  # of the modes in what the root does not see, where surplus hinges shall move it not at all
+FAINT = 1e-2  # of a motion that the root would feel
+ABOVE = 5.0  # frequency of such modes over that of the last mode of the free appendage
+LEAST_ROOM = 0.01  # squared length of such a motion
 FILLER = 60.0  # frequency of filler modes over that of the last mode kept, where the next real one is not known
 LEAST_LEFT = 1e-6  # of the rigid mass, that participation must leave
 SAME_MASS = 1e-10  # relative, of two rigid mass matrices
@@ -50,8 +53,7 @@ class Modes:
         rigid: `(m, m)` rigid mass that goes with the participation, in the motions of the root; that of the bodies where
             left out.
         beyond: frequency of the first mode left out, where known, for the modes of surplus hinges [rad/s].
-        faint: the modes of surplus hinges get so much inertia that they move the root next to nothing: for a target whose
-            modes are exact on one hub, beyond the frequencies of the held appendage.
+        neutral: the modes of surplus hinges do not move the root: for a target whose modes are exact on one hub.
     """
 
     ports: tuple[str, ...]
@@ -64,7 +66,7 @@ class Modes:
     weights: Mapping[str, float] = field(default_factory=dict)
     rigid: Array | None = None
     beyond: float | None = None
-    faint: bool = False
+    neutral: bool = False
 
     def filler_frequency(self, last: float) -> float:
         """Frequency of the modes of surplus hinges [rad/s].
@@ -72,10 +74,10 @@ class Modes:
         Args:
             last: highest frequency kept in any group [rad/s].
         """
-        if self.faint and self.rigid is not None and self.frequencies.size:  # above the modes of the free appendage
+        if self.neutral and self.rigid is not None and self.frequencies.size:  # above the modes of the free appendage
             rows = self.rows[:, : self.rigid.shape[0]]
             left = np.eye(self.frequencies.size) - rows @ np.linalg.solve(self.rigid, rows.T)
-            return FILLER * max(float(np.sqrt(eigh(np.diag(self.frequencies**2), left, eigvals_only=True)[-1])), last)
+            return ABOVE * max(float(np.sqrt(eigh(np.diag(self.frequencies**2), left, eigvals_only=True)[-1])), last)
         return FILLER * last if self.beyond is None else max(self.beyond, 2.0 * last)
 
     def fitting(self, rigid: Array) -> "Modes":
@@ -149,19 +151,41 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: Modes) -> tuple[Array
     guide: Array | None = None
     if modes.momenta is not None:
         guide = np.asarray(unseen.T @ np.linalg.solve(root, modes.momenta.T), dtype=np.float64)
-    u = np.column_stack([seen @ b + unseen @ _turned(lift, free, unseen.shape[1], guide) @ lift, np.zeros((size, 0))])
+    turned = _turned(lift, free, unseen.shape[1], guide)
+    if modes.neutral and size > n:
+        turned = ROOM * turned  # leaves the surplus hinges motions that the root does not feel
+    u = np.column_stack([seen @ b + unseen @ turned @ lift, np.zeros((size, 0))])
+    if modes.neutral and size > n:
+        u = np.column_stack([u, _unfelt(u, seen, unseen, size - n)])
+    known = u.shape[1]
     if size > n:
-        u = np.column_stack([u, np.linalg.svd(u, full_matrices=True)[0][:, n:]])
+        u = np.column_stack([u, np.linalg.svd(u, full_matrices=True)[0][:, known:]])
     stretch = np.linalg.svd(u, compute_uv=False)
     if stretch[-1] * WORST_CONDITION < stretch[0]:
         raise RealisationError(
             f"the modes on these hinges are too nearly dependent (condition {stretch[0] / max(stretch[-1], 1e-300):.1e}, "
             f"limit {WORST_CONDITION:g}); keep fewer modes, or cut the appendage elsewhere."
         )
-    if modes.faint:
-        u[:, n:] *= FAINT
+    if modes.neutral and size > n:
+        u[:, known:] *= FAINT  # the root feels these, of which there is one where a plane keeps one mode
     missing = np.linalg.inv(u @ u.T) - np.eye(size)
     return np.asarray(np.linalg.solve(root.T, u), dtype=np.float64), root @ ((missing + missing.T) / 2.0) @ root.T
+
+
+def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
+    """`(size, k)` up to `count` motions that the root does not feel, beside modes `u`, all of them within the unit ball.
+
+    Args:
+        u: `(size, n)` modes.
+        seen, unseen: bases of the hinge motions that the root sees, and of those that it does not.
+        count: wanted.
+    """
+    left = np.eye(u.shape[0]) - u @ u.T
+    own, across = seen.T @ left @ seen, seen.T @ left @ unseen
+    room = unseen.T @ left @ unseen - across.T @ np.linalg.pinv(own, hermitian=True) @ across
+    values, vectors = np.linalg.eigh((room + room.T) / 2.0)
+    pick = [k for k in range(values.size)[::-1] if values[k] > LEAST_ROOM][:count]
+    return unseen @ vectors[:, pick] * np.sqrt(values[pick])
 
 
 def _turned(lift: Array, free: Array, size: int, guide: Array | None) -> Array:
