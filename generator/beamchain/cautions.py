@@ -108,7 +108,7 @@ def _stable(result: "Fit", scene: Scene) -> tuple[str, ...]:
             model = in_space(result.achieved, result.measured.rigid_mass)
         else:
             model, hub = space.achieved, hub[np.ix_(space.live, space.live)]
-        limits = coupled_limits(model, hub, tendon=result.tendon_damped)
+        limits = coupled_limits(model, hub, tendon=result.tendon_damped, sprung=result.tendon_sprung)
     largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.step:g} s"
     if scene.step > largest:
         return (

@@ -248,7 +248,8 @@ def _finish(case: Case, built: Built, measured: Measured, space: InSpace, line: 
         )
     achieved = {port: measured.ports[port] for port in targets}
     held = None if limits_hub is None else limits_hub[np.ix_(space.live, space.live)]
-    limits = coupled_limits(space.achieved, held, tendon=any(t.damping > 0.0 for t in chain.tendons))
+    damped, sprung = (any(getattr(t, kind) > 0.0 for t in chain.tendons) for kind in ("damping", "stiffness"))
+    limits = coupled_limits(space.achieved, held, tendon=damped, sprung=sprung)
     promise = None if case.promise is None else case.promise.error(resolvable(space.achieved))
     clock.append(time.perf_counter())
     return Fit(

@@ -227,7 +227,9 @@ class Fit:
             model, live = self.space.achieved, self.space.live
         hub = self.hub_mass[np.ix_(live, live)] if self.hub_mass is not None else model.rigid_mass
         keep = [i for i, motion in enumerate(live) if motion in {AXES[axis] for axis in scene.axes}]
-        return choose_step(model, hub, keep, scene.bandwidth, scene.tolerance, tendon=self.tendon_damped)
+        return choose_step(
+            model, hub, keep, scene.bandwidth, scene.tolerance, tendon=self.tendon_damped, sprung=self.tendon_sprung
+        )
 
     def appendage(self, *, timed: bool = True) -> Element:
         """The drop-in MJCF as an lxml tree.

@@ -195,7 +195,8 @@ def _fit(spec: Spec) -> Fit:
         error[port] = replace(plain, accelerance_in_band=in_band)
     achieved = {port: measured.ports[port] for port in built.targets}
     tendon = any(t.damping > 0.0 for t in chain.tendons)
-    limits = coupled_limits(in_space(achieved, measured.rigid_mass), hub, tendon=tendon)
+    sprung = any(t.stiffness > 0.0 for t in chain.tendons)
+    limits = coupled_limits(in_space(achieved, measured.rigid_mass), hub, tendon=tendon, sprung=sprung)
     clock.append(time.perf_counter())
     promise = plan.promise.error(achieved, dict.fromkeys(achieved, "achieved")) if plan.promise else None
     return Fit(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from beamchain.assess.one_step import LinearModel, Poles
-from beamchain.assess.stability import INTEGRATORS, step_for_error
+from beamchain.assess.stability import INTEGRATORS
 from beamchain.motion import Array
 from beamchain.port import PortModel
 
@@ -45,10 +45,10 @@ def step_limits(model: LinearModel) -> StepLimits:
     ratio = max(0.0, float(-fastest.real / abs(fastest)))
     limits = {name: model.largest_step(name) for name in INTEGRATORS}
     accuracy: dict[str, tuple[float, float]] = {}
-    ringing = oscillations(poles)[0]
+    ringing = oscillating(poles)
     if ringing.size:
         for name in INTEGRATORS:
-            one, tenth = (min(step_for_error(name, float(ringing[0]), e), limits[name]) for e in ERRORS)
+            one, tenth = (model.step_for_error(name, complex(ringing[0]), e, limits[name]) for e in ERRORS)
             accuracy[name] = one, tenth
     return StepLimits(float(abs(fastest)), 0.0 if ratio < UNDAMPED else ratio, limits, accuracy)
 
@@ -66,16 +66,19 @@ def oscillations(poles: Poles) -> tuple[Array, Array]:
     return np.abs(ringing), np.where(ratios < UNDAMPED, 0.0, ratios)
 
 
-def coupled_limits(model: PortModel, hub: Array | None, *, tendon: bool) -> StepLimits:
+def coupled_limits(model: PortModel, hub: Array | None, *, tendon: bool, sprung: bool = False) -> StepLimits:
     """Step limits of a port model on a hub `(m, m)`, or alone.
 
     Args:
         model: the appendage.
         hub: mass matrix about the port; None: nothing but the appendage.
         tendon: the damping sits on tendons, which Euler integrates explicitly.
+        sprung: so do the springs, which "discrete" takes otherwise.
     """
     stiffness, damping = normalised(model if hub is None else model.with_hub(hub))
-    return step_limits(LinearModel(stiffness, damping, np.zeros_like(damping) if tendon else damping, stiffness))
+    nothing = np.zeros_like(damping)
+    springs = (nothing, stiffness) if sprung else (stiffness, None)
+    return step_limits(LinearModel(stiffness, damping, nothing if tendon else damping, *springs))
 
 
 def normalised(model: PortModel) -> tuple[Array, Array]:

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
+from scipy.linalg import eig
+from scipy.optimize import brentq, linear_sum_assignment
 
 from beamchain.assess.stability import INTEGRATORS
 from beamchain.checks import one_of
@@ -27,6 +28,8 @@ from beamchain.steps.discrete import runge_kutta_limit
 Poles = NDArray[np.complex128]
 
 AT_REST = 1e-5  # poles nearer to 1 than this are rigid motion: a double pole at 1 moves by the root of the rounding
+MOST_CONFIRMED = 40  # times a step is shortened until the poles of the whole step confirm it
+CONFIRMED = 0.98  # by as much
 RIGID = 1e-11  # squared frequency, relative to the largest, below which a motion has no spring
 
 
@@ -126,6 +129,55 @@ class LinearModel:
         inverse = np.linalg.eigvals(companion)
         real = inverse.real[(np.abs(inverse.imag) <= 1e-6 * np.abs(inverse)) & (inverse.real > 1e-9 * fastest)]
         return 1.0 / float(np.max(real)) if real.size else float("inf")
+
+    def step_for_error(self, integrator: str, pole: complex, error: float, limit: float) -> float:
+        """Largest step [s], up to `limit`, below which the simulated frequency `|log(z)| / h` of a mode keeps within `error`.
+
+        The step's own map of that mode, damping included, proposes it; the poles of the whole model's step confirm it.
+
+        Args:
+            integrator: MuJoCo's name.
+            pole: of the mode, with positive imaginary part [1/s].
+            error: relative.
+            limit: [s].
+        """
+        limit = min(limit, 3.0 / abs(pole))
+        steps = limit * np.geomspace(1e-4, 1.0, 400)
+        over = np.abs(np.abs(self._mode(integrator, pole, steps)) / abs(pole) - 1.0) > error
+        step = float(steps[max(int(np.argmax(over)) - 1, 0)] if np.any(over) else limit)
+
+        def miss(h: float) -> float:
+            return abs(abs(complex(self._mode(integrator, pole, np.array([h]))[0])) / abs(pole) - 1.0) - error
+
+        if np.any(over) and np.argmax(over):
+            step = float(brentq(miss, step, float(steps[int(np.argmax(over))]), rtol=1e-10))
+        for _ in range(MOST_CONFIRMED):
+            if abs(abs(complex(self.shown(integrator, step, np.array([pole]))[0])) / abs(pole) - 1.0) <= error * (
+                1.0 + 1e-6
+            ):
+                break
+            step *= CONFIRMED
+        return step
+
+    def _mode(self, integrator: str, pole: complex, steps: Array) -> Poles:
+        """What steps `(k,)` [s] show of the mode at `pole`, alone: `log(z) / h` [1/s]."""
+        if integrator == "RK4":
+            s = pole * steps
+            return np.log(1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0)))) / steps
+        values, left, right = eig(self.stiffness, left=True, right=True)
+        k = int(np.argmin(np.abs(values - abs(pole) ** 2)))
+        x, y = right[:, k], left[:, k].conj()
+        implicit, explicit, spring = (float((y @ part @ x / (y @ x)).real) for part in self._parts(integrator))
+        held = 0.0
+        if integrator == "discrete" and self.discrete_tendons is not None:
+            held = float((y @ self.discrete_tendons @ x / (y @ x)).real)
+        scale = -2.0 * pole.real / max(implicit + explicit, 1e-300)  # the mode's own damping, as the poles have it
+        implicit, explicit = implicit * scale, explicit * scale
+        h = steps
+        keep = (1.0 - h * explicit) / (1.0 + h * implicit + h**2 * (spring - held))
+        pull = h**2 * abs(pole) ** 2 / (1.0 + h * implicit + h**2 * spring)
+        half = (1.0 + keep - pull) / 2.0
+        return np.log(half + 1j * np.sqrt(np.maximum(keep - half**2, 0.0))) / h
 
     def shown(self, integrator: str, timestep: float, wanted: Poles) -> Poles:
         """What the simulation shows in place of each of the `wanted` continuous poles: `log(z) / h` [1/s].

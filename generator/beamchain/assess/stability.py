@@ -5,14 +5,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from beamchain.checks import one_of
-from beamchain.motion import Array
 
 Poles = NDArray[np.complex128]
 
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "discrete", "RK4")
 
 
-def step_pole(integrator: str, angle: ArrayLike, ratio: ArrayLike = 0.0, *, tendon: bool = False) -> Poles:
+def step_pole(
+    integrator: str, angle: ArrayLike, ratio: ArrayLike = 0.0, *, tendon: bool = False, sprung: bool = False
+) -> Poles:
     """Pole z of one step of `q'' + 2 ratio w q' + w^2 q = 0` with `angle = w h`, the one with the larger modulus.
 
     Args:
@@ -21,6 +22,7 @@ def step_pole(integrator: str, angle: ArrayLike, ratio: ArrayLike = 0.0, *, tend
         angle: w h, any shape.
         ratio: damping ratio, below 1.
         tendon: the damping sits on a tendon, which Euler integrates explicitly.
+        sprung: so does the spring, which "discrete" takes implicitly for the force of the position alone.
     """
     one_of("integrator", integrator, INTEGRATORS)
     angle, ratio = np.asarray(angle, dtype=np.float64), np.asarray(ratio, dtype=np.float64)
@@ -30,7 +32,8 @@ def step_pole(integrator: str, angle: ArrayLike, ratio: ArrayLike = 0.0, *, tend
         return 1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0)))
     # v+ = (keep v - spring q / h) , q+ = q + h v+: z^2 - (1 + keep - pull) z + keep = 0
     if integrator == "discrete":
-        keep, pull = 1.0 / (1.0 + damper + spring), spring / (1.0 + damper + spring)
+        keep = 1.0 / (1.0 + damper + (0.0 if sprung else spring))
+        pull = spring / (1.0 + damper + spring)
     elif integrator == "Euler" and tendon:
         keep, pull = 1.0 - damper, spring
     else:
@@ -60,17 +63,3 @@ def largest_angle(integrator: str, ratio: float = 0.0, *, tendon: bool = False) 
 def numerical_pole(integrator: str, omega: float, ratio: float, timestep: float, *, tendon: bool = False) -> complex:
     """`log(z) / h` of the oscillating pole of one step [rad/s]: what the simulation shows instead of the structure."""
     return complex(np.log(step_pole(integrator, omega * timestep, ratio, tendon=tendon)) / timestep)
-
-
-def step_for_error(integrator: str, omega: float, error: float) -> float:
-    """Largest step [s] that keeps the simulated frequency of an undamped oscillation within `error`, relative."""
-    limit = min(largest_angle(integrator), 3.0)
-
-    def miss(angle: ArrayLike) -> Array:
-        return np.abs(np.abs(np.angle(step_pole(integrator, angle))) / angle - 1.0) - error
-
-    grid = limit * np.linspace(0.002, 0.999, 500)
-    over = np.flatnonzero(miss(grid) > 0.0)
-    if over.size == 0:
-        return limit / omega
-    return float(brentq(lambda x: float(miss(x)), 1e-5 * limit, float(grid[over[0]]), rtol=1e-12)) / omega

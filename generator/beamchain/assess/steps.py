@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.assess.error import band_grid, damped, spectral_norms
+from beamchain.assess.error import band_grid, clusters, damped, relative
 from beamchain.assess.limits import coupled_limits, normalised
 from beamchain.assess.stability import INTEGRATORS, step_pole
 from beamchain.motion import Array
@@ -37,12 +37,20 @@ class StepChoice:
 
 
 def choose_step(
-    model: PortModel, hub_mass: Array, keep: Sequence[int], bandwidth: float, tolerance: float, *, tendon: bool = False
+    model: PortModel,
+    hub_mass: Array,
+    keep: Sequence[int],
+    bandwidth: float,
+    tolerance: float,
+    *,
+    tendon: bool = False,
+    sprung: bool = False,
 ) -> tuple[StepChoice, ...]:
     """Every integrator's largest step for a model on a hub, cheapest first.
 
-    What a step does to a coupled mode is its pole; the response with the poles moved is compared with the response as
-    it is, by the in-band error. The half-step offset of the rigid hub itself is the host's and is not counted.
+    What a step does to a coupled mode is its pole, damping included; the response with the poles moved is compared with
+    the response as it is, frequency by frequency, by the in-band error. The half-step offset of the rigid hub itself is
+    the host's and is not counted.
 
     Args:
         model: the chain, six motions.
@@ -51,6 +59,7 @@ def choose_step(
         bandwidth: [rad/s].
         tolerance: of the in-band error.
         tendon: the damping sits on tendons.
+        sprung: so do the springs.
     """
     coupled = damped(model).with_hub(hub_mass)
     w, p = coupled.free_frequencies, coupled.free_port_values[:, keep]
@@ -58,20 +67,20 @@ def choose_step(
         return ()
     ratios = _coupled_ratios(coupled)
     s = np.sqrt(np.diag(coupled.rigid_mass))[list(keep)]
+    grid = band_grid([coupled], bandwidth)
     rigid = (coupled.rigid_port_values @ coupled.rigid_port_values.T)[np.ix_(keep, keep)] * np.outer(s, s)
-    stable = coupled_limits(coupled, None, tendon=tendon).largest_step
+    stable = coupled_limits(coupled, None, tendon=tendon, sprung=sprung).largest_step
+    frozen = float(np.linalg.norm(rigid, 2))
     out: list[StepChoice] = []
     for name in INTEGRATORS:
         limit = MARGIN * min(stable[name], 3.0 / float(w[0]))
 
         def error(h: float, name: str = name) -> float:
-            pole = np.log(step_pole(name, w * h, ratios, tendon=tendon)) / h
+            pole = np.log(step_pole(name, w * h, ratios, tendon=tendon, sprung=sprung)) / h
             moved, lost = np.abs(pole), -pole.real / np.abs(pole)
-            omega = np.unique(np.concatenate([band_grid([coupled], bandwidth), moved[moved <= bandwidth]]))
-            gap = _flexible(omega, moved, lost, p, s) - _flexible(omega, w, ratios, p, s)
-            whole = rigid + _flexible(omega, w, ratios, p, s)
-            size = max(float(spectral_norms(whole).max()), float(np.linalg.norm(rigid, 2)))
-            return float(spectral_norms(gap).max()) / size
+            omega = np.union1d(grid, clusters(np.column_stack([moved, lost]), bandwidth))
+            ours, exact = (rigid + _flexible(omega, *poles, p, s) for poles in ((moved, lost), (w, ratios)))
+            return float(relative(ours, exact, frozen).max())
 
         bound, step = "stability", limit
         if error(limit) > tolerance:

@@ -1,0 +1,100 @@
+"""Every step that is stated for an accuracy holds it: through the eigenvalues of `mj_step` itself, damping included.
+
+Step and motion are differenced here, state by state.
+"""
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import beamchain as bc
+from random_appendages import random_appendage, toml
+
+APPENDAGES = 13
+ERRORS = (1e-2, 1e-3)
+ROUNDED = 1e-5  # relative, of the error itself: what differences of mj_step leave
+EPSILON = 1e-6
+
+
+def step_matrix(model):
+    """`(2 nv, 2 nv)` one `mj_step` by central differences."""
+    data, nv = mujoco.MjData(model), model.nv
+
+    def after(state):
+        mujoco.mj_resetData(model, data)
+        mujoco.mj_integratePos(model, data.qpos, state[:nv], 1.0)
+        data.qvel[:] = state[nv:]
+        mujoco.mj_step(model, data)
+        out = np.zeros(nv)
+        mujoco.mj_differentiatePos(model, out, 1.0, model.qpos0, data.qpos)
+        return np.concatenate([out, data.qvel])
+
+    columns = [(after(EPSILON * e) - after(-EPSILON * e)) / (2.0 * EPSILON) for e in np.eye(2 * nv)]
+    return np.array(columns).T
+
+
+def true_pole(model):
+    """Slowest oscillating pole of the motion itself [1/s], from differences of accelerations."""
+    data, nv = mujoco.MjData(model), model.nv
+
+    def acceleration(state):
+        mujoco.mj_resetData(model, data)
+        mujoco.mj_integratePos(model, data.qpos, state[:nv], 1.0)
+        data.qvel[:] = state[nv:]
+        mujoco.mj_forward(model, data)
+        return data.qacc.copy()
+
+    columns = [(acceleration(EPSILON * e) - acceleration(-EPSILON * e)) / (2.0 * EPSILON) for e in np.eye(2 * nv)]
+    matrix = np.vstack([np.hstack([np.zeros((nv, nv)), np.eye(nv)]), np.array(columns).T])
+    s = np.linalg.eigvals(matrix).astype(complex)
+    s = s[(np.abs(s) > 1e-4 * np.max(np.abs(s))) & (s.imag > 1e-3 * np.abs(s))]
+    return s[np.argmin(np.abs(s))]
+
+
+def seen_pole(model, integrator, timestep, near):
+    """Pole `log(z) / h` of the step that is nearest to `near` [1/s]."""
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    model.opt.timestep = timestep
+    z = np.linalg.eigvals(step_matrix(model)).astype(complex)
+    s = np.log(z[np.abs(z - 1.0) > 1e-4]) / timestep
+    return s[np.argmin(np.abs(s - near))]
+
+
+def damped_appendage(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    spec = random_appendage(500 + seed)
+    spec = {key: spec[key] for key in ("segment", "joint", "lump") if key in spec}
+    spec["damping"] = {"ratio": float(10.0 ** rng.uniform(-3.0, -1.0)), "form": ["modal", "hinge"][seed % 2]}
+    spec["modes"] = {"xy": 1 + seed % 3, "xz": 2}
+    mass = float(rng.uniform(20.0, 500.0))
+    spec["root"] = {"hub": {"mass": mass, "inertia": [0.3 * mass] * 3, "offset": [0.5, 0.0, 0.0]}}
+    path = tmp_path / "spec.toml"
+    path.write_text(toml(spec))
+    return bc.fit(bc.read_spec(path))
+
+
+@pytest.mark.parametrize("seed", range(APPENDAGES))
+def test_stated_steps_hold_their_error(seed, tmp_path):
+    model = mujoco.MjModel.from_xml_string(damped_appendage(seed, tmp_path).scene_mjcf())
+    stated = bc.budget(model).accuracy
+    true = true_pole(model)
+    for integrator in ("Euler", "implicit", "implicitfast", "discrete", "RK4"):
+        if not hasattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}"):
+            continue
+        for error, step in zip(ERRORS, stated[integrator], strict=True):
+            seen = seen_pole(model, integrator, float(step), true)
+            assert abs(abs(seen) / abs(true) - 1.0) < error * (1.0 + ROUNDED) + 1e-7, (integrator, error, step)
+
+
+def test_steps_are_not_stated_smaller_than_they_need_be(tmp_path):
+    """Undamped Euler shows 2 asin(x / 2) for a phase of x per step."""
+    spec = random_appendage(3)
+    spec = {key: spec[key] for key in ("segment", "joint", "lump") if key in spec}
+    path = tmp_path / "spec.toml"
+    path.write_text(toml(spec | {"modes": {"xy": 2, "xz": 2}}))
+    model = mujoco.MjModel.from_xml_string(bc.fit(bc.read_spec(path)).scene_mjcf())
+    limits = bc.budget(model)
+    first = float(limits.frequencies[0])
+    wanted = brentq(lambda x: 2.0 * np.arcsin(x / 2.0) / x - 1.001, 1e-3, 1.0)
+    assert limits.accuracy["Euler"][1] * first == pytest.approx(wanted, rel=1e-5)
