@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eig
 from scipy.optimize import brentq, linear_sum_assignment
 
 from beamchain.assess.stability import INTEGRATORS
@@ -163,21 +162,23 @@ class LinearModel:
         """What steps `(k,)` [s] show of the mode at `pole`, alone: `log(z) / h` [1/s]."""
         if integrator == "RK4":
             s = pole * steps
-            return np.log(1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0)))) / steps
-        values, left, right = eig(self.stiffness, left=True, right=True)
+            z = 1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0)))
+            return np.asarray(np.log(z) / steps, dtype=np.complex128)
+        values, shapes = np.linalg.eig(self.stiffness)
         k = int(np.argmin(np.abs(values - abs(pole) ** 2)))
-        x, y = right[:, k], left[:, k].conj()
-        implicit, explicit, spring = (float((y @ part @ x / (y @ x)).real) for part in self._parts(integrator))
+        x, y = shapes[:, k], np.linalg.inv(shapes)[k]  # y x = 1
+        implicit, explicit, spring = (float(np.real(y @ part @ x)) for part in self._parts(integrator))
         held = 0.0
         if integrator == "discrete" and self.discrete_tendons is not None:
-            held = float((y @ self.discrete_tendons @ x / (y @ x)).real)
+            held = float(np.real(y @ self.discrete_tendons @ x))
         scale = -2.0 * pole.real / max(implicit + explicit, 1e-300)  # the mode's own damping, as the poles have it
         implicit, explicit = implicit * scale, explicit * scale
         h = steps
         keep = (1.0 - h * explicit) / (1.0 + h * implicit + h**2 * (spring - held))
         pull = h**2 * abs(pole) ** 2 / (1.0 + h * implicit + h**2 * spring)
         half = (1.0 + keep - pull) / 2.0
-        return np.log(half + 1j * np.sqrt(np.maximum(keep - half**2, 0.0))) / h
+        z = half + 1j * np.sqrt(np.maximum(keep - half**2, 0.0))
+        return np.asarray(np.log(z) / h, dtype=np.complex128)
 
     def shown(self, integrator: str, timestep: float, wanted: Poles) -> Poles:
         """What the simulation shows in place of each of the `wanted` continuous poles: `log(z) / h` [1/s].
