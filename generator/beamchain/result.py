@@ -178,9 +178,9 @@ class Fit:
 
     @property
     def in_band_error(self) -> float | None:
-        """The model's error: in band against the whole appendage, the worst port; a rigid one's where a scene asks."""
+        """The model's error in band: of all that a scene asks for; without one of the worst port by itself."""
         port = self.worst_port
-        return self.promise if port is None else self.error[port].accelerance_in_band
+        return self.promise if self.promise is not None or port is None else self.error[port].accelerance_in_band
 
     @property
     def headline(self) -> str:
@@ -188,20 +188,26 @@ class Fit:
         port, error = self.worst_port, self.in_band_error
         if error is None:
             return "rigid: no in-band error is known without scene.bandwidth"
-        if port is None:
+        if port is None or self.promise is not None:
             band = self.spec.scene.bandwidth if self.spec.scene else None
-            said = f"in-band error {error:.2e}" + ("" if band is None else f" up to {band:.4g} rad/s, rigid")
+            said = f"in-band error {error:.2e}" + ("" if band is None else f" up to {band:.4g} rad/s")
+            said += ", rigid" if port is None else " of what the scene asks for"
         else:
             said = f"in-band error {error:.2e} up to {self.bandwidth[port]:.4g} rad/s ({port}"
             said += f", worst of {len(self.error)} ports)" if len(self.error) > 1 else ")"
+        return said if self.tip_told is None else f"{said}; {self.tip_told}"
+
+    @property
+    def tip_told(self) -> str | None:
+        """The tip's error and what to do, where it is above 1 %."""
         off = {(p, k + 1): float(e) for p, errors in self.tip_error.items() for k, e in enumerate(errors)}
         worst = max(off, key=lambda k: abs(off[k]), default=None)
-        if worst is not None and abs(off[worst]) > TIP_TOLD:
-            said += (
-                f"; tip motion off by {off[worst]:+.1%} in mode {worst[1]} of {worst[0]}: where the tip matters keep more "
-                "modes, or give it a [[port]]"
-            )
-        return said
+        if worst is None or abs(off[worst]) <= TIP_TOLD:
+            return None
+        return (
+            f"tip motion off by {off[worst]:+.1%} in mode {worst[1]} of {worst[0]}: where the tip matters keep more "
+            "modes, or give it a [[port]]"
+        )
 
     @property
     def tip_error(self) -> dict[str, Array]:

@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamchain.cli.common import Force, Json, Quiet, console, print_json, print_written
+from beamchain.cli.progress import spinner
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
     from beamchain.embedding import Embedded
 
 
@@ -94,7 +93,7 @@ def embed(
             raise InputError(f"--at names {max(named, key=named.count)!r} twice; one place carries one appendage.")
         for place in (output, *([plot] if plot else ())):
             check_free(place, force=force)
-        with _working(quiet or as_json, "fitting the appendages and proving the whole"):
+        with spinner("fitting the appendages and proving the whole", quiet or as_json):
             result = embed_all(craft, dict(places), form=form, prefixes=prefix, retime=retime, max_modes=max_modes)
             result.assembly  # noqa: B018  (computed here, shown below)
             result.promise  # noqa: B018
@@ -111,17 +110,6 @@ def embed(
                 console().print(line, markup=False)
     if result.met is False or not all(a.fit.status.ok for a in result.appendages):
         raise typer.Exit(3)
-
-
-def _working(silent: bool, what: str) -> "Progress":
-    """A spinner while it takes its time."""
-    from rich.progress import Progress, SpinnerColumn, TextColumn
-
-    progress = Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), transient=True, disable=silent, redirect_stdout=False
-    )
-    progress.add_task(what)
-    return progress
 
 
 def _split(word: str, remove: bool) -> tuple[str, str]:

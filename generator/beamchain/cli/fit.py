@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console, print_json, print_written
+from beamchain.cli.progress import spinner
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,27 +32,18 @@ def fit(
 
     Example: beamchain fit boom.toml -o boom
     """
-    from rich.progress import Progress, SpinnerColumn, TextColumn
-
     from beamchain.spec import read_spec
     from beamchain.workflow import fit as fit_chain
 
-    with Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        transient=True,
-        disable=quiet or as_json,
-        redirect_stdout=False,
-    ) as progress:
-        step = progress.add_task("reading the spec")
+    with spinner("reading the spec", quiet or as_json) as say:
         read = read_spec(spec)
         if full:
             from beamchain.assess.plan import everything
 
             read = everything(read)
-        progress.update(step, description="fitting the chain and reading it back from MuJoCo")
+        say("fitting the chain and reading it back from MuJoCo")
         result = fit_chain(read)
-        progress.update(step, description="drawing and writing")
+        say("drawing and writing")
         files = result.write(output, force=force)
     if as_json:
         print_json(result.as_dict())

@@ -1,6 +1,6 @@
-"""A progress bar with the time left, for work that takes over a second."""
+"""What is being done, on stderr, for work that takes over a second; gone when done."""
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 
 from beamchain.jobs import Progress
@@ -29,3 +29,25 @@ def job_bar(what: str, silent: bool) -> Generator[Progress]:
             bar.update(task, completed=done, total=total)
 
         yield tell
+
+
+@contextmanager
+def spinner(what: str, silent: bool) -> Generator[Callable[[str], None]]:
+    """What is being done, while it is; the function it hands out says what is done next.
+
+    Args:
+        what: shown first.
+        silent: show nothing.
+    """
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+    from rich.progress import SpinnerColumn, TextColumn
+
+    columns = SpinnerColumn(), TextColumn("{task.description}")
+    with Bar(*columns, transient=True, disable=silent, redirect_stdout=False, console=Console(stderr=True)) as bar:
+        task = bar.add_task(what)
+
+        def say(text: str) -> None:
+            bar.update(task, description=text)
+
+        yield say

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json, print_written
+from beamchain.cli.progress import spinner
 
 if TYPE_CHECKING:
     from beamchain.assess.budget import Budget
@@ -41,8 +42,6 @@ def stability(
 
     Example: beamchain stability boom.toml -o boom-stability
     """
-    from rich.progress import Progress, SpinnerColumn, TextColumn
-
     from beamchain.extremes.cases import cases
     from beamchain.extremes.suite import Extremes, run
     from beamchain.files import check_free, write_files
@@ -51,17 +50,14 @@ def stability(
     from beamchain.stability import study
 
     check_free(output / "stability.json", force=force)
-    with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), transient=True, disable=quiet or as_json
-    ) as progress:
-        step = progress.add_task("reading")
-        result = study(source, lambda text: progress.update(step, description=text))
+    with spinner("reading", quiet or as_json) as say:
+        result = study(source, say)
         found = Extremes([])  # the suite is about beamchain, not about this appendage: run where it is asked for
         if extremes_map:
             chosen = cases()
             found = run(
                 chosen,
-                lambda done: progress.update(step, description=f"extremes: {done} of {len(chosen)} cases"),
+                lambda done: say(f"extremes: {done} of {len(chosen)} cases"),
                 min(os.cpu_count() or 1, MOST),
             )
         record = result.as_dict(found.as_dict())
