@@ -171,9 +171,9 @@ class LinearModel:
         held = 0.0
         if integrator == "discrete" and self.discrete_tendons is not None:
             held = float(np.real(y @ self.discrete_tendons @ x))
-        scale = -2.0 * pole.real / max(implicit + explicit, 1e-300)  # the mode's own damping, as the poles have it
-        implicit, explicit = implicit * scale, explicit * scale
-        h = steps
+        own, total, h = max(-2.0 * pole.real, 0.0), implicit + explicit, steps  # the mode's damping, as the pole has it
+        share = min(max(implicit / total, 0.0), 1.0) if total > 1e-12 * abs(pole) else 1.0
+        implicit, explicit = own * share, own * (1.0 - share)
         keep = (1.0 - h * explicit) / (1.0 + h * implicit + h**2 * (spring - held))
         pull = h**2 * abs(pole) ** 2 / (1.0 + h * implicit + h**2 * spring)
         half = (1.0 + keep - pull) / 2.0
