@@ -14,6 +14,7 @@ from beamchain.port import PortModel
 from beamchain.spec import Modes, Spec, port_hub_mass
 from beamchain.structure.beam import Beam
 
+TOO_MANY = 2000  # modes below the bandwidth that are looked through
 REFERENCE_MODES = 40  # most modes of the whole beam that are converged for a scene
 
 
@@ -45,6 +46,12 @@ def whole_beam(spec: Spec, beam: Beam) -> dict[str, PortModel]:
     assert spec.scene.bandwidth is not None
     out: dict[str, PortModel] = {}
     for port in PORTS:
+        count = _modes_below(beam, port, spec.scene.bandwidth)
+        if count > TOO_MANY:
+            raise InputError(
+                f"scene.bandwidth = {spec.scene.bandwidth!r} rad/s lies above some {count:.3g} modes of the appendage in {port}, "
+                f"where {TOO_MANY} can be looked through; lower it, or check the appendage's sizes and units."
+            )
         try:
             model = beam.port(port, 2 * MOST, stations)
         except InputError:
@@ -54,6 +61,20 @@ def whole_beam(spec: Spec, beam: Beam) -> dict[str, PortModel]:
             model = beam.port(port, min(inside, REFERENCE_MODES), stations)
         out[port] = model
     return out
+
+
+def _modes_below(beam: Beam, port: str, omega: float) -> float:
+    """About how many modes of a port lie below `omega` [rad/s]: half waves along the appendage."""
+    waves = 0.0
+    for segment in beam.segments:
+        at = segment.at(np.array([0.5]))
+        stiffness, inertia, power = {
+            "xy": (at.bending_xy, at.mass, 0.25), "xz": (at.bending_xz, at.mass, 0.25),
+            "torsion": (at.torsion, at.polar, 0.5), "axial": (at.axial, at.mass, 0.5),
+        }[port]  # fmt: skip
+        if np.all(stiffness > 0.0):
+            waves += segment.length * float((inertia / stiffness)[0]) ** power * omega ** (2.0 * power)
+    return waves / float(np.pi)
 
 
 def everything(spec: Spec) -> Spec:

@@ -77,7 +77,7 @@ def choose_step(
 
         def error(h: float, name: str = name) -> float:
             pole = np.log(step_pole(name, w * h, ratios, tendon=tendon, sprung=sprung)) / h
-            moved, lost = np.abs(pole), -pole.real / np.abs(pole)
+            moved, lost = np.abs(pole), -pole.real / np.maximum(np.abs(pole), 1e-300)
             omega = np.union1d(grid, clusters(np.column_stack([moved, lost]), bandwidth))
             ours, exact = (rigid + _flexible(omega, *poles, p, s) for poles in ((moved, lost), (w, ratios)))
             return float(relative(ours, exact, frozen).max())
@@ -86,7 +86,7 @@ def choose_step(
         if error(limit) > tolerance:
             bound = "tolerance"
             low, high = 1e-6 * limit, limit
-            for _ in range(24):
+            for _ in range(11):  # to 1 %
                 middle = float(np.sqrt(low * high))
                 low, high = (low, middle) if error(middle) > tolerance else (middle, high)
             step = low

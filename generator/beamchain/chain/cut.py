@@ -29,7 +29,9 @@ POWERS = (1.0, 1.5, 2.0, 3.0, 4.0)  # how the others follow
 NEAR = (0.3, 0.2, 0.134, 0.09, 0.06, 0.04, 0.02)  # hinges by a further port, in lengths from it
 SWEEPS = 8  # of the relaxation towards even links
 STEPS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.03)
-MOST_CHOICES = 24  # of hinges for a port that needs fewer than there are
+MANY_TRIED = 4_000  # margins worked out, after which the best cut so far is taken
+MOST_TRIED = 30_000  # the same where none was found: some four seconds
+MOST_CHOICES = 8  # of hinges for a port that needs fewer than there are
 LEAST_MARGIN = 0.004  # of the same beside a further port, whose own share is what is left
 MOST_ADDED = 4  # hinges tried beyond what the modes need
 NOTHING_LEFT = 1e-11  # of the rigid mass: less residual mass than this is none
@@ -103,6 +105,7 @@ class _Table:
         table = line.behind(np.concatenate([[-line.length], self._grid]))
         self.rigid: Array = table[0]
         self._behind = table[1:]
+        self.tried: int = 0
 
     def behind(self, x: Array) -> Array:
         """`(c, 6, 6)` mass matrix behind each of `x` `(c,)`."""
@@ -132,6 +135,7 @@ class _Search:
             freedoms: of the group.
             behind: `(c, 6, 6)` mass matrix behind each hinge.
         """
+        self.table.tried += 1
         motion, given, floor, left_over = self._constants(group)
         at = np.array([i for i, _ in freedoms])
         own = np.array([TURNS[p][0] - x[i] * TURNS[p][1] for i, p in freedoms])
@@ -169,8 +173,8 @@ class _Search:
             self._known[key] = motion, rows.T @ rows, floor, mass - part.T @ part + floor
         return self._known[key]
 
-    def assigned(self, x: Array) -> tuple[float, list[list[Freedom]], list[float]]:
-        """Least margin, and per group its freedoms and margin, for hinges at `x`."""
+    def assigned(self, x: Array, *, whole: bool = True) -> tuple[float, list[list[Freedom]], list[float]]:
+        """Least margin, and per group its freedoms and margin, for hinges at `x`; not `whole`: up to one that fails."""
         behind = self.table.behind(x)
         chosen: list[list[Freedom]] = []
         margins: list[float] = []
@@ -184,6 +188,8 @@ class _Search:
                     break
             chosen.append(best[1])
             margins.append(best[0])
+            if best[0] < MARGIN and not whole:
+                break
         return min(margins), chosen, margins
 
     def _choices(self, group: Wanted, x: Array) -> Iterator[list[Freedom]]:
@@ -210,11 +216,11 @@ class _Search:
             for pick in islice(combinations(range(len(free[port])), more[port]), MOST_CHOICES):
                 yield taken({port: pick})
 
-    def value(self, x: Array) -> float:
-        """Least margin of hinges at `x`; -inf where a link is too short."""
+    def value(self, x: Array, *, whole: bool = True) -> float:
+        """Least margin of hinges at `x`; -inf where a link is too short. Not `whole`: of the groups up to one that fails."""
         if shortest_link(x, self.table.length) < SHORTEST or np.any(np.diff(x) <= 0.0):
             return -np.inf
-        return self.assigned(x)[0]
+        return self.assigned(x, whole=whole)[0]
 
 
 def _least_share(left: Array, blocks: Sequence[Array]) -> float:
@@ -251,6 +257,8 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
     table = _Table(line)
     first: str | None = None
     for added in range(MOST_ADDED + fixed.size + 1):
+        if table.tried > MOST_TRIED:
+            break
         search = _Search(table, tuple(groups), tuple(further))
         size = max(fixed.size, *(count for group in groups for count in group.counts.values()))
         x, margin = _best(search, fixed, size - fixed.size)
@@ -313,11 +321,13 @@ def _best(search: _Search, fixed: Array, free: int) -> tuple[Array, float]:
     good: tuple[float, Array, float] | None = None
     most: tuple[float, Array] = (-np.inf, fixed)
     for pattern in _patterns(length, free, search.further):
+        if search.table.tried > (MANY_TRIED if good is not None else MOST_TRIED):
+            break
         low, high = 0, SPREADS.size  # the margin grows as the first hinge nears the root
         while low < high:
             middle = (low + high) // 2
             x = np.sort(np.concatenate([fixed, pattern(float(SPREADS[middle]))]))
-            margin, short = search.value(x), shortest_link(x, length)
+            margin, short = search.value(x, whole=good is None), shortest_link(x, length)
             if margin >= MARGIN:
                 high = middle
                 if good is None or short > good[0]:
@@ -365,7 +375,7 @@ def _climbed(search: _Search, fixed: Array, margin: float, x: Array) -> tuple[Ar
         return x, margin
     length = search.table.length
     own = np.array([v for v in x if not np.any(np.abs(fixed - v) <= SAME_PLACE * length)])
-    if margin < HOPELESS and own.size > 2:
+    if (margin < HOPELESS and own.size > 2) or search.table.tried > MOST_TRIED:
         return x, margin
 
     def places(free: Array) -> Array:
@@ -376,7 +386,8 @@ def _climbed(search: _Search, fixed: Array, margin: float, x: Array) -> tuple[Ar
         return np.log(1.0 - value) if np.isfinite(value) else 50.0
 
     def enough(intermediate_result: OptimizeResult) -> None:
-        if intermediate_result.fun < np.log(1.0 - ENOUGH) and not search.further:
+        found = intermediate_result.fun < np.log(1.0 - ENOUGH) and not search.further
+        if found or search.table.tried > MOST_TRIED:
             raise StopIteration
 
     found = minimize(
@@ -393,6 +404,8 @@ def _even(search: _Search, x: Array, fixed: Array) -> Array:
     length = search.table.length
     x = x.copy()
     for _ in range(SWEEPS):
+        if search.table.tried > MOST_TRIED:
+            break
         before = x.copy()
         for i in range(x.size):
             if np.any(np.abs(fixed - x[i]) <= SAME_PLACE * length):
@@ -401,7 +414,7 @@ def _even(search: _Search, x: Array, fixed: Array) -> Array:
             for step in STEPS:
                 moved = x.copy()
                 moved[i] += step * ((low + high) / 2.0 - x[i])
-                if abs(moved[i] - x[i]) > 1e-6 * length and search.value(moved) >= MARGIN:
+                if abs(moved[i] - x[i]) > 1e-6 * length and search.value(moved, whole=False) >= MARGIN:
                     x = moved
                     break
         if np.max(np.abs(x - before)) < 1e-4 * length:

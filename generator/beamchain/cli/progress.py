@@ -22,7 +22,8 @@ def job_bar(what: str, silent: bool) -> Generator[Progress]:
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
         TextColumn("left"), TimeRemainingColumn(),
     )  # fmt: skip
-    with Bar(*columns, transient=True, disable=silent, console=Console(stderr=True)) as bar:
+    console = Console(stderr=True)
+    with Bar(*columns, transient=True, disable=silent or not console.is_terminal, console=console) as bar:
         task = bar.add_task(what, total=None)
 
         def tell(done: int, total: int) -> None:
@@ -44,7 +45,9 @@ def spinner(what: str, silent: bool) -> Generator[Callable[[str], None]]:
     from rich.progress import SpinnerColumn, TextColumn
 
     columns = SpinnerColumn(), TextColumn("{task.description}")
-    with Bar(*columns, transient=True, disable=silent, redirect_stdout=False, console=Console(stderr=True)) as bar:
+    console = Console(stderr=True)
+    silent = silent or not console.is_terminal
+    with Bar(*columns, transient=True, disable=silent, redirect_stdout=False, console=console) as bar:
         task = bar.add_task(what)
 
         def say(text: str) -> None:
