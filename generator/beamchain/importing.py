@@ -132,7 +132,12 @@ def _separate(case: Case, line: MassLine) -> Built:
         return whole[port].reduced(count, hub).replaced(damping=whole[port].damping[:count])
 
     counts = {port: model.modes for port, model in targets.items()}
-    wishes = Wishes(spec.fit.springs, _per_mode(spec, kept), spec.fit.cuts, neutral=target != "clamped")
+    last = dict[str, float]()
+    if target != "clamped":
+        hub = None if target == "free" else case.hub
+        loaded = {p: m if hub is None else m.with_hub(port_hub_mass(hub, p)) for p, m in targets.items()}
+        last = {port: float(model.free_frequencies[-1]) for port, model in loaded.items()}
+    wishes = Wishes(spec.fit.springs, _per_mode(spec, kept), spec.fit.cuts, neutral=last)
     return build_exact(line, counts, target_of, wishes)
 
 
@@ -159,6 +164,11 @@ def _coupled(case: Case, line: MassLine) -> Built:
         rows = np.zeros((kept.modes, 6))
         rows[:, live] = reduced.participation
         kept = replace(kept, frequencies=reduced.frequencies, participation=rows, tip=None)
+    last: float | None = None
+    if case.target != "clamped":
+        space, live = case.kept.space(), list(case.kept.live)
+        loaded = space if case.target == "free" or case.hub is None else space.with_hub(case.hub[np.ix_(live, live)])
+        last = float(loaded.free_frequencies[-1])
     damping = kept.damping if _per_mode(spec, kept) else np.zeros(kept.modes)
     groups: list[Modes] = []
     for ports in kept.groups:
@@ -170,7 +180,7 @@ def _coupled(case: Case, line: MassLine) -> Built:
         mass = group_motion(ports).T @ kept.rigid_mass @ group_motion(ports)
         groups.append(
             Modes(ports, kept.frequencies[own], rows, damping[own], numbers=numbers, weights=weights, rigid=mass,
-                  neutral=case.target != "clamped")
+                  neutral=last)
         )  # fmt: skip
     chain, how, cut = cut_chain(line, groups, spec.fit.cuts)
     alive = [port for port in PORTS if np.all(np.diag(PORT_MOTION[port].T @ kept.rigid_mass @ PORT_MOTION[port]) > 0.0)]

@@ -249,7 +249,7 @@ def build(
     if not kept or options.method == "exact":
         further = tuple(spec.further.values())
         columns = further_columns(spec)
-        wishes = Wishes(options.springs, per_mode, options.cuts, further, columns, cut, plan.target != "clamped")
+        wishes = Wishes(options.springs, per_mode, options.cuts, further, columns, cut, _last_on_hub(spec, plan))
         return build_exact(beam, kept, target_of, wishes)
     if options.method == "least_squares":
         loads = None
@@ -261,6 +261,19 @@ def build(
     links = options.links if isinstance(options.links, int) else None
     built = build_recipe(beam, options.method, kept, links, target_of)
     return replace(built, chain=with_real_polar(built.chain))
+
+
+def _last_on_hub(spec: Spec, plan: Plan) -> dict[str, float]:
+    """Per port the last kept frequency on the hub on which a free or hub target is exact; empty for a clamped one [rad/s]."""
+    if plan.target == "clamped":
+        return {}
+    hub = spec.root.hub if plan.target == "hub" else None
+    out: dict[str, float] = {}
+    for port, count in plan.kept.items():
+        model = plan.reduce("clamped", port, count)
+        loaded = model if hub is None else model.with_hub(port_hub_mass(hub.mass_matrix(), port))
+        out[port] = float(loaded.free_frequencies[-1])
+    return out
 
 
 def _check_free(target: PortModel) -> None:

@@ -1,7 +1,7 @@
 """From targets to one chain: springs on the hinges where the recursion serves all ports, else one tendon per mode."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Literal
 
@@ -70,7 +70,8 @@ class Wishes:
         further: x of further ports, whose motion stands behind that of the root in the targets' `tip` columns [m].
         columns: per further port, the first column of `tip` that holds it, in units of the port's motions.
         cut: where the hinges stand, instead of a choice.
-        neutral: modes of surplus hinges must not disturb the hub, as the target is exact on it alone.
+        neutral: per port, last frequency on the one hub on which the target is exact: modes of surplus hinges must not
+            disturb it [rad/s].
     """
 
     springs: Springs = "auto"
@@ -79,7 +80,7 @@ class Wishes:
     further: tuple[float, ...] = ()
     columns: tuple[int, ...] = ()
     cut: Cut | None = None
-    neutral: bool = False
+    neutral: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes | None = None) -> Built:
@@ -153,7 +154,7 @@ def _modes_of(port: str, target: PortModel, wishes: Wishes, beyond: float | None
     damping = target.damping if wishes.per_mode else np.zeros(target.modes)
     return Modes(
         (port,), target.frequencies, np.hstack(rows), damping, target.shapes, rigid=target.rigid_mass, beyond=beyond,
-        neutral=wishes.neutral,
+        neutral=wishes.neutral.get(port),
     )  # fmt: skip
 
 

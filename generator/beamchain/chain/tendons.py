@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import eigh
 
 from beamchain.chain.chain import Chain, Freedom, Tendon
 from beamchain.errors import RealisationError
@@ -29,7 +28,7 @@ RAISED = 0.3  # least singular value on what the root does not see: a smaller on
 DROPPED = 1e-13  # relative armature that is rounding
 ROOM = 0.9  # of the modes in what the root does not see, where surplus hinges shall move it not at all
 FAINT = 4e-3  # of a motion that the root would feel
-ABOVE = 2.0  # frequency of such modes over that of the last mode of the free appendage
+ABOVE = 2.0  # frequency of such modes over that of the last mode on the hub
 LEAST_ROOM = 0.01  # squared length of such a motion
 FILLER = 60.0  # frequency of filler modes over that of the last mode kept, where the next real one is not known
 LEAST_LEFT = 1e-6  # of the rigid mass, that participation must leave
@@ -53,7 +52,8 @@ class Modes:
         rigid: `(m, m)` rigid mass that goes with the participation, in the motions of the root; that of the bodies where
             left out.
         beyond: frequency of the first mode left out, where known, for the modes of surplus hinges [rad/s].
-        neutral: the modes of surplus hinges do not move the root: for a target whose modes are exact on one hub.
+        neutral: last frequency on the one hub on which the modes are exact; with it the modes of surplus hinges do not move
+            the root [rad/s].
     """
 
     ports: tuple[str, ...]
@@ -66,7 +66,7 @@ class Modes:
     weights: Mapping[str, float] = field(default_factory=dict)
     rigid: Array | None = None
     beyond: float | None = None
-    neutral: bool = False
+    neutral: float | None = None
 
     def filler_frequency(self, last: float) -> float:
         """Frequency of the modes of surplus hinges [rad/s].
@@ -74,10 +74,8 @@ class Modes:
         Args:
             last: highest frequency kept in any group [rad/s].
         """
-        if self.neutral and self.rigid is not None and self.frequencies.size:  # above the modes of the free appendage
-            rows = self.rows[:, : self.rigid.shape[0]]
-            left = np.eye(self.frequencies.size) - rows @ np.linalg.solve(self.rigid, rows.T)
-            return ABOVE * max(float(np.sqrt(eigh(np.diag(self.frequencies**2), left, eigvals_only=True)[-1])), last)
+        if self.neutral is not None:
+            return ABOVE * max(self.neutral, last)
         return FILLER * last if self.beyond is None else max(self.beyond, 2.0 * last)
 
     def fitting(self, rigid: Array) -> "Modes":
@@ -152,10 +150,10 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: Modes) -> tuple[Array
     if modes.momenta is not None:
         guide = np.asarray(unseen.T @ np.linalg.solve(root, modes.momenta.T), dtype=np.float64)
     turned = _turned(lift, free, unseen.shape[1], guide)
-    if modes.neutral and size > n:
+    if modes.neutral is not None and size > n:
         turned = ROOM * turned  # leaves the surplus hinges motions that the root does not feel
     u = np.column_stack([seen @ b + unseen @ turned @ lift, np.zeros((size, 0))])
-    if modes.neutral and size > n:
+    if modes.neutral is not None and size > n:
         u = np.column_stack([u, _unfelt(u, seen, unseen, size - n)])
     known = u.shape[1]
     if size > n:
@@ -166,7 +164,7 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: Modes) -> tuple[Array
             f"the modes on these hinges are too nearly dependent (condition {stretch[0] / max(stretch[-1], 1e-300):.1e}, "
             f"limit {WORST_CONDITION:g}); keep fewer modes, or cut the appendage elsewhere."
         )
-    if modes.neutral and size > n:
+    if modes.neutral is not None and size > n:
         u[:, known:] *= FAINT  # the root feels these, of which there is one where a plane keeps one mode
     missing = np.linalg.inv(u @ u.T) - np.eye(size)
     return np.asarray(np.linalg.solve(root.T, u), dtype=np.float64), root @ ((missing + missing.T) / 2.0) @ root.T
