@@ -297,4 +297,5 @@ def _matched(
         for j, w in enumerate(frequencies)
         if j in pairs or w <= band
     ]
-    return (*modes, *(Mode(None, float(w), False) for i, w in enumerate(ours) if i not in pairs.values()))
+    modes += [Mode(None, float(w), False) for i, w in enumerate(ours) if i not in pairs.values()]
+    return tuple(sorted(modes, key=lambda mode: mode.mujoco or mode.exact or 0.0))
