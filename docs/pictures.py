@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 import beamchain as bc
-from beamchain.shipped import examples
+from beamchain.cli.shipped import examples
 
 HERE = Path(__file__).parent
 PATHS = {one.name: one.path for one in examples()}

@@ -10,13 +10,13 @@ import numpy as np
 from hypothesis import strategies as st
 
 import beamchain as bc
-from beamchain.assess.scenario import parse_profile
 from beamchain.cli.study import read_text
-from beamchain.embedding import take_out
-from beamchain.jobs import run_jobs
+from beamchain.craft.embedding import take_out
+from beamchain.fitting.spec import read_spec
 from beamchain.mjcf.craft import read_craft
-from beamchain.spec import read_spec
 from beamchain.structure.readers import read_modes
+from beamchain.studies.jobs import run_jobs
+from beamchain.studies.scenario import parse_profile
 from prints import plate, whole
 from spacecraft import APPENDAGES, CRAFTS
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from beamchain.cli import main
-from beamchain.sweep import STORE
+from beamchain.studies.sweep import STORE
 
 SEGMENT = """
 [[segment]]

@@ -9,16 +9,16 @@ import pytest
 from appendages import close, panels, seed_boom, timoshenko_boom, unit_beam
 from arrays import ALUMINIUM, deployed_array, flat_bar, space_beam, tube
 from beamchain.chain.build import Wishes, build_exact, build_recipe
-from beamchain.chain.realise import realise_scalar
+from beamchain.chain.recursion import realise_scalar
 from beamchain.engine.bench import measure
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError, RealisationError
+from beamchain.fitting.fit import fit
+from beamchain.fitting.spec import FitOptions, Hub, Root, Spec
 from beamchain.mjcf import write
-from beamchain.motion import PORTS
-from beamchain.spec import FitOptions, Hub, Root, Spec
+from beamchain.ports.motions import PORTS
 from beamchain.structure.beam import Beam, Segment
 from beamchain.structure.section import Box, Equivalent, Rectangle
-from beamchain.workflow import fit
 
 EXACT = 1e-8  # the issue's own bound for round tubes and uniform rectangles through MuJoCo; 3e-11 measured
 OWN = 1e-11  # through the package's own port, no finite differences
@@ -120,7 +120,7 @@ def test_ports_of_a_free_target():
 
 def test_coupled_modes_on_a_hub_off_the_axis():
     # 6 motions at once: hub with its root off centre, clamped target on a heavy hub against the whole beam
-    from beamchain.port import in_space
+    from beamchain.ports.model import in_space
 
     beam = tube()
     hub = Hub(mass=5000.0, inertia=(4000.0, 4000.0, 5000.0), offset=(1.0, 0.4, -0.2)).mass_matrix()

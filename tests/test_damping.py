@@ -12,12 +12,12 @@ from scipy.optimize import nnls
 from appendages import close
 from arrays import deployed_array, space_beam, tube
 from beamchain.chain.damping import joint_damping
-from beamchain.chain.realise import planar_chain, realise
+from beamchain.chain.recursion import planar_chain, realise
 from beamchain.chain.tendons import damped_modes, springs_as_modes
 from beamchain.engine.linearise import INTEGRATORS, linearise
+from beamchain.fitting.fit import fit
+from beamchain.fitting.spec import Damping, Scene
 from beamchain.mjcf import write
-from beamchain.spec import Damping, Scene
-from beamchain.workflow import fit
 
 ACHIEVED = 1e-6  # the issue's own bound on each ratio, relative; 1e-8 measured
 RATIOS = np.array([0.001, 0.05, 0.02, 0.003])  # 0.1 % to 5 %, a different one per mode

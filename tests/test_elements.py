@@ -26,7 +26,7 @@ from appendages import (
     unit_beam,
 )
 from beamchain.errors import InputError
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
 from beamchain.structure import discretise, elements
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.exact import UniformBeam

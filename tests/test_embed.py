@@ -14,10 +14,10 @@ from lxml import etree
 import beamchain as bc
 from appendages import dense_port
 from beamchain.cli import main
-from beamchain.embedding import take_out
+from beamchain.craft.embedding import take_out
 from beamchain.errors import BeamchainError
+from beamchain.fitting.spec import read_spec, spec_from_dict
 from beamchain.mjcf.craft import read_craft
-from beamchain.spec import read_spec, spec_from_dict
 from spacecraft import CRAFTS, STYLES, frequencies, run, spec
 
 SAME = 1e-12  # two forms of one model: the same numbers through the same code

@@ -9,7 +9,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.errors import BeamchainError
-from beamchain.spec import spec_from_dict
+from beamchain.fitting.spec import spec_from_dict
 from spacecraft import frequencies, run, spec
 
 SAME = 1e-12  # two forms of one model: the same numbers through the same code

@@ -21,8 +21,8 @@ from beamchain.extremes.cases import RANGES, Case, cases
 from beamchain.extremes.compiled import frequencies
 from beamchain.extremes.suite import judge, run, verdict
 from beamchain.extremes.truth import Rod
+from beamchain.fitting.spec import Hub, Root
 from beamchain.report.extremes_map import OTHER, extremes_map, reason
-from beamchain.spec import Hub, Root
 
 SERIES = 1e-9  # relative: pieces of half a wave at most, Magnus' sixth order
 CLAMPED = (1.8751040687119611, 4.694091132974175, 7.854757438237613)  # roots of cos cosh = -1

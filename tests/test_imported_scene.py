@@ -8,9 +8,9 @@ from typer.testing import CliRunner
 
 from appendages import tapered_boom, tip_loaded_boom
 from beamchain import FitOptions, Hub, ModalData, Root, Scene, fit
-from beamchain.assess.needs import AXES
 from beamchain.cli import app
 from beamchain.errors import BeamchainError
+from beamchain.fitting.needs import AXES
 from beamchain.structure.beam import Beam, Segment
 from beamchain.structure.section import Equivalent
 from prints import cantilever, plate, whole

@@ -19,7 +19,7 @@ from lxml import etree
 
 from appendages import close, seed_boom
 from beamchain.chain.chain import Chain, Hinge, Link
-from beamchain.chain.realise import planar_chain, realise
+from beamchain.chain.recursion import planar_chain, realise
 from beamchain.mjcf import write
 
 ACCELERATION = 1e-10  # one solve with a mass matrix of condition 1e2 .. 1e4 on either side, relative to the largest

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.assess.large_motion import FINE, LEFT, large_motion
 from beamchain.engine.linearise import compile_model
-from beamchain.spec import FitOptions
+from beamchain.fitting.spec import FitOptions
+from beamchain.steps.large_motion import FINE, LEFT, large_motion
 from test_spin import space_beam, spinning
 
 AROUND = 0.05  # relative: beyond the limit by as much the error is above 1 %, below it is under

@@ -8,17 +8,17 @@ import pytest
 from typer.testing import CliRunner
 
 import beamchain as bc
-from beamchain import study as studies
-from beamchain.assess import field
-from beamchain.assess.field import Entry
-from beamchain.assess.fine_chain import LINEAR, WANTED, nonlinear
-from beamchain.assess.large_reference import Figures, added, at_zero, between
-from beamchain.assess.run_time import rigid_motion
 from beamchain.cli import app
 from beamchain.engine.rollout import simulate
 from beamchain.errors import EngineError, RealisationError
 from beamchain.report.spec_text import spec_toml
 from beamchain.report.study_html import scenario_sentence
+from beamchain.studies import field
+from beamchain.studies import study as studies
+from beamchain.studies.field import Entry
+from beamchain.studies.fine_chain import LINEAR, WANTED, nonlinear
+from beamchain.studies.large_reference import Figures, added, at_zero, between
+from beamchain.studies.run_time import rigid_motion
 from elastica import Elastica
 from test_study import SEED
 

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 import beamchain as bc
 from appendages import close, dense_port, panels, seed_boom, stepped_boom, tip_loaded_boom, unit_beam
 from beamchain.chain.chain import Chain, Hinge, Link, Tendon
-from beamchain.chain.realise import planar_chain, realise
+from beamchain.chain.recursion import planar_chain, realise
 from beamchain.chain.rivals import RECIPES, equal_links
 from beamchain.chain.tendons import damped_modes, springs_as_modes
 from beamchain.engine.bench import measure

@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from beamchain.assess.budget import available
+from beamchain.steps.budget import available
 from undisturbed import ringing, tumbling
 
 STEPS = 20_000

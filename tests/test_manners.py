@@ -14,7 +14,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.cli import app, main
-from beamchain.shipped import examples, starts
+from beamchain.cli.shipped import examples, starts
 
 COMMANDS = sorted(command.name for command in app.registered_commands)
 COLOUR = re.compile(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|38;5)[0-9;]*m")
@@ -190,7 +190,7 @@ def test_what_is_commented_out_is_right_too(kind):
     lines = next(start for start in starts() if start.name == kind).path.read_text(encoding="utf-8").split("\n")
     hidden = [i for i, line in enumerate(lines) if re.match(r"# (\[|\w+ = )", line)]
     assert len(hidden) >= 3
-    from beamchain.spec import spec_from_dict
+    from beamchain.fitting.spec import spec_from_dict
 
     blocks: list[list[int]] = []
     for i in hidden:  # a commented table and the lines below it stand or fall together

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from appendages import panels, tapered_boom
 from beamchain.errors import InputError
-from beamchain.motion import PORT_MOTION
+from beamchain.ports.motions import PORT_MOTION
 from beamchain.structure.mass_line import default_length, spread
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers import read_modes

@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from beamchain.assess.needs import AXES
-from beamchain.assess.plan import everything
 from beamchain.chain.chain import Chain
 from beamchain.errors import InputError
-from beamchain.motion import PORT_MOTION, PORTS
-from beamchain.port import PortModel
-from beamchain.result import Fit
-from beamchain.spec import Damping, Hub, Modes, Root, Scene, Spec, read_spec, spec_from_dict
+from beamchain.fitting.choose import everything
+from beamchain.fitting.fit import fit
+from beamchain.fitting.needs import AXES
+from beamchain.fitting.result import Fit
+from beamchain.fitting.spec import Damping, Hub, Modes, Root, Scene, Spec, read_spec, spec_from_dict
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORT_MOTION, PORTS
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.exact import UniformBeam
 from beamchain.structure.material import Material
 from beamchain.structure.section import Rectangle, Tube
-from beamchain.workflow import fit
 from random_appendages import tube_and_strip
 
 SCENES = 200

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.assess.inspect import inspect_model
+from beamchain.craft.inspect import inspect_model
 
 SAME = 1e-6
 MEASURED = 0.01
@@ -90,7 +90,7 @@ def test_neighbours_alike_are_one():
 
 
 def test_a_byte_order_mark_is_no_mistake(tmp_path):
-    from beamchain import shipped
+    from beamchain.cli import shipped
 
     path = tmp_path / "boom.toml"
     path.write_bytes(b"\xef\xbb\xbf" + next(e.path for e in shipped.examples() if e.name == "seed_boom").read_bytes())

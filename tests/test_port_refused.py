@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from beamchain.errors import InputError, RealisationError
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
 
 I2, ONE = np.eye(2), np.array([1.0])
 ROW = np.array([[0.1, 0.1]])

@@ -22,9 +22,9 @@ from appendages import (
     unit_beam,
 )
 from beamchain.chain.chain import Chain, Hinge, Link
-from beamchain.chain.realise import Nodes, planar_chain, realise, split
+from beamchain.chain.recursion import Nodes, planar_chain, realise, split
 from beamchain.errors import RealisationError
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
 
 PRINTED = 1.0  # units of the last printed digit of the method
 FORWARD = 1e-9  # LAPACK's generalised eigenproblem on matrices whose entries span 1e4; the recursion itself keeps 4e-12

@@ -18,7 +18,7 @@ from appendages import panels, seed_boom, tapered_boom
 from beamchain.cli import app
 from beamchain.engine import backend, camera
 from beamchain.engine.slew import MOST_BENT, simulate
-from beamchain.mjcf import looks
+from beamchain.mjcf import visuals as looks
 from beamchain.report import film
 
 HUB = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))

@@ -14,9 +14,10 @@ from lxml import html
 
 import beamchain as bc
 from appendages import panels, seed_boom
-from beamchain import shipped, stability
+from beamchain.cli import shipped
 from beamchain.report.html import fit_report
 from beamchain.report.stability_html import stability_report
+from beamchain.studies import stability
 from spacecraft import CRAFTS, spec
 
 CHROMIUM = next(

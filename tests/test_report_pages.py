@@ -11,10 +11,10 @@ import pytest
 from lxml import html
 
 import beamchain as bc
-from beamchain import shipped, stability
-from beamchain.cli import main
+from beamchain.cli import main, shipped
 from beamchain.report.page import begun
 from beamchain.report.stability_html import stability_report
+from beamchain.studies import stability
 from spacecraft import CRAFTS, frequencies, spec
 
 SAME = 1e-12  # the same computation once more

@@ -9,14 +9,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import beamchain as bc
-from beamchain import study as studies
-from beamchain.assess.large_motion import LargeMotion
-from beamchain.assess.run_limits import driven, exceeded, turned
 from beamchain.cli.render import too_far
 from beamchain.engine.driven import Driven, keyframes
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.slew import Slew
 from beamchain.report.study_html import study_page, table, verdict
+from beamchain.steps.large_motion import LargeMotion
+from beamchain.steps.run_limits import driven, exceeded, turned
+from beamchain.studies import study as studies
 from spacecraft import spec
 
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"

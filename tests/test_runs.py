@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain import shipped, stability
+from beamchain.cli import shipped
 from beamchain.errors import InputError
+from beamchain.studies import stability
 
 SAME = 1e-12  # the same computation twice
 

@@ -8,7 +8,7 @@ import beamchain as bc
 from appendages import close
 from arrays import deployed_array, tube
 from beamchain.errors import InputError
-from beamchain.spec import FitOptions, Port, Root, Sensors, Spec
+from beamchain.fitting.spec import FitOptions, Port, Root, Sensors, Spec
 
 ACCELERATION = 1e-4  # m/s^2 across the appendage: linear motion
 MODES = 3

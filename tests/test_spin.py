@@ -11,7 +11,7 @@ import pytest
 from appendages import close
 from arrays import space_beam
 from beamchain.engine.linearise import linearise
-from beamchain.workflow import fit
+from beamchain.fitting.fit import fit
 
 #: S. Wright, C. Smith, R. Thresher, J. Wang, J. Appl. Mech. 49 (1982) 197: hub radius 0, L = EI = m = 1
 FLAP = {

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from beamchain.assess.budget import HOST, budget
-from beamchain.assess.measured_limit import GROWTH, SMALL, STEPS
 from beamchain.engine.linearise import compile_model
-from beamchain.stability import step_rows
+from beamchain.steps.budget import HOST, budget
+from beamchain.steps.measured_limit import GROWTH, SMALL, STEPS
+from beamchain.studies.stability import step_rows
 from step_models import MODELS
 
 APART = 0.01  # relative; 1e-3 is seen

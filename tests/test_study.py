@@ -11,19 +11,19 @@ from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import beamchain as bc
-from beamchain import study as studies
-from beamchain.assess import field, front, soft_rods
-from beamchain.assess.field import Entry
-from beamchain.assess.growth import Growth
-from beamchain.assess.hub_response import Profile, hub_response
-from beamchain.assess.run_time import CLOCK, Ladder, Point, climb, rigid_motion, steps_below
-from beamchain.assess.scenario import parse_profile, rounded_up
 from beamchain.chain.build import Wishes, build_exact
 from beamchain.chain.tendons import springs_as_modes
 from beamchain.cli import app
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.rollout import seconds_of, simulate
 from beamchain.report.spec_text import spec_toml
+from beamchain.studies import field, front, soft_rods
+from beamchain.studies import study as studies
+from beamchain.studies.field import Entry
+from beamchain.studies.growth import Growth
+from beamchain.studies.hub_response import Profile, hub_response
+from beamchain.studies.run_time import CLOCK, Ladder, Point, climb, rigid_motion, steps_below
+from beamchain.studies.scenario import parse_profile, rounded_up
 
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
 ODE = 2e-8  # solve_ivp's own tolerance, relative to the largest elastic motion

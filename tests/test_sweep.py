@@ -14,11 +14,11 @@ from scipy.linalg import eigh
 from typer.testing import CliRunner
 
 import beamchain as bc
-from beamchain import sweep as sweeps
 from beamchain.cli import app
+from beamchain.fitting.spec import spec_from_dict
+from beamchain.fitting.uncertain import Uncertain, Uncertainty
 from beamchain.report.spec_text import spec_toml
-from beamchain.spec import spec_from_dict
-from beamchain.uncertain import Uncertain, Uncertainty
+from beamchain.studies import sweep as sweeps
 
 ARRAY = Path(str(files("beamchain"))) / "examples" / "array_uncertain.toml"
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
@@ -197,6 +197,6 @@ def test_same_seed_same_variants_on_any_workers(variants):
 
 
 def sweeps_pool():
-    from beamchain.jobs import workers
+    from beamchain.studies.jobs import workers
 
     return workers(2)

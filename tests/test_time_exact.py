@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain import study as studies
-from beamchain.assess import field
-from beamchain.assess.field import TIMED, Entry, Task
-from beamchain.assess.growth import Growth
-from beamchain.assess.run_time import Ladder, Point, climb, clock, rigid_motion, steps_below
-from beamchain.assess.scenario import Scenario
 from beamchain.engine.rollout import simulate
+from beamchain.fitting.spec import Damping
 from beamchain.report.spec_text import spec_toml
-from beamchain.spec import Damping
 from beamchain.steps.inputs import HeldInput
 from beamchain.steps.modal import made_for
+from beamchain.studies import field
+from beamchain.studies import study as studies
+from beamchain.studies.field import TIMED, Entry, Task
+from beamchain.studies.growth import Growth
+from beamchain.studies.run_time import Ladder, Point, climb, clock, rigid_motion, steps_below
+from beamchain.studies.scenario import Scenario
 
 EXAMPLES = Path(str(files("beamchain"))) / "examples"
 SEED = EXAMPLES / "seed_boom.toml"

@@ -13,11 +13,11 @@ from appendages import close, panels
 from arrays import deployed_array, random_array, space_beam, tube
 from beamchain.chain.build import build_exact
 from beamchain.errors import RealisationError
-from beamchain.port import PortModel
-from beamchain.spec import FitOptions, Hub, Modes, Root, Spec, port_hub_mass
+from beamchain.fitting.fit import fit
+from beamchain.fitting.spec import FitOptions, Hub, Modes, Root, Spec, port_hub_mass
+from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.section import Equivalent
-from beamchain.workflow import fit
 
 EXACT = 1e-10  # frequencies and participation; 5e-12 measured
 RIGID = 1e-12  # masses and positions are written with 17 digits

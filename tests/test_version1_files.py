@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import beamchain as bc
 from appendages import close
 from beamchain.cli import app
-from beamchain.embedding import take_out
+from beamchain.craft.embedding import take_out
 
 OLD = Path(__file__).parent / "crafts" / "version1"
 CRAFT = (OLD / "craft.xml").read_bytes()

@@ -7,10 +7,10 @@ import numpy as np
 
 import beamchain as bc
 from appendages import seed_boom
-from beamchain.assess.budget import budget, linear_model
-from beamchain.assess.limits import oscillating
 from beamchain.engine.linearise import INTEGRATORS, compile_model
-from beamchain.spec import Hub, Root
+from beamchain.fitting.spec import Hub, Root
+from beamchain.steps.budget import budget, linear_model
+from beamchain.steps.limits import oscillating
 
 SHARE = 0.5  # of the stable step
 SMALL = 1e-5  # rad: linear motion

@@ -8,40 +8,38 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from beamchain.assess.budget import Budget as Budget
-    from beamchain.assess.budget import budget as budget
-    from beamchain.assess.error import Comparison as Comparison
-    from beamchain.assess.error import compare as compare
-    from beamchain.assess.large_motion import LargeMotion as LargeMotion
-    from beamchain.assess.large_motion import large_motion as large_motion
-    from beamchain.assess.measured_limit import measured_limit as measured_limit
     from beamchain.chain.chain import Chain as Chain
-    from beamchain.chain.realise import planar_chain as planar_chain
-    from beamchain.chain.realise import realise as realise
+    from beamchain.chain.recursion import planar_chain as planar_chain
+    from beamchain.chain.recursion import realise as realise
     from beamchain.chain.rivals import equal_links as equal_links
     from beamchain.chain.rivals import seed_chain as seed_chain
-    from beamchain.embedding import Embedded as Embedded
-    from beamchain.embedding import embed as embed
+    from beamchain.chain.seed import seed_beam as seed_beam
+    from beamchain.chain.seed import seed_table as seed_table
+    from beamchain.craft.embedding import Embedded as Embedded
+    from beamchain.craft.embedding import embed as embed
     from beamchain.engine.linearise import Linearisation as Linearisation
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
-    from beamchain.hub import Hub as Hub
-    from beamchain.port import PortModel as PortModel
-    from beamchain.result import Fit as Fit
-    from beamchain.runs import run_stability as run_stability
-    from beamchain.runs import run_study as run_study
-    from beamchain.runs import run_sweep as run_sweep
-    from beamchain.seed import seed_beam as seed_beam
-    from beamchain.seed import seed_table as seed_table
-    from beamchain.spec import Damping as Damping
-    from beamchain.spec import FitOptions as FitOptions
-    from beamchain.spec import Modes as Modes
-    from beamchain.spec import Payload as Payload
-    from beamchain.spec import Root as Root
-    from beamchain.spec import Scene as Scene
-    from beamchain.spec import Spec as Spec
-    from beamchain.spec import read_spec as read_spec
+    from beamchain.fitting.fit import fit as fit
+    from beamchain.fitting.hub import Hub as Hub
+    from beamchain.fitting.result import Fit as Fit
+    from beamchain.fitting.spec import Damping as Damping
+    from beamchain.fitting.spec import FitOptions as FitOptions
+    from beamchain.fitting.spec import Modes as Modes
+    from beamchain.fitting.spec import Payload as Payload
+    from beamchain.fitting.spec import Root as Root
+    from beamchain.fitting.spec import Scene as Scene
+    from beamchain.fitting.spec import Spec as Spec
+    from beamchain.fitting.spec import read_spec as read_spec
+    from beamchain.ports.compare import Comparison as Comparison
+    from beamchain.ports.compare import compare as compare
+    from beamchain.ports.model import PortModel as PortModel
+    from beamchain.steps.budget import Budget as Budget
+    from beamchain.steps.budget import budget as budget
     from beamchain.steps.inputs import HeldInput as HeldInput
+    from beamchain.steps.large_motion import LargeMotion as LargeMotion
+    from beamchain.steps.large_motion import large_motion as large_motion
+    from beamchain.steps.measured_limit import measured_limit as measured_limit
     from beamchain.steps.poles import pole_rows as pole_rows
     from beamchain.steps.retime import Retimed as Retimed
     from beamchain.steps.retime import retime as retime
@@ -61,24 +59,26 @@ if TYPE_CHECKING:
     from beamchain.structure.section import Round as Round
     from beamchain.structure.section import Tube as Tube
     from beamchain.structure.segment import Segment as Segment
-    from beamchain.workflow import fit as fit
+    from beamchain.studies.runs import run_stability as run_stability
+    from beamchain.studies.runs import run_study as run_study
+    from beamchain.studies.runs import run_sweep as run_sweep
 
 _PLACES = {
-    "assess.budget": ("Budget", "budget"),
-    "assess.error": ("Comparison", "compare"),
-    "assess.large_motion": ("LargeMotion", "large_motion"),
-    "assess.measured_limit": ("measured_limit",),
+    "steps.budget": ("Budget", "budget"),
+    "ports.compare": ("Comparison", "compare"),
+    "steps.large_motion": ("LargeMotion", "large_motion"),
+    "steps.measured_limit": ("measured_limit",),
     "chain.chain": ("Chain",),
-    "chain.realise": ("planar_chain", "realise"),
+    "chain.recursion": ("planar_chain", "realise"),
     "chain.rivals": ("equal_links", "seed_chain"),
-    "embedding": ("Embedded", "embed"),
+    "craft.embedding": ("Embedded", "embed"),
     "engine.linearise": ("Linearisation", "linearise"),
     "errors": ("BeamchainError",),
-    "hub": ("Hub",),
-    "port": ("PortModel",),
-    "runs": ("run_stability", "run_study", "run_sweep"),
-    "seed": ("seed_beam", "seed_table"),
-    "spec": ("Damping", "FitOptions", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
+    "fitting.hub": ("Hub",),
+    "ports.model": ("PortModel",),
+    "studies.runs": ("run_stability", "run_study", "run_sweep"),
+    "chain.seed": ("seed_beam", "seed_table"),
+    "fitting.spec": ("Damping", "FitOptions", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
     "steps.inputs": ("HeldInput",),
     "steps.poles": ("pole_rows",),
     "steps.retime": ("Retimed", "retime"),
@@ -93,8 +93,8 @@ _PLACES = {
     "structure.readers": ("read_modes",),
     "structure.section": ("Box", "Custom", "Equivalent", "Rectangle", "Round", "Tube"),
     "structure.segment": ("Segment",),
-    "result": ("Fit",),
-    "workflow": ("fit",),
+    "fitting.result": ("Fit",),
+    "fitting.fit": ("fit",),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 

@@ -11,7 +11,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from beamchain.assess.budget import available
+from beamchain.steps.budget import available
 from undisturbed import ringing, tumbling
 
 STEPS = 1_000_000

@@ -17,13 +17,13 @@ import msgspec
 import mujoco
 
 import beamchain as bc
-from beamchain.assess.needs import FAR, Promise
-from beamchain.assess.plan import everything, whole_beam
 from beamchain.chain.chain import Chain, Hinge
 from beamchain.chain.rivals import equal_links
+from beamchain.fitting.choose import everything, whole_beam
+from beamchain.fitting.needs import FAR, Promise
+from beamchain.fitting.result import appendage_tree, default_hub
 from beamchain.mjcf import write
-from beamchain.port import in_space
-from beamchain.result import appendage_tree, default_hub
+from beamchain.ports.model import in_space
 
 EXAMPLES = Path(bc.__file__).parent / "examples"
 MOST = 494  # segments: MuJoCo nests 496 bodies, hub and root among them

@@ -17,13 +17,13 @@ warnings.simplefilter("error")
 
 from appendages import seed_boom, unit_beam  # noqa: E402
 from arrays import deployed_array, flat_bar, random_array, space_beam, tube  # noqa: E402
-from beamchain.chain.realise import planar_chain, realise  # noqa: E402
+from beamchain.chain.recursion import planar_chain, realise  # noqa: E402
 from beamchain.chain.tendons import damped_modes  # noqa: E402
 from beamchain.engine.linearise import linearise  # noqa: E402
-from beamchain.spec import FitOptions, Modes, Payload, Scene, Spec  # noqa: E402
+from beamchain.fitting.fit import fit  # noqa: E402
+from beamchain.fitting.spec import FitOptions, Modes, Payload, Scene, Spec  # noqa: E402
 from beamchain.structure import discretise  # noqa: E402
 from beamchain.structure.beam import Beam, Lump  # noqa: E402
-from beamchain.workflow import fit  # noqa: E402
 from test_damping import ratios_of, standing  # noqa: E402
 from test_least_squares import with_payload  # noqa: E402
 from test_spin import FLAP, spinning  # noqa: E402

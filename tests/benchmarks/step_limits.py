@@ -9,9 +9,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from beamchain.assess.budget import budget
 from beamchain.engine.linearise import compile_model
-from beamchain.stability import step_rows
+from beamchain.steps.budget import budget
+from beamchain.studies.stability import step_rows
 from step_models import MODELS
 
 

@@ -6,9 +6,9 @@ import time
 from importlib.resources import files
 from pathlib import Path
 
-from beamchain.jobs import workers
-from beamchain.spec import read_spec
-from beamchain.sweep import sweep
+from beamchain.fitting.spec import read_spec
+from beamchain.studies.jobs import workers
+from beamchain.studies.sweep import sweep
 
 
 def main(samples: int = 1000, cores: int = 2) -> None:

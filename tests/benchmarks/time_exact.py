@@ -24,12 +24,12 @@ sys.path.insert(0, str(PEERS))
 
 from task import SCENARIO, TASK  # noqa: E402
 
-from beamchain.assess import field  # noqa: E402
-from beamchain.assess.field import TIMED, Entry  # noqa: E402
-from beamchain.assess.front import TARGETS, power  # noqa: E402
-from beamchain.assess.run_time import steps_below  # noqa: E402
 from beamchain.engine.linearise import compile_model  # noqa: E402
 from beamchain.engine.rollout import seconds_of, simulate  # noqa: E402
+from beamchain.studies import field  # noqa: E402
+from beamchain.studies.field import TIMED, Entry  # noqa: E402
+from beamchain.studies.front import TARGETS, power  # noqa: E402
+from beamchain.studies.run_time import steps_below  # noqa: E402
 
 ROUNDS = 41
 TRIED = 3  # cheapest settings of a kind and target that are timed in turns

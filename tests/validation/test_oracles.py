@@ -11,7 +11,7 @@ import pytest
 
 from appendages import close, seed_boom, unit_beam
 from beamchain.chain.rivals import seed_chain, seed_parameters
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.exact import UniformBeam
 from beamchain.structure.material import Material

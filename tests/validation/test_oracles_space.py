@@ -13,11 +13,11 @@ from scipy.linalg import eigh, null_space
 
 from appendages import TransferMatrix, close, roots_within
 from beamchain.engine.linearise import linearise
-from beamchain.spec import Hub, Root
+from beamchain.fitting.fit import fit
+from beamchain.fitting.spec import Hub, Root
 from beamchain.structure.beam import Beam, Lump, Segment
 from beamchain.structure.material import Material
 from beamchain.structure.section import Custom, Equivalent, Rectangle
-from beamchain.workflow import fit
 
 CLOSED = 1e-8  # the issue's own bound on closed forms
 EXUDYN = 1e-4  # the issue's own bound on Exudyn's figures (256 elements)

@@ -6,9 +6,9 @@ import numpy as np
 
 from beamchain.chain import polar
 from beamchain.chain.chain import Chain, Hinge
-from beamchain.chain.realise import Nodes, planar_links
+from beamchain.chain.recursion import Nodes, planar_links
 from beamchain.errors import RealisationError
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine
 

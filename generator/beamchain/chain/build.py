@@ -12,12 +12,12 @@ from beamchain.chain.assemble import assemble
 from beamchain.chain.chain import Chain, Hinge
 from beamchain.chain.cut import Cut, Wanted, bodies, choose_cut, shortest_link
 from beamchain.chain.least_squares import fit_planar, fit_stiffness, payload_cases
-from beamchain.chain.realise import Nodes, planar_links, realise, realise_scalar
+from beamchain.chain.recursion import Nodes, planar_links, realise, realise_scalar
 from beamchain.chain.rods import Payload
 from beamchain.chain.tendons import Modes, given_modes, group_motion, springs_as_modes
 from beamchain.errors import InputError, RealisationError
-from beamchain.motion import Array
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine, spread
 

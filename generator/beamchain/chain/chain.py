@@ -9,8 +9,8 @@ import numpy as np
 
 from beamchain.checks import one_of
 from beamchain.errors import RealisationError
-from beamchain.motion import PORT_MOTION, PORTS, Array, body_mass_matrix, shifted
-from beamchain.port import PortModel, port_from_rows
+from beamchain.ports.model import PortModel, port_from_rows
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, body_mass_matrix, shifted
 
 #: A degree of freedom of a chain: number of its hinge from 0, and the port in which that hinge moves.
 Freedom = tuple[int, str]

@@ -15,7 +15,7 @@ from scipy.optimize import OptimizeResult, minimize
 from beamchain.chain.chain import Freedom, Link
 from beamchain.chain.tendons import Modes, group_motion
 from beamchain.errors import RealisationError
-from beamchain.motion import PORT_MOTION, Array, shifted
+from beamchain.ports.motions import PORT_MOTION, Array, shifted
 from beamchain.structure.mass_line import MassLine
 
 MARGIN = 0.02  # of the residual mass, that the inequality must leave

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from beamchain.chain.chain import Chain
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 
 def joint_damping(chain: Chain, port: str, ratios: Array) -> Chain:

@@ -11,11 +11,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from beamchain.chain.chain import Chain
-from beamchain.chain.realise import Nodes, realise
+from beamchain.chain.recursion import Nodes, realise
 from beamchain.chain.rods import Numbers, Payload, Rods, jacobian, loaded_modes, nodes_to_rods
 from beamchain.errors import RealisationError
-from beamchain.motion import Array
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.lump import Lump
 from beamchain.structure.mass_line import MassLine

@@ -9,7 +9,7 @@ import numpy as np
 
 from beamchain.chain.chain import Chain, Link
 from beamchain.errors import RealisationError
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 from beamchain.structure.mass_line import MassLine
 
 TINY = 1e-6  # polar over transverse inertia of a link where the appendage states none

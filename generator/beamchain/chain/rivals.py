@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.checks import one_of, whole
 from beamchain.errors import InputError
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine
 

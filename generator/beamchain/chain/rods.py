@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 Numbers = NDArray[Any]  # float64 or complex128
 

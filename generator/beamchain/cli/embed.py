@@ -10,7 +10,7 @@ from beamchain.cli.progress import spinner
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    from beamchain.embedding import Embedded
+    from beamchain.craft.embedding import Embedded
 
 
 def embed(
@@ -72,8 +72,8 @@ def embed(
 
     Example: beamchain embed craft.xml --at panel_mount=array.toml -o flexible.xml
     """
-    from beamchain.embedding import embed as embed_all
-    from beamchain.embedding import take_out
+    from beamchain.craft.embedding import embed as embed_all
+    from beamchain.craft.embedding import take_out
     from beamchain.files import check_free, write_files
     from beamchain.mjcf.craft import Craft, relocate
 

@@ -10,7 +10,7 @@ from beamchain.errors import InputError
 
 
 def _names(incomplete: str) -> list[tuple[str, str]]:
-    from beamchain.shipped import examples as shipped
+    from beamchain.cli.shipped import examples as shipped
 
     return [(one.name, one.about) for one in shipped() if one.name.startswith(incomplete)]
 
@@ -34,8 +34,8 @@ def examples(
     Example: beamchain examples --run seed_boom -o boom
     """
     from beamchain.cli.fit import fit
-    from beamchain.shipped import examples as shipped
-    from beamchain.shipped import pick
+    from beamchain.cli.shipped import examples as shipped
+    from beamchain.cli.shipped import pick
 
     if run is not None:
         one = pick(shipped(), run, "examples: the name")

@@ -10,7 +10,7 @@ from beamchain.cli.progress import spinner
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from beamchain.result import Fit
+    from beamchain.fitting.result import Fit
 
 
 Explain = Annotated[bool, typer.Option("--explain", help="Print how the modes were chosen for the scene.")]
@@ -32,13 +32,13 @@ def fit(
 
     Example: beamchain fit boom.toml -o boom
     """
-    from beamchain.spec import read_spec
-    from beamchain.workflow import fit as fit_chain
+    from beamchain.fitting.fit import fit as fit_chain
+    from beamchain.fitting.spec import read_spec
 
     with spinner("reading the spec", quiet or as_json) as say:
         read = read_spec(spec)
         if full:
-            from beamchain.assess.plan import everything
+            from beamchain.fitting.choose import everything
 
             read = everything(read)
         say("fitting the chain and reading it back from MuJoCo")

@@ -9,7 +9,7 @@ from beamchain.cli.common import Force, Json, Quiet, console, print_json
 
 
 def _kinds(incomplete: str) -> list[tuple[str, str]]:
-    from beamchain.shipped import spacecraft, starts
+    from beamchain.cli.shipped import spacecraft, starts
 
     return [(one.name, one.about) for one in [*starts(), spacecraft()] if one.name.startswith(incomplete)]
 
@@ -42,8 +42,8 @@ def init(
 
     Example: beamchain init craft
     """
+    from beamchain.cli.shipped import pick, spacecraft, starts
     from beamchain.files import write_files
-    from beamchain.shipped import pick, spacecraft, starts
 
     start = pick([*starts(), spacecraft()], kind, "init: the kind")
     place = output or Path(f"{kind}{start.path.suffix}")

@@ -17,7 +17,7 @@ def inspect(
 
     Example: beamchain inspect boom/scene.xml
     """
-    from beamchain.assess.inspect import inspect_model
+    from beamchain.craft.inspect import inspect_model
 
     found = inspect_model(model)
     if as_json:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 
-from beamchain.jobs import Progress
+from beamchain.studies.jobs import Progress
 
 
 @contextmanager

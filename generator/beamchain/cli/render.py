@@ -12,7 +12,7 @@ from beamchain.errors import EngineError, InputError
 if TYPE_CHECKING:
     from beamchain.engine.library import mujoco
     from beamchain.engine.slew import Slew
-    from beamchain.result import Fit
+    from beamchain.fitting.result import Fit
 
 FRAMES, RATE = 108, 24.0  # four and a half seconds
 
@@ -27,8 +27,8 @@ def load(source: Path) -> "tuple[str, mujoco.MjModel, Fit | None]":
     from beamchain.engine.linearise import compile_model
 
     if source.suffix.lower() == ".toml":
-        from beamchain.spec import read_spec
-        from beamchain.workflow import fit
+        from beamchain.fitting.fit import fit
+        from beamchain.fitting.spec import read_spec
 
         found = fit(read_spec(source))
         return found.spec.name, compile_model(found.scene_mjcf()), found
@@ -118,8 +118,8 @@ def render(
 
 def too_far(fit: "Fit", slew: "Slew") -> list[str]:
     """Sentences for a turn beyond what the fit's chain is right for."""
-    from beamchain.assess.run_limits import exceeded, turned
-    from beamchain.stability import large_limits
+    from beamchain.steps.run_limits import exceeded, turned
+    from beamchain.studies.stability import large_limits
 
     if fit.space is not None:
         return []

@@ -33,7 +33,7 @@ def retime(
     Example: beamchain retime flexible.xml --timestep 0.1 --integrator Euler -o flexible_0.1.xml
     """
     from beamchain.files import write_files
-    from beamchain.retiming import retimed_file
+    from beamchain.steps.retime_file import retimed_file
 
     if not timestep >= 0.0 or timestep == float("inf"):
         raise InputError(f"--timestep {timestep!r} must be zero or a positive number of seconds.")

@@ -8,7 +8,7 @@ def schema(as_json: Json = False, force: Force = False, quiet: Quiet = False) ->
 
     Example: beamchain schema > spec.schema.json
     """
-    from beamchain.spec import schema as spec_schema
+    from beamchain.fitting.spec import schema as spec_schema
 
     if not quiet or as_json:
         print_json(spec_schema())

@@ -8,7 +8,7 @@ def seed(as_json: Json = False, quiet: Quiet = False) -> None:
 
     Example: beamchain seed
     """
-    from beamchain.seed import seed_table
+    from beamchain.chain.seed import seed_table
 
     table = seed_table()
     if as_json:

@@ -10,9 +10,9 @@ from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json
 from beamchain.cli.progress import spinner
 
 if TYPE_CHECKING:
-    from beamchain.assess.budget import Budget
     from beamchain.extremes.suite import Extremes
-    from beamchain.stability import StabilityStudy
+    from beamchain.steps.budget import Budget
+    from beamchain.studies.stability import StabilityStudy
 
 NOISE = 1e-9  # damping ratio below which nothing is shown
 MOST = 8  # processes that share the whole suite
@@ -47,7 +47,7 @@ def stability(
     from beamchain.files import check_free, write_files
     from beamchain.report.record import to_json
     from beamchain.report.stability_html import stability_report
-    from beamchain.stability import study
+    from beamchain.studies.stability import study
 
     check_free(output / "stability.json", force=force)
     with spinner("reading", quiet or as_json) as say:

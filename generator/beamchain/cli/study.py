@@ -9,7 +9,7 @@ from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecP
 from beamchain.cli.progress import job_bar
 
 if TYPE_CHECKING:
-    from beamchain.study import Study
+    from beamchain.studies.study import Study
 
 Profile = Annotated[
     Path | None, typer.Option(metavar="CSV", help="Wrench on the hub: columns time, fx fy fz [N], mx my mz [N m].")
@@ -50,10 +50,10 @@ def study(
     """
     from beamchain.checks import positive
     from beamchain.files import check_free
-    from beamchain.jobs import workers as pool
-    from beamchain.spec import read_spec
-    from beamchain.study import Options
-    from beamchain.study import study as measure
+    from beamchain.fitting.spec import read_spec
+    from beamchain.studies.jobs import workers as pool
+    from beamchain.studies.study import Options
+    from beamchain.studies.study import study as measure
 
     read = read_spec(spec)
     if duration is not None:

@@ -8,7 +8,7 @@ from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecP
 from beamchain.cli.progress import job_bar
 
 if TYPE_CHECKING:
-    from beamchain.sweep import Sweep
+    from beamchain.studies.sweep import Sweep
 
 Samples = Annotated[int, typer.Option(min=1, max=1_000_000, help="Variants to draw.")]
 Seed = Annotated[int, typer.Option(min=0, help="Of the draws; the same seed gives the same variants anywhere.")]
@@ -34,9 +34,9 @@ def sweep(
     Example: beamchain sweep array.toml --samples 1000 -o variants
     """
     from beamchain.files import check_free
-    from beamchain.jobs import workers as pool
-    from beamchain.spec import read_spec
-    from beamchain.sweep import sweep as draw
+    from beamchain.fitting.spec import read_spec
+    from beamchain.studies.jobs import workers as pool
+    from beamchain.studies.sweep import sweep as draw
 
     read = read_spec(spec)
     check_free(output / "sweep.json", force=force)

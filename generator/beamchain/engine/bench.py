@@ -13,8 +13,8 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import write
-from beamchain.motion import PORT_MOTION, Array, body_mass_matrix
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORT_MOTION, Array, body_mass_matrix
 
 STRAIGHT = 1e-8  # perturbation: a straight chain at rest has no load for rounding to spoil, only curvature, its square
 LEAST_ROW = 1e-9  # of the root of the rigid mass: a mode that moves the root by less does not move it

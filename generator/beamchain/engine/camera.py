@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from beamchain.engine.library import mujoco
 from beamchain.engine.slew import Slew
 from beamchain.errors import EngineError
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 Frame = NDArray[np.uint8]
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from beamchain.engine.library import mujoco
-from beamchain.motion import Array
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array
 
 
 class Readings(NamedTuple):

@@ -13,8 +13,8 @@ import numpy as np
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf.craft import check_text
-from beamchain.motion import Array, locked
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array, locked
 
 if TYPE_CHECKING:
     import control

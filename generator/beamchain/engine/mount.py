@@ -9,7 +9,7 @@ import numpy as np
 from beamchain.engine.bench import frozen_mass
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
-from beamchain.motion import PORT_MOTION, PORTS, Array
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 
 JOINT_KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 HELD = 1e9  # mass of a motion that is held, relative to the largest that is not

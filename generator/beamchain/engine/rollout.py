@@ -9,7 +9,7 @@ import numpy as np
 
 from beamchain.engine.library import mujoco, quiet, rollout_engine
 from beamchain.engine.linearise import INTEGRATORS
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 rollout = import_module("mujoco.rollout")  # the module beside the bindings that library.py vouches for
 

@@ -9,7 +9,7 @@ from beamchain.engine.forces import sprung
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import linearise
 from beamchain.errors import EngineError, InputError
-from beamchain.motion import Array, locked
+from beamchain.ports.motions import Array, locked
 
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 

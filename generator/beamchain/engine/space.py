@@ -11,8 +11,8 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import write
-from beamchain.motion import PORT_MOTION, PORTS, Array
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 from beamchain.structure.planes import into_planes, near_groups
 
 ROOT = (

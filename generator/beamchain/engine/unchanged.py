@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain.engine.library import mujoco
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 KINDS = {
     "body": "nbody", "jnt": "njnt", "dof": "nv", "geom": "ngeom", "site": "nsite", "cam": "ncam", "light": "nlight",

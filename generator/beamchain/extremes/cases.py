@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 
 from beamchain.extremes.truth import Rod
-from beamchain.hub import Hub
-from beamchain.spec import Damping, FitOptions, Modes, Root, Spec
+from beamchain.fitting.hub import Hub
+from beamchain.fitting.spec import Damping, FitOptions, Modes, Root, Spec
 from beamchain.structure.joint import Joint
 from beamchain.structure.lump import Lump
 from beamchain.structure.material import Material

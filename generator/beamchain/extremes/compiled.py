@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from beamchain.engine.forces import along, readings
 from beamchain.engine.library import mujoco
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 DIGITS = 60
 SMALL = 24  # degrees of freedom up to which the digits are worth their time; above it, double precision

@@ -12,10 +12,10 @@ from beamchain.errors import BeamchainError
 from beamchain.extremes.cases import Case
 from beamchain.extremes.compiled import frequencies
 from beamchain.extremes.truth import Rod
-from beamchain.jobs import workers
-from beamchain.motion import Array
-from beamchain.result import Fit
-from beamchain.workflow import fit
+from beamchain.fitting.fit import fit
+from beamchain.fitting.result import Fit
+from beamchain.ports.motions import Array
+from beamchain.studies.jobs import workers
 
 FREQUENCY = 1e-6  # relative: a natural frequency of the beam lies as near to each of MuJoCo's
 PARTICIPATION = 1e-4  # relative to its own norm, of the outer product, however weak the mode

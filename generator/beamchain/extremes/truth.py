@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 RATIO = 1.03  # of the diameters at the two ends of a piece, at most
 WAVE = 0.5  # length of a piece over that of a wave (divided by 2 pi), at most

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.errors import EngineError
-from beamchain.mjcf import looks
-from beamchain.motion import PORTS, Array
+from beamchain.mjcf import visuals as looks
+from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.mass_line import MassLine
 
 _PACKAGED = Path(__file__).parent.parent / "mjcf_templates"

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from beamchain.report.plots import BEAM, OURS, STYLE, frame, percent, to_svg
 
 if TYPE_CHECKING:
-    from beamchain.assess.assembly import Assembly
+    from beamchain.craft.assembly import Assembly
 
 MOTIONS = (
     ("x: force → displacement", "(m/s²)/N"),

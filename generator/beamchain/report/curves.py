@@ -5,17 +5,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from beamchain.assess.error import DEFAULT_RATIO, STANDARD_HUBS, Block, Reference, damped
 from beamchain.chain import rivals
 from beamchain.chain.chain import Chain
-from beamchain.motion import Array
-from beamchain.port import PortModel
-from beamchain.spec import port_hub_mass
+from beamchain.fitting.spec import port_hub_mass
+from beamchain.ports.compare import DEFAULT_RATIO, STANDARD_HUBS, Block, Reference, damped
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.exact import UniformBeam
 
 if TYPE_CHECKING:
-    from beamchain.result import Fit
+    from beamchain.fitting.result import Fit
 
 PLANES = ("xy", "xz")
 PAPER = "the 2008 paper's chain"

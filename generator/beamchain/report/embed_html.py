@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamchain.assess.budget import budget
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.errors import EngineError
 from beamchain.report import plots
@@ -14,11 +13,12 @@ from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, b
 from beamchain.report.plots import percent, short, to_svg
 from beamchain.report.sections import Verdict, left_out_blocks, mode_table, shape_blocks, step_words
 from beamchain.report.spec_text import spec_toml
+from beamchain.steps.budget import budget
 
 if TYPE_CHECKING:
-    from beamchain.appendage import Appendage
-    from beamchain.assess.assembly import Assembly
-    from beamchain.embedding import Embedded
+    from beamchain.craft.appendage import Appendage
+    from beamchain.craft.assembly import Assembly
+    from beamchain.craft.embedding import Embedded
 
 
 def embed_report(embedded: "Embedded", craft: str, output: str) -> str:

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from beamchain.embedding import Embedded
+    from beamchain.craft.embedding import Embedded
 
 
 def embed_record(embedded: "Embedded") -> dict[str, Any]:

@@ -6,7 +6,7 @@ from beamchain.report import imported, plots, sections
 from beamchain.report.page import page_text, versions
 
 if TYPE_CHECKING:
-    from beamchain.result import Fit
+    from beamchain.fitting.result import Fit
 
 
 def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:

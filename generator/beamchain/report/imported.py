@@ -8,7 +8,7 @@ from beamchain.report.page import Block, Lines, Section, Table, Text
 from beamchain.report.plots import percent
 
 if TYPE_CHECKING:
-    from beamchain.result import Fit, InSpace
+    from beamchain.fitting.result import Fit, InSpace
 
 
 def with_imported(fit: "Fit", page: list[Section]) -> list[Section]:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from beamchain.embedding import Embedded
-    from beamchain.result import Fit
+    from beamchain.craft.embedding import Embedded
+    from beamchain.fitting.result import Fit
 
 HEAD = ("port", "mode", "cantilever, rad/s", "through MuJoCo", "readback, frequency", "readback, participation")
 COUPLED = ("mode", "exact, rad/s", "through MuJoCo", "error", "kept")

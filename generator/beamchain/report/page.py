@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import jinja2
 import numpy as np
 
-from beamchain.motion import PORTS
+from beamchain.ports.motions import PORTS
 
 
 class Table(NamedTuple):

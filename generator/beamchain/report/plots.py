@@ -30,7 +30,7 @@ from beamchain.structure.mass_line import MassLine
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from beamchain.result import Fit
+    from beamchain.fitting.result import Fit
 
 # blue, black and grey differ in lightness too, and rivals by their dashes: readable without colour
 OURS, BEAM, RIVAL, SHADE = "#0a5fb4", "#000000", "#8a8a8a", "#e9f1fa"

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamchain.mjcf.write import joint_name
-from beamchain.motion import Array
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array
 
 if TYPE_CHECKING:
-    from beamchain.result import Fit
+    from beamchain.fitting.result import Fit
 
 
 def to_json(record: dict[str, Any]) -> str:

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from beamchain.assess.error import in_band_error
-from beamchain.motion import Array
+from beamchain.fitting.spec import port_hub_mass
+from beamchain.ports.compare import in_band_error
+from beamchain.ports.motions import Array
 from beamchain.report.curves import METHODS, beam_model, chain_label, count, rival_chains, rival_model
 from beamchain.report.page import Block, Lines, Picture, Pictures, Section, Table, Text, begun, inline
 from beamchain.report.plots import percent, short
 from beamchain.report.record import mass_record
 from beamchain.report.shapes import shapes_svg
 from beamchain.report.spec_text import spec_toml
-from beamchain.spec import port_hub_mass
 from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:
-    from beamchain.result import Fit
+    from beamchain.fitting.result import Fit
 
 TARGETS = {
     "clamped": "clamped: the first cantilever modes, the better the heavier the hub",

@@ -4,15 +4,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamchain.motion import Array
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array
 from beamchain.report.plots import BEAM, OURS, percent
 from beamchain.structure.beam import Beam
 from beamchain.structure.shapes import mode_shapes
 
 if TYPE_CHECKING:
     from beamchain.chain.chain import Chain
-    from beamchain.result import Fit
+    from beamchain.fitting.result import Fit
 
 WIDTH, HEIGHT, LEFT, SWING = 640.0, 116.0, 14.0, 36.0  # of a mode's strip and its largest amplitude
 SLOWEST = 2.4  # seconds that the first mode takes for one oscillation on the page

@@ -5,7 +5,7 @@ from typing import Any
 
 import msgspec
 
-from beamchain.spec import Spec
+from beamchain.fitting.spec import Spec
 
 
 def spec_toml(spec: Spec) -> str:

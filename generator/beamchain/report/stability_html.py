@@ -5,17 +5,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from beamchain.fitting.spec import read_spec
 from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, begun, inline, page_text, versions
 from beamchain.report.plots import percent, short, to_svg
 from beamchain.report.sections import Verdict, step_words
 from beamchain.report.spec_text import spec_toml
 from beamchain.report.stability_plots import damping_figure, steps_figure
-from beamchain.spec import read_spec
 
 if TYPE_CHECKING:
-    from beamchain.assess.budget import Budget
-    from beamchain.assess.large_motion import LargeMotion
-    from beamchain.stability import StabilityStudy
+    from beamchain.steps.budget import Budget
+    from beamchain.steps.large_motion import LargeMotion
+    from beamchain.studies.stability import StabilityStudy
 
 AGREE = 0.01  # predicted and measured limits; the command's own bound
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, log_axis, plain, power, short
 
 if TYPE_CHECKING:
-    from beamchain.assess.budget import Budget
-    from beamchain.stability import StepRow
+    from beamchain.steps.budget import Budget
+    from beamchain.studies.stability import StepRow
 
 #: Marks differ in shape, not in colour alone.
 MARKS = {"Euler": "v", "implicit": "s", "implicitfast": "o", "discrete": "D", "RK4": "^"}

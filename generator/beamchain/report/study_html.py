@@ -3,14 +3,14 @@
 import math
 from typing import TYPE_CHECKING
 
-from beamchain.assess.front import Metric, Reach
 from beamchain.report import study_plots
 from beamchain.report.page import Lines, Picture, Section, Table, Text, inline, page_text
 from beamchain.report.plots import short, to_svg
 from beamchain.report.sections import Verdict
+from beamchain.studies.front import Metric, Reach
 
 if TYPE_CHECKING:
-    from beamchain.study import Study
+    from beamchain.studies.study import Study
 
 RULES = (
     "Times are of one thread, simulation only, warm. A setting counts for an error only if every finer step that was "
@@ -135,7 +135,7 @@ def row(reach: Reach, label: str, best: float) -> list[str]:
 
 def table(study: "Study", metric: Metric) -> Table:
     """What it takes to reach each target: our best, then the rivals."""
-    from beamchain.assess.front import TARGETS, power
+    from beamchain.studies.front import TARGETS, power
 
     rows: list[list[str]] = []
     for target in TARGETS:
@@ -155,7 +155,7 @@ def table(study: "Study", metric: Metric) -> Table:
 
 def commands(study: "Study") -> list[str]:
     """Command lines that make the recommended chains from the specs written beside the report."""
-    from beamchain.assess.front import TARGETS, power, recommended_name
+    from beamchain.studies.front import TARGETS, power, recommended_name
 
     return [
         f"beamchain fit {recommended_name(target)} -o {study.spec.name}_{power(target)}"
@@ -166,8 +166,8 @@ def commands(study: "Study") -> list[str]:
 
 def how_to_feed(study: "Study") -> list[str]:
     """What to know before a recommended chain is run: one that is exact in time is so for its step and its input."""
-    from beamchain.assess.field import TIMED
-    from beamchain.assess.front import TARGETS
+    from beamchain.studies.field import TIMED
+    from beamchain.studies.front import TARGETS
 
     bests = [study.best(target, "error") for target in TARGETS]
     if not any(best is not None and best.point.model == TIMED for best in bests):

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from beamchain.assess import field
-from beamchain.assess.front import Metric, front
 from beamchain.report.plots import OURS, STYLE, log_axis, plain
+from beamchain.studies import field
+from beamchain.studies.front import Metric, front
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from beamchain.assess.growth import Growth
-    from beamchain.study import Study
+    from beamchain.studies.growth import Growth
+    from beamchain.studies.study import Study
 
 #: Ours in colours that differ in lightness, rivals in grey, each told by its mark too.
 COLOURS = {

@@ -3,11 +3,11 @@
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from beamchain.assess.front import Metric, Reach
-from beamchain.assess.scenario import Scenario
+from beamchain.studies.front import Metric, Reach
+from beamchain.studies.scenario import Scenario
 
 if TYPE_CHECKING:
-    from beamchain.study import Study
+    from beamchain.studies.study import Study
 
 
 def study_record(study: "Study") -> dict[str, Any]:
@@ -61,7 +61,7 @@ def _reference(scenario: Scenario) -> dict[str, Any]:
 
 
 def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
-    from beamchain.assess.front import TARGETS, power
+    from beamchain.studies.front import TARGETS, power
 
     out: dict[str, Any] = {}
     for target in TARGETS:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from beamchain.report.plots import OURS, STYLE, to_svg
 
 if TYPE_CHECKING:
-    from beamchain.sweep import Sweep
+    from beamchain.studies.sweep import Sweep
 
 MOST = 6  # modes drawn
 

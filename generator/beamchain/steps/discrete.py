@@ -35,7 +35,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from beamchain.checks import one_of
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 Complex = NDArray[np.complex128]
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 
 class HeldInput:

@@ -25,7 +25,7 @@ from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.errors import InputError
-from beamchain.motion import Array, locked
+from beamchain.ports.motions import Array, locked
 
 Ints = NDArray[np.intp]
 

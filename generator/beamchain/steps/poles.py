@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import EPSILON, INTEGRATORS
 from beamchain.errors import EngineError
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 from beamchain.steps import discrete
 from beamchain.steps.modal import NUMBERS, modal_tendons
 from beamchain.steps.retime import retime

@@ -36,7 +36,7 @@ from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.errors import EngineError, InputError
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 from beamchain.steps import discrete
 from beamchain.steps.modal import (
     FORMS,

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from beamchain.engine.library import mujoco
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 from beamchain.steps import discrete
 from beamchain.steps.modal import NUMBERS, condensed, foreign, mass_matrix, modal_tendons
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment, lsq_linear
 
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 from beamchain.steps.discrete import SCHEMES, Complex
 
 ITERATIONS = 12

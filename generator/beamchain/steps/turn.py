@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from beamchain.engine.library import mujoco
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 TURN = 1.0  # rad by which the body turns
 MOST_STEPS = 20_000  # of a turn that is slow beside the step: a shorter one is looked at

@@ -11,8 +11,8 @@ import numpy as np
 
 from beamchain.checks import one_of, whole
 from beamchain.errors import InputError
-from beamchain.motion import PORTS, Array
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORTS, Array
 from beamchain.structure import elements
 from beamchain.structure.discretise import Parts, converged
 from beamchain.structure.joint import Joint

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from beamchain.errors import InputError
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
 from beamchain.structure import elements, many_pieces
 from beamchain.structure.joint import Joint
 from beamchain.structure.lump import Lump

@@ -13,8 +13,8 @@ from functools import cache
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from beamchain.motion import Array, locked
-from beamchain.port import PortModel, Shapes, port_from_rows
+from beamchain.ports.model import PortModel, Shapes, port_from_rows
+from beamchain.ports.motions import Array, locked
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from beamchain.checks import positive
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 
 def krylov(z: float) -> tuple[float, float, float, float]:

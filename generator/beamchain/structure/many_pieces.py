@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from beamchain.motion import Array
-from beamchain.port import PortModel, port_from_rows
+from beamchain.ports.model import PortModel, port_from_rows
+from beamchain.ports.motions import Array
 from beamchain.structure import elements
 
 STILL = 1e-12  # relative change of the wanted frequencies between two looks at which the space is large enough

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamchain.errors import InputError
-from beamchain.motion import Array, body_mass_matrix, locked
+from beamchain.ports.motions import Array, body_mass_matrix, locked
 from beamchain.structure.beam import Beam, Moments, straight_mass_matrix
 from beamchain.structure.elements import gauss
 from beamchain.structure.lump import Lump

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamchain.motion import PORT_MOTION, Array
+from beamchain.ports.motions import PORT_MOTION, Array
 
 WEIGHTS = {"xy": 1.0, "xz": 0.618, "torsion": 0.382, "axial": 0.236}  # unequal, so that ports do not mix by accident
 GAIN = 1e-12  # least improvement of the largest port share for which a group is turned

@@ -3,7 +3,7 @@
 import numpy as np
 
 from beamchain.errors import InputError
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 MOTIONS = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 ROUNDING = 20.0  # precision of a residual over that of the numbers it is the difference of: 6 rows, 3 products each

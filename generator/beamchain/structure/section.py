@@ -11,7 +11,7 @@ import numpy as np
 
 from beamchain.checks import not_negative, own_numbers, positive
 from beamchain.errors import InputError
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 
 ZETA_5 = 1.03692775514337  # Riemann's zeta at 5
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from beamchain.checks import not_negative, one_of, own_numbers, positive
 from beamchain.errors import InputError
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 from beamchain.structure.material import Material
 from beamchain.structure.section import Equivalent, Section
 

@@ -11,8 +11,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from beamchain.motion import Array
-from beamchain.port import PortModel
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.lump import Lump
 from beamchain.structure.segment import Stations

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamchain.assess.run_time import LADDER
+from beamchain.fitting.spec import read_spec
 from beamchain.report.spec_text import spec_toml
-from beamchain.spec import read_spec
-from beamchain.study import Options, prepare
+from beamchain.studies.run_time import LADDER
+from beamchain.studies.study import Options, prepare
 
 SPEC = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
 ROUNDS = 7

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import io, linalg
 
 from beamchain.errors import InputError
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers import stored
 from beamchain.structure.readers.bounded import check_size

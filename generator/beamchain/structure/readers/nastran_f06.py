@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from beamchain.errors import InputError
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.bounded import lines
 from beamchain.structure.rounding import settled

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from beamchain.errors import InputError
-from beamchain.motion import Array
+from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.bounded import check_size
 

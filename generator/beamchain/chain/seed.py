@@ -1,0 +1,117 @@
+"""The 2008 paper's example: every printed number beside the computed one, and the exact chain on the same beam.
+
+P. P. Belonozhko, "Представление деформируемых упругих элементов космических аппаратов системами твердых тел"
+(representing deformable elastic spacecraft elements by systems of rigid bodies), УДК 539.3 + 629.7, equation (20) ff.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from beamchain.chain import rivals
+from beamchain.chain.recursion import planar_chain, realise
+from beamchain.ports.model import PortModel
+from beamchain.structure.beam import Beam
+from beamchain.structure.material import Material
+from beamchain.structure.section import Round
+from beamchain.structure.segment import Segment
+
+_ENTRIES = {"T0_y0": (0, 0), "M0_y0": (0, 1), "T0_phi1": (1, 0), "M0_phi1": (1, 1)}
+
+#: The paper's numbers, as printed; a tuple holds (beam, chain).
+PRINTED: dict[str, tuple[float, float]] = {
+    "gain.T0_y0": (0.9069, 0.7321),
+    "gain.M0_y0": (-0.2823, -0.1743),
+    "gain.T0_phi1": (-0.2823, -0.1743),
+    "gain.M0_phi1": (0.1160, 0.0541),
+    "n1.T0_y0": (1.0648, 1.0977),
+    "n1.M0_y0": (0.7105, 0.7815),
+    "n1.T0_phi1": (0.7105, 0.7815),
+    "n1.M0_phi1": (0.4690, 0.5613),
+    "n2.T0_y0": (3.5124, 3.7917),
+    "n2.M0_y0": (2.9837, 3.4521),
+    "n2.T0_phi1": (2.9837, 3.4521),
+    "n2.M0_phi1": (2.5745, 3.1515),
+}
+PRINTED_OTHER = {
+    "beam.mass": 13.232,
+    "beam.omega1": 1.533,
+    "beam.omega2": 4.2257,
+    "chain.k": 0.26985,
+    "chain.c": 51.325,
+    "chain.omega1": 1.533,
+    "chain.omega2": 4.2257,
+}
+
+
+class SeedRow(NamedTuple):
+    """A printed number and ours."""
+
+    name: str
+    printed: float
+    computed: float
+
+    @property
+    def difference(self) -> float:
+        """Relative difference."""
+        return self.computed / self.printed - 1.0
+
+
+class SeedTable(NamedTuple):
+    """`rows`: printed and computed; `exact`: the exact 3-link chain (target free) on the same beam."""
+
+    rows: list[SeedRow]
+    exact: list[tuple[str, float]]
+
+
+def seed_beam() -> Beam:
+    """The paper's beam, equation (20): round steel rod, 15 m, 12 mm."""
+    steel = Material(youngs_modulus=2.06e11, density=7800.0)
+    return Beam(segments=(Segment(length=15.0, section=Round(diameter=0.012), material=steel),))
+
+
+def port_parameters(model: PortModel) -> dict[str, float]:
+    """Gains and zeros of the four transfer functions in the paper's form (15), two flexible modes."""
+    out: dict[str, float] = {}
+    for name, (i, j) in _ENTRIES.items():
+        out[f"gain.{name}"] = float(model.gains[i, j])
+        first, second = np.real(model.zeros(i, j))
+        out[f"n1.{name}"], out[f"n2.{name}"] = float(first), float(second)
+    return out
+
+
+def seed_table() -> SeedTable:
+    """The paper's example recomputed without rounding on the way."""
+    beam = seed_beam()
+    model = beam.port("xy", 6).reduced(2, np.zeros((2, 2)))
+    mass = beam.moments(0.0, beam.length, closed=True).mass
+    omega1, omega2 = (float(w) for w in model.free_frequencies)
+    k, c = rivals.seed_parameters(mass, beam.length, omega1, omega2)
+    chain = rivals.seed_chain(beam, k, c).port("xy")
+    values = {
+        "beam.mass": mass,
+        "beam.omega1": omega1,
+        "beam.omega2": omega2,
+        "chain.k": k,
+        "chain.c": c,
+        "chain.omega1": float(chain.free_frequencies[0]),
+        "chain.omega2": float(chain.free_frequencies[1]),
+    }
+    rows = [SeedRow(name, printed, values[name]) for name, printed in PRINTED_OTHER.items()]
+    for i, (owner, port) in enumerate((("beam", model), ("chain", chain))):
+        computed = port_parameters(port)
+        rows += [SeedRow(f"{owner}.{name}", pair[i], computed[name]) for name, pair in PRINTED.items()]
+    return SeedTable(rows, _exact(beam, model))
+
+
+def _exact(beam: Beam, target: PortModel) -> list[tuple[str, float]]:
+    nodes = realise(target)
+    chain = planar_chain(nodes, beam)
+    out: list[tuple[str, float]] = []
+    for i, link in enumerate(chain.links, 1):
+        out += [(f"link{i}.length", link.length), (f"link{i}.mass", link.mass), (f"link{i}.com", link.com - link.start)]
+        out.append((f"link{i}.inertia", link.inertia[2]))
+    out += [(f"hinge{i}.stiffness", hinge.stiffness["xy"]) for i, hinge in enumerate(chain.hinges, 1)]
+    model = chain.port("xy")
+    out += [("omega1", float(model.free_frequencies[0])), ("omega2", float(model.free_frequencies[1]))]
+    return out + list(port_parameters(model).items())

@@ -1,0 +1,280 @@
+"""One embedded appendage, and what is proved of it: its numbers and the spacecraft's are as they were."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from lxml.etree import _Element as Element
+from numpy.typing import NDArray
+
+from beamchain.craft.assembly import Carried, quiet
+from beamchain.craft.spoilers import TENDON_DAMPING, spoilers
+from beamchain.engine.driven import keyframes
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model
+from beamchain.engine.mount import Mount
+from beamchain.engine.unchanged import Difference, appended, differences, others
+from beamchain.errors import EngineError, InputError
+from beamchain.fitting.hub import Hub
+from beamchain.fitting.result import Fit
+from beamchain.fitting.spec import Spec
+from beamchain.mjcf import compatibility as check
+from beamchain.mjcf import insert as document
+from beamchain.mjcf import write
+from beamchain.ports.model import PortModel, in_space
+from beamchain.ports.motions import PORTS, Array
+from beamchain.steps.budget import linear_model, preload
+from beamchain.steps.document import put_time
+from beamchain.steps.large_motion import LargeMotion
+from beamchain.steps.limits import step_limits
+from beamchain.steps.run_limits import exceeded
+from beamchain.studies.stability import large_limits
+
+EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for
+PROBE = "beamchain probe "  # names of the empty bodies that stand for appendages while the spacecraft is measured
+SAME = 1e-12  # relative: the appendage's numbers alone and in the spacecraft
+
+
+@dataclass(frozen=True, eq=False)
+class Appendage:
+    """One embedded appendage.
+
+    Args:
+        at: site or body.
+        prefix: of its elements.
+        mount: the place in the bare spacecraft.
+        hub: what its root feels, other appendages rigid.
+        spec: as it was given.
+        fit: made for that hub.
+        timed: the spacecraft with its appendages exact in time for its own step; None: they are not.
+    """
+
+    at: str
+    prefix: str
+    mount: Mount
+    hub: Hub
+    spec: Spec
+    fit: Fit
+    timed: "mujoco.MjModel | None" = None
+
+    def element(self) -> Element:
+        """Its drop-in MJCF, exact in time where the spacecraft is."""
+        tree, name = self.fit.appendage(timed=False), self.fit.spec.name
+        if self.timed is not None:
+            put_time([tree], self.timed, lambda word: self.prefix + word.removeprefix(f"{name}_"))
+        return tree
+
+    @cached_property
+    def large_motion(self) -> dict[str, LargeMotion]:
+        """How far its chain may be driven, per bending plane; empty where no beam or no chain is there to compare."""
+        return {} if self.fit.space is not None else large_limits(self.fit)[0]
+
+
+def driven_too_far(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
+    """Sentences for keyframes that start an appendage beyond what its chain is right for.
+
+    Args:
+        model: the spacecraft with its appendages.
+        appendages: what was embedded.
+    """
+    out: list[str] = []
+    for a in appendages:
+        for name, run in keyframes(model, f"{a.prefix}link1").items():
+            out += [f"{a.at}, keyframe {name}: {sentence}" for sentence in exceeded(a.large_motion, run)]
+    return out
+
+
+def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
+    """Names of all elements the appendages bring, per kind."""
+    kinds = {"body": "body", "joint": "jnt", "geom": "geom", "site": "site", "fixed": "tendon"}
+    kinds |= dict.fromkeys(("tendonpos", "tendonvel", "framepos", "framequat", "force", "torque"), "sensor")
+    out: dict[str, set[str]] = {kind: set() for kind in kinds.values()}
+    for a in appendages:
+        for node in document.renamed(a.fit.appendage(timed=False), a.fit.spec.name, a.prefix).iter(*kinds):
+            if node.get("name"):
+                out[kinds[str(node.tag)]].add(str(node.get("name")))
+    return out
+
+
+def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> None:
+    """No name is given twice.
+
+    Raises:
+        InputError: with the name and the cure.
+    """
+    taken = appended(craft, names(appendages))
+    for kind, word in (
+        ("body", "body"),
+        ("jnt", "joint"),
+        ("geom", "geom"),
+        ("site", "site"),
+        ("tendon", "tendon"),
+        ("sensor", "sensor"),
+    ):
+        if taken[kind]:
+            name = getattr(craft, word)(taken[kind][0]).name
+            raise InputError(f"the spacecraft already has a {word} {name!r}; give the appendage another --prefix.")
+    prefixes = [a.prefix for a in appendages]
+    for i, prefix in enumerate(prefixes):
+        if prefix in prefixes[:i]:
+            raise InputError(f"two appendages have the prefix {prefix!r}; give each its own --prefix.")
+
+
+def judged(
+    craft: "mujoco.MjModel",
+    model: "mujoco.MjModel",
+    appendages: Sequence[Appendage],
+    final: "mujoco.MjModel",
+    defaults: Mapping[str, Mapping[str, int]] | None = None,
+) -> list[str]:
+    """Every number of the spacecraft and of the appendages is as it was; then what spoils the motion.
+
+    Args:
+        craft: the bare spacecraft.
+        model: with its appendages, timing taken out.
+        appendages: what was embedded.
+        final: as it will run.
+        defaults: attributes that the spacecraft's file sets by default, per tag.
+    """
+    mine = appended(model, names(appendages))
+    theirs = others(model, mine)
+    own = _without_probes(craft)
+    changed = differences(craft, model, {kind: (own[kind], ids) for kind, ids in theirs.items()})
+    if changed:
+        raise EngineError(f"embedding changed the spacecraft itself: {_told(changed[0])}; please report this.")
+    for a in appendages:
+        alone = compile_model(write.text(write.scene(
+            a.fit.appendage(timed=False), a.fit.spec.name, mass=1.0, inertia=np.eye(3), offset=np.zeros(3), timestep=0.01,
+            integrator="implicitfast",
+        )))  # fmt: skip
+        own = appended(alone, names([replace(a, prefix=f"{a.spec.name}_")]))
+        here = appended(model, names([a]))
+        pairs = {k: (own[k], here[k]) for k in own}
+        found = differences(alone, model, pairs, root=f"{a.prefix}link1", tolerance=SAME, user=False)
+        if found:
+            _refuse(found[0], a, defaults or {})
+    ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
+    kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
+    limits = step_limits(linear_model(quiet(final)))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    pull = preload(model, data)
+    spoilt = spoilers(final, limits, kept, min(ratios, default=0.0), mine["geom"])
+    if final is not model:
+        spoilt = [text for text in spoilt if not text.startswith(TENDON_DAMPING)]
+    return [
+        *(
+            [f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, move its springref."]
+            if pull
+            else []
+        ),
+        *spoilt,
+    ]
+
+
+def _refuse(found: Difference, changed: Appendage, defaults: Mapping[str, Mapping[str, int]]) -> None:
+    """Say what the spacecraft would change of an appendage, and the way out that works.
+
+    Raises:
+        InputError: always.
+    """
+    if found.field == "number of elements" and found.element == "geom":
+        raise InputError(
+            f"the spacecraft's compiler would drop the appendage's shapes ({found.found:g} of {found.wanted:g} are left); "
+            'write discardvisual="false" in <compiler>, or scene.visuals = false in the appendage\'s spec.'
+        )
+    kind, _, field = found.field.partition("_")
+    tag = {"jnt": "joint", "dof": "joint", "tendon": "fixed"}.get(kind, kind)
+    own = {str(name) for node in changed.fit.appendage(timed=False).iter(tag) for name in node.attrib}
+    left = [name for name in defaults.get(tag, {}) if name not in own and name not in check.NEUTRAL.get(tag, {})]
+    word = ", ".join(left) or field  # a mesh by default shows in aabb, rbound, ...
+    raise InputError(
+        f'the spacecraft\'s defaults or compiler would change the appendage: {_told(found)}; use form "attach", which '
+        f"no default of the spacecraft reaches, or take {word} out of them."
+    )
+
+
+def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str]:
+    """What MuJoCo itself does otherwise with the spacecraft as soon as its bodies carry something (alignfree)."""
+    own = _without_probes(loaded)
+    moved = differences(craft, loaded, {kind: (ids, own[kind]) for kind, ids in others(craft, {}).items()})
+    if not moved:
+        return []
+    return [
+        f"as soon as it carries something, MuJoCo lays {moved[0].element}'s frame otherwise ({_told(moved[0])}; "
+        'alignfree or align); positions and keyframes now mean the frame as written: write align="false" to keep it.'
+    ]
+
+
+def _without_probes(model: "mujoco.MjModel") -> dict[str, list[int]]:
+    probes = [i for i in range(model.nbody) if model.body(i).name.startswith(PROBE)]
+    return others(model, {"body": probes})
+
+
+def _told(difference: Difference) -> str:
+    return f"{difference.field} of {difference.element} is {difference.found!r} instead of {difference.wanted!r}"
+
+
+def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> list[Carried]:
+    """The appendages as the beams they are, for the exact assembly; without a model their freedoms are left out."""
+    out: list[Carried] = []
+    for a in appendages:
+        whole, kept, band = _imported(a) if a.fit.space is not None else _beam(a)
+        if not band:  # a rigid body: as far as the scene looks
+            scene = a.fit.spec.scene
+            band = {"rigid": scene.bandwidth if scene and scene.bandwidth else float(whole.frequencies[0])}
+        dofs = [] if model is None else appended(model, names([a]))["dof"]
+        out.append(Carried(a.mount, whole, kept, dofs, band))
+    return out
+
+
+def _beam(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]:
+    """All modes of the beam in space, which of them were kept, the last kept frequency per port."""
+    spec = a.fit.spec
+    counts = {port: target.modes for port, target in a.fit.target.items()}
+    ports: dict[str, PortModel] = {}
+    for port in PORTS:
+        try:
+            own = spec.beam.port(port, 2 * counts.get(port, 0) + EXTRA_MODES)
+            known = a.fit.full.get(port)
+            ports[port] = spec.with_ratios(port, known if known is not None and known.modes > own.modes else own)
+        except InputError:
+            continue  # rigid there
+    band = {port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes}
+    flags = np.concatenate([np.arange(own.modes) < counts.get(port, 0) for port, own in ports.items()])
+    order = np.argsort(np.concatenate([own.frequencies for own in ports.values()]), kind="stable")
+    return in_space(ports, _with_inertia(a, spec.beam.rigid_mass())), flags[order], band
+
+
+def _imported(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]:
+    """The same of imported modes."""
+    space = a.fit.space
+    assert space is not None
+    live, full = list(space.live), space.full
+    rigid, participation = np.zeros((6, 6)), np.zeros((full.modes, 6))
+    rigid[np.ix_(live, live)], participation[:, live] = full.rigid_mass, full.participation
+    flags = np.array([bool(np.any(np.abs(w / space.target.frequencies - 1.0) < SAME)) for w in full.frequencies])
+    whole = PortModel(_with_inertia(a, rigid), full.frequencies, participation, full.damping)
+    band = {"space": float(space.target.frequencies[-1])} if space.target.modes else {}
+    return whole, flags, band
+
+
+def _with_inertia(a: Appendage, rigid: Array) -> Array:
+    """A rod without polar inertia gets the little that MuJoCo needs."""
+    return rigid + np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(a.fit.measured.rigid_mass)))
+
+
+def rigid_mass(spec: Spec) -> Array:
+    """`(6, 6)` of an appendage before it is fitted, about its root."""
+    return spec.beam.rigid_mass() if spec.imported is None else spec.imported.read().rigid_mass
+
+
+def lightest(appendages: Sequence[Appendage]) -> tuple[float, float]:
+    """Smallest mass [kg] and principal inertia [kg m^2] of the bodies that move."""
+    masses, inertias = [np.inf], [np.inf]
+    for a in appendages:
+        for inertial in list(a.fit.appendage(timed=False).iter("inertial"))[1:]:
+            masses.append(float(inertial.get("mass", "inf")))
+            inertias += [float(word) for word in inertial.get("diaginertia", "inf").split()]
+    return min(masses), min(inertias)

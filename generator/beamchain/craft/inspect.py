@@ -1,0 +1,116 @@
+"""Modes, masses and step limits of any MuJoCo model, from its own linearisation."""
+
+import copy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import INTEGRATORS, compile_model
+from beamchain.ports.motions import Array
+from beamchain.steps.budget import linear_model
+from beamchain.steps.limits import StepLimits, oscillations, step_limits
+from beamchain.steps.modal import MadeFor, made_for
+from beamchain.steps.poles import PoleRow, mismatch, pole_rows
+from beamchain.steps.retime import retime
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """What MuJoCo makes of a model about its rest pose.
+
+    Args:
+        frequencies: `(n,)` of the oscillating modes [rad/s], with their `damping` ratios.
+        springs: name, stiffness, damping of every joint with a spring of its own.
+        tendons: name, stiffness, damping, armature of every sprung tendon.
+        limits: step limits, timing taken out.
+        made_for: the steps and integrators for which appendages are exact in time.
+        shown: the modes as the model's own step shows them; empty where nothing is exact in time.
+        warnings: where the model runs at another step than it was made for.
+    """
+
+    name: str
+    bodies: int
+    joints: int
+    dofs: int
+    mass: float
+    frequencies: Array
+    damping: Array
+    springs: list[tuple[str, float, float]]
+    tendons: list[tuple[str, float, float, float]]
+    integrator: str
+    timestep: float
+    limits: StepLimits
+    made_for: list[MadeFor]
+    shown: list[PoleRow]
+    warnings: list[str]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {
+            "name": self.name,
+            "bodies": self.bodies,
+            "joints": self.joints,
+            "dofs": self.dofs,
+            "mass": self.mass,
+            "modes": [{"frequency": w, "damping": z} for w, z in zip(self.frequencies, self.damping, strict=True)],
+            "springs": [{"joint": n, "stiffness": k, "damping": c} for n, k, c in self.springs],
+            "tendons": [{"tendon": n, "stiffness": k, "damping": c, "armature": a} for n, k, c, a in self.tendons],
+            "made_for": [{"timestep": m.timestep, "integrator": m.integrator} for m in self.made_for],
+            "warnings": self.warnings,
+            "integrator": self.integrator,
+            "timestep": self.timestep,
+            "stability": {"omega_max": self.limits.omega_max, "largest_step": self.limits.largest_step},
+            "accuracy": {k: {"1%": a, "0.1%": b} for k, (a, b) in self.limits.accuracy.items()},
+        }
+
+
+def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
+    """Inspect a model: path, MJCF text or compiled.
+
+    Raises:
+        InputError: there is no such file.
+        EngineError: MuJoCo refuses it, or it has no degree of freedom.
+    """
+    model = compile_model(source)
+    plain = copy.copy(model)
+    made = [mark for mark in made_for(model) if mark is not None]
+    if made:
+        retime(plain, 0.0)
+    linear = linear_model(plain)
+    frequencies, ratios = oscillations(linear.poles())
+    springs: list[tuple[str, float, float]] = []
+    for j in range(model.njnt):
+        stiffness = float(np.atleast_1d(model.jnt_stiffness[j])[0])
+        if stiffness > 0.0:
+            dof = int(model.jnt_dofadr[j])
+            springs.append(
+                (model.joint(j).name or f"joint {j}", stiffness, float(np.atleast_1d(model.dof_damping[dof])[0]))
+            )
+    tendons: list[tuple[str, float, float, float]] = []
+    for i in range(model.ntendon):
+        stiffness, damping, armature = (
+            float(np.atleast_1d(values[i])[0])
+            for values in (model.tendon_stiffness, model.tendon_damping, model.tendon_armature)
+        )
+        if stiffness > 0.0:
+            tendons.append((model.tendon(i).name or f"tendon {i}", stiffness, damping, armature))
+    return Inspection(
+        name=model.names[: model.names.index(b"\0")].decode(),
+        bodies=model.nbody - 1,
+        joints=model.njnt,
+        dofs=model.nv,
+        mass=float(np.sum(model.body_mass)),
+        frequencies=frequencies,
+        damping=ratios,
+        springs=springs,
+        tendons=tendons,
+        integrator=next((name for name, value in INTEGRATORS.items() if value == int(model.opt.integrator)), "Euler"),
+        timestep=float(model.opt.timestep),
+        limits=step_limits(linear),
+        made_for=made,
+        shown=pole_rows(model) if made else [],
+        warnings=mismatch(model),
+    )

@@ -1,0 +1,117 @@
+"""What in a compiled spacecraft spoils its appendages' motion: each with the figure and the cure."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from beamchain.craft.assembly import quiet
+from beamchain.engine.forces import along
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import INTEGRATORS
+from beamchain.errors import InputError
+from beamchain.steps.budget import linear_model
+from beamchain.steps.limits import StepLimits
+
+DAMPS = 0.5  # numerical damping is worth a word from this share of the structure's own
+
+
+TENDON_DAMPING = "Euler treats the damping of tendons explicitly"
+
+
+def check_flags(model: "mujoco.MjModel") -> None:
+    """Refuse a model that switches its springs off.
+
+    Raises:
+        InputError: with the flag and the cure.
+    """
+    for name in ("PASSIVE", "SPRING", "DAMPER"):
+        bit = getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", None)
+        if bit is not None and int(model.opt.disableflags) & int(bit):
+            raise InputError(
+                f'the spacecraft switches off its passive forces (option flag {name.lower()}="disable"), and so '
+                f'every hinge spring or damper of the appendage; write {name.lower()}="enable".'
+            )
+
+
+def spoilers(
+    model: "mujoco.MjModel",
+    limits: StepLimits,
+    kept: ArrayLike,
+    zeta: float,
+    geoms: Sequence[int],
+) -> list[str]:
+    """Warnings about a compiled spacecraft with its appendages.
+
+    Args:
+        model: compiled.
+        limits: its largest steps.
+        kept: kept cantilever frequencies of the appendages [rad/s].
+        zeta: smallest damping ratio of the appendages; 0: undamped.
+        geoms: ids of the appendages' geoms.
+    """
+    out: list[str] = []
+    option = model.opt
+    gravity = np.asarray(option.gravity)
+    if np.any(gravity != 0.0) and not int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+        out.append(
+            f"gravity is {' '.join(f'{g:g}' for g in gravity)} m/s^2: it falls, and where it is held its appendages "
+            'bend; in orbit write <option gravity="0 0 0">.'
+        )
+    if option.density > 0.0 or option.viscosity > 0.0:
+        out.append(
+            f"the medium (density {option.density:g}, viscosity {option.viscosity:g}) drags on the links as on all "
+            "bodies; in space set both to 0."
+        )
+    collide = [i for i in geoms if int(model.geom_contype[i]) or int(model.geom_conaffinity[i])]
+    if collide and not int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
+        out.append(
+            f"{len(collide)} shapes of the appendages collide, and neighbouring links touch; leave scene.contacts off."
+        )
+    if int(model.neq):
+        out.append(
+            f"{int(model.neq)} equality constraints of the spacecraft are left out of the proof of coupled modes."
+        )
+    integrator = next((name for name, value in INTEGRATORS.items() if value == int(option.integrator)), "Euler")
+    step = float(option.timestep)
+    tendon = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0.0))
+    largest = limits.largest_step[integrator]
+    if step > largest:
+        out.append(
+            f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes unstable (fastest "
+            f"coupled mode {limits.omega_max:.5g} rad/s{_held_by(model)}); write "
+            f'<option timestep="{_round_down(0.5 * largest):g}">.'
+        )
+    if integrator == "discrete":
+        added = step * float(np.max(np.asarray(kept))) / 2.0
+        if added > DAMPS * max(zeta, 1e-3):
+            out.append(
+                f"the integrator discrete adds a damping ratio of {added:.2g} to the fastest kept mode at timestep "
+                f"{step:g} s (the structure has {zeta:g}); take implicitfast, or a timestep below "
+                f"{_round_down(DAMPS * max(zeta, 1e-3) * 2.0 / float(np.max(np.asarray(kept)))):g} s."
+            )
+    eulerdamp = int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    if integrator == "Euler" and (tendon or eulerdamp) and zeta > 0.0:
+        out.append(f"{TENDON_DAMPING}, which shifts it by about w h; take implicitfast.")
+    return out
+
+
+def _round_down(value: float) -> float:
+    digit = 10.0 ** np.floor(np.log10(value))
+    return float(np.floor(value / digit) * digit)
+
+
+def _held_by(model: "mujoco.MjModel") -> str:
+    """Words for the spring that holds most of the fastest mode's energy, where a name tells which it is."""
+    linear = linear_model(quiet(model))
+    values, vectors = np.linalg.eig(linear.stiffness)
+    shape = np.real(vectors)[:, int(np.argmax(np.abs(values)))]
+    shares: list[tuple[float, str]] = []
+    for j in range(model.njnt):
+        stiffness = float(np.atleast_1d(model.jnt_stiffness[j])[0])
+        shares.append((stiffness * float(shape[int(model.jnt_dofadr[j])]) ** 2, f"joint {model.joint(j).name!r}"))
+    for i in range(model.ntendon):
+        stiffness = float(np.atleast_1d(model.tendon_stiffness[i])[0])
+        shares.append((stiffness * float(along(model, i) @ shape) ** 2, f"tendon {model.tendon(i).name!r}"))
+    share, name = max(shares, default=(0.0, ""))
+    return f", held mostly by the spring of {name}" if share > 0.0 else ""

@@ -1,0 +1,142 @@
+"""A spacecraft's appendages made exact in time for its own step and integrator, where that step would be felt."""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from beamchain.chain.tendons import springs_as_modes
+from beamchain.craft.appendage import Appendage
+from beamchain.craft.error import base_body
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import INTEGRATORS
+from beamchain.errors import EngineError
+from beamchain.fitting.result import Fit
+from beamchain.fitting.warnings import turn_warning
+from beamchain.ports.motions import Array
+from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.modal import made_for
+from beamchain.steps.poles import PoleRow, pole_rows
+from beamchain.steps.retime import retime
+from beamchain.steps.turn import turn_error
+
+SHARE = 0.1  # of the scenes' tolerance: what the step's own error may take before the appendages are made exact in time
+UNASKED = 1e-4  # the same where no scene states a tolerance
+
+
+def step_error(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> tuple[float, float]:
+    """Worst relative error of a pole that the model's own step makes, in the band asked for, and what is allowed.
+
+    Args:
+        model: the spacecraft with its appendages, timing taken out.
+        appendages: what was embedded.
+
+    Returns:
+        the error, infinite where the step is unstable, and the largest that is left alone.
+    """
+    scenes = [a.fit.spec.scene for a in appendages if a.fit.spec.scene is not None]
+    asked = [scene for scene in scenes if scene.bandwidth is not None]
+    band = max((float(scene.bandwidth or 0.0) for scene in asked), default=np.inf)
+    allowed = SHARE * min((scene.tolerance for scene in asked), default=UNASKED / SHARE)
+    try:
+        rows = pole_rows(model)
+    except EngineError:
+        return 0.0, allowed
+    return max((row.error for row in rows if row.frequency <= band), default=0.0), allowed
+
+
+def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: bool | None) -> tuple[bool, str]:
+    """Whether the appendages are to be made exact in time, and the sentence that says why.
+
+    Args:
+        model: the spacecraft with its appendages, timing taken out.
+        appendages: what was embedded.
+        wanted: the user's word; None: decide by the step's error.
+    """
+    name = next(n for n, value in INTEGRATORS.items() if value == int(model.opt.integrator))
+    step = f"{name} at {float(model.opt.timestep):g} s"
+    scheme = SCHEMES[name]
+    if wanted is False or not any(a.fit.chain.hinges for a in appendages):
+        return False, ""
+    if not scheme.exact and name != "RK4":
+        return False, f"{step} cannot be made exact in time, and is stable at any step; its own error is the user's."
+    error, allowed = step_error(model, appendages)
+    if name == "RK4":
+        grown = any(row.achieved_ratio < -1e-6 for row in _rows(model))
+        return (grown, f"{step} would be unstable: the modes beyond it are slowed.") if grown else (False, "")
+    if wanted or error > allowed:
+        why = "as asked" if wanted else f"its own error would be {error:.2g}, above {allowed:.2g}"
+        return (
+            True,
+            f"the appendages are exact in time for {step} ({why}); give actuators the mean of this and the last input.",
+        )
+    return False, ""  # what the step does is within what was asked for
+
+
+def turned(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
+    """What the step does to the rigid spacecraft at the rates that the scenes state, where that is above a tolerance.
+
+    Args:
+        model: the spacecraft with its appendages.
+        appendages: what was embedded.
+    """
+    name = next(n for n, value in INTEGRATORS.items() if value == int(model.opt.integrator))
+    step, out = float(model.opt.timestep), list[str]()
+    for a in appendages:
+        scene = a.fit.spec.scene
+        if scene is not None and scene.rates is not None:
+            base = base_body(model, model.body(f"{a.prefix}link1").id)
+            error = turn_error(_inertia(model, base), scene.rates, step, name)
+            out += turn_warning(error, scene, name, step)
+    return list(dict.fromkeys(out))
+
+
+def _inertia(model: "mujoco.MjModel", base: int) -> Array:
+    """`(3, 3)` inertia of a body and all it carries about their mass centre, in its axes, at rest [kg m^2]."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    total = np.zeros((3, 3))
+    for body in range(1, model.nbody):
+        if model.body_rootid[body] == model.body_rootid[base]:
+            frame, arm = data.ximat[body].reshape(3, 3), data.xipos[body] - data.subtree_com[base]
+            total += frame @ np.diag(model.body_inertia[body]) @ frame.T
+            total += model.body_mass[body] * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    axes = data.xmat[base].reshape(3, 3)
+    return np.asarray(axes.T @ total @ axes, dtype=np.float64)
+
+
+def _rows(model: "mujoco.MjModel") -> list[PoleRow]:
+    try:
+        return pole_rows(model)
+    except EngineError:
+        return []
+
+
+def on_tendons(fit: Fit) -> Fit:
+    """The fit with a tendon per mode, on the same bodies."""
+    chain = fit.chain
+    if chain.tendons and any(t.stiffness > 0.0 for t in chain.tendons):
+        return fit
+    ratios = {port: chain.damped(port).damping * (not _joint_damped(fit, port)) for port in chain.ports}
+    return replace(fit, chain=springs_as_modes(chain, ratios))
+
+
+def _joint_damped(fit: Fit, port: str) -> bool:
+    return any(port in hinge.damping for hinge in fit.chain.hinges)
+
+
+def timed(model: "mujoco.MjModel") -> "mujoco.MjModel":
+    """A copy of a model whose appendages are exact in time for its own step and integrator."""
+    out = copy.copy(model)
+    name = next(n for n, value in INTEGRATORS.items() if value == int(model.opt.integrator))
+    retime(out, float(model.opt.timestep), name, form=4)
+    return out
+
+
+def without_time(model: "mujoco.MjModel") -> "mujoco.MjModel":
+    """A copy of a model with timing taken out of its appendages; the same numbers where there is none."""
+    out = copy.copy(model)
+    if made_for(out):
+        retime(out, 0.0)
+    return out

@@ -1,0 +1,188 @@
+"""From a spec to what is kept: the modes the user stated, or the fewest that the scene needs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from msgspec import structs
+
+from beamchain.chain.build import Status
+from beamchain.errors import InputError
+from beamchain.fitting.needs import FAR, MOST, Choice, LeftOut, Promise, Reduce, choose
+from beamchain.fitting.spec import Modes, Spec, port_hub_mass
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORTS, Array
+from beamchain.structure.beam import Beam
+
+TOO_MANY = 2000  # modes below the bandwidth that are looked through
+REFERENCE_MODES = 40  # most modes of the whole beam that are converged for a scene
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What the chain shall keep.
+
+    Args:
+        kept: modes per port, ports without modes left out.
+        target: "clamped", "free" or "hub".
+        reduce: model of (target, port, modes).
+        choice: how the scene decided; None where the spec states the modes.
+        promise: the in-band error in space, where the scene states a bandwidth.
+    """
+
+    kept: dict[str, int]
+    target: str
+    reduce: Reduce
+    choice: Choice | None
+    promise: Promise | None
+
+
+def whole_beam(spec: Spec, beam: Beam) -> dict[str, PortModel]:
+    """Per port the whole beam: the ports kept, or for a scene all in which the appendage is flexible."""
+    stations = list(spec.further.values())
+    if not spec.chooses:
+        return {port: beam.port(port, 2 * count + 4, stations) for port, count in spec.kept.items()}
+    assert spec.scene is not None
+    assert spec.scene.bandwidth is not None
+    out: dict[str, PortModel] = {}
+    for port in PORTS:
+        count = _modes_below(beam, port, spec.scene.bandwidth)
+        if count > TOO_MANY:
+            raise InputError(
+                f"scene.bandwidth = {spec.scene.bandwidth!r} rad/s lies above some {count:.3g} modes of the appendage in {port}, "
+                f"where {TOO_MANY} can be looked through; lower it, or check the appendage's sizes and units."
+            )
+        try:
+            model = beam.port(port, 2 * MOST, stations)
+        except InputError:
+            continue  # rigid there
+        inside = int(np.sum(model.frequencies <= FAR * spec.scene.bandwidth))
+        if inside > 2 * MOST:
+            model = beam.port(port, min(inside, REFERENCE_MODES), stations)
+        out[port] = model
+    return out
+
+
+def _modes_below(beam: Beam, port: str, omega: float) -> float:
+    """About how many modes of a port lie below `omega` [rad/s]: half waves along the appendage."""
+    waves = 0.0
+    for segment in beam.segments:
+        at = segment.at(np.array([0.5]))
+        stiffness, inertia, power = {
+            "xy": (at.bending_xy, at.mass, 0.25), "xz": (at.bending_xz, at.mass, 0.25),
+            "torsion": (at.torsion, at.polar, 0.5), "axial": (at.axial, at.mass, 0.5),
+        }[port]  # fmt: skip
+        if np.all(stiffness > 0.0):
+            waves += segment.length * float((inertia / stiffness)[0]) ** power * omega ** (2.0 * power)
+    return waves / float(np.pi)
+
+
+def everything(spec: Spec) -> Spec:
+    """The spec with every port kept.
+
+    All cantilever modes up to three times the scene's bandwidth, one to five each and no fewer than the scene needs; of
+    imported modes all.
+
+    Raises:
+        InputError: the scene states no bandwidth, so that nothing would be left out.
+    """
+    if not spec.chooses or spec.scene is None or spec.scene.bandwidth is None:
+        raise InputError("nothing is left out without scene.bandwidth; give [scene] bandwidth, or state [modes].")
+    if spec.imported is not None:
+        every = tuple(range(1, spec.imported.read().modes + 1))
+        return structs.replace(spec, imported=structs.replace(spec.imported, modes=every), modes=None)
+    full = whole_beam(spec, spec.beam)
+    hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
+    needed = make_plan(spec, full, spec.beam.rigid_mass(), hub).kept
+    counts = {
+        port: max(needed.get(port, 0), int(np.clip(np.sum(model.frequencies <= 3.0 * spec.scene.bandwidth), 1, 5)))
+        for port, model in full.items()
+    }
+    return structs.replace(spec, modes=Modes(**counts))
+
+
+def further_columns(spec: Spec) -> tuple[int, ...]:
+    """Where the further points' motion stands in a port model's `tip`: 0 the tip, then the stations in order of x."""
+    ordered = sorted(spec.further.values())
+    return tuple(0 if name == "tip" else 1 + ordered.index(x) for name, x in spec.further.items())
+
+
+def make_plan(spec: Spec, full: Mapping[str, PortModel], rigid_mass: Array, hub: Array | None) -> Plan:
+    """Decide what is kept.
+
+    Args:
+        spec: modes, root and scene.
+        full: per port, the whole beam.
+        rigid_mass: `(6, 6)` of the appendage about the root.
+        hub: `(6, 6)`; None: not known.
+    """
+
+    columns = further_columns(spec)
+
+    def reduce(target: str, port: str, count: int) -> PortModel:
+        model = full[port]
+        if columns and count:
+            m = model.motions
+            return model.attached(count, [m * c + i for c in columns for i in range(m)])
+        if target == "free":
+            return model.reduced(count, np.zeros((model.motions, model.motions)))
+        if target == "hub":
+            assert hub is not None
+            return model.reduced(count, port_hub_mass(hub, port))
+        return model.truncated(count)
+
+    scene, wanted = spec.scene, spec.root.target
+    promise = None
+    if scene is not None and scene.bandwidth is not None:
+        whole = {port: spec.with_ratios(port, model) for port, model in full.items()}
+        promise = Promise(whole, rigid_mass, hub, scene.axes, scene.bandwidth)
+    if not spec.chooses or promise is None or scene is None:
+        return Plan(dict(spec.kept), wanted or "clamped", reduce, None, promise)
+    free = ["clamped", "free"] if hub is None else ["clamped", "hub", "free"]
+    free = free[:1] if columns else free
+    targets = free if wanted in (None, "auto") else [str(wanted)]
+    fixed = {} if spec.modes is None else spec.modes.given()
+    rigid = [port for port, count in fixed.items() if count and port not in full]
+    if rigid:
+        raise InputError(f"modes.{rigid[0]} = {fixed[rigid[0]]} but the appendage is rigid there; set it to 0.")
+
+    def reduced(target: str, port: str, count: int) -> PortModel:
+        return spec.with_ratios(port, reduce(target, port, count))
+
+    choice = choose(promise, reduced, targets, scene.tolerance, fixed, scene.tip)
+    return Plan({port: n for port, n in choice.modes.items() if n}, choice.target, reduce, choice, promise)
+
+
+def verdict(spec: Spec, status: Status, promise: float | None) -> Status:
+    """The build's status, and whether the scene's promise holds as measured."""
+    if promise is None or spec.scene is None:
+        return status
+    tolerance, bandwidth = spec.scene.tolerance, spec.scene.bandwidth
+    said = f"in-band error of the hub up to {bandwidth:g} rad/s: {promise:.2e}"
+    if promise <= tolerance:
+        ok = status.ok or spec.chooses  # the promise is what a scene asks for, however it is kept
+        return replace(status, ok=ok, message=f"{status.message} {said}, within the tolerance {tolerance:g}.")
+    return replace(
+        status,
+        ok=False,
+        message=f"{status.message} {said}, above the tolerance {tolerance:g}: the best model is written.",
+    )
+
+
+def ledger(spec: Spec, choice: Choice | None, tendons: bool) -> tuple[LeftOut, ...]:
+    """What was left out: modes, then elements of the file."""
+    scene = spec.scene
+    if choice is None or scene is None:
+        return ()
+    out = list(choice.left_out)
+    if not scene.visuals:
+        out.append(LeftOut("geoms", "scene.visuals = false", 0.0))
+    if not scene.contacts:
+        out.append(LeftOut("contacts", "scene.contacts = false: geoms are massless and touch nothing", 0.0))
+    if not scene.tip:
+        out.append(LeftOut("tip site", "scene.tip = false", 0.0))
+    if not tendons:
+        why = "the springs stand on the hinges"
+        why += ", no damping is wanted" if spec.damping is None else ", plain hinge damping keeps the tolerance"
+        out.append(LeftOut("modal tendons", why, 0.0))
+    return tuple(out)

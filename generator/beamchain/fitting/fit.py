@@ -1,0 +1,349 @@
+"""`fit`: the whole walk from a beam to a verified drop-in file, and its result."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from beamchain.chain.build import (
+    Built,
+    Wishes,
+    build_exact,
+    build_least_squares,
+    build_recipe,
+    with_real_polar,
+)
+from beamchain.chain.cut import Cut
+from beamchain.chain.damping import joint_damping
+from beamchain.chain.polar import raised
+from beamchain.chain.rods import Payload
+from beamchain.chain.tendons import damped_modes
+from beamchain.engine.bench import measure, root_body
+from beamchain.engine.threads import one_thread
+from beamchain.errors import InputError, RealisationError
+from beamchain.fitting.choose import Plan, further_columns, ledger, make_plan, verdict, whole_beam
+from beamchain.fitting.plausibility import doubtful
+from beamchain.fitting.result import Fit, appendage_tree, seconds_taken
+from beamchain.fitting.spec import Damping, FitOptions, Modes, Root, Scene, Spec, port_hub_mass
+from beamchain.fitting.warnings import fit_warnings
+from beamchain.mjcf.write import SMALLEST, check_hub
+from beamchain.ports.compare import compare, in_band_error
+from beamchain.ports.model import PortModel, in_space
+from beamchain.ports.motions import PORTS, Array
+from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.limits import coupled_limits
+from beamchain.steps.turn import central_inertia, turn_error
+from beamchain.structure.beam import Beam
+from beamchain.structure.imported import Imported
+from beamchain.structure.modal_data import ModalData
+
+LIGHTEST = 1e-9  # residual over rigid mass: free frequencies are good to about 1e-16 over it (measured)
+LEAST_INERTIA = 1.01 * SMALLEST  # a body's inertia is rounded once more on its way
+
+
+def fit(
+    appendage: Beam | Spec | ModalData,
+    *,
+    name: str | None = None,
+    modes: Mapping[str, int] | Modes | None = None,
+    root: Root | None = None,
+    damping: Damping | None = None,
+    options: FitOptions | None = None,
+    scene: Scene | None = None,
+) -> Fit:
+    """Fit a hinge chain to an appendage and prove it through MuJoCo's own linearisation.
+
+    Args:
+        appendage: a beam, imported modes, or a whole spec (what is given beside it replaces what the spec says).
+        name: prefix of bodies, joints and sites.
+        modes: flexible modes per port; two in both planes where nothing is said.
+        root: target and hub.
+        damping: ratios of the cantilever modes.
+        options: method and its settings.
+        scene: what the scene needs.
+
+    Returns:
+        The fit; `status.ok` is False where less came out than was asked for, with the reason.
+
+    Raises:
+        InputError: what is asked for contradicts itself or is not available.
+        RealisationError: no chain exists even with one mode.
+        EngineError: MuJoCo refuses the model (sizes beyond its limits).
+    """
+    spec = as_spec(appendage)
+    for word, value, kind, example in (
+        ("root", root, Root, 'Root(target="hub", hub=Hub(...))'),
+        ("damping", damping, Damping, "Damping(ratio=0.005)"),
+        ("options", options, FitOptions, 'FitOptions(method="classical", links=20)'),
+        ("scene", scene, Scene, "Scene(bandwidth=5.0)"),
+    ):
+        if value is not None and not isinstance(value, kind):
+            raise InputError(f"{word} = {value!r} is a {type(value).__name__}; give a {kind.__name__}: {example}.")
+    if modes is not None and not isinstance(modes, Modes | Mapping):
+        raise InputError(f'modes = {modes!r} is a {type(modes).__name__}; give modes per port: modes={{"xy": 2}}.')
+    if modes is not None and not isinstance(modes, Modes):
+        unknown = set(modes) - set(Modes.__struct_fields__)
+        if unknown:
+            raise InputError(
+                f"modes: unknown port {sorted(unknown)[0]!r}; choose from {', '.join(Modes.__struct_fields__)}."
+            )
+        modes = Modes(**dict(modes))
+    given: dict[str, Any] = {
+        "name": name,
+        "modes": modes,
+        "root": root,
+        "damping": damping,
+        "fit": options,
+        "scene": scene,
+    }
+    changes = {key: value for key, value in given.items() if value is not None}
+    if changes:
+        spec = Spec(**{field: changes.get(field, getattr(spec, field)) for field in Spec.__struct_fields__})
+    with one_thread():
+        if spec.imported is not None:
+            from beamchain.fitting.imported import fit_imported  # which returns a Fit
+
+            data = appendage if isinstance(appendage, ModalData) else spec.imported.read()
+            return fit_imported(_with_integrator(spec, data.rigid_mass), data)
+        spec = _with_integrator(spec, spec.beam.rigid_mass())
+        try:
+            return _fit(spec)
+        except RealisationError as error:
+            asked = " ".join(doubtful(spec.segment))
+            if not asked:
+                raise
+            raise RealisationError(f"{asked} As it is: {error}") from None
+
+
+def _with_integrator(spec: Spec, rigid: Array) -> Spec:
+    """The spec with the integrator that `integrator = "auto"` leaves open.
+
+    Euler, exact in time, where it turns the rigid spacecraft at the scene's rates within the tolerance; else RK4.
+
+    Args:
+        spec: what was asked for.
+        rigid: `(6, 6)` of the appendage about its root.
+    """
+    scene = spec.scene
+    if scene is None or scene.integrator != "auto":
+        return spec
+    assert scene.rates is not None
+    if spec.root.hub is None:
+        raise InputError(
+            'integrator = "auto" chooses by how the whole spacecraft turns; add root.hub with its mass and inertia, or name '
+            "an integrator."
+        )
+    error = turn_error(central_inertia(spec.root.hub.mass_matrix() + rigid), scene.rates, scene.step)
+    chosen = "Euler" if error <= scene.tolerance else "RK4"
+    return msgspec.structs.replace(spec, scene=msgspec.structs.replace(scene, integrator=chosen))
+
+
+def as_spec(appendage: Beam | Spec | ModalData) -> Spec:
+    """What `fit` and `embed` are given, as a spec.
+
+    Args:
+        appendage: a beam, imported modes, or a whole spec.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if isinstance(appendage, Spec):
+        return appendage
+    if isinstance(appendage, Beam):
+        return Spec(segment=appendage.segments, joint=appendage.joints, lump=appendage.lumps)
+    if isinstance(appendage, ModalData):
+        return Spec(imported=Imported(file=f"{Path(appendage.source).stem or 'modes'}.toml"))
+    raise InputError(
+        f"the appendage is a {type(appendage).__name__}; give a Beam, a Spec (read_spec reads a SPEC.toml) or a ModalData."
+    )
+
+
+def _fit(spec: Spec) -> Fit:
+    clock = [time.perf_counter()]
+    beam = spec.beam
+    if spec.root.target == "hub" and spec.root.hub is None:
+        raise InputError(
+            'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, or use '
+            'target = "clamped" (`beamchain embed` reads the hub from the spacecraft).'
+        )
+    hub = None
+    if spec.root.hub is not None:
+        check_hub(spec.root.hub.mass, spec.root.hub.inertia_matrix())
+        hub = spec.root.hub.mass_matrix()
+    full = whole_beam(spec, beam)
+    clock.append(time.perf_counter())
+    plan = make_plan(spec, full, beam.rigid_mass(), hub)
+    kept = plan.kept
+    built = damped(spec, plan, beam)
+    chain, note = raised(built.chain, LEAST_INERTIA)
+    clock.append(time.perf_counter())
+    scene = spec.scene or Scene()
+    tree = appendage_tree(spec, chain, beam)
+    clock.append(time.perf_counter())
+    free = tuple(kept) if tuple(kept) == ("xy",) else PORTS  # a planar boom is tested as the paper does
+    measured = measure(tree, free, timestep=scene.step, ballast=root_body(chain))
+    bandwidth, error = {}, {}
+    for port, target in built.targets.items():
+        bandwidth[port] = scene.bandwidth or float(target.frequencies[min(kept[port], target.modes) - 1])
+        port_hub = None if hub is None else port_hub_mass(hub, port)
+        plain = compare(measured.ports[port], target.truncated(min(kept[port], target.modes)))
+        in_band = in_band_error(measured.ports[port], spec.with_ratios(port, full[port]), port_hub, bandwidth[port])
+        error[port] = replace(plain, accelerance_in_band=in_band)
+    achieved = {port: measured.ports[port] for port in built.targets}
+    tendon = any(t.damping > 0.0 for t in chain.tendons)
+    sprung = any(t.stiffness > 0.0 for t in chain.tendons)
+    limits = coupled_limits(in_space(achieved, measured.rigid_mass), hub, tendon=tendon, sprung=sprung)
+    clock.append(time.perf_counter())
+    promise = plan.promise.error(achieved, dict.fromkeys(achieved, "achieved")) if plan.promise else None
+    return Fit(
+        spec=spec,
+        chain=chain,
+        full=full,
+        target=built.targets,
+        achieved=achieved,
+        error=error,
+        measured=measured,
+        limits=limits,
+        status=verdict(spec, built.status, promise),
+        seconds=seconds_taken(clock),
+        bandwidth=bandwidth,
+        kept_for=plan.target,
+        choice=plan.choice,
+        promise=promise,
+        cut=built.cut,
+        left_out=ledger(spec, plan.choice, bool(chain.tendons)),
+        cautions=(
+            *fit_warnings(spec, measured, achieved, chain, limits),
+            *doubtful(spec.segment, spec.damping, built.targets),
+            *([note] if note else []),
+        ),
+    )
+
+
+def build(
+    spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None, *, per_mode: bool = False,
+) -> Built:  # fmt: skip
+    """The chain of a plan, with what was tried and what came of it.
+
+    Args:
+        spec: what was asked for.
+        plan: what is kept.
+        beam: the appendage.
+        cut: where the hinges stand; chosen where left out.
+        per_mode: each mode gets its own damping, on a tendon.
+    """
+    kept = plan.kept
+
+    def target_of(port: str, count: int) -> PortModel:
+        target = plan.reduce(plan.target, port, count)
+        if plan.target == "free" and target.modes:
+            _check_free(target)
+        return spec.with_ratios(port, target)
+
+    options = spec.fit
+    payload = spec.payload
+    if not kept or options.method == "exact":
+        further = tuple(spec.further.values())
+        columns = further_columns(spec)
+        wishes = Wishes(options.springs, per_mode, options.cuts, further, columns, cut, _last_on_hub(spec, plan))
+        return build_exact(beam, kept, target_of, wishes)
+    if options.method == "least_squares":
+        loads = None
+        if payload is not None:
+            ix, iy, iz = payload.inertia
+            del ix
+            loads = {"xy": Payload(payload.mass, iz), "xz": Payload(payload.mass, iy)}
+        return build_least_squares(beam, kept, _links(spec, beam, kept), options.free, loads, target_of)
+    links = options.links if isinstance(options.links, int) else None
+    built = build_recipe(beam, options.method, kept, links, target_of)
+    return replace(built, chain=with_real_polar(built.chain))
+
+
+def _last_on_hub(spec: Spec, plan: Plan) -> dict[str, float]:
+    """Per port the last kept frequency on the hub on which a free or hub target is exact; empty for a clamped one [rad/s]."""
+    if plan.target == "clamped":
+        return {}
+    hub = spec.root.hub if plan.target == "hub" else None
+    out: dict[str, float] = {}
+    for port, count in plan.kept.items():
+        model = plan.reduce("clamped", port, count)
+        loaded = model if hub is None else model.with_hub(port_hub_mass(hub.mass_matrix(), port))
+        out[port] = float(loaded.free_frequencies[-1])
+    return out
+
+
+def _check_free(target: PortModel) -> None:
+    """The free modes stand in double precision: what moves at the root is a difference of nearly equal masses."""
+    scale = np.sqrt(np.diag(target.rigid_mass))
+    left = float(np.linalg.eigvalsh(target.residual_mass / np.outer(scale, scale))[0])
+    if left < LIGHTEST:
+        raise RealisationError(
+            f"with {target.modes} free modes the root is too light beside the rest: its residual mass is {left:.1e} of the "
+            f"rigid mass, where {LIGHTEST:g} is needed for frequencies good to 1e-6. Keep fewer modes, or choose target "
+            '"clamped" or "hub".'
+        )
+
+
+def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
+    """Link lengths for least squares: the user's, or as many equal ones as the modes need."""
+    links = spec.fit.links
+    if isinstance(links, tuple):
+        total = sum(links)
+        if abs(total / beam.length - 1.0) > 1e-6:
+            raise InputError(
+                f"fit.links = {list(links)!r} add up to {total!r} m, but the appendage is {beam.length!r} m long; "
+                "make them add up to its length."
+            )
+        return np.array(links) * (beam.length / total)
+    most = max(kept.values())
+    count = links if links is not None else most + 1 if spec.payload is None else max(most + 2, 2 * most)
+    return np.full(count, beam.length / count)
+
+
+def damped(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
+    """The chain of a plan with the wanted damping: on tendons per mode, or in its hinges where asked for or good enough.
+
+    Args: as of `build`.
+    """
+    timed = (
+        bool(spec.exact_step) and spec.fit.springs == "auto" and spec.fit.method == "exact" and needs_time(spec, plan)
+    )
+    if timed or (spec.sensors.modes and spec.fit.method == "exact"):
+        options = msgspec.structs.replace(spec.fit, springs="modes")
+        spec = msgspec.structs.replace(spec, fit=options)
+    ratios = (
+        {} if spec.damping is None else {port: spec.damping.ratios(port, count) for port, count in plan.kept.items()}
+    )
+    if spec.damping is None or not any(np.any(values > 0.0) for values in ratios.values()):
+        return build(spec, plan, beam, cut)
+    scene, hinge = spec.scene, spec.damping.form == "hinge"
+    tried = hinge or (plan.choice is not None and plan.promise is not None and spec.fit.springs == "auto")
+    if tried or spec.fit.method != "exact":
+        built = build(spec, plan, beam, cut)
+        chain = built.chain
+        for port in built.targets:
+            chain = joint_damping(chain, port, spec.damping.ratios(port, chain.port(port).modes))
+        if hinge:
+            return replace(built, chain=chain)
+        if plan.promise is not None and scene is not None and not chain.tendons:
+            models = {port: chain.damped(port) for port in built.targets}
+            if plan.promise.error(models, dict.fromkeys(models, "hinge damping")) <= scene.tolerance:
+                return replace(built, chain=chain)
+        if spec.fit.method != "exact":
+            return replace(built, chain=damped_modes(built.chain, ratios))
+    return build(spec, plan, beam, cut, per_mode=True)
+
+
+def needs_time(spec: Spec, plan: Plan) -> bool:
+    """Whether a stated step takes a tendon per mode: to be exact in time, or to slow what RK4 could not follow."""
+    scheme = SCHEMES[spec.integrator]
+    if scheme.exact or scheme.name != "RK4":
+        return scheme.exact
+    fastest = max(
+        (float(plan.reduce(plan.target, p, n).free_frequencies[-1]) for p, n in plan.kept.items()), default=0.0
+    )
+    return fastest * spec.exact_step > scheme.phase

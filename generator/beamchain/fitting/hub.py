@@ -1,0 +1,94 @@
+"""The rigid spacecraft that carries the appendage: its mass matrix about the root, from the spec and back."""
+
+import msgspec
+import numpy as np
+
+from beamchain.checks import number, own_numbers, positive
+from beamchain.errors import InputError
+from beamchain.ports.motions import PORT_MOTION, Array, body_mass_matrix
+from beamchain.structure.lump import body_inertia
+
+Triple = tuple[float, float, float]
+ROUNDING = (
+    1e-14  # least inertia over mass x offset^2: below, the mass matrix about the root is singular but for rounding
+)
+
+
+class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The rigid spacecraft that carries the appendage.
+
+    Args:
+        mass: [kg].
+        inertia: about its centre, in appendage axes: Ixx, Iyy, Izz [kg m^2].
+        offset: from its centre to the root, in appendage axes [m].
+        products: Ixy, Ixz, Iyz where those axes are not principal [kg m^2].
+        apparent: `(6, 6)` mass matrix about the root (x, y, z, rotations) in place of all that, for a hub with loose
+            joints, which is no rigid body.
+    """
+
+    mass: float
+    inertia: Triple
+    offset: Triple = (0.0, 0.0, 0.0)
+    products: Triple = (0.0, 0.0, 0.0)
+    apparent: tuple[tuple[float, ...], ...] | None = None
+
+    def __post_init__(self) -> None:
+        own_numbers(self)
+        positive("mass", self.mass, "kg")
+        body_inertia("inertia", self.inertia)
+        for i, value in enumerate(self.inertia):
+            positive(f"inertia[{i}]", value, "kg m^2")
+        for i, value in enumerate(self.offset):
+            number(f"offset[{i}]", value, "m")
+        for i, value in enumerate(self.products):
+            number(f"products[{i}]", value, "kg m^2")
+        arm = self.mass * sum(float(value) ** 2 for value in self.offset)
+        if min(self.inertia) < ROUNDING * arm:
+            raise InputError(
+                f"offset = {list(self.offset)!r} m puts the root so far from the hub's centre that the hub's inertia "
+                f"{list(self.inertia)!r} kg m^2 is lost beside mass x offset^2 = {arm:.4g} kg m^2 (at least "
+                f"{ROUNDING:g} of it is needed); check the units of offset (m), mass (kg) and inertia (kg m^2)."
+            )
+        if self.apparent is not None:
+            matrix = np.array([[number("apparent", v, "") for v in row] for row in self.apparent if len(row) == 6])
+            if matrix.shape != (6, 6) or float(np.linalg.eigvalsh(matrix)[0]) <= 0.0 or np.any(matrix != matrix.T):
+                raise InputError("apparent must be a symmetric positive definite 6 x 6 matrix [kg, kg m, kg m^2].")
+        a, b, c = (float(v) for v in np.linalg.eigvalsh(self.inertia_matrix()))
+        if a <= 0.0 or c > (a + b) * (1.0 + 1e-9):
+            raise InputError(
+                f"products = {list(self.products)!r} with inertia = {list(self.inertia)!r} belong to no rigid body "
+                f"(principal inertias {a:.6g}, {b:.6g}, {c:.6g}); check signs and order [Ixy, Ixz, Iyz]."
+            )
+
+    def inertia_matrix(self) -> Array:
+        """`(3, 3)` inertia about the centre, in appendage axes [kg m^2]."""
+        (xx, yy, zz), (xy, xz, yz) = self.inertia, self.products
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=np.float64)
+
+    def mass_matrix(self) -> Array:
+        """`(6, 6)` mass matrix about the root, motions (x, y, z, rotations)."""
+        if self.apparent is not None:
+            return np.array(self.apparent, dtype=np.float64)
+        return body_mass_matrix(self.mass, -np.array(self.offset), self.inertia_matrix())
+
+    @classmethod
+    def from_mass_matrix(cls, matrix: Array) -> "Hub":
+        """The hub with a given `(6, 6)` mass matrix about the root."""
+        mass = float(np.trace(matrix[:3, :3])) / 3.0
+        coupling = (matrix[3:, :3] - matrix[:3, 3:]) / 2.0 / mass
+        x, y, z = coupling[2, 1], coupling[0, 2], coupling[1, 0]
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        inertia = matrix[3:, 3:] + mass * cross @ cross
+        xx, yy, zz = (float(v) for v in np.diag(inertia))
+        return cls(
+            mass=mass,
+            inertia=(xx, yy, zz),
+            offset=(-float(x), -float(y), -float(z)),
+            products=(float(inertia[0, 1]), float(inertia[0, 2]), float(inertia[1, 2])),
+        )
+
+
+def port_hub_mass(hub: Array, port: str) -> Array:
+    """`(m, m)` the hub's mass matrix as one port sees it: its block of the `(6, 6)` matrix."""
+    motion = PORT_MOTION[port]
+    return motion.T @ hub @ motion

@@ -1,0 +1,302 @@
+"""Imported modes -> a verified drop-in file: a chain, port by port where the modes are, else with one cut for all."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain
+from beamchain.chain.damping import joint_damping
+from beamchain.chain.tendons import Modes, group_motion
+from beamchain.engine.bench import Measured, root_body
+from beamchain.engine.space import measure_in_space
+from beamchain.errors import InputError, RealisationError
+from beamchain.fitting.choose import ledger, verdict
+from beamchain.fitting.imported_choice import Case, case_of, resolvable
+from beamchain.fitting.plausibility import doubtful
+from beamchain.fitting.result import Fit, InSpace, appendage_tree, default_hub, seconds_taken
+from beamchain.fitting.spec import Spec, port_hub_mass
+from beamchain.ports.compare import Comparison, compare, in_band_error
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORT_MOTION, PORTS
+from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.limits import coupled_limits
+from beamchain.structure.mass_line import MassLine, SpreadMass
+from beamchain.structure.modal_data import ModalData
+
+SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
+EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode
+SAME_MASS = 1e-12  # relative, beyond which the chain's rigid mass is said to differ
+ROUNDING = 1e-11  # relative: a residual mass below zero by less is zero
+MOST_LACKING = 1.1  # more than a few printed digits explain
+POWERS = (0, 1, 2, 4)  # of x, with which mass may grow from the root where only its moments are known
+A_BODY = 1e-5  # relative, how far a printed rigid mass matrix may be from a rigid body's
+
+
+def fit_imported(spec: Spec, data: ModalData) -> Fit:
+    """Fit a chain to imported modes and prove it through MuJoCo's own linearisation.
+
+    Args:
+        spec: with [imported].
+        data: its modes, all of the file.
+
+    Raises:
+        InputError: what is asked for contradicts the data.
+        RealisationError: no chain has these modes.
+    """
+    clock = [time.perf_counter()]
+    case = case_of(spec, data).chosen()
+    clock.append(time.perf_counter())
+    coupled = [ports for ports in case.kept.groups if len(ports) > 1] if case.kept.modes else []
+    try:
+        built, line = _built(case, coupled=bool(coupled))
+    except RealisationError:
+        if case.target == "clamped" or spec.root.target not in (None, "auto"):
+            raise
+        case = case_of(spec, data).chosen("clamped")
+        built, line = _built(case, coupled=bool(coupled))
+    why = "the ports are independent"
+    if coupled:
+        names = " and ".join(coupled[0])
+        worst = float(np.max(case.kept.leaks))
+        why = f"modes or mass couple {names} (up to {worst:.2g} of a mode's participation)"
+    chain = built.chain
+    if spec.damping is not None and spec.damping.form == "hinge":
+        for port, target in built.targets.items():
+            chain = joint_damping(chain, port, np.resize(target.damping, chain.port(port).modes))
+    clock.append(time.perf_counter())
+    tree = appendage_tree(spec, chain, line)
+    clock.append(time.perf_counter())
+    live = tuple(data.live)
+    measured, achieved = measure_in_space(tree, timestep=case.scene.step, ballast=root_body(chain), live=live)
+    space = _space(case, why, achieved, live)
+    message = f"{built.status.message} Ports: {why}."
+    if space.error.mass_error > SAME_MASS:
+        message += f" Rigid mass off by {space.error.mass_error:.1e}: the print is no rigid body's to its last digits."
+    status = Status(built.status.ok, message, (*case.data.steps, *built.status.history))
+    return _finish(case, replace(built, chain=chain, status=status), measured, space, line, clock)
+
+
+def _built(case: Case, *, coupled: bool) -> tuple[Built, MassLine]:
+    """The chain, and the mass it is cut from: what the file leaves open of it lies farther out where that is needed."""
+    reason: RealisationError | None = None
+    for power in POWERS:
+        try:
+            line = _roomy(case.data.line(power), case.kept)
+            return (_coupled(case, line) if coupled else _separate(case, line)), line
+        except RealisationError as error:
+            reason = reason or error
+        except InputError:
+            if power == 0:
+                raise
+    assert reason is not None
+    raise reason
+
+
+def _roomy(line: MassLine, kept: ModalData) -> MassLine:
+    """The mass line, heavier by what the print lacks for the modes' participation to leave something at the root."""
+    if not isinstance(line, SpreadMass) or not kept.modes:
+        return line
+    live = [i for i in kept.live if line.rigid_mass()[i, i] > 0.0]
+    own = line.behind(np.array([-line.length]))[0][np.ix_(live, live)]
+    size = np.sqrt(np.diag(own))
+    rows = kept.participation[:, live] / size
+    root = np.linalg.cholesky(own / np.outer(size, size))
+    most = float(np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, rows.T @ rows).T))[-1])
+    if not 1.0 + ROUNDING < most < MOST_LACKING:
+        return line
+    factor = most + 0.2 * (most - 1.0)
+    return replace(
+        line, rigid=line.rigid * factor,
+        pieces=tuple(replace(piece, densities=piece.densities * factor) for piece in line.pieces),
+        points=line.points * np.array([1.0, *[factor] * 4]),
+    )  # fmt: skip
+
+
+# -- the chain ---------------------------------------------------------------------------------------------------------
+def _separate(case: Case, line: MassLine) -> Built:
+    """Ports that are independent, each with its own modes."""
+    spec, data, kept = case.spec, case.data, case.kept
+    targets = {port: kept.port(port, own=True) for port in PORTS if port in kept.belongs} if kept.modes else {}
+    same_planes(targets, kept.tolerance)
+    target = case.target
+    if target == "hub" and case.hub is None:
+        raise InputError('target = "hub" needs the hub; add root.hub, or use target = "clamped".')
+    whole = {port: data.port(port, own=True) for port in targets} if target in ("free", "hub") else {}
+
+    def target_of(port: str, count: int) -> PortModel:
+        if target == "clamped":
+            return targets[port].truncated(count)
+        motions = whole[port].motions
+        hub = np.zeros((motions, motions)) if case.hub is None or target == "free" else port_hub_mass(case.hub, port)
+        return whole[port].reduced(count, hub).replaced(damping=whole[port].damping[:count])
+
+    counts = {port: model.modes for port, model in targets.items()}
+    last = dict[str, float]()
+    if target != "clamped":
+        hub = None if target == "free" else case.hub
+        loaded = {p: m if hub is None else m.with_hub(port_hub_mass(hub, p)) for p, m in targets.items()}
+        last = {port: float(model.free_frequencies[-1]) for port, model in loaded.items()}
+    wishes = Wishes(spec.fit.springs, _per_mode(spec, kept), spec.fit.cuts, neutral=last)
+    return build_exact(line, counts, target_of, wishes)
+
+
+def _per_mode(spec: Spec, kept: ModalData) -> bool:
+    """Whether each mode takes a tendon: for damping of its own, or to be exact in time."""
+    timed = spec.exact_step > 0.0 and SCHEMES[spec.integrator].exact and spec.fit.springs != "hinges"
+    damped = bool(np.any(kept.damping > 0.0)) and (spec.damping is None or spec.damping.form == "modal")
+    return damped or timed or spec.sensors.modes
+
+
+def _coupled(case: Case, line: MassLine) -> Built:
+    """Modes that couple ports, on one cut."""
+    spec, kept = case.spec, case.kept
+    if spec.fit.springs == "hinges":
+        raise InputError(
+            'fit.springs = "hinges" needs ports that are independent, but these modes couple them; use '
+            'fit.springs = "auto".'
+        )
+    _check_body(kept)
+    if case.target != "clamped":
+        live = list(kept.live)
+        hub = np.zeros((6, 6)) if case.hub is None or case.target == "free" else case.hub
+        reduced = case.data.space().reduced(kept.modes, hub[np.ix_(live, live)])
+        rows = np.zeros((kept.modes, 6))
+        rows[:, live] = reduced.participation
+        kept = replace(kept, frequencies=reduced.frequencies, participation=rows, tip=None)
+    last: float | None = None
+    if case.target != "clamped":
+        space, live = case.kept.space(), list(case.kept.live)
+        loaded = space if case.target == "free" or case.hub is None else space.with_hub(case.hub[np.ix_(live, live)])
+        last = float(loaded.free_frequencies[-1])
+    damping = kept.damping if _per_mode(spec, kept) else np.zeros(kept.modes)
+    groups: list[Modes] = []
+    for ports in kept.groups:
+        parts = kept.parts[:, [PORTS.index(port) for port in ports]]
+        own = np.flatnonzero([port in ports for port in kept.belongs])
+        weights = {port: float(np.sum(parts[own, i] ** 2)) for i, port in enumerate(ports)}
+        numbers = tuple(range(1, own.size + 1)) if len(ports) == 1 else tuple((own + 1).tolist())
+        rows = kept.participation[own] @ group_motion(ports)
+        mass = group_motion(ports).T @ kept.rigid_mass @ group_motion(ports)
+        groups.append(
+            Modes(ports, kept.frequencies[own], rows, damping[own], numbers=numbers, weights=weights, rigid=mass,
+                  neutral=last)
+        )  # fmt: skip
+    chain, how, cut = cut_chain(line, groups, spec.fit.cuts)
+    alive = [port for port in PORTS if np.all(np.diag(PORT_MOTION[port].T @ kept.rigid_mass @ PORT_MOTION[port]) > 0.0)]
+    targets = {port: model for port in alive if (model := _shown(kept, port)).modes}
+    return Built(chain, targets, Status(True, f"exact chain ({how}), {kept.modes} modes kept."), cut)
+
+
+def _check_body(data: ModalData) -> None:
+    """The rigid mass matrix is a rigid body's, to the precision of the print."""
+    mass = data.rigid_mass
+    mean = float(np.trace(mass[:3, :3])) / 3.0
+    scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
+    off = (mass - np.diag(np.diag(mass)))[:3, :3]
+    cross = mass[3:, :3]
+    miss = np.max(np.abs(np.concatenate([
+        ((np.diag(mass)[:3] - mean) / mean), (off / mean).ravel(),
+        ((cross + cross.T) / np.outer(scale[3:], scale[:3])).ravel(),
+    ])))  # fmt: skip
+    if miss > max(min(20.0 * data.precision, A_BODY), 1e-9):
+        raise RealisationError(
+            f"the rigid mass matrix differs by {miss:.1e} from a rigid body's (its mass depends on the direction, as "
+            "when an a-set leaves freedoms out), which no set of bodies can be; give the mass of the grid point "
+            "weight generator."
+        )
+
+
+def _shown(data: ModalData, port: str) -> PortModel:
+    """The port's model with the modes that move there by more than noise."""
+    share = np.sqrt(data.shares[:, PORTS.index(port)])
+    model = data.port(port)
+    strong = np.flatnonzero(share > max(SLIGHT, data.precision))
+    pick = [int(np.flatnonzero(model.frequencies == data.frequencies[k])[0]) for k in strong]
+    pick = sorted(set(pick))
+    return model.replaced(
+        frequencies=model.frequencies[pick], participation=model.participation[pick], damping=model.damping[pick],
+        tip=None if model.tip is None else model.tip[pick],
+    )  # fmt: skip
+
+
+# -- the proof -----------------------------------------------------------------------------------------------------------
+def _space(case: Case, why: str, achieved: PortModel, live: tuple[int, ...]) -> InSpace:
+    """The comparison with all motions at once."""
+    full, target = case.data.space(), case.kept.space()
+    if case.target != "clamped" and target.modes:
+        hub = np.zeros((6, 6)) if case.hub is None or case.target == "free" else case.hub
+        target = full.reduced(target.modes, hub[np.ix_(live, live)])
+    hub = None if case.hub is None else case.hub[np.ix_(live, live)]
+    error = compare(achieved, target)
+    in_band = in_band_error(resolvable(achieved), resolvable(full), hub, case.band(target))
+    error = replace(error, accelerance_in_band=in_band)
+    return InSpace(case.data, "chain", why, full, target, achieved, error, live)
+
+
+def _finish(case: Case, built: Built, measured: Measured, space: InSpace, line: MassLine, clock: list[float]) -> Fit:
+    """Errors per port, step limits, and the result."""
+    chain, targets, status = built.chain, built.targets, built.status
+    full: dict[str, PortModel] = {}
+    error: dict[str, Comparison] = {}
+    bandwidth: dict[str, float] = {}
+    for port, target in targets.items():
+        full[port] = case.data.port(port)
+        bandwidth[port] = case.band(target)
+        hub = None if case.hub is None else port_hub_mass(case.hub, port)
+        plain = compare(measured.ports[port], target)
+        in_band = in_band_error(resolvable(measured.ports[port]), resolvable(full[port]), hub, bandwidth[port])
+        error[port] = replace(plain, accelerance_in_band=in_band)
+    limits_hub = case.hub
+    residual = space.achieved.residual_mass
+    scale = np.sqrt(np.diag(space.achieved.rigid_mass))
+    if limits_hub is None and np.linalg.eigvalsh(residual / np.outer(scale, scale))[0] < EMPTY:
+        # alone such an appendage has a root without mass, whose fastest mode lies at infinity
+        limits_hub = default_hub(line).mass_matrix()
+        status = replace(
+            status, message=f"{status.message} Step limits: on ten times its mass, as its root has none of its own."
+        )
+    achieved = {port: measured.ports[port] for port in targets}
+    held = None if limits_hub is None else limits_hub[np.ix_(space.live, space.live)]
+    damped, sprung = (any(getattr(t, kind) > 0.0 for t in chain.tendons) for kind in ("damping", "stiffness"))
+    limits = coupled_limits(space.achieved, held, tendon=damped, sprung=sprung)
+    promise = None if case.promise is None else case.promise.error(resolvable(space.achieved))
+    clock.append(time.perf_counter())
+    return Fit(
+        spec=case.spec,
+        chain=chain,
+        full=full,
+        target=targets,
+        achieved=achieved,
+        error=error,
+        measured=measured,
+        limits=limits,
+        status=verdict(case.spec, status, promise),
+        seconds=seconds_taken(clock),
+        bandwidth=bandwidth,
+        kept_for=case.target,
+        choice=case.choice,
+        promise=promise,
+        cut=built.cut,
+        left_out=ledger(case.spec, case.choice, bool(chain.tendons)),
+        cautions=tuple(doubtful((), case.spec.damping)),
+        line=line,
+        space=space,
+    )
+
+
+def same_planes(targets: dict[str, PortModel], tolerance: float) -> None:
+    """Planes that agree within the print become one, so that they share their hinges."""
+    if not {"xy", "xz"} <= set(targets):
+        return
+    a, b = targets["xy"], targets["xz"]
+    if a.modes != b.modes:
+        return
+    scale = np.sqrt(np.diag(a.rigid_mass))
+    gap = max(
+        float(np.max(np.abs(a.frequencies / b.frequencies - 1.0))),
+        float(np.max(np.abs((a.participation - b.participation) / scale))),
+        float(np.max(np.abs((a.rigid_mass - b.rigid_mass) / np.outer(scale, scale)))),
+    )
+    if gap <= tolerance:
+        targets["xz"] = b.replaced(rigid_mass=a.rigid_mass, frequencies=a.frequencies, participation=a.participation)

@@ -1,0 +1,391 @@
+"""What a fit is: the chain, its proof through MuJoCo, and the files it writes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from lxml.etree import _Element as Element
+
+from beamchain.chain.build import (
+    Status,
+)
+from beamchain.chain.chain import Chain
+from beamchain.chain.cut import Cut
+from beamchain.engine.bench import Measured, ballast_for
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model
+from beamchain.errors import InputError
+from beamchain.files import write_files
+from beamchain.fitting.hub import Hub
+from beamchain.fitting.needs import AXES, Choice, LeftOut
+from beamchain.fitting.spec import Scene, Spec
+from beamchain.mjcf import write
+from beamchain.ports.compare import Comparison
+from beamchain.ports.model import PortModel, in_space
+from beamchain.ports.motions import PORTS, Array
+from beamchain.steps.accuracy import StepChoice, choose_step
+from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.document import put_hinge_armature, put_time
+from beamchain.steps.limits import StepLimits
+from beamchain.steps.poles import PoleRow, pole_rows
+from beamchain.steps.retime import retime
+from beamchain.steps.turn import central_inertia, turn_error
+from beamchain.structure.mass_line import MassLine
+from beamchain.structure.modal_data import ModalData
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TIP_TOLD = 0.01  # error of the tip's motion that is told beside the model's
+
+
+@dataclass(frozen=True, eq=False)
+class InSpace:
+    """A fit seen with all six motions of the root at once, which shows what ports do to each other.
+
+    Args:
+        data: the imported modes, about the port, in SI; what was done to them stands in its `steps`.
+        form: "chain", and `why` it has the hinges it has.
+        full: all imported modes.
+        target: the modes that were asked for.
+        achieved: read back through `mjd_transitionFD`.
+        error: achieved against target; in band, against all modes.
+        live: motions in which the appendage has inertia; the models hold these only.
+    """
+
+    data: ModalData
+    form: str
+    why: str
+    full: PortModel
+    target: PortModel
+    achieved: PortModel
+    error: Comparison
+    live: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit:
+    """An appendage as a hinge chain, proved through MuJoCo.
+
+    Args:
+        spec: what was asked for.
+        chain: what came out.
+        full: per port, all modes of the beam's discretisation: the truth.
+        target: per port, the reduced model the chain was made for.
+        achieved: per port, read back through `mjd_transitionFD`.
+        error: per port, achieved against target; in band, against the whole beam.
+        measured: the bench.
+        limits: step limits on the hub of the spec, or alone.
+        status: ok, message, history.
+        seconds: model, realise, write, verify.
+        bandwidth: per port, of the in-band error [rad/s].
+        kept_for: the target whose modes are kept: "clamped", "free" or "hub".
+        choice: how the modes were chosen for the scene; None where the spec states them.
+        promise: in-band error on the hub in space of what was achieved, where the scene has a bandwidth.
+        left_out: what the chain does without, why, and at what cost.
+        cautions: what to know before the drop-in file is used; `warnings` adds what concerns scene.xml.
+        cut: where the hinges stand, where they were chosen for modal tendons.
+        line: how the mass lies along x, where that is not the spec's beam.
+        space: all six motions at once, where the modes were imported.
+    """
+
+    spec: Spec
+    chain: Chain
+    full: dict[str, PortModel]
+    target: dict[str, PortModel]
+    achieved: dict[str, PortModel]
+    error: dict[str, Comparison]
+    measured: Measured
+    limits: StepLimits
+    status: Status
+    seconds: dict[str, float]
+    bandwidth: dict[str, float]
+    kept_for: str = "clamped"
+    choice: Choice | None = None
+    promise: float | None = None
+    left_out: tuple[LeftOut, ...] = ()
+    cautions: tuple[str, ...] = ()
+    cut: Cut | None = None
+    line: MassLine | None = None
+    space: InSpace | None = None
+
+    def __repr__(self) -> str:
+        from beamchain.report.notebook import fit_text
+
+        return fit_text(self)
+
+    def _repr_html_(self) -> str:
+        from beamchain.report.notebook import fit_html
+
+        return fit_html(self)
+
+    @property
+    def mass_line(self) -> MassLine:
+        """How the appendage's mass lies along x: its beam, or what imported modes say of it."""
+        return self.spec.beam if self.line is None else self.line
+
+    @property
+    def tendon_damped(self) -> bool:
+        """Whether tendons damp its modes, which Euler takes explicitly."""
+        return any(tendon.damping > 0.0 for tendon in self.chain.tendons)
+
+    @property
+    def tendon_sprung(self) -> bool:
+        """Whether its modes stand on tendons."""
+        return any(tendon.stiffness > 0.0 for tendon in self.chain.tendons)
+
+    @property
+    def hub(self) -> Hub:
+        """That of scene.xml: the spec's, or ten times the appendage."""
+        return self.spec.root.hub or default_hub(self.mass_line)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before the files are used; shown by `beamchain fit` and in the report."""
+        from beamchain.fitting.warnings import step_warnings
+
+        return (*self.cautions, *step_warnings(self))
+
+    @cached_property
+    def turn_error(self) -> float | None:
+        """What the scene's step does to the rigid spacecraft's rates in a free turn of one radian, relative.
+
+        None where the scene states no `rates` or the spec no hub.
+        """
+        scene = self.spec.scene
+        if scene is None or scene.rates is None or self.hub_mass is None:
+            return None
+        inertia = central_inertia(self.hub_mass + self.measured.rigid_mass)
+        return turn_error(inertia, scene.rates, scene.step, scene.integrator)
+
+    @cached_property
+    def hub_mass(self) -> Array | None:
+        """`(6, 6)` mass matrix of the spec's hub about the root; None without one."""
+        return None if self.spec.root.hub is None else self.spec.root.hub.mass_matrix()
+
+    @property
+    def readback_error(self) -> dict[str, Comparison]:
+        """Per port, MuJoCo against the reduced target it was made for: how exact the file is, not how good the model."""
+        return self.error
+
+    @property
+    def worst_port(self) -> str | None:
+        """The port with the largest in-band error; None where the appendage is rigid."""
+        return max(self.error, key=lambda port: self.error[port].accelerance_in_band or 0.0, default=None)
+
+    @property
+    def in_band_error(self) -> float | None:
+        """The model's error in band: of all that a scene asks for; without one of the worst port by itself."""
+        port = self.worst_port
+        return self.promise if self.promise is not None or port is None else self.error[port].accelerance_in_band
+
+    @property
+    def headline(self) -> str:
+        """The model's error in a sentence, and the tip's where that is above 1 %."""
+        port, error = self.worst_port, self.in_band_error
+        if error is None:
+            return "rigid: no in-band error is known without scene.bandwidth"
+        if port is None or self.promise is not None:
+            band = self.spec.scene.bandwidth if self.spec.scene else None
+            said = f"in-band error {error:.2e}" + ("" if band is None else f" up to {band:.4g} rad/s")
+            said += ", rigid" if port is None else " of what the scene asks for"
+        else:
+            said = f"in-band error {error:.2e} up to {self.bandwidth[port]:.4g} rad/s ({port}"
+            said += f", worst of {len(self.error)} ports)" if len(self.error) > 1 else ")"
+        return said if self.tip_told is None else f"{said}; {self.tip_told}"
+
+    @property
+    def tip_told(self) -> str | None:
+        """The tip's error and what to do, where it is above 1 %."""
+        off = {(p, k + 1): float(e) for p, errors in self.tip_error.items() for k, e in enumerate(errors)}
+        worst = max(off, key=lambda k: abs(off[k]), default=None)
+        if worst is None or abs(off[worst]) <= TIP_TOLD:
+            return None
+        return (
+            f"tip motion off by {off[worst]:+.1%} in mode {worst[1]} of {worst[0]}: where the tip matters keep more "
+            "modes, or give it a [[port]]"
+        )
+
+    @property
+    def tip_error(self) -> dict[str, Array]:
+        """Per port `(n,)`: relative error of the tip displacement (or angle) in each kept mode."""
+        out: dict[str, Array] = {}
+        for port, target in self.target.items():
+            ours = self.chain.port(port)
+            if ours.tip is not None and target.tip is not None:
+                k = min(ours.modes, target.modes)
+                out[port] = ours.tip[:k, 0] / target.tip[:k, 0] - 1.0
+        return out
+
+    @cached_property
+    def steps(self) -> tuple[StepChoice, ...]:
+        """Integrators, each with its largest step within the tolerance, cheapest first; empty without a bandwidth."""
+        scene = self.spec.scene
+        if scene is None or scene.bandwidth is None or not self.achieved:
+            return ()
+        live = tuple(range(6))
+        if self.space is None:
+            model = in_space(self.achieved, self.measured.rigid_mass)
+        else:  # modes in several ports at once
+            model, live = self.space.achieved, self.space.live
+        hub = self.hub_mass[np.ix_(live, live)] if self.hub_mass is not None else model.rigid_mass
+        keep = [i for i, motion in enumerate(live) if motion in {AXES[axis] for axis in scene.axes}]
+        return choose_step(
+            model, hub, keep, scene.bandwidth, scene.tolerance, tendon=self.tendon_damped, sprung=self.tendon_sprung
+        )
+
+    def appendage(self, *, timed: bool = True) -> Element:
+        """The drop-in MJCF as an lxml tree.
+
+        Args:
+            timed: exact in time for the spec's step, if it states one; False: with timing taken out.
+        """
+        tree = appendage_tree(self.spec, self.chain, self.mass_line)
+        if timed:
+            self._put_time(tree, form=2)
+        return tree
+
+    def _put_time(self, tree: Element, form: int) -> None:
+        """Make a document with the appendage exact in time for the spec's step; as it is where none is stated.
+
+        Args:
+            tree: the document.
+            form: 2: for any hub, 4: tuned for the hub that the document has.
+        """
+        step, integrator = self.spec.exact_step, self.spec.integrator
+        if not step or integrator not in SCHEMES:
+            return
+        if self.tendon_sprung:
+            model = compile_model(write.text(tree))
+            retime(model, step, integrator, form=form)
+            put_time([tree], model)
+        elif self.spec.fit.springs == "hinges":
+            put_hinge_armature(tree, step, integrator)
+
+    @cached_property
+    def time(self) -> list[PoleRow]:
+        """Modes of scene.xml with timing taken out, and what its integrator shows of them at its step."""
+        return pole_rows(compile_model(self.scene_mjcf())) if self.achieved else []
+
+    def to_mjcf(self) -> str:
+        """The drop-in MJCF file as text."""
+        return write.text(self.appendage())
+
+    def scene_mjcf(self) -> str:
+        """A free-flying hub with the appendage on it, as text. Without a hub in the spec: ten times the appendage."""
+        scene = self.spec.scene or Scene()
+        hub = self.hub
+        timestep = self.spec.exact_step or (scene.step if self.spec.scene else self._safe_step(scene.integrator))
+        root = write.scene(
+            self.appendage(timed=False), self.spec.name, mass=hub.mass, inertia=hub.inertia_matrix(), offset=hub.offset,
+            timestep=timestep, integrator=scene.integrator, contacts=scene.contacts,
+        )  # fmt: skip
+        self._put_time(root, form=4)
+        return write.text(root)
+
+    def bench_mjcf(self) -> str:
+        """The appendage on the test bench: its root free in every kept port, as text."""
+        ports = [port for port in PORTS if port in self.achieved]
+        return write.text(write.bench(self.appendage(timed=False), ports, 0.01, ballast_for(self.chain)))
+
+    def _safe_step(self, integrator: str) -> float:
+        """A round step: a fifth of the stability limit at most."""
+        bound = 0.2 * min(self.limits.largest_step[integrator], 5.0)
+        exponent = np.floor(np.log10(bound))
+        return float(max(m for m in (1.0, 2.0, 5.0) if m * 10**exponent <= bound * (1 + 1e-12)) * 10**exponent)
+
+    def attach(self, spec: "mujoco.MjSpec", site: str) -> None:
+        """Attach the appendage, names unprefixed.
+
+        Args:
+            spec: the spacecraft, an `mujoco.MjSpec`; changed in place.
+            site: name of one of its sites, x of its frame outwards.
+
+        Raises:
+            InputError: `spec` is no `MjSpec`, has no such site, or has the appendage already.
+        """
+        if not isinstance(spec, mujoco.MjSpec):
+            raise InputError(
+                f"attach needs an mujoco.MjSpec, not a {type(spec).__name__}: mujoco.MjSpec.from_file(path), attach, "
+                "then compile(); or bc.embed for a file."
+            )
+        if spec.body(f"{self.spec.name}_link1") is not None:
+            raise InputError(
+                f"the model already has an appendage {self.spec.name!r}; fit this one under another name: name=..."
+            )
+        place = spec.site(site)
+        if place is None:
+            known = ", ".join(s.name for s in spec.sites if s.name) or "none"
+            raise InputError(f"site {site!r} is not in the model; its sites are: {known}.")
+        # MuJoCo warns of an empty prefix: take the name off every element, and have MuJoCo put it back
+        prefix = f"{self.spec.name}_"
+        child = mujoco.MjSpec.from_string(self.to_mjcf().replace(f'"{prefix}', '"'))
+        spec.attach(child, site=place, prefix=prefix)
+
+    def plot(self, ax: "Axes | None" = None, port: str | None = None) -> "Axes":
+        """Accelerance of a port: beam, chain through MuJoCo. Returns the axes; shows nothing.
+
+        Args:
+            ax: drawn into; those of a new figure where left out.
+            port: the first kept one where left out.
+        """
+        from beamchain.report.plots import plot_accelerance
+
+        return plot_accelerance(self, ax=ax, port=port)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What fit.json holds."""
+        from beamchain.report.record import fit_record
+
+        return fit_record(self)
+
+    def write(self, folder: str | Path, *, force: bool = False) -> list[Path]:
+        """Write appendage.xml, scene.xml, pictures, report.html and fit.json (last) into `folder`; all or none.
+
+        Raises:
+            OutputError: a file exists and `force` is False, or the folder cannot be written.
+        """
+        from beamchain.report.html import fit_report
+        from beamchain.report.record import to_json
+
+        folder = Path(folder)
+        report, pictures = fit_report(self)
+        files: dict[Path, str | bytes] = {
+            folder / "appendage.xml": self.to_mjcf(),
+            folder / "scene.xml": self.scene_mjcf(),
+            **{folder / name: content for name, content in pictures.items()},
+            folder / "report.html": report,
+            folder / "fit.json": to_json(self.as_dict()),
+        }
+        write_files(files, force=force)
+        return list(files)
+
+
+def seconds_taken(clock: Sequence[float]) -> dict[str, float]:
+    """Seconds per step of a fit, from the times between its steps [s]."""
+    steps = zip(("model", "realise", "write", "verify"), clock[:-1], clock[1:], strict=True)
+    return {step: after - before for step, before, after in steps}
+
+
+def default_hub(beam: MassLine) -> Hub:
+    """Ten times the appendage's mass, a cube as wide as a tenth of its length, root at a face."""
+    mass, side = 10.0 * beam.rigid_mass()[0, 0], 0.1 * beam.length
+    inertia = max(mass * side**2 / 6.0, 1e-12)
+    return Hub(mass=mass, inertia=(inertia, inertia, inertia), offset=(side / 2.0, 0.0, 0.0))
+
+
+def appendage_tree(spec: Spec, chain: Chain, line: MassLine) -> Element:
+    """The drop-in file with the elements that the scene uses."""
+    scene, sensors = spec.scene or Scene(), spec.sensors
+    return write.appendage(
+        chain,
+        spec.name,
+        beam=line,
+        visuals=scene.visuals,
+        sites=spec.sites(line.length),
+        contacts=scene.contacts,
+        readings=write.Readings(sensors.modes, sensors.points, sensors.root_load),
+    )

@@ -1,0 +1,126 @@
+"""What to know before a fit's files are used: dampers, steps, ports that are not independent."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from beamchain.chain.chain import Chain
+from beamchain.engine.bench import Measured
+from beamchain.fitting.spec import Scene, Spec
+from beamchain.ports.model import PortModel, in_space
+from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.integrators import numerical_pole
+from beamchain.steps.limits import StepLimits, coupled_limits
+
+if TYPE_CHECKING:
+    from beamchain.fitting.result import Fit
+
+DECOUPLED = 1e-9  # relative: what two independent ports may share
+
+
+def fit_warnings(
+    spec: Spec, measured: Measured, achieved: Mapping[str, PortModel], chain: Chain, limits: StepLimits
+) -> tuple[str, ...]:
+    """What to know before the file is used."""
+    out = [
+        f"{port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, {port} = 0 says that "
+        "it shall be rigid"
+        for port in spec.unsaid
+    ]
+    modes = [(t, port) for port, model in achieved.items() for t in chain.tendons
+             if t.is_mode and t.damping > 0.0 and t.label.endswith(f"_{port}") and model.modes]  # fmt: skip
+    euler_runs = spec.scene is None or spec.scene.integrator == "Euler"  # a scene that says another is heard
+    if modes and euler_runs and not spec.exact_step:
+        euler, other = limits.largest_step["Euler"], limits.largest_step["implicitfast"]
+        text = (
+            "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo takes where nothing "
+            f"is said, integrates tendon damping explicitly and is stable up to {euler:.4g} s only "
+            f"(implicitfast {other:.4g} s)"
+        )
+        scene = spec.scene or Scene()
+        if scene.integrator == "Euler":
+            worst, port = max(modes, key=lambda m: m[0].damping)
+            number, model = int(worst.label.removeprefix("mode").partition("_")[0]), achieved[port]
+            k = min(number, model.modes) - 1
+            w, zeta = float(model.frequencies[k]), float(model.damping[k])
+            pole = numerical_pole("Euler", w, zeta, scene.step, tendon=True)
+            seen = -pole.real / abs(pole)
+            text += (
+                f"; at the scene's step of {scene.step:g} s mode {number} in {port} will show a damping "
+                f"ratio of {seen:.4g} instead of {zeta:.4g}"
+            )
+        out.append(f'{text}. Use implicitfast, or damping.form = "hinge".')
+    if spec.damping is not None and spec.damping.form == "hinge":
+        missed: list[str] = []
+        for port, model in achieved.items():
+            wanted = spec.damping.ratios(port, min(model.modes, spec.kept[port]))
+            missed += [
+                f"{port} {k + 1}: {have:.4g} for {want:.4g}"
+                for k, (want, have) in enumerate(zip(wanted, model.damping, strict=False))
+                if abs(have - want) > 0.01 * want
+            ]
+        if missed:
+            out.append(
+                f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}); "
+                'damping.form = "modal" is exact.'
+            )
+    for pair, value in measured.couplings.items():
+        if value > DECOUPLED:
+            out.append(f"MuJoCo sees the ports {pair} coupled, by {value:.1e} relative: they are not independent.")
+    return tuple(out)
+
+
+def turn_warning(error: float | None, scene: Scene, integrator: str, timestep: float) -> tuple[str, ...]:
+    """Where a step turns the rigid spacecraft with more error than the scene allows.
+
+    Args:
+        error: of the rates after one radian, relative; None where no rates are stated.
+        scene: with rates and tolerance.
+        integrator, timestep: that run.
+    """
+    if error is None or scene.rates is None or error <= scene.tolerance:
+        return ()
+    rates = ", ".join(f"{rate:g}" for rate in scene.rates)
+    return (
+        f"{integrator} at {timestep:g} s turns the rigid spacecraft from rates of ({rates}) rad/s with an error of "
+        f"{error:.2g} of them in one radian, above the tolerance {scene.tolerance:g}, whatever the appendages do; take RK4, "
+        "for which modes beyond the step are slowed, or a shorter step.",
+    )
+
+
+def step_warnings(result: "Fit") -> tuple[str, ...]:
+    """Where scene.xml's own step is unstable, or misses the scene's tolerance."""
+    scene = result.spec.scene
+    if scene is None or not result.achieved:
+        return ()
+    return (*turn_warning(result.turn_error, scene, scene.integrator, scene.step), *_stable(result, scene))
+
+
+def _stable(result: "Fit", scene: Scene) -> tuple[str, ...]:
+    """Where scene.xml's own step is unstable, or its vibration misses the scene's tolerance."""
+    if result.spec.exact_step and result.tendon_sprung and scene.integrator in SCHEMES:
+        return ()  # exact in time, or slowed
+    limits = result.limits
+    if result.spec.root.hub is None:
+        hub, space = result.hub.mass_matrix(), result.space
+        if space is None:
+            model = in_space(result.achieved, result.measured.rigid_mass)
+        else:
+            model, hub = space.achieved, hub[np.ix_(space.live, space.live)]
+        limits = coupled_limits(model, hub, tendon=result.tendon_damped, sprung=result.tendon_sprung)
+    largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.step:g} s"
+    if scene.step > largest:
+        return (
+            f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
+            "give scene.timestep half of that, or less.",
+        )
+    kept = next((choice for choice in result.steps if choice.integrator == scene.integrator), None)
+    if kept is None or scene.step <= kept.step:
+        return ()
+    best = result.steps[0]
+    return (
+        f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: it keeps that up to "
+        f"{kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; give scene.integrator and scene.timestep, or "
+        "fit.timestep for a chain made for its step.",
+    )

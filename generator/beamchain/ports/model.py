@@ -1,0 +1,447 @@
+"""The port: how a thing pushes back at its root. The common language of the package.
+
+A beam, a hinge chain, imported finite-element modes and a linearised MuJoCo model all become a `PortModel`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from beamchain.errors import InputError, RealisationError
+from beamchain.ports.motions import PORT_MOTION, Array, locked, square_root
+
+if TYPE_CHECKING:
+    import control
+
+NORMAL = 1e-7  # part of an attachment mode outside the normal modes below which it is one of them
+RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass than this is none, and its mode lies at infinity
+LOADED = 8  # models with different hubs that are kept
+SINGULAR = 1e-15  # of a motion not in the others already: below, it is rounding
+DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
+
+
+def _outer_sum(rows: Array, weight: NDArray[Any]) -> NDArray[Any]:
+    """`(m, m, f)`: sum over k of the outer product of row k with itself times `weight[k]`."""
+    m = rows.shape[1]
+    outer = (rows[:, :, None] * rows[:, None, :]).reshape(rows.shape[0], m * m)
+    return (outer.T @ weight).reshape(m, m, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Mode shapes where an appendage has mass.
+
+    Args:
+        x: `(r,)` [m].
+        moved, turned: `(r,)` square roots of mass and of rotary inertia there; in a scalar port `moved` only.
+        values: `(n, r)` motion in each mass-normalised mode times those roots.
+        bending: a hinge turns what lies behind it; else it shifts or twists it.
+    """
+
+    x: Array
+    moved: Array
+    turned: Array
+    values: Array
+    bending: bool
+
+    def momenta(self, hinges: Array) -> Array:
+        """`(n, h)`: what each mode's motion is worth in the unit motion of a hinge at each of `hinges` `(h,)` [m]."""
+        reach = self.x[:, None] - hinges[None, :]
+        behind = reach > 0.0
+        arms = np.where(behind, reach, 0.0) if self.bending else behind
+        return self.values @ (self.moved[:, None] * arms + self.turned[:, None] * behind)
+
+    def combined(self, modes: Array) -> "Shapes":
+        """Those of combinations `(k, n)` of the modes."""
+        return Shapes(self.x, self.moved, self.turned, modes @ self.values, self.bending)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PortModel:
+    """An elastic thing seen from its root: rigid mass, cantilever modes, damping.
+
+    `D(s) = M - s^2 sum_k L_k L_k^T / (s^2 + 2 zeta_k W_k s + W_k^2)` is the wrench the root needs per unit
+    acceleration; `W(s) = D(s)^-1` is the accelerance. `m` is the number of motions of the port: 2 in a bending plane
+    (displacement, rotation), 1 in torsion or axial motion, 6 in space.
+
+    Source: P. P. Belonozhko (2008), equations (13)-(16) (equality of `W` at the root is his dynamic equivalence);
+    D. Alazard, F. Sanfedino, the TITOP model, for the cantilever form.
+
+    Args:
+        rigid_mass: `(m, m)` mass matrix of the frozen thing about the port, `D(0)` [kg, kg m, kg m^2].
+        frequencies: `(n,)` cantilever frequencies (port held), ascending [rad/s].
+        participation: `(n, m)` rows `L_k` of the mass-normalised cantilever modes.
+        damping: `(n,)` damping ratios of the cantilever modes; zero when left out.
+        tip: `(n, m)` or more columns: tip motion in each mass-normalised cantilever mode, where known, then that of
+            further points.
+        shapes: the modes along the appendage, where known.
+
+    Raises:
+        InputError: shapes disagree, a number is not finite, or the residual mass is not positive semidefinite.
+    """
+
+    rigid_mass: Array
+    frequencies: Array
+    participation: Array
+    damping: Array = field(default_factory=lambda: np.zeros(0))
+    tip: Array | None = None
+    shapes: Shapes | None = None
+
+    def __repr__(self) -> str:
+        few = ", ".join(f"{w:.6g}" for w in self.frequencies[:3]) + (", ..." if self.modes > 3 else "")
+        held = f"{self.modes} modes: {few} rad/s" if self.modes else "rigid"
+        size = self.rigid_mass.shape[0]
+        return f"<PortModel, {size} motion{'s' if size > 1 else ''}, {held}>"
+
+    def __post_init__(self) -> None:
+        mass = locked(self.rigid_mass)
+        frequencies = locked(self.frequencies)
+        n, m = frequencies.size, mass.shape[0] if mass.ndim == 2 else -1
+        participation = np.array(self.participation, dtype=np.float64).reshape(n, -1 if n else max(m, 0))
+        damping = np.zeros(n) if np.size(self.damping) == 0 else np.array(self.damping, dtype=np.float64)
+        if frequencies.ndim != 1 or mass.shape != (m, m) or participation.shape != (n, m) or damping.shape != (n,):
+            raise InputError(
+                f"a port model needs rigid_mass (m, m), frequencies (n,), participation (n, m), damping (n,); got "
+                f"{mass.shape}, {frequencies.shape}, {participation.shape}, {damping.shape}."
+            )
+        given = {"rigid_mass": mass, "frequencies": frequencies, "participation": participation, "damping": damping}
+        for name, values in given.items():
+            if not np.all(np.isfinite(values)):
+                raise InputError(f"{name} holds a value that is not finite; give finite numbers only.")
+        if np.any(damping < DAMPING_NOISE):
+            raise InputError(f"damping = {damping.tolist()} holds a negative ratio; give zero or more.")
+        size = np.sqrt(np.clip(np.diag(mass), 0.0, None))
+        if np.any(np.diag(mass) <= 0.0):
+            raise InputError(
+                f"rigid_mass has the diagonal {np.diag(mass).tolist()}; masses and inertias must be positive."
+            )
+        if np.any(np.abs(mass - mass.T) > 1e-6 * np.outer(size, size)):
+            raise InputError("rigid_mass is not symmetric; give the mass matrix about one point, the port.")
+        if np.any(frequencies <= 0.0) or np.any(np.diff(frequencies) < 0.0):
+            raise InputError(f"frequencies = {frequencies.tolist()} must be positive and ascending.")
+        tip = None if self.tip is None else np.array(self.tip, dtype=np.float64)
+        if n:  # a mode's sign makes its first participation that is not noise positive
+            weight = np.abs(participation) / np.sqrt(np.diag(mass))
+            leading = np.argmax(weight > 1e-9 * np.maximum(weight.max(axis=1), 1e-300)[:, None], axis=1)
+            signs = np.where(participation[np.arange(n), leading] < 0.0, -1.0, 1.0)[:, None]
+            participation = participation * signs
+            tip = None if tip is None else tip * signs
+            if self.shapes is not None and np.any(signs < 0.0):
+                object.__setattr__(self, "shapes", self.shapes.combined(np.diag(signs[:, 0])))
+        for name, values in (
+            ("rigid_mass", mass),
+            ("frequencies", frequencies),
+            ("participation", locked(participation)),
+            ("damping", locked(damping)),
+            ("tip", None if tip is None else locked(tip)),
+        ):
+            object.__setattr__(self, name, values)
+        scale = np.sqrt(np.clip(np.diag(mass), 1e-300, None))
+        smallest = float(np.linalg.eigvalsh(self.residual_mass / np.outer(scale, scale))[0])
+        if not smallest > -1e-9:
+            raise InputError(
+                f"the residual mass (rigid mass minus effective masses) has eigenvalue {smallest:.3e} relative to the "
+                "rigid mass, which is negative: check the reference point, the units and the rigid mass."
+            )
+
+    # -- sizes ---------------------------------------------------------------------------------------------------
+    @property
+    def modes(self) -> int:
+        """Number of flexible modes."""
+        return self.frequencies.size
+
+    @property
+    def motions(self) -> int:
+        """Number of motions of the port, `m`."""
+        return self.rigid_mass.shape[0]
+
+    # -- mass ----------------------------------------------------------------------------------------------------
+    @property
+    def effective_mass(self) -> Array:
+        """`(n, m, m)` effective masses `L_k L_k^T`."""
+        return self.participation[:, :, None] * self.participation[:, None, :]
+
+    @property
+    def residual_mass(self) -> Array:
+        """`(m, m)` rigid mass minus the effective masses: what the root feels at infinite frequency."""
+        return self.rigid_mass - self.participation.T @ self.participation
+
+    @property
+    def gains(self) -> Array:
+        """`(m, m)` accelerance at infinite frequency, the paper's gains `k`."""
+        return np.asarray(np.linalg.inv(self.residual_mass), dtype=np.float64)
+
+    # -- free modes ----------------------------------------------------------------------------------------------
+    def _rows(self) -> tuple[Array, Array]:
+        """Motion rows weighted by the square root of mass: rigid `(n+m, m)` and elastic `(n+m, n)`."""
+        scale = np.sqrt(np.diag(self.rigid_mass))
+        scaled = self.residual_mass / np.outer(scale, scale)
+        if np.linalg.eigvalsh(scaled)[0] < RESIDUAL_NOISE:  # a direction without residual mass shall be one exactly
+            root = square_root(scaled, RESIDUAL_NOISE) * scale
+        else:
+            root = square_root(self.residual_mass)
+        rigid = np.vstack([self.participation, root])
+        elastic = np.vstack([np.diag(1.0 / self.frequencies), np.zeros((self.motions, self.modes))])
+        return rigid, elastic
+
+    @cached_property
+    def _free(self) -> tuple[Array, Array, Array, Array]:
+        """Free frequencies, port values, right singular vectors, and rigid port values `P0`, `P0 P0^T = M^-1`."""
+        rigid, elastic = self._rows()
+        q, r = np.linalg.qr(rigid)
+        along = q.T @ elastic
+        _, s, vt = np.linalg.svd(elastic - q @ along, full_matrices=False)
+        finite = s > 1e-13 * np.max(1.0 / self.frequencies, initial=0.0)  # a singular residual sends a mode to infinity
+        s, v = s[finite], vt[finite].T
+        if np.any(np.abs(np.diag(r)) <= SINGULAR * np.linalg.norm(r, axis=0)):
+            raise RealisationError(
+                f"the rigid mass matrix (diagonal {', '.join(f'{v:.3g}' for v in np.diag(self.rigid_mass))}) is singular "
+                "in double precision: one mass or inertia is too far above all others; check their sizes and units."
+            )
+        values = -np.linalg.solve(r, along @ v) / s
+        return locked(1.0 / s), locked(values.T), locked(v), locked(np.linalg.inv(r))
+
+    @property
+    def free_frequencies(self) -> Array:
+        """`(n,)` free frequencies, the poles of `W` [rad/s]."""
+        return self._free[0]
+
+    @property
+    def free_damping(self) -> Array:
+        """`(n,)` damping ratios of the free modes, where damping does not couple them."""
+        frequencies, _, shares, _ = self._free
+        return np.asarray(frequencies * ((self.damping / self.frequencies) @ shares**2), dtype=np.float64)
+
+    @property
+    def free_port_values(self) -> Array:
+        """`(n, m)` port motion in each mass-normalised free mode."""
+        return self._free[1]
+
+    @property
+    def rigid_port_values(self) -> Array:
+        """`(m, m)` port motion in the rigid modes: column i is mode i; `P0 P0^T = M^-1`."""
+        return self._free[3]
+
+    @classmethod
+    def from_free_modes(cls, rigid_mass: ArrayLike, frequencies: ArrayLike, port_values: ArrayLike) -> "PortModel":
+        """The model whose free modes are given: `W(s) = M^-1 + sum_i s^2 p_i p_i^T / (s^2 + w_i^2)`.
+
+        Args:
+            rigid_mass: `(m, m)`.
+            frequencies: `(n,)` free frequencies [rad/s].
+            port_values: `(n, m)` port motion in the mass-normalised free modes.
+        """
+        mass = np.asarray(rigid_mass, dtype=np.float64)
+        w = np.asarray(frequencies, dtype=np.float64)
+        p = np.asarray(port_values, dtype=np.float64)
+        n = w.size
+        if n == 0:
+            return cls(mass, np.zeros(0), np.zeros((0, mass.shape[0])))
+        p0 = np.linalg.inv(np.linalg.cholesky(mass)).T  # p0 p0^T = M^-1
+        # Holding the port: q_rigid = -p0^-1 p^T y / w, with y scaled by the strain energy, q_flexible = y / w.
+        held = -np.linalg.solve(p0, p.T) / w
+        u, s, _ = np.linalg.svd(np.vstack([np.diag(1.0 / w), held]), full_matrices=False)
+        rigid = np.vstack([np.zeros((n, mass.shape[0])), np.linalg.inv(p0)])
+        return cls(mass, 1.0 / s, np.asarray(u.T @ rigid, dtype=np.float64))
+
+    # -- responses -----------------------------------------------------------------------------------------------
+    def D(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802 (the field's letter)
+        """Dynamic mass `(m, m, k)`: wrench per unit acceleration at `omega` `(k,)` [rad/s]."""
+        s = 1j * np.atleast_1d(np.asarray(omega, dtype=np.float64))
+        w = self.frequencies[:, None]
+        weight = s**2 / (s**2 + 2.0 * self.damping[:, None] * w * s + w**2)
+        m, effective = self.motions, self.effective_mass.reshape(self.modes, self.motions**2)
+        # real times complex as real products, which is what takes the time where modes are many
+        parts = effective.T @ np.ascontiguousarray(weight, dtype=np.complex128).view(np.float64)
+        flexible = parts.view(np.complex128).reshape(m, m, s.size)
+        return self.rigid_mass.astype(np.complex128)[:, :, None] - flexible
+
+    def W(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802
+        """Accelerance `(m, m, k)`: acceleration per unit wrench at `omega` `(k,)` [rad/s]."""
+        if np.any(self.damping > 0.0) or self.free_frequencies.size < self.modes:  # a massless root follows its spring
+            inverse = np.linalg.inv(np.moveaxis(self.D(omega), -1, 0))
+            return np.moveaxis(np.asarray(inverse, dtype=np.complex128), 0, -1)
+        frequency = np.atleast_1d(np.asarray(omega, dtype=np.float64))
+        weight = -(frequency**2) / (self.free_frequencies[:, None] ** 2 - frequency**2)
+        p, p0 = self.free_port_values, self.rigid_port_values
+        return ((p0 @ p0.T)[:, :, None] + _outer_sum(p, weight)).astype(np.complex128)
+
+    def zeros(self, output: int = 0, input: int = 0) -> NDArray[np.complex128]:
+        """`(n,)` zeros of one entry of `W` as frequencies: `W_ij` carries the factors `s^2 + zero^2`.
+
+        Args:
+            output: row of `W`: 0 displacement, 1 rotation in a plane.
+            input: column of `W`: 0 force, 1 moment in a plane.
+
+        Source: Belonozhko (2008), equation (15), the `n_1`, `n_2`.
+        """
+        gain = self.gains[output, input]
+        residues = self.free_port_values[:, output] * self.free_port_values[:, input]
+        w2 = self.free_frequencies**2
+        matrix = np.diag(w2) - np.outer(np.ones(self.modes), residues * w2) / gain
+        squares = np.linalg.eigvals(matrix).astype(np.complex128)
+        return np.sqrt(squares[np.argsort(squares.real)])
+
+    def to_control(self) -> "control.StateSpace":
+        """The accelerance as `control.StateSpace`, 2n states, exact.
+
+        States: modal coordinates of the held appendage and their rates; inputs: wrench; outputs: acceleration.
+        """
+        import control
+
+        a, b, c, d = self.state_space()
+        return cast("control.StateSpace", control.ss(a, b, c, d))
+
+    def state_space(self) -> tuple[Array, Array, Array, Array]:
+        """The matrices of `to_control`: A `(2n, 2n)`, B `(2n, m)`, C `(m, 2n)`, D `(m, m)`."""
+        n, m = self.modes, self.motions
+        gain = self.gains
+        spring = np.hstack([np.diag(self.frequencies**2), np.diag(2.0 * self.damping * self.frequencies)])
+        c = gain @ self.participation.T @ spring
+        a = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), -spring - self.participation @ c])
+        b = np.vstack([np.zeros((n, m)), -self.participation @ gain])
+        return a, b, c, gain
+
+    # -- made from this one --------------------------------------------------------------------------------------
+    def with_hub(self, hub_mass: ArrayLike) -> "PortModel":
+        """The same thing with a rigid hub on its port: its free modes are the coupled modes.
+
+        Args:
+            hub_mass: `(m, m)` mass matrix of the hub about the port [kg, kg m, kg m^2].
+        """
+        hub = np.asarray(hub_mass, dtype=np.float64)
+        if hub.shape != self.rigid_mass.shape:
+            raise InputError(f"hub_mass has shape {hub.shape}, but the port needs {self.rigid_mass.shape}.")
+        key = hub.tobytes()
+        if key not in self._loaded:
+            if len(self._loaded) >= LOADED:
+                self._loaded.clear()
+            self._loaded[key] = self.replaced(rigid_mass=self.rigid_mass + hub)
+        return self._loaded[key]
+
+    @cached_property
+    def _loaded(self) -> "dict[bytes, PortModel]":
+        """Models with a hub that were made already: their modes are dear."""
+        return {}
+
+    def truncated(self, modes: int) -> "PortModel":
+        """Only the first `modes` cantilever modes; the rigid mass stays."""
+        if not 0 <= modes <= self.modes:
+            raise InputError(f"modes = {modes} must lie between 0 and {self.modes}, the number this model has.")
+        return self.replaced(
+            frequencies=self.frequencies[:modes],
+            participation=self.participation[:modes],
+            damping=self.damping[:modes],
+            tip=None if self.tip is None else self.tip[:modes],
+            shapes=None if self.shapes is None else self.shapes.combined(np.eye(modes, self.modes)),
+        )
+
+    def condensed(self, above: float) -> "PortModel":
+        """The modes above a frequency gathered into as many as the port has motions, at that frequency.
+
+        Their static flexibility is kept, so that far below `above` [rad/s] the model is the same with fewer modes.
+        """
+        low = self.frequencies <= above
+        if np.sum(~low) <= self.motions:
+            return self
+        high = self.participation[~low] / self.frequencies[~low, None] * above
+        values, vectors = np.linalg.eigh(high.T @ high)
+        keep = values > 1e-14 * values.max()
+        rows = np.sqrt(values[keep])[:, None] * vectors.T[keep]
+        damping = np.full(rows.shape[0], float(np.mean(self.damping[~low])))
+        return PortModel(
+            self.rigid_mass,
+            np.concatenate([self.frequencies[low], np.full(rows.shape[0], above)]),
+            np.vstack([self.participation[low], rows]),
+            np.concatenate([self.damping[low], damping]),
+        )
+
+    def reduced(self, modes: int, hub_mass: ArrayLike) -> "PortModel":
+        """Galerkin reduction on the first `modes` modes of the model with `hub_mass` `(m, m)` on its port.
+
+        Zeros give the free target (the paper's); the reduction for an infinite hub is `truncated`.
+        Damping is left out: it belongs to the cantilever modes of the full model.
+        """
+        if modes == 0:
+            return self.truncated(0)
+        if not 0 < modes <= self.modes:
+            raise InputError(f"modes = {modes} must lie between 0 and {self.modes}, the number this model has.")
+        return self._projected(self.with_hub(hub_mass)._free[2][:, :modes])
+
+    def _projected(self, basis: Array) -> "PortModel":
+        """Galerkin reduction on an orthonormal `basis` `(n, k)` of modal coordinates scaled by their strain energy."""
+        rigid, elastic = self._rows()
+        u, s, wt = np.linalg.svd(elastic @ basis, full_matrices=False)
+        modes = (basis @ wt.T / s).T / self.frequencies  # (k, n): in terms of this model's mass-normalised modes
+        return PortModel(
+            self.rigid_mass, 1.0 / s, u.T @ rigid, tip=None if self.tip is None else modes @ self.tip,
+            shapes=None if self.shapes is None else self.shapes.combined(modes),
+        )  # fmt: skip
+
+    def attached(self, modes: int, columns: Sequence[int]) -> "PortModel":
+        """The first `modes` modes and the static response to a unit load at points whose motion `tip` holds.
+
+        The static flexibility of those points is then exact (attachment modes; R. R. Craig, Structural Dynamics,
+        1981), so that what hangs there may be heavy. The first frequencies stay; pseudo-modes follow them.
+
+        Args:
+            modes: lowest cantilever modes.
+            columns: of `tip`.
+        """
+        assert self.tip is not None
+        loads = self.tip[:, list(columns)] / self.frequencies[:, None]
+        loads = loads / np.linalg.norm(loads, axis=0)
+        loads[:modes] = 0.0  # what the normal modes do not carry already
+        u, s, _ = np.linalg.svd(loads, full_matrices=False)
+        return self._projected(np.column_stack([np.eye(self.modes)[:, :modes], u[:, s > NORMAL]]))
+
+    def replaced(self, **changes: Any) -> "PortModel":
+        """A copy with some fields changed.
+
+        Args:
+            changes: new values by field name.
+        """
+        names = ("rigid_mass", "frequencies", "participation", "damping", "tip", "shapes")
+        return PortModel(**{name: changes.get(name, getattr(self, name)) for name in names})
+
+
+def in_space(ports: Mapping[str, PortModel], rigid_mass: ArrayLike) -> PortModel:
+    """One model with six motions from independent ports.
+
+    Args:
+        ports: model per port.
+        rigid_mass: `(6, 6)` of the frozen thing about the root.
+    """
+    rows = [model.participation @ PORT_MOTION[port].T for port, model in ports.items()]
+    frequencies = np.concatenate([np.zeros(0), *(model.frequencies for model in ports.values())])
+    damping = np.concatenate([np.zeros(0), *(model.damping for model in ports.values())])
+    order = np.argsort(frequencies, kind="stable")
+    participation = np.vstack([np.zeros((0, 6)), *rows])[order]
+    return PortModel(np.asarray(rigid_mass), frequencies[order], participation, damping[order])
+
+
+def port_from_rows(
+    rigid: Array, elastic: Array, tip: Array | None = None, shapes: Callable[[Array], Shapes] | None = None
+) -> PortModel:
+    """The port model of a body given by mass-weighted motion rows.
+
+    Args:
+        rigid: `(r, m)`: square root of mass times motion, per unit motion of the port.
+        elastic: `(r, n)`: the same per elastic coordinate, scaled so that the strain energy is `|y|^2 / 2`.
+        tip: `(t, n)`: tip motion per elastic coordinate.
+        shapes: makes the shapes from the modes' mass-weighted motion `(n, r)`.
+
+    One-sided (singular values of the rows, not eigenvalues of their squares), so that every frequency keeps
+    nearly the relative precision of the rows.
+    """
+    u, s, vt = np.linalg.svd(elastic, full_matrices=False)
+    keep = s > 1e-14 * s.max(initial=0.0)
+    u, s, vt = u[:, keep], s[keep], vt[keep]
+    tip_modes = None if tip is None else (tip @ vt.T / s).T
+    return PortModel(
+        rigid.T @ rigid, 1.0 / s, u.T @ rigid, tip=tip_modes, shapes=None if shapes is None else shapes(u.T)
+    )

@@ -1,0 +1,113 @@
+"""Which integrator and step a scene can afford: the largest step that is stable and keeps the tolerance."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.ports.compare import band_grid, clusters, damped, relative
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array
+from beamchain.steps.integrators import INTEGRATORS, step_pole
+from beamchain.steps.limits import coupled_limits, normalised
+
+MARGIN = 0.8  # of the stability limit
+NEARLY = 0.99  # ratio that an overdamped mode is given: it has no frequency to keep
+
+#: Cost of a step against Euler's, measured on hub and 3 links (`tests/benchmarks/fit_time.py` prints them).
+RELATIVE_COST = {"Euler": 1.0, "implicitfast": 1.1, "implicit": 2.0, "discrete": 1.15, "RK4": 3.8}
+
+
+@dataclass(frozen=True)
+class StepChoice:
+    """One integrator for a scene.
+
+    Args:
+        integrator: MuJoCo's name.
+        step: the largest that is stable with margin and keeps the tolerance [s].
+        bound: what bounds it, "tolerance" or "stability".
+        cost: computing per simulated second, relative to the cheapest.
+    """
+
+    integrator: str
+    step: float
+    bound: str
+    cost: float
+
+
+def choose_step(
+    model: PortModel,
+    hub_mass: Array,
+    keep: Sequence[int],
+    bandwidth: float,
+    tolerance: float,
+    *,
+    tendon: bool = False,
+    sprung: bool = False,
+) -> tuple[StepChoice, ...]:
+    """Every integrator's largest step for a model on a hub, cheapest first.
+
+    What a step does to a coupled mode is its pole, damping included; the response with the poles moved is compared with
+    the response as it is, frequency by frequency, by the in-band error. The half-step offset of the rigid hub itself is
+    the host's and is not counted.
+
+    Args:
+        model: the chain, six motions.
+        hub_mass: `(6, 6)`.
+        keep: hub motions that matter.
+        bandwidth: [rad/s].
+        tolerance: of the in-band error.
+        tendon: the damping sits on tendons.
+        sprung: so do the springs.
+    """
+    coupled = damped(model).with_hub(hub_mass)
+    w, p = coupled.free_frequencies, coupled.free_port_values[:, keep]
+    if w.size == 0:
+        return ()
+    ratios = _coupled_ratios(coupled)
+    s = np.sqrt(np.diag(coupled.rigid_mass))[list(keep)]
+    grid = band_grid([coupled], bandwidth)
+    rigid = (coupled.rigid_port_values @ coupled.rigid_port_values.T)[np.ix_(keep, keep)] * np.outer(s, s)
+    stable = coupled_limits(coupled, None, tendon=tendon, sprung=sprung).largest_step
+    frozen = float(np.linalg.norm(rigid, 2))
+    out: list[StepChoice] = []
+    for name in INTEGRATORS:
+        limit = MARGIN * min(stable[name], 3.0 / float(w[0]))
+
+        def error(h: float, name: str = name) -> float:
+            pole = np.log(step_pole(name, w * h, ratios, tendon=tendon, sprung=sprung)) / h
+            moved, lost = np.abs(pole), -pole.real / np.maximum(np.abs(pole), 1e-300)
+            omega = np.union1d(grid, clusters(np.column_stack([moved, lost]), bandwidth))
+            ours, exact = (rigid + _flexible(omega, *poles, p, s) for poles in ((moved, lost), (w, ratios)))
+            return float(relative(ours, exact, frozen).max())
+
+        bound, step = "stability", limit
+        if error(limit) > tolerance:
+            bound = "tolerance"
+            low, high = 1e-6 * limit, limit
+            for _ in range(11):  # to 1 %
+                middle = float(np.sqrt(low * high))
+                low, high = (low, middle) if error(middle) > tolerance else (middle, high)
+            step = low
+        out.append(StepChoice(name, step, bound, RELATIVE_COST[name] / step))
+    cheapest = min(c.cost for c in out)
+    return tuple(
+        sorted((StepChoice(c.integrator, c.step, c.bound, c.cost / cheapest) for c in out), key=lambda c: c.cost)
+    )
+
+
+def _flexible(omega: Array, w: Array, ratios: Array, p: Array, s: Array) -> NDArray[np.complex128]:
+    """`(f, m, m)` flexible part of the scaled accelerance."""
+    x = 1j * omega[:, None]
+    weight = x**2 / (x**2 + 2.0 * ratios * w * x + w**2)
+    rows = p * s
+    return np.einsum("fk,ki,kj->fij", weight, rows, rows, optimize=True)
+
+
+def _coupled_ratios(coupled: PortModel) -> Array:
+    """Damping ratios of the free modes, in order of frequency; what is overdamped counts as nearly so."""
+    stiffness, damping = normalised(coupled)
+    squares, shapes = np.linalg.eigh(stiffness)
+    ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (2.0 * np.sqrt(np.maximum(squares, 1e-300)))
+    return np.clip(ratios[-coupled.free_frequencies.size :], 0.0, NEARLY)

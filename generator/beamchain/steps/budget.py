@@ -1,0 +1,170 @@
+"""The step budget of any MuJoCo model: how far each integrator may step, and what it does to every mode."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from beamchain.engine import linearise as engine
+from beamchain.engine.forces import along
+from beamchain.engine.library import mujoco
+from beamchain.errors import EngineError
+from beamchain.ports.motions import Array
+from beamchain.steps.integrators import INTEGRATORS
+from beamchain.steps.limits import oscillating, step_limits
+from beamchain.steps.one_step import LinearModel
+
+HOST = "host RK4"  # a host that drives MuJoCo with its own explicit Runge-Kutta of order 4
+
+AT_REST = 1e-9  # rad/s^2 or m/s^2: what balances to rounding does not accelerate
+
+
+@dataclass(frozen=True, eq=False)
+class Budget:
+    """What steps a model takes.
+
+    Args:
+        name: of the model.
+        frequencies, ratios: `(n,)` of its oscillating modes [rad/s], damping ratios.
+        largest_step: per integrator of the installed MuJoCo, and for a host with RK4 [s]; infinity: no limit.
+        accuracy: per integrator, steps for 1 % and 0.1 % error of the lowest frequency [s].
+        timestep: at which `shown` holds [s].
+        shown: per integrator `(n, 2)`: frequency [rad/s] and damping ratio that the simulation shows; NaN: unstable.
+    """
+
+    name: str
+    frequencies: Array
+    ratios: Array
+    largest_step: dict[str, float]
+    accuracy: dict[str, tuple[float, float]]
+    timestep: float
+    shown: dict[str, Array]
+
+    def added(self, integrator: str) -> Array:
+        """`(n,)` damping ratio that the integrator adds to each mode at `timestep`."""
+        return self.shown[integrator][:, 1] - self.ratios
+
+    def as_dict(self) -> dict[str, Any]:
+        """For stability.json."""
+        return {
+            "name": self.name,
+            "omega_max": float(np.max(self.frequencies, initial=0.0)),
+            "largest_step": self.largest_step,
+            "accuracy": {k: {"1%": a, "0.1%": b} for k, (a, b) in self.accuracy.items()},
+            "timestep": self.timestep,
+            "modes": [
+                {
+                    "frequency": w,
+                    "damping": z,
+                    "shown": {k: {"frequency": v[i, 0], "damping": v[i, 1]} for k, v in self.shown.items()},
+                }
+                for i, (w, z) in enumerate(zip(self.frequencies, self.ratios, strict=True))
+            ],
+        }
+
+
+def available() -> tuple[str, ...]:
+    """The integrators of the installed MuJoCo."""
+    return tuple(name for name in INTEGRATORS if name in engine.INTEGRATORS)
+
+
+def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> LinearModel:
+    """The linear model behind a MuJoCo model, with what its integrators treat implicitly.
+
+    Args:
+        model: compiled.
+        data: the state to linearise about; the initial one where left out.
+    """
+    nv = model.nv
+    if nv and _holds_nothing(model):  # differences would show nothing but their own rounding
+        nothing = np.zeros((nv, nv))
+        return LinearModel(nothing, nothing, nothing, nothing)
+    linear = engine.linearise(model, data)
+    own = np.zeros((nv, nv))
+    row = np.zeros(nv)
+    if data is None:
+        data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for i, unit in enumerate(np.eye(nv)):
+        mujoco.mj_mulM(model, data, row, unit)
+        own[i] = row
+    implicit = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    joints = np.array([float(np.atleast_1d(v)[0]) for v in model.dof_damping]) * implicit
+    spring = linear.stiffness
+    if "discrete" in engine.INTEGRATORS:
+        spring = engine.implicit_stiffness(model, data, linear.damping)
+    euler = np.asarray(np.linalg.solve(own, np.diag(joints)), dtype=np.float64)
+    held = np.zeros((nv, nv))
+    for i in range(model.ntendon):
+        held += float(np.atleast_1d(model.tendon_stiffness[i])[0]) * np.outer(along(model, i), along(model, i))
+    tendons = np.asarray(np.linalg.solve(own, held), dtype=np.float64) if np.any(held) else None
+    return LinearModel(linear.stiffness, linear.damping, euler, spring, tendons, preloaded(model, data))
+
+
+def preloaded(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
+    """A sentence where springs pull in the pose that is linearised about: it is no pose of rest then."""
+    pull = preload(model, data)
+    return pull and (
+        f"{pull} in the pose that is linearised about, which therefore is no pose of rest; write its "
+        "springref (or its tendon's springlength) so that it is slack there."
+    )
+
+
+def preload(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
+    """The joint whose spring pulls hardest in a pose, and how hard, where nothing balances it; else nothing."""
+    force = np.asarray(data.qfrc_spring)
+    worst = int(np.argmax(np.abs(force))) if force.size else 0
+    if not force.size or force[worst] == 0.0 or not np.any(np.abs(np.asarray(data.qacc)) > AT_REST):
+        return ""
+    joint = model.joint(int(model.dof_jntid[worst]))
+    unit = "N" if int(joint.type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE) else "N m"
+    return f"the spring of joint {joint.name!r} is preloaded: it pulls with {abs(float(force[worst])):.4g} {unit}"
+
+
+def _holds_nothing(model: "mujoco.MjModel") -> bool:
+    """No spring, damper, servo, medium or gravity: a rigid free-flyer."""
+    parts = (
+        model.jnt_stiffness, model.tendon_stiffness, model.dof_damping, model.tendon_damping, model.actuator_biasprm,
+        model.opt.gravity, model.opt.density, model.opt.viscosity,
+    )  # fmt: skip
+    return not any(np.any(np.asarray(part) != 0.0) for part in parts)
+
+
+def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = None, name: str | None = None) -> Budget:
+    """The step budget of a model about its rest pose.
+
+    Args:
+        source: a compiled model, MJCF text, or a path.
+        timestep: at which the added damping is stated; the model's own where left out [s].
+        name: shown; the model's own where left out.
+
+    Raises:
+        EngineError: MuJoCo refuses the model, nothing oscillates in it, or it falls over by itself.
+        InputError: there is no such file.
+    """
+    model = engine.compile_model(source)
+    linear = linear_model(model)
+    wanted, limits = oscillating(linear.poles()), step_limits(linear)
+    if wanted.size == 0:
+        if limits.omega_max == 0.0:
+            raise EngineError("nothing oscillates in the model: no sprung joint; any step is stable as far as it goes.")
+        steps = ", ".join(f"{name} {step:.4g} s" for name, step in limits.largest_step.items() if np.isfinite(step))
+        raise EngineError(
+            "nothing oscillates in the model: every sprung mode is overdamped (fastest rate "
+            f"{limits.omega_max:.4g} 1/s), so that there is no frequency to keep; largest stable steps: {steps}."
+        )
+    h = float(model.opt.timestep) if timestep is None else timestep
+    frequencies, ratios = np.abs(wanted), np.clip(-wanted.real / np.abs(wanted), 0.0, None)
+    ratios = np.where(ratios < 1e-9, 0.0, ratios)
+    names = available()
+    largest = {integrator: limits.largest_step[integrator] for integrator in names}
+    accuracy = {integrator: limits.accuracy[integrator] for integrator in names}
+    shown: dict[str, Array] = {}
+    for integrator in names:
+        s = linear.shown(integrator, h, wanted)
+        seen = np.column_stack([np.abs(s), -s.real / np.abs(s)])
+        shown[integrator] = seen if h < largest[integrator] else np.full_like(seen, np.nan)
+    largest[HOST], accuracy[HOST] = largest["RK4"], accuracy["RK4"]
+    title = name or model.names[: model.names.index(b"\0")].decode()
+    return Budget(title, frequencies, ratios, largest, accuracy, h, shown)

@@ -1,0 +1,264 @@
+"""Where the linear equivalence ends: spin, slew and acceleration at which a chain leaves 1 % of a fine one.
+
+A chain keeps its geometry in large motion, but has few links. It is held against a chain of 60 equal links of the same
+beam under the same load: in spin by its frequencies (centrifugal stiffening), under acceleration and slew by the static
+displacement of its mass centre and the moment at its root. Each is first divided by what it is in small motion, so that
+only the effect of large motion is compared.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq, fsolve
+
+from beamchain.chain.chain import Chain
+from beamchain.chain.rivals import equal_links
+from beamchain.ports.motions import Array
+from beamchain.structure.beam import Beam
+
+FINE = 60  # links of the reference
+LEFT = 0.01  # relative difference at which a chain has left the reference
+MOST_BENT = 0.5  # linear displacement of the mass centre over the length up to which is looked
+FASTEST = 30.0  # spin, in first frequencies, up to which is looked
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """A chain in one bending plane, as arrays over its moving links.
+
+    Args:
+        hinges: `(h,)` [m].
+        stiffness, armature: `(h, h)` over the hinge angles [N m/rad], [kg m^2].
+        mass, com, inertia, along: `(h + 1,)` per link: mass, mass centre, inertia in the plane, second moment along x.
+    """
+
+    hinges: Array
+    stiffness: Array
+    armature: Array
+    mass: Array
+    com: Array
+    inertia: Array
+    along: Array
+
+    def frequencies(self, rate: float, radius: float, *, flap: bool) -> Array:
+        """Frequencies [rad/s] at a spin [rad/s] about an axis across the root's radius.
+
+        Args:
+            rate: [rad/s].
+            radius: from the axis to the root [m].
+            flap: bending out of the plane of spin; False: in it (lag).
+        """
+        h = self.hinges.size
+        turned = np.tril(np.ones((h, h)))  # angle of link j + 1 from the hinge angles
+        arms = np.where(np.tri(h, h, dtype=bool), self.com[1:, None] - self.hinges[None, :], 0.0)
+        m = arms.T @ (self.mass[1:, None] * arms) + turned.T @ (self.inertia[1:, None] * turned) + self.armature
+        span = self._spans()
+        pull = rate**2 * (self.mass[1:] * (radius + self.com[1:]) @ span + self.along[1:])
+        k = self.stiffness + turned.T @ (pull[:, None] * turned)
+        if not flap:
+            k = k - rate**2 * (arms.T @ (self.mass[1:, None] * arms) + turned.T @ (self.along[1:, None] * turned))
+        squares = np.linalg.eigvals(np.linalg.solve(k, m)).real  # 1 / w^2
+        return 1.0 / np.sqrt(np.sort(squares[squares > 0.0])[::-1])
+
+    def _spans(self) -> Array:
+        """`(h, h)`: length along x of link j that lies before the mass centre of link k, entry (k, j)."""
+        h = self.hinges.size
+        ends = np.append(self.hinges[1:], 0.0)
+        span = np.zeros((h, h))
+        for k in range(h):
+            span[k, :k] = ends[:k] - self.hinges[:k]
+            span[k, k] = self.com[k + 1] - self.hinges[k]
+        return span
+
+    def bent(self, acceleration: float, slew: float) -> tuple[float, float]:
+        """Displacement of the mass centre and moment at the root under inertia loads, both over the load's own size.
+
+        Args:
+            acceleration: of the root, across the chain [m/s^2].
+            slew: angular acceleration of the root [rad/s^2].
+        """
+        span = self._spans()
+        angles = fsolve(lambda a: self._unbalance(a, acceleration, slew, span), self._linear(acceleration, slew, span))
+        x, y = self._places(angles, span)
+        force_x, force_y = self._forces(x, y, acceleration, slew)
+        moment = float(np.sum(force_y * x - force_x * y) - slew * np.sum(self.inertia))
+        return float(self.mass @ y / np.sum(self.mass)), moment
+
+    def _places(self, angles: Array, span: Array) -> tuple[Array, Array]:
+        x = np.concatenate([self.com[:1], self.hinges[0] + span @ np.cos(angles)])
+        return x, np.concatenate([np.zeros(1), span @ np.sin(angles)])
+
+    def _forces(self, x: Array, y: Array, acceleration: float, slew: float) -> tuple[Array, Array]:
+        return self.mass * slew * y, -self.mass * (acceleration + slew * x)
+
+    def _unbalance(self, angles: Array, acceleration: float, slew: float, span: Array) -> Array:
+        x, y = self._places(angles, span)
+        force_x, force_y = self._forces(x, y, acceleration, slew)
+        ends = np.append(self.hinges[1:], 0.0) - self.hinges
+        at_x = self.hinges[0] + np.concatenate([[0.0], np.cumsum(ends[:-1] * np.cos(angles[:-1]))])
+        at_y = np.concatenate([[0.0], np.cumsum(ends[:-1] * np.sin(angles[:-1]))])
+        outer = np.triu(np.ones((self.hinges.size, self.hinges.size)))
+        turning = outer @ (x * force_y - y * force_x - slew * self.inertia)[1:]
+        moment = turning - at_x * (outer @ force_y[1:]) + at_y * (outer @ force_x[1:])
+        return np.linalg.solve(self.stiffness, moment) - np.diff(angles, prepend=0.0)
+
+    def _linear(self, acceleration: float, slew: float, span: Array) -> Array:
+        """Angles of the links in small motion."""
+        del span
+        force = -self.mass[1:] * (acceleration + slew * self.com[1:])
+        arms = np.maximum(self.com[1:, None] - self.hinges[None, :], 0.0) * np.tri(self.hinges.size)
+        turn = np.triu(np.ones((self.hinges.size, self.hinges.size))) @ (slew * self.inertia[1:])
+        bent = np.linalg.solve(self.stiffness, arms.T @ force - turn)
+        return np.asarray(np.cumsum(bent), dtype=np.float64)
+
+
+def _plane(chain: Chain, port: str) -> _Plane:
+    """The chain in one plane; neighbouring links without a hinge in that plane are one."""
+    moving = [i for i, hinge in enumerate(chain.hinges) if port in hinge.stiffness]
+    edges = [0, *(i + 1 for i in moving), len(chain.links)]
+    axis = 2 if port == "xy" else 1
+    rows: list[tuple[float, float, float, float]] = []
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        links = chain.links[a:b]
+        mass = sum(link.mass for link in links)
+        com = sum(link.mass * link.com for link in links) / mass if mass else 0.0
+        spread = sum(link.mass * (link.com - com) ** 2 for link in links)
+        inertia = spread + sum(link.inertia[axis] for link in links)
+        along = spread + sum((link.inertia[1] + link.inertia[2] - link.inertia[0]) / 2.0 for link in links)
+        rows.append((mass, com, inertia, along))
+    mass, com, inertia, along = (np.array(v) for v in zip(*rows, strict=True))
+    hinges = np.array([chain.hinges[i].x for i in moving])
+    freedoms = chain.freedoms([port])
+    tied = chain.rows(freedoms)[1][6 * len(chain.links) :]
+    return _Plane(hinges, chain.stiffness(freedoms), tied.T @ tied, mass, com, inertia, along)
+
+
+@dataclass(frozen=True)
+class LargeMotion:
+    """How far a chain may be driven before it leaves 1 % of a chain of 60 links, in one bending plane.
+
+    Args:
+        port: the plane.
+        spin: rate [rad/s].
+        acceleration: of the root, across the chain [m/s^2].
+        slew: angular acceleration of the root [rad/s^2].
+        bent: displacement of the mass centre over the length at the acceleration limit.
+
+    Infinity: beyond what was looked at (spin 30 first frequencies, mass centre displaced by half the length).
+    """
+
+    port: str
+    spin: float
+    acceleration: float
+    slew: float
+    bent: float
+
+    def exceeded(self, *, spin: float = 0.0, acceleration: float = 0.0, slew: float = 0.0) -> list[str]:
+        """Sentences for what a run exceeded; empty where the chain is still within 1 %.
+
+        Args:
+            spin: largest rate of the hub across the appendage in the run [rad/s].
+            acceleration: largest acceleration of the root across the appendage [m/s^2].
+            slew: largest angular acceleration across the appendage [rad/s^2].
+        """
+        given = {
+            "spin": (spin, self.spin, "rad/s"),
+            "acceleration": (acceleration, self.acceleration, "m/s^2"),
+            "slew": (slew, self.slew, "rad/s^2"),
+        }
+        return [
+            f"{what} reached {value:.4g} {unit}, beyond the {limit:.4g} {unit} up to which the chain stays within 1 % of "
+            f"a fine one in {self.port}; keep more modes."
+            for what, (value, limit, unit) in given.items()
+            if abs(value) > limit
+        ]
+
+    def as_dict(self) -> dict[str, float | str]:
+        """For stability.json."""
+        return {
+            "port": self.port,
+            "spin": self.spin,
+            "acceleration": self.acceleration,
+            "slew": self.slew,
+            "bent": self.bent,
+        }
+
+
+def large_motion(
+    chain: Chain, beam: Beam, port: str, *, modes: int, radius: float = 0.0, fine: Chain | None = None
+) -> LargeMotion:
+    """The large-motion limits of a chain in one bending plane.
+
+    Args:
+        chain: the chain.
+        beam: what it stands for.
+        port: "xy" or "xz".
+        modes: kept; their frequencies are compared in spin.
+        radius: from the axis of spin to the root [m].
+        fine: the reference; 60 equal links of `beam` where left out.
+    """
+    ours = _plane(chain, port)
+    theirs = _plane(fine or equal_links(beam, FINE, "midpoint", port), port)
+    kept = min(modes, ours.hinges.size)
+
+    def spin_error(rate: float) -> float:
+        worst = 0.0
+        for flap in (True, False):
+            a, b = (
+                p.frequencies(rate, radius, flap=flap)[:kept] / p.frequencies(0.0, radius, flap=True)[:kept]
+                for p in (ours, theirs)
+            )
+            if a.size < kept or b.size < kept:
+                return 1.0  # buckled: one of them has lost a mode
+            worst = max(worst, float(np.max(np.abs(a / b - 1.0))))
+        return worst
+
+    first = float(ours.frequencies(0.0, radius, flap=True)[0])
+    spin = first * _leaves(lambda x: spin_error(x * first), 0.01, FASTEST)
+
+    def bending(load: Callable[[float], tuple[float, float]]) -> tuple[float, float]:
+        """Load at which the chain leaves, and how far it is bent there."""
+        unit = 1e-6
+        small = [np.array(p.bent(*load(unit))) for p in (ours, theirs)]
+        per_load = abs(float(small[1][0])) / unit / beam.length
+        to = MOST_BENT / per_load
+
+        def error(x: float) -> float:
+            a, b = (np.array(p.bent(*load(x * to))) / s / x for p, s in zip((ours, theirs), small, strict=True))
+            return float(np.max(np.abs(a / b - 1.0)))
+
+        share = _leaves(error, 0.01, 1.0)
+        return share * to, share * MOST_BENT
+
+    acceleration, bent = bending(lambda x: (x, 0.0))
+    slew, _ = bending(lambda x: (0.0, x))
+    return LargeMotion(port, spin, acceleration, slew, bent)
+
+
+def _leaves(error: Callable[[float], float], start: float, end: float) -> float:
+    """First x between `start` and `end` at which the error passes 1 %; infinity where it does not."""
+    grid = np.geomspace(start, end, 16)
+    values = [error(float(x)) - LEFT for x in grid]
+    if values[0] > 0.0:
+        return start
+    for i in range(1, grid.size):
+        if values[i] > 0.0:
+            return float(brentq(lambda x: error(x) - LEFT, float(grid[i - 1]), float(grid[i]), rtol=1e-4))
+    return float("inf")
+
+
+def exceeded(
+    limits: Mapping[str, LargeMotion], rates: Mapping[str, float], accelerations: Mapping[str, float]
+) -> list[str]:
+    """Warnings for a run: what it exceeded, over all planes.
+
+    Args:
+        limits: per plane.
+        rates: largest rate of the hub per plane of bending it swings the appendage in [rad/s].
+        accelerations: largest acceleration of the root per plane [m/s^2].
+    """
+    out: list[str] = []
+    for port, limit in limits.items():
+        out += limit.exceeded(spin=rates.get(port, 0.0), acceleration=accelerations.get(port, 0.0))
+    return out

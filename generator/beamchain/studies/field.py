@@ -1,0 +1,271 @@
+"""The field of a study: every sensible model of the same appendage on the same hub, ours and the rivals'."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from lxml import etree
+from lxml.etree import _Element as Element
+
+from beamchain.chain import rivals
+from beamchain.chain.build import Built, Wishes, build_exact, build_least_squares, with_real_polar
+from beamchain.chain.chain import Chain
+from beamchain.chain.damping import joint_damping
+from beamchain.chain.tendons import damped_modes
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model
+from beamchain.errors import RealisationError
+from beamchain.mjcf import write
+from beamchain.ports.model import PortModel, in_space
+from beamchain.ports.motions import PORT_MOTION, Array
+from beamchain.steps.discrete import PHASE
+from beamchain.steps.inputs import HeldInput
+from beamchain.steps.integrators import largest_angle
+from beamchain.steps.retime import retime
+from beamchain.structure.beam import Beam
+from beamchain.studies import soft_rods
+from beamchain.studies.scenario import Rigid
+
+TIMED = "exact in time"
+OURS = {
+    TIMED: 6,
+    "exact, hub": 6,
+    "exact, clamped": 6,
+    "exact, free": 6,
+    "least squares": 4,
+}
+EQUAL = {"equal links, midpoint": "midpoint", "equal links, classical": "classical"}
+EQUAL_COUNTS = (3, 5, 7, 10, 14, 20, 24, 27, 30, 40, 57, 80, 95, 113)
+SOFT_COUNTS = (5, 7, 10, 14)
+PAPER = "paper's 3 links"
+RIGID_HUB = "rigid hub"
+INTEGRATORS = ("Euler", "implicitfast", "RK4", "discrete")
+DAMPED = 6  # first modes of a rival that get a damping tendon
+MARGIN = 0.97  # of the stability limit: the largest step tried
+BEYOND = 2.0  # a model exact in time is tried up to this many times the step from which its fastest mode is slowed
+
+
+class Entry(NamedTuple):
+    """One competitor: a model, its size and an integrator; its steps are found by the study."""
+
+    model: str
+    n: int
+    integrator: str
+
+    @property
+    def ours(self) -> bool:
+        """Made by this package's own methods."""
+        return self.model in OURS
+
+    @property
+    def timed(self) -> bool:
+        """Made for one step, at which every sampled position is exact; fed with the mean of this and the last wrench."""
+        return self.model == TIMED
+
+    def fed(self, wrench: Array) -> Array:
+        """`(t, 6)` what the model is given in each step.
+
+        Args:
+            wrench: `(t, 6)` on the hub, constant over each step.
+        """
+        if not self.timed:
+            return wrench
+        held = HeldInput()
+        return np.array([held(row) for row in wrench]).reshape(wrench.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What every model is made from.
+
+    Args:
+        beam: the appendage.
+        full: all its modes per kept port, with damping ratios.
+        kept: modes per port in the spec; the planes' numbers are what a study varies.
+        hub: the hub.
+        tendons: damping as tendons, not in the hinges.
+    """
+
+    beam: Beam
+    full: dict[str, PortModel]
+    kept: dict[str, int]
+    hub: Rigid
+    tendons: bool = True
+
+    @property
+    def planes(self) -> list[str]:
+        """Bending planes kept."""
+        return [port for port in ("xy", "xz") if port in self.kept]
+
+
+def entries(task: Task) -> list[Entry]:
+    """Everything that can be built for this appendage, cheapest first within each model."""
+    out = [Entry(RIGID_HUB, 0, integrator) for integrator in INTEGRATORS]
+    for model, most in OURS.items():
+        integrators = ("Euler",) if model == TIMED else INTEGRATORS
+        out += [Entry(model, n, i) for i in integrators for n in range(1, most + 1)]
+    if not task.planes:
+        return out
+    if task.beam.uniform and len(task.kept) == 1:
+        out += [Entry(PAPER, 2, integrator) for integrator in INTEGRATORS]
+    for model in EQUAL:
+        out += [Entry(model, n, i) for i in INTEGRATORS for n in EQUAL_COUNTS]
+    for model in soft_rods.available(task.beam):
+        out += [Entry(model, n, i) for i in soft_rods.INTEGRATORS[model] for n in SOFT_COUNTS]
+    return out
+
+
+def largest_step(task: Task, entry: Entry) -> float:
+    """Largest step worth trying, a little below the stability limit on this hub [s]; infinity: none.
+
+    A model exact in time is stable at every step; it is tried from steps at which the fastest mode of every port is slowed.
+    """
+    if entry.model == RIGID_HUB or entry.integrator == "discrete":
+        return float("inf")
+    if entry.timed:
+        _, targets = _built(task, entry)
+        fastest = [float(m.with_hub(_hub_of(task, port)).free_frequencies[-1]) for port, m in targets.items()]
+        return BEYOND * PHASE / min(fastest)
+    if entry.model in soft_rods.INTEGRATORS:
+        fastest = soft_rods.fastest(task.beam, entry.n)
+        return MARGIN * largest_angle(entry.integrator) / fastest
+    chain = chain_of(task, entry)
+    ports = {port: chain.port(port) for port in chain.ports}
+    coupled = in_space(ports, chain.rigid_mass()).with_hub(task.hub.matrix)
+    ratio = max((float(np.max(task.full[p].damping, initial=0.0)) for p in ports), default=0.0)
+    return (
+        MARGIN
+        * largest_angle(entry.integrator, ratio, tendon=any(t.damping > 0.0 for t in chain.tendons))
+        / float(coupled.free_frequencies[-1])
+    )
+
+
+def model_of(task: Task, entry: Entry, timestep: float = 0.0) -> "mujoco.MjModel":
+    """The compiled scene of an entry: a free-flying hub with the appendage, nothing drawn.
+
+    The link welded to the hub becomes part of it when compiled (`fusestatic`), for rivals too.
+
+    Args:
+        task: appendage and hub.
+        entry: which model.
+        timestep: for which a model is made exact in time [s]; 0: for none. Other models are the same at every step.
+    """
+    if entry.model in soft_rods.INTEGRATORS:
+        return soft_rods.scene_model(entry.model, task.beam, task.hub, entry.n)
+    if entry.model == RIGID_HUB:
+        return compile_model(scene_text(task.hub, frozen(task.beam)))
+    model = compile_model(scene_text(task.hub, chain_of(task, entry)))
+    if entry.timed:
+        retime(model, timestep, entry.integrator, form=4)
+    return model
+
+
+def scene_text(hub: Rigid, chain: Chain) -> str:
+    """The scene of a chain on the hub as MJCF text."""
+    return _scene_of(hub, write.appendage(chain, "appendage", visuals=False, sites={}))
+
+
+def _scene_of(hub: Rigid, tree: Element) -> str:
+    root = write.scene(
+        tree, "appendage", mass=hub.mass, inertia=hub.inertia, offset=hub.offset, timestep=0.01, integrator="Euler"
+    )
+    strip(root)
+    return write.text(root)
+
+
+def strip(root: Any) -> None:
+    """Take out of a scene what costs time and moves nothing: geoms, sites, lights, bodies welded to others."""
+    for tag in ("geom", "site", "light"):
+        for element in root.findall(f".//worldbody//{tag}"):
+            element.getparent().remove(element)
+    root.insert(0, etree.Element("compiler", fusestatic="true"))
+
+
+def frozen(beam: Beam) -> Chain:
+    """The appendage as one rigid link."""
+    rigid = Chain((rivals.rigid_link(beam, 0.0, beam.length),), (), beam.length)
+    return with_real_polar(rigid)
+
+
+@lru_cache(maxsize=8)
+def chain_of(task: Task, entry: Entry) -> Chain:
+    """The chain of an entry, damped; kept, because every step of a ladder asks for it.
+
+    Raises:
+        RealisationError: there is no such chain.
+    """
+    chain, targets = _built(task, entry)
+    if any(t.stiffness > 0.0 for t in chain.tendons):
+        return chain  # each mode has its damping already
+    for port in chain.ports:
+        ratios = task.full[port].damping
+        if not np.any(ratios > 0.0):
+            continue
+        if task.tendons:  # plain joint damping would starve the first modes of a chain of many links
+            chain = damped_modes(chain, {port: targets[port].damping if port in targets else ratios[:DAMPED]})
+        else:
+            chain = joint_damping(chain, port, np.resize(ratios, max(len(chain.hinges), 1)))
+    return chain
+
+
+def _counts(task: Task, n: int) -> dict[str, int]:
+    """Modes per port of a model of size n."""
+    if not task.planes:
+        return dict.fromkeys(task.kept, n)
+    return {port: n if port in task.planes else count for port, count in task.kept.items()}
+
+
+def _built(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
+    beam, kept = task.beam, _counts(task, entry.n)
+    if entry.model in OURS:
+        built = _ours(task, entry, kept)
+        short = {port: target.modes for port, target in built.targets.items() if target.modes < kept[port]}
+        if short:
+            raise RealisationError(f"{entry.model}: no chain with {entry.n} modes; {built.status.message}")
+        return built.chain, built.targets
+    port = task.planes[0]
+    if entry.model == PAPER:
+        free = beam.port(port, 4).free_frequencies
+        k, c = rivals.seed_parameters(float(beam.rigid_mass()[0, 0]), beam.length, float(free[0]), float(free[1]))
+        return with_real_polar(rivals.seed_chain(beam, k, c, port)), {}
+    bending = [p for p in kept if p != "axial"]
+    chains = [rivals.equal_links(beam, entry.n, EQUAL[entry.model], p) for p in bending]
+    hinges = tuple(
+        replace(hinge, stiffness={p: c.hinges[i].stiffness[p] for p, c in zip(bending, chains, strict=True)})
+        for i, hinge in enumerate(chains[0].hinges)
+    )
+    # a short piece of a wide panel, frozen, has more polar inertia than a thin body can have: it gets what it can
+    links = tuple(
+        replace(
+            link, inertia=(min(link.inertia[0], (1.0 - 1e-9) * (link.inertia[1] + link.inertia[2])), *link.inertia[1:])
+        )
+        for link in chains[0].links
+    )
+    return with_real_polar(replace(chains[0], hinges=hinges, links=links)), {}
+
+
+def _hub_of(task: Task, port: str) -> Array:
+    """The hub's mass matrix in the motions of a port."""
+    return PORT_MOTION[port].T @ task.hub.matrix @ PORT_MOTION[port]
+
+
+def _ours(task: Task, entry: Entry, kept: dict[str, int]) -> Built:
+    def target_of(port: str, count: int) -> PortModel:
+        full = task.full[port]
+        if entry.model == "exact, free":
+            out = full.reduced(count, 0.0 * _hub_of(task, port))
+        elif entry.model in ("exact, hub", TIMED):
+            out = full.reduced(count, _hub_of(task, port))
+        else:
+            out = full.truncated(count)
+        return out.replaced(damping=full.damping[: out.modes])
+
+    if entry.model == "least squares":
+        links = np.full(entry.n + 1, task.beam.length / (entry.n + 1))
+        return build_least_squares(task.beam, kept, links, ("stiffness", "lengths", "masses"), None, target_of)
+    damped = any(np.any(task.full[port].damping > 0.0) for port in kept)
+    if entry.timed:  # armature and damping of the modes stand on their tendons
+        return build_exact(task.beam, kept, target_of, Wishes(springs="modes", per_mode=damped))
+    return build_exact(task.beam, kept, target_of, Wishes(per_mode=damped and task.tendons))

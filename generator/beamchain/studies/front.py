@@ -1,0 +1,103 @@
+"""What the points say: the Pareto front, and the cheapest setting for a target error."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from beamchain.studies.run_time import Ladder, Point
+
+Metric = Literal["error", "error_appendage"]
+
+TARGETS = (1e-2, 1e-3, 1e-4)  # errors that a study answers for
+SLOPE_POINTS = 3  # sizes n that an extrapolation takes, from the accurate end
+STEEPEST = 3.0  # decades of time per decade of error that an extrapolation believes
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The cheapest way to a target error with one model.
+
+    Args:
+        model: its name.
+        seconds: time for the scenario [s].
+        point: the setting; the last measured one where extrapolated.
+        extrapolated: the target lies beyond what was measured; time follows the front's measured slope.
+        slope: decades of time per decade of error, where extrapolated.
+    """
+
+    model: str
+    seconds: float
+    point: Point
+    extrapolated: bool
+    slope: float | None = None
+
+
+def honest(ladder: Ladder, metric: Metric) -> list[tuple[float, Point]]:
+    """Each point with the error it can be trusted for: the worst of its own and of every finer step."""
+    out: list[tuple[float, Point]] = []
+    worst = 0.0
+    for point in sorted(ladder.points, key=lambda p: p.timestep):
+        worst = max(worst, float(getattr(point, metric)))
+        out.append((worst, point))
+    return out
+
+
+def front(ladders: Iterable[Ladder], metric: Metric) -> list[tuple[float, Point]]:
+    """The points that no other beats in both trusted error and time, slowest last."""
+    points = sorted((pair for ladder in ladders for pair in honest(ladder, metric)), key=lambda p: p[1].seconds)
+    out: list[tuple[float, Point]] = []
+    for error, point in points:
+        if not out or error < out[-1][0]:
+            out.append((error, point))
+    return out
+
+
+def reach(ladders: Sequence[Ladder], model: str, target: float, metric: Metric) -> Reach | None:
+    """The cheapest setting of a model for a target error; beyond its points, along the slope of its front."""
+    own = front([ladder for ladder in ladders if ladder.entry.model == model], metric)
+    for error, point in own:
+        if error <= target:
+            return Reach(model, point.seconds, point, False)
+    if not own:
+        return None
+    error, point = own[-1]
+    slope = _slope(_sizes(ladders, point, metric))
+    if slope is None:
+        return None
+    return Reach(model, point.seconds * (error / target) ** slope, point, True, slope)
+
+
+def _sizes(ladders: Sequence[Ladder], last: Point, metric: Metric) -> list[tuple[float, Point]]:
+    """The most accurate point of each size n with the model and integrator of `last`, up to it."""
+    out: list[tuple[float, Point]] = []
+    for ladder in sorted(ladders, key=lambda each: each.entry.n):
+        if ladder.entry.model == last.model and ladder.entry.integrator == last.integrator and ladder.points:
+            error, point = max(honest(ladder, metric), key=lambda pair: (-pair[0], -pair[1].seconds))
+            if point.n <= last.n and (not out or error < out[-1][0]):
+                out.append((error, point))
+    return out[-SLOPE_POINTS:]
+
+
+def _slope(points: Sequence[tuple[float, Point]]) -> float | None:
+    """Least-squares slope of log time over log 1/error; None where the front does not fall."""
+    if len(points) < 2:
+        return None
+    x = [-math.log(error) for error, _ in points]
+    y = [math.log(point.seconds) for _, point in points]
+    mean_x, mean_y = sum(x) / len(x), sum(y) / len(y)
+    across = sum((a - mean_x) ** 2 for a in x)
+    if across < 0.25:  # less than half a natural unit of error gained: no slope to speak of
+        return None
+    slope = sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True)) / across
+    return slope if 0.0 < slope <= STEEPEST else None
+
+
+def recommended_name(target: float) -> str:
+    """Name of the spec recommended for a target error."""
+    return f"recommended_{power(target)}.toml"
+
+
+def power(target: float) -> str:
+    """1e-2, 1e-3, ..."""
+    return f"1e{round(math.log10(target))}"

@@ -1,0 +1,354 @@
+"""`study`: error against run time of every sensible model of an appendage on its hub, measured on the spot."""
+
+import hashlib
+import json
+import statistics
+import time
+import tomllib
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from beamchain.engine.library import mujoco
+from beamchain.errors import InputError
+from beamchain.files import write_files
+from beamchain.fitting.choose import make_plan, whole_beam
+from beamchain.fitting.result import default_hub
+from beamchain.fitting.spec import FitOptions, Modes, Root, Scene, Spec, Target, spec_from_dict
+from beamchain.report.spec_text import spec_toml
+from beamchain.steps.large_motion import large_motion
+from beamchain.steps.run_limits import driven, exceeded
+from beamchain.studies import field, front
+from beamchain.studies.field import Entry, Task
+from beamchain.studies.fine_chain import LINEAR, large_reference, nonlinear
+from beamchain.studies.front import TARGETS, Metric, Reach, recommended_name
+from beamchain.studies.growth import Growth, growth
+from beamchain.studies.jobs import Progress, run_jobs
+from beamchain.studies.run_time import Ladder, Point, Run, climb, in_turns
+from beamchain.studies.scenario import Rigid, Scenario, make_scenario, parse_profile
+
+FULL_MODES = 30  # of the beam on the hub: one mode fewer changes the reference by less than 1e-9
+BUDGET = 0.1  # [s] for the errors of one entry
+DUEL_ROUNDS = 15
+DUEL_NEAR = 2.0  # our settings that take up to this many times the best's time to a target are repeated beside it
+DUEL_LONGEST = 0.6  # a finalist that simulates longer is not repeated in the duel [s]
+STORE = ".study_points.jsonl"
+
+
+class Options(NamedTuple):
+    """What a study may be told.
+
+    Args:
+        profile: CSV text of the wrench on the hub; a doublet where left out.
+        duration: [s]; found from the first coupled mode where left out.
+        budget: time for the errors of one entry [s].
+        models: names of the models to run; all where empty.
+        amplitude: of the doublet [N, N m]; small enough to stay linear where left out.
+    """
+
+    profile: str | None = None
+    duration: float | None = None
+    budget: float = BUDGET
+    models: tuple[str, ...] = ()
+    amplitude: float | None = None
+
+
+DEFAULTS = Options()
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Everything measured.
+
+    Args:
+        spec: the appendage and hub.
+        options: what was asked.
+        kept: modes per port of the spec; the planes' numbers were varied.
+        scenario: what was simulated.
+        ladders: per entry, its points.
+        growth: time against n.
+        seconds: what the study took [s].
+        warnings: where the load drives a recommended chain beyond what it is right for.
+    """
+
+    spec: Spec
+    options: Options
+    kept: dict[str, int]
+    scenario: Scenario
+    ladders: tuple[Ladder, ...]
+    growth: Growth
+    seconds: float
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def points(self) -> list[Point]:
+        """Every setting measured, the rigid hub left out."""
+        return [p for ladder in self.ladders if ladder.entry.model != field.RIGID_HUB for p in ladder.points]
+
+    @cached_property
+    def rigid_hub(self) -> dict[str, float]:
+        """Per integrator, time per step of the rigid hub alone [s]."""
+        return {
+            ladder.entry.integrator: statistics.median(p.seconds_per_step for p in ladder.points)
+            for ladder in self.ladders
+            if ladder.entry.model == field.RIGID_HUB and ladder.points
+        }
+
+    @property
+    def models(self) -> list[str]:
+        """Names of the models measured, ours first."""
+        return list(dict.fromkeys(p.model for p in self.points))
+
+    def reach(self, target: float, metric: Metric) -> dict[str, Reach]:
+        """Per model, the cheapest setting for a target error."""
+        found = {model: front.reach(self.ladders, model, target, metric) for model in self.models}
+        return {model: reach for model, reach in found.items() if reach is not None}
+
+    def best(self, target: float, metric: Metric) -> Reach | None:
+        """The cheapest measured setting among our own chains, which keep their geometry in large motion."""
+        found = self.reach(target, metric)
+        ours = [r for m, r in found.items() if m in field.OURS and not r.extrapolated]
+        return min(ours, key=lambda r: r.seconds, default=None)
+
+    def nearest(self, metric: Metric) -> Point | None:
+        """The most accurate of our own chains, whatever it takes."""
+        ours = [x for x in self.ladders if x.entry.ours]
+        found = front.front(ours, metric)
+        return found[-1][1] if found else None
+
+    def rivals(self, target: float, metric: Metric) -> dict[str, Reach]:
+        """The rivals' cheapest settings, extrapolated where they did not get there."""
+        return {model: r for model, r in self.reach(target, metric).items() if model not in field.OURS}
+
+    def short_of(self, target: float, metric: Metric) -> dict[str, float]:
+        """Rivals that do not get there, and show no slope to follow: the best error of each."""
+        reached = self.reach(target, metric)
+        fronts = {m: front.front([x for x in self.ladders if x.entry.model == m], metric) for m in self.models}
+        return {m: f[-1][0] for m, f in fronts.items() if f and m not in reached and m not in field.OURS}
+
+    def recommended(self, target: float, metric: Metric) -> Spec | None:
+        """The spec that gives the best setting for a target; one exact in time is for that step and Euler."""
+        best = self.best(target, metric)
+        if best is None:
+            return None
+        point = best.point
+        timed = Entry(*point[:3]).timed
+        words: dict[str, Target] = {field.TIMED: "hub", "exact, hub": "hub", "exact, free": "free"}
+        planes = [p for p in ("xy", "xz") if p in self.kept] or list(self.kept)
+        counts = {port: point.n if port in planes else n for port, n in self.kept.items()}
+        scene = self.spec.scene or Scene()
+        changes: dict[str, Any] = {
+            "modes": Modes(**counts),
+            "root": Root(target=words.get(point.model, "clamped"), hub=self.spec.root.hub),
+            "scene": msgspec.structs.replace(scene, integrator=point.integrator, timestep=point.timestep),
+            "fit": FitOptions(
+                method="least_squares" if point.model == "least squares" else "exact",
+                springs="modes" if timed else "auto",
+                timestep=point.timestep if timed else 0.0,
+            ),
+        }
+        if timed and self.spec.damping is not None:
+            changes["damping"] = msgspec.structs.replace(self.spec.damping, form="modal")
+        return msgspec.structs.replace(self.spec, **changes)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What study.json holds."""
+        from beamchain.report.study_record import study_record
+
+        return study_record(self)
+
+    def write(self, folder: Path, *, force: bool = False) -> list[Path]:
+        """Write study.html, the picture, the recommended specs and study.json (last) into `folder`; all or none.
+
+        Raises:
+            OutputError: a file exists and `force` is False, or the folder cannot be written.
+        """
+        from beamchain.report.record import to_json
+        from beamchain.report.study_html import study_page
+
+        page, pictures = study_page(self)
+        files: dict[Path, str | bytes] = {folder / name: content for name, content in pictures.items()}
+        for target in TARGETS:
+            spec = self.recommended(target, "error")
+            if spec is not None:
+                files[folder / recommended_name(target)] = spec_toml(spec)
+        files[folder / "study.html"] = page
+        files[folder / "study.json"] = to_json(self.as_dict())
+        write_files(files, force=force)
+        (folder / STORE).unlink(missing_ok=True)
+        return list(files)
+
+
+def study(
+    spec: Spec,
+    options: Options = DEFAULTS,
+    *,
+    executor: Executor | None = None,
+    folder: Path | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> Study:
+    """Measure the whole field.
+
+    Args:
+        spec: appendage and hub; without a hub, one of ten times the appendage's mass.
+        options: profile, duration, budget, models, amplitude.
+        executor: where the entries run; one after the other in this process where left out.
+        folder: keeps what is measured until `Study.write` is done, for `resume`.
+        resume: take up what `folder` holds.
+        progress: told after every entry.
+
+    Returns:
+        every setting measured, the cheapest for each target error, and what large motion changes.
+
+    Raises:
+        InputError: a model name is unknown, the profile cannot be used, or profile and amplitude are both given.
+        EngineError: the load throws the appendage about so that no chain can be simulated, or a worker died.
+    """
+    start = time.perf_counter()
+    if options.profile is not None and options.amplitude is not None:
+        raise InputError("--profile and --amplitude are both given; the amplitude is the doublet's: leave one out.")
+    text = spec_toml(spec)
+    task, scenario = prepare(text, options)
+    wanted = field.entries(task)
+    known = dict.fromkeys(e.model for e in wanted)
+    for name in options.models:
+        if name not in known:
+            raise InputError(f"model {name!r} is not in the field; choose from {', '.join(map(repr, known))}.")
+    if options.models:
+        wanted = [e for e in wanted if e.model in (*options.models, field.RIGID_HUB)]
+    stamp = hashlib.sha256(json.dumps([text, options, mujoco.__version__]).encode()).hexdigest()[:12]
+    jobs = {f"{stamp} {e.model} {e.n} {e.integrator}": (text, scenario, options.budget, tuple(e)) for e in wanted}
+    store = None if folder is None else folder / STORE
+    results = run_jobs(measure_entry, jobs, executor=executor, store=store, resume=resume, progress=progress)
+    ladders = [
+        Ladder(Entry(*value["entry"]), [Point(*p) for p in value["points"]], value["note"])
+        for value in results.values()
+    ]
+    if executor is not None:
+        ladders = _one_clock(ladders)
+    found = Study(spec, options, task.kept, scenario, tuple(ladders), growth(task), 0.0)
+    found = replace(found, ladders=tuple(_duel(task, scenario, found)))
+    return replace(found, warnings=_too_far(task, found), seconds=time.perf_counter() - start)
+
+
+def _too_far(task: Task, found: Study) -> tuple[str, ...]:
+    """What the load drives the recommended chains through, beyond where they stay near a fine one."""
+    scenario = found.scenario
+    moments = np.linspace(0.0, scenario.duration, 4001)
+    run = driven(scenario.motion(moments), float(moments[1]), task.hub.offset)
+    best = {r.point[:2]: r.point for target in TARGETS if (r := found.best(target, "error")) is not None}
+    nearest = found.nearest("error")
+    if not best and nearest is not None:
+        best = {nearest[:2]: nearest}
+    out: list[str] = []
+    for point in best.values():
+        chain = field.chain_of(task, Entry(*point[:3]))
+        radius = max(float(task.hub.offset[0]), 0.0)
+        limits = {port: large_motion(chain, task.beam, port, modes=point.n, radius=radius) for port in task.planes}
+        out += [f"{point.model}, n = {point.n}: {sentence}" for sentence in exceeded(limits, run)]
+    return tuple(out)
+
+
+def measure_entry(text: str, scenario: Scenario, budget: float, entry: Sequence[Any]) -> dict[str, Any]:
+    """One job: all points of one entry, as plain data. A worker builds the task once."""
+    ladder = climb(make_task(text), scenario, Entry(*entry), budget)
+    return {"entry": list(entry), "points": [list(p) for p in ladder.points], "note": ladder.note}
+
+
+@lru_cache(maxsize=4)
+def make_task(text: str) -> Task:
+    """The task of a spec, given as the text of its TOML so that workers can share it."""
+    spec = spec_from_dict(tomllib.loads(text))
+    beam, hub = spec.beam, spec.root.hub or default_hub(spec.beam)
+    kept = spec.kept
+    if spec.chooses:
+        kept = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub.mass_matrix()).kept
+    if not kept:
+        raise InputError(
+            f"the scene needs no mode of {spec.name!r}: a rigid body keeps its promise, and there is nothing to study; "
+            "give a wider scene.bandwidth or a smaller scene.tolerance."
+        )
+    full = {port: spec.with_ratios(port, beam.port(port, FULL_MODES)) for port in kept}
+    rigid = Rigid(hub.mass, np.array(hub.inertia), np.array(hub.offset), hub.mass_matrix())
+    return Task(beam, full, kept, rigid, spec.damping is None or spec.damping.form == "modal")
+
+
+@lru_cache(maxsize=4)
+def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
+    """Task and scenario of a spec, given as the text of its TOML.
+
+    A default doublet that moves the appendage so far that it shows is made smaller; a profile or amplitude of the
+    user's is compared with fine chains in large motion instead.
+    """
+    task = make_task(text)
+    profile = None if options.profile is None else parse_profile(options.profile, "--profile")
+    scenario = make_scenario(
+        task.full, task.beam.rigid_mass(), task.hub, task.beam.length, profile=profile, duration=options.duration,
+        amplitude=options.amplitude,
+    )  # fmt: skip
+    changed = nonlinear(task, scenario)
+    while profile is None and options.amplitude is None and changed > LINEAR:
+        scenario = scenario.scaled(0.1)  # a heavy hub hardly moves while its appendage bends far
+        changed = nonlinear(task, scenario)
+    if changed > LINEAR:
+        return task, scenario.in_large_motion(large_reference(task, scenario))
+    return task, replace(scenario, nonlinear=changed)
+
+
+def _one_clock(ladders: Sequence[Ladder]) -> list[Ladder]:
+    """Times of several machines on one clock: the ratio to the rigid hub beside each, times the hub's own median."""
+    hub: dict[str, float] = {}
+    for ladder in ladders:
+        if ladder.entry.model == field.RIGID_HUB and ladder.points:
+            hub[ladder.entry.integrator] = statistics.median(p.seconds_per_step for p in ladder.points)
+    out: list[Ladder] = []
+    for ladder in ladders:
+        points = [
+            p._replace(
+                seconds=p.seconds / p.seconds_per_step * p.over_rigid_hub * hub[p.integrator],
+                seconds_per_step=p.over_rigid_hub * hub[p.integrator],
+            )
+            for p in ladder.points
+        ]
+        out.append(ladder if ladder.entry.model == field.RIGID_HUB else ladder._replace(points=points))
+    return out
+
+
+def _duel(task: Task, scenario: Scenario, found: Study) -> list[Ladder]:
+    """Every setting that the table names, and ours that are nearly as quick, timed once more in turns in this process."""
+    named: dict[tuple[Any, ...], Point] = {}
+    for target in TARGETS:
+        for reach in found.reach(target, "error").values():
+            named[reach.point[:4]] = reach.point
+        best = found.best(target, "error")
+        for ladder in found.ladders if best is not None else ():
+            met = [p for error, p in front.honest(ladder, "error") if error <= target and ladder.entry.ours]
+            near = max(met, key=lambda p: p.timestep, default=None)  # the fewest steps
+            if best is not None and near is not None and near.seconds < DUEL_NEAR * best.seconds:
+                named[near[:4]] = near
+    points = [p for p in named.values() if p.seconds < DUEL_LONGEST]
+    fresh: dict[tuple[Any, ...], Point] = {}
+    for integrator in field.INTEGRATORS:
+        group = [p for p in points if p.integrator == integrator]
+        if not group:
+            continue
+        runs = [
+            Run(field.model_of(task, Entry(*p[:3]), p.timestep), integrator, p.timestep,
+                Entry(*p[:3]).fed(scenario.profile.mean(p.timestep, round(p.seconds / p.seconds_per_step))))
+            for p in group
+        ]  # fmt: skip
+        hub = field.model_of(task, Entry(field.RIGID_HUB, 0, integrator))
+        for p, t in zip(group, in_turns(runs, hub, DUEL_ROUNDS, [[] for _ in runs]), strict=True):
+            per_step = t.seconds / round(p.seconds / p.seconds_per_step)
+            fresh[p[:4]] = p._replace(
+                seconds=t.seconds, seconds_per_step=per_step, spread=t.spread, over_rigid_hub=t.over_rigid_hub,
+                repeats=t.repeats,
+            )  # fmt: skip
+    return [ladder._replace(points=[fresh.get(p[:4], p) for p in ladder.points]) for ladder in found.ladders]

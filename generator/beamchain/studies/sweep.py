@@ -1,0 +1,330 @@
+"""`sweep`: variants of an appendage drawn from [uncertain], as arrays for one compiled MuJoCo model."""
+
+import hashlib
+import io
+import json
+import time
+import tomllib
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib.resources import files as package_files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec import structs
+
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model
+from beamchain.errors import BeamchainError, InputError
+from beamchain.files import write_files
+from beamchain.fitting.choose import make_plan, whole_beam
+from beamchain.fitting.fit import damped, fit
+from beamchain.fitting.result import Fit, default_hub
+from beamchain.fitting.spec import Damping, Modes, Spec, spec_from_dict
+from beamchain.ports.model import in_space
+from beamchain.ports.motions import Array
+from beamchain.report.spec_text import spec_toml
+from beamchain.structure.section import Equivalent
+from beamchain.studies.jobs import Progress, run_jobs
+
+#: Fields of MuJoCo's model that differ between variants; they hold for the scene.xml written beside them.
+FIELDS = (
+    "jnt_stiffness", "dof_damping", "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "site_pos",
+    "wrap_prm", "tendon_stiffness", "tendon_damping", "tendon_armature", "tendon_solimp_lim",
+)  # fmt: skip
+NAMES = ("body", "jnt", "site", "tendon")
+CHUNK = 10  # samples per job
+STORE = ".sweep_points.jsonl"
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """All variants.
+
+    Args:
+        spec: with [uncertain].
+        nominal: the fit of the spec itself.
+        seed: of the draws.
+        indices: `(k,)` samples that became variants.
+        fields: per field of MuJoCo's model, `(k, ...)`.
+        coupled: `(k, n)` frequencies of hub and appendage, kept modes [rad/s].
+        participation: per port `(k, n, m)`.
+        left_out: samples without a variant and why.
+        seconds: what it took [s].
+    """
+
+    spec: Spec
+    nominal: Fit
+    seed: int
+    indices: Array
+    fields: dict[str, Array]
+    coupled: Array
+    participation: dict[str, Array]
+    left_out: dict[int, str]
+    seconds: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """What sweep.json holds."""
+        return {
+            "name": self.spec.name,
+            "samples": self.indices.size + len(self.left_out),
+            "variants": self.indices.size,
+            "seed": self.seed,
+            "quantiles": QUANTILES,
+            "coupled_frequencies": [_spread(column) for column in self.coupled.T],
+            "participation": {
+                port: [[_spread(values[:, k, i]) for i in range(values.shape[2])] for k in range(values.shape[1])]
+                for port, values in self.participation.items()
+            },
+            "left_out": [{"sample": index, "why": why} for index, why in self.left_out.items()],
+            "fields": {name: list(values.shape[1:]) for name, values in self.fields.items()},
+            "mujoco": mujoco.__version__,
+            "seconds": self.seconds,
+        }
+
+    def archive(self) -> bytes:
+        """variants.npz: the fields, the samples' numbers, the coupled modes, and names of bodies, joints, ..."""
+        model = compile_model(self.nominal.scene_mjcf())
+        names = {f"{kind}_names": np.array(_names(model, kind)) for kind in NAMES}
+        stream = io.BytesIO()
+        np.savez_compressed(
+            stream, allow_pickle=False, fields=np.array(list(self.fields)), sample=self.indices,
+            coupled_frequencies=self.coupled, **names, **self.fields,
+        )  # fmt: skip
+        return stream.getvalue()
+
+    def write(self, folder: Path, *, force: bool = False) -> list[Path]:
+        """Write scene.xml (nominal), variants.npz, apply_variants.py, a picture and sweep.json (last); all or none.
+
+        Raises:
+            OutputError: a file exists and `force` is False, or the folder cannot be written.
+        """
+        from beamchain.report.record import to_json
+        from beamchain.report.sweep_plots import sweep_picture
+
+        example = package_files("beamchain").joinpath("examples/apply_variants.py").read_text(encoding="utf-8")
+        content: dict[Path, str | bytes] = {
+            folder / "scene.xml": self.nominal.scene_mjcf(),
+            folder / "variants.npz": self.archive(),
+            folder / "apply_variants.py": example,
+            folder / "coupled_frequencies.svg": sweep_picture(self),
+            folder / "sweep.json": to_json(self.as_dict()),
+        }
+        write_files(content, force=force)
+        (folder / STORE).unlink(missing_ok=True)
+        return list(content)
+
+
+def _spread(values: Array) -> dict[str, Any]:
+    return {
+        "mean": float(np.mean(values)),
+        "deviation": float(np.std(values)),
+        "quantiles": np.quantile(values, QUANTILES),
+    }
+
+
+def sweep(
+    spec: Spec,
+    samples: int,
+    *,
+    seed: int = 0,
+    executor: Executor | None = None,
+    folder: Path | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Draw and fit variants.
+
+    Args:
+        spec: with [uncertain]; where its scene chooses the modes, the nominal choice stands for all.
+        samples: how many.
+        seed: of the draws.
+        executor: where they are fitted; one after the other in this process where left out.
+        folder: keeps what is done until `Sweep.write`, for `resume`.
+        resume: take up what `folder` holds.
+        progress: told after every job.
+
+    Returns:
+        the variants as arrays of one compiled model, and the samples left out with their reasons.
+
+    Raises:
+        EngineError: a worker died for good.
+        InputError: the spec has no [uncertain], or every sample was left out.
+    """
+    start = time.perf_counter()
+    if spec.uncertain is None:
+        raise InputError("the spec has no [uncertain]; add one with for example stiffness = { relative = 0.05 }.")
+    if spec.imported is not None:
+        raise InputError(
+            f"[uncertain] varies a beam, but the appendage {spec.name!r} is imported modes ({spec.imported.file}); give "
+            "it as [[segment]], or vary the frequencies in copies of the file."
+        )
+    text = spec_toml(spec)
+    stamp = hashlib.sha256(json.dumps([text, seed, mujoco.__version__]).encode()).hexdigest()[:12]
+    jobs = {
+        f"{stamp} {i} {min(i + CHUNK, samples)}": (text, seed, i, min(i + CHUNK, samples))
+        for i in range(0, samples, CHUNK)
+    }
+    store = None if folder is None else folder / STORE
+    results = run_jobs(vary, jobs, executor=executor, store=store, resume=resume, progress=progress)
+    rows = [row for chunk in results.values() for row in chunk]
+    good = [row for row in rows if "why" not in row]
+    left_out = {row["sample"]: row["why"] for row in rows if "why" in row}
+    if not good:
+        raise InputError(f"no sample became a variant: {next(iter(left_out.values()))}")
+    nominal, model = _nominal(text)
+    fields = {
+        name: np.array([row["fields"][name] for row in good]).reshape(len(good), *getattr(model, name).shape)
+        for name in FIELDS
+        if getattr(model, name).size
+    }
+    return Sweep(
+        spec,
+        nominal,
+        seed,
+        np.array([row["sample"] for row in good]),
+        fields,
+        np.array([row["coupled"] for row in good]),
+        {port: np.array([row["participation"][port] for row in good]) for port in nominal.target},
+        left_out,
+        time.perf_counter() - start,
+    )
+
+
+def vary(text: str, seed: int, first: int, end: int) -> list[dict[str, Any]]:
+    """One job: samples `first` to `end`, as plain data."""
+    nominal, model = _nominal(text)
+    return [_sample(nominal, model, seed, index) for index in range(first, end)]
+
+
+@lru_cache(maxsize=4)
+def _nominal(text: str) -> tuple[Fit, "mujoco.MjModel"]:
+    """The fit of the spec itself, its modes and target made fast, and its compiled scene."""
+    spec = spec_from_dict(tomllib.loads(text))
+    found = fit(spec)
+    fixed = structs.replace(
+        spec,
+        modes=Modes(**{port: target.modes for port, target in found.target.items()}),
+        root=structs.replace(spec.root, target=found.kept_for),
+    )
+    model = compile_model(found.scene_mjcf())
+    return replace(found, spec=fixed), model
+
+
+def _sample(nominal: Fit, model: "mujoco.MjModel", seed: int, index: int) -> dict[str, Any]:
+    try:
+        spec = varied(nominal.spec, seed, index)
+        beam = spec.beam
+        hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
+        full = whole_beam(spec, beam)
+        plan = make_plan(spec, full, beam.rigid_mass(), hub)
+        built = damped(spec, plan, beam, nominal.cut)
+        fewer = [port for port, target in built.targets.items() if target.modes < nominal.target[port].modes]
+        if fewer:
+            return {"sample": index, "why": f"fewer modes in {fewer[0]}: {built.status.message}"}
+        chain = built.chain
+        variant = replace(nominal, spec=spec, chain=chain)
+        own = compile_model(variant.scene_mjcf())
+    except BeamchainError as error:
+        return {"sample": index, "why": str(error)}
+    if any(_names(own, kind) != _names(model, kind) for kind in NAMES):
+        return {"sample": index, "why": "its hinges or bodies come in another order than the nominal model's"}
+    ports = {port: chain.port(port) for port in built.targets}
+    carried = (spec.root.hub or default_hub(beam)).mass_matrix()
+    modes = sum(target.modes for target in built.targets.values())
+    coupled = in_space(ports, chain.rigid_mass()).with_hub(carried).free_frequencies[:modes]
+    return {
+        "sample": index,
+        "fields": {name: getattr(own, name).ravel().tolist() for name in FIELDS if getattr(own, name).size},
+        "coupled": coupled.tolist(),
+        "participation": {p: m.participation[: built.targets[p].modes].tolist() for p, m in ports.items()},
+    }
+
+
+def _names(model: "mujoco.MjModel", kind: str) -> list[str]:
+    get = {"body": model.body, "jnt": model.joint, "site": model.site, "tendon": model.tendon}[kind]
+    count = {"body": model.nbody, "jnt": model.njnt, "site": model.nsite, "tendon": model.ntendon}[kind]
+    return [get(i).name for i in range(count)]
+
+
+def varied(spec: Spec, seed: int, index: int) -> Spec:
+    """The spec of one sample.
+
+    Raises:
+        InputError: a drawn value is not allowed (a mass below zero).
+    """
+    given = spec.uncertain
+    assert given is not None
+    ratios = spec.damping.ratio if spec.damping is not None else 0.0
+    counts = {
+        "stiffness": len(spec.segment),
+        "density": len(spec.segment),
+        "damping": sum(map(len, ratios.values())) if isinstance(ratios, dict) else 1,
+        "payload": 1,
+        "lump": len(spec.lump),
+        "joint_stiffness": len(spec.joint),
+    }
+    scores = given.scores(seed, index, counts)
+    changes: dict[str, Any] = {}
+    if given.stiffness is not None or given.density is not None:
+        stiff = [given.stiffness.value(1.0, s) for s in scores["stiffness"]] if given.stiffness else None
+        dense = [given.density.value(1.0, s) for s in scores["density"]] if given.density else None
+        changes["segment"] = tuple(
+            _segment(s, stiff[i] if stiff else 1.0, dense[i] if dense else 1.0) for i, s in enumerate(spec.segment)
+        )
+    if given.joint_stiffness is not None:
+        names = ("stiffness_xy", "stiffness_xz", "stiffness_torsion")
+        changes["joint"] = tuple(
+            structs.replace(
+                joint, **{n: given.joint_stiffness.value(c, z) for n in names if (c := getattr(joint, n)) is not None}
+            )
+            for joint, z in zip(spec.joint, scores["joint_stiffness"], strict=True)
+        )
+    if given.lump is not None:
+        changes["lump"] = tuple(
+            _heavier(lump, given.lump.value(lump.mass, z)) for lump, z in zip(spec.lump, scores["lump"], strict=True)
+        )
+    if given.payload is not None and spec.payload is not None:
+        changes["payload"] = _heavier(spec.payload, given.payload.value(spec.payload.mass, scores["payload"][0]))
+    if given.damping is not None and spec.damping is not None:
+        drawn = iter(scores["damping"])
+        ratio = (
+            {port: tuple(given.damping.value(z, next(drawn)) for z in values) for port, values in ratios.items()}
+            if isinstance(ratios, dict)
+            else given.damping.value(ratios, next(drawn))
+        )
+        changes["damping"] = Damping(ratio=ratio, form=spec.damping.form)
+    return structs.replace(spec, **changes)
+
+
+def _heavier(body: Any, mass: float) -> Any:
+    """A lump or payload with another mass, its inertia in proportion."""
+    return structs.replace(body, mass=mass, inertia=tuple(v * mass / body.mass for v in body.inertia))
+
+
+def _segment(segment: Any, stiff: float, dense: float) -> Any:
+    """A segment with its stiffness and mass per length multiplied."""
+    changes: dict[str, Any] = {"nonstructural_mass": segment.nonstructural_mass * dense}
+    if isinstance(segment.section, Equivalent):
+        for name in ("section", "section_end"):
+            section = getattr(segment, name)
+            if section is not None:
+                both = {**_scaled(section, _STIFF, stiff), **_scaled(section, _HEAVY, dense)}
+                changes[name] = structs.replace(section, **both)
+    else:
+        material = segment.material
+        moduli = _scaled(material, ("youngs_modulus", "shear_modulus"), stiff)
+        changes["material"] = structs.replace(material, density=material.density * dense, **moduli)
+    return structs.replace(segment, **changes)
+
+
+_STIFF = ("bending_stiffness_xy", "bending_stiffness_xz", "torsion_stiffness", "axial_stiffness")
+_HEAVY = ("linear_mass", "polar_inertia")
+
+
+def _scaled(struct: Any, names: Sequence[str], factor: float) -> dict[str, float]:
+    return {name: getattr(struct, name) * factor for name in names if getattr(struct, name) is not None}
