@@ -11,7 +11,7 @@ import beamchain as bc
 from beamchain.cli import app
 from beamchain.engine.rollout import simulate
 from beamchain.errors import EngineError, RealisationError
-from beamchain.report.spec_text import spec_toml
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.report.study_html import scenario_sentence
 from beamchain.studies import field
 from beamchain.studies import study as studies

@@ -16,7 +16,7 @@ from beamchain.chain.tendons import springs_as_modes
 from beamchain.cli import app
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.rollout import seconds_of, simulate
-from beamchain.report.spec_text import spec_toml
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.studies import field, front, soft_rods
 from beamchain.studies import study as studies
 from beamchain.studies.field import Entry

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 import beamchain as bc
 from beamchain.cli import app
 from beamchain.fitting.spec import spec_from_dict
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.fitting.uncertain import Uncertain, Uncertainty
-from beamchain.report.spec_text import spec_toml
 from beamchain.studies import sweep as sweeps
 
 ARRAY = Path(str(files("beamchain"))) / "examples" / "array_uncertain.toml"

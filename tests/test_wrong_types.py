@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.report.record import to_json
+from beamchain.files import to_json
 
 STEEL = bc.Material(youngs_modulus=2.06e11, density=7800.0)
 BAY = bc.Segment(length=5.0, section=bc.Round(diameter=0.02), material=STEEL)

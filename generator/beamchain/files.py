@@ -1,12 +1,22 @@
-"""Outputs are written whole or not at all: a temporary file beside the place, then a rename."""
+"""Files: TOML read in bounded time; outputs written whole or not at all, by a temporary file and a rename; JSON."""
 
+import json
+import math
 import os
+import re
 import stat
 import tempfile
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from beamchain.errors import OutputError
+
+LARGEST_TOML = 2_000_000  # bytes: tomllib reads about a megabyte in a second
+
+#: A dotted key of 50 parts or more: tomllib takes minutes for 100,000 of them.
+_DEEP_KEY = re.compile(r"""(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){50}""")
 
 NOT_FILES = {
     stat.S_ISDIR: "a folder",
@@ -91,3 +101,30 @@ def _make_folder(folder: Path, made: list[Path]) -> None:
     for place in reversed(missing):
         place.mkdir()
         made.append(place)
+
+
+def tables(content: str) -> dict[str, Any]:
+    """The tables of TOML text.
+
+    Raises:
+        ValueError: it is no TOML, or a number has thousands of digits.
+        RecursionError: it is nested too deeply.
+    """
+    if _DEEP_KEY.search(content):
+        raise RecursionError("a dotted key of 50 parts or more")
+    return tomllib.loads(content)
+
+
+def to_json(record: dict[str, Any]) -> str:
+    """JSON text, strict: a number that is not finite becomes null (no limit)."""
+    return json.dumps(_plain(record), indent=2, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # NumPy's arrays and scalars
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -53,6 +53,6 @@ def print_written(files: Iterable[Path]) -> None:
 
 def print_json(record: dict[str, Any]) -> None:
     """A record on stdout."""
-    from beamchain.report.record import to_json
+    from beamchain.files import to_json
 
     sys.stdout.write(to_json(record))

@@ -119,11 +119,10 @@ def render(
 def too_far(fit: "Fit", slew: "Slew") -> list[str]:
     """Sentences for a turn beyond what the fit's chain is right for."""
     from beamchain.steps.run_limits import exceeded, turned
-    from beamchain.studies.stability import large_limits
 
     if fit.space is not None:
         return []
-    return exceeded(large_limits(fit)[0], turned(slew.rate, slew.acceleration, slew.axis, fit.hub.offset))
+    return exceeded(fit.large_motion[0], turned(slew.rate, slew.acceleration, slew.axis, fit.hub.offset))
 
 
 def view(scene: Scene, as_json: Json = False, quiet: Quiet = False) -> None:

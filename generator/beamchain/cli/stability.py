@@ -44,8 +44,7 @@ def stability(
     """
     from beamchain.extremes.cases import cases
     from beamchain.extremes.suite import Extremes, run
-    from beamchain.files import check_free, write_files
-    from beamchain.report.record import to_json
+    from beamchain.files import check_free, to_json, write_files
     from beamchain.report.stability_html import stability_report
     from beamchain.studies.stability import study
 

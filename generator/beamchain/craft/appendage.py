@@ -29,7 +29,6 @@ from beamchain.steps.document import put_time
 from beamchain.steps.large_motion import LargeMotion
 from beamchain.steps.limits import step_limits
 from beamchain.steps.run_limits import exceeded
-from beamchain.studies.stability import large_limits
 
 EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for
 PROBE = "beamchain probe "  # names of the empty bodies that stand for appendages while the spacecraft is measured
@@ -68,7 +67,7 @@ class Appendage:
     @cached_property
     def large_motion(self) -> dict[str, LargeMotion]:
         """How far its chain may be driven, per bending plane; empty where no beam or no chain is there to compare."""
-        return {} if self.fit.space is not None else large_limits(self.fit)[0]
+        return {} if self.fit.space is not None else self.fit.large_motion[0]
 
 
 def driven_too_far(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:

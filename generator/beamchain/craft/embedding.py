@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from lxml import etree
 
+from beamchain import report
 from beamchain.checks import one_of
 from beamchain.checks import whole as checked_int
 from beamchain.craft.appendage import (
@@ -78,14 +79,10 @@ class Embedded:
     _layout: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        from beamchain.report.notebook import embedded_text
-
-        return embedded_text(self)
+        return report.embedded_text(self)
 
     def _repr_html_(self) -> str:
-        from beamchain.report.notebook import embedded_html
-
-        return embedded_html(self)
+        return report.embedded_html(self)
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -171,15 +168,11 @@ class Embedded:
 
     def as_dict(self) -> dict[str, Any]:
         """What `embed --json` prints."""
-        from beamchain.report.embed_record import embed_record
-
-        return embed_record(self)
+        return report.embed_record(self)
 
     def plot(self) -> str:
         """The hub's accelerance, exact and through MuJoCo, as SVG text."""
-        from beamchain.report.assembly_plot import assembly_svg
-
-        return assembly_svg(self.assembly)
+        return report.assembly_svg(self.assembly)
 
     def report(self, craft: str = "craft.xml", output: str = "flexible.xml") -> str:
         """The report as the text of one HTML file.
@@ -188,9 +181,7 @@ class Embedded:
             craft: name of the bare spacecraft's file.
             output: name of the file with the appendages.
         """
-        from beamchain.report.embed_html import embed_report
-
-        return embed_report(self, craft, output)
+        return report.embed_report(self, craft, output)
 
     def _files(self, folder: Path | None, stem: str) -> tuple[Craft, dict[str, str]]:
         if self.document is None:

@@ -7,6 +7,7 @@ from beamchain.checks import number, own_numbers, positive
 from beamchain.errors import InputError
 from beamchain.ports.motions import PORT_MOTION, Array, body_mass_matrix
 from beamchain.structure.lump import body_inertia
+from beamchain.structure.mass_line import MassLine
 
 Triple = tuple[float, float, float]
 ROUNDING = (
@@ -92,3 +93,10 @@ def port_hub_mass(hub: Array, port: str) -> Array:
     """`(m, m)` the hub's mass matrix as one port sees it: its block of the `(6, 6)` matrix."""
     motion = PORT_MOTION[port]
     return motion.T @ hub @ motion
+
+
+def default_hub(beam: MassLine) -> Hub:
+    """Ten times the appendage's mass, a cube as wide as a tenth of its length, root at a face."""
+    mass, side = 10.0 * beam.rigid_mass()[0, 0], 0.1 * beam.length
+    inertia = max(mass * side**2 / 6.0, 1e-12)
+    return Hub(mass=mass, inertia=(inertia, inertia, inertia), offset=(side / 2.0, 0.0, 0.0))

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from lxml.etree import _Element as Element
 
-from beamchain.chain.build import (
-    Status,
-)
+from beamchain import report
+from beamchain.chain.build import Status
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
 from beamchain.engine.bench import Measured, ballast_for
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError
-from beamchain.files import write_files
-from beamchain.fitting.hub import Hub
+from beamchain.files import to_json, write_files
+from beamchain.fitting.hub import Hub, default_hub
 from beamchain.fitting.needs import AXES, Choice, LeftOut
 from beamchain.fitting.spec import Scene, Spec
+from beamchain.fitting.warnings import step_warnings, turn_warning
 from beamchain.mjcf import write
 from beamchain.ports.compare import Comparison
 from beamchain.ports.model import PortModel, in_space
@@ -29,7 +29,8 @@ from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.accuracy import StepChoice, choose_step
 from beamchain.steps.discrete import SCHEMES
 from beamchain.steps.document import put_hinge_armature, put_time
-from beamchain.steps.limits import StepLimits
+from beamchain.steps.large_motion import LargeMotion, large_limits
+from beamchain.steps.limits import StepLimits, coupled_limits
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.retime import retime
 from beamchain.steps.turn import central_inertia, turn_error
@@ -113,14 +114,10 @@ class Fit:
     space: InSpace | None = None
 
     def __repr__(self) -> str:
-        from beamchain.report.notebook import fit_text
-
-        return fit_text(self)
+        return report.fit_text(self)
 
     def _repr_html_(self) -> str:
-        from beamchain.report.notebook import fit_html
-
-        return fit_html(self)
+        return report.fit_html(self)
 
     @property
     def mass_line(self) -> MassLine:
@@ -145,9 +142,35 @@ class Fit:
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What to know before the files are used; shown by `beamchain fit` and in the report."""
-        from beamchain.fitting.warnings import step_warnings
+        scene = self.spec.scene
+        if scene is None or not self.achieved:
+            return self.cautions
+        out = (*self.cautions, *turn_warning(self.turn_error, scene, scene.integrator, scene.step))
+        if self.spec.exact_step and self.tendon_sprung and scene.integrator in SCHEMES:
+            return out  # exact in time, or slowed
+        return (*out, *step_warnings(scene, self.scene_limits, self.steps))
 
-        return (*self.cautions, *step_warnings(self))
+    @property
+    def scene_limits(self) -> StepLimits:
+        """Step limits on the hub of scene.xml."""
+        if self.spec.root.hub is not None:
+            return self.limits
+        hub = self.hub.mass_matrix()
+        if self.space is None:
+            model = in_space(self.achieved, self.measured.rigid_mass)
+        else:
+            model, hub = self.space.achieved, hub[np.ix_(self.space.live, self.space.live)]
+        return coupled_limits(model, hub, tendon=self.tendon_damped, sprung=self.tendon_sprung)
+
+    @cached_property
+    def large_motion(self) -> tuple[dict[str, LargeMotion], tuple[str, ...]]:
+        """Large-motion limits per bending plane, and why one could not be had."""
+        if self.spec.imported is not None:
+            why = "large motion is compared with a chain of 60 links of the beam, which imported modes do not have."
+            return {}, (why,)
+        modes = {port: target.modes for port, target in self.target.items()}
+        hub = self.spec.root.hub
+        return large_limits(self.chain, self.spec.beam, modes, hub.offset[0] if hub else 0.0)
 
     @cached_property
     def turn_error(self) -> float | None:
@@ -332,15 +355,11 @@ class Fit:
             ax: drawn into; those of a new figure where left out.
             port: the first kept one where left out.
         """
-        from beamchain.report.plots import plot_accelerance
-
-        return plot_accelerance(self, ax=ax, port=port)
+        return report.plot_accelerance(self, ax=ax, port=port)
 
     def as_dict(self) -> dict[str, Any]:
         """What fit.json holds."""
-        from beamchain.report.record import fit_record
-
-        return fit_record(self)
+        return report.fit_record(self)
 
     def write(self, folder: str | Path, *, force: bool = False) -> list[Path]:
         """Write appendage.xml, scene.xml, pictures, report.html and fit.json (last) into `folder`; all or none.
@@ -348,16 +367,13 @@ class Fit:
         Raises:
             OutputError: a file exists and `force` is False, or the folder cannot be written.
         """
-        from beamchain.report.html import fit_report
-        from beamchain.report.record import to_json
-
         folder = Path(folder)
-        report, pictures = fit_report(self)
+        page, pictures = report.fit_report(self)
         files: dict[Path, str | bytes] = {
             folder / "appendage.xml": self.to_mjcf(),
             folder / "scene.xml": self.scene_mjcf(),
             **{folder / name: content for name, content in pictures.items()},
-            folder / "report.html": report,
+            folder / "report.html": page,
             folder / "fit.json": to_json(self.as_dict()),
         }
         write_files(files, force=force)
@@ -368,13 +384,6 @@ def seconds_taken(clock: Sequence[float]) -> dict[str, float]:
     """Seconds per step of a fit, from the times between its steps [s]."""
     steps = zip(("model", "realise", "write", "verify"), clock[:-1], clock[1:], strict=True)
     return {step: after - before for step, before, after in steps}
-
-
-def default_hub(beam: MassLine) -> Hub:
-    """Ten times the appendage's mass, a cube as wide as a tenth of its length, root at a face."""
-    mass, side = 10.0 * beam.rigid_mass()[0, 0], 0.1 * beam.length
-    inertia = max(mass * side**2 / 6.0, 1e-12)
-    return Hub(mass=mass, inertia=(inertia, inertia, inertia), offset=(side / 2.0, 0.0, 0.0))
 
 
 def appendage_tree(spec: Spec, chain: Chain, line: MassLine) -> Element:

@@ -11,6 +11,7 @@ import numpy as np
 
 from beamchain.checks import not_negative, number, one_of, own_numbers, positive, whole
 from beamchain.errors import InputError
+from beamchain.files import LARGEST_TOML, tables
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.hub import port_hub_mass as port_hub_mass
 from beamchain.fitting.sentences import sentence
@@ -22,7 +23,6 @@ from beamchain.structure.imported import Imported
 from beamchain.structure.joint import Joint
 from beamchain.structure.lump import Lump, body_inertia, check_carried
 from beamchain.structure.segment import Segment
-from beamchain.tables import LARGEST_TOML, tables
 
 MOST_MODES = 20
 RECIPES = ("classical", "midpoint", "naive", "seed")  # of one bending plane

@@ -1,20 +1,14 @@
 """What to know before a fit's files are used: dampers, steps, ports that are not independent."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
-
-import numpy as np
+from collections.abc import Mapping, Sequence
 
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
 from beamchain.fitting.spec import Scene, Spec
-from beamchain.ports.model import PortModel, in_space
-from beamchain.steps.discrete import SCHEMES
+from beamchain.ports.model import PortModel
+from beamchain.steps.accuracy import StepChoice
 from beamchain.steps.integrators import numerical_pole
-from beamchain.steps.limits import StepLimits, coupled_limits
-
-if TYPE_CHECKING:
-    from beamchain.fitting.result import Fit
+from beamchain.steps.limits import StepLimits
 
 DECOUPLED = 1e-9  # relative: what two independent ports may share
 
@@ -89,36 +83,24 @@ def turn_warning(error: float | None, scene: Scene, integrator: str, timestep: f
     )
 
 
-def step_warnings(result: "Fit") -> tuple[str, ...]:
-    """Where scene.xml's own step is unstable, or misses the scene's tolerance."""
-    scene = result.spec.scene
-    if scene is None or not result.achieved:
-        return ()
-    return (*turn_warning(result.turn_error, scene, scene.integrator, scene.step), *_stable(result, scene))
+def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice]) -> tuple[str, ...]:
+    """Where scene.xml's own step is unstable, or its vibration misses the scene's tolerance.
 
-
-def _stable(result: "Fit", scene: Scene) -> tuple[str, ...]:
-    """Where scene.xml's own step is unstable, or its vibration misses the scene's tolerance."""
-    if result.spec.exact_step and result.tendon_sprung and scene.integrator in SCHEMES:
-        return ()  # exact in time, or slowed
-    limits = result.limits
-    if result.spec.root.hub is None:
-        hub, space = result.hub.mass_matrix(), result.space
-        if space is None:
-            model = in_space(result.achieved, result.measured.rigid_mass)
-        else:
-            model, hub = space.achieved, hub[np.ix_(space.live, space.live)]
-        limits = coupled_limits(model, hub, tendon=result.tendon_damped, sprung=result.tendon_sprung)
+    Args:
+        scene: with step and integrator.
+        limits: on its hub.
+        steps: that hold the tolerance, the best first.
+    """
     largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.step:g} s"
     if scene.step > largest:
         return (
             f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
             "give scene.timestep half of that, or less.",
         )
-    kept = next((choice for choice in result.steps if choice.integrator == scene.integrator), None)
+    kept = next((choice for choice in steps if choice.integrator == scene.integrator), None)
     if kept is None or scene.step <= kept.step:
         return ()
-    best = result.steps[0]
+    best = steps[0]
     return (
         f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: it keeps that up to "
         f"{kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; give scene.integrator and scene.timestep, or "

@@ -6,13 +6,13 @@ import numpy as np
 
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.errors import EngineError
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import plots
 from beamchain.report.assembly_plot import assembly_figure, difference_figure
 from beamchain.report.curves import count
 from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, begun, inline, page_text, versions
 from beamchain.report.plots import percent, short, to_svg
 from beamchain.report.sections import Verdict, left_out_blocks, mode_table, shape_blocks, step_words
-from beamchain.report.spec_text import spec_toml
 from beamchain.steps.budget import budget
 
 if TYPE_CHECKING:

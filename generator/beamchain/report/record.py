@@ -1,10 +1,6 @@
 """fit.json: everything a script may want of a fit, as plain numbers."""
 
-import json
-import math
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from beamchain.mjcf.write import joint_name
 from beamchain.ports.model import PortModel
@@ -12,25 +8,6 @@ from beamchain.ports.motions import Array
 
 if TYPE_CHECKING:
     from beamchain.fitting.result import Fit
-
-
-def to_json(record: dict[str, Any]) -> str:
-    """JSON text, strict: a number that is not finite becomes null (no limit)."""
-    return json.dumps(_plain(record), indent=2, allow_nan=False) + "\n"
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, np.generic):
-        return value.item()
-    return value
 
 
 def mass_record(rigid: Array) -> dict[str, Any]:

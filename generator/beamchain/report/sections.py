@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from beamchain.fitting.spec import port_hub_mass
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.compare import in_band_error
 from beamchain.ports.motions import Array
 from beamchain.report.curves import METHODS, beam_model, chain_label, count, rival_chains, rival_model
@@ -14,7 +15,6 @@ from beamchain.report.page import Block, Lines, Picture, Pictures, Section, Tabl
 from beamchain.report.plots import percent, short
 from beamchain.report.record import mass_record
 from beamchain.report.shapes import shapes_svg
-from beamchain.report.spec_text import spec_toml
 from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:

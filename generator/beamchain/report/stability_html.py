@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from beamchain.fitting.spec import read_spec
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, begun, inline, page_text, versions
 from beamchain.report.plots import percent, short, to_svg
 from beamchain.report.sections import Verdict, step_words
-from beamchain.report.spec_text import spec_toml
 from beamchain.report.stability_plots import damping_figure, steps_figure
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ from scipy.optimize import brentq, fsolve
 
 from beamchain.chain.chain import Chain
 from beamchain.chain.rivals import equal_links
+from beamchain.errors import BeamchainError
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
 
@@ -262,3 +263,25 @@ def exceeded(
     for port, limit in limits.items():
         out += limit.exceeded(spin=rates.get(port, 0.0), acceleration=accelerations.get(port, 0.0))
     return out
+
+
+def large_limits(
+    chain: Chain, beam: Beam, modes: Mapping[str, int], radius: float = 0.0
+) -> tuple[dict[str, LargeMotion], tuple[str, ...]]:
+    """Large-motion limits of a chain per bending plane, and why one could not be had.
+
+    Args:
+        chain: fitted.
+        beam: that it was fitted to.
+        modes: kept, per port.
+        radius: of the root from the hub's centre [m].
+    """
+    out: dict[str, LargeMotion] = {}
+    reasons: list[str] = []
+    for port in ("xy", "xz"):
+        if port in modes and port in chain.ports:
+            try:
+                out[port] = large_motion(chain, beam, port, modes=modes[port], radius=max(radius, 0.0))
+            except BeamchainError as error:
+                reasons.append(f"large motion in {port} could not be compared: {error}")
+    return out, tuple(reasons)

@@ -7,12 +7,12 @@ from typing import Any
 
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
-from beamchain.errors import BeamchainError, EngineError
+from beamchain.errors import EngineError
 from beamchain.fitting.fit import fit
 from beamchain.fitting.result import Fit
-from beamchain.fitting.spec import Spec, read_spec
+from beamchain.fitting.spec import read_spec
 from beamchain.steps.budget import HOST, Budget, available, budget, preloaded
-from beamchain.steps.large_motion import LargeMotion, large_motion
+from beamchain.steps.large_motion import LargeMotion
 from beamchain.steps.measured_limit import measured_limit
 
 LONGEST = 10.0  # slowest periods: where the search for a limit of "discrete" starts
@@ -131,30 +131,11 @@ def study_fit(result: Fit, say: Callable[[str], None] = lambda _: None) -> Stabi
         budgets.append(limits)
         rows += step_rows(model, limits, say)
     say("comparing with a chain of 60 links in large motion")
-    large, warnings = large_limits(result)
-    warnings += silent
+    large, reasons = result.large_motion
+    warnings = [*reasons, *silent]
     scene = result.spec.scene
     warnings += _warnings(budgets[:1], 0.0 if scene is None else scene.step, scene.integrator if scene else None)
     return StabilityStudy(rows, budgets, large, warnings)
-
-
-def large_limits(result: Fit) -> tuple[dict[str, LargeMotion], list[str]]:
-    """Large-motion limits of a fit's chain per bending plane, and why one could not be had."""
-    spec: Spec = result.spec
-    radius = spec.root.hub.offset[0] if spec.root.hub else 0.0
-    if spec.imported is not None:
-        return {}, ["large motion is compared with a chain of 60 links of the beam, which imported modes do not have."]
-    out: dict[str, LargeMotion] = {}
-    warnings: list[str] = []
-    for port in ("xy", "xz"):
-        if port in result.target and port in result.chain.ports:
-            try:
-                out[port] = large_motion(
-                    result.chain, spec.beam, port, modes=result.target[port].modes, radius=max(radius, 0.0)
-                )
-            except BeamchainError as error:
-                warnings.append(f"large motion in {port} could not be compared: {error}")
-    return out, warnings
 
 
 def _warnings(budgets: list[Budget], timestep: float, integrator: str | None = None) -> list[str]:

@@ -15,13 +15,14 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
+from beamchain import report
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
-from beamchain.files import write_files
+from beamchain.files import to_json, write_files
 from beamchain.fitting.choose import make_plan, whole_beam
-from beamchain.fitting.result import default_hub
+from beamchain.fitting.hub import default_hub
 from beamchain.fitting.spec import FitOptions, Modes, Root, Scene, Spec, Target, spec_from_dict
-from beamchain.report.spec_text import spec_toml
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.steps.large_motion import large_motion
 from beamchain.steps.run_limits import driven, exceeded
 from beamchain.studies import field, front
@@ -159,9 +160,7 @@ class Study:
 
     def as_dict(self) -> dict[str, Any]:
         """What study.json holds."""
-        from beamchain.report.study_record import study_record
-
-        return study_record(self)
+        return report.study_record(self)
 
     def write(self, folder: Path, *, force: bool = False) -> list[Path]:
         """Write study.html, the picture, the recommended specs and study.json (last) into `folder`; all or none.
@@ -169,10 +168,7 @@ class Study:
         Raises:
             OutputError: a file exists and `force` is False, or the folder cannot be written.
         """
-        from beamchain.report.record import to_json
-        from beamchain.report.study_html import study_page
-
-        page, pictures = study_page(self)
+        page, pictures = report.study_page(self)
         files: dict[Path, str | bytes] = {folder / name: content for name, content in pictures.items()}
         for target in TARGETS:
             spec = self.recommended(target, "error")

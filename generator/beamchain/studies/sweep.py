@@ -16,17 +16,19 @@ from typing import Any
 import numpy as np
 from msgspec import structs
 
+from beamchain import report
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import BeamchainError, InputError
-from beamchain.files import write_files
+from beamchain.files import to_json, write_files
 from beamchain.fitting.choose import make_plan, whole_beam
 from beamchain.fitting.fit import damped, fit
-from beamchain.fitting.result import Fit, default_hub
+from beamchain.fitting.hub import default_hub
+from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Damping, Modes, Spec, spec_from_dict
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.model import in_space
 from beamchain.ports.motions import Array
-from beamchain.report.spec_text import spec_toml
 from beamchain.structure.section import Equivalent
 from beamchain.studies.jobs import Progress, run_jobs
 
@@ -103,15 +105,12 @@ class Sweep:
         Raises:
             OutputError: a file exists and `force` is False, or the folder cannot be written.
         """
-        from beamchain.report.record import to_json
-        from beamchain.report.sweep_plots import sweep_picture
-
         example = package_files("beamchain").joinpath("examples/apply_variants.py").read_text(encoding="utf-8")
         content: dict[Path, str | bytes] = {
             folder / "scene.xml": self.nominal.scene_mjcf(),
             folder / "variants.npz": self.archive(),
             folder / "apply_variants.py": example,
-            folder / "coupled_frequencies.svg": sweep_picture(self),
+            folder / "coupled_frequencies.svg": report.sweep_picture(self),
             folder / "sweep.json": to_json(self.as_dict()),
         }
         write_files(content, force=force)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamchain.fitting.spec import read_spec
-from beamchain.report.spec_text import spec_toml
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.studies.run_time import LADDER
 from beamchain.studies.study import Options, prepare
 

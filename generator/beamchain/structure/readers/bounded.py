@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from beamchain.errors import InputError
-from beamchain.tables import LARGEST_TOML
+from beamchain.files import LARGEST_TOML
 
 LARGEST_FILE = 500_000_000  # bytes of a print; a model with 1e5 nodes and 100 mode shapes stays below
 LARGEST_JSON = 10_000_000

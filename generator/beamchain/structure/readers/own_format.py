@@ -8,11 +8,11 @@ import msgspec
 import numpy as np
 
 from beamchain.errors import InputError
+from beamchain.files import LARGEST_TOML, tables
 from beamchain.structure.mass_line import Piece
 from beamchain.structure.modal_data import EXACT, ModalData
 from beamchain.structure.readers import craig_bampton
 from beamchain.structure.readers.bounded import LARGEST_JSON, text
-from beamchain.tables import LARGEST_TOML, tables
 
 FULL_DIGITS = 15  # a number with as many was computed, not printed
 
