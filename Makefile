@@ -5,6 +5,7 @@
 # make bench       print the timings that README and CHANGELOG quote
 # make bench-peers  the README's study beside Exudyn and Basilisk, in an environment of its own under build/peers
 # make fuzz        every reader with EXAMPLES spoilt files each, then coverage-guided where atheris installs
+# make extremes    1602 extreme appendages, each checked independently; counts and a map in build/extremes
 # make notebooks   run the notebooks in place, outputs kept small
 # make docs-pictures  draw the pictures that README shows
 # make wheel       build the distribution into dist/
@@ -15,7 +16,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
 
-.PHONY: demo test test-full hosts bench bench-peers notebooks docs-pictures wheel wheel-test wheel-newest lint clean fuzz
+.PHONY: demo test test-full hosts bench bench-peers notebooks docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -64,6 +65,9 @@ fuzz: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris || echo "atheris does not install here"
 	for reader in spec print "modes, TOML" "modes, JSON" spacecraft profile; do \
 		PYTHONPATH=tests $(BIN)/python tests/fuzz.py "$$reader" $(FUZZ_SECONDS) || exit 1; done
+
+extremes: $(VENV)/.installed
+	PYTHONPATH=tests $(BIN)/python -m extremes build/extremes
 
 notebooks: $(VENV)/.installed
 	$(BIN)/python notebooks/execute.py

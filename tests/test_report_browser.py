@@ -47,7 +47,7 @@ def pages():
     return {
         **{name: fit_report(fit)[0] for name, fit in made.items()},
         "embed": embedded.report("observer.xml", "out.xml"),
-        "stability": stability_report(found, source, {}),
+        "stability": stability_report(found, source),
     }
 
 

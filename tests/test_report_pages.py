@@ -37,7 +37,7 @@ def pages(observer, study):
     source, found = study
     return {
         "embed": observer.report("observer.xml", "out.xml"),
-        "stability": stability_report(found, source, {}),
+        "stability": stability_report(found, source),
     }
 
 
@@ -159,12 +159,6 @@ def test_stability_of_a_foreign_model(tmp_path, monkeypatch):
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Large motion" not in page
     assert "beamchain stability craft.xml -o craft-stability" in page
-
-
-def test_the_extremes_stand_in_the_page_where_there_are_any(study):
-    source, found = study
-    counts = {"cases": 48, "passed": 40, "refused": 8, "failed": 0}
-    assert rows(stability_report(found, source, {"extremes": counts}), "Extremes")[1][1] == "40"
 
 
 def test_names_of_the_user_keep_their_letters():

@@ -11,8 +11,8 @@ import pytest
 
 import beamchain as bc
 from beamchain.errors import BeamchainError
-from beamchain.extremes.cases import cases
-from beamchain.extremes.compiled import frequencies
+from extremes.cases import cases
+from extremes.compiled import frequencies
 
 pytestmark = [pytest.mark.host, pytest.mark.filterwarnings("ignore")]  # JAX warns of its own future
 mjx = pytest.importorskip("mujoco.mjx", reason="MJX is not installed: pip install 'beamchain[mjx]'")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from beamchain.errors import InputError
 
-_HERE = Path(__file__).parent
+_HERE = Path(__file__).parents[1]
 
 
 class Shipped(NamedTuple):

@@ -1,6 +1,5 @@
 """`beamchain stability`: the step at which a model blows up, before it is simulated."""
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,12 +9,10 @@ from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json
 from beamchain.cli.progress import spinner
 
 if TYPE_CHECKING:
-    from beamchain.extremes.suite import Extremes
     from beamchain.steps.budget import Budget
     from beamchain.studies.stability import StabilityStudy
 
 NOISE = 1e-9  # damping ratio below which nothing is shown
-MOST = 8  # processes that share the whole suite
 
 
 def stability(
@@ -24,57 +21,39 @@ def stability(
         typer.Argument(metavar="SPEC.toml|MODEL.xml", help="An appendage, or any MuJoCo model.", show_default=False),
     ],
     output: Folder,
-    extremes_map: Annotated[
-        bool,
-        typer.Option(
-            "--map",
-            help="Run the extremes suite, beamchain's check of itself, too (minutes) and draw its map, extremes.png.",
-        ),
-    ] = False,
+    extremes_map: Annotated[bool, typer.Option("--map", hidden=True)] = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
     """Step limits predicted and measured, steps for an accuracy, damping each integrator adds, large motion.
 
-    Writes report.html and stability.json into DIR; with --map, which checks beamchain itself on 1602 extreme appendages,
-    extremes.png too.
+    Writes report.html and stability.json into DIR.
 
     Example: beamchain stability boom.toml -o boom-stability
     """
-    from beamchain.extremes.cases import cases
-    from beamchain.extremes.suite import Extremes, run
+    from beamchain.errors import InputError
     from beamchain.files import check_free, to_json, write_files
     from beamchain.report.stability_html import stability_report
     from beamchain.studies.stability import study
 
+    if extremes_map:
+        raise InputError(
+            "--map was the extremes suite, a test of beamchain itself; run `make extremes` in its checkout."
+        )
     check_free(output / "stability.json", force=force)
     with spinner("reading", quiet or as_json) as say:
         result = study(source, say)
-        found = Extremes([])  # the suite is about beamchain, not about this appendage: run where it is asked for
-        if extremes_map:
-            chosen = cases()
-            found = run(
-                chosen,
-                lambda done: say(f"extremes: {done} of {len(chosen)} cases"),
-                min(os.cpu_count() or 1, MOST),
-            )
-        record = result.as_dict(found.as_dict())
-        files: dict[Path, str | bytes] = {output / "report.html": stability_report(result, source, record)}
-        if extremes_map:
-            from beamchain.report.extremes_map import extremes_map as draw
-
-            files[output / "extremes.png"] = draw(found.rows)
+        record = result.as_dict()
+        files: dict[Path, str | bytes] = {output / "report.html": stability_report(result, source)}
         files[output / "stability.json"] = to_json(record)
         write_files(files, force=force)
     if as_json:
         print_json(record)
     elif not quiet:
         _show(result)
-        if found.rows:
-            _show_extremes(found)
         print_written(files)
-    if found.failed or any(abs(r.difference) > 0.01 for r in result.rows):
+    if any(abs(r.difference) > 0.01 for r in result.rows):
         raise typer.Exit(3)
 
 
@@ -107,14 +86,6 @@ def _show(result: "StabilityStudy") -> None:
         )
     for warning in result.warnings:
         out.print(f"[yellow]note[/yellow]: {escape(warning)}")
-
-
-def _show_extremes(found: "Extremes") -> None:
-    counts = found.as_dict()
-    console().print(
-        f"extremes: {counts['cases']} cases, {counts['passed']} passed, {counts['refused']} refused with a reason, "
-        f"{counts['failed']} failed silently"
-    )
 
 
 def _budget_table(budget: "Budget") -> Any:

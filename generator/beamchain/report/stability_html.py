@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from beamchain.fitting.spec import read_spec
 from beamchain.fitting.spec_text import spec_toml
@@ -20,13 +20,12 @@ if TYPE_CHECKING:
 AGREE = 0.01  # predicted and measured limits; the command's own bound
 
 
-def stability_report(study: "StabilityStudy", source: Path, record: Mapping[str, Any]) -> str:
+def stability_report(study: "StabilityStudy", source: Path) -> str:
     """The text of the page.
 
     Args:
         study: what is told.
         source: SPEC.toml or MODEL.xml.
-        record: as in stability.json; its counts of the extremes suite are shown where there are any.
     """
     budgets = study.budgets
     parts = [Section("What was asked", [_asked(study, source)])]
@@ -42,8 +41,6 @@ def stability_report(study: "StabilityStudy", source: Path, record: Mapping[str,
     )
     if study.large:
         parts.append(Section("Large motion", [_large(study.large)]))
-    if record.get("extremes", {}).get("cases"):
-        parts.append(Section("Extremes", [_extremes(record["extremes"])]))
     parts.append(Section("To reproduce", _reproduce(source)))
     return page_text("stability.html", name=source.stem, sections=parts, verdict=_verdict(study), versions=versions())
 
@@ -133,19 +130,6 @@ def _large(found: Mapping[str, "LargeMotion"]) -> Table:
         "before the mass centre is displaced by half the length, or 30 first frequencies of spin."
     )
     return Table(rows, head, note=note)
-
-
-def _extremes(counts: Mapping[str, Any]) -> Table:
-    rows = [
-        ("appendages tried", str(counts["cases"])),
-        ("passed an independent check", str(counts["passed"])),
-        ("refused with a reason", str(counts["refused"])),
-        ("failed silently", str(counts["failed"])),
-    ]
-    note = (
-        "Extreme lengths, stiffnesses, tapers, tip masses, hubs and joints; not of this file, but of this installation."
-    )
-    return Table(rows, note=note)
 
 
 def _reproduce(source: Path) -> list[Block]:

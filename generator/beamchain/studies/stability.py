@@ -1,6 +1,6 @@
-"""`beamchain stability`: the walk through step limits, large motion and extremes, and its record."""
+"""`beamchain stability`: step limits predicted and measured, large motion, and their record."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,12 +49,8 @@ class StabilityStudy:
     large: dict[str, LargeMotion]
     warnings: list[str]
 
-    def as_dict(self, extremes: Mapping[str, Any]) -> dict[str, Any]:
-        """For stability.json.
-
-        Args:
-            extremes: record of the extremes suite.
-        """
+    def as_dict(self) -> dict[str, Any]:
+        """For stability.json; `extremes` counts no cases: the suite is a test of beamchain itself."""
         import beamchain
 
         return {
@@ -67,7 +63,7 @@ class StabilityStudy:
             "budgets": [b.as_dict() for b in self.budgets],
             "large_motion": [limit.as_dict() for limit in self.large.values()],
             "warnings": self.warnings,
-            "extremes": dict(extremes),
+            "extremes": {"cases": 0, "passed": 0, "refused": 0, "failed": 0, "rows": []},
         }
 
 

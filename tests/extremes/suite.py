@@ -9,13 +9,13 @@ import numpy as np
 from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import BeamchainError
-from beamchain.extremes.cases import Case
-from beamchain.extremes.compiled import frequencies
-from beamchain.extremes.truth import Rod
 from beamchain.fitting.fit import fit
 from beamchain.fitting.result import Fit
 from beamchain.ports.motions import Array
 from beamchain.studies.jobs import workers
+from extremes.cases import Case
+from extremes.compiled import frequencies
+from extremes.truth import Rod
 
 FREQUENCY = 1e-6  # relative: a natural frequency of the beam lies as near to each of MuJoCo's
 PARTICIPATION = 1e-4  # relative to its own norm, of the outer product, however weak the mode

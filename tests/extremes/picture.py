@@ -13,7 +13,7 @@ from beamchain.report.plots import STYLE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from beamchain.extremes.suite import Row
+    from extremes.suite import Row
 
 #: What a refusal, or a loss of modes, is counted as: the first of these words its sentence holds.
 REASONS = (

@@ -5,7 +5,6 @@ from typing import Literal
 
 import numpy as np
 
-from beamchain.extremes.truth import Rod
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.spec import Damping, FitOptions, Modes, Root, Spec
 from beamchain.structure.joint import Joint
@@ -13,6 +12,7 @@ from beamchain.structure.lump import Lump
 from beamchain.structure.material import Material
 from beamchain.structure.section import Round
 from beamchain.structure.segment import Segment
+from extremes.truth import Rod
 
 SPREAD = 1440  # cases of the hypercube
 SEED = 2008
