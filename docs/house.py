@@ -8,50 +8,37 @@ import beamchain
 
 SOURCE = Path(beamchain.__file__).parent
 ROOMS = {
-    "port": "pushes back",
+    "ports": "pushes back",
     "structure": "what bends",
     "chain": "rigid links",
     "mjcf": "written",
-    "engine": "measured",
-    "assess": "how well",
+    "engine": "simulated",
+    "steps": "time steps",
+    "fitting": "spec to chain",
+    "craft": "spacecraft",
+    "studies": "questions",
     "report": "looked at",
-    "workflow": "the walk",
     "cli": "commands",
 }
 WIDTH, GAP, HEIGHT, TOP = 92, 12, 62, 130
 INK, PALE = "#1f3b57", "#6f8faf"
 
 
-def room(name: str) -> str:
-    """The room of a folder or lone module; empty: cellar (errors, checks, spec) that all may use."""
-    if name in ROOMS:
-        return name
-    return "workflow" if name in LONE else ""
-
-
-CELLAR = {
-    "errors", "checks", "files", "tables", "sentences", "motion", "hub", "spec", "shipped", "uncertain", "jobs",
-    "__init__", "__main__",
-}  # fmt: skip
-LONE = {path.stem for path in SOURCE.glob("*.py")} - CELLAR - {"port"}
-
-
 def arrows() -> Counter[tuple[str, str]]:
     """How many import lines lead from room to room."""
     found: Counter[tuple[str, str]] = Counter()
     for path in SOURCE.rglob("*.py"):
-        here = room(path.relative_to(SOURCE).with_suffix("").parts[0])
+        here = path.relative_to(SOURCE).with_suffix("").parts[0]
         for name in re.findall(r"^\s*from beamchain\.(\w+)", path.read_text(encoding="utf-8"), re.M):
-            there = room(name)
-            if here and there and here != there:
-                found[here, there] += 1
+            if here in ROOMS and name in ROOMS and here != name:
+                found[here, name] += 1
     return found
 
 
 def sizes() -> Counter[str]:
     """Modules in each room."""
     names = (path.relative_to(SOURCE).with_suffix("").parts for path in SOURCE.rglob("*.py"))
-    return Counter(room(parts[0]) for parts in names if parts[-1] != "__init__")
+    return Counter(parts[0] for parts in names if parts[-1] != "__init__")
 
 
 def draw() -> str:
@@ -85,7 +72,7 @@ def draw() -> str:
         ]
     out += [
         f'<text x="20" y="218" font-size="11" fill="{INK}">Arcs: a room imports what stands to its left; the thicker, '
-        "the more. Below all: errors, checks, files, motion, hub, spec.</text>",
+        "the more. Below all: errors, checks, files.</text>",
         "</svg>",
     ]
     return "\n".join(out) + "\n"

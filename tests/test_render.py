@@ -18,7 +18,7 @@ from appendages import panels, seed_boom, tapered_boom
 from beamchain.cli import app
 from beamchain.engine import backend, camera
 from beamchain.engine.slew import MOST_BENT, simulate
-from beamchain.mjcf import visuals as looks
+from beamchain.mjcf import visuals
 from beamchain.report import film
 
 HUB = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
@@ -61,8 +61,8 @@ def test_shapes_weigh_nothing_and_touch_nothing(make):
 
 def test_each_section_has_its_look():
     kinds = {(geom.get("type"), geom.get("rgba")) for geom in geoms(ARRAY)}
-    assert kinds == {("cylinder", looks.TUBE), ("box", looks.PANEL), ("box", looks.CARRIED)}
-    assert {geom.get("rgba") for geom in geoms(bc.Beam(segments=(TRUSS,)))} == {looks.TRUSS}
+    assert kinds == {("cylinder", visuals.TUBE), ("box", visuals.PANEL), ("box", visuals.CARRIED)}
+    assert {geom.get("rgba") for geom in geoms(bc.Beam(segments=(TRUSS,)))} == {visuals.TRUSS}
 
 
 @pytest.mark.parametrize("beam", [seed_boom(), ARRAY])
@@ -74,7 +74,7 @@ def test_shapes_cover_the_appendage_and_are_as_deep(beam):
     for i in range(model.ngeom):
         along = model.geom_size[i, 0 if model.geom_type[i] == int(mujoco.mjtGeom.mjGEOM_BOX) else 1]
         x = float(data.geom_xpos[i, 0])
-        if model.geom_rgba[i, :3] != pytest.approx([float(v) for v in looks.CARRIED.split()[:3]]):
+        if model.geom_rgba[i, :3] != pytest.approx([float(v) for v in visuals.CARRIED.split()[:3]]):
             spans.append((x - along, x + along))
             depth = beam.depth(x, "xy") / 2.0
             across = model.geom_size[i, 1 if model.geom_type[i] == int(mujoco.mjtGeom.mjGEOM_BOX) else 0]
@@ -89,7 +89,7 @@ def test_a_carried_body_is_drawn_once_and_where_it_is():
     model = mujoco.MjModel.from_xml_string(bc.fit(ARRAY, modes={"xy": 3}).to_mjcf())
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    colour = [float(v) for v in looks.CARRIED.split()[:3]]
+    colour = [float(v) for v in visuals.CARRIED.split()[:3]]
     at = [data.geom_xpos[i, 0] for i in range(model.ngeom) if model.geom_rgba[i, :3] == pytest.approx(colour)]
     assert at == pytest.approx([6.0])
 

@@ -19,9 +19,7 @@ from beamchain.errors import EngineError, InputError
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
-from beamchain.mjcf import compatibility as check
-from beamchain.mjcf import insert as document
-from beamchain.mjcf import write
+from beamchain.mjcf import compatibility, insert, write
 from beamchain.ports.model import PortModel, in_space
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.budget import linear_model, preload
@@ -90,7 +88,7 @@ def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
     kinds |= dict.fromkeys(("tendonpos", "tendonvel", "framepos", "framequat", "force", "torque"), "sensor")
     out: dict[str, set[str]] = {kind: set() for kind in kinds.values()}
     for a in appendages:
-        for node in document.renamed(a.fit.appendage(timed=False), a.fit.spec.name, a.prefix).iter(*kinds):
+        for node in insert.renamed(a.fit.appendage(timed=False), a.fit.spec.name, a.prefix).iter(*kinds):
             if node.get("name"):
                 out[kinds[str(node.tag)]].add(str(node.get("name")))
     return out
@@ -186,7 +184,9 @@ def _refuse(found: Difference, changed: Appendage, defaults: Mapping[str, Mappin
     kind, _, field = found.field.partition("_")
     tag = {"jnt": "joint", "dof": "joint", "tendon": "fixed"}.get(kind, kind)
     own = {str(name) for node in changed.fit.appendage(timed=False).iter(tag) for name in node.attrib}
-    left = [name for name in defaults.get(tag, {}) if name not in own and name not in check.NEUTRAL.get(tag, {})]
+    left = [
+        name for name in defaults.get(tag, {}) if name not in own and name not in compatibility.NEUTRAL.get(tag, {})
+    ]
     word = ", ".join(left) or field  # a mesh by default shows in aabb, rbound, ...
     raise InputError(
         f'the spacecraft\'s defaults or compiler would change the appendage: {_told(found)}; use form "attach", which '

@@ -44,9 +44,7 @@ from beamchain.fitting.needs import AXES
 from beamchain.fitting.plausibility import doubtful
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Root, Spec, Target, read_spec, spec_from_dict
-from beamchain.mjcf import compatibility as check
-from beamchain.mjcf import insert as document
-from beamchain.mjcf import marks, write
+from beamchain.mjcf import compatibility, insert, marks, write
 from beamchain.mjcf.craft import Craft, bare, craft_from_text, read_craft, relocate
 from beamchain.mjcf.place import find_target, split
 from beamchain.structure.beam import Beam
@@ -218,7 +216,7 @@ def embed(
         EngineError: MuJoCo refuses the spacecraft.
         RealisationError: no chain exists.
     """
-    one_of("form", form, document.FORMS)
+    one_of("form", form, insert.FORMS)
     if not isinstance(at, Mapping):
         raise InputError(
             f'at = {at!r:.60} is a {type(at).__name__}; give appendages by place: {{"mount": "array.toml"}}.'
@@ -239,7 +237,7 @@ def embed(
             spec = spec.spec
         spec = read_spec(spec) if isinstance(spec, str | Path) else as_spec(spec)
         prefix = given[i] if given else f"{spec.name}_"
-        document.check_prefix(prefix)
+        insert.check_prefix(prefix)
         if spec.imported is not None:  # the mark in the file must find the modes from anywhere
             spec = msgspec.structs.replace(spec, imported=spec.imported.beside(Path.cwd()))
         wanted[name] = (spec, prefix)
@@ -310,7 +308,7 @@ def _embed_in_document(
     warnings += moved_by_load(compile_model(relocate(original, None).to_bytes().decode("utf-8")), craft)
     check_flags(craft)
     check_names(craft, appendages)
-    check.check_compiler(original.parts(), *lightest(appendages))
+    compatibility.check_compiler(original.parts(), *lightest(appendages))
     layout = _layout(original, appendages, craft)
     model = _compiled(original, appendages, form, layout)
     good, why = worth_it(model, appendages, retime)
@@ -320,7 +318,7 @@ def _embed_in_document(
         check_names(craft, appendages)
         model = _compiled(original, appendages, form, layout)
     final = timed(model) if good else model
-    warnings += judged(craft, model, appendages, final, check.hostile(original.parts()))
+    warnings += judged(craft, model, appendages, final, compatibility.hostile(original.parts()))
     warnings += driven_too_far(model, appendages) + turned(model, appendages)
     if good:
         appendages = tuple(replace(a, timed=final) for a in appendages)
@@ -349,19 +347,19 @@ def _assemble(
     """The document with its appendages for a folder, and the files of the attached ones."""
     out = relocate(original, folder)
     items = [
-        document.Insertion(
+        insert.Insertion(
             find_target(out, a.at), a.mount.position, a.mount.quaternion, a.element(), a.spec.name, a.prefix,
             msgspec.to_builtins(a.spec),
         )
         for a in appendages
     ]  # fmt: skip
-    keyed = document.keys_to_extend(out)
+    keyed = insert.keys_to_extend(out)
     files = {a.prefix: f"{stem}_{a.prefix.rstrip('_.-')}.xml" for a in appendages}
     absolute = {p: str((beside or Path.cwd()) / n) if folder is None else n for p, n in files.items()}
-    document.put_in(out, items, form, absolute)
+    insert.put_in(out, items, form, absolute)
     if keyed and layout is not None:
-        document.extend_keys(out, layout["qpos"], layout["qvel"], layout["rest"])
-    return out, {files[i.prefix]: document.child_text(i) for i in items} if form == "attach" else {}
+        insert.extend_keys(out, layout["qpos"], layout["qvel"], layout["rest"])
+    return out, {files[i.prefix]: insert.child_text(i) for i in items} if form == "attach" else {}
 
 
 def _layout(original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjModel") -> dict[str, Any]:
@@ -424,7 +422,7 @@ def _embed_in_spec(
     def attached(place: "mujoco.MjSpec") -> "mujoco.MjSpec":
         for a in appendages:
             frame = _owner(place, *places[a.at]).add_frame(pos=a.mount.position, quat=a.mount.quaternion)
-            text = write.text(document.renamed(a.element(), a.spec.name, ""))
+            text = write.text(insert.renamed(a.element(), a.spec.name, ""))
             place.attach(mujoco.MjSpec.from_string(text), frame=frame, prefix=a.prefix)
         return place
 

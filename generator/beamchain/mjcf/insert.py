@@ -10,8 +10,7 @@ from lxml import etree
 from lxml.etree import _Element as Element
 
 from beamchain.errors import InputError
-from beamchain.mjcf import compatibility as check
-from beamchain.mjcf import marks, write
+from beamchain.mjcf import compatibility, marks, write
 from beamchain.mjcf.craft import Craft
 from beamchain.mjcf.place import Target
 from beamchain.ports.motions import Array
@@ -71,13 +70,13 @@ def put_in(craft: Craft, insertions: Sequence[Insertion], form: str, files: Mapp
         form: "inline" or "attach".
         files: for "attach": name of each appendage's file, by prefix.
     """
-    found = check.hostile(craft.parts())
+    found = compatibility.hostile(craft.parts())
     for item in insertions:
         facts = {"at": item.target.at, "form": form, "prefix": item.prefix, "spec": item.spec}
         frame = {"pos": write.number(item.position), "quat": write.number(item.quaternion)}
         if form == "inline":
             own = renamed(item.appendage, item.name, item.prefix)
-            check.shield(own, found)
+            compatibility.shield(own, found)
             body = write.find(own, "worldbody/body")
             _place(body, frame)
             marks.put_last(item.target.body, body, "appendage", **facts)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.errors import EngineError
-from beamchain.mjcf import visuals as looks
+from beamchain.mjcf import visuals
 from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.mass_line import MassLine
 
@@ -219,10 +219,10 @@ def _shapes(
     prototype = find(body, "geom")
     place = body.index(prototype)
     body.remove(prototype)
-    drawn = [] if kind is None else looks.shapes(link, beam, length)
+    drawn = [] if kind is None else visuals.shapes(link, beam, length)
     if kind == "capsule" and link.length > 0.0:
         half = max(max(shape.half[1:]) for shape in drawn)
-        drawn = [looks.Shape(kind, link.start + link.length / 2.0, (link.length / 2.0, half, half), looks.TUBE)]
+        drawn = [visuals.Shape(kind, link.start + link.length / 2.0, (link.length / 2.0, half, half), visuals.TUBE)]
     for number_of, shape in enumerate(drawn, 1):
         geom = deepcopy(prototype)
         geom.set("name", f"{name}_shape{index + 1}" + ("" if number_of == 1 else f"_{number_of}"))
