@@ -8,7 +8,8 @@ import mujoco
 import beamchain as bc
 from appendages import panels, seed_boom, soft_root_boom, tapered_boom, timoshenko_boom, tip_loaded_boom
 from beamchain.engine.linearise import compile_model
-from beamchain.fitting.spec import Damping, FitOptions, Hub, Root
+from beamchain.fitting.hub import Hub
+from beamchain.fitting.options import Damping, FitOptions, Root
 from spacecraft import CRAFTS, STYLES
 
 HUB = Hub(mass=50.0, inertia=(20.0, 30.0, 40.0), offset=(0.5, 0.0, 0.0))

@@ -14,7 +14,9 @@ from beamchain.engine.bench import measure
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.fit import fit
-from beamchain.fitting.spec import FitOptions, Hub, Root, Spec
+from beamchain.fitting.hub import Hub
+from beamchain.fitting.options import FitOptions, Root
+from beamchain.fitting.spec import Spec
 from beamchain.mjcf import write
 from beamchain.ports.motions import PORTS
 from beamchain.structure.beam import Beam, Segment

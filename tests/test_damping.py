@@ -16,7 +16,7 @@ from beamchain.chain.recursion import planar_chain, realise
 from beamchain.chain.tendons import damped_modes, springs_as_modes
 from beamchain.engine.linearise import INTEGRATORS, linearise
 from beamchain.fitting.fit import fit
-from beamchain.fitting.spec import Damping, Scene
+from beamchain.fitting.options import Damping, Scene
 from beamchain.mjcf import write
 
 ACHIEVED = 1e-6  # the issue's own bound on each ratio, relative; 1e-8 measured

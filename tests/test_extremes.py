@@ -16,7 +16,8 @@ import beamchain as bc
 from appendages import TransferMatrix, close, roots_within
 from beamchain.cli import main
 from beamchain.errors import BeamchainError, EngineError
-from beamchain.fitting.spec import Hub, Root
+from beamchain.fitting.hub import Hub
+from beamchain.fitting.options import Root
 from extremes.cases import RANGES, Case, cases
 from extremes.compiled import frequencies
 from extremes.picture import OTHER, extremes_map, reason

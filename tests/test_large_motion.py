@@ -10,7 +10,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.engine.linearise import compile_model
-from beamchain.fitting.spec import FitOptions
+from beamchain.fitting.options import FitOptions
 from beamchain.steps.large_motion import FINE, LEFT, large_motion
 from test_spin import space_beam, spinning
 

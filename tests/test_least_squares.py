@@ -17,8 +17,9 @@ from beamchain.chain.rods import Payload, Rods, jacobian, loaded_modes, nodes_to
 from beamchain.engine.linearise import linearise
 from beamchain.errors import InputError
 from beamchain.fitting.fit import fit
-from beamchain.fitting.spec import FitOptions, Modes, Spec
-from beamchain.fitting.spec import Payload as PayloadSpec
+from beamchain.fitting.options import FitOptions, Modes
+from beamchain.fitting.options import Payload as PayloadSpec
+from beamchain.fitting.spec import Spec
 from beamchain.structure.beam import Beam, Lump
 
 TWO_PORT = {(3, 1): 1e-3, (4, 2): 5e-3, (6, 3): 5e-4}  # the issue's own; 7e-6, 6e-5 and 3e-5 measured

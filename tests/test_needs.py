@@ -15,9 +15,11 @@ from beamchain.chain.chain import Chain
 from beamchain.errors import InputError
 from beamchain.fitting.choose import everything
 from beamchain.fitting.fit import fit
+from beamchain.fitting.hub import Hub
 from beamchain.fitting.needs import AXES
+from beamchain.fitting.options import Damping, Modes, Root, Scene
 from beamchain.fitting.result import Fit
-from beamchain.fitting.spec import Damping, Hub, Modes, Root, Scene, Spec, read_spec, spec_from_dict
+from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS
 from beamchain.structure.beam import Beam, Joint, Lump, Segment

@@ -8,7 +8,8 @@ import beamchain as bc
 from appendages import close
 from arrays import deployed_array, tube
 from beamchain.errors import InputError
-from beamchain.fitting.spec import FitOptions, Port, Root, Sensors, Spec
+from beamchain.fitting.options import FitOptions, Port, Root, Sensors
+from beamchain.fitting.spec import Spec
 
 ACCELERATION = 1e-4  # m/s^2 across the appendage: linear motion
 MODES = 3

@@ -9,7 +9,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.engine.rollout import simulate
-from beamchain.fitting.spec import Damping
+from beamchain.fitting.options import Damping
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.steps.inputs import HeldInput
 from beamchain.steps.modal import made_for

@@ -14,7 +14,7 @@ from arrays import deployed_array, space_beam, tube
 from beamchain.chain.recursion import planar_chain, realise, realise_scalar
 from beamchain.engine.linearise import compile_model, linearise
 from beamchain.fitting.fit import fit
-from beamchain.fitting.spec import Scene
+from beamchain.fitting.options import Scene
 
 TIP = 1e-9  # tip motion of every kept mode; 2e-13 of the chain, some 1e-11 through MuJoCo
 ROOT = 1e-9  # frequencies and participation at the root; 5e-12 measured

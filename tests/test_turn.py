@@ -10,7 +10,7 @@ import beamchain as bc
 from appendages import close
 from arrays import tube
 from beamchain.errors import InputError
-from beamchain.fitting.spec import Root, Scene
+from beamchain.fitting.options import Root, Scene
 from beamchain.steps.turn import central_inertia, turn_error
 
 INERTIA = np.diag([4.0, 6.0, 9.0])

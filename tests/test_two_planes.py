@@ -14,7 +14,9 @@ from arrays import deployed_array, random_array, space_beam, tube
 from beamchain.chain.build import build_exact
 from beamchain.errors import RealisationError
 from beamchain.fitting.fit import fit
-from beamchain.fitting.spec import FitOptions, Hub, Modes, Root, Spec, port_hub_mass
+from beamchain.fitting.hub import Hub, port_hub_mass
+from beamchain.fitting.options import FitOptions, Modes, Root
+from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.section import Equivalent

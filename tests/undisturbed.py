@@ -8,7 +8,8 @@ import numpy as np
 import beamchain as bc
 from appendages import seed_boom
 from beamchain.engine.linearise import INTEGRATORS, compile_model
-from beamchain.fitting.spec import Hub, Root
+from beamchain.fitting.hub import Hub
+from beamchain.fitting.options import Root
 from beamchain.steps.budget import budget, linear_model
 from beamchain.steps.limits import oscillating
 

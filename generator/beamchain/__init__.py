@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from beamchain.errors import BeamchainError as BeamchainError
     from beamchain.fitting.fit import fit as fit
     from beamchain.fitting.hub import Hub as Hub
+    from beamchain.fitting.options import Damping as Damping
+    from beamchain.fitting.options import FitOptions as FitOptions
+    from beamchain.fitting.options import Modes as Modes
+    from beamchain.fitting.options import Payload as Payload
+    from beamchain.fitting.options import Root as Root
+    from beamchain.fitting.options import Scene as Scene
     from beamchain.fitting.result import Fit as Fit
-    from beamchain.fitting.spec import Damping as Damping
-    from beamchain.fitting.spec import FitOptions as FitOptions
-    from beamchain.fitting.spec import Modes as Modes
-    from beamchain.fitting.spec import Payload as Payload
-    from beamchain.fitting.spec import Root as Root
-    from beamchain.fitting.spec import Scene as Scene
     from beamchain.fitting.spec import Spec as Spec
     from beamchain.fitting.spec import read_spec as read_spec
     from beamchain.ports.compare import Comparison as Comparison

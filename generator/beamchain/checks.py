@@ -1,5 +1,6 @@
 """The checks every input goes through on construction, and the sentences they answer with."""
 
+import difflib
 import math
 from collections.abc import Iterable
 from numbers import Integral, Real
@@ -10,6 +11,33 @@ import msgspec
 from beamchain.errors import InputError
 
 LARGEST = 1e30  # beyond this a product of three inputs leaves double precision
+
+
+class _Answering(msgspec.StructMeta):
+    """Answers a call that does not fit the fields with the fields, instead of with the library's words."""
+
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: N805
+        fields = cls.__struct_fields__
+        takes = f"it takes {', '.join(fields)}, each by its name."
+        for name in kwargs:
+            if name not in fields:
+                near = difflib.get_close_matches(name, fields, n=1)
+                raise InputError(
+                    f"{cls.__name__} has no field {name!r}; {f'did you mean {near[0]}? ' if near else ''}{takes}"
+                )
+        if args:
+            raise InputError(f"{cls.__name__}: {args[0]!r:.60} is given without a name; {takes}")
+        try:
+            return super().__call__(*args, **kwargs)
+        except TypeError:
+            missing = [f.name for f in msgspec.structs.fields(cls) if f.required and f.name not in kwargs]
+            if not missing:
+                raise
+            raise InputError(f"{cls.__name__}: {missing[0]} is missing; {takes}") from None
+
+
+class Struct(msgspec.Struct, metaclass=_Answering):
+    """Base of everything that a user fills in, in Python or in TOML."""
 
 
 def number(field: str, value: object, unit: str, *, cure: str = "") -> float:

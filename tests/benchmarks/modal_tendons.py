@@ -25,7 +25,7 @@ from arrays import deployed_array, random_array, space_beam, tube  # noqa: E402
 from beamchain.chain.build import cut_chain  # noqa: E402
 from beamchain.chain.tendons import Modes  # noqa: E402
 from beamchain.errors import BeamchainError  # noqa: E402
-from beamchain.fitting.spec import FitOptions, Root  # noqa: E402
+from beamchain.fitting.options import FitOptions, Root  # noqa: E402
 from beamchain.steps.large_motion import large_motion  # noqa: E402
 from random_appendages import random_appendage, toml  # noqa: E402
 from test_spin import FLAP, spinning  # noqa: E402

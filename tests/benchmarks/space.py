@@ -21,7 +21,8 @@ from beamchain.chain.recursion import planar_chain, realise  # noqa: E402
 from beamchain.chain.tendons import damped_modes  # noqa: E402
 from beamchain.engine.linearise import linearise  # noqa: E402
 from beamchain.fitting.fit import fit  # noqa: E402
-from beamchain.fitting.spec import FitOptions, Modes, Payload, Scene, Spec  # noqa: E402
+from beamchain.fitting.options import FitOptions, Modes, Payload, Scene  # noqa: E402
+from beamchain.fitting.spec import Spec  # noqa: E402
 from beamchain.structure import discretise  # noqa: E402
 from beamchain.structure.beam import Beam, Lump  # noqa: E402
 from test_damping import ratios_of, standing  # noqa: E402

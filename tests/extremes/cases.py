@@ -6,7 +6,8 @@ from typing import Literal
 import numpy as np
 
 from beamchain.fitting.hub import Hub
-from beamchain.fitting.spec import Damping, FitOptions, Modes, Root, Spec
+from beamchain.fitting.options import Damping, FitOptions, Modes, Root
+from beamchain.fitting.spec import Spec
 from beamchain.structure.joint import Joint
 from beamchain.structure.lump import Lump
 from beamchain.structure.material import Material

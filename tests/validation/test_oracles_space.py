@@ -14,7 +14,8 @@ from scipy.linalg import eigh, null_space
 from appendages import TransferMatrix, close, roots_within
 from beamchain.engine.linearise import linearise
 from beamchain.fitting.fit import fit
-from beamchain.fitting.spec import Hub, Root
+from beamchain.fitting.hub import Hub
+from beamchain.fitting.options import Root
 from beamchain.structure.beam import Beam, Lump, Segment
 from beamchain.structure.material import Material
 from beamchain.structure.section import Custom, Equivalent, Rectangle

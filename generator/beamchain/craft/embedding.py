@@ -41,9 +41,10 @@ from beamchain.files import write_files
 from beamchain.fitting.fit import as_spec, fit
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.needs import AXES
+from beamchain.fitting.options import Root, Target
 from beamchain.fitting.plausibility import doubtful
 from beamchain.fitting.result import Fit
-from beamchain.fitting.spec import Root, Spec, Target, read_spec, spec_from_dict
+from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.mjcf import compatibility, insert, marks, write
 from beamchain.mjcf.craft import Craft, bare, craft_from_text, read_craft, relocate
 from beamchain.mjcf.place import find_target, split

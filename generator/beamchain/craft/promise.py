@@ -10,9 +10,11 @@ from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.error import Pose, craft_poses
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError, RealisationError
+from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.needs import AXES
+from beamchain.fitting.options import Modes, Scene
 from beamchain.fitting.result import Fit
-from beamchain.fitting.spec import Modes, Scene, Spec, port_hub_mass
+from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel, in_space
 from beamchain.ports.motions import PORTS
 

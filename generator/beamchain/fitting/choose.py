@@ -8,8 +8,10 @@ from msgspec import structs
 
 from beamchain.chain.build import Status
 from beamchain.errors import InputError
+from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.needs import FAR, MOST, Choice, LeftOut, Promise, Reduce, choose
-from beamchain.fitting.spec import Modes, Spec, port_hub_mass
+from beamchain.fitting.options import Modes
+from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.beam import Beam

@@ -1,10 +1,9 @@
 """`fit`: the whole walk from a beam to a verified drop-in file, and its result."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -26,9 +25,11 @@ from beamchain.engine.bench import measure, root_body
 from beamchain.engine.threads import one_thread
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.choose import Plan, further_columns, ledger, make_plan, verdict, whole_beam
+from beamchain.fitting.hub import Hub, port_hub_mass
+from beamchain.fitting.options import Damping, FitOptions, Modes, Root, Scene, Target
 from beamchain.fitting.plausibility import doubtful
 from beamchain.fitting.result import Fit, appendage_tree, seconds_taken
-from beamchain.fitting.spec import Damping, FitOptions, Modes, Root, Scene, Spec, port_hub_mass
+from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.warnings import fit_warnings
 from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.ports.compare import compare, in_band_error
@@ -46,25 +47,31 @@ LEAST_INERTIA = 1.01 * SMALLEST  # a body's inertia is rounded once more on its 
 
 
 def fit(
-    appendage: Beam | Spec | ModalData,
+    appendage: Spec | Beam | ModalData | str | Path,
     *,
     name: str | None = None,
-    modes: Mapping[str, int] | Modes | None = None,
-    root: Root | None = None,
-    damping: Damping | None = None,
-    options: FitOptions | None = None,
+    modes: int | Mapping[str, int] | Modes | None = None,
+    hub: Hub | None = None,
+    target: Target | None = None,
+    damping: float | Mapping[str, Sequence[float]] | Damping | None = None,
     scene: Scene | None = None,
+    timestep: float | None = None,
+    root: Root | None = None,
+    options: FitOptions | None = None,
 ) -> Fit:
     """Fit a hinge chain to an appendage and prove it through MuJoCo's own linearisation.
 
     Args:
-        appendage: a beam, imported modes, or a whole spec (what is given beside it replaces what the spec says).
+        appendage: a specification or its path, a beam, or imported modes. What is given beside it replaces what it says.
         name: prefix of bodies, joints and sites.
-        modes: flexible modes per port; two in both planes where nothing is said.
-        root: target and hub.
-        damping: ratios of the cantilever modes.
+        modes: flexible modes: a number for both bending planes, or by port; two in both planes where nothing is said.
+        hub: what the appendage stands on.
+        target: in which state the modes are exact: "clamped", "free", "hub", or "auto" with a scene.
+        damping: ratio of the cantilever modes, or lists by port.
+        scene: what the simulation needs; with a bandwidth it chooses the modes.
+        timestep: the files are made exact in time for it [s].
+        root: hub and target in one.
         options: method and its settings.
-        scene: what the scene needs.
 
     Returns:
         The fit; `status.ok` is False where less came out than was asked for, with the reason.
@@ -73,36 +80,19 @@ def fit(
         InputError: what is asked for contradicts itself or is not available.
         RealisationError: no chain exists even with one mode.
         EngineError: MuJoCo refuses the model (sizes beyond its limits).
+
+    Example:
+        >>> import beamchain as bc
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> boom = bc.Beam(segments=(bc.Segment(length=8.0, section=section),))
+        >>> found = bc.fit(boom, modes={"xy": 2}, damping=0.005)
+        >>> [round(row.frequency_rad_s, 3) for row in found.modes]
+        [1.229, 7.7]
     """
-    spec = as_spec(appendage)
-    for word, value, kind, example in (
-        ("root", root, Root, 'Root(target="hub", hub=Hub(...))'),
-        ("damping", damping, Damping, "Damping(ratio=0.005)"),
-        ("options", options, FitOptions, 'FitOptions(method="classical", links=20)'),
-        ("scene", scene, Scene, "Scene(bandwidth=5.0)"),
-    ):
-        if value is not None and not isinstance(value, kind):
-            raise InputError(f"{word} = {value!r} is a {type(value).__name__}; give a {kind.__name__}: {example}.")
-    if modes is not None and not isinstance(modes, Modes | Mapping):
-        raise InputError(f'modes = {modes!r} is a {type(modes).__name__}; give modes per port: modes={{"xy": 2}}.')
-    if modes is not None and not isinstance(modes, Modes):
-        unknown = set(modes) - set(Modes.__struct_fields__)
-        if unknown:
-            raise InputError(
-                f"modes: unknown port {sorted(unknown)[0]!r}; choose from {', '.join(Modes.__struct_fields__)}."
-            )
-        modes = Modes(**dict(modes))
-    given: dict[str, Any] = {
-        "name": name,
-        "modes": modes,
-        "root": root,
-        "damping": damping,
-        "fit": options,
-        "scene": scene,
-    }
-    changes = {key: value for key, value in given.items() if value is not None}
-    if changes:
-        spec = Spec(**{field: changes.get(field, getattr(spec, field)) for field in Spec.__struct_fields__})
+    spec = as_spec(appendage).replace(
+        name=name, modes=modes, root=root, hub=hub, target=target, damping=damping, fit=options, scene=scene,
+        timestep=timestep,
+    )  # fmt: skip
     with one_thread():
         if spec.imported is not None:
             from beamchain.fitting.imported import fit_imported  # which returns a Fit
@@ -142,15 +132,17 @@ def _with_integrator(spec: Spec, rigid: Array) -> Spec:
     return msgspec.structs.replace(spec, scene=msgspec.structs.replace(scene, integrator=chosen))
 
 
-def as_spec(appendage: Beam | Spec | ModalData) -> Spec:
-    """What `fit` and `embed` are given, as a spec.
+def as_spec(appendage: Beam | Spec | ModalData | str | Path) -> Spec:
+    """What `fit` and `embed` are given, as a specification.
 
     Args:
-        appendage: a beam, imported modes, or a whole spec.
+        appendage: a specification or its path, a beam, or imported modes.
 
     Raises:
         InputError: it is something else.
     """
+    if isinstance(appendage, str | Path):
+        return read_spec(appendage)
     if isinstance(appendage, Spec):
         return appendage
     if isinstance(appendage, Beam):
@@ -158,7 +150,7 @@ def as_spec(appendage: Beam | Spec | ModalData) -> Spec:
     if isinstance(appendage, ModalData):
         return Spec(imported=Imported(file=f"{Path(appendage.source).stem or 'modes'}.toml"))
     raise InputError(
-        f"the appendage is a {type(appendage).__name__}; give a Beam, a Spec (read_spec reads a SPEC.toml) or a ModalData."
+        f"the appendage is a {type(appendage).__name__}; give a Beam, a Spec, the path of a SPEC.toml, or a ModalData."
     )
 
 

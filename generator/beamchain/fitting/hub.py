@@ -1,9 +1,8 @@
 """The rigid spacecraft that carries the appendage: its mass matrix about the root, from the spec and back."""
 
-import msgspec
 import numpy as np
 
-from beamchain.checks import number, own_numbers, positive
+from beamchain.checks import Struct, number, own_numbers, positive
 from beamchain.errors import InputError
 from beamchain.ports.motions import PORT_MOTION, Array, body_mass_matrix
 from beamchain.structure.lump import body_inertia
@@ -15,7 +14,7 @@ ROUNDING = (
 )
 
 
-class Hub(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Hub(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The rigid spacecraft that carries the appendage.
 
     Args:

@@ -12,11 +12,11 @@ from beamchain.engine.bench import Measured, root_body
 from beamchain.engine.space import measure_in_space
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.choose import ledger, verdict
-from beamchain.fitting.hub import default_hub
+from beamchain.fitting.hub import default_hub, port_hub_mass
 from beamchain.fitting.imported_choice import Case, case_of, resolvable
 from beamchain.fitting.plausibility import doubtful
 from beamchain.fitting.result import Fit, InSpace, appendage_tree, seconds_taken
-from beamchain.fitting.spec import Spec, port_hub_mass
+from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import Comparison, compare, in_band_error
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS

@@ -10,7 +10,8 @@ from beamchain.errors import InputError
 from beamchain.fitting.choose import make_plan
 from beamchain.fitting.fewest import SpacePromise, fewest
 from beamchain.fitting.needs import Choice
-from beamchain.fitting.spec import Scene, Spec, Target
+from beamchain.fitting.options import Scene, Target
+from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import DEFAULT_RATIO
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array

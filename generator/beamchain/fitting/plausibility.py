@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from beamchain.fitting.spec import Damping
+from beamchain.fitting.options import Damping
 from beamchain.structure.section import Custom, Equivalent
 from beamchain.structure.segment import Segment
 

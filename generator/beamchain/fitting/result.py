@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from lxml.etree import _Element as Element
@@ -20,7 +20,8 @@ from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
 from beamchain.fitting.hub import Hub, default_hub
 from beamchain.fitting.needs import AXES, Choice, LeftOut
-from beamchain.fitting.spec import Scene, Spec
+from beamchain.fitting.options import Scene
+from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import step_warnings, turn_warning
 from beamchain.mjcf import write
 from beamchain.ports.compare import Comparison
@@ -41,6 +42,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TIP_TOLD = 0.01  # error of the tip's motion that is told beside the model's
+
+
+class ModeRow(NamedTuple):
+    """A kept mode: as it was asked for, and as MuJoCo reads it back. Errors are relative."""
+
+    port: str
+    number: int
+    frequency_rad_s: float
+    achieved_rad_s: float
+    damping_ratio: float
+    frequency_error: float
+    participation_error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,6 +206,19 @@ class Fit:
     def readback_error(self) -> dict[str, Comparison]:
         """Per port, MuJoCo against the reduced target it was made for: how exact the file is, not how good the model."""
         return self.error
+
+    @property
+    def modes(self) -> list[ModeRow]:
+        """The kept modes, port by port, slowest first; `pandas.DataFrame(fit.modes)` makes a table of them."""
+        rows: list[ModeRow] = []
+        for port, error in self.error.items():
+            target, achieved = self.target[port].frequencies, self.achieved[port]
+            for k in np.argsort(error.matches[:, 1]):
+                i, j = (int(index) for index in error.matches[k])
+                off = float(error.frequency_errors[k]), float(error.participation_errors[k])
+                found = float(achieved.frequencies[i]), float(achieved.damping[i])
+                rows.append(ModeRow(port, j + 1, float(target[j]), *found, *off))
+        return rows
 
     @property
     def worst_port(self) -> str | None:

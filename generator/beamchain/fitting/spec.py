@@ -4,279 +4,41 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
-import numpy as np
 
-from beamchain.checks import not_negative, number, one_of, own_numbers, positive, whole
+from beamchain.checks import Struct, own_numbers
 from beamchain.errors import InputError
 from beamchain.files import LARGEST_TOML, tables
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.hub import port_hub_mass as port_hub_mass
+from beamchain.fitting.options import (
+    RECIPES,
+    Damping,
+    FitOptions,
+    Modes,
+    Payload,
+    Port,
+    Root,
+    Scene,
+    Sensors,
+    as_modes,
+)  # fmt: skip
 from beamchain.fitting.sentences import sentence
 from beamchain.fitting.uncertain import Uncertain
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
 from beamchain.structure.joint import Joint
-from beamchain.structure.lump import Lump, body_inertia, check_carried
+from beamchain.structure.lump import Lump, check_carried
 from beamchain.structure.segment import Segment
 
-MOST_MODES = 20
-RECIPES = ("classical", "midpoint", "naive", "seed")  # of one bending plane
-DEFAULT_STEP = 0.01  # of scene.xml and of the bench, where none is stated [s]
-
-Target = Literal["clamped", "free", "hub", "auto"]
-Method = Literal["exact", "least_squares", "classical", "midpoint", "naive", "seed"]
-Integrator = Literal["Euler", "RK4", "implicit", "implicitfast", "discrete"]
-Triple = tuple[float, float, float]
+#: What `replace` and `fit` take beside the fields, and what each is put into.
+SHORT = ("hub", "target", "timestep")
 
 
-class Payload(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the user's scene will attach at the tip: fitted for, not written.
-
-    Args:
-        mass: [kg].
-        inertia: principal, about its own centre, which stands at the tip [kg m^2].
-    """
-
-    mass: float
-    inertia: Triple = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        own_numbers(self)
-        positive("mass", self.mass, "kg")
-        body_inertia("inertia", self.inertia)
-
-
-class Damping(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Damping ratios of the cantilever modes.
-
-    Args:
-        ratio: one for all modes, or a list per port; a list that is too short repeats its last.
-        form: "modal": a tendon per mode, exact; "hinge": plain joint damping.
-    """
-
-    ratio: float | dict[str, tuple[float, ...]] = 0.0
-    form: Literal["modal", "hinge"] = "modal"
-
-    def __post_init__(self) -> None:
-        own_numbers(self)
-        one_of("form", self.form, ("modal", "hinge"))
-        if isinstance(self.ratio, dict):
-            for port, values in self.ratio.items():
-                one_of("ratio", port, PORTS)
-                if not isinstance(values, tuple):
-                    raise InputError(f"ratio.{port} = {values!r} must be a list, one per mode; write [{values!r}].")
-                for i, value in enumerate(values):
-                    _ratio(f"ratio.{port}[{i}]", value)
-        else:
-            _ratio("ratio", self.ratio)
-
-    def ratios(self, port: str, modes: int) -> Array:
-        """`(modes,)` ratios of a port; a list that is too short repeats its last."""
-        if not isinstance(self.ratio, dict):
-            return np.full(modes, float(self.ratio))
-        given = self.ratio.get(port, ())
-        return np.array([given[min(k, len(given) - 1)] if given else 0.0 for k in range(modes)])
-
-
-def _ratio(name: str, value: object) -> None:
-    if not_negative(name, value, "") >= 1.0:
-        raise InputError(
-            f"{name} = {value!r} is not an oscillation; damping ratios lie between 0 and 1 (0.005 is usual)."
-        )
-
-
-class Port(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A further point of the appendage that is exact beside the root, in the ports kept; site `NAME_<name>`.
-
-    Args:
-        name: of its site: a-z, 0-9 and _.
-        x: from the root [m].
-    """
-
-    name: str
-    x: float
-
-    def __post_init__(self) -> None:
-        if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name) or self.name in ("root", "tip", "body"):
-            raise InputError(
-                f"name = {self.name!r} must start with a small letter, hold only a-z, 0-9 and _, and be neither root, tip "
-                'nor body; for example name = "camera".'
-            )
-        positive("x", self.x, "m")
-
-
-class Sensors(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Sensors written with the appendage, to watch modes, deflection and loads.
-
-    Args:
-        modes: amplitude and rate of each mode that has a tendon: `NAME_mode1_xy_amplitude`, `NAME_mode1_xy_rate`.
-        points: sites whose place and turn are read, seen from the root: `NAME_tip_place`, `NAME_tip_turn`.
-        root_load: force and moment between the appendage and what carries it: `NAME_root_force`, `NAME_root_moment`.
-    """
-
-    modes: bool = False
-    points: tuple[str, ...] = ()
-    root_load: bool = False
-
-
-class Modes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Flexible modes kept per port; 0 or absent: left out, rigid (with a scene's bandwidth, absent: chosen).
-
-    Args:
-        xy: bending in the plane of x and y.
-        xz: bending in the plane of x and z.
-        torsion: about x.
-        axial: along x.
-    """
-
-    xy: int | None = None
-    xz: int | None = None
-    torsion: int | None = None
-    axial: int | None = None
-
-    def __post_init__(self) -> None:
-        own_numbers(self)
-        for port in PORTS:
-            if getattr(self, port) is not None:
-                whole(port, getattr(self, port), 0, MOST_MODES)
-
-    def counts(self) -> dict[str, int]:
-        """Modes per port, ports that keep none left out."""
-        return {port: count for port in PORTS if (count := int(getattr(self, port) or 0)) > 0}
-
-    def given(self) -> dict[str, int]:
-        """Ports whose number was stated, 0 included."""
-        return {port: int(count) for port in PORTS if (count := getattr(self, port)) is not None}
-
-
-class Root(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How the kept modes are chosen (`target`), and the hub."""
-
-    target: Target | None = None
-    hub: Hub | None = None
-
-    def __post_init__(self) -> None:
-        own_numbers(self)
-        if self.target is not None:
-            one_of("target", self.target, ("clamped", "free", "hub", "auto"))
-
-
-class FitOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How the chain is found.
-
-    Args:
-        method: "exact", "least_squares", or a recipe to compare with: "classical" (EI N/L, 2 EI N/L at the root),
-            "midpoint" (hinges at segment middles), "naive" (EI N/L everywhere), "seed" (the 2008 paper's three links).
-        links: how many, or their lengths [m]; only for the methods that leave it open.
-        free: what least squares varies.
-        springs: "auto": on the hinges where that is exact in all ports, else one tendon per mode; "hinges": on the hinges;
-            "modes": a tendon per mode, whose frequency and damping are two numbers of the compiled model.
-        cuts: x of hinges that must stand; others are added where the modes need them [m].
-        form: "chain", the only one there is.
-        timestep: above 0, the written files are exact in time at this step of the scene's integrator [s].
-    """
-
-    method: Method = "exact"
-    links: int | tuple[float, ...] | None = None
-    free: tuple[Literal["stiffness", "lengths", "masses"], ...] = ("stiffness", "lengths", "masses")
-    springs: Literal["auto", "hinges", "modes"] = "auto"
-    cuts: tuple[float, ...] = ()
-    form: Literal["chain", "oscillators"] | None = None
-    timestep: float = 0.0
-
-    def __post_init__(self) -> None:
-        own_numbers(self)
-        one_of("method", self.method, ("exact", "least_squares", "classical", "midpoint", "naive", "seed"))
-        one_of("springs", self.springs, ("auto", "hinges", "modes"))
-        if self.form is not None:
-            one_of("form", self.form, ("chain", "oscillators"))
-        if self.form == "oscillators":
-            raise InputError(
-                'form = "oscillators" is no longer written: a chain with a tendon per mode is exact for any modes, '
-                "coupled ones included; leave fit.form out."
-            )
-        for i, value in enumerate(self.cuts):
-            not_negative(f"cuts[{i}]", value, "m")
-        if self.method != "exact" and (self.cuts or self.springs != "auto"):
-            word = "cuts" if self.cuts else "springs"
-            raise InputError(
-                f'{word} is for method = "exact", but method = "{self.method}" is asked for; leave fit.{word} out.'
-            )
-        not_negative("timestep", self.timestep, "s")
-        for word in self.free:
-            one_of("free", word, ("stiffness", "lengths", "masses"))
-        if isinstance(self.links, tuple):
-            for i, value in enumerate(self.links):
-                positive(f"links[{i}]", value, "m")
-        elif self.links is not None:
-            whole("links", self.links, 1, 496)
-        if self.links is not None and self.method in ("exact", "seed"):
-            raise InputError(
-                f'links = {self.links!r} is given but method = "{self.method}" fixes the links itself (modes + 1); '
-                'remove links, or use method = "least_squares".'
-            )
-
-
-class Scene(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the scene needs; what it does not need is left out.
-
-    Args:
-        bandwidth: frequencies that matter end here [rad/s]; with it, and no modes stated, modes are chosen.
-        tolerance: of the hub's in-band motion, relative.
-        axes: hub motions that matter: rotations "x" "y" "z", translations "tx" "ty" "tz".
-        tip: the tip's motion matters too, and the tip site is written.
-        visuals: write massless shapes.
-        contacts: write shapes that other things may touch.
-        integrator: MuJoCo's name; "auto": Euler where it turns the spacecraft at `rates` within the tolerance, else RK4.
-        rates: largest rates of the spacecraft about its own axes, at once [rad/s].
-        timestep: [s]; where it is stated, the written files are exact in time for it. 0.01 where left out.
-    """
-
-    bandwidth: float | None = None
-    tolerance: float = 1e-3
-    axes: tuple[Literal["x", "y", "z", "tx", "ty", "tz"], ...] = ("x", "y", "z", "tx", "ty", "tz")
-    tip: bool = False
-    visuals: bool = True
-    contacts: bool = False
-    integrator: Integrator | Literal["auto"] = "implicitfast"
-    rates: tuple[float, float, float] | None = None
-    timestep: float | None = None
-
-    @property
-    def step(self) -> float:
-        """Of scene.xml and of the bench [s]."""
-        return DEFAULT_STEP if self.timestep is None else self.timestep
-
-    def __post_init__(self) -> None:
-        own_numbers(self)
-        if self.bandwidth is not None:
-            positive("bandwidth", self.bandwidth, "rad/s")
-        positive("tolerance", self.tolerance, "")
-        if self.timestep is not None:
-            positive("timestep", self.timestep, "s")
-        one_of("integrator", self.integrator, ("auto", "Euler", "RK4", "implicit", "implicitfast", "discrete"))
-        for i, rate in enumerate(self.rates or ()):
-            number(f"rates[{i}]", rate, "rad/s")
-        if self.integrator == "auto" and (self.rates is None or self.timestep is None):
-            missing = "rates" if self.rates is None else "timestep"
-            raise InputError(
-                f'integrator = "auto" chooses by what a step does to the turning spacecraft, and {missing} is not given; '
-                "add it, for example rates = [0.01, 0.0, 0.02] and timestep = 0.05, or name an integrator."
-            )
-        if not self.axes:
-            raise InputError(
-                "axes = [] leaves no hub motion that matters; name some of x y z tx ty tz, or leave axes out."
-            )
-        for axis in self.axes:
-            one_of("axes", axis, ("x", "y", "z", "tx", "ty", "tz"))
-
-
-class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A whole SPEC.toml. Lengths in m, masses in kg, frequencies in rad/s.
 
     Args:
@@ -338,6 +100,50 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
                 "[modes] keeps no mode at all; set xy, xz, torsion or axial to 1 or more, or remove [modes]."
             )
         self._check_points()
+
+    def replace(self, **changes: Any) -> "Spec":
+        """The specification with other values.
+
+        Args:
+            changes: fields by name. `modes` may be a number (in both bending planes) or a mapping by port, `damping` a
+                ratio or lists by port. `hub` and `target` replace those of `root`, `timestep` that of `fit`. What is None
+                stays as it is.
+
+        Raises:
+            InputError: no such field, or a value is not allowed.
+
+        Example:
+            >>> import beamchain as bc
+            >>> panel = bc.Segment(length=8.0, section=bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0))
+            >>> bc.Spec(segment=(panel,)).replace(modes=3, damping=0.005, name="array").kept
+            {'xy': 3, 'xz': 3}
+        """
+        given = {key: value for key, value in changes.items() if value is not None}
+        known = (*self.__struct_fields__, *SHORT)
+        for key in given:
+            if key not in known:
+                raise InputError(f"a specification has no field {key!r}; it has {', '.join(known)}.")
+        for key, kind, example in (
+            ("root", Root, 'Root(target="hub", hub=Hub(...))'),
+            ("fit", FitOptions, 'FitOptions(method="classical", links=20)'),
+            ("scene", Scene, "Scene(bandwidth=5.0)"),
+            ("hub", Hub, "Hub(mass=500.0, inertia=(400.0, 400.0, 500.0))"),
+        ):
+            if key in given and not isinstance(given[key], kind):
+                raise InputError(
+                    f"{key} = {given[key]!r:.60} is a {type(given[key]).__name__}; give a {kind.__name__}: {example}."
+                )
+        if "modes" in given:
+            given["modes"] = as_modes(given["modes"])
+        if "damping" in given and not isinstance(given["damping"], Damping):
+            given["damping"] = Damping(ratio=given["damping"])
+        at = {key: given.pop(key) for key in ("hub", "target") if key in given}
+        if at:
+            given["root"] = msgspec.structs.replace(given.get("root", self.root), **at)
+        if "timestep" in given:
+            options = given.get("fit", self.fit)
+            given["fit"] = msgspec.structs.replace(options, timestep=given.pop("timestep"))
+        return msgspec.structs.replace(self, **given) if given else self
 
     def _check_points(self) -> None:
         """Cuts, ports and sensors stand on the appendage."""

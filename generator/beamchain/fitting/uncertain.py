@@ -2,18 +2,17 @@
 
 from typing import Literal
 
-import msgspec
 import numpy as np
 from scipy.special import ndtr
 
-from beamchain.checks import one_of, own_numbers, positive
+from beamchain.checks import Struct, one_of, own_numbers, positive
 from beamchain.errors import InputError
 
 CUT = 3.0  # normal draws end here, in standard deviations: a tail would ask for negative stiffness
 ONLY_RELATIVE = ("stiffness", "density")
 
 
-class Uncertainty(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How a quantity varies: `relative` or `absolute` (in the quantity's own unit), one of the two.
 
     Args:
@@ -53,7 +52,7 @@ class Uncertainty(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         )
 
 
-class Uncertain(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Uncertain(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The table [uncertain]; what is left out is certain.
 
     Args:

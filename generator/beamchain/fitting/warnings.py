@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
-from beamchain.fitting.spec import Scene, Spec
+from beamchain.fitting.options import Scene
+from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
 from beamchain.steps.accuracy import StepChoice
 from beamchain.steps.integrators import numerical_pole

@@ -7,7 +7,7 @@ import numpy as np
 
 from beamchain.chain import rivals
 from beamchain.chain.chain import Chain
-from beamchain.fitting.spec import port_hub_mass
+from beamchain.fitting.hub import port_hub_mass
 from beamchain.ports.compare import DEFAULT_RATIO, STANDARD_HUBS, Block, Reference, damped
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array

@@ -53,21 +53,11 @@ def embedded_html(done: "Embedded") -> str:
 
 def _modes(fit: "Fit") -> list[list[str]]:
     """Kept modes, port by port, slowest first."""
-    rows: list[list[str]] = []
-    for port, error in fit.error.items():
-        for k in np.argsort(error.matches[:, 1]):
-            i, j = (int(index) for index in error.matches[k])
-            rows.append(
-                [
-                    port,
-                    str(j + 1),
-                    f"{float(fit.target[port].frequencies[j]):.6g}",
-                    f"{float(fit.achieved[port].frequencies[i]):.6g}",
-                    f"{float(error.frequency_errors[k]):.1e}",
-                    f"{float(error.participation_errors[k]):.1e}",
-                ]
-            )
-    return rows
+    return [
+        [row.port, str(row.number), f"{row.frequency_rad_s:.6g}", f"{row.achieved_rad_s:.6g}",
+         f"{row.frequency_error:.1e}", f"{row.participation_error:.1e}"]
+        for row in fit.modes
+    ]  # fmt: skip
 
 
 def _value(number: float | None, form: str) -> str:

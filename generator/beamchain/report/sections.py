@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from beamchain.fitting.spec import port_hub_mass
+from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.compare import in_band_error
 from beamchain.ports.motions import Array

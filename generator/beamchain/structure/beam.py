@@ -9,7 +9,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from beamchain.checks import one_of, whole
+from beamchain.checks import Struct, one_of, whole
 from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
@@ -51,7 +51,7 @@ def straight_mass_matrices(moments: Array) -> Array:
     return out
 
 
-class Beam(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
+class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
     """A straight elastic appendage.
 
     Args:

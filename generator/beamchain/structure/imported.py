@@ -7,7 +7,7 @@ from typing import Self
 import msgspec
 import numpy as np
 
-from beamchain.checks import number, own_numbers, positive, whole
+from beamchain.checks import Struct, number, own_numbers, positive, whole
 from beamchain.errors import InputError
 from beamchain.structure.mass_line import default_length
 from beamchain.structure.modal_data import ModalData
@@ -17,7 +17,7 @@ Triple = tuple[float, float, float]
 MOST_MODES = 200
 
 
-class Units(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Units(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Units of the file: metres per unit of length, kilograms per unit of mass (mm, tonne: 1e-3, 1e3)."""
 
     length: float = 1.0
@@ -29,7 +29,7 @@ class Units(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         positive("mass", self.mass, "kg")
 
 
-class Imported(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Modes somebody else computed, instead of [[segment]].
 
     Args:

@@ -1,12 +1,10 @@
 """A compliant hinge line between segments."""
 
-import msgspec
-
-from beamchain.checks import own_numbers, positive, whole
+from beamchain.checks import Struct, own_numbers, positive, whole
 from beamchain.errors import InputError
 
 
-class Joint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Joint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A compliant hinge line after a segment; a stiffness left out is rigid.
 
     Args:

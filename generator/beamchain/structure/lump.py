@@ -1,12 +1,10 @@
 """A rigid body carried along the appendage."""
 
-import msgspec
-
-from beamchain.checks import not_negative, own_numbers, positive
+from beamchain.checks import Struct, not_negative, own_numbers, positive
 from beamchain.errors import InputError
 
 
-class Lump(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Lump(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A rigid body carried at `x` [m]: `mass` [kg], principal `inertia` about its own centre [kg m^2]."""
 
     x: float

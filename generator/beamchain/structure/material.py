@@ -1,12 +1,10 @@
 """Isotropic material of a segment."""
 
-import msgspec
-
-from beamchain.checks import number, own_numbers, positive
+from beamchain.checks import Struct, number, own_numbers, positive
 from beamchain.errors import InputError
 
 
-class Material(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Material(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Isotropic linear elastic material, SI.
 
     Args:

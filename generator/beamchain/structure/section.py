@@ -6,10 +6,9 @@ have both by symmetry, and `custom` asks the user for principal values.
 
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
-from beamchain.checks import not_negative, own_numbers, positive
+from beamchain.checks import Struct, not_negative, own_numbers, positive
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 
@@ -26,7 +25,7 @@ class Geometry(NamedTuple):
     polar_moment: Array
 
 
-class _Section(msgspec.Struct, frozen=True, kw_only=True):
+class _Section(Struct, frozen=True, kw_only=True):
     """Dimensions of a section; `at` interpolates them linearly towards the other end of a taper."""
 
     def __post_init__(self) -> None:

@@ -2,10 +2,9 @@
 
 from typing import Any, Literal, NamedTuple
 
-import msgspec
 import numpy as np
 
-from beamchain.checks import not_negative, one_of, own_numbers, positive
+from beamchain.checks import Struct, not_negative, one_of, own_numbers, positive
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.material import Material
@@ -35,7 +34,7 @@ EXAMPLES = {
 }
 
 
-class Segment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A stretch of the appendage with one section, or a linear taper between two.
 
     Args:

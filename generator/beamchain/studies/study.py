@@ -21,7 +21,8 @@ from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
 from beamchain.fitting.choose import make_plan, whole_beam
 from beamchain.fitting.hub import default_hub
-from beamchain.fitting.spec import FitOptions, Modes, Root, Scene, Spec, Target, spec_from_dict
+from beamchain.fitting.options import FitOptions, Modes, Root, Scene, Target
+from beamchain.fitting.spec import Spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.steps.large_motion import large_motion
 from beamchain.steps.run_limits import driven, exceeded

@@ -24,8 +24,9 @@ from beamchain.files import to_json, write_files
 from beamchain.fitting.choose import make_plan, whole_beam
 from beamchain.fitting.fit import damped, fit
 from beamchain.fitting.hub import default_hub
+from beamchain.fitting.options import Damping, Modes
 from beamchain.fitting.result import Fit
-from beamchain.fitting.spec import Damping, Modes, Spec, spec_from_dict
+from beamchain.fitting.spec import Spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.model import in_space
 from beamchain.ports.motions import Array
