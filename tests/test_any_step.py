@@ -12,6 +12,8 @@ import pytest
 
 import beamchain as bc
 import finite_elements as fe
+from beamchain.steps.budget import budget
+from beamchain.steps.poles import pole_rows
 from random_appendages import random_appendage, toml
 
 CRAFTS = int(os.environ.get("BEAMCHAIN_CRAFTS", "16"))
@@ -80,7 +82,7 @@ def amplitudes(model):
 def test_nothing_grows(seed, tmp_path):
     craft, specs = random_craft(seed, tmp_path)
     bare = bc.embed(craft, specs, retime=False).model
-    limits = bc.budget(bare).largest_step
+    limits = budget(bare).largest_step
     for integrator in ("Euler", "RK4"):
         for factor in FACTORS:
             model = copy.copy(bare)
@@ -91,7 +93,7 @@ def test_nothing_grows(seed, tmp_path):
                 first, second = amplitudes(model)
                 assert first < 1e4 * PUSH, (integrator, factor, form)
                 assert second < GROWN * first, (integrator, factor, form)
-            rows = bc.pole_rows(model)
+            rows = pole_rows(model)
             inside = [row.error for row in rows if not row.slowed]
             print(  # noqa: T201
                 f"craft {seed}, {integrator:5s} at {factor:5g} times its limit: largest pole error {max(inside, default=0.0):.1e}, "

@@ -32,12 +32,11 @@ def modules() -> list[str]:
 MODULES = set(modules())
 
 PUBLIC = {
-    "Beam", "BeamchainError", "Box", "Budget", "Chain", "Comparison", "Custom", "Damping", "Embedded", "Equivalent",
-    "Fit", "FitOptions", "HeldInput", "Hub", "Imported", "Joint", "LargeMotion", "Linearisation", "Lump", "Material", "ModalData",
-    "Modes", "Payload", "PortModel", "Rectangle", "Retimed", "Root", "Round", "Scene", "Segment", "Spec", "Tube", "UniformBeam",
-    "__version__", "budget", "compare", "embed", "equal_links", "fit", "large_motion", "linearise", "measured_limit",
-    "planar_chain", "pole_rows", "read_modes", "read_spec", "realise", "retime", "run_stability", "run_study",
-    "run_sweep", "seed_beam", "seed_chain", "seed_table", "start_velocity",
+    "Beam", "BeamchainError", "Box", "Custom", "Damping", "Embedded", "EngineError", "Equivalent", "Fit",
+    "FitOptions", "HeldInput", "Hub", "InputError", "Joint", "Linearisation", "Lump", "Material", "ModalData",
+    "Modes", "OutputError", "PortModel", "RealisationError", "Rectangle", "Root", "Round", "Scene", "Segment",
+    "Spec", "Tube", "__version__", "compare", "embed", "fit", "linearise", "read_modes", "read_spec",
+    "retime", "stability", "start_velocity", "study", "sweep",
 }  # fmt: skip
 
 

@@ -9,6 +9,8 @@ import pytest
 
 import beamchain as bc
 from beamchain.craft.inspect import inspect_model
+from beamchain.steps.budget import budget
+from beamchain.steps.measured_limit import measured_limit
 
 SAME = 1e-6
 MEASURED = 0.01
@@ -34,7 +36,7 @@ def test_fit_inspect_and_budget_agree(ratio):
     seen = inspect_model(fit.scene_mjcf()).limits.largest_step
     for name, step in fit.limits.largest_step.items():
         assert step == pytest.approx(seen[name], rel=SAME), name
-    found = bc.budget(fit.scene_mjcf()).largest_step
+    found = budget(fit.scene_mjcf()).largest_step
     assert fit.limits.largest_step["Euler"] == pytest.approx(found["Euler"], rel=SAME)
 
 
@@ -44,7 +46,7 @@ def test_the_limit_is_where_mujoco_blows_up(ratio, integrator):
     fit = fitted(ratio)
     predicted = fit.limits.largest_step[integrator]
     model = mujoco.MjModel.from_xml_string(fit.scene_mjcf())
-    assert bc.measured_limit(model, integrator, predicted) == pytest.approx(predicted, rel=MEASURED)
+    assert measured_limit(model, integrator, predicted) == pytest.approx(predicted, rel=MEASURED)
 
 
 def test_an_unstable_step_of_the_scene_is_said():
@@ -72,7 +74,7 @@ def test_nothing_that_rings_is_said_with_its_steps():
     source = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint type="hinge" stiffness="1" damping="10"/>
     <geom size=".1" mass="1" pos="1 0 0"/></body></worldbody></mujoco>"""
     with pytest.raises(bc.BeamchainError, match=r"every sprung mode is overdamped .* RK4 0\.\d+ s"):
-        bc.budget(source)
+        budget(source)
     assert np.isfinite(inspect_model(source).limits.largest_step["RK4"])
 
 

@@ -13,11 +13,14 @@ from lxml import etree, html
 import beamchain as bc
 from appendages import panels, seed_boom, stepped_boom, tapered_boom, timoshenko_boom, unit_beam
 from beamchain.chain.build import Status
+from beamchain.chain.rivals import equal_links
 from beamchain.cli import shipped
+from beamchain.fitting.options import Payload
 from beamchain.fitting.spec import spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import curves, plots
 from beamchain.report.html import fit_report
+from beamchain.structure.exact import UniformBeam
 
 CURVE = 1e-3  # rivals add their own peaks to the grid, so that it is not the in-band error's own
 DRAWN = 1e-4  # coordinates in pt with a few digits
@@ -141,7 +144,7 @@ def test_integrator_and_model_error_stand_apart(boom):
 
 def test_in_band_errors_stand_beside_the_classical_chains(boom):
     fit, page, _ = boom
-    classical = bc.equal_links(fit.spec.beam, 2, "classical").port("xy")
+    classical = equal_links(fit.spec.beam, 2, "classical").port("xy")
     hub = HUB.mass_matrix()[np.ix_([1, 5], [1, 5])]
     theirs = bc.compare(classical, fit.full["xy"], hub, fit.bandwidth["xy"]).accelerance_in_band
     row = html.fromstring(page).xpath("//caption[text()='In-band error']/../tbody/tr")[0]
@@ -201,7 +204,7 @@ def test_spec_text_holds_every_kind_of_value():
         segment=panels().segments,
         joint=panels().joints,
         lump=panels().lumps,
-        payload=bc.Payload(mass=2.0),
+        payload=Payload(mass=2.0),
         damping=bc.Damping(ratio={"xy": (0.005, 0.004), "torsion": (0.01,)}, form="hinge"),
         modes=bc.Modes(xy=2, torsion=1),
         root=bc.Root(target="clamped", hub=HUB),
@@ -275,7 +278,7 @@ def test_plot_returns_its_axes_and_touches_no_global_state(boom):
 def test_poles_and_zeros_are_where_they_belong(boom):
     fit = boom[0]
     beam = curves.responses(fit, "xy", with_rivals=False)["beam"]
-    exact = bc.UniformBeam(15.0, 2.06e11 * np.pi * 0.012**4 / 64, fit.spec.beam.rigid_mass()[0, 0] / 15.0)
+    exact = UniformBeam(15.0, 2.06e11 * np.pi * 0.012**4 / 64, fit.spec.beam.rigid_mass()[0, 0] / 15.0)
     free = exact.coupled_frequencies(np.zeros((2, 2)), 6)
     for i, j in ((0, 0), (0, 1), (1, 1)):
         poles, zeros = beam.crossings(i, j)

@@ -17,7 +17,6 @@ from appendages import panels, seed_boom
 from beamchain.cli import shipped
 from beamchain.report.html import fit_report
 from beamchain.report.stability_html import stability_report
-from beamchain.studies import stability
 from spacecraft import CRAFTS, spec
 
 CHROMIUM = next(
@@ -43,7 +42,7 @@ def pages():
     }
     embedded = bc.embed(CRAFTS / "observer.xml", {"left": spec("array_left"), "boom_mount": spec("boom")})
     source = shipped.pick(shipped.examples(), "seed_boom", "example").path
-    found = stability.study(source)
+    found = bc.stability(source)
     return {
         **{name: fit_report(fit)[0] for name, fit in made.items()},
         "embed": embedded.report("observer.xml", "out.xml"),

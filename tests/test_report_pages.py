@@ -14,7 +14,6 @@ import beamchain as bc
 from beamchain.cli import main, shipped
 from beamchain.report.page import begun
 from beamchain.report.stability_html import stability_report
-from beamchain.studies import stability
 from spacecraft import CRAFTS, frequencies, spec
 
 SAME = 1e-12  # the same computation once more
@@ -29,7 +28,7 @@ def observer():
 @pytest.fixture(scope="module")
 def study():
     source = shipped.pick(shipped.examples(), "seed_boom", "example").path
-    return source, stability.study(source)
+    return source, bc.stability(source)
 
 
 @pytest.fixture(scope="module")

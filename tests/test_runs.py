@@ -7,7 +7,7 @@ import pytest
 import beamchain as bc
 from beamchain.cli import shipped
 from beamchain.errors import InputError
-from beamchain.studies import stability
+from beamchain.steps.budget import budget as step_budget
 
 SAME = 1e-12  # the same computation twice
 
@@ -17,25 +17,25 @@ def path(name):
 
 
 def test_stability_of_a_spec_and_of_its_file():
-    of_file, of_spec = bc.run_stability(path("seed_boom")), bc.run_stability(bc.read_spec(path("seed_boom")))
+    of_file, of_spec = bc.stability(path("seed_boom")), bc.stability(bc.read_spec(path("seed_boom")))
     for a, b in zip(of_file.rows, of_spec.rows, strict=True):
         assert (a.name, a.integrator) == (b.name, b.integrator)
         assert a.predicted == pytest.approx(b.predicted, rel=SAME)
-    assert of_file.rows[0].predicted == pytest.approx(stability.study(path("seed_boom")).rows[0].predicted, rel=SAME)
+    assert of_file.rows[0].predicted == pytest.approx(bc.stability(path("seed_boom")).rows[0].predicted, rel=SAME)
     assert list(of_spec.large) == ["xy"]
 
 
 def test_stability_of_a_model(tmp_path):
     fit = bc.fit(bc.read_spec(path("seed_boom")))
     (tmp_path / "boom.xml").write_text(fit.scene_mjcf())
-    found = bc.run_stability(tmp_path / "boom.xml")
+    found = bc.stability(tmp_path / "boom.xml")
     assert found.large == {}
-    np.testing.assert_allclose(found.budgets[0].frequencies, bc.budget(fit.scene_mjcf()).frequencies, rtol=SAME)
+    np.testing.assert_allclose(found.budgets[0].frequencies, step_budget(fit.scene_mjcf()).frequencies, rtol=SAME)
 
 
 def test_study_of_some_models_only():
     told = []
-    found = bc.run_study(
+    found = bc.study(
         path("seed_boom"), models=["exact, hub"], duration=8.0, budget=1e-3, progress=lambda *a: told.append(a)
     )
     assert found.models == ["exact, hub"]
@@ -43,13 +43,13 @@ def test_study_of_some_models_only():
     assert min(p.error for p in found.points) < 0.1
     assert told
     with pytest.raises(InputError, match="model 'magic' is not in the field"):
-        bc.run_study(path("seed_boom"), models=["magic"])
+        bc.study(path("seed_boom"), models=["magic"])
 
 
 def test_sweep_is_reproducible_and_needs_uncertain():
     spec = bc.read_spec(path("array_uncertain"))
-    a, b = bc.run_sweep(spec, 3, seed=4), bc.run_sweep(path("array_uncertain"), 3, seed=4)
+    a, b = bc.sweep(spec, 3, seed=4), bc.sweep(path("array_uncertain"), 3, seed=4)
     np.testing.assert_array_equal(a.coupled, b.coupled)
     assert a.coupled.shape[0] == 3
     with pytest.raises(InputError, match=r"no \[uncertain\]"):
-        bc.run_sweep(msgspec.structs.replace(spec, uncertain=None), 3)
+        bc.sweep(msgspec.structs.replace(spec, uncertain=None), 3)

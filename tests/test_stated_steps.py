@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import beamchain as bc
+from beamchain.steps.budget import budget
 from random_appendages import random_appendage, toml
 
 APPENDAGES = 13
@@ -77,7 +78,7 @@ def damped_appendage(seed, tmp_path):
 @pytest.mark.parametrize("seed", range(APPENDAGES))
 def test_stated_steps_hold_their_error(seed, tmp_path):
     model = mujoco.MjModel.from_xml_string(damped_appendage(seed, tmp_path).scene_mjcf())
-    stated = bc.budget(model).accuracy
+    stated = budget(model).accuracy
     true = true_pole(model)
     for integrator in ("Euler", "implicit", "implicitfast", "discrete", "RK4"):
         if not hasattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}"):
@@ -94,7 +95,7 @@ def test_steps_are_not_stated_smaller_than_they_need_be(tmp_path):
     path = tmp_path / "spec.toml"
     path.write_text(toml(spec | {"modes": {"xy": 2, "xz": 2}}))
     model = mujoco.MjModel.from_xml_string(bc.fit(bc.read_spec(path)).scene_mjcf())
-    limits = bc.budget(model)
+    limits = budget(model)
     first = float(limits.frequencies[0])
     wanted = brentq(lambda x: 2.0 * np.arcsin(x / 2.0) / x - 1.001, 1e-3, 1.0)
     assert limits.accuracy["Euler"][1] * first == pytest.approx(wanted, rel=1e-5)

@@ -393,7 +393,7 @@ def test_command(tmp_path):
 
 def test_unknown_model_is_refused():
     with pytest.raises(bc.BeamchainError, match="choose from"):
-        studies.study(bc.read_spec(SEED), studies.Options(models=("spaghetti",)))
+        bc.study(SEED, models=("spaghetti",))
 
 
 def test_study_in_space(tmp_path):

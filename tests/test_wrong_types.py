@@ -14,6 +14,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.files import to_json
+from beamchain.structure.imported import Imported
 
 STEEL = bc.Material(youngs_modulus=2.06e11, density=7800.0)
 BAY = bc.Segment(length=5.0, section=bc.Round(diameter=0.02), material=STEEL)
@@ -92,8 +93,8 @@ def test_arrays_stand_for_lists():
     options = bc.FitOptions(method="least_squares", links=np.array([1.0, 2.0]), free=["stiffness"])
     assert options.links == (1.0, 2.0)
     assert hash(options)
-    imported = bc.Imported(file="modes.toml", axes=np.eye(3), modes=np.arange(1, 3))
-    assert imported == bc.Imported(file="modes.toml", modes=(1, 2))
+    imported = Imported(file="modes.toml", axes=np.eye(3), modes=np.arange(1, 3))
+    assert imported == Imported(file="modes.toml", modes=(1, 2))
 
 
 def test_every_scalar_of_numpy_goes_into_json():

@@ -8,45 +8,31 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from beamchain.chain.chain import Chain as Chain
-    from beamchain.chain.recursion import planar_chain as planar_chain
-    from beamchain.chain.recursion import realise as realise
-    from beamchain.chain.rivals import equal_links as equal_links
-    from beamchain.chain.rivals import seed_chain as seed_chain
-    from beamchain.chain.seed import seed_beam as seed_beam
-    from beamchain.chain.seed import seed_table as seed_table
     from beamchain.craft.embedding import Embedded as Embedded
     from beamchain.craft.embedding import embed as embed
     from beamchain.engine.linearise import Linearisation as Linearisation
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
+    from beamchain.errors import EngineError as EngineError
+    from beamchain.errors import InputError as InputError
+    from beamchain.errors import OutputError as OutputError
+    from beamchain.errors import RealisationError as RealisationError
     from beamchain.fitting.fit import fit as fit
     from beamchain.fitting.hub import Hub as Hub
     from beamchain.fitting.options import Damping as Damping
     from beamchain.fitting.options import FitOptions as FitOptions
     from beamchain.fitting.options import Modes as Modes
-    from beamchain.fitting.options import Payload as Payload
     from beamchain.fitting.options import Root as Root
     from beamchain.fitting.options import Scene as Scene
     from beamchain.fitting.result import Fit as Fit
     from beamchain.fitting.spec import Spec as Spec
     from beamchain.fitting.spec import read_spec as read_spec
-    from beamchain.ports.compare import Comparison as Comparison
     from beamchain.ports.compare import compare as compare
     from beamchain.ports.model import PortModel as PortModel
-    from beamchain.steps.budget import Budget as Budget
-    from beamchain.steps.budget import budget as budget
     from beamchain.steps.inputs import HeldInput as HeldInput
-    from beamchain.steps.large_motion import LargeMotion as LargeMotion
-    from beamchain.steps.large_motion import large_motion as large_motion
-    from beamchain.steps.measured_limit import measured_limit as measured_limit
-    from beamchain.steps.poles import pole_rows as pole_rows
-    from beamchain.steps.retime import Retimed as Retimed
     from beamchain.steps.retime import retime as retime
     from beamchain.steps.start import start_velocity as start_velocity
     from beamchain.structure.beam import Beam as Beam
-    from beamchain.structure.exact import UniformBeam as UniformBeam
-    from beamchain.structure.imported import Imported as Imported
     from beamchain.structure.joint import Joint as Joint
     from beamchain.structure.lump import Lump as Lump
     from beamchain.structure.material import Material as Material
@@ -59,42 +45,63 @@ if TYPE_CHECKING:
     from beamchain.structure.section import Round as Round
     from beamchain.structure.section import Tube as Tube
     from beamchain.structure.segment import Segment as Segment
-    from beamchain.studies.runs import run_stability as run_stability
-    from beamchain.studies.runs import run_study as run_study
-    from beamchain.studies.runs import run_sweep as run_sweep
+    from beamchain.studies.stability import stability as stability
+    from beamchain.studies.study import study as study
+    from beamchain.studies.sweep import sweep as sweep
 
 _PLACES = {
-    "steps.budget": ("Budget", "budget"),
-    "ports.compare": ("Comparison", "compare"),
-    "steps.large_motion": ("LargeMotion", "large_motion"),
-    "steps.measured_limit": ("measured_limit",),
-    "chain.chain": ("Chain",),
-    "chain.recursion": ("planar_chain", "realise"),
-    "chain.rivals": ("equal_links", "seed_chain"),
-    "craft.embedding": ("Embedded", "embed"),
-    "engine.linearise": ("Linearisation", "linearise"),
-    "errors": ("BeamchainError",),
+    "craft.embedding": (
+        "Embedded",
+        "embed",
+    ),
+    "engine.linearise": (
+        "Linearisation",
+        "linearise",
+    ),
+    "errors": (
+        "BeamchainError",
+        "EngineError",
+        "InputError",
+        "OutputError",
+        "RealisationError",
+    ),
+    "fitting.fit": ("fit",),
     "fitting.hub": ("Hub",),
+    "fitting.options": (
+        "Damping",
+        "FitOptions",
+        "Modes",
+        "Root",
+        "Scene",
+    ),
+    "fitting.result": ("Fit",),
+    "fitting.spec": (
+        "Spec",
+        "read_spec",
+    ),
+    "ports.compare": ("compare",),
     "ports.model": ("PortModel",),
-    "studies.runs": ("run_stability", "run_study", "run_sweep"),
-    "chain.seed": ("seed_beam", "seed_table"),
-    "fitting.spec": ("Damping", "FitOptions", "Modes", "Payload", "Root", "Scene", "Spec", "read_spec"),
     "steps.inputs": ("HeldInput",),
-    "steps.poles": ("pole_rows",),
-    "steps.retime": ("Retimed", "retime"),
+    "steps.retime": ("retime",),
     "steps.start": ("start_velocity",),
     "structure.beam": ("Beam",),
-    "structure.exact": ("UniformBeam",),
-    "structure.imported": ("Imported",),
     "structure.joint": ("Joint",),
     "structure.lump": ("Lump",),
     "structure.material": ("Material",),
     "structure.modal_data": ("ModalData",),
     "structure.readers": ("read_modes",),
-    "structure.section": ("Box", "Custom", "Equivalent", "Rectangle", "Round", "Tube"),
+    "structure.section": (
+        "Box",
+        "Custom",
+        "Equivalent",
+        "Rectangle",
+        "Round",
+        "Tube",
+    ),
     "structure.segment": ("Segment",),
-    "fitting.result": ("Fit",),
-    "fitting.fit": ("fit",),
+    "studies.stability": ("stability",),
+    "studies.study": ("study",),
+    "studies.sweep": ("sweep",),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 

@@ -7,7 +7,10 @@ Run: python tests/benchmarks/trend.py
 import numpy as np
 
 import beamchain as bc
+from beamchain.chain.chain import Chain
+from beamchain.chain.recursion import planar_chain, realise
 from beamchain.chain.rivals import equal_links
+from beamchain.structure.exact import UniformBeam
 
 HUBS = (0.1, 1.0, 10.0, 1000.0)  # hub mass over beam mass; hub inertia = hub mass x (L / 3)^2
 HINGES = (1, 2, 3, 4, 5, 7)
@@ -19,14 +22,14 @@ def unit_beam() -> bc.Beam:
     return bc.Beam(segments=(bc.Segment(length=1.0, section=section),))
 
 
-def error(chain: bc.Chain, hub: np.ndarray, truth: float) -> float:
+def error(chain: Chain, hub: np.ndarray, truth: float) -> float:
     return float(chain.port("xy").with_hub(hub).free_frequencies[0] / truth - 1.0)
 
 
 def main() -> None:
     beam = unit_beam()
     full = beam.port("xy", 20)
-    exact = bc.UniformBeam(1.0, 1.0, 1.0)
+    exact = UniformBeam(1.0, 1.0, 1.0)
     for ratio in HUBS:
         hub = np.diag([ratio, ratio / 9.0])
         truth = float(exact.coupled_frequencies(hub, 1)[0])
@@ -36,7 +39,7 @@ def main() -> None:
             cells = []
             for n in HINGES:
                 reduced = full.truncated(n) if target is None else full.reduced(n, target)
-                cells.append(f"{error(bc.planar_chain(bc.realise(reduced), beam), hub, truth):>+11.1e}")
+                cells.append(f"{error(planar_chain(realise(reduced), beam), hub, truth):>+11.1e}")
             print(f"exact, {name:7}" + "".join(cells))
         for recipe in ("naive", "classical", "midpoint"):
             cells = [f"{error(equal_links(beam, n, recipe), hub, truth):>+11.1e}" for n in HINGES]

@@ -35,7 +35,7 @@ def stability(
     from beamchain.errors import InputError
     from beamchain.files import check_free, to_json, write_files
     from beamchain.report.stability_html import stability_report
-    from beamchain.studies.stability import study
+    from beamchain.studies.stability import stability as measure
 
     if extremes_map:
         raise InputError(
@@ -43,7 +43,7 @@ def stability(
         )
     check_free(output / "stability.json", force=force)
     with spinner("reading", quiet or as_json) as say:
-        result = study(source, say)
+        result = measure(source, say)
         record = result.as_dict()
         files: dict[Path, str | bytes] = {output / "report.html": stability_report(result, source)}
         files[output / "stability.json"] = to_json(record)

@@ -52,7 +52,6 @@ def study(
     from beamchain.files import check_free
     from beamchain.fitting.spec import read_spec
     from beamchain.studies.jobs import workers as pool
-    from beamchain.studies.study import Options
     from beamchain.studies.study import study as measure
 
     read = read_spec(spec)
@@ -62,9 +61,12 @@ def study(
         positive("--amplitude", amplitude, "N or N m")
     positive("--budget", budget, "s")
     check_free(output / "study.json", force=force)
-    options = Options(None if profile is None else read_text(profile), duration, budget, tuple(model or ()), amplitude)
     with pool(workers, dask) as executor, job_bar("measuring", quiet or as_json) as progress:
-        result = measure(read, options, executor=executor, folder=output, resume=resume, progress=progress)
+        result = measure(
+            read, models=model or (), duration=duration, budget=budget, amplitude=amplitude,
+            profile=None if profile is None else read_text(profile),
+            executor=executor, folder=output, resume=resume, progress=progress,
+        )  # fmt: skip
     files = result.write(output, force=force)
     if as_json:
         print_json(result.as_dict())

@@ -10,7 +10,7 @@ from beamchain.engine.linearise import compile_model
 from beamchain.errors import EngineError
 from beamchain.fitting.fit import fit
 from beamchain.fitting.result import Fit
-from beamchain.fitting.spec import read_spec
+from beamchain.fitting.spec import Spec, read_spec
 from beamchain.steps.budget import HOST, Budget, available, budget, preloaded
 from beamchain.steps.large_motion import LargeMotion
 from beamchain.steps.measured_limit import measured_limit
@@ -84,17 +84,23 @@ def step_rows(model: "mujoco.MjModel", limits: Budget, say: Callable[[str], None
     return out
 
 
-def study(source: Path, say: Callable[[str], None] = lambda _: None) -> StabilityStudy:
-    """Step limits and large-motion limits of a spec's appendage on its hub and alone, or of any MuJoCo model.
+def stability(source: Spec | str | Path, say: Callable[[str], None] = lambda _: None) -> StabilityStudy:
+    """Step limits predicted and measured, damping that steps add, large motion, as `beamchain stability` does.
 
     Args:
-        source: SPEC.toml or MODEL.xml.
-        say: told what is being done.
+        source: a specification, or the path of a SPEC.toml or of any MuJoCo model (.xml).
+        say: told what is being measured.
+
+    Returns:
+        The limits (`rows`), a step budget per model (`budgets`), large-motion limits per plane (`large`) and warnings.
 
     Raises:
         InputError: the file cannot be used.
         EngineError: MuJoCo refuses the model, or nothing oscillates in it.
     """
+    if isinstance(source, Spec):
+        return study_fit(fit(source), say)
+    source = Path(source)
     if source.suffix.lower() == ".xml":
         model = compile_model(source)
         data = mujoco.MjData(model)

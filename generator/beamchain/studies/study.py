@@ -22,7 +22,7 @@ from beamchain.files import to_json, write_files
 from beamchain.fitting.choose import make_plan, whole_beam
 from beamchain.fitting.hub import default_hub
 from beamchain.fitting.options import FitOptions, Modes, Root, Scene, Target
-from beamchain.fitting.spec import Spec, spec_from_dict
+from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.steps.large_motion import large_motion
 from beamchain.steps.run_limits import driven, exceeded
@@ -59,9 +59,6 @@ class Options(NamedTuple):
     budget: float = BUDGET
     models: tuple[str, ...] = ()
     amplitude: float | None = None
-
-
-DEFAULTS = Options()
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,33 +180,46 @@ class Study:
 
 
 def study(
-    spec: Spec,
-    options: Options = DEFAULTS,
+    spec: Spec | str | Path,
     *,
+    models: Sequence[str] = (),
+    duration: float | None = None,
+    budget: float = BUDGET,
+    profile: str | None = None,
+    amplitude: float | None = None,
     executor: Executor | None = None,
     folder: Path | None = None,
     resume: bool = False,
     progress: Progress | None = None,
 ) -> Study:
-    """Measure the whole field.
+    """Measure error against run time of models of an appendage on its hub, as `beamchain study` does.
 
     Args:
-        spec: appendage and hub; without a hub, one of ten times the appendage's mass.
-        options: profile, duration, budget, models, amplitude.
+        spec: the appendage and hub, or the path of a SPEC.toml; without a hub, one of ten times the appendage's mass.
+        models: names of the models to run, such as "exact, hub", "exact, clamped" or "equal links, classical"; all where
+            empty, which takes minutes.
+        duration: what is simulated [s]; four slow periods where left out.
+        budget: simulation time spent per model, size and integrator [s].
+        profile: CSV text of the wrench on the hub, columns time [s], fx fy fz [N], mx my mz [N m]; a doublet where left
+            out.
+        amplitude: of the doublet [N, N m]; small enough to stay linear where left out.
         executor: where the entries run; one after the other in this process where left out.
         folder: keeps what is measured until `Study.write` is done, for `resume`.
         resume: take up what `folder` holds.
-        progress: told after every entry.
+        progress: told after every entry how many are done, and of how many.
 
     Returns:
-        every setting measured, the cheapest for each target error, and what large motion changes.
+        The study: every point measured (`points`), the cheapest setting for an error (`best`), its rivals (`rivals`),
+        what large motion changes, files (`write`).
 
     Raises:
-        InputError: a model name is unknown, the profile cannot be used, or profile and amplitude are both given.
+        InputError: a model's name is unknown, the profile cannot be used, or profile and amplitude are both given.
         EngineError: the load throws the appendage about so that no chain can be simulated, or a worker died.
     """
     start = time.perf_counter()
-    if options.profile is not None and options.amplitude is not None:
+    spec = spec if isinstance(spec, Spec) else read_spec(spec)
+    options = Options(profile, duration, budget, tuple(models), amplitude)
+    if profile is not None and amplitude is not None:
         raise InputError("--profile and --amplitude are both given; the amplitude is the doublet's: leave one out.")
     text = spec_toml(spec)
     task, scenario = prepare(text, options)

@@ -26,7 +26,7 @@ from beamchain.fitting.fit import damped, fit
 from beamchain.fitting.hub import default_hub
 from beamchain.fitting.options import Damping, Modes
 from beamchain.fitting.result import Fit
-from beamchain.fitting.spec import Spec, spec_from_dict
+from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.model import in_space
 from beamchain.ports.motions import Array
@@ -128,7 +128,7 @@ def _spread(values: Array) -> dict[str, Any]:
 
 
 def sweep(
-    spec: Spec,
+    spec: Spec | str | Path,
     samples: int,
     *,
     seed: int = 0,
@@ -137,25 +137,28 @@ def sweep(
     resume: bool = False,
     progress: Progress | None = None,
 ) -> Sweep:
-    """Draw and fit variants.
+    """Draw variants of an appendage from its [uncertain] and fit each, as `beamchain sweep` does.
 
     Args:
-        spec: with [uncertain]; where its scene chooses the modes, the nominal choice stands for all.
-        samples: how many.
-        seed: of the draws.
+        spec: with [uncertain], or the path of such a SPEC.toml; where its scene chooses the modes, the nominal choice
+            stands for all.
+        samples: how many are drawn.
+        seed: of the draws; the same seed gives the same variants.
         executor: where they are fitted; one after the other in this process where left out.
         folder: keeps what is done until `Sweep.write`, for `resume`.
         resume: take up what `folder` holds.
-        progress: told after every job.
+        progress: told after every ten.
 
     Returns:
-        the variants as arrays of one compiled model, and the samples left out with their reasons.
+        The variants as fields of one compiled MuJoCo model (`fields`), their coupled frequencies [rad/s] (`coupled`),
+        samples that could not be made and why (`left_out`), files (`write`).
 
     Raises:
         EngineError: a worker died for good.
         InputError: the spec has no [uncertain], or every sample was left out.
     """
     start = time.perf_counter()
+    spec = spec if isinstance(spec, Spec) else read_spec(spec)
     if spec.uncertain is None:
         raise InputError("the spec has no [uncertain]; add one with for example stiffness = { relative = 0.05 }.")
     if spec.imported is not None:
