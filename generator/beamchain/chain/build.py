@@ -127,7 +127,8 @@ def _cut(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: W
     """The chain on a chosen cut for all ports."""
     notes: list[str] = []
     targets = {port: _available(target_of, port, count, notes) for port, count in kept.items()}
-    groups = [_modes_of(port, t, wishes, _next(target_of, port, kept[port])) for port, t in targets.items()]
+    beyond = {} if wishes.further else {port: _next(target_of, port, count) for port, count in kept.items()}
+    groups = [_modes_of(port, target, wishes, beyond.get(port)) for port, target in targets.items()]
     chain, how, cut = cut_chain(beam, groups, wishes.lines, wishes.further, wishes.cut)
     for port, target in () if wishes.further else targets.items():
         found = chain.port(port).frequencies[: target.modes]
