@@ -32,6 +32,7 @@ INTEGRATORS = {name: int(value) for name, value in (
 )}  # fmt: skip
 if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
     INTEGRATORS["discrete"] = int(mujoco.mjtIntegrator.mjINT_DISCRETE)
+NUMBERS = {number: name for name, number in INTEGRATORS.items()}
 
 
 def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
@@ -270,7 +271,7 @@ def linearise(
     stiffness = -x @ a[nv : 2 * nv, :nv] / h
     damping = (x - np.eye(nv)) / h
     inputs = x @ b[nv : 2 * nv] / h
-    name = next(key for key, value in INTEGRATORS.items() if value == own)
+    name = NUMBERS[own]
     result = Linearisation(
         *(locked(v) for v in (stiffness, damping, inputs, a, b, c, d)),
         timestep=h,

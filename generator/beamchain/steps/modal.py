@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import INTEGRATORS
+from beamchain.engine.linearise import INTEGRATORS, NUMBERS
 from beamchain.errors import InputError
 from beamchain.motion import Array, locked
 
@@ -34,7 +34,6 @@ JOINT = 1  # mjWRAP_JOINT
 FREE_BALL = 1  # mjJNT_FREE is 0, mjJNT_BALL 1; slide and hinge come after
 UNMARKED = (0.9, 0.95, 0.001, 0.5, 2.0)  # MuJoCo's own solimplimit
 FORMS = (2, 3, 4)
-NUMBERS = {number: name for name, number in INTEGRATORS.items()}
 
 
 class MadeFor(NamedTuple):

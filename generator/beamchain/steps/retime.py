@@ -34,14 +34,13 @@ from scipy.optimize import linear_sum_assignment
 from beamchain.checks import not_negative, one_of
 from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import INTEGRATORS
+from beamchain.engine.linearise import INTEGRATORS, NUMBERS
 from beamchain.errors import EngineError, InputError
 from beamchain.motion import Array
 from beamchain.steps import discrete
 from beamchain.steps.modal import (
     FORMS,
     JOINT,
-    NUMBERS,
     UNMARKED,
     MadeFor,
     Modal,
