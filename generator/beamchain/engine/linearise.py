@@ -317,6 +317,29 @@ def _transition(
     return a, b, c, d
 
 
+def mass_matrix(model: "mujoco.MjModel", qpos: Array | None = None) -> Array:
+    """`(nv, nv)` mass matrix, armature included.
+
+    Args:
+        model: compiled.
+        qpos: pose; the model's initial one where left out.
+    """
+    data = mujoco.MjData(model)
+    if qpos is not None:
+        data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    return dense_mass(model, data)
+
+
+def dense_mass(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
+    """`(nv, nv)` mass matrix of a state that `mj_forward` has seen, through `mj_mulM`, which all versions share."""
+    out, column = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
+    for i, unit in enumerate(np.eye(model.nv)):
+        mujoco.mj_mulM(model, data, column, unit)
+        out[:, i] = column
+    return (out + out.T) / 2.0
+
+
 def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: Array) -> Array:
     """The share of `M^-1 K` that the integrator "discrete" treats implicitly, `(nv, nv)` [1/s^2].
 

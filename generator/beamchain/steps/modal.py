@@ -145,24 +145,6 @@ def mark_text(timestep: float, integrator: str, form: int, damping: float, stiff
     return " ".join(repr(float(v)) for v in (timestep, INTEGRATORS[integrator], form, damping, stiffness))
 
 
-def mass_matrix(model: "mujoco.MjModel", qpos: Array | None = None) -> Array:
-    """`(nv, nv)` mass matrix, armature included, through `mj_mulM`, which all versions share.
-
-    Args:
-        model: compiled.
-        qpos: pose; the model's initial one where left out.
-    """
-    data = mujoco.MjData(model)
-    if qpos is not None:
-        data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    out, column = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
-    for i, unit in enumerate(np.eye(model.nv)):
-        mujoco.mj_mulM(model, data, column, unit)
-        out[:, i] = column
-    return (out + out.T) / 2.0
-
-
 def condensed(mass: Array, rows: Array) -> tuple[Array, Array]:
     """The mass matrix that modal coordinates feel while the rest of the craft follows freely, and how it follows.
 

@@ -34,7 +34,7 @@ from scipy.optimize import linear_sum_assignment
 from beamchain.checks import not_negative, one_of
 from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import INTEGRATORS, NUMBERS
+from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
 from beamchain.errors import EngineError, InputError
 from beamchain.motion import Array
 from beamchain.steps import discrete
@@ -46,7 +46,6 @@ from beamchain.steps.modal import (
     Modal,
     condensed,
     foreign,
-    mass_matrix,
     modal_tendons,
 )
 from beamchain.steps.tune import tune
