@@ -94,7 +94,7 @@ def timoshenko_boom() -> Beam:
     return Beam(segments=(bar,))
 
 
-#: beams of the kinds THEORY.md section 4 found realisable with up to 7 modes
+#: beams of the kinds that are realisable with up to 7 modes
 REALISABLE = {
     "uniform": seed_boom,
     "tapered": tapered_boom,

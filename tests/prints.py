@@ -81,7 +81,7 @@ def plate(count: int = 21, *, length=0.21, width=0.09, thickness=0.0012, corner=
 
 
 def cantilever(turn: float = 0.0) -> Modes:
-    """ORACLES O8: a Nastran cantilever of two lumped CBARs, its printed numbers; the pairs turned by an angle."""
+    """A Nastran cantilever of two lumped CBARs, its printed numbers; the pairs turned by an angle."""
     w = 2.0 * np.pi * np.array([63.70329, 63.70329, 319.9485, 319.9485, 1240.472])
     rows = np.zeros((5, 6))
     for k, (force, moment) in ((0, (-3.462030, -2.774607)), (2, (-1.979560, -0.5036983))):

@@ -8,8 +8,10 @@ import pytest
 
 from appendages import close, panels, seed_boom, timoshenko_boom, unit_beam
 from arrays import ALUMINIUM, deployed_array, flat_bar, space_beam, tube
+from beamchain.chain import cut
 from beamchain.chain.build import Wishes, build_exact, build_recipe
 from beamchain.chain.recursion import realise_scalar
+from beamchain.chain.tendons import Modes
 from beamchain.engine.bench import measure
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError, RealisationError
@@ -182,6 +184,15 @@ def test_what_springs_on_hinges_cannot_have_is_said():
     for wishes in (Wishes("hinges", lines=(0.3,)), Wishes("hinges", per_mode=True), Wishes("hinges", further=(0.5,))):
         with pytest.raises(InputError, match='fit.springs = "hinges" and .* do not go together'):
             built(unit_beam(), {"xy": 2}, wishes=wishes)
+
+
+@pytest.mark.parametrize(("budget", "added"), [(cut.MOST_TRIED, cut.MOST_ADDED), (0, 0)])
+def test_a_cut_that_is_not_found_tells_how_many_hinges_were_tried(monkeypatch, budget, added):
+    monkeypatch.setattr(cut, "MOST_TRIED", budget)
+    heavy = np.linalg.cholesky(0.999 * unit_beam().port("xy", 2).rigid_mass).T  # leaves the root next to nothing
+    modes = Modes(("xy",), np.array([1.0, 2.0]), heavy, np.zeros(2))
+    with pytest.raises(RealisationError, match=rf"no cut .* \(further hinges tried: {added}\); keep fewer modes"):
+        cut.choose_cut(unit_beam(), [cut.Wanted(modes, {"xy": 2}, {})], ())
 
 
 def test_torsion_of_a_wide_appendage_keeps_all_its_modes():

@@ -98,7 +98,7 @@ def test_the_discrete_integrator_is_implicit_in_stiffness(h):
     lengths, masses, springs, _ = PENDULUMS[2]
     m, k = pendulum_mass(lengths, masses), np.diag(springs)
     linear = linearise(pendulum(lengths, masses, springs, (0.0, 0.0), h, "discrete"))
-    # v+ = v - h M^-1 K (q + h v+): THEORY section 9
+    # v+ = v - h M^-1 K (q + h v+)
     solve = np.linalg.inv(m + h**2 * k)
     assert relative_to_block(linear.a[2:, :2], -h * solve @ k) < DERIVATIVE
     assert relative_to_block(linear.a[2:, 2:], solve @ m) < DERIVATIVE

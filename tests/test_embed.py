@@ -315,7 +315,7 @@ def panel(inertia: float, frequency: float, modes: int) -> bc.Spec:
 
 
 class TestFlexiblePanel:
-    """Basilisk's flexible panel keeps k = 600 N m/rad per hinge while it adds links (ORACLES O10)."""
+    """Basilisk's flexible panel keeps k = 600 N m/rad per hinge while it adds links."""
 
     HERTZ = (0.2906, 0.2770, 0.2357, 0.1853, 0.1388, 0.1011)
 

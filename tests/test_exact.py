@@ -173,7 +173,6 @@ def test_coupled_frequencies_are_zeros_of_the_loaded_beam(ratio):
 
 
 def test_heavy_hub_gives_the_cantilever():
-    # THEORY 3: hub mass 1000, inertia 100: 3.5228
     assert UNIT.coupled_frequencies(np.diag([1000.0, 100.0]), 1)[0] == close(3.5228, abs=5e-5)
     assert UNIT.coupled_frequencies(np.diag([0.1, 0.01]), 1)[0] == close(14.355, abs=5e-4)
 

@@ -98,7 +98,7 @@ def test_decoupled_modes_are_chosen_per_port(band, target):
 
 
 def test_a_singular_residual_with_a_scene():
-    """ORACLES O8 on a hub: the hub's modes give no chain, the clamped ones do."""
+    """The printed cantilever on a hub: the hub's modes give no chain, the clamped ones do."""
     data = printed(cantilever(0.3), length=1.0)
     hub = Hub(mass=300.0, inertia=(80.0, 90.0, 100.0), offset=(0.5, 0.0, 0.1))
     result = fit(data, scene=Scene(bandwidth=2.0 * float(data.frequencies[0])), root=Root(hub=hub))

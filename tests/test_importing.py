@@ -1,4 +1,4 @@
-"""Imported modes through the whole walk, as chains: O8, a plate, round trips of beams, files and words."""
+"""Imported modes through the whole walk, as chains: a printed cantilever, a plate, round trips of beams, files and words."""
 
 import json
 
@@ -26,16 +26,16 @@ ROUND_TRIP = 1e-9  # the issue's bound
 MUJOCO = 1e-8  # mjd_transitionFD with eps = 1e-6
 
 
-def o8(turn: float = 0.0, **more) -> ModalData:
+def printed_cantilever(turn: float = 0.0, **more) -> ModalData:
     truth = cantilever(turn)
     return ModalData(truth.mass, truth.frequencies, truth.participation, precision=PRINT, length=1.0, **more)
 
 
-# -- O8 ----------------------------------------------------------------------------------------------------------------
+# -- a printed cantilever -----------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("form", [None, "chain"])
 @pytest.mark.parametrize("turn", [0.0, 0.6])
-def test_o8_comes_back_through_mujoco(form, turn):
-    result = fit(o8(turn), options=FitOptions(form=form))
+def test_a_printed_cantilever_comes_back_through_mujoco(form, turn):
+    result = fit(printed_cantilever(turn), options=FitOptions(form=form))
     assert result.status.ok
     truth = cantilever()
     space = result.space.achieved
@@ -48,11 +48,11 @@ def test_o8_comes_back_through_mujoco(form, turn):
     mass = result.measured.rigid_mass
     assert mass[0, 0] == pytest.approx(21.20575, rel=PRINT)
     residual = mass[1, 1] - np.sum(result.achieved["xy"].participation[:, 0] ** 2)
-    assert residual == pytest.approx(5.30144, abs=2e-5)  # O8: lumped at the clamped node
+    assert residual == pytest.approx(5.30144, abs=2e-5)  # lumped at the clamped node
 
 
-def test_o8_is_a_chain_with_its_hinge_at_the_root():
-    result = fit(o8())
+def test_a_printed_cantilever_is_a_chain_with_its_hinge_at_the_root():
+    result = fit(printed_cantilever())
     assert result.space.form == "chain"
     assert result.chain.hinges[0].x == 0.0
     assert result.chain.links[0].length == 0.0

@@ -115,7 +115,7 @@ def test_printed_rounding_is_settled_and_told():
     truth = cantilever()
     data = ModalData(truth.mass, truth.frequencies, truth.participation, precision=PRINT)
     residual = data.port("xy").residual_mass
-    assert residual[0, 0] == pytest.approx(5.30144, abs=2e-5)  # ORACLES O8: the clamped node's own
+    assert residual[0, 0] == pytest.approx(5.30144, abs=2e-5)  # the clamped node's own
     assert residual[1, 1] == 0.0
     assert residual[0, 1] == 0.0
     assert any("printed precision" in step for step in data.steps)

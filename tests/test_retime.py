@@ -6,9 +6,10 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
+from beamchain.engine.linearise import mass_matrix
 from beamchain.errors import InputError
 from beamchain.steps.inputs import HeldInput
-from beamchain.steps.modal import MadeFor, made_for, mark_text, mass_matrix, modal_tendons
+from beamchain.steps.modal import MadeFor, made_for, mark_text, modal_tendons
 from beamchain.steps.poles import mismatch, pole_rows, step_matrix
 from beamchain.steps.retime import ARRAYS, retime
 from beamchain.steps.start import keyframe_velocities, start_velocity

@@ -17,7 +17,7 @@ from beamchain.chain.rivals import (
 from beamchain.errors import InputError
 from beamchain.structure.exact import UniformBeam
 
-PERCENT = 0.5  # O11 is printed in whole percent
+PERCENT = 0.5  # the published errors are in whole percent
 CLOSED = 1e-10  # (17), (18) against singular values of a 6 x 2 matrix; c enters by its root
 SLOPE = 0.1  # log-log slope between the last two refinements of the ladder
 SUMS = 1e-12  # sums over links
@@ -33,7 +33,7 @@ def held_error(count, recipe):
 # -- the three recipes -------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(("count", "percent"), [(2, -34), (4, -20), (8, -11), (16, -6), (32, -3)])
 def test_naive_recipe_has_the_published_error(count, percent):
-    assert 100.0 * held_error(count, "naive") == close(percent, abs=PERCENT)  # O11
+    assert 100.0 * held_error(count, "naive") == close(percent, abs=PERCENT)
 
 
 @pytest.mark.parametrize("recipe", RECIPES)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from appendages import close
+from appendages import close, tip_loaded_boom
 from arrays import deployed_array, tube
 from beamchain.errors import InputError
 from beamchain.fitting.options import FitOptions, Port, Root, Sensors
@@ -138,3 +138,15 @@ def test_asking_for_amplitudes_gives_each_mode_a_tendon():
     assert [model.sensor(i).name for i in range(model.nsensor)] == [
         "boom_mode1_xy_amplitude", "boom_mode1_xy_rate", "boom_mode2_xy_amplitude", "boom_mode2_xy_rate",
     ]  # fmt: skip
+
+
+def test_amplitudes_are_read_where_fewer_modes_are_kept():
+    """A tip this heavy costs a chosen cut its digits with 8 modes; the 7 that the recursion holds keep their tendons."""
+    beam = tip_loaded_boom(1e7)
+    spec = Spec(name="boom", segment=beam.segments, lump=beam.lumps, modes=bc.Modes(xy=8), sensors=Sensors(modes=True))
+    result = bc.fit(spec)
+    assert "xy keeps 7 of the 8 modes asked for" in result.status.message
+    assert [tendon.label for tendon in result.chain.tendons] == [f"mode{k}_xy" for k in range(1, 8)]
+    model = mujoco.MjModel.from_xml_string(result.to_mjcf())
+    names = {model.sensor(i).name for i in range(model.nsensor)}
+    assert {f"boom_mode{k}_xy_amplitude" for k in range(1, 8)} < names

@@ -1,4 +1,4 @@
-"""A spinning chain stiffens as a spinning beam does, without any term for it: rigid links do it by themselves (O7).
+"""A spinning chain stiffens as a spinning beam does, without any term for it: rigid links do it by themselves.
 
 The hub turns about z with a huge inertia; MuJoCo is linearised in that state. Flap (out of the plane of rotation) is
 plane xz, lag is plane xy.

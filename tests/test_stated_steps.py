@@ -18,36 +18,39 @@ ROUNDED = 1e-5  # relative, of the error itself: what differences of mj_step lea
 EPSILON = 1e-6
 
 
-def step_matrix(model):
-    """`(2 nv, 2 nv)` one `mj_step` by central differences."""
+def differenced(model, read):
+    """`(k, 2 nv)` what `read(data)` `(k,)` changes with the state, by central differences."""
     data, nv = mujoco.MjData(model), model.nv
 
-    def after(state):
+    def at(state):
         mujoco.mj_resetData(model, data)
         mujoco.mj_integratePos(model, data.qpos, state[:nv], 1.0)
         data.qvel[:] = state[nv:]
+        return read(data)
+
+    return np.array([(at(EPSILON * e) - at(-EPSILON * e)) / (2.0 * EPSILON) for e in np.eye(2 * nv)]).T
+
+
+def step_matrix(model):
+    """`(2 nv, 2 nv)` one `mj_step`."""
+
+    def after(data):
         mujoco.mj_step(model, data)
-        out = np.zeros(nv)
+        out = np.zeros(model.nv)
         mujoco.mj_differentiatePos(model, out, 1.0, model.qpos0, data.qpos)
         return np.concatenate([out, data.qvel])
 
-    columns = [(after(EPSILON * e) - after(-EPSILON * e)) / (2.0 * EPSILON) for e in np.eye(2 * nv)]
-    return np.array(columns).T
+    return differenced(model, after)
 
 
 def true_pole(model):
     """Slowest oscillating pole of the motion itself [1/s], from differences of accelerations."""
-    data, nv = mujoco.MjData(model), model.nv
 
-    def acceleration(state):
-        mujoco.mj_resetData(model, data)
-        mujoco.mj_integratePos(model, data.qpos, state[:nv], 1.0)
-        data.qvel[:] = state[nv:]
+    def acceleration(data):
         mujoco.mj_forward(model, data)
         return data.qacc.copy()
 
-    columns = [(acceleration(EPSILON * e) - acceleration(-EPSILON * e)) / (2.0 * EPSILON) for e in np.eye(2 * nv)]
-    matrix = np.vstack([np.hstack([np.zeros((nv, nv)), np.eye(nv)]), np.array(columns).T])
+    matrix = np.vstack([np.eye(model.nv, 2 * model.nv, model.nv), differenced(model, acceleration)])
     s = np.linalg.eigvals(matrix).astype(complex)
     s = s[(np.abs(s) > 1e-4 * np.max(np.abs(s))) & (s.imag > 1e-3 * np.abs(s))]
     return s[np.argmin(np.abs(s))]

@@ -1,4 +1,4 @@
-"""The largest stable step of one hinge against the published stability limits of each integrator (ORACLES O9)."""
+"""The largest stable step of one hinge against the published stability limits of each integrator."""
 
 import mujoco
 import numpy as np
@@ -53,8 +53,8 @@ def largest_step(integrator, zeta, low, high):
 def test_stability_cap_of_one_hinge(integrators, zeta, published):
     for integrator in integrators:
         assert largest_step(integrator, zeta, published - 0.1, published + 0.1) == close(published, abs=STABLE)
-    if integrators is SEMI_IMPLICIT:  # THEORY section 9, in closed form
-        assert 2 * zeta + 2 * np.sqrt(zeta**2 + 1) == close(published, abs=2e-4)  # O9 was measured, 2.2101 for 2.20998
+    if integrators is SEMI_IMPLICIT:  # in closed form
+        assert 2 * zeta + 2 * np.sqrt(zeta**2 + 1) == close(published, abs=2e-4)  # measured: 2.2101 for 2.20998
 
 
 def test_the_discrete_integrator_has_no_cap():

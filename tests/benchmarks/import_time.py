@@ -45,7 +45,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         (place / "plate.f06").write_text(whole(plate().in_units(1e-3, 1e3)))
-        (place / "o8.f06").write_text(whole(cantilever(0.3), weight=True))
+        (place / "cbars.f06").write_text(whole(cantilever(0.3), weight=True))
         cases = [("plate of the tests", place / "plate.f06", Units(length=1e-3, mass=1e3))]
         if len(sys.argv) > 1:
             given = Units(length=float(sys.argv[2]), mass=float(sys.argv[3]))
@@ -56,9 +56,9 @@ def main() -> None:
             for modes in (1, 2):
                 spec = Spec(imported=imported, modes=Modes(xz=modes), fit=FitOptions(form="chain"))
                 told(f"{label}, {modes} in xz as a chain", spec)
-        o8 = Imported(file=str(place / "o8.f06"), length=1.0)
-        told("ORACLES O8", Spec(imported=o8))
-        told("ORACLES O8, a tendon per mode", Spec(imported=o8, fit=FitOptions(springs="modes")))
+        cbars = Imported(file=str(place / "cbars.f06"), length=1.0)
+        told("two lumped CBARs", Spec(imported=cbars))
+        told("two lumped CBARs, a tendon per mode", Spec(imported=cbars, fit=FitOptions(springs="modes")))
 
 
 if __name__ == "__main__":

@@ -117,7 +117,7 @@ def test_o1_parameters_that_match_two_frequencies():
     k, c = seed_parameters(mass, 15.0, *w)
     assert printed(k, "0.26985", SEED)
     assert printed(c, "51.325", SEED)
-    # recomputed without rounding on the way (THEORY.md section 2)
+    # recomputed without rounding on the way
     assert printed(k, "0.26988")
     assert printed(c, "51.338")
     port = seed_chain(seed_boom(), k, c).port()

@@ -106,7 +106,7 @@ def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wi
     history: list[str] = []
     if not wishes.lines and not wishes.further and wishes.cut is None:
         try:
-            return _recursive(beam, kept, target_of, wishes, history)
+            return _recursive(beam, kept, target_of, wishes, history, fewer=wishes.springs == "hinges")
         except RealisationError as error:
             if wishes.springs == "hinges":
                 raise
@@ -116,8 +116,8 @@ def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wi
     except RealisationError:
         if not history:
             raise
-        try:  # fewer modes where their springs can stand on the hinges
-            return _recursive(beam, kept, target_of, replace(wishes, springs="hinges"), history)
+        try:  # the modes that the recursion holds
+            return _recursive(beam, kept, target_of, wishes, history, fewer=True)
         except RealisationError:
             pass
         raise
@@ -127,7 +127,8 @@ def _cut(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: W
     """The chain on a chosen cut for all ports."""
     notes: list[str] = []
     targets = {port: _available(target_of, port, count, notes) for port, count in kept.items()}
-    groups = [_modes_of(port, t, wishes, _next(target_of, port, kept[port])) for port, t in targets.items()]
+    beyond = {} if wishes.further else {port: _next(target_of, port, count) for port, count in kept.items()}
+    groups = [_modes_of(port, target, wishes, beyond.get(port)) for port, target in targets.items()]
     chain, how, cut = cut_chain(beam, groups, wishes.lines, wishes.further, wishes.cut)
     for port, target in () if wishes.further else targets.items():
         found = chain.port(port).frequencies[: target.modes]
@@ -190,15 +191,15 @@ def _rigid(beam: MassLine) -> Built:
 
 # -- springs on the hinges: the recursion ------------------------------------------------------------------------------
 def _recursive(
-    beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes, history: list[str]
+    beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes, history: list[str], *, fewer: bool
 ) -> Built:
-    """The recursion's chain for all ports; with fewer modes where springs must stand on the hinges."""
+    """The recursion's chain for all ports; `fewer`: with fewer modes in a plane that cannot keep all."""
     targets: dict[str, PortModel] = {}
     nodes: dict[str, Nodes] = {}
     strings: dict[str, tuple[Array, Array]] = {}
     for port, count in kept.items():
         if port in PLANES:
-            least = 1 if wishes.springs == "hinges" else count
+            least = 1 if fewer else count
             targets[port], nodes[port] = _plane(beam, port, count, least, target_of, history)
         else:
             targets[port] = target_of(port, count)

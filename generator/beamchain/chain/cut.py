@@ -20,9 +20,7 @@ from beamchain.structure.mass_line import MassLine
 
 MARGIN = 0.02  # of the residual mass, that the inequality must leave
 SHORTEST = 1e-3  # of the length: a shorter link is none
-HOPELESS = (
-    -0.65
-)  # margin from which no search over three or more hinges was seen to arrive: of 58, the worst that did began at -0.62
+HOPELESS = -0.65  # margin below which no search over three or more hinges arrived: of 58, the worst began at -0.62
 ENOUGH = 0.1  # margin at which the search for a feasible cut ends, as evening out takes it back
 SPREADS = np.geomspace(0.5, 0.002, 24)  # first free hinge, in lengths
 POWERS = (1.0, 1.5, 2.0, 3.0, 4.0)  # how the others follow
@@ -256,9 +254,11 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
     groups = list(wanted)
     table = _Table(line)
     first: str | None = None
+    tried = 0
     for added in range(MOST_ADDED + fixed.size + 1):
         if table.tried > MOST_TRIED:
             break
+        tried = added
         search = _Search(table, tuple(groups), tuple(further))
         size = max(fixed.size, *(count for group in groups for count in group.counts.values()))
         x, margin = _best(search, fixed, size - fixed.size)
@@ -275,7 +275,7 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
             first = _told(groups, margins)
         groups = [g.more() if m < MARGIN else g for g, m in zip(groups, margins, strict=True)]
     raise RealisationError(
-        f"no cut of the appendage holds these modes: {first}, and {MOST_ADDED + fixed.size} further hinges do not mend it; "
+        f"no cut of the appendage holds these modes: {first} (further hinges tried: {tried}); "
         + (
             "keep fewer modes, or fewer points beside the root."
             if further

@@ -150,10 +150,11 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: Modes) -> tuple[Array
     if modes.momenta is not None:
         guide = np.asarray(unseen.T @ np.linalg.solve(root, modes.momenta.T), dtype=np.float64)
     turned = _turned(lift, free, unseen.shape[1], guide)
-    if modes.neutral is not None and size > n:
+    apart = modes.neutral is not None and size > n
+    if apart:
         turned = ROOM * turned  # leaves the surplus hinges motions that the root does not feel
-    u = np.column_stack([seen @ b + unseen @ turned @ lift, np.zeros((size, 0))])
-    if modes.neutral is not None and size > n:
+    u = seen @ b + unseen @ turned @ lift
+    if apart:
         u = np.column_stack([u, _unfelt(u, seen, unseen, size - n)])
     known = u.shape[1]
     if size > n:
@@ -164,7 +165,7 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: Modes) -> tuple[Array
             f"the modes on these hinges are too nearly dependent (condition {stretch[0] / max(stretch[-1], 1e-300):.1e}, "
             f"limit {WORST_CONDITION:g}); keep fewer modes, or cut the appendage elsewhere."
         )
-    if modes.neutral is not None and size > n:
+    if apart:
         u[:, known:] *= FAINT  # the root feels these, of which there is one where a plane keeps one mode
     missing = np.linalg.inv(u @ u.T) - np.eye(size)
     return np.asarray(np.linalg.solve(root.T, u), dtype=np.float64), root @ ((missing + missing.T) / 2.0) @ root.T
@@ -246,7 +247,7 @@ def given_modes(chain: Chain, groups: Sequence[Modes], further: Sequence[float] 
         shapes, armature = modal_matrix(kinematics, inertia, group)
         n = group.frequencies.size
         surplus = len(freedoms) - n
-        top = replace(group, beyond=None if further else group.beyond).filler_frequency(last)
+        top = group.filler_frequency(last)
         frequencies = np.concatenate([group.frequencies, np.full(surplus, top)])
         if surplus and further:
             shapes, frequencies = _stiffened(shapes, frequencies, np.vstack(port) @ shapes, n)

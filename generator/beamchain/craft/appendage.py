@@ -14,7 +14,7 @@ from beamchain.engine.driven import keyframes
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import Mount
-from beamchain.engine.unchanged import Difference, appended, differences, others
+from beamchain.engine.unchanged import NAMED, Difference, appended, differences, others
 from beamchain.errors import EngineError, InputError
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.result import Fit
@@ -101,14 +101,7 @@ def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> Non
         InputError: with the name and the cure.
     """
     taken = appended(craft, names(appendages))
-    for kind, word in (
-        ("body", "body"),
-        ("jnt", "joint"),
-        ("geom", "geom"),
-        ("site", "site"),
-        ("tendon", "tendon"),
-        ("sensor", "sensor"),
-    ):
+    for kind, word in NAMED.items():
         if taken[kind]:
             name = getattr(craft, word)(taken[kind][0]).name
             raise InputError(f"the spacecraft already has a {word} {name!r}; give the appendage another --prefix.")

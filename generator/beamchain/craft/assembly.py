@@ -15,8 +15,8 @@ from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import linearise
-from beamchain.engine.mount import Mount, full_mass, rest
+from beamchain.engine.linearise import linearise, mass_matrix
+from beamchain.engine.mount import Mount, rest
 from beamchain.ports.compare import DEFAULT_RATIO, damped, relative
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, square_root
@@ -191,7 +191,7 @@ def _jacobian(model: "mujoco.MjModel", body: int) -> Array:
 
 def _matrices(model: "mujoco.MjModel") -> tuple[Array, Array, Array]:
     """Mass, damping and stiffness at rest, the latter two from A of `mjd_transitionFD`."""
-    mass, linear = full_mass(model), linearise(model)
+    mass, linear = mass_matrix(model), linearise(model)
     stiffness = mass @ linear.stiffness
     return mass, mass @ linear.damping, (stiffness + stiffness.T) / 2.0
 
@@ -250,7 +250,7 @@ def _ours(
 
 def _rigid(craft: "mujoco.MjModel", hub: int, carried: Sequence[Carried]) -> Array:
     """`(6, 6)` accelerance of the hub with every appendage frozen."""
-    mass = full_mass(craft)
+    mass = mass_matrix(craft)
     for item in carried:
         mass += item.mount.jacobian.T @ item.whole.rigid_mass @ item.mount.jacobian
     motion = _jacobian(craft, hub)

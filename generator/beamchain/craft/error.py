@@ -14,6 +14,7 @@ from scipy.linalg import eigh
 
 from beamchain.craft.assembly import Carried, craft_damping, quiet
 from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import dense_mass
 from beamchain.ports.compare import DEFAULT_RATIO, damped, grid_of, relative
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
@@ -93,12 +94,8 @@ def matrices(model: "mujoco.MjModel", qpos: Array, body: int) -> Matrices:
         stiffness[:, i] = (ends[1] - ends[0]) / (2.0 * STEP)
         damping[:, i] = (push(qpos, -STEP * unit) - push(qpos, STEP * unit)) / (2.0 * STEP)
     push(qpos, still)
-    mass, column = np.zeros((nv, nv)), np.zeros(nv)
-    for i, unit in enumerate(np.eye(nv)):
-        mujoco.mj_mulM(model, data, column, unit)
-        mass[:, i] = column
     base = motion(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
-    return Matrices((mass + mass.T) / 2.0, (damping + damping.T) / 2.0, (stiffness + stiffness.T) / 2.0, base)
+    return Matrices(dense_mass(model, data), (damping + damping.T) / 2.0, (stiffness + stiffness.T) / 2.0, base)
 
 
 def motion(model: "mujoco.MjModel", data: "mujoco.MjData", body: int, origin: Array, axes: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import INTEGRATORS, compile_model
+from beamchain.engine.linearise import NUMBERS, compile_model
 from beamchain.ports.motions import Array
 from beamchain.steps.budget import linear_model
 from beamchain.steps.limits import StepLimits, oscillations, step_limits
@@ -107,7 +107,7 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         damping=ratios,
         springs=springs,
         tendons=tendons,
-        integrator=next((name for name, value in INTEGRATORS.items() if value == int(model.opt.integrator)), "Euler"),
+        integrator=NUMBERS[int(model.opt.integrator)],
         timestep=float(model.opt.timestep),
         limits=step_limits(linear),
         made_for=made,

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from beamchain.craft.assembly import quiet
 from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import INTEGRATORS
+from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import InputError
 from beamchain.steps.budget import linear_model
 from beamchain.steps.limits import StepLimits
@@ -72,7 +72,7 @@ def spoilers(
         out.append(
             f"{int(model.neq)} equality constraints of the spacecraft are left out of the proof of coupled modes."
         )
-    integrator = next((name for name, value in INTEGRATORS.items() if value == int(option.integrator)), "Euler")
+    integrator = NUMBERS[int(option.integrator)]
     step = float(option.timestep)
     tendon = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0.0))
     largest = limits.largest_step[integrator]

@@ -10,7 +10,7 @@ from beamchain.chain.tendons import springs_as_modes
 from beamchain.craft.appendage import Appendage
 from beamchain.craft.error import base_body
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import INTEGRATORS
+from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import EngineError
 from beamchain.fitting.result import Fit
 from beamchain.fitting.warnings import turn_warning
@@ -54,7 +54,7 @@ def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: b
         appendages: what was embedded.
         wanted: the user's word; None: decide by the step's error.
     """
-    name = next(n for n, value in INTEGRATORS.items() if value == int(model.opt.integrator))
+    name = NUMBERS[int(model.opt.integrator)]
     step = f"{name} at {float(model.opt.timestep):g} s"
     scheme = SCHEMES[name]
     if wanted is False or not any(a.fit.chain.hinges for a in appendages):
@@ -81,7 +81,7 @@ def turned(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str
         model: the spacecraft with its appendages.
         appendages: what was embedded.
     """
-    name = next(n for n, value in INTEGRATORS.items() if value == int(model.opt.integrator))
+    name = NUMBERS[int(model.opt.integrator)]
     step, out = float(model.opt.timestep), list[str]()
     for a in appendages:
         scene = a.fit.spec.scene
@@ -129,7 +129,7 @@ def _joint_damped(fit: Fit, port: str) -> bool:
 def timed(model: "mujoco.MjModel") -> "mujoco.MjModel":
     """A copy of a model whose appendages are exact in time for its own step and integrator."""
     out = copy.copy(model)
-    name = next(n for n, value in INTEGRATORS.items() if value == int(model.opt.integrator))
+    name = NUMBERS[int(model.opt.integrator)]
     retime(out, float(model.opt.timestep), name, form=4)
     return out
 

@@ -32,6 +32,7 @@ INTEGRATORS = {name: int(value) for name, value in (
 )}  # fmt: skip
 if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
     INTEGRATORS["discrete"] = int(mujoco.mjtIntegrator.mjINT_DISCRETE)
+NUMBERS = {number: name for name, number in INTEGRATORS.items()}
 
 
 def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
@@ -270,7 +271,7 @@ def linearise(
     stiffness = -x @ a[nv : 2 * nv, :nv] / h
     damping = (x - np.eye(nv)) / h
     inputs = x @ b[nv : 2 * nv] / h
-    name = next(key for key, value in INTEGRATORS.items() if value == own)
+    name = NUMBERS[own]
     result = Linearisation(
         *(locked(v) for v in (stiffness, damping, inputs, a, b, c, d)),
         timestep=h,
@@ -314,6 +315,29 @@ def _transition(
     if not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
         raise EngineError("MuJoCo's linearisation is not finite; the model's masses or stiffnesses are out of range.")
     return a, b, c, d
+
+
+def mass_matrix(model: "mujoco.MjModel", qpos: Array | None = None) -> Array:
+    """`(nv, nv)` mass matrix, armature included.
+
+    Args:
+        model: compiled.
+        qpos: pose; the model's initial one where left out.
+    """
+    data = mujoco.MjData(model)
+    if qpos is not None:
+        data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    return dense_mass(model, data)
+
+
+def dense_mass(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
+    """`(nv, nv)` mass matrix of a state that `mj_forward` has seen, through `mj_mulM`, which all versions share."""
+    out, column = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
+    for i, unit in enumerate(np.eye(model.nv)):
+        mujoco.mj_mulM(model, data, column, unit)
+        out[:, i] = column
+    return (out + out.T) / 2.0
 
 
 def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: Array) -> Array:

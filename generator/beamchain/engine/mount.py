@@ -8,6 +8,7 @@ import numpy as np
 
 from beamchain.engine.bench import frozen_mass
 from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import mass_matrix
 from beamchain.errors import InputError
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 
@@ -119,17 +120,6 @@ def rest(model: "mujoco.MjModel") -> "mujoco.MjData":
     return data
 
 
-def full_mass(model: "mujoco.MjModel") -> Array:
-    """`(nv, nv)` mass matrix at the rest pose, through `mj_mulM`, which all versions share."""
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    out, column = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
-    for i, unit in enumerate(np.eye(model.nv)):
-        mujoco.mj_mulM(model, data, column, unit)
-        out[:, i] = column
-    return (out + out.T) / 2.0
-
-
 def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
     held = sprung(model)
     out: list[Carrier] = []
@@ -183,7 +173,7 @@ def apparent_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mappi
     """
     held = sprung(model)
     loose = [i for i in range(model.nv) if int(model.dof_jntid[i]) not in held]
-    bare = full_mass(model)
+    bare = mass_matrix(model)
     out: dict[str, Array] = {}
     for own in mounts:
         mass = bare.copy()

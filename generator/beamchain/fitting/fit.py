@@ -259,13 +259,11 @@ def _last_on_hub(spec: Spec, plan: Plan) -> dict[str, float]:
     """Per port the last kept frequency on the hub on which a free or hub target is exact; empty for a clamped one [rad/s]."""
     if plan.target == "clamped":
         return {}
-    hub = spec.root.hub if plan.target == "hub" else None
-    out: dict[str, float] = {}
-    for port, count in plan.kept.items():
-        model = plan.reduce("clamped", port, count)
-        loaded = model if hub is None else model.with_hub(port_hub_mass(hub.mass_matrix(), port))
-        out[port] = float(loaded.free_frequencies[-1])
-    return out
+    hub = spec.root.hub.mass_matrix() if plan.target == "hub" and spec.root.hub is not None else np.zeros((6, 6))
+    return {
+        port: plan.reduce("clamped", port, count).last_on_hub(port_hub_mass(hub, port))
+        for port, count in plan.kept.items()
+    }
 
 
 def _check_free(target: PortModel) -> None:

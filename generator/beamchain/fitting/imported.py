@@ -125,19 +125,15 @@ def _separate(case: Case, line: MassLine) -> Built:
         raise InputError('target = "hub" needs the hub; add root.hub, or use target = "clamped".')
     whole = {port: data.port(port, own=True) for port in targets} if target in ("free", "hub") else {}
 
+    hubs = {port: port_hub_mass(case.carrier, port) for port in targets}
+
     def target_of(port: str, count: int) -> PortModel:
         if target == "clamped":
             return targets[port].truncated(count)
-        motions = whole[port].motions
-        hub = np.zeros((motions, motions)) if case.hub is None or target == "free" else port_hub_mass(case.hub, port)
-        return whole[port].reduced(count, hub).replaced(damping=whole[port].damping[:count])
+        return whole[port].reduced(count, hubs[port]).replaced(damping=whole[port].damping[:count])
 
     counts = {port: model.modes for port, model in targets.items()}
-    last = dict[str, float]()
-    if target != "clamped":
-        hub = None if target == "free" else case.hub
-        loaded = {p: m if hub is None else m.with_hub(port_hub_mass(hub, p)) for p, m in targets.items()}
-        last = {port: float(model.free_frequencies[-1]) for port, model in loaded.items()}
+    last = {} if target == "clamped" else {port: m.last_on_hub(hubs[port]) for port, m in targets.items()}
     wishes = Wishes(spec.fit.springs, _per_mode(spec, kept), spec.fit.cuts, neutral=last)
     return build_exact(line, counts, target_of, wishes)
 
@@ -158,18 +154,15 @@ def _coupled(case: Case, line: MassLine) -> Built:
             'fit.springs = "auto".'
         )
     _check_body(kept)
+    last: float | None = None
     if case.target != "clamped":
         live = list(kept.live)
-        hub = np.zeros((6, 6)) if case.hub is None or case.target == "free" else case.hub
-        reduced = case.data.space().reduced(kept.modes, hub[np.ix_(live, live)])
+        hub = case.carrier[np.ix_(live, live)]
+        last = kept.space().last_on_hub(hub)
+        reduced = case.data.space().reduced(kept.modes, hub)
         rows = np.zeros((kept.modes, 6))
         rows[:, live] = reduced.participation
         kept = replace(kept, frequencies=reduced.frequencies, participation=rows, tip=None)
-    last: float | None = None
-    if case.target != "clamped":
-        space, live = case.kept.space(), list(case.kept.live)
-        loaded = space if case.target == "free" or case.hub is None else space.with_hub(case.hub[np.ix_(live, live)])
-        last = float(loaded.free_frequencies[-1])
     damping = kept.damping if _per_mode(spec, kept) else np.zeros(kept.modes)
     groups: list[Modes] = []
     for ports in kept.groups:
@@ -226,8 +219,7 @@ def _space(case: Case, why: str, achieved: PortModel, live: tuple[int, ...]) -> 
     """The comparison with all motions at once."""
     full, target = case.data.space(), case.kept.space()
     if case.target != "clamped" and target.modes:
-        hub = np.zeros((6, 6)) if case.hub is None or case.target == "free" else case.hub
-        target = full.reduced(target.modes, hub[np.ix_(live, live)])
+        target = full.reduced(target.modes, case.carrier[np.ix_(live, live)])
     hub = None if case.hub is None else case.hub[np.ix_(live, live)]
     error = compare(achieved, target)
     in_band = in_band_error(resolvable(achieved), resolvable(full), hub, case.band(target))

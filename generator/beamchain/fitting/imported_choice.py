@@ -52,6 +52,11 @@ class Case:
         return None if self.spec.root.hub is None else self.spec.root.hub.mass_matrix()
 
     @property
+    def carrier(self) -> Array:
+        """`(6, 6)` the hub on which a free or hub target is exact, about the root: a free one's has no mass."""
+        return np.zeros((6, 6)) if self.hub is None or self.target == "free" else self.hub
+
+    @property
     def chooses(self) -> bool:
         """Whether the scene decides which modes are kept."""
         return self.spec.chooses and (self.spec.imported is None or self.spec.imported.modes is None)

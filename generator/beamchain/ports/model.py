@@ -328,6 +328,10 @@ class PortModel:
         """Models with a hub that were made already: their modes are dear."""
         return {}
 
+    def last_on_hub(self, hub_mass: ArrayLike) -> float:
+        """Last coupled frequency on a rigid hub; arguments as of `with_hub` [rad/s]."""
+        return float(self.with_hub(hub_mass).free_frequencies[-1])
+
     def truncated(self, modes: int) -> "PortModel":
         """Only the first `modes` cantilever modes; the rigid mass stays."""
         if not 0 <= modes <= self.modes:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from beamchain.engine.linearise import INTEGRATORS
+from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import EngineError
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import plots
@@ -145,7 +145,7 @@ def _steps(embedded: "Embedded") -> list[Block]:
     except EngineError as error:
         return [Text(str(error))]
     option = embedded.model.opt
-    own = next((name for name, value in INTEGRATORS.items() if int(value) == int(option.integrator)), "")
+    own = NUMBERS[int(option.integrator)]
     rows: list[list[str]] = []
     for name, largest in found.largest_step.items():
         one, tenth = found.accuracy[name]

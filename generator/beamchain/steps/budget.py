@@ -81,14 +81,10 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
         nothing = np.zeros((nv, nv))
         return LinearModel(nothing, nothing, nothing, nothing)
     linear = engine.linearise(model, data)
-    own = np.zeros((nv, nv))
-    row = np.zeros(nv)
     if data is None:
         data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    for i, unit in enumerate(np.eye(nv)):
-        mujoco.mj_mulM(model, data, row, unit)
-        own[i] = row
+    own = engine.dense_mass(model, data)
     implicit = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     joints = np.array([float(np.atleast_1d(v)[0]) for v in model.dof_damping]) * implicit
     spring = linear.stiffness

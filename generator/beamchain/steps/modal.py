@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import INTEGRATORS
+from beamchain.engine.linearise import INTEGRATORS, NUMBERS
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
 
@@ -34,7 +34,6 @@ JOINT = 1  # mjWRAP_JOINT
 FREE_BALL = 1  # mjJNT_FREE is 0, mjJNT_BALL 1; slide and hinge come after
 UNMARKED = (0.9, 0.95, 0.001, 0.5, 2.0)  # MuJoCo's own solimplimit
 FORMS = (2, 3, 4)
-NUMBERS = {number: name for name, number in INTEGRATORS.items()}
 
 
 class MadeFor(NamedTuple):
@@ -144,24 +143,6 @@ def mark_text(timestep: float, integrator: str, form: int, damping: float, stiff
         stiffness: of the tendon as it was [1/s^2].
     """
     return " ".join(repr(float(v)) for v in (timestep, INTEGRATORS[integrator], form, damping, stiffness))
-
-
-def mass_matrix(model: "mujoco.MjModel", qpos: Array | None = None) -> Array:
-    """`(nv, nv)` mass matrix, armature included, through `mj_mulM`, which all versions share.
-
-    Args:
-        model: compiled.
-        qpos: pose; the model's initial one where left out.
-    """
-    data = mujoco.MjData(model)
-    if qpos is not None:
-        data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    out, column = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
-    for i, unit in enumerate(np.eye(model.nv)):
-        mujoco.mj_mulM(model, data, column, unit)
-        out[:, i] = column
-    return (out + out.T) / 2.0
 
 
 def condensed(mass: Array, rows: Array) -> tuple[Array, Array]:

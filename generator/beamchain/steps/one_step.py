@@ -12,17 +12,18 @@ some shape x (small letters: x* M x ...). For symmetric matrices it leaves the u
 whose roots are all real. So the limit needs no search and holds for damping that couples the modes.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq, linear_sum_assignment
 
 from beamchain.checks import one_of
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array
 from beamchain.steps.discrete import runge_kutta_limit
-from beamchain.steps.integrators import INTEGRATORS
+from beamchain.steps.integrators import INTEGRATORS, step_pole
 
 Poles = NDArray[np.complex128]
 
@@ -141,15 +142,17 @@ class LinearModel:
             limit: [s].
         """
         limit = min(limit, 3.0 / abs(pole))
+        seen = self._frequency(integrator, pole)
+
+        def miss(h: ArrayLike) -> Array:
+            return np.abs(seen(np.asarray(h, dtype=np.float64)) / abs(pole) - 1.0) - error
+
         steps = limit * np.geomspace(1e-4, 1.0, 400)
-        over = np.abs(np.abs(self._mode(integrator, pole, steps)) / abs(pole) - 1.0) > error
-        step = float(steps[max(int(np.argmax(over)) - 1, 0)] if np.any(over) else limit)
-
-        def miss(h: float) -> float:
-            return abs(abs(complex(self._mode(integrator, pole, np.array([h]))[0])) / abs(pole) - 1.0) - error
-
-        if np.any(over) and np.argmax(over):
-            step = float(brentq(miss, step, float(steps[int(np.argmax(over))]), rtol=1e-10))
+        over = np.flatnonzero(miss(steps) > 0.0)
+        step = limit
+        if over.size:
+            low, high = float(steps[max(over[0] - 1, 0)]), float(steps[over[0]])
+            step = float(brentq(lambda h: float(miss(h)), low, high, rtol=1e-10)) if low < high else low
         for _ in range(MOST_CONFIRMED):
             if abs(abs(complex(self.shown(integrator, step, np.array([pole]))[0])) / abs(pole) - 1.0) <= error * (
                 1.0 + 1e-6
@@ -158,12 +161,10 @@ class LinearModel:
             step *= CONFIRMED
         return step
 
-    def _mode(self, integrator: str, pole: complex, steps: Array) -> Poles:
-        """What steps `(k,)` [s] show of the mode at `pole`, alone: `log(z) / h` [1/s]."""
+    def _frequency(self, integrator: str, pole: complex) -> Callable[[Array], Array]:
+        """What steps [s], any shape, show of the mode at `pole`, alone: `|log(z)| / h` [1/s]."""
         if integrator == "RK4":
-            s = pole * steps
-            z = 1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0)))
-            return np.asarray(np.log(z) / steps, dtype=np.complex128)
+            return lambda h: np.abs(np.log(step_pole("RK4", abs(pole) * h, -pole.real / abs(pole)))) / h
         values, shapes = np.linalg.eig(self.stiffness)
         k = int(np.argmin(np.abs(values - abs(pole) ** 2)))
         x, y = shapes[:, k], np.linalg.inv(shapes)[k]  # y x = 1
@@ -171,14 +172,17 @@ class LinearModel:
         held = 0.0
         if integrator == "discrete" and self.discrete_tendons is not None:
             held = float(np.real(y @ self.discrete_tendons @ x))
-        own, total, h = max(-2.0 * pole.real, 0.0), implicit + explicit, steps  # the mode's damping, as the pole has it
+        own, total = max(-2.0 * pole.real, 0.0), implicit + explicit  # the mode's damping, as the pole has it
         share = min(max(implicit / total, 0.0), 1.0) if total > 1e-12 * abs(pole) else 1.0
         implicit, explicit = own * share, own * (1.0 - share)
-        keep = (1.0 - h * explicit) / (1.0 + h * implicit + h**2 * (spring - held))
-        pull = h**2 * abs(pole) ** 2 / (1.0 + h * implicit + h**2 * spring)
-        half = (1.0 + keep - pull) / 2.0
-        z = half + 1j * np.sqrt(np.maximum(keep - half**2, 0.0))
-        return np.asarray(np.log(z) / h, dtype=np.complex128)
+
+        def frequency(h: Array) -> Array:
+            keep = (1.0 - h * explicit) / (1.0 + h * implicit + h**2 * (spring - held))
+            pull = h**2 * abs(pole) ** 2 / (1.0 + h * implicit + h**2 * spring)
+            half = (1.0 + keep - pull) / 2.0
+            return np.abs(np.log(half + 1j * np.sqrt(np.maximum(keep - half**2, 0.0)))) / h
+
+        return frequency
 
     def shown(self, integrator: str, timestep: float, wanted: Poles) -> Poles:
         """What the simulation shows in place of each of the `wanted` continuous poles: `log(z) / h` [1/s].

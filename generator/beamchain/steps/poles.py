@@ -7,11 +7,11 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import EPSILON, INTEGRATORS
+from beamchain.engine.linearise import EPSILON, INTEGRATORS, NUMBERS
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array
 from beamchain.steps import discrete
-from beamchain.steps.modal import NUMBERS, modal_tendons
+from beamchain.steps.modal import modal_tendons
 from beamchain.steps.retime import retime
 
 AT_REST = 1e-5  # poles nearer to 1 than this are rigid motion

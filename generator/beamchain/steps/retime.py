@@ -34,20 +34,18 @@ from scipy.optimize import linear_sum_assignment
 from beamchain.checks import not_negative, one_of
 from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import INTEGRATORS
+from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
 from beamchain.steps import discrete
 from beamchain.steps.modal import (
     FORMS,
     JOINT,
-    NUMBERS,
     UNMARKED,
     MadeFor,
     Modal,
     condensed,
     foreign,
-    mass_matrix,
     modal_tendons,
 )
 from beamchain.steps.tune import tune

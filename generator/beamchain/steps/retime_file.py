@@ -5,13 +5,12 @@ from pathlib import Path
 from lxml import etree
 
 from beamchain.checks import one_of
-from beamchain.engine.linearise import INTEGRATORS, compile_model
+from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
 from beamchain.errors import InputError
 from beamchain.mjcf.craft import read_craft, relocate
 from beamchain.mjcf.write import number
 from beamchain.steps.discrete import SCHEMES
 from beamchain.steps.document import check_found, put_time
-from beamchain.steps.modal import NUMBERS
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.retime import retime
 

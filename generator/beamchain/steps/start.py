@@ -4,9 +4,10 @@ import numpy as np
 from scipy.linalg import eigh
 
 from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import NUMBERS, mass_matrix
 from beamchain.ports.motions import Array
 from beamchain.steps import discrete
-from beamchain.steps.modal import NUMBERS, condensed, foreign, mass_matrix, modal_tendons
+from beamchain.steps.modal import condensed, foreign, modal_tendons
 
 
 def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:

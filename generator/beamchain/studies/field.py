@@ -126,7 +126,7 @@ def largest_step(task: Task, entry: Entry) -> float:
         return float("inf")
     if entry.timed:
         _, targets = _built(task, entry)
-        fastest = [float(m.with_hub(_hub_of(task, port)).free_frequencies[-1]) for port, m in targets.items()]
+        fastest = [m.last_on_hub(_hub_of(task, port)) for port, m in targets.items()]
         return BEYOND * PHASE / min(fastest)
     if entry.model in soft_rods.INTEGRATORS:
         fastest = soft_rods.fastest(task.beam, entry.n)
