@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from beamchain import Beam, Equivalent, Imported, ModalData, Segment, Spec, fit
+from beamchain import Beam, Equivalent, ModalData, Segment, Spec, fit
 from beamchain.errors import InputError
+from beamchain.structure.imported import Imported
 
 MUJOCO = 1e-6  # what goes in comes back through A and B; least squares and light roots lose the most
 DIGITS = (2, 3, 4, 5)

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from appendages import panels, soft_root_boom, stepped_boom, tapered_boom, timoshenko_boom, tip_loaded_boom
-from beamchain import Damping, FitOptions, Hub, Imported, Modes, Root, Spec, embed, fit, read_spec
+from beamchain import Damping, FitOptions, Hub, Modes, Root, Spec, embed, fit, read_spec
 from beamchain.chain.recursion import realise, realise_scalar
 from beamchain.cli import app
 from beamchain.engine.library import mujoco
@@ -15,7 +15,7 @@ from beamchain.errors import InputError, RealisationError
 from beamchain.ports.compare import compare
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam, Segment
-from beamchain.structure.imported import Units
+from beamchain.structure.imported import Imported, Units
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.own_format import modes_text
 from beamchain.structure.section import Equivalent

@@ -2,8 +2,9 @@
 
 import pytest
 
-from beamchain import FitOptions, Round, fit, seed_beam
+from beamchain import FitOptions, Round, fit
 from beamchain.chain.rivals import equal_links
+from beamchain.chain.seed import seed_beam
 from beamchain.structure.beam import Beam, Segment
 from beamchain.structure.material import Material
 

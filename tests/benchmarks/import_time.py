@@ -12,9 +12,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from beamchain import Damping, FitOptions, Imported, Modes, Spec, fit
+from beamchain import Damping, FitOptions, Modes, Spec, fit
 from beamchain.errors import BeamchainError
-from beamchain.structure.imported import Units
+from beamchain.structure.imported import Imported, Units
 from prints import cantilever, plate, whole
 
 
