@@ -124,7 +124,7 @@ def test_ports_of_a_free_target():
 
 def test_coupled_modes_on_a_hub_off_the_axis():
     # 6 motions at once: hub with its root off centre, clamped target on a heavy hub against the whole beam
-    from beamchain.ports.model import in_space
+    from beamchain.ports.compose import in_space
 
     beam = tube()
     hub = Hub(mass=5000.0, inertia=(4000.0, 4000.0, 5000.0), offset=(1.0, 0.4, -0.2)).mass_matrix()

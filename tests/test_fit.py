@@ -145,7 +145,7 @@ def test_the_scene_steps_without_a_warning(make, integrator):
 
 def test_the_scene_has_the_coupled_modes():
     result = bc.fit(tube(), modes=KEPT, root=bc.Root(hub=HUB))
-    from beamchain.ports.model import in_space
+    from beamchain.ports.compose import in_space
 
     found = linearise(result.scene_mjcf()).frequencies()
     coupled = in_space(result.target, tube().rigid_mass()).with_hub(HUB.mass_matrix()).free_frequencies
@@ -180,7 +180,7 @@ def test_attach_to_a_site_of_an_mjspec():
     for kind, count in (("body", alone.nbody), ("joint", alone.njnt), ("tendon", alone.ntendon), ("site", alone.nsite)):
         for i in range(1 if kind == "body" else 0, count):
             assert getattr(model, kind)(getattr(alone, kind)(i).name) is not None  # names as in the file
-    from beamchain.ports.model import in_space
+    from beamchain.ports.compose import in_space
 
     hub = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.2, 0.0))
     coupled = in_space(result.target, tube().rigid_mass()).with_hub(hub.mass_matrix()).free_frequencies

@@ -7,7 +7,8 @@ from scipy.linalg import eigh
 
 from appendages import REALISABLE, close, panels, seed_boom, unit_beam
 from beamchain.chain.rivals import equal_links
-from beamchain.ports.model import PortModel, port_from_rows
+from beamchain.ports.compose import port_from_rows
+from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, locked, square_root
 from beamchain.structure.exact import UniformBeam
 

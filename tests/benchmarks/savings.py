@@ -24,7 +24,7 @@ from beamchain.fitting.hub import default_hub
 from beamchain.fitting.needs import FAR, Promise
 from beamchain.fitting.result import appendage_tree
 from beamchain.mjcf import write
-from beamchain.ports.model import in_space
+from beamchain.ports.compose import in_space
 
 EXAMPLES = Path(bc.__file__).parent / "examples"
 MOST = 494  # segments: MuJoCo nests 496 bodies, hub and root among them

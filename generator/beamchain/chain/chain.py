@@ -9,7 +9,8 @@ import numpy as np
 
 from beamchain.checks import one_of
 from beamchain.errors import RealisationError
-from beamchain.ports.model import PortModel, port_from_rows
+from beamchain.ports.compose import port_from_rows
+from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, body_mass_matrix, shifted
 
 #: A degree of freedom of a chain: number of its hinge from 0, and the port in which that hinge moves.

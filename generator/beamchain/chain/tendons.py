@@ -17,8 +17,8 @@ import numpy as np
 
 from beamchain.chain.chain import Chain, Freedom, Tendon
 from beamchain.errors import RealisationError
-from beamchain.ports.model import Shapes
 from beamchain.ports.motions import PORT_MOTION, Array, shifted
+from beamchain.ports.shapes import Shapes
 
 SINGULAR = 1e-9  # relative singular value of P below which a motion of the root is not reached by the hinges
 TOO_HEAVY = 1e-9  # relative, of what is rounding

@@ -15,7 +15,8 @@ from beamchain.fitting.needs import AXES
 from beamchain.fitting.options import Modes, Scene
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
-from beamchain.ports.model import PortModel, in_space
+from beamchain.ports.compose import in_space
+from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS
 
 MOST_MODES = 12  # of an appendage, unless --max-modes says otherwise

@@ -33,7 +33,8 @@ from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.warnings import fit_warnings
 from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.ports.compare import compare, in_band_error
-from beamchain.ports.model import PortModel, in_space
+from beamchain.ports.compose import in_space
+from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.discrete import SCHEMES
 from beamchain.steps.limits import coupled_limits

@@ -11,7 +11,8 @@ from itertools import combinations
 import numpy as np
 
 from beamchain.ports.compare import STANDARD_HUBS, Block, Reference, damped
-from beamchain.ports.model import PortModel, in_space
+from beamchain.ports.compose import in_space
+from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 
 FAR = 25.0  # times the bandwidth: modes above act through their static flexibility only

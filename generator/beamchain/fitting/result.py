@@ -25,7 +25,8 @@ from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import step_warnings, turn_warning
 from beamchain.mjcf import write
 from beamchain.ports.compare import Comparison
-from beamchain.ports.model import PortModel, in_space
+from beamchain.ports.compose import in_space
+from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.accuracy import StepChoice, choose_step
 from beamchain.steps.discrete import SCHEMES

@@ -3,7 +3,7 @@
 A beam, a hinge chain, imported finite-element modes and a linearised MuJoCo model all become a `PortModel`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamchain.errors import InputError, RealisationError
-from beamchain.ports.motions import PORT_MOTION, Array, locked, square_root
+from beamchain.ports.motions import Array, locked, square_root
+from beamchain.ports.shapes import Shapes
 
 if TYPE_CHECKING:
     import control
@@ -29,35 +30,6 @@ def _outer_sum(rows: Array, weight: NDArray[Any]) -> NDArray[Any]:
     m = rows.shape[1]
     outer = (rows[:, :, None] * rows[:, None, :]).reshape(rows.shape[0], m * m)
     return (outer.T @ weight).reshape(m, m, -1)
-
-
-@dataclass(frozen=True, eq=False)
-class Shapes:
-    """Mode shapes where an appendage has mass.
-
-    Args:
-        x: `(r,)` [m].
-        moved, turned: `(r,)` square roots of mass and of rotary inertia there; in a scalar port `moved` only.
-        values: `(n, r)` motion in each mass-normalised mode times those roots.
-        bending: a hinge turns what lies behind it; else it shifts or twists it.
-    """
-
-    x: Array
-    moved: Array
-    turned: Array
-    values: Array
-    bending: bool
-
-    def momenta(self, hinges: Array) -> Array:
-        """`(n, h)`: what each mode's motion is worth in the unit motion of a hinge at each of `hinges` `(h,)` [m]."""
-        reach = self.x[:, None] - hinges[None, :]
-        behind = reach > 0.0
-        arms = np.where(behind, reach, 0.0) if self.bending else behind
-        return self.values @ (self.moved[:, None] * arms + self.turned[:, None] * behind)
-
-    def combined(self, modes: Array) -> "Shapes":
-        """Those of combinations `(k, n)` of the modes."""
-        return Shapes(self.x, self.moved, self.turned, modes @ self.values, self.bending)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -411,41 +383,3 @@ class PortModel:
         """
         names = ("rigid_mass", "frequencies", "participation", "damping", "tip", "shapes")
         return PortModel(**{name: changes.get(name, getattr(self, name)) for name in names})
-
-
-def in_space(ports: Mapping[str, PortModel], rigid_mass: ArrayLike) -> PortModel:
-    """One model with six motions from independent ports.
-
-    Args:
-        ports: model per port.
-        rigid_mass: `(6, 6)` of the frozen thing about the root.
-    """
-    rows = [model.participation @ PORT_MOTION[port].T for port, model in ports.items()]
-    frequencies = np.concatenate([np.zeros(0), *(model.frequencies for model in ports.values())])
-    damping = np.concatenate([np.zeros(0), *(model.damping for model in ports.values())])
-    order = np.argsort(frequencies, kind="stable")
-    participation = np.vstack([np.zeros((0, 6)), *rows])[order]
-    return PortModel(np.asarray(rigid_mass), frequencies[order], participation, damping[order])
-
-
-def port_from_rows(
-    rigid: Array, elastic: Array, tip: Array | None = None, shapes: Callable[[Array], Shapes] | None = None
-) -> PortModel:
-    """The port model of a body given by mass-weighted motion rows.
-
-    Args:
-        rigid: `(r, m)`: square root of mass times motion, per unit motion of the port.
-        elastic: `(r, n)`: the same per elastic coordinate, scaled so that the strain energy is `|y|^2 / 2`.
-        tip: `(t, n)`: tip motion per elastic coordinate.
-        shapes: makes the shapes from the modes' mass-weighted motion `(n, r)`.
-
-    One-sided (singular values of the rows, not eigenvalues of their squares), so that every frequency keeps
-    nearly the relative precision of the rows.
-    """
-    u, s, vt = np.linalg.svd(elastic, full_matrices=False)
-    keep = s > 1e-14 * s.max(initial=0.0)
-    u, s, vt = u[:, keep], s[keep], vt[keep]
-    tip_modes = None if tip is None else (tip @ vt.T / s).T
-    return PortModel(
-        rigid.T @ rigid, 1.0 / s, u.T @ rigid, tip=tip_modes, shapes=None if shapes is None else shapes(u.T)
-    )

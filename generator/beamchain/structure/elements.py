@@ -13,8 +13,10 @@ from functools import cache
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from beamchain.ports.model import PortModel, Shapes, port_from_rows
+from beamchain.ports.compose import port_from_rows
+from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, locked
+from beamchain.ports.shapes import Shapes
 
 
 @dataclass(frozen=True, eq=False)

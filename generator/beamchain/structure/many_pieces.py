@@ -10,7 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from beamchain.ports.model import PortModel, port_from_rows
+from beamchain.ports.compose import port_from_rows
+from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.structure import elements
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain.errors import InputError
-from beamchain.ports.model import PortModel, in_space
+from beamchain.ports.compose import in_space
+from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, locked
 from beamchain.structure.beam import Beam
 from beamchain.structure.mass_line import MassLine, Piece, default_length, line_of, of_line, spread

@@ -18,7 +18,8 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import RealisationError
 from beamchain.mjcf import write
-from beamchain.ports.model import PortModel, in_space
+from beamchain.ports.compose import in_space
+from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
 from beamchain.steps.discrete import PHASE
 from beamchain.steps.inputs import HeldInput

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.ports.model import PortModel, in_space
+from beamchain.ports.compose import in_space
+from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, locked
 
 

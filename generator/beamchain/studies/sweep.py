@@ -28,7 +28,7 @@ from beamchain.fitting.options import Damping, Modes
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
-from beamchain.ports.model import in_space
+from beamchain.ports.compose import in_space
 from beamchain.ports.motions import Array
 from beamchain.structure.section import Equivalent
 from beamchain.studies.jobs import Progress, run_jobs

@@ -1,0 +1,48 @@
+"""Port models composed: of independent ports, and of mass-weighted motion rows."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORT_MOTION, Array
+from beamchain.ports.shapes import Shapes
+
+
+def in_space(ports: Mapping[str, PortModel], rigid_mass: ArrayLike) -> PortModel:
+    """One model with six motions from independent ports.
+
+    Args:
+        ports: model per port.
+        rigid_mass: `(6, 6)` of the frozen thing about the root.
+    """
+    rows = [model.participation @ PORT_MOTION[port].T for port, model in ports.items()]
+    frequencies = np.concatenate([np.zeros(0), *(model.frequencies for model in ports.values())])
+    damping = np.concatenate([np.zeros(0), *(model.damping for model in ports.values())])
+    order = np.argsort(frequencies, kind="stable")
+    participation = np.vstack([np.zeros((0, 6)), *rows])[order]
+    return PortModel(np.asarray(rigid_mass), frequencies[order], participation, damping[order])
+
+
+def port_from_rows(
+    rigid: Array, elastic: Array, tip: Array | None = None, shapes: Callable[[Array], Shapes] | None = None
+) -> PortModel:
+    """The port model of a body given by mass-weighted motion rows.
+
+    Args:
+        rigid: `(r, m)`: square root of mass times motion, per unit motion of the port.
+        elastic: `(r, n)`: the same per elastic coordinate, scaled so that the strain energy is `|y|^2 / 2`.
+        tip: `(t, n)`: tip motion per elastic coordinate.
+        shapes: makes the shapes from the modes' mass-weighted motion `(n, r)`.
+
+    One-sided (singular values of the rows, not eigenvalues of their squares), so that every frequency keeps
+    nearly the relative precision of the rows.
+    """
+    u, s, vt = np.linalg.svd(elastic, full_matrices=False)
+    keep = s > 1e-14 * s.max(initial=0.0)
+    u, s, vt = u[:, keep], s[keep], vt[keep]
+    tip_modes = None if tip is None else (tip @ vt.T / s).T
+    return PortModel(
+        rigid.T @ rigid, 1.0 / s, u.T @ rigid, tip=tip_modes, shapes=None if shapes is None else shapes(u.T)
+    )
