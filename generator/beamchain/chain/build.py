@@ -10,8 +10,10 @@ import numpy as np
 from beamchain.chain import polar, rivals
 from beamchain.chain.assemble import assemble
 from beamchain.chain.chain import Chain, Hinge
-from beamchain.chain.cut import Cut, Wanted, bodies, choose_cut, shortest_link
+from beamchain.chain.cut import Cut, choose_cut
 from beamchain.chain.least_squares import fit_planar, fit_stiffness, payload_cases
+from beamchain.chain.links import bodies
+from beamchain.chain.margin import Wanted, shortest_link
 from beamchain.chain.recursion import Nodes, planar_links, realise, realise_scalar
 from beamchain.chain.rods import Payload
 from beamchain.chain.tendons import Modes, given_modes, group_motion, springs_as_modes

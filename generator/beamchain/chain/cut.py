@@ -5,21 +5,17 @@ modes (`chain.tendons`). The share of that residual mass which is left over is t
 hinges move towards the root, so that the most even cut with enough margin is the one wanted.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import combinations, islice, pairwise
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize
 
-from beamchain.chain.chain import Freedom, Link
-from beamchain.chain.tendons import Modes, group_motion
+from beamchain.chain.margin import MARGIN, SAME_PLACE, SHORTEST, Margins, Stations, Wanted, shortest_link
 from beamchain.errors import RealisationError
-from beamchain.ports.motions import PORT_MOTION, Array, shifted
+from beamchain.ports.motions import Array
 from beamchain.structure.mass_line import MassLine
 
-MARGIN = 0.02  # of the residual mass, that the inequality must leave
-SHORTEST = 1e-3  # of the length: a shorter link is none
 HOPELESS = -0.65  # margin below which no search over three or more hinges arrived: of 58, the worst began at -0.62
 ENOUGH = 0.1  # margin at which the search for a feasible cut ends, as evening out takes it back
 SPREADS = np.geomspace(0.5, 0.002, 24)  # first free hinge, in lengths
@@ -29,39 +25,8 @@ SWEEPS = 8  # of the relaxation towards even links
 STEPS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.03)
 MANY_TRIED = 4_000  # margins worked out, after which the best cut so far is taken
 MOST_TRIED = 30_000  # the same where none was found: some four seconds
-MOST_CHOICES = 8  # of hinges for a port that needs fewer than there are
 LEAST_MARGIN = 0.004  # of the same beside a further port, whose own share is what is left
 MOST_ADDED = 4  # hinges tried beyond what the modes need
-NOTHING_LEFT = 1e-11  # of the rigid mass: less residual mass than this is none
-ROUNDED = 1e-13  # of the whole inertia: what differences of its parts lose
-FLAT = 1e-12  # of the largest second moment: thickness of a lamina
-SAME_PLACE = 1e-9  # of the length
-TABLE = 1001  # stations of the mass behind them, between which is interpolated
-
-#: Motion of the root equal to a unit motion of a hinge at x: the first vector less x times the second.
-TURNS = {
-    port: (motion[:, -1], -shifted(np.array([-1.0, 0.0, 0.0])) @ motion[:, -1] + motion[:, -1])
-    for port, motion in PORT_MOTION.items()
-}
-
-
-@dataclass(frozen=True, eq=False)
-class Wanted:
-    """A group of ports and how many hinges each needs.
-
-    Args:
-        modes: of the group.
-        counts: hinges per port.
-        fixed: per port, x of hinges that stand [m].
-    """
-
-    modes: Modes
-    counts: Mapping[str, int]
-    fixed: Mapping[str, tuple[float, ...]]
-
-    def more(self) -> "Wanted":
-        """The same with one more hinge in every port."""
-        return Wanted(self.modes, {port: count + 1 for port, count in self.counts.items()}, self.fixed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,156 +52,6 @@ class Cut:
         return shortest_link(self.x, length)
 
 
-def shortest_link(x: Array, length: float) -> float:
-    """Shortest distance between neighbouring hinges, root (where no hinge stands at it) and tip, over the length."""
-    edges = [*([] if x.size and x[0] <= SAME_PLACE * length else [0.0]), *x.tolist(), length]
-    return min(b - a for a, b in pairwise(edges)) / length
-
-
-class _Table:
-    """Mass matrices behind places along an appendage, good enough to choose by."""
-
-    def __init__(self, line: MassLine) -> None:
-        self.length: float = line.length
-        steps = np.array([[x, x + 1e-8 * line.length] for x in line.steps]).ravel()
-        self._grid = np.unique(np.concatenate([np.linspace(0.0, line.length, TABLE), steps]))
-        table = line.behind(np.concatenate([[-line.length], self._grid]))
-        self.rigid: Array = table[0]
-        self._behind = table[1:]
-        self.tried: int = 0
-
-    def behind(self, x: Array) -> Array:
-        """`(c, 6, 6)` mass matrix behind each of `x` `(c,)`."""
-        at = np.clip(np.searchsorted(self._grid, x, side="right") - 1, 0, self._grid.size - 2)
-        part = (x - self._grid[at]) / (self._grid[at + 1] - self._grid[at])
-        low, high = self._behind[at], self._behind[at + 1]
-        return low + np.clip(part, 0.0, 1.0)[:, None, None] * (high - low)
-
-
-@dataclass(eq=False)
-class _Search:
-    """Margins of candidate cuts of one appendage."""
-
-    table: _Table
-    wanted: tuple[Wanted, ...]
-    further: tuple[float, ...]
-    _known: dict[int, tuple[Array, Array, Array, Array]] = field(
-        default_factory=dict[int, tuple[Array, Array, Array, Array]]
-    )
-
-    def margin(self, group: Wanted, x: Array, freedoms: Sequence[Freedom], behind: Array) -> float:
-        """Least eigenvalue of what the inequality leaves, over the residual mass (and the further ports' own).
-
-        Args:
-            group: whose modes.
-            x: `(c,)` hinges [m].
-            freedoms: of the group.
-            behind: `(c, 6, 6)` mass matrix behind each hinge.
-        """
-        self.table.tried += 1
-        motion, given, floor, left_over = self._constants(group)
-        at = np.array([i for i, _ in freedoms])
-        own = np.array([TURNS[p][0] - x[i] * TURNS[p][1] for i, p in freedoms])
-        pulled = (behind[at] @ own[:, :, None])[:, :, 0]  # momentum of what moves, per freedom
-        kinematics = (pulled @ motion).T
-        inertia = np.where(at[:, None] >= at[None, :], pulled @ own.T, (pulled @ own.T).T)  # of the later of two
-        own = own.T
-        rows = [kinematics]
-        for place in self.further:
-            moved = motion.T @ shifted(np.array([place, 0.0, 0.0])) @ own
-            rows.append(moved * (x[at] < place))
-        stack = np.vstack(rows)
-        try:
-            root = np.linalg.cholesky(inertia)
-        except np.linalg.LinAlgError:
-            return -np.inf
-        unit = np.linalg.solve(root, stack.T).T
-        left = unit @ unit.T - given
-        m = motion.shape[1]
-        blocks = [left_over]
-        for k in range(1, len(rows)):
-            own_rows = unit[k * m : (k + 1) * m]
-            blocks.append(own_rows @ own_rows.T)
-        left[:m, :m] += floor
-        return _least_share(left, blocks)
-
-    def _constants(self, group: Wanted) -> tuple[Array, Array, Array, Array]:
-        """What a group's margin takes that no hinge changes: its motion, its modes' share, a floor, the residual mass."""
-        key = id(group)
-        if key not in self._known:
-            motion, rows = group_motion(group.modes.ports), group.modes.rows
-            mass = motion.T @ self.table.rigid @ motion
-            part = rows[:, : motion.shape[1]]
-            floor = NOTHING_LEFT * np.diag(np.diag(mass))
-            self._known[key] = motion, rows.T @ rows, floor, mass - part.T @ part + floor
-        return self._known[key]
-
-    def assigned(self, x: Array, *, whole: bool = True) -> tuple[float, list[list[Freedom]], list[float]]:
-        """Least margin, and per group its freedoms and margin, for hinges at `x`; not `whole`: up to one that fails."""
-        behind = self.table.behind(x)
-        chosen: list[list[Freedom]] = []
-        margins: list[float] = []
-        for group in self.wanted:
-            best: tuple[float, list[Freedom]] = (-np.inf, [])
-            for freedoms in self._choices(group, x):
-                value = self.margin(group, x, freedoms, behind)
-                if value > best[0] or not best[1]:
-                    best = value, freedoms
-                if value >= MARGIN:
-                    break
-            chosen.append(best[1])
-            margins.append(best[0])
-            if best[0] < MARGIN and not whole:
-                break
-        return min(margins), chosen, margins
-
-    def _choices(self, group: Wanted, x: Array) -> Iterator[list[Freedom]]:
-        """Hinges that a group may take: those that stand, and of the others some, evenly spread ones first."""
-        close = SAME_PLACE * self.table.length
-        own: dict[str, list[int]] = {}
-        free: dict[str, list[int]] = {}
-        more: dict[str, int] = {}
-        for port, count in group.counts.items():
-            fixed = group.fixed.get(port, ())
-            own[port] = [i for i, at in enumerate(x) if any(abs(at - f) <= close for f in fixed)]
-            free[port] = [i for i in range(x.size) if i not in own[port]]
-            more[port] = max(min(count - len(own[port]), len(free[port])), 0)
-
-        def taken(pick: Mapping[str, Sequence[int]]) -> list[Freedom]:
-            return sorted((i, p) for p in own for i in [*own[p], *(free[p][k] for k in pick[p])])
-
-        yield taken({p: [k * len(free[p]) // more[p] for k in range(more[p])] for p in own})
-        if all(more[p] == len(free[p]) for p in own):
-            return
-        yield taken({p: range(more[p]) for p in own})
-        if len(own) == 1:
-            [port] = own
-            for pick in islice(combinations(range(len(free[port])), more[port]), MOST_CHOICES):
-                yield taken({port: pick})
-
-    def value(self, x: Array, *, whole: bool = True) -> float:
-        """Least margin of hinges at `x`; -inf where a link is too short. Not `whole`: of the groups up to one that fails."""
-        if shortest_link(x, self.table.length) < SHORTEST or np.any(np.diff(x) <= 0.0):
-            return -np.inf
-        return self.assigned(x, whole=whole)[0]
-
-
-def _least_share(left: Array, blocks: Sequence[Array]) -> float:
-    """Least eigenvalue of `left` with each diagonal block scaled by the inverse root of its own measure."""
-    size = left.shape[0]
-    scale = np.zeros((size, size))
-    at = 0
-    for block in blocks:
-        try:
-            scale[at : at + len(block), at : at + len(block)] = np.linalg.inv(np.linalg.cholesky(block))
-        except np.linalg.LinAlgError:
-            return -np.inf
-        at += len(block)
-    with np.errstate(all="ignore"):
-        unit = scale @ left @ scale.T
-    return float(np.linalg.eigvalsh(unit)[0]) if np.all(np.isfinite(unit)) else -np.inf
-
-
 def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float], further: Sequence[float] = ()) -> Cut:
     """The most even cut that holds the modes.
 
@@ -252,19 +67,19 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
     length = line.length
     fixed = _merged([*lines, *(x for group in wanted for places in group.fixed.values() for x in places)], length)
     groups = list(wanted)
-    table = _Table(line)
+    table = Stations(line)
     first: str | None = None
     tried = 0
     for added in range(MOST_ADDED + fixed.size + 1):
         if table.tried > MOST_TRIED:
             break
         tried = added
-        search = _Search(table, tuple(groups), tuple(further))
+        search = Margins(table, tuple(groups), tuple(further))
         size = max(fixed.size, *(count for group in groups for count in group.counts.values()))
         x, margin = _best(search, fixed, size - fixed.size)
         enough = LEAST_MARGIN if further else MARGIN
         if margin >= enough:
-            search = _Search(table, tuple(_fewest(search, x, wanted, groups)), tuple(further))
+            search = Margins(table, tuple(_fewest(search, x, wanted, groups)), tuple(further))
             x = _even(search, x, fixed)
             margin, chosen, _ = search.assigned(x)
             ports = [tuple(p for group in chosen for i, p in group if i == k) for k in range(x.size)]
@@ -284,13 +99,13 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
     )
 
 
-def _fewest(search: _Search, x: Array, wanted: Sequence[Wanted], groups: Sequence[Wanted]) -> list[Wanted]:
+def _fewest(search: Margins, x: Array, wanted: Sequence[Wanted], groups: Sequence[Wanted]) -> list[Wanted]:
     """The groups, each with no more hinges than it needs on a cut that others needed."""
     out = list(groups)
     for k, first in enumerate(wanted):
         least = first
         while least.counts != groups[k].counts:
-            if _Search(search.table, (least,), search.further).assigned(x)[0] >= MARGIN:
+            if Margins(search.table, (least,), search.further).assigned(x)[0] >= MARGIN:
                 out[k] = least
                 break
             least = least.more()
@@ -313,7 +128,7 @@ def _merged(places: Sequence[float], length: float) -> Array:
     return np.array(out)
 
 
-def _best(search: _Search, fixed: Array, free: int) -> tuple[Array, float]:
+def _best(search: Margins, fixed: Array, free: int) -> tuple[Array, float]:
     """Hinges with enough margin and the longest shortest link; else those with the largest margin."""
     if free <= 0:
         return fixed, search.value(fixed)
@@ -369,7 +184,7 @@ def _patterns(length: float, free: int, further: Sequence[float]) -> Iterator[Ca
                 yield lambda a, p=power, o=own: np.concatenate([graded(a, p, free - o.size, 0.97 * float(o.min())), o])
 
 
-def _climbed(search: _Search, fixed: Array, margin: float, x: Array) -> tuple[Array, float]:
+def _climbed(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Array, float]:
     """The margin raised from a start, hinges between 0 and the tip."""
     if not np.isfinite(margin):
         return x, margin
@@ -399,7 +214,7 @@ def _climbed(search: _Search, fixed: Array, margin: float, x: Array) -> tuple[Ar
     return (better, value) if value > margin else (x, margin)
 
 
-def _even(search: _Search, x: Array, fixed: Array) -> Array:
+def _even(search: Margins, x: Array, fixed: Array) -> Array:
     """The cut with its free hinges moved towards the middles of their neighbours as far as the margin allows."""
     length = search.table.length
     x = x.copy()
@@ -420,36 +235,3 @@ def _even(search: _Search, x: Array, fixed: Array) -> Array:
         if np.max(np.abs(x - before)) < 1e-4 * length:
             break
     return x
-
-
-def _rounded(about: Array, noise: float) -> Array:
-    """`(3, 3)` inertia about the centre, no second moment below zero by rounding: a lamina's is nothing across it."""
-    moments = np.trace(about) / 2.0 * np.eye(3) - about
-    values, axes = np.linalg.eigh(moments)
-    if not -noise < values[0] < FLAT * values[2]:
-        return about
-    values = np.maximum(values, FLAT * values[2])
-    return float(np.sum(values)) * np.eye(3) - (axes * values) @ axes.T
-
-
-def bodies(line: MassLine, x: Array) -> list[Link]:
-    """The appendage's own rigid pieces between the hinges, as they are; see `polar.settled` for thin ones."""
-    behind = line.behind(np.concatenate([[-line.length], x]))
-    pieces = [*(a - b for a, b in pairwise(behind)), behind[-1]]
-    edges = [0.0, *x.tolist(), line.length]
-    out: list[Link] = []
-    for a, b, matrix in zip(edges[:-1], edges[1:], pieces, strict=True):
-        mass = float(np.trace(matrix[:3, :3])) / 3.0
-        if mass <= 0.0:
-            out.append(Link(a, b - a, 0.0, a, (0.0, 0.0, 0.0)))
-            continue
-        centre = np.array([matrix[1, 5] - matrix[2, 4], 2.0 * matrix[2, 3], -2.0 * matrix[1, 3]]) / 2.0 / mass
-        about = matrix[3:, 3:] - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-        about = _rounded(about, ROUNDED * float(np.trace(behind[0][3:, 3:])))
-        if np.max(np.abs(about - np.diag(np.diag(about)))) < ROUNDED * float(np.trace(behind[0][3:, 3:])):
-            about = np.diag(np.diag(about))
-        centre[1:] = np.where(np.abs(centre[1:]) < ROUNDED * line.length, 0.0, centre[1:])
-        inertia = (float(about[0, 0]), float(about[1, 1]), float(about[2, 2]))
-        products = (float(about[0, 1]), float(about[0, 2]), float(about[1, 2]))
-        out.append(Link(a, b - a, mass, float(centre[0]), inertia, (float(centre[1]), float(centre[2])), products))
-    return out

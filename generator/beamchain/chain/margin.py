@@ -1,0 +1,209 @@
+"""What a cut leaves: whether the rigid links between its hinges can hold the residual mass of the wanted modes.
+
+Every port whose modes stand on the cut keeps a positive share of the mass left to each link (the inequality of
+`docs/theory.md`, section 4); the margin is the smallest share.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations, islice, pairwise
+
+import numpy as np
+
+from beamchain.chain.chain import Freedom
+from beamchain.chain.tendons import Modes, group_motion
+from beamchain.ports.motions import PORT_MOTION, Array, shifted
+from beamchain.structure.mass_line import MassLine
+
+MARGIN = 0.02  # of the residual mass, that the inequality must leave
+
+
+SHORTEST = 1e-3  # of the length: a shorter link is none
+
+
+MOST_CHOICES = 8  # of hinges for a port that needs fewer than there are
+
+
+NOTHING_LEFT = 1e-11  # of the rigid mass: less residual mass than this is none
+
+
+SAME_PLACE = 1e-9  # of the length
+
+
+TABLE = 1001  # stations of the mass behind them, between which is interpolated
+
+
+#: Motion of the root equal to a unit motion of a hinge at x: the first vector less x times the second.
+TURNS = {
+    port: (motion[:, -1], -shifted(np.array([-1.0, 0.0, 0.0])) @ motion[:, -1] + motion[:, -1])
+    for port, motion in PORT_MOTION.items()
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """A group of ports and how many hinges each needs.
+
+    Args:
+        modes: of the group.
+        counts: hinges per port.
+        fixed: per port, x of hinges that stand [m].
+    """
+
+    modes: Modes
+    counts: Mapping[str, int]
+    fixed: Mapping[str, tuple[float, ...]]
+
+    def more(self) -> "Wanted":
+        """The same with one more hinge in every port."""
+        return Wanted(self.modes, {port: count + 1 for port, count in self.counts.items()}, self.fixed)
+
+
+def shortest_link(x: Array, length: float) -> float:
+    """Shortest distance between neighbouring hinges, root (where no hinge stands at it) and tip, over the length."""
+    edges = [*([] if x.size and x[0] <= SAME_PLACE * length else [0.0]), *x.tolist(), length]
+    return min(b - a for a, b in pairwise(edges)) / length
+
+
+class Stations:
+    """Mass matrices behind places along an appendage, good enough to choose by."""
+
+    def __init__(self, line: MassLine) -> None:
+        self.length: float = line.length
+        steps = np.array([[x, x + 1e-8 * line.length] for x in line.steps]).ravel()
+        self._grid = np.unique(np.concatenate([np.linspace(0.0, line.length, TABLE), steps]))
+        table = line.behind(np.concatenate([[-line.length], self._grid]))
+        self.rigid: Array = table[0]
+        self._behind = table[1:]
+        self.tried: int = 0
+
+    def behind(self, x: Array) -> Array:
+        """`(c, 6, 6)` mass matrix behind each of `x` `(c,)`."""
+        at = np.clip(np.searchsorted(self._grid, x, side="right") - 1, 0, self._grid.size - 2)
+        part = (x - self._grid[at]) / (self._grid[at + 1] - self._grid[at])
+        low, high = self._behind[at], self._behind[at + 1]
+        return low + np.clip(part, 0.0, 1.0)[:, None, None] * (high - low)
+
+
+@dataclass(eq=False)
+class Margins:
+    """Margins of candidate cuts of one appendage."""
+
+    table: Stations
+    wanted: tuple[Wanted, ...]
+    further: tuple[float, ...]
+    _known: dict[int, tuple[Array, Array, Array, Array]] = field(
+        default_factory=dict[int, tuple[Array, Array, Array, Array]]
+    )
+
+    def margin(self, group: Wanted, x: Array, freedoms: Sequence[Freedom], behind: Array) -> float:
+        """Least eigenvalue of what the inequality leaves, over the residual mass (and the further ports' own).
+
+        Args:
+            group: whose modes.
+            x: `(c,)` hinges [m].
+            freedoms: of the group.
+            behind: `(c, 6, 6)` mass matrix behind each hinge.
+        """
+        self.table.tried += 1
+        motion, given, floor, left_over = self._constants(group)
+        at = np.array([i for i, _ in freedoms])
+        own = np.array([TURNS[p][0] - x[i] * TURNS[p][1] for i, p in freedoms])
+        pulled = (behind[at] @ own[:, :, None])[:, :, 0]  # momentum of what moves, per freedom
+        kinematics = (pulled @ motion).T
+        inertia = np.where(at[:, None] >= at[None, :], pulled @ own.T, (pulled @ own.T).T)  # of the later of two
+        own = own.T
+        rows = [kinematics]
+        for place in self.further:
+            moved = motion.T @ shifted(np.array([place, 0.0, 0.0])) @ own
+            rows.append(moved * (x[at] < place))
+        stack = np.vstack(rows)
+        try:
+            root = np.linalg.cholesky(inertia)
+        except np.linalg.LinAlgError:
+            return -np.inf
+        unit = np.linalg.solve(root, stack.T).T
+        left = unit @ unit.T - given
+        m = motion.shape[1]
+        blocks = [left_over]
+        for k in range(1, len(rows)):
+            own_rows = unit[k * m : (k + 1) * m]
+            blocks.append(own_rows @ own_rows.T)
+        left[:m, :m] += floor
+        return _least_share(left, blocks)
+
+    def _constants(self, group: Wanted) -> tuple[Array, Array, Array, Array]:
+        """What a group's margin takes that no hinge changes: its motion, its modes' share, a floor, the residual mass."""
+        key = id(group)
+        if key not in self._known:
+            motion, rows = group_motion(group.modes.ports), group.modes.rows
+            mass = motion.T @ self.table.rigid @ motion
+            part = rows[:, : motion.shape[1]]
+            floor = NOTHING_LEFT * np.diag(np.diag(mass))
+            self._known[key] = motion, rows.T @ rows, floor, mass - part.T @ part + floor
+        return self._known[key]
+
+    def assigned(self, x: Array, *, whole: bool = True) -> tuple[float, list[list[Freedom]], list[float]]:
+        """Least margin, and per group its freedoms and margin, for hinges at `x`; not `whole`: up to one that fails."""
+        behind = self.table.behind(x)
+        chosen: list[list[Freedom]] = []
+        margins: list[float] = []
+        for group in self.wanted:
+            best: tuple[float, list[Freedom]] = (-np.inf, [])
+            for freedoms in self._choices(group, x):
+                value = self.margin(group, x, freedoms, behind)
+                if value > best[0] or not best[1]:
+                    best = value, freedoms
+                if value >= MARGIN:
+                    break
+            chosen.append(best[1])
+            margins.append(best[0])
+            if best[0] < MARGIN and not whole:
+                break
+        return min(margins), chosen, margins
+
+    def _choices(self, group: Wanted, x: Array) -> Iterator[list[Freedom]]:
+        """Hinges that a group may take: those that stand, and of the others some, evenly spread ones first."""
+        close = SAME_PLACE * self.table.length
+        own: dict[str, list[int]] = {}
+        free: dict[str, list[int]] = {}
+        more: dict[str, int] = {}
+        for port, count in group.counts.items():
+            fixed = group.fixed.get(port, ())
+            own[port] = [i for i, at in enumerate(x) if any(abs(at - f) <= close for f in fixed)]
+            free[port] = [i for i in range(x.size) if i not in own[port]]
+            more[port] = max(min(count - len(own[port]), len(free[port])), 0)
+
+        def taken(pick: Mapping[str, Sequence[int]]) -> list[Freedom]:
+            return sorted((i, p) for p in own for i in [*own[p], *(free[p][k] for k in pick[p])])
+
+        yield taken({p: [k * len(free[p]) // more[p] for k in range(more[p])] for p in own})
+        if all(more[p] == len(free[p]) for p in own):
+            return
+        yield taken({p: range(more[p]) for p in own})
+        if len(own) == 1:
+            [port] = own
+            for pick in islice(combinations(range(len(free[port])), more[port]), MOST_CHOICES):
+                yield taken({port: pick})
+
+    def value(self, x: Array, *, whole: bool = True) -> float:
+        """Least margin of hinges at `x`; -inf where a link is too short. Not `whole`: of the groups up to one that fails."""
+        if shortest_link(x, self.table.length) < SHORTEST or np.any(np.diff(x) <= 0.0):
+            return -np.inf
+        return self.assigned(x, whole=whole)[0]
+
+
+def _least_share(left: Array, blocks: Sequence[Array]) -> float:
+    """Least eigenvalue of `left` with each diagonal block scaled by the inverse root of its own measure."""
+    size = left.shape[0]
+    scale = np.zeros((size, size))
+    at = 0
+    for block in blocks:
+        try:
+            scale[at : at + len(block), at : at + len(block)] = np.linalg.inv(np.linalg.cholesky(block))
+        except np.linalg.LinAlgError:
+            return -np.inf
+        at += len(block)
+    with np.errstate(all="ignore"):
+        unit = scale @ left @ scale.T
+    return float(np.linalg.eigvalsh(unit)[0]) if np.all(np.isfinite(unit)) else -np.inf
