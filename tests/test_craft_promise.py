@@ -227,6 +227,28 @@ def test_exit_status_and_json_say_whether_the_promise_is_kept(tmp_path, capsys, 
     assert len(record["appendages"][0]["ports"]["xy"]["frequencies"]) == 1  # typed: never changed
 
 
+def test_everything_shown_is_of_the_band_and_the_axes_asked_for(tmp_path, capsys, monkeypatch):
+    spec = boom(scene={"bandwidth": 10.0, "tolerance": 1e-3, "axes": ["y", "z"]})
+    (tmp_path / "boom.toml").write_text(toml(spec))
+    (tmp_path / "craft.xml").write_text(LIGHT)
+    done = bc.embed(LIGHT, {"place": tmp_path / "boom.toml"}, retime=False)
+    assembly = done.assembly
+    assert (assembly.band, assembly.common, assembly.motions) == (10.0, 10.0, (4, 5))
+    assert assembly.in_band == pytest.approx(done.craft_error, rel=AGREE)
+    beyond = [m for m in assembly.modes if m.kept and m.exact is not None and m.exact > 10.0]
+    assert max(abs(m.error) for m in beyond) > 10 * assembly.worst
+    words = [tmp_path / "craft.xml", "--at", f"place={tmp_path / 'boom.toml'}", "-o", tmp_path / "out.xml"]
+    monkeypatch.setattr(sys, "argv", ["beamchain", "embed", *map(str, words), "--no-retime"])
+    with pytest.raises(SystemExit):
+        main()
+    told = capsys.readouterr().out
+    assert told.count("beyond the band") == len(beyond)
+    assert "worst of the kept modes up to 10 rad/s" in told
+    page = (tmp_path / "out_report.html").read_text()
+    assert f"{len(assembly.judged)} coupled mode" in page
+    assert page.count("<td>beyond the band</td>") == len(beyond)
+
+
 def test_without_a_scene_nothing_is_promised(tmp_path):
     spec = boom()
     del spec["scene"]

@@ -1,17 +1,19 @@
 """What a scene does not need: the promise holds in every random scene, and the choice is tight.
 
-The promise is checked independently of the choice: with the whole beam at twice the modes, with the 6 x 6 definition of
-the in-band error written out again here from dynamic masses, on a grid of its own, and for uniform beams with the
-transcendental solution in the plane.
+The promise is checked independently of the choice: the written file through MuJoCo's own matrices against finite elements,
+with the 6 x 6 definition of the in-band error written out again here, on a grid of its own; for uniform beams against the
+closed forms of the cantilever. No scene and no frequency is left out.
 """
 
+import tomllib
 from importlib.resources import files
 
 import numpy as np
 import pytest
 from msgspec import structs
 
-from beamchain.chain.chain import Chain
+import finite_elements as fe
+import readback as rb
 from beamchain.errors import InputError
 from beamchain.fitting.choose import everything
 from beamchain.fitting.fit import fit
@@ -20,18 +22,22 @@ from beamchain.fitting.needs import AXES
 from beamchain.fitting.options import Damping, Modes, Root, Scene
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
-from beamchain.ports.model import PortModel
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.motions import PORT_MOTION, PORTS
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.exact import UniformBeam
 from beamchain.structure.material import Material
 from beamchain.structure.section import Rectangle, Tube
-from random_appendages import tube_and_strip
+from random_appendages import random_appendage, tube_and_strip
 
 SCENES = 200
 GRID_SLACK = 1.02  # the independent grid may hit a peak a little nearer its top than the choice's own
 TIGHT = 0.9  # share of scenes in which one mode fewer breaks the promise
 DAMPING = 0.005
+AGREE = 0.03  # relative: promise and what is found; both grids may miss the top of the worst peak a little
+HARD = 8  # random appendages with tapers, joints, lumps
+MODES = 30  # of every port in finite elements
+SERIES = 12  # clamped modes of the closed form
 
 ALUMINIUM = Material(youngs_modulus=7e10, density=2700.0, poissons_ratio=0.33)
 
@@ -80,99 +86,97 @@ def random_scene(seed: int) -> Spec:
     )
 
 
-def in_space(models: dict[str, PortModel], rigid: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """`(k, 6, 6)` dynamic mass from the ports' own."""
-    out = np.repeat(rigid[None].astype(complex), omega.size, axis=0)
-    for port, model in models.items():
-        motion = PORT_MOTION[port]
-        flexible = np.moveaxis(model.D(omega), -1, 0) - model.rigid_mass
-        out += motion @ flexible @ motion.T
-    return out
+def independent_error(spec: Spec, result: Fit) -> float:
+    """The in-band error of the file that is written, frequency by frequency, from its definition.
 
-
-def independent_error(spec: Spec, chain: dict[str, PortModel], beam: dict[str, PortModel]) -> float:
-    """The in-band error in space, from its definition."""
+    The file's dynamic mass is of MuJoCo's own matrices, the beam's of finite elements: the package computes none of it.
+    """
     assert spec.scene is not None
     assert spec.scene.bandwidth is not None
     assert spec.root.hub is not None
-    hub, band = spec.root.hub.mass_matrix(), spec.scene.bandwidth
-    rigid = spec.beam.rigid_mass()
-    peaks = [
-        m.with_hub(PORT_MOTION[p].T @ hub @ PORT_MOTION[p]).free_frequencies for p, m in [*chain.items(), *beam.items()]
-    ]
-    peaks += [m.frequencies for m in [*chain.values(), *beam.values()]]
-    near = np.concatenate([p[p < 1.1 * band] for p in peaks])
-    omega = np.concatenate(
-        [np.linspace(band / 700, band, 700), *(near * (1 + d) for d in np.linspace(-0.03, 0.03, 61))]
-    )
-    omega = np.unique(omega[(omega > 0) & (omega <= band)])
+    hub = fe.body_mass(spec.root.hub.mass, [-v for v in spec.root.hub.offset], spec.root.hub.inertia)
+    beam, band = tomllib.loads(spec_toml(spec)), spec.scene.bandwidth
+    rigid, modes = fe.rigid_mass(beam), fe.cantilever(beam, dict.fromkeys(fe.PORTS, MODES))
+    peaks = [fe.coupled(beam, hub, 40), modes.frequencies]
+    w, rows, damping = np.zeros(0), np.zeros((0, 6)), np.zeros((0, 0))
+    mass = result.measured.rigid_mass
+    if result.chain.hinges:
+        model = rb.read(result.to_mjcf())
+        mass, w, rows, damping = model.rigid, model.frequencies, model.participation, model.damping
+        peaks += [model.coupled(hub), w]
+    peak = np.concatenate(peaks)
+    around = DAMPING * np.geomspace(0.05, 30.0, 40)
+    near = np.outer(peak[peak < 1.2 * band], 1.0 + np.concatenate([-around, [0.0], around])).ravel()
+    omega = np.unique(np.concatenate([np.linspace(band / 500, band, 500), near]))
+    omega = omega[(omega > 0) & (omega <= band)]
     keep = [AXES[a] for a in spec.scene.axes]
-    scale = np.sqrt(np.diag(hub + rigid))
+    scale = np.sqrt(np.diag(hub + rigid))[keep]
 
-    def response(models: dict[str, PortModel]) -> np.ndarray:
-        h = np.linalg.inv(hub + in_space(models, rigid, omega)) * np.outer(scale, scale)
-        return h[:, keep][:, :, keep]
+    def response(mass: np.ndarray, rows: np.ndarray, squares: np.ndarray, damping: np.ndarray) -> np.ndarray:
+        s = 1j * omega[:, None, None]
+        inner = s**2 * np.eye(len(rows)) + s * damping + np.diag(squares)
+        felt = rows.T @ np.linalg.solve(inner, s**2 * rows)
+        return np.linalg.inv(hub + mass - felt)[:, keep][:, :, keep] * np.outer(scale, scale)
 
-    ours, true = response(chain), response(beam)
-    frozen = (np.linalg.inv(hub + rigid) * np.outer(scale, scale))[np.ix_(keep, keep)]
+    ours = response(mass, rows, w**2, damping)
+    true = response(rigid, modes.participation, modes.frequencies**2, np.diag(2.0 * DAMPING * modes.frequencies))
+    frozen = np.linalg.inv(hub + rigid)[np.ix_(keep, keep)] * np.outer(scale, scale)
     size = np.maximum(np.linalg.norm(true, 2, axis=(1, 2)), np.linalg.norm(frozen, 2))
     return float(np.max(np.linalg.norm(ours - true, 2, axis=(1, 2)) / size))
 
 
-def whole(spec: Spec, modes: int = 40) -> dict[str, PortModel]:
-    return {port: spec.with_ratios(port, spec.beam.port(port, modes)) for port in PORTS}
-
-
-def of_chain(spec: Spec, chain: Chain, ports: tuple[str, ...]) -> dict[str, PortModel]:
-    return {port: spec.with_ratios(port, chain.port(port)) for port in ports}
-
-
-def breaks_with_one_less(result: Fit, spec: Spec, beam: dict[str, PortModel]) -> bool:
-    """Whether taking any one mode away breaks the promise, for the target chosen and in every port that has one."""
+def breaks_with_one_less(result: Fit, spec: Spec) -> bool:
+    """Whether every fit with one mode less, in whichever port has one, breaks the promise."""
     assert result.choice is not None
     assert spec.scene is not None
-    hub = result.hub_mass
-    assert hub is not None
-
-    def reduced(port: str, count: int) -> PortModel:
-        model, motion = beam[port], PORT_MOTION[port]
-        if result.kept_for == "clamped":
-            out = model.truncated(count)
-        else:
-            load = motion.T @ hub @ motion if result.kept_for == "hub" else np.zeros((model.motions,) * 2)
-            out = model.reduced(count, load)
-        return spec.with_ratios(port, out)
-
-    kept = {port: count for port, count in result.choice.modes.items() if count}
-    for port in kept:
-        fewer = {p: reduced(p, count - (p == port)) for p, count in kept.items()}
-        if independent_error(spec, fewer, beam) <= spec.scene.tolerance:
+    kept = {port: result.choice.modes.get(port, 0) for port in PORTS}
+    for port in (p for p in PORTS if kept[p]):
+        less = structs.replace(spec, modes=Modes(**{**kept, port: kept[port] - 1}))
+        if independent_error(less, fit(less)) <= spec.scene.tolerance:
             return False
     return True
 
 
 @pytest.mark.slow
 def test_promise_holds_in_random_scenes_and_the_choice_is_tight():
-    broken, tight, flexible, missed = [], 0, 0, 0
+    broken, missed, tight, flexible = [], [], 0, 0
     for seed in range(SCENES):
         spec = random_scene(seed)
         assert spec.scene is not None
         result = fit(spec)
-        beam = whole(spec)
-        found = independent_error(spec, of_chain(spec, result.chain, tuple(result.target)), beam)
+        found = independent_error(spec, result)
         if not result.status.ok:
-            missed += 1  # said plainly: allowed, but then it must be true
-            assert "above the tolerance" in result.status.message or "keeps" in result.status.message
-            continue
+            missed.append(seed)
         if found > GRID_SLACK * spec.scene.tolerance:
             broken.append((seed, found, spec.scene.tolerance))
         if sum(result.choice.modes.values()) > 0:
             flexible += 1
-            tight += breaks_with_one_less(result, spec, beam)
+            tight += breaks_with_one_less(result, spec)
     print(f"{SCENES} scenes: broken {len(broken)}, said not to be met {missed}, tight {tight} of {flexible}")  # noqa: T201
     assert not broken
-    assert missed <= SCENES // 10
+    assert not missed  # each of them has a model
     assert tight >= TIGHT * flexible
+
+
+@pytest.mark.parametrize("seed", range(HARD))
+def test_promise_holds_where_tapers_joints_and_lumps_abound(seed):
+    given = random_appendage(seed)
+    rng = np.random.default_rng(seed)
+    mass = float(fe.rigid_mass(given)[0, 0] * 10.0 ** rng.uniform(0.5, 2.0))
+    given = {key: given[key] for key in ("name", "segment", "joint", "lump") if key in given} | {
+        "damping": {"ratio": DAMPING},
+        "root": {"hub": {"mass": mass, "inertia": [0.4 * mass] * 3, "offset": [0.5, 0.0, 0.1]}},
+        "scene": {
+            "bandwidth": float(fe.port(given, "xy").frequencies[0] * rng.uniform(1.0, 8.0)),
+            "tolerance": float(10.0 ** rng.uniform(-3.5, -1.5)),
+        },
+    }
+    spec = spec_from_dict(given, "hard")
+    result = fit(spec)
+    found = independent_error(spec, result)
+    assert result.promise == pytest.approx(found, rel=AGREE)
+    assert result.status.ok
+    assert found <= GRID_SLACK * spec.scene.tolerance
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -186,16 +190,32 @@ def test_promise_holds_against_the_transcendental_beam(seed):
     hub = Hub(mass=100.0, inertia=(30.0, 40.0, 50.0), offset=(0.5, 0.0, 0.0))
     band = float(truth.cantilever_frequencies(3)[2] * rng.uniform(0.1, 0.9))
     scene = Scene(bandwidth=band, tolerance=1e-3, axes=("z",))
-    result = fit(beam, root=Root(hub=hub), scene=scene)
+    result = fit(beam, root=Root(hub=hub), scene=scene, damping=Damping(ratio=DAMPING))
     assert result.status.ok
     load = PORT_MOTION["xy"].T @ hub.mass_matrix() @ PORT_MOTION["xy"]
-    omega = np.linspace(band / 500, band, 500)
-    # undamped away from the peaks: the response there is that of the exact dynamic mass
-    far = np.min(np.abs(omega[:, None] / truth.coupled_frequencies(load, 4)[None] - 1.0), axis=1) > 0.05
-    omega = omega[far]
-    ours = np.linalg.inv(load + np.moveaxis(result.chain.port("xy").D(omega).real, -1, 0))[:, 1, 1]
-    true = np.linalg.inv(load + np.moveaxis(truth.D(omega), -1, 0))[:, 1, 1]
-    assert np.max(np.abs(ours - true)) <= scene.tolerance * np.max(np.abs(true)) * 20  # peaks, 0.5 % damped, are 20 x
+    # 0.5 % in every mode: the exact series of the clamped modes, with what they leave of the mass
+    w = truth.cantilever_frequencies(SERIES)
+    beta, mass, length = np.sqrt(w / truth.unit_frequency), truth.linear_mass * truth.length, truth.length
+    sigma = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
+    rows = np.sqrt(mass) * np.column_stack([2.0 * sigma / beta, 2.0 * length / beta**2])
+    rigid = mass * np.array([[1.0, length / 2.0], [length / 2.0, length**2 / 3.0]])
+    peaks = np.concatenate([truth.coupled_frequencies(load, 6), w, result.achieved["xy"].frequencies])
+    around = np.concatenate([-DAMPING * np.geomspace(0.05, 30.0, 40), [0.0], DAMPING * np.geomspace(0.05, 30.0, 40)])
+    omega = np.unique(np.concatenate([np.linspace(band / 500, band, 500), np.outer(peaks, 1.0 + around).ravel()]))
+    omega = omega[(omega > 0.0) & (omega <= band)]
+    s = 1j * omega[:, None, None]
+    gain = s**2 / (s**2 + 2.0 * DAMPING * w * s + w**2)
+    dynamic = rigid - np.einsum("kfn,ni,nj->kij", gain, rows, rows, optimize=True)
+    true = np.linalg.inv(load + dynamic)[:, 1, 1]
+    file, turn = rb.read(result.to_mjcf()), rb.into_space("xy")
+    found, lines, ratios = file.port("xy")
+    gain = s**2 / (s**2 + 2.0 * ratios * found * s + found**2)
+    dynamic = turn.T @ file.rigid @ turn - np.einsum("kfn,ni,nj->kij", gain, lines, lines, optimize=True)
+    ours = np.linalg.inv(load + dynamic)[:, 1, 1]
+    floor = np.linalg.inv(load + rigid)[1, 1]
+    worst = np.max(np.abs(ours - true) / np.maximum(np.abs(true), floor))
+    assert worst <= GRID_SLACK * scene.tolerance
+    assert result.promise == pytest.approx(worst, rel=AGREE)
 
 
 def tube() -> Beam:

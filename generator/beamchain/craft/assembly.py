@@ -66,11 +66,11 @@ class Assembly:
 
     Args:
         modes: coupled modes, ascending; exact ones that the chains leave out only up to `band`.
-        band: highest kept cantilever frequency of any appendage [rad/s].
-        common: up to here every appendage keeps every mode of its kept ports [rad/s].
+        band: up to here kept modes are judged: what was asked for, or the highest kept cantilever frequency [rad/s].
+        common: end of the in-band error: what was asked for, or where the first kept port has no more modes [rad/s].
         omega: `(k,)` [rad/s].
         exact, achieved: `(m, m, k)` accelerance of the hub's moving motions.
-        motions: which of the six motions of the hub (x, y, z, rotations) those are.
+        motions: which of the six motions of the hub (x, y, z, rotations) those are: what was asked for.
         error: `(k,)` the in-band error before its maximum is taken.
         in_band: the in-band error up to `common`.
         hub: name of the body.
@@ -90,8 +90,12 @@ class Assembly:
     @property
     def worst(self) -> float:
         """Largest relative frequency error of the kept modes within the band."""
-        kept = [m for m in self.modes if m.kept and m.exact is not None and m.exact <= self.band]
-        return max((abs(m.error) for m in kept if m.error is not None), default=0.0)
+        return max((abs(m.error) for m in self.judged if m.error is not None), default=0.0)
+
+    @property
+    def judged(self) -> tuple[Mode, ...]:
+        """The kept modes within the band."""
+        return tuple(m for m in self.modes if m.kept and m.exact is not None and m.exact <= self.band)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,13 +144,22 @@ def quiet(model: "mujoco.MjModel") -> "mujoco.MjModel":
     return out
 
 
-def prove(craft: "mujoco.MjModel", model: "mujoco.MjModel", carried: Sequence[Carried], points: int = 400) -> Assembly:
+def prove(
+    craft: "mujoco.MjModel",
+    model: "mujoco.MjModel",
+    carried: Sequence[Carried],
+    asked: float | None = None,
+    wanted: Sequence[int] = tuple(range(6)),
+    points: int = 400,
+) -> Assembly:
     """Compare the MuJoCo model with the exact assembly.
 
     Args:
         craft: the bare spacecraft.
         model: the spacecraft with its chains.
         carried: the appendages.
+        asked: frequencies that matter end here [rad/s]; None: where the kept modes end.
+        wanted: motions of the hub that matter (0 to 5).
         points: of the even part of the frequency grid.
     """
     craft, model = quiet(craft), quiet(model)
@@ -157,9 +170,10 @@ def prove(craft: "mujoco.MjModel", model: "mujoco.MjModel", carried: Sequence[Ca
     alone = _craft(craft, hub)
     exact = _exact(alone, carried)
     ours = _ours(craft, model, hub, old, carried)
-    band = max(w for item in carried for w in item.band.values())
-    common = min(w for item in carried for w in item.band.values())
-    exact_modes, ours_modes = exact.modes(common), ours.modes(common)
+    first = min(w for item in carried for w in item.band.values())
+    band = asked or max(w for item in carried for w in item.band.values())
+    common = asked or first
+    exact_modes, ours_modes = exact.modes(first), ours.modes(first)
     modes = _matched(exact, exact_modes, carried, ours_modes[0], ours_modes[1][old], band)
     peaks = np.concatenate([exact_modes[0], ours_modes[0]])
     peaks = peaks[peaks < 1.3 * band]
@@ -167,7 +181,8 @@ def prove(craft: "mujoco.MjModel", model: "mujoco.MjModel", carried: Sequence[Ca
     grid = np.concatenate([np.geomspace(0.02 * common, 1.3 * band, points), np.outer(peaks, width).ravel()])
     omega = np.unique(grid[grid > 0.0])
     rigid = _rigid(craft, hub, carried)
-    motions = tuple(int(i) for i in np.flatnonzero(np.diag(rigid) > 1e-9 * np.diag(rigid).max()))
+    able = [int(i) for i in np.flatnonzero(np.diag(rigid) > 1e-9 * np.diag(rigid).max())]
+    motions = tuple(i for i in able if i in wanted) or tuple(able)
     pick = np.ix_(motions, motions)
     ha, hb = ours.accelerance(omega)[pick], alone.accelerance(omega, carried)[pick]
     rigid = rigid[pick]

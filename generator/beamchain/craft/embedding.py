@@ -85,8 +85,9 @@ class Embedded:
 
     @cached_property
     def assembly(self) -> Assembly:
-        """Coupled modes and hub accelerance against the exact assembly."""
-        return prove(self.craft, self.untimed, carried(self.model, self.appendages))
+        """Coupled modes and hub accelerance against the exact assembly, at rest: of what the scenes ask for, or all."""
+        want = asked([a.spec for a in self.appendages])
+        return prove(self.craft, self.untimed, carried(self.model, self.appendages), want.band, want.motions)
 
     @cached_property
     def promise(self) -> CraftError:

@@ -22,7 +22,7 @@ MOTIONS = (
 
 
 def assembly_figure(assembly: "Assembly", columns: int = 2) -> Figure:
-    """Diagonal of the hub's accelerance over frequency, one panel per motion the hub has.
+    """Diagonal of the hub's accelerance over frequency, one panel per motion that matters.
 
     Args:
         assembly: what was proved.
@@ -69,7 +69,7 @@ def difference_figure(assembly: "Assembly") -> Figure:
         at = int(np.argmax(np.where(assembly.omega <= assembly.common, error, -1.0)))
         ax.plot(
             assembly.omega[at], error[at], marker="o", markersize=5.5, color=OURS, linestyle="none",
-            label=f"largest in band: {percent(assembly.in_band)}",
+            label=f"largest drawn in the band: {percent(assembly.in_band)}",
         )  # fmt: skip
         ax.set_xlabel("frequency, rad/s")
         ax.set_ylabel("error of the hub's motion, relative")
@@ -78,5 +78,5 @@ def difference_figure(assembly: "Assembly") -> Figure:
 
 
 def assembly_svg(assembly: "Assembly") -> str:
-    """The figure as SVG text, shaded where every kept port is complete."""
+    """The figure as SVG text, the band shaded."""
     return to_svg(assembly_figure(assembly), "assembly")

@@ -10,9 +10,11 @@ from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import plots
 from beamchain.report.assembly_plot import assembly_figure, difference_figure
 from beamchain.report.curves import count
+from beamchain.report.notebook import kept_word
 from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, begun, inline, page_text, versions
 from beamchain.report.plots import percent, short, to_svg
 from beamchain.report.sections import Verdict, left_out_blocks, mode_table, shape_blocks, step_words
+from beamchain.report.shapes import kept_modes
 from beamchain.steps.budget import budget
 
 if TYPE_CHECKING:
@@ -49,12 +51,11 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
 
 def _verdict(embedded: "Embedded") -> Verdict:
     assembly = embedded.assembly
-    kept = [m for m in assembly.modes if m.kept and m.exact is not None and m.exact <= assembly.band]
+    kept = assembly.judged
     text = f"{embedded.headline[:1].upper()}{embedded.headline[1:]} " + (
         f"{count(len(embedded.appendages), 'appendage')}, {count(len(kept), 'coupled mode')} kept up to "
         f"{short(assembly.band)} rad/s: the worst is off by {percent(assembly.worst)} from beams on the same "
-        f"spacecraft, read back through MuJoCo; the motion of {assembly.hub} is off by at most "
-        f"{percent(assembly.in_band)} up to {short(assembly.common)} rad/s."
+        "spacecraft, read back through MuJoCo."
     )
     if embedded.met is False:
         return Verdict(False, text)
@@ -74,7 +75,7 @@ def _asked(embedded: "Embedded", craft: str, output: str) -> list[Block]:
         [
             a.at,
             f"{a.fit.spec.name}: {short(a.fit.mass_line.length)} m, {short(float(a.fit.measured.rigid_mass[0, 0]))} kg",
-            ", ".join(f"{target.modes} in {port}" for port, target in a.fit.target.items()) or "as imported",
+            ", ".join(f"{kept_modes(a.fit, port)} in {port}" for port in a.fit.target) or "as imported",
             a.fit.kept_for,
             f"{a.hub.mass:.6g}",
             ", ".join(f"{joint.kind} joint {joint.name}".strip() for joint in a.mount.joints) or "nothing that moves",
@@ -92,12 +93,13 @@ def _modes(assembly: "Assembly") -> Table:
         exact = ["", ""] if mode.exact is None else [f"{mode.exact:.7g}", f"{mode.exact / (2.0 * np.pi):.5g}"]
         ours = "left out" if mode.mujoco is None else f"{mode.mujoco:.7g}"
         error = "" if mode.error is None else percent(mode.error)
-        rows.append([str(k), *exact, ours, error, "yes" if mode.kept else "no"])
+        rows.append([str(k), *exact, ours, error, kept_word(assembly, mode)])
     head = ["mode", "exact, rad/s", "exact, Hz", "MuJoCo, rad/s", "difference", "kept"]
     note = (
         "Exact: the spacecraft's own mass and stiffness with every appendage as the beam it is, all its modes. MuJoCo: "
         "A and B of mjd_transitionFD of the file that was written. Kept: most of the mode's strain energy is in "
-        "modes that the chains were asked to keep, or in the spacecraft's own springs."
+        "modes that the chains were asked to keep, or in the spacecraft's own springs; judged up to "
+        f"{short(assembly.band)} rad/s."
     )
     return Table(rows, head, note=note)
 
@@ -106,14 +108,13 @@ def _hub(assembly: "Assembly") -> list[Block]:
     label = f"Accelerance of {assembly.hub} over frequency: exact beams and MuJoCo."
     caption = (
         f"{assembly.hub}: acceleration of each motion per wrench along it. Where blue has a black core, MuJoCo and the "
-        "exact beams agree; in the shaded band every appendage keeps every mode of its kept ports. 0.5 % damping "
-        "where none is given."
+        "exact beams agree; the in-band error is taken over the shaded band. 0.5 % damping where none is given."
     )
     drawn = to_svg(assembly_figure(assembly, columns=1), "assembly")
     off = to_svg(difference_figure(assembly), "difference")
     told = (
         "Difference of the two at each frequency, all motions together, relative to the motion at that frequency; "
-        f"its largest there is the in-band error, {percent(assembly.in_band)}."
+        f"the largest drawn in the band is {percent(assembly.in_band)}."
     )
     return [
         Picture(inline(drawn, label), caption, "zoom"),

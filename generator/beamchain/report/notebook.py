@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from beamchain.craft.assembly import Assembly, Mode
     from beamchain.craft.embedding import Embedded
     from beamchain.fitting.result import Fit
 
@@ -43,7 +44,7 @@ def embedded_html(done: "Embedded") -> str:
     """Where the appendages are, the coupled modes, the warnings."""
     title = ", ".join(f"{a.spec.name} at {a.at} ({a.fit.kept_for} target)" for a in done.appendages)
     rows = [
-        [str(i), _value(m.exact, ".6g"), _value(m.mujoco, ".6g"), _value(m.error, ".1e"), "yes" if m.kept else "no"]
+        [str(i), _value(m.exact, ".6g"), _value(m.mujoco, ".6g"), _value(m.error, ".1e"), kept_word(done.assembly, m)]
         for i, m in enumerate(done.assembly.modes, 1)
     ]
     notes = [done.headline, f"worst of the kept modes up to {done.assembly.band:.4g} rad/s: {done.assembly.worst:.1e}"]
@@ -58,6 +59,11 @@ def _modes(fit: "Fit") -> list[list[str]]:
          f"{row.frequency_error:.1e}", f"{row.participation_error:.1e}"]
         for row in fit.modes
     ]  # fmt: skip
+
+
+def kept_word(assembly: "Assembly", mode: "Mode") -> str:
+    """Whether a coupled mode is judged: yes, no, or kept but beyond the band."""
+    return "yes" if mode in assembly.judged else "beyond the band" if mode.kept else "no"
 
 
 def _value(number: float | None, form: str) -> str:

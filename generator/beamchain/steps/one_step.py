@@ -176,11 +176,14 @@ class LinearModel:
         share = min(max(implicit / total, 0.0), 1.0) if total > 1e-12 * abs(pole) else 1.0
         implicit, explicit = own * share, own * (1.0 - share)
 
-        def frequency(h: Array) -> Array:
-            keep = (1.0 - h * explicit) / (1.0 + h * implicit + h**2 * (spring - held))
+        def frequency(h: Array) -> Array:  # z^2 - (2 - lost - pull) z + 1 - lost: no difference of nearly equal numbers
+            lost = (h * own + h**2 * (spring - held)) / (1.0 + h * implicit + h**2 * (spring - held))
             pull = h**2 * abs(pole) ** 2 / (1.0 + h * implicit + h**2 * spring)
-            half = (1.0 + keep - pull) / 2.0
-            return np.abs(np.log(half + 1j * np.sqrt(np.maximum(keep - half**2, 0.0)))) / h
+            half = (lost + pull) / 2.0
+            turn = np.sqrt(np.maximum(pull - half**2, 0.0))
+            slow = 0.5 * np.log1p(-np.minimum(lost, 1.0 - 1e-15))
+            size = np.where(turn > 0.0, slow, np.log(np.abs(1.0 - half) + 1e-300))
+            return np.hypot(size, np.arctan2(turn, 1.0 - half)) / h
 
         return frequency
 
