@@ -9,7 +9,8 @@ import pytest
 from appendages import close, panels, seed_boom, timoshenko_boom, unit_beam
 from arrays import ALUMINIUM, deployed_array, flat_bar, space_beam, tube
 from beamchain.chain import cut
-from beamchain.chain.build import Wishes, build_exact, build_recipe
+from beamchain.chain.build import Wishes, build_exact
+from beamchain.chain.compared import build_recipe
 from beamchain.chain.recursion import realise_scalar
 from beamchain.chain.tendons import Modes
 from beamchain.engine.bench import measure

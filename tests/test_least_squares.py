@@ -10,7 +10,7 @@ import pytest
 
 from appendages import close, dense_port, panels, seed_boom, stepped_boom, tapered_boom, unit_beam
 from arrays import deployed_array, tube
-from beamchain.chain.build import build_least_squares
+from beamchain.chain.compared import build_least_squares
 from beamchain.chain.least_squares import FREE, fit_planar, fit_stiffness, payload_cases
 from beamchain.chain.recursion import planar_chain, realise
 from beamchain.chain.rods import Payload, Rods, jacobian, loaded_modes, nodes_to_rods, rod_modes

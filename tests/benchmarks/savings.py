@@ -20,9 +20,9 @@ import beamchain as bc
 from beamchain.chain.chain import Chain, Hinge
 from beamchain.chain.rivals import equal_links
 from beamchain.fitting.choose import everything, whole_beam
+from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import default_hub
 from beamchain.fitting.needs import FAR, Promise
-from beamchain.fitting.result import appendage_tree
 from beamchain.mjcf import write
 from beamchain.ports.compose import in_space
 

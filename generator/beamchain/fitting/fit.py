@@ -8,14 +8,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from beamchain.chain.build import (
-    Built,
-    Wishes,
-    build_exact,
-    build_least_squares,
-    build_recipe,
-    with_real_polar,
-)
+from beamchain.chain.build import Wishes, build_exact, with_real_polar
+from beamchain.chain.built import Built
+from beamchain.chain.compared import build_least_squares, build_recipe
 from beamchain.chain.cut import Cut
 from beamchain.chain.damping import joint_damping
 from beamchain.chain.polar import raised
@@ -25,10 +20,11 @@ from beamchain.engine.bench import measure, root_body
 from beamchain.engine.threads import one_thread
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.choose import Plan, further_columns, ledger, make_plan, verdict, whole_beam
+from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import Hub, port_hub_mass
 from beamchain.fitting.options import Damping, FitOptions, Modes, Root, Scene, Target
 from beamchain.fitting.plausibility import doubtful
-from beamchain.fitting.result import Fit, appendage_tree, seconds_taken
+from beamchain.fitting.result import Fit, seconds_taken
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.warnings import fit_warnings
 from beamchain.mjcf.write import SMALLEST, check_hub

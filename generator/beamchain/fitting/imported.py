@@ -5,17 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain
+from beamchain.chain.build import Wishes, build_exact, cut_chain
+from beamchain.chain.built import Built, Status
 from beamchain.chain.damping import joint_damping
 from beamchain.chain.tendons import Modes, group_motion
 from beamchain.engine.bench import Measured, root_body
 from beamchain.engine.space import measure_in_space
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.choose import ledger, verdict
+from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import default_hub, port_hub_mass
 from beamchain.fitting.imported_choice import Case, case_of, resolvable
 from beamchain.fitting.plausibility import doubtful
-from beamchain.fitting.result import Fit, InSpace, appendage_tree, seconds_taken
+from beamchain.fitting.result import Fit, InSpace, seconds_taken
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import Comparison, compare, in_band_error
 from beamchain.ports.model import PortModel

@@ -10,7 +10,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from beamchain import report
-from beamchain.chain.build import Status
+from beamchain.chain.built import Status
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
 from beamchain.engine.bench import Measured, ballast_for
@@ -18,6 +18,7 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
+from beamchain.fitting.document import appendage_tree, put_timing, safe_step
 from beamchain.fitting.hub import Hub, default_hub
 from beamchain.fitting.needs import AXES, Choice, LeftOut
 from beamchain.fitting.options import Scene
@@ -30,11 +31,9 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.accuracy import StepChoice, choose_step
 from beamchain.steps.discrete import SCHEMES
-from beamchain.steps.document import put_hinge_armature, put_time
 from beamchain.steps.large_motion import LargeMotion, large_limits
 from beamchain.steps.limits import StepLimits, coupled_limits
 from beamchain.steps.poles import PoleRow, pole_rows
-from beamchain.steps.retime import retime
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
@@ -295,25 +294,8 @@ class Fit:
         """
         tree = appendage_tree(self.spec, self.chain, self.mass_line)
         if timed:
-            self._put_time(tree, form=2)
+            put_timing(tree, self.spec, sprung=self.tendon_sprung, form=2)
         return tree
-
-    def _put_time(self, tree: Element, form: int) -> None:
-        """Make a document with the appendage exact in time for the spec's step; as it is where none is stated.
-
-        Args:
-            tree: the document.
-            form: 2: for any hub, 4: tuned for the hub that the document has.
-        """
-        step, integrator = self.spec.exact_step, self.spec.integrator
-        if not step or integrator not in SCHEMES:
-            return
-        if self.tendon_sprung:
-            model = compile_model(write.text(tree))
-            retime(model, step, integrator, form=form)
-            put_time([tree], model)
-        elif self.spec.fit.springs == "hinges":
-            put_hinge_armature(tree, step, integrator)
 
     @cached_property
     def time(self) -> list[PoleRow]:
@@ -328,24 +310,20 @@ class Fit:
         """A free-flying hub with the appendage on it, as text. Without a hub in the spec: ten times the appendage."""
         scene = self.spec.scene or Scene()
         hub = self.hub
-        timestep = self.spec.exact_step or (scene.step if self.spec.scene else self._safe_step(scene.integrator))
+        timestep = self.spec.exact_step or (
+            scene.step if self.spec.scene else safe_step(self.limits.largest_step[scene.integrator])
+        )
         root = write.scene(
             self.appendage(timed=False), self.spec.name, mass=hub.mass, inertia=hub.inertia_matrix(), offset=hub.offset,
             timestep=timestep, integrator=scene.integrator, contacts=scene.contacts,
         )  # fmt: skip
-        self._put_time(root, form=4)
+        put_timing(root, self.spec, sprung=self.tendon_sprung, form=4)
         return write.text(root)
 
     def bench_mjcf(self) -> str:
         """The appendage on the test bench: its root free in every kept port, as text."""
         ports = [port for port in PORTS if port in self.achieved]
         return write.text(write.bench(self.appendage(timed=False), ports, 0.01, ballast_for(self.chain)))
-
-    def _safe_step(self, integrator: str) -> float:
-        """A round step: a fifth of the stability limit at most."""
-        bound = 0.2 * min(self.limits.largest_step[integrator], 5.0)
-        exponent = np.floor(np.log10(bound))
-        return float(max(m for m in (1.0, 2.0, 5.0) if m * 10**exponent <= bound * (1 + 1e-12)) * 10**exponent)
 
     def attach(self, spec: "mujoco.MjSpec", site: str) -> None:
         """Attach the appendage, names unprefixed.
@@ -411,17 +389,3 @@ def seconds_taken(clock: Sequence[float]) -> dict[str, float]:
     """Seconds per step of a fit, from the times between its steps [s]."""
     steps = zip(("model", "realise", "write", "verify"), clock[:-1], clock[1:], strict=True)
     return {step: after - before for step, before, after in steps}
-
-
-def appendage_tree(spec: Spec, chain: Chain, line: MassLine) -> Element:
-    """The drop-in file with the elements that the scene uses."""
-    scene, sensors = spec.scene or Scene(), spec.sensors
-    return write.appendage(
-        chain,
-        spec.name,
-        beam=line,
-        visuals=scene.visuals,
-        sites=spec.sites(line.length),
-        contacts=scene.contacts,
-        readings=write.Readings(sensors.modes, sensors.points, sensors.root_load),
-    )

@@ -1,0 +1,60 @@
+"""The written appendage: its MJCF, and its timing."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from lxml.etree import _Element as Element
+
+from beamchain.chain.chain import Chain
+from beamchain.engine.linearise import compile_model
+from beamchain.fitting.options import Scene
+from beamchain.fitting.spec import Spec
+from beamchain.mjcf import write
+from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.document import put_hinge_armature, put_time
+from beamchain.steps.retime import retime
+from beamchain.structure.mass_line import MassLine
+
+if TYPE_CHECKING:
+    pass
+
+
+def appendage_tree(spec: Spec, chain: Chain, line: MassLine) -> Element:
+    """The drop-in file with the elements that the scene uses."""
+    scene, sensors = spec.scene or Scene(), spec.sensors
+    return write.appendage(
+        chain,
+        spec.name,
+        beam=line,
+        visuals=scene.visuals,
+        sites=spec.sites(line.length),
+        contacts=scene.contacts,
+        readings=write.Readings(sensors.modes, sensors.points, sensors.root_load),
+    )
+
+
+def put_timing(tree: Element, spec: Spec, *, sprung: bool, form: int) -> None:
+    """Make a document with the appendage exact in time for the specification's step; unchanged where none is stated.
+
+    Args:
+        tree: the document.
+        spec: with step and integrator.
+        sprung: whether the modes stand on tendons.
+        form: 2: for any hub, 4: tuned for the hub that the document has.
+    """
+    step, integrator = spec.exact_step, spec.integrator
+    if not step or integrator not in SCHEMES:
+        return
+    if sprung:
+        model = compile_model(write.text(tree))
+        retime(model, step, integrator, form=form)
+        put_time([tree], model)
+    elif spec.fit.springs == "hinges":
+        put_hinge_armature(tree, step, integrator)
+
+
+def safe_step(largest: float) -> float:
+    """A round step, a fifth of the largest stable one at most [s]."""
+    bound = 0.2 * min(largest, 5.0)
+    exponent = np.floor(np.log10(bound))
+    return float(max(m for m in (1.0, 2.0, 5.0) if m * 10**exponent <= bound * (1 + 1e-12)) * 10**exponent)
