@@ -29,6 +29,7 @@ from beamchain.result import Fit
 from beamchain.spec import Spec
 from beamchain.stability import large_limits
 from beamchain.steps.document import put_time
+from beamchain.structure.modal_data import ModalData
 
 EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for
 PROBE = "beamchain probe "  # names of the empty bodies that stand for appendages while the spacecraft is measured
@@ -264,9 +265,11 @@ def _with_inertia(a: Appendage, rigid: Array) -> Array:
     return rigid + np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(a.fit.measured.rigid_mass)))
 
 
-def rigid_mass(spec: Spec) -> Array:
-    """`(6, 6)` of an appendage before it is fitted, about its root."""
-    return spec.beam.rigid_mass() if spec.imported is None else spec.imported.read().rigid_mass
+def rigid_mass(spec: Spec, data: ModalData | None = None) -> Array:
+    """`(6, 6)` of an appendage before it is fitted, about its root; `data`: its imported modes, where they are known."""
+    if spec.imported is None:
+        return spec.beam.rigid_mass()
+    return (data or spec.imported.read()).rigid_mass
 
 
 def lightest(appendages: Sequence[Appendage]) -> tuple[float, float]:

@@ -43,11 +43,13 @@ from beamchain.mjcf import check, marks, write
 from beamchain.mjcf import embed as document
 from beamchain.mjcf.craft import Craft, bare, craft_from_text, read_craft, relocate
 from beamchain.mjcf.place import find_target, split
-from beamchain.promise import MOST_MODES, asked, keep_promise, kept_band, with_counts
+from beamchain.promise import MOST_MODES, asked, keep_promise, kept_band
 from beamchain.result import Fit
 from beamchain.spec import Root, Spec, Target, read_spec, spec_from_dict
 from beamchain.structure.beam import Beam
-from beamchain.workflow import as_spec, fit
+from beamchain.structure.imported import with_length
+from beamchain.structure.modal_data import ModalData
+from beamchain.workflow import as_spec, fit_spec
 
 SAME_HUB = 1e-12  # relative: hubs that are one
 RIGID = 1e-6  # relative: a hub that differs from a rigid body by more has loose joints
@@ -199,7 +201,7 @@ class Embedded:
 
 def embed(
     craft: "str | Path | mujoco.MjSpec",
-    at: Mapping[str, Spec | Beam | Fit | str | Path],
+    at: Mapping[str, Spec | Beam | ModalData | Fit | str | Path],
     *,
     form: str = "inline",
     prefixes: Sequence[str] | None = None,
@@ -213,8 +215,9 @@ def embed(
     Args:
         craft: path or text of an MJCF file, or an `MjSpec`, which is then changed in place.
         at: by name of a site or body of the spacecraft (x of its frame outwards): a spec, the path of a SPEC.toml, a
-            beam, or a fit, which is used as it is where its hub is the one it meets, else fitted anew. Where a site
-            and a body share a name: `site:NAME`, `body:NAME`.
+            beam, imported modes, or a fit, which is used as it is where its hub is the one it meets, else fitted anew.
+            Where a site and a body share a name: `site:NAME`, `body:NAME`. Modes that no file holds cannot be found
+            when the written file is given to `embed` again.
         form: "inline": one self-contained file; "attach": appendage files beside it, brought in by `<attach>`.
         prefixes: one per entry of `at`, instead of `NAME_` of the appendage.
         retime: make the appendages exact in time for the spacecraft's own step and integrator, or do not; where left
@@ -240,21 +243,28 @@ def embed(
         )
     wanted: dict[str, tuple[Spec, str]] = {}
     ready: dict[str, Fit] = {}
+    held: dict[str, ModalData] = {}
     most = checked_int("max_modes", max_modes, 0, 1000)
     for i, (name, spec) in enumerate(at.items()):
+        made = spec if isinstance(spec, Fit) else None
+        if isinstance(spec, ModalData):
+            held[name] = with_length(spec, None)
         if isinstance(spec, Fit):
-            ready[name] = spec
+            if spec.space is not None:
+                held[name] = spec.space.data
             spec = spec.spec
         spec = read_spec(spec) if isinstance(spec, str | Path) else as_spec(spec)
         prefix = given[i] if given else f"{spec.name}_"
         document.check_prefix(prefix)
         if spec.imported is not None:  # the mark in the file must find the modes from anywhere
             spec = msgspec.structs.replace(spec, imported=spec.imported.beside(Path.cwd()))
+        if made is not None:
+            ready[name] = made if made.spec == spec else replace(made, spec=spec)
         wanted[name] = (spec, prefix)
     if isinstance(craft, mujoco.MjSpec):
-        return _embed_in_spec(craft, wanted, retime, most, ready)
+        return _embed_in_spec(craft, wanted, retime, most, _Fits(ready, held))
     original, before, _ = _read(craft)
-    return _embed_in_document(original, before | wanted, form, retime, most, ready)
+    return _embed_in_document(original, before | wanted, form, retime, most, _Fits(ready, held))
 
 
 def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
@@ -305,7 +315,7 @@ def _embed_in_document(
     form: str,
     retime: bool | None = None,
     most: int = MOST_MODES,
-    ready: Mapping[str, Fit] | None = None,
+    fits: "_Fits | None" = None,
 ) -> Embedded:
     # an empty body at every place: a hub whose frame MuJoCo would move while it carries nothing stays where it is
     probe = relocate(original, None)
@@ -314,7 +324,7 @@ def _embed_in_document(
         etree.SubElement(target.body, "body", name=f"{PROBE}{i}")
     craft = compile_model(probe.to_bytes().decode("utf-8"))
     mounts = {name: mounting.mount(craft, name, t.kind, t.name) for name, t in targets.items()}
-    appendages, warnings, steps = _fit_all(craft, mounts, wanted, most, ready)
+    appendages, warnings, steps = _fit_all(craft, mounts, wanted, most, fits or _Fits())
     warnings += moved_by_load(compile_model(relocate(original, None).to_bytes().decode("utf-8")), craft)
     check_flags(craft)
     check_names(craft, appendages)
@@ -404,7 +414,7 @@ def _embed_in_spec(
     wanted: dict[str, tuple[Spec, str]],
     retime: bool | None,
     most: int,
-    ready: Mapping[str, Fit],
+    fits: "_Fits",
 ) -> Embedded:
     places: dict[str, tuple[str, str]] = {}
     probe = spec.copy()
@@ -424,7 +434,7 @@ def _embed_in_spec(
     except ValueError as error:
         raise EngineError(f"MuJoCo refuses the spacecraft: {error}") from None
     mounts = {at: mounting.mount(craft, at, kind, name) for at, (kind, name) in places.items()}
-    appendages, warnings, steps = _fit_all(craft, mounts, wanted, most, ready)
+    appendages, warnings, steps = _fit_all(craft, mounts, wanted, most, fits)
     warnings += moved_by_load(plain, craft)
     check_flags(craft)
     check_names(craft, appendages)
@@ -463,15 +473,14 @@ def _fit_all(
     mounts: dict[str, mounting.Mount],
     wanted: dict[str, tuple[Spec, str]],
     most: int,
-    ready: Mapping[str, Fit] | None = None,
+    fits: "_Fits",
 ) -> tuple[tuple[Appendage, ...], list[str], tuple[str, ...]]:
     """Every appendage fitted to the hub it meets, with the modes that the craft's promise needs; notes; steps taken."""
-    rigid = {name: rigid_mass(spec) for name, (spec, _) in wanted.items()}
+    rigid = {name: rigid_mass(spec, fits.held.get(name)) for name, (spec, _) in wanted.items()}
     places = list(mounts.values())
     behind, felt = mounting.rigid_hubs(model, places, rigid), mounting.apparent_hubs(model, places, rigid)
     out: list[Appendage] = []
     warnings: list[str] = []
-    fits = _Fits()
     for name, (spec, prefix) in wanted.items():
         place, hub = mounts[name], Hub.from_mass_matrix(behind[name])
         size = np.sqrt(np.diag(behind[name]))
@@ -504,13 +513,13 @@ def _fit_all(
                 f"{name}: the hub of the spec ({_words(given)}) is not what the spacecraft has behind the root "
                 f"({_words(hub)}), which was used instead."
             )
-        result = (ready or {}).get(name)
-        if result is None or result.spec != spec or not _same_hub(result, hub):
-            result = fits(spec, Root(target=spec.root.target, hub=hub))
+        result = fits.ready.get(name)
+        if result is None or not _same_hub(result, hub):
+            result = fits(name, spec, Root(target=spec.root.target, hub=hub))
         out.append(Appendage(name, prefix, place, hub, spec, result))
 
-    def again(a: Appendage, counts: dict[str, int]) -> Fit:
-        return fits(with_counts(a.spec, counts), Root(target=cast("Target", a.fit.kept_for), hub=a.hub))
+    def again(a: Appendage, wished: Spec) -> Fit:
+        return fits(a.at, wished, Root(target=cast("Target", a.fit.kept_for), hub=a.hub))
 
     with one_thread():
         appendages, steps = keep_promise(model, tuple(out), most, again)
@@ -526,17 +535,26 @@ def _fit_all(
 
 
 class _Fits:
-    """Fits that were made already: equal appendages on equal hubs are fitted once."""
+    """Fits that were made already: equal appendages on equal hubs are fitted once.
 
-    def __init__(self) -> None:
-        self._made: list[tuple[Spec, Root, Fit]] = []
+    Args:
+        ready: fits that were handed over, by place.
+        held: imported modes that were handed over, by place, instead of being read from the spec's file.
+    """
 
-    def __call__(self, spec: Spec, root: Root) -> Fit:
-        for known, at, made in self._made:
-            if known == spec and at.target == root.target and root.hub is not None and _same_hub(made, root.hub):
+    def __init__(self, ready: Mapping[str, Fit] | None = None, held: Mapping[str, ModalData] | None = None) -> None:
+        self.ready: Mapping[str, Fit] = ready or {}
+        self.held: Mapping[str, ModalData] = held or {}
+        self._made: list[tuple[Spec, Root, ModalData | None, Fit]] = []
+
+    def __call__(self, at: str, spec: Spec, root: Root) -> Fit:
+        data = self.held.get(at)
+        for known, there, own, made in self._made:
+            same = known == spec and own is data and there.target == root.target
+            if same and root.hub is not None and _same_hub(made, root.hub):
                 return made
-        made = fit(spec, root=root)
-        self._made.append((spec, root, made))
+        made = fit_spec(msgspec.structs.replace(spec, root=root), data)
+        self._made.append((spec, root, data, made))
         return made
 
 

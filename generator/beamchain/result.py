@@ -54,6 +54,7 @@ class InSpace:
         achieved: read back through `mjd_transitionFD`.
         error: achieved against target; in band, against all modes.
         live: motions in which the appendage has inertia; the models hold these only.
+        numbers: of the kept modes in `data`, from 1.
     """
 
     data: ModalData
@@ -64,6 +65,7 @@ class InSpace:
     achieved: PortModel
     error: Comparison
     live: tuple[int, ...]
+    numbers: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

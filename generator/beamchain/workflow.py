@@ -103,11 +103,23 @@ def fit(
     changes = {key: value for key, value in given.items() if value is not None}
     if changes:
         spec = Spec(**{field: changes.get(field, getattr(spec, field)) for field in Spec.__struct_fields__})
+    return fit_spec(spec, appendage if isinstance(appendage, ModalData) else None)
+
+
+def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
+    """What `fit` does with a whole spec.
+
+    Args:
+        spec: what is asked for.
+        data: its imported modes; read from its file where left out.
+
+    Raises: as `fit`.
+    """
     with one_thread():
         if spec.imported is not None:
             from beamchain.importing import fit_imported  # which returns a Fit
 
-            data = appendage if isinstance(appendage, ModalData) else spec.imported.read()
+            data = spec.imported.read() if data is None else data
             return fit_imported(_with_integrator(spec, data.rigid_mass), data)
         spec = _with_integrator(spec, spec.beam.rigid_mass())
         try:
