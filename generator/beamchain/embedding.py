@@ -1,7 +1,7 @@
 """`embed`: appendages into an existing spacecraft, and what the assembled model then proves of itself."""
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -329,7 +329,7 @@ def _embed_in_document(
     check_flags(craft)
     check_names(craft, appendages)
     check.check_compiler(original.parts(), *lightest(appendages))
-    layout = _layout(original, appendages, craft)
+    layout = _layout(original, appendages, craft, form)
     model = _compiled(original, appendages, form, layout)
     good, why = worth_it(model, appendages, retime)
     warnings += [why] if why else []
@@ -346,12 +346,20 @@ def _embed_in_document(
     return Embedded(appendages, craft, model, tuple(warnings), original, form, steps, layout)
 
 
-def _compiled(original: Craft, appendages: Sequence[Appendage], form: str, layout: dict[str, Any]) -> "mujoco.MjModel":
-    """The document with its appendages, compiled."""
+def _compiled(
+    original: Craft,
+    appendages: Sequence[Appendage],
+    form: str,
+    layout: dict[str, Any] | None,
+    change: Callable[[Craft], None] | None = None,
+) -> "mujoco.MjModel":
+    """The document with its appendages, compiled; `change` edits it before."""
     with tempfile.TemporaryDirectory() as folder:
         out, beside = _assemble(original, appendages, form, None, "craft", layout, Path(folder))
         for name, text in beside.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
+        if change is not None:
+            change(out)
         return compile_model(out.to_bytes().decode("utf-8"))
 
 
@@ -382,16 +390,18 @@ def _assemble(
     return out, {files[i.prefix]: document.child_text(i) for i in items} if form == "attach" else {}
 
 
-def _layout(original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjModel") -> dict[str, Any]:
+def _layout(original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjModel", form: str) -> dict[str, Any]:
     """Which old position and velocity every new one is: compiled without keyframes, compared by bodies' order."""
-    out, _ = _assemble(original, appendages, "inline", None, "craft", None)
-    for include in out.includes():
-        marks.inline(include.element, include.content)
-    for keyframe in list(out.root.iter("keyframe")):
-        parent = keyframe.getparent()
-        assert parent is not None
-        parent.remove(keyframe)
-    model = compile_model(out.to_bytes().decode("utf-8"))
+
+    def without_keys(out: Craft) -> None:
+        for include in out.includes():
+            marks.inline(include.element, include.content)
+        for keyframe in list(out.root.iter("keyframe")):
+            parent = keyframe.getparent()
+            assert parent is not None
+            parent.remove(keyframe)
+
+    model = _compiled(original, appendages, form, None, without_keys)
     mine = appended(model, names(appendages))
     old = [j for j in range(model.njnt) if j not in set(mine["jnt"])]
     if len(old) != craft.njnt:
