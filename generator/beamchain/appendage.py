@@ -14,6 +14,7 @@ from beamchain.assess.large_motion import LargeMotion
 from beamchain.assess.limits import step_limits
 from beamchain.assess.run_limits import exceeded
 from beamchain.assess.spoilers import TENDON_DAMPING, spoilers
+from beamchain.caution import Caution, at
 from beamchain.engine.driven import keyframes
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
@@ -81,7 +82,7 @@ def driven_too_far(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> 
     out: list[str] = []
     for a in appendages:
         for name, run in keyframes(model, f"{a.prefix}link1").items():
-            out += [f"{a.at}, keyframe {name}: {sentence}" for sentence in exceeded(a.large_motion, run)]
+            out += [at(f"{a.at}, keyframe {name}", sentence) for sentence in exceeded(a.large_motion, run)]
     return out
 
 
@@ -165,7 +166,12 @@ def judged(
         spoilt = [text for text in spoilt if not text.startswith(TENDON_DAMPING)]
     return [
         *(
-            [f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, move its springref."]
+            [
+                Caution(
+                    "preloaded-spring",
+                    f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, move its springref.",
+                )
+            ]
             if pull
             else []
         ),
@@ -202,8 +208,11 @@ def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str
     if not moved:
         return []
     return [
-        f"as soon as it carries something, MuJoCo lays {moved[0].element}'s frame otherwise ({_told(moved[0])}; "
-        'alignfree or align); positions and keyframes now mean the frame as written: write align="false" to keep it.'
+        Caution(
+            "alignfree",
+            f"as soon as it carries something, MuJoCo lays {moved[0].element}'s frame otherwise ({_told(moved[0])}; "
+            'alignfree or align); positions and keyframes now mean the frame as written: write align="false" to keep it.',
+        )
     ]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from beamchain.appendage import Appendage
 from beamchain.assess.craft_error import base_body
+from beamchain.caution import Caution
 from beamchain.cautions import turn_warning
 from beamchain.chain.tendons import springs_as_modes
 from beamchain.engine.library import mujoco
@@ -60,17 +61,19 @@ def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: b
     if wanted is False or not any(a.fit.chain.hinges for a in appendages):
         return False, ""
     if not scheme.exact and name != "RK4":
-        return False, f"{step} cannot be made exact in time, and is stable at any step; its own error is the user's."
+        text = f"{step} cannot be made exact in time, and is stable at any step; its own error is the user's."
+        return False, Caution("not-exact-in-time", text)
     error, allowed = step_error(model, appendages)
     if name == "RK4":
         grown = any(row.achieved_ratio < -1e-6 for row in _rows(model))
-        return (grown, f"{step} would be unstable: the modes beyond it are slowed.") if grown else (False, "")
+        text = f"{step} would be unstable: the modes beyond it are slowed."
+        return (True, Caution("slowed-modes", text)) if grown else (False, "")
     if wanted or error > allowed:
         why = "as asked" if wanted else f"its own error would be {error:.2g}, above {allowed:.2g}"
-        return (
-            True,
-            f"the appendages are exact in time for {step} ({why}); give actuators the mean of this and the last input.",
+        text = (
+            f"the appendages are exact in time for {step} ({why}); give actuators the mean of this and the last input."
         )
+        return True, Caution("exact-in-time", text)
     return False, ""  # what the step does is within what was asked for
 
 

@@ -28,6 +28,8 @@ from beamchain.assess.craft_error import CraftError, craft_error, craft_poses
 from beamchain.assess.doubtful import doubtful
 from beamchain.assess.needs import AXES
 from beamchain.assess.spoilers import check_flags
+from beamchain.caution import Caution
+from beamchain.caution import at as said_of
 from beamchain.checks import one_of
 from beamchain.checks import whole as checked_int
 from beamchain.craft_time import on_tendons, timed, turned, without_time, worth_it
@@ -499,19 +501,24 @@ def _fit_all(
         for joint in place.joints:
             taken = "locked, since a spring holds it" if joint.sprung else "free, since no spring holds it"
             if not joint.own:
-                warnings.append(
+                text = (
                     f"{name}: stands behind the joint {joint.name} ({joint.kind}); {hub.mass:.6g} kg are rigidly "
                     f"behind its root. The fit takes that joint as {taken}."
                 )
+                warnings.append(Caution("joints-behind", text))
         held = place.held(spec.kept)
         if held:
-            warnings.append(
+            text = (
                 f"{name}: the spacecraft's joints hold port {', '.join(held)}, wholly or in part; what they hold counts "
                 "as infinitely heavy."
             )
+            warnings.append(Caution("held-ports", text))
         warnings += [
-            f"{name}: {port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, "
-            f"{port} = 0 says that it shall be rigid."
+            Caution(
+                "rigid-plane",
+                f"{name}: {port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, "
+                f"{port} = 0 says that it shall be rigid.",
+            )
             for port in spec.unsaid
             if not place.held([port])
         ]
@@ -519,10 +526,11 @@ def _fit_all(
         if given is not None and not np.allclose(
             given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=1e-9 * hub.mass
         ):
-            warnings.append(
+            text = (
                 f"{name}: the hub of the spec ({_words(given)}) is not what the spacecraft has behind the root "
                 f"({_words(hub)}), which was used instead."
             )
+            warnings.append(Caution("other-hub", text))
         result = fits.ready.get(name)
         if result is None or not _same_hub(result, hub):
             result = fits(name, spec, Root(target=spec.root.target, hub=hub))
@@ -535,12 +543,12 @@ def _fit_all(
         appendages, steps = keep_promise(model, tuple(out), most, again)
     for a in appendages:
         if not a.fit.status.ok:
-            warnings.append(f"{a.at}: {a.fit.status.message}")
+            warnings.append(Caution("fit-missed", f"{a.at}: {a.fit.status.message}"))
         if a.spec.damping is not None and a.spec.damping.form == "hinge":
             # tendons are judged by the craft's own integrator
-            warnings += [f"{a.at}: {warning}" for warning in a.fit.cautions]
+            warnings += [said_of(a.at, warning) for warning in a.fit.cautions]
         else:
-            warnings += [f"{a.at}: {warning}" for warning in doubtful(a.spec.segment, a.spec.damping, a.fit.target)]
+            warnings += [said_of(a.at, warning) for warning in doubtful(a.spec.segment, a.spec.damping, a.fit.target)]
     return appendages, warnings, steps
 
 

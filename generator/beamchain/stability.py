@@ -8,6 +8,7 @@ from typing import Any
 from beamchain.assess.budget import HOST, Budget, available, budget, preloaded
 from beamchain.assess.large_motion import LargeMotion, large_motion
 from beamchain.assess.measured_limit import measured_limit
+from beamchain.caution import Caution, warnings_record
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import BeamchainError, EngineError
@@ -66,7 +67,7 @@ class StabilityStudy:
             ],
             "budgets": [b.as_dict() for b in self.budgets],
             "large_motion": [limit.as_dict() for limit in self.large.values()],
-            "warnings": self.warnings,
+            **warnings_record(self.warnings),
             "extremes": dict(extremes),
         }
 
@@ -126,7 +127,7 @@ def study_fit(result: Fit, say: Callable[[str], None] = lambda _: None) -> Stabi
         except EngineError as error:
             if not budgets:
                 raise
-            silent.append(f"{label}: {error}")  # overdamped without its hub
+            silent.append(Caution("overdamped", f"{label}: {error}"))  # overdamped without its hub
             continue
         budgets.append(limits)
         rows += step_rows(model, limits, say)
@@ -143,7 +144,8 @@ def large_limits(result: Fit) -> tuple[dict[str, LargeMotion], list[str]]:
     spec: Spec = result.spec
     radius = spec.root.hub.offset[0] if spec.root.hub else 0.0
     if spec.imported is not None:
-        return {}, ["large motion is compared with a chain of 60 links of the beam, which imported modes do not have."]
+        text = "large motion is compared with a chain of 60 links of the beam, which imported modes do not have."
+        return {}, [Caution("large-motion-unknown", text)]
     out: dict[str, LargeMotion] = {}
     warnings: list[str] = []
     for port in ("xy", "xz"):
@@ -153,7 +155,8 @@ def large_limits(result: Fit) -> tuple[dict[str, LargeMotion], list[str]]:
                     result.chain, spec.beam, port, modes=result.target[port].modes, radius=max(radius, 0.0)
                 )
             except BeamchainError as error:
-                warnings.append(f"large motion in {port} could not be compared: {error}")
+                text = f"large motion in {port} could not be compared: {error}"
+                warnings.append(Caution("large-motion-unknown", text))
     return out, warnings
 
 
@@ -163,7 +166,6 @@ def _warnings(budgets: list[Budget], timestep: float, integrator: str | None = N
     for limits in budgets:
         for name, step in limits.largest_step.items():
             if name != HOST and timestep >= step and integrator in (None, name):
-                out.append(
-                    f"{limits.name}: the step asked for, {timestep:g} s, is beyond {name}'s limit of {step:.4g} s."
-                )
+                text = f"{limits.name}: the step asked for, {timestep:g} s, is beyond {name}'s limit of {step:.4g} s."
+                out.append(Caution("unstable-step", text))
     return out

@@ -25,6 +25,7 @@ from beamchain.assess.plan import make_plan, whole_beam
 from beamchain.assess.run_limits import driven, exceeded
 from beamchain.assess.run_time import Ladder, Point, Run, climb, in_turns
 from beamchain.assess.scenario import Rigid, Scenario, make_scenario, parse_profile
+from beamchain.caution import at
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.files import write_files
@@ -252,7 +253,7 @@ def _too_far(task: Task, found: Study) -> tuple[str, ...]:
         chain = field.chain_of(task, Entry(*point[:3]))
         radius = max(float(task.hub.offset[0]), 0.0)
         limits = {port: large_motion(chain, task.beam, port, modes=point.n, radius=radius) for port in task.planes}
-        out += [f"{point.model}, n = {point.n}: {sentence}" for sentence in exceeded(limits, run)]
+        out += [at(f"{point.model}, n = {point.n}", sentence) for sentence in exceeded(limits, run)]
     return tuple(out)
 
 

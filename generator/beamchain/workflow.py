@@ -13,6 +13,7 @@ from beamchain.assess.doubtful import doubtful
 from beamchain.assess.error import compare, in_band_error
 from beamchain.assess.limits import coupled_limits
 from beamchain.assess.plan import Plan, further_columns, ledger, make_plan, verdict, whole_beam
+from beamchain.caution import Caution
 from beamchain.cautions import fit_warnings
 from beamchain.chain.build import (
     Built,
@@ -231,7 +232,7 @@ def _fit(spec: Spec) -> Fit:
         cautions=(
             *fit_warnings(spec, measured, achieved, chain, limits),
             *doubtful(spec.segment, spec.damping, built.targets),
-            *([note] if note else []),
+            *([Caution("raised-inertia", note)] if note else []),
         ),
     )
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from beamchain.caution import warnings_record
 from beamchain.mjcf.write import joint_name
 from beamchain.motion import Array
 from beamchain.port import PortModel
@@ -167,7 +168,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         },
         "left_out": [{"what": item.what, "why": item.why, "cost": item.cost} for item in fit.left_out],
         "scene": _scene_record(fit),
-        "warnings": fit.warnings,
+        **warnings_record(fit.warnings),
         "status": {"ok": fit.status.ok, "message": fit.status.message, "history": fit.status.history},
         "seconds": fit.seconds,
     }

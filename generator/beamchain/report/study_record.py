@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from beamchain.assess.front import Metric, Reach
 from beamchain.assess.scenario import Scenario
+from beamchain.caution import warnings_record
 
 if TYPE_CHECKING:
     from beamchain.study import Study
@@ -47,7 +48,7 @@ def study_record(study: "Study") -> dict[str, Any]:
             "fit": study.growth.fit,
             "fit_exponent": study.growth.fit_exponent,
         },
-        "warnings": study.warnings,
+        **warnings_record(study.warnings),
         "seconds": study.seconds,
     }
 
