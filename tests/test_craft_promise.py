@@ -113,15 +113,25 @@ def peaks(mass, damping, stiffness):
     return [(abs(p), min(max(-p.real / abs(p), 1e-4), 1.0)) for p in poles]
 
 
-def found_error(text, file, specs):
-    """Craft error in the exported file, worst of the rest pose and the keyframe."""
+def in_space(spec):
+    """Rigid mass, participation `(n, 6)` and frequencies of an appendage in finite elements."""
+    ports = [fe.port(spec, name, MODES) for name in fe.PORTS]
+    rows = [p.participation @ fe.into_space(p.port).T for p in ports]
+    return fe.rigid_mass(spec), np.vstack(rows), np.concatenate([p.frequencies for p in ports])
+
+
+def found_error(text, file, specs, exact=None):
+    """Craft error in the exported file, worst of the rest pose and the keyframe.
+
+    `exact`: rigid mass, participation and frequencies by site; finite elements of `specs` where left out.
+    """
     craft, model = mujoco.MjModel.from_xml_string(text), mujoco.MjModel.from_xml_path(str(file))
     band = max(spec["scene"]["bandwidth"] for spec in specs.values())
     keep = sorted({AXES[a] for spec in specs.values() for a in spec["scene"]["axes"]})
-    ports = {site: [fe.port(spec, name, MODES) for name in fe.PORTS] for site, spec in specs.items()}
-    rigid = {site: fe.rigid_mass(spec) for site, spec in specs.items()}
+    exact = exact or {site: in_space(spec) for site, spec in specs.items()}
+    rigid = {site: item[0] for site, item in exact.items()}
     worst = 0.0
-    for ours, bare in ((model.qpos0, craft.qpos0), (model.key_qpos[0], craft.key_qpos[0])):
+    for ours, bare in zip((model.qpos0, *model.key_qpos), (craft.qpos0, *craft.key_qpos), strict=True):
         _, mass, damping, stiffness = at_pose(model, ours)
         data, own, own_damping, own_stiffness = at_pose(craft, bare)
         motions = {}
@@ -142,12 +152,9 @@ def found_error(text, file, specs):
             total = own + own_damping / s + own_stiffness / s**2
             for site, m in motions.items():
                 ratio = specs[site]["damping"]["ratio"]
-                felt = np.repeat(rigid[site][None].astype(complex), omega.size, axis=0)
-                for p in ports[site]:
-                    rows = p.participation @ fe.into_space(p.port).T
-                    w = p.frequencies
-                    weight = s[:, 0] ** 2 / (s[:, 0] ** 2 + 2.0 * ratio * w * s[:, 0] + w**2)
-                    felt = felt - np.einsum("fk,ki,kj->fij", weight, rows, rows, optimize=True)
+                _, rows, w = exact[site]
+                weight = s[:, 0] ** 2 / (s[:, 0] ** 2 + 2.0 * ratio * w * s[:, 0] + w**2)
+                felt = rigid[site] - np.einsum("fk,ki,kj->fij", weight, rows, rows, optimize=True)
                 total = total + m.T @ felt @ m
             return np.linalg.inv(total)[:, keep][:, :, keep] * scale
 
@@ -161,9 +168,9 @@ def found_error(text, file, specs):
                 omega.append(w * (1.0 + ratio * np.linspace(-4.0, 4.0, 161)))
         omega = np.concatenate(omega)
         omega = np.unique(omega[(omega > 0.0) & (omega <= band)])
-        exact = true(omega)
-        off = np.linalg.norm(got(omega) - exact, 2, axis=(1, 2))
-        worst = max(worst, float(np.max(off / np.maximum(np.linalg.norm(exact, 2, axis=(1, 2)), floor))))
+        wanted = true(omega)
+        off = np.linalg.norm(got(omega) - wanted, 2, axis=(1, 2))
+        worst = max(worst, float(np.max(off / np.maximum(np.linalg.norm(wanted, 2, axis=(1, 2)), floor))))
     return worst
 
 

@@ -23,6 +23,9 @@ def craft(inside: str = '<site name="mount"/>', before: str = "", behind: str = 
 
 
 MESHED = '<asset><mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><default><geom mesh="m"/></default>'  # fits the shape
+FIELD = '<asset><hfield name="f" nrow="2" ncol="2" size="1 1 1 1"/></asset><default><geom hfield="f"/></default>'
+ONE_PIECE = '<default><geom type="capsule" size="0.1" fromto="0 0 0 1 0 0"/></default>'
+BESIDE = 'appendage\'s too; use form "attach", which no default of the spacecraft reaches, or take {} out of it'
 REFUSED = {
     "unknown name": (craft(), "mounts", "did you mean 'mount'"),
     "quaternion not unit": (craft('<site name="mount" quat="1 0 0 0.1"/>'), "mount", "norm 1.00498756"),
@@ -51,6 +54,10 @@ REFUSED = {
     "shapes turned by default": (craft(before='<default><geom euler="0 0 30"/></default>'), "mount", "attach"),
     "a default nothing overrules": (craft(before=MESHED), "mount", "attach"),
     "a mesh by default": (craft(before=MESHED), "mount", "or take mesh out of them"),
+    "a height field by default": (craft(before=FIELD), "mount", BESIDE.format("hfield")),
+    "ends by default": (craft(before=ONE_PIECE), "mount", BESIDE.format("fromto")),
+    "sites with ends": (
+        craft(before=ONE_PIECE.replace("<geom", "<site")), "mount", BESIDE.format("fromto")),
     "shapes dropped": (
         craft(before='<compiler discardvisual="true"/>'), "mount", 'write discardvisual="false" in <compiler>, or'),
     "short keyframe": (craft(behind="</worldbody><keyframe><key qpos='0 0'/></keyframe><worldbody>"), "mount", "qpos"),
@@ -79,6 +86,42 @@ class TestRefused:
         plain = spec_from_dict({**tomllib.loads(spec("rod").read_text()), "scene": {"visuals": False}})
         text = craft(before='<compiler discardvisual="true"/>')
         assert bc.embed(text, {"mount": plain}).model.ngeom == 0
+
+    @pytest.mark.parametrize("form", ["inline", "attach"])
+    def test_the_other_way_out_of_dropped_shapes_leads_out(self, form):
+        text = craft(before='<compiler discardvisual="false"/>')
+        assert bc.embed(text, {"mount": spec("rod")}, form=form).model.ngeom > 0
+
+    @pytest.mark.parametrize(
+        "default",
+        [MESHED, FIELD, ONE_PIECE, ONE_PIECE.replace("<geom", "<site"), '<default><geom euler="0 0 30"/></default>',
+         '<default><site euler="0 0 30"/></default>'],
+    )  # fmt: skip
+    def test_the_ways_out_of_a_default_lead_out(self, default):
+        """The form "attach", and the attribute that the sentence names taken out; on a body, which a site's default does not move."""
+        with pytest.raises(BeamchainError) as refused:
+            bc.embed(craft(before=default), {"hub": spec("rod")})
+        clean = bc.embed(craft(), {"hub": spec("rod")}).model
+        word = re.search(r"or take (\w+) out of", str(refused.value)).group(1)
+        without = re.sub(rf'(<(?:geom|site)[^>]*?) {word}="[^"]*"', r"\1", default)
+        assert without != default
+        for done in (
+            bc.embed(craft(before=default), {"hub": spec("rod")}, form="attach"),
+            bc.embed(craft(before=without), {"hub": spec("rod")}),
+        ):
+            assert done.model.ngeom == clean.ngeom
+            np.testing.assert_allclose(done.model.geom_size, clean.geom_size)
+            np.testing.assert_allclose(frequencies(done.model), frequencies(clean), rtol=SAME)
+
+    @pytest.mark.parametrize("default", [FIELD, ONE_PIECE, '<default><geom euler="0 0 30"/></default>'])
+    def test_a_class_that_does_not_reach_the_appendage_is_no_reason(self, default):
+        inner = default.replace("<default>", '<default><default class="other">').replace(
+            "</default>", "</default></default>"
+        )
+        assert bc.embed(craft(before=inner), {"mount": spec("rod")}).model.ngeom > 0
+        reached = craft(before=inner).replace('<body name="hub"', '<body name="hub" childclass="other"')
+        with pytest.raises(BeamchainError, match="out of it"):
+            bc.embed(reached, {"mount": spec("rod")})
 
     def test_cycle_of_includes(self, tmp_path):
         (tmp_path / "a.xml").write_text('<mujocoinclude><include file="b.xml"/></mujocoinclude>')
@@ -125,7 +168,7 @@ class TestRefused:
 class TestHostile:
     DEFAULTS = """<default><joint springref="0.3" ref="0.1" damping="3" armature="2" stiffness="7 2 1" margin="0.2"
         solreflimit="0.5 2" range="-1 1" frictionloss="1"/><geom contype="3" conaffinity="5" friction="3 1 1" group="4"
-        margin="0.1"/><site size="0.4" group="4"/><tendon stiffness="30" springlength="0.2" frictionloss="0.4"/>
+        margin="0.1" type="box" size="1 2 3"/><site size="0.4" group="4"/><tendon stiffness="30" springlength="0.2" frictionloss="0.4"/>
         <default class="near"><joint damping="5"/><site rgba="1 0 0 1"/></default></default>"""
 
     def test_defaults_and_child_classes(self):

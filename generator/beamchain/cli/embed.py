@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from beamchain.caution import warnings_record
 from beamchain.cli.common import Force, Json, Quiet, console, print_json, print_written
 from beamchain.cli.progress import spinner
 from beamchain.errors import InputError
@@ -83,7 +84,7 @@ def embed(
         if isinstance(result, Craft):
             write_files({output: relocate(result, output.parent).to_bytes()}, force=force)
             if as_json:
-                print_json({"appendages": [], "modes": [], "warnings": []})
+                print_json({"appendages": [], "modes": [], **warnings_record(())})
             elif not quiet:
                 console().print(f"wrote {output}, without appendages")
             return

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from beamchain.caution import warnings_record
 from beamchain.cli.common import Folder, Force, Json, Quiet, console, explain, print_json
 from beamchain.errors import EngineError, InputError
 
@@ -98,7 +99,7 @@ def render(
                 "body": slew.body, "axis": "xyz"[slew.axis], "angle": slew.angle, "seconds": slew.duration,
                 "omega": slew.omega,
             },
-            "warnings": warnings,
+            **warnings_record(warnings),
         })  # fmt: skip
     elif not quiet:
         console().print(

@@ -8,6 +8,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 from numpy.typing import NDArray
 
+from beamchain.caution import Caution, at
 from beamchain.craft.assembly import Carried, quiet
 from beamchain.craft.spoilers import TENDON_DAMPING, spoilers
 from beamchain.engine.driven import keyframes
@@ -28,6 +29,7 @@ from beamchain.steps.document import put_time
 from beamchain.steps.large_motion import LargeMotion
 from beamchain.steps.limits import step_limits
 from beamchain.steps.run_limits import exceeded
+from beamchain.structure.modal_data import ModalData
 
 EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for
 PROBE = "beamchain probe "  # names of the empty bodies that stand for appendages while the spacecraft is measured
@@ -79,7 +81,7 @@ def driven_too_far(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> 
     out: list[str] = []
     for a in appendages:
         for name, run in keyframes(model, f"{a.prefix}link1").items():
-            out += [f"{a.at}, keyframe {name}: {sentence}" for sentence in exceeded(a.large_motion, run)]
+            out += [at(f"{a.at}, keyframe {name}", sentence) for sentence in exceeded(a.large_motion, run)]
     return out
 
 
@@ -156,7 +158,12 @@ def judged(
         spoilt = [text for text in spoilt if not text.startswith(TENDON_DAMPING)]
     return [
         *(
-            [f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, move its springref."]
+            [
+                Caution(
+                    "preloaded-spring",
+                    f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, move its springref.",
+                )
+            ]
             if pull
             else []
         ),
@@ -195,8 +202,11 @@ def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str
     if not moved:
         return []
     return [
-        f"as soon as it carries something, MuJoCo lays {moved[0].element}'s frame otherwise ({_told(moved[0])}; "
-        'alignfree or align); positions and keyframes now mean the frame as written: write align="false" to keep it.'
+        Caution(
+            "alignfree",
+            f"as soon as it carries something, MuJoCo lays {moved[0].element}'s frame otherwise ({_told(moved[0])}; "
+            'alignfree or align); positions and keyframes now mean the frame as written: write align="false" to keep it.',
+        )
     ]
 
 
@@ -258,9 +268,11 @@ def _with_inertia(a: Appendage, rigid: Array) -> Array:
     return rigid + np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(a.fit.measured.rigid_mass)))
 
 
-def rigid_mass(spec: Spec) -> Array:
-    """`(6, 6)` of an appendage before it is fitted, about its root."""
-    return spec.beam.rigid_mass() if spec.imported is None else spec.imported.read().rigid_mass
+def rigid_mass(spec: Spec, data: ModalData | None = None) -> Array:
+    """`(6, 6)` of an appendage before it is fitted, about its root; `data`: its imported modes, where they are known."""
+    if spec.imported is None:
+        return spec.beam.rigid_mass()
+    return (data or spec.imported.read()).rigid_mass
 
 
 def lightest(appendages: Sequence[Appendage]) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """`embed`: appendages into an existing spacecraft, and what the assembled model then proves of itself."""
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +12,8 @@ import numpy as np
 from lxml import etree
 
 from beamchain import report
+from beamchain.caution import Caution
+from beamchain.caution import at as said_of
 from beamchain.checks import one_of
 from beamchain.checks import whole as checked_int
 from beamchain.craft.appendage import (
@@ -28,7 +30,7 @@ from beamchain.craft.appendage import (
 )
 from beamchain.craft.assembly import Assembly, prove
 from beamchain.craft.error import CraftError, craft_error, craft_poses
-from beamchain.craft.promise import MOST_MODES, asked, keep_promise, kept_band, with_counts
+from beamchain.craft.promise import MOST_MODES, asked, keep_promise, kept_band
 from beamchain.craft.spoilers import check_flags
 from beamchain.craft.timing import on_tendons, timed, turned, without_time, worth_it
 from beamchain.engine import mount as mounting
@@ -38,7 +40,7 @@ from beamchain.engine.threads import one_thread
 from beamchain.engine.unchanged import appended
 from beamchain.errors import EngineError, InputError
 from beamchain.files import write_files
-from beamchain.fitting.fit import as_spec, fit
+from beamchain.fitting.fit import as_spec, fit_spec
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.needs import AXES
 from beamchain.fitting.options import Root, Target
@@ -49,6 +51,8 @@ from beamchain.mjcf import compatibility, insert, marks, write
 from beamchain.mjcf.craft import Craft, bare, craft_from_text, read_craft, relocate
 from beamchain.mjcf.place import find_target, split
 from beamchain.structure.beam import Beam
+from beamchain.structure.imported import with_length
+from beamchain.structure.modal_data import ModalData
 
 SAME_HUB = 1e-12  # relative: hubs that are one
 RIGID = 1e-6  # relative: a hub that differs from a rigid body by more has loose joints
@@ -191,7 +195,7 @@ class Embedded:
 
 def embed(
     craft: "str | Path | mujoco.MjSpec",
-    at: Mapping[str, Spec | Beam | Fit | str | Path],
+    at: Mapping[str, Spec | Beam | ModalData | Fit | str | Path],
     *,
     form: str = "inline",
     prefixes: Sequence[str] | None = None,
@@ -205,8 +209,9 @@ def embed(
     Args:
         craft: path or text of an MJCF file, or an `MjSpec`, which is then changed in place.
         at: by name of a site or body of the spacecraft (x of its frame outwards): a spec, the path of a SPEC.toml, a
-            beam, or a fit, which is used as it is where its hub is the one it meets, else fitted anew. Where a site
-            and a body share a name: `site:NAME`, `body:NAME`.
+            beam, imported modes, or a fit, which is used as it is where its hub is the one it meets, else fitted anew.
+            Where a site and a body share a name: `site:NAME`, `body:NAME`. Modes that no file holds cannot be found
+            when the written file is given to `embed` again.
         form: "inline": one self-contained file; "attach": appendage files beside it, brought in by `<attach>`.
         prefixes: one per entry of `at`, instead of `NAME_` of the appendage.
         retime: make the appendages exact in time for the spacecraft's own step and integrator, or do not; where left
@@ -232,21 +237,28 @@ def embed(
         )
     wanted: dict[str, tuple[Spec, str]] = {}
     ready: dict[str, Fit] = {}
+    held: dict[str, ModalData] = {}
     most = checked_int("max_modes", max_modes, 0, 1000)
     for i, (name, spec) in enumerate(at.items()):
+        made = spec if isinstance(spec, Fit) else None
+        if isinstance(spec, ModalData):
+            held[name] = with_length(spec, None)
         if isinstance(spec, Fit):
-            ready[name] = spec
+            if spec.space is not None:
+                held[name] = spec.space.data
             spec = spec.spec
         spec = read_spec(spec) if isinstance(spec, str | Path) else as_spec(spec)
         prefix = given[i] if given else f"{spec.name}_"
         insert.check_prefix(prefix)
         if spec.imported is not None:  # the mark in the file must find the modes from anywhere
             spec = msgspec.structs.replace(spec, imported=spec.imported.beside(Path.cwd()))
+        if made is not None:
+            ready[name] = made if made.spec == spec else replace(made, spec=spec)
         wanted[name] = (spec, prefix)
     if isinstance(craft, mujoco.MjSpec):
-        return _embed_in_spec(craft, wanted, retime, most, ready)
+        return _embed_in_spec(craft, wanted, retime, most, _Fits(ready, held))
     original, before, _ = _read(craft)
-    return _embed_in_document(original, before | wanted, form, retime, most, ready)
+    return _embed_in_document(original, before | wanted, form, retime, most, _Fits(ready, held))
 
 
 def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
@@ -297,7 +309,7 @@ def _embed_in_document(
     form: str,
     retime: bool | None = None,
     most: int = MOST_MODES,
-    ready: Mapping[str, Fit] | None = None,
+    fits: "_Fits | None" = None,
 ) -> Embedded:
     # an empty body at every place: a hub whose frame MuJoCo would move while it carries nothing stays where it is
     probe = relocate(original, None)
@@ -306,12 +318,12 @@ def _embed_in_document(
         etree.SubElement(target.body, "body", name=f"{PROBE}{i}")
     craft = compile_model(probe.to_bytes().decode("utf-8"))
     mounts = {name: mounting.mount(craft, name, t.kind, t.name) for name, t in targets.items()}
-    appendages, warnings, steps = _fit_all(craft, mounts, wanted, most, ready)
+    appendages, warnings, steps = _fit_all(craft, mounts, wanted, most, fits or _Fits())
     warnings += moved_by_load(compile_model(relocate(original, None).to_bytes().decode("utf-8")), craft)
     check_flags(craft)
     check_names(craft, appendages)
     compatibility.check_compiler(original.parts(), *lightest(appendages))
-    layout = _layout(original, appendages, craft)
+    layout = _layout(original, appendages, craft, form)
     model = _compiled(original, appendages, form, layout)
     good, why = worth_it(model, appendages, retime)
     warnings += [why] if why else []
@@ -328,12 +340,20 @@ def _embed_in_document(
     return Embedded(appendages, craft, model, tuple(warnings), original, form, steps, layout)
 
 
-def _compiled(original: Craft, appendages: Sequence[Appendage], form: str, layout: dict[str, Any]) -> "mujoco.MjModel":
-    """The document with its appendages, compiled."""
+def _compiled(
+    original: Craft,
+    appendages: Sequence[Appendage],
+    form: str,
+    layout: dict[str, Any] | None,
+    change: Callable[[Craft], None] | None = None,
+) -> "mujoco.MjModel":
+    """The document with its appendages, compiled; `change` edits it before."""
     with tempfile.TemporaryDirectory() as folder:
         out, beside = _assemble(original, appendages, form, None, "craft", layout, Path(folder))
         for name, text in beside.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
+        if change is not None:
+            change(out)
         return compile_model(out.to_bytes().decode("utf-8"))
 
 
@@ -364,16 +384,18 @@ def _assemble(
     return out, {files[i.prefix]: insert.child_text(i) for i in items} if form == "attach" else {}
 
 
-def _layout(original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjModel") -> dict[str, Any]:
+def _layout(original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjModel", form: str) -> dict[str, Any]:
     """Which old position and velocity every new one is: compiled without keyframes, compared by bodies' order."""
-    out, _ = _assemble(original, appendages, "inline", None, "craft", None)
-    for include in out.includes():
-        marks.inline(include.element, include.content)
-    for keyframe in list(out.root.iter("keyframe")):
-        parent = keyframe.getparent()
-        assert parent is not None
-        parent.remove(keyframe)
-    model = compile_model(out.to_bytes().decode("utf-8"))
+
+    def without_keys(out: Craft) -> None:
+        for include in out.includes():
+            marks.inline(include.element, include.content)
+        for keyframe in list(out.root.iter("keyframe")):
+            parent = keyframe.getparent()
+            assert parent is not None
+            parent.remove(keyframe)
+
+    model = _compiled(original, appendages, form, None, without_keys)
     mine = appended(model, names(appendages))
     old = [j for j in range(model.njnt) if j not in set(mine["jnt"])]
     if len(old) != craft.njnt:
@@ -396,7 +418,7 @@ def _embed_in_spec(
     wanted: dict[str, tuple[Spec, str]],
     retime: bool | None,
     most: int,
-    ready: Mapping[str, Fit],
+    fits: "_Fits",
 ) -> Embedded:
     places: dict[str, tuple[str, str]] = {}
     probe = spec.copy()
@@ -416,7 +438,7 @@ def _embed_in_spec(
     except ValueError as error:
         raise EngineError(f"MuJoCo refuses the spacecraft: {error}") from None
     mounts = {at: mounting.mount(craft, at, kind, name) for at, (kind, name) in places.items()}
-    appendages, warnings, steps = _fit_all(craft, mounts, wanted, most, ready)
+    appendages, warnings, steps = _fit_all(craft, mounts, wanted, most, fits)
     warnings += moved_by_load(plain, craft)
     check_flags(craft)
     check_names(craft, appendages)
@@ -455,15 +477,14 @@ def _fit_all(
     mounts: dict[str, mounting.Mount],
     wanted: dict[str, tuple[Spec, str]],
     most: int,
-    ready: Mapping[str, Fit] | None = None,
+    fits: "_Fits",
 ) -> tuple[tuple[Appendage, ...], list[str], tuple[str, ...]]:
     """Every appendage fitted to the hub it meets, with the modes that the craft's promise needs; notes; steps taken."""
-    rigid = {name: rigid_mass(spec) for name, (spec, _) in wanted.items()}
+    rigid = {name: rigid_mass(spec, fits.held.get(name)) for name, (spec, _) in wanted.items()}
     places = list(mounts.values())
     behind, felt = mounting.rigid_hubs(model, places, rigid), mounting.apparent_hubs(model, places, rigid)
     out: list[Appendage] = []
     warnings: list[str] = []
-    fits = _Fits()
     for name, (spec, prefix) in wanted.items():
         place, hub = mounts[name], Hub.from_mass_matrix(behind[name])
         size = np.sqrt(np.diag(behind[name]))
@@ -472,19 +493,24 @@ def _fit_all(
         for joint in place.joints:
             taken = "locked, since a spring holds it" if joint.sprung else "free, since no spring holds it"
             if not joint.own:
-                warnings.append(
+                text = (
                     f"{name}: stands behind the joint {joint.name} ({joint.kind}); {hub.mass:.6g} kg are rigidly "
                     f"behind its root. The fit takes that joint as {taken}."
                 )
+                warnings.append(Caution("joints-behind", text))
         held = place.held(spec.kept)
         if held:
-            warnings.append(
+            text = (
                 f"{name}: the spacecraft's joints hold port {', '.join(held)}, wholly or in part; what they hold counts "
                 "as infinitely heavy."
             )
+            warnings.append(Caution("held-ports", text))
         warnings += [
-            f"{name}: {port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, "
-            f"{port} = 0 says that it shall be rigid."
+            Caution(
+                "rigid-plane",
+                f"{name}: {port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, "
+                f"{port} = 0 says that it shall be rigid.",
+            )
             for port in spec.unsaid
             if not place.held([port])
         ]
@@ -492,43 +518,53 @@ def _fit_all(
         if given is not None and not np.allclose(
             given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=1e-9 * hub.mass
         ):
-            warnings.append(
+            text = (
                 f"{name}: the hub of the spec ({_words(given)}) is not what the spacecraft has behind the root "
                 f"({_words(hub)}), which was used instead."
             )
-        result = (ready or {}).get(name)
-        if result is None or result.spec != spec or not _same_hub(result, hub):
-            result = fits(spec, Root(target=spec.root.target, hub=hub))
+            warnings.append(Caution("other-hub", text))
+        result = fits.ready.get(name)
+        if result is None or not _same_hub(result, hub):
+            result = fits(name, spec, Root(target=spec.root.target, hub=hub))
         out.append(Appendage(name, prefix, place, hub, spec, result))
 
-    def again(a: Appendage, counts: dict[str, int]) -> Fit:
-        return fits(with_counts(a.spec, counts), Root(target=cast("Target", a.fit.kept_for), hub=a.hub))
+    def again(a: Appendage, wished: Spec) -> Fit:
+        return fits(a.at, wished, Root(target=cast("Target", a.fit.kept_for), hub=a.hub))
 
     with one_thread():
         appendages, steps = keep_promise(model, tuple(out), most, again)
     for a in appendages:
         if not a.fit.status.ok:
-            warnings.append(f"{a.at}: {a.fit.status.message}")
+            warnings.append(Caution("fit-missed", f"{a.at}: {a.fit.status.message}"))
         if a.spec.damping is not None and a.spec.damping.form == "hinge":
             # tendons are judged by the craft's own integrator
-            warnings += [f"{a.at}: {warning}" for warning in a.fit.cautions]
+            warnings += [said_of(a.at, warning) for warning in a.fit.cautions]
         else:
-            warnings += [f"{a.at}: {warning}" for warning in doubtful(a.spec.segment, a.spec.damping, a.fit.target)]
+            warnings += [said_of(a.at, warning) for warning in doubtful(a.spec.segment, a.spec.damping, a.fit.target)]
     return appendages, warnings, steps
 
 
 class _Fits:
-    """Fits that were made already: equal appendages on equal hubs are fitted once."""
+    """Fits that were made already: equal appendages on equal hubs are fitted once.
 
-    def __init__(self) -> None:
-        self._made: list[tuple[Spec, Root, Fit]] = []
+    Args:
+        ready: fits that were handed over, by place.
+        held: imported modes that were handed over, by place, instead of being read from the spec's file.
+    """
 
-    def __call__(self, spec: Spec, root: Root) -> Fit:
-        for known, at, made in self._made:
-            if known == spec and at.target == root.target and root.hub is not None and _same_hub(made, root.hub):
+    def __init__(self, ready: Mapping[str, Fit] | None = None, held: Mapping[str, ModalData] | None = None) -> None:
+        self.ready: Mapping[str, Fit] = ready or {}
+        self.held: Mapping[str, ModalData] = held or {}
+        self._made: list[tuple[Spec, Root, ModalData | None, Fit]] = []
+
+    def __call__(self, at: str, spec: Spec, root: Root) -> Fit:
+        data = self.held.get(at)
+        for known, there, own, made in self._made:
+            same = known == spec and own is data and there.target == root.target
+            if same and root.hub is not None and _same_hub(made, root.hub):
                 return made
-        made = fit(spec, root=root)
-        self._made.append((spec, root, made))
+        made = fit_spec(msgspec.structs.replace(spec, root=root), data)
+        self._made.append((spec, root, data, made))
         return made
 
 

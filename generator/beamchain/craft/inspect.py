@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from beamchain.caution import warnings_record
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS, compile_model
 from beamchain.ports.motions import Array
@@ -59,7 +60,7 @@ class Inspection:
             "springs": [{"joint": n, "stiffness": k, "damping": c} for n, k, c in self.springs],
             "tendons": [{"tendon": n, "stiffness": k, "damping": c, "armature": a} for n, k, c, a in self.tendons],
             "made_for": [{"timestep": m.timestep, "integrator": m.integrator} for m in self.made_for],
-            "warnings": self.warnings,
+            **warnings_record(self.warnings),
             "integrator": self.integrator,
             "timestep": self.timestep,
             "stability": {"omega_max": self.limits.omega_max, "largest_step": self.limits.largest_step},

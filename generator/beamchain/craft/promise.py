@@ -3,21 +3,16 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import msgspec
-import numpy as np
-
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.error import Pose, craft_poses
+from beamchain.craft.growing import Growing, growing, in_six
 from beamchain.engine.library import mujoco
-from beamchain.errors import InputError, RealisationError
-from beamchain.fitting.hub import port_hub_mass
+from beamchain.errors import RealisationError
 from beamchain.fitting.needs import AXES
-from beamchain.fitting.options import Modes, Scene
+from beamchain.fitting.options import Scene
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
-from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS
 
 MOST_MODES = 12  # of an appendage, unless --max-modes says otherwise
 PAYS = 0.9  # a mode that leaves more than this of the error pays little by itself
@@ -59,22 +54,11 @@ def kept_band(appendages: Sequence[Appendage]) -> float:
     return min(w for item in carried(None, appendages) for w in item.band.values())
 
 
-def in_six(fit: Fit, changed: Mapping[str, PortModel] | None = None) -> PortModel:
-    """A fit in six motions as MuJoCo has it; `changed`: other models of some ports."""
-    if fit.space is not None:
-        live, model = list(fit.space.live), fit.space.achieved
-        rigid, rows = np.zeros((6, 6)), np.zeros((model.modes, 6))
-        rigid[np.ix_(live, live)], rows[:, live] = model.rigid_mass, model.participation
-        rigid += np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(fit.measured.rigid_mass)))
-        return PortModel(rigid, model.frequencies, rows, model.damping)
-    return in_space({**fit.achieved, **(changed or {})}, fit.measured.rigid_mass)
-
-
 def keep_promise(
     craft: "mujoco.MjModel",
     appendages: tuple[Appendage, ...],
     most: int,
-    refit: Callable[[Appendage, dict[str, int]], Fit],
+    refit: Callable[[Appendage, Spec], Fit],
 ) -> tuple[tuple[Appendage, ...], tuple[str, ...]]:
     """The appendages with as many modes as the craft's promise needs, and the steps taken.
 
@@ -84,7 +68,7 @@ def keep_promise(
         craft: the bare spacecraft.
         appendages: each fitted on its own hub.
         most: modes of an appendage.
-        refit: fits an appendage anew with a number of modes per port.
+        refit: fits an appendage anew with the modes that a spec asks for.
     """
     want = asked([a.spec for a in appendages])
     if want.band is None or want.tolerance is None:
@@ -94,22 +78,20 @@ def keep_promise(
         return appendages, ()
     flat = {name: several[0] for name, several in found.items()}
     best, least = appendages, _worst(flat, [in_six(a.fit) for a in appendages])[0]
-    ours, steps, barred = list(appendages), list[str](), set[tuple[int, str]]()
+    ours, steps, barred = list(appendages), list[str](), set[int]()
     for _ in range(ROUNDS):
         if least <= want.tolerance:
             break
-        counts = [{port: target.modes for port, target in a.fit.target.items()} for a in ours]
-        wanted = _grow(flat, ours, counts, want.tolerance, most, barred, steps)
-        changed = [i for i, a in enumerate(ours) if any(a.fit.target[p].modes != n if p in a.fit.target else n
-                                                        for p, n in wanted[i].items())]  # fmt: skip
+        wanted = _grow(flat, [growing(a) for a in ours], want.tolerance, most, barred, steps)
+        changed = [i for i, item in enumerate(wanted) if item.grown]
         if not changed:
             break
         for i in changed:
             try:
-                ours[i] = replace(ours[i], fit=refit(ours[i], wanted[i]))
+                ours[i] = replace(ours[i], fit=refit(ours[i], wanted[i].spec))
             except RealisationError as error:
-                barred |= {(i, port) for port in PORTS}
-                steps.append(f"{ours[i].at}: no chain has {wanted[i]}: {error}")
+                barred.add(i)
+                steps.append(f"{ours[i].at}: no chain has {wanted[i].modes} modes: {error}")
         error, _ = _worst(flat, [in_six(a.fit) for a in ours])
         if error < least:
             best, least = tuple(ours), error
@@ -118,101 +100,50 @@ def keep_promise(
 
 def _grow(
     poses: Mapping[str, Pose],
-    ours: Sequence[Appendage],
-    counts: Sequence[dict[str, int]],
+    ours: Sequence[Growing],
     tolerance: float,
     most: int,
-    barred: set[tuple[int, str]],
+    barred: set[int],
     steps: list[str],
-) -> list[dict[str, int]]:
-    """Modes per appendage and port with which the models keep the tolerance, or the best up to `most`.
+) -> list[Growing]:
+    """The appendages with the modes with which their models keep the tolerance, or the best up to `most` each.
 
-    One mode at a time where it pays most; where none pays by itself, in the port that alone costs most. `steps` gets a line each.
+    One mode at a time where it pays most; where none pays by itself, where its lack alone costs most. `steps` gets a line
+    each.
     """
-    counts = [dict(some) for some in counts]
-    changed: list[dict[str, PortModel]] = [{} for _ in ours]
+    ours = list(ours)
 
-    def models(more: Mapping[tuple[int, str], PortModel]) -> list[PortModel]:
-        return [
-            in_six(a.fit, {**changed[i], **{port: m for (k, port), m in more.items() if k == i}})
-            for i, a in enumerate(ours)
-        ]
+    def models(i: int | None = None, other: PortModel | None = None) -> list[PortModel]:
+        return [other if k == i and other is not None else item.model for k, item in enumerate(ours)]
 
-    error, worst = _worst(poses, models({}))
+    error, worst = _worst(poses, models())
     while error > tolerance:
-        further: dict[tuple[int, str], PortModel] = {}
-        for i, a in enumerate(ours):
-            if sum(counts[i].values()) < most:
-                further |= {(i, p): m for p, m in _further(a, counts[i]).items() if (i, p) not in barred}
+        further = {
+            (i, key): longer
+            for i, item in enumerate(ours)
+            if i not in barred and item.modes < most
+            for key, longer in item.further(worst.band).items()
+        }
         if not further:
             break
-        tried = {key: worst.of_models(models({key: further[key]})) for key in further}
-        found = min(tried, key=lambda k: (tried[k], further[k].frequencies[-1]))
-        if tried[found] > PAYS * error:  # it takes several: the port that alone costs most, the others exact
-            alone = {key: worst.of_models(_alone(worst, ours, changed, key)) for key in further}
+        tried = {(i, key): worst.of_models(models(i, longer.model)) for (i, key), longer in further.items()}
+        found = min(tried, key=lambda k: (tried[k], further[k].newest))
+        if tried[found] > PAYS * error:  # it takes several: what alone costs most, all others exact
+            exact = [item.whole for item in worst.carried]
+            alone = {(i, key): worst.of_models([*exact[:i], ours[i].alone(key), *exact[i + 1 :]]) for i, key in further}
             heavy = max(alone, key=lambda k: alone[k])
             if alone[heavy] < IDLE * error:
                 break  # nothing that modes could mend
             found = heavy if tried[heavy] > PAYS * error or tried[found] > tried[heavy] else found
-        i, port = found
-        changed[i][port] = further[found]
-        counts[i][port] = counts[i].get(port, 0) + 1
+        i = found[0]
+        ours[i] = further[found]
         before = error
-        error, worst = _worst(poses, models({}))
-        steps.append(f"{ours[i].at}: mode {counts[i][port]} in {port}: error of the craft {before:.2e} -> {error:.2e}")
-    return counts
-
-
-def _alone(
-    pose: Pose, ours: Sequence[Appendage], changed: Sequence[Mapping[str, PortModel]], key: tuple[int, str]
-) -> list[PortModel]:
-    """Exact appendages, but for one port of one of them, which stays as it is."""
-    i, port = key
-    fit, out = ours[i].fit, [item.whole for item in pose.carried]
-    own = {p: fit.spec.with_ratios(p, model) for p, model in fit.full.items()}
-    for p in PORTS:
-        if p not in own and p != port and p in fit.achieved:
-            own[p] = fit.achieved[p]
-    now = changed[i].get(port, fit.achieved.get(port))
-    own = {p: model for p, model in own.items() if p != port}
-    out[i] = in_space(own if now is None else {**own, port: now}, fit.measured.rigid_mass)
-    return out
+        error, worst = _worst(poses, models())
+        steps.append(f"{ours[i].a.at}: {ours[i].added}: error of the craft {before:.2e} -> {error:.2e}")
+    return ours
 
 
 def _worst(poses: Mapping[str, Pose], models: Sequence[PortModel]) -> tuple[float, Pose]:
     errors = {name: pose.of_models(models) for name, pose in poses.items()}
     name = max(errors, key=lambda n: errors[n])
     return errors[name], poses[name]
-
-
-def _further(a: Appendage, counts: Mapping[str, int]) -> dict[str, PortModel]:
-    """Per port whose number of modes is free, its model with one mode more."""
-    spec, fit = a.spec, a.fit
-    if spec.imported is not None or spec.fit.method != "exact":
-        return {}
-    given = {} if spec.modes is None else spec.modes.given()
-    if spec.modes is not None and not spec.chooses:
-        return {}
-    out: dict[str, PortModel] = {}
-    for port in PORTS:
-        if port in given:
-            continue
-        count = counts.get(port, 0) + 1
-        try:
-            full = fit.full[port] if port in fit.full else spec.beam.port(port, 2 * count + 4)
-        except InputError:
-            continue  # rigid there
-        if count > full.modes:
-            continue
-        if fit.kept_for == "clamped":
-            model = full.truncated(count)
-        else:
-            hub = a.hub.mass_matrix() if fit.kept_for == "hub" else np.zeros((6, 6))
-            model = full.reduced(count, port_hub_mass(hub, port))
-        out[port] = spec.with_ratios(port, model)
-    return out
-
-
-def with_counts(spec: Spec, counts: Mapping[str, int]) -> Spec:
-    """The spec with its modes per port."""
-    return msgspec.structs.replace(spec, modes=Modes(**{port: counts.get(port, 0) for port in PORTS}))

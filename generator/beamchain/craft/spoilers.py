@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from beamchain.caution import Caution
 from beamchain.craft.assembly import quiet
 from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
@@ -55,22 +56,34 @@ def spoilers(
     gravity = np.asarray(option.gravity)
     if np.any(gravity != 0.0) and not int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
         out.append(
-            f"gravity is {' '.join(f'{g:g}' for g in gravity)} m/s^2: it falls, and where it is held its appendages "
-            'bend; in orbit write <option gravity="0 0 0">.'
+            Caution(
+                "gravity",
+                f"gravity is {' '.join(f'{g:g}' for g in gravity)} m/s^2: it falls, and where it is held its appendages "
+                'bend; in orbit write <option gravity="0 0 0">.',
+            )
         )
     if option.density > 0.0 or option.viscosity > 0.0:
         out.append(
-            f"the medium (density {option.density:g}, viscosity {option.viscosity:g}) drags on the links as on all "
-            "bodies; in space set both to 0."
+            Caution(
+                "medium",
+                f"the medium (density {option.density:g}, viscosity {option.viscosity:g}) drags on the links as on all "
+                "bodies; in space set both to 0.",
+            )
         )
     collide = [i for i in geoms if int(model.geom_contype[i]) or int(model.geom_conaffinity[i])]
     if collide and not int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
         out.append(
-            f"{len(collide)} shapes of the appendages collide, and neighbouring links touch; leave scene.contacts off."
+            Caution(
+                "collisions",
+                f"{len(collide)} shapes of the appendages collide, and neighbouring links touch; leave scene.contacts off.",
+            )
         )
     if int(model.neq):
         out.append(
-            f"{int(model.neq)} equality constraints of the spacecraft are left out of the proof of coupled modes."
+            Caution(
+                "equality",
+                f"{int(model.neq)} equality constraints of the spacecraft are left out of the proof of coupled modes.",
+            )
         )
     integrator = NUMBERS[int(option.integrator)]
     step = float(option.timestep)
@@ -78,21 +91,27 @@ def spoilers(
     largest = limits.largest_step[integrator]
     if step > largest:
         out.append(
-            f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes unstable (fastest "
-            f"coupled mode {limits.omega_max:.5g} rad/s{_held_by(model)}); write "
-            f'<option timestep="{_round_down(0.5 * largest):g}">.'
+            Caution(
+                "unstable-step",
+                f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes unstable (fastest "
+                f"coupled mode {limits.omega_max:.5g} rad/s{_held_by(model)}); write "
+                f'<option timestep="{_round_down(0.5 * largest):g}">.',
+            )
         )
     if integrator == "discrete":
         added = step * float(np.max(np.asarray(kept))) / 2.0
         if added > DAMPS * max(zeta, 1e-3):
             out.append(
-                f"the integrator discrete adds a damping ratio of {added:.2g} to the fastest kept mode at timestep "
-                f"{step:g} s (the structure has {zeta:g}); take implicitfast, or a timestep below "
-                f"{_round_down(DAMPS * max(zeta, 1e-3) * 2.0 / float(np.max(np.asarray(kept)))):g} s."
+                Caution(
+                    "discrete-damping",
+                    f"the integrator discrete adds a damping ratio of {added:.2g} to the fastest kept mode at timestep "
+                    f"{step:g} s (the structure has {zeta:g}); take implicitfast, or a timestep below "
+                    f"{_round_down(DAMPS * max(zeta, 1e-3) * 2.0 / float(np.max(np.asarray(kept)))):g} s.",
+                )
             )
     eulerdamp = int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     if integrator == "Euler" and (tendon or eulerdamp) and zeta > 0.0:
-        out.append(f"{TENDON_DAMPING}, which shifts it by about w h; take implicitfast.")
+        out.append(Caution("tendon-damping", f"{TENDON_DAMPING}, which shifts it by about w h; take implicitfast."))
     return out
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from beamchain.caution import Caution
 from beamchain.chain.tendons import springs_as_modes
 from beamchain.craft.appendage import Appendage
 from beamchain.craft.error import base_body
@@ -62,18 +63,20 @@ def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: b
     if wanted is False or not any(a.fit.chain.hinges for a in appendages):
         return False, ""
     if not scheme.exact and name != "RK4":
-        return False, f"{step} cannot be made exact in time, and is stable at any step; its own error is the user's."
+        text = f"{step} cannot be made exact in time, and is stable at any step; its own error is the user's."
+        return False, Caution("not-exact-in-time", text)
     error, allowed = step_error(model, appendages)
     if name == "RK4":
         grown = any(row.grows for row in _rows(model))
-        return (grown, f"{step} would be unstable: the modes beyond it are slowed.") if grown else (False, "")
+        text = f"{step} would be unstable: the modes beyond it are slowed."
+        return (True, Caution("slowed-modes", text)) if grown else (False, "")
     if wanted or error > allowed:
         own = "it would be unstable by itself" if error == float("inf") else f"its own error would be {error:.2g}"
         why = "as asked" if wanted else own if error == float("inf") else f"{own}, above {allowed:.2g}"
-        return (
-            True,
-            f"the appendages are exact in time for {step} ({why}); give actuators the mean of this and the last input.",
+        text = (
+            f"the appendages are exact in time for {step} ({why}); give actuators the mean of this and the last input."
         )
+        return True, Caution("exact-in-time", text)
     return False, ""  # what the step does is within what was asked for
 
 

@@ -57,13 +57,23 @@ class SpacePromise:
 
     def weights(self) -> Array:
         """`(n,)` how much each mode can move the hub inside the band, roughly: what is tried first."""
-        full, band = self.full, self.bandwidth
-        hubs = [self._hub] if self._hub is not None else [STANDARD_HUBS[0] * full.rigid_mass]
-        scale = np.sqrt(np.diag(full.rigid_mass + hubs[0]))
-        size = np.sum((full.participation / scale) ** 2, axis=1)
-        ratio = np.minimum(band / full.frequencies, 1.0)
-        peak = 1.0 / np.maximum(2.0 * full.damping, 1e-6)
-        return size * np.minimum(ratio**2 / np.maximum(1.0 - ratio**2, 1e-12), peak)
+        hub = self._hub if self._hub is not None else STANDARD_HUBS[0] * self.full.rigid_mass
+        return weights(self.full, hub, self.bandwidth)
+
+
+def weights(full: PortModel, hub: Array, band: float) -> Array:
+    """`(n,)` how much each mode can move a hub inside the band, roughly.
+
+    Args:
+        full: all modes, damped.
+        hub: mass matrix in the same motions.
+        band: upper end [rad/s].
+    """
+    scale = np.sqrt(np.diag(full.rigid_mass + hub))
+    size = np.sum((full.participation / scale) ** 2, axis=1)
+    ratio = np.minimum(band / full.frequencies, 1.0)
+    peak = 1.0 / np.maximum(2.0 * full.damping, 1e-6)
+    return size * np.minimum(ratio**2 / np.maximum(1.0 - ratio**2, 1e-12), peak)
 
 
 def fewest(

@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from beamchain.caution import Caution
 from beamchain.chain.build import Wishes, build_exact, with_real_polar
 from beamchain.chain.built import Built
 from beamchain.chain.compared import build_least_squares, build_recipe
@@ -90,11 +91,23 @@ def fit(
         name=name, modes=modes, root=root, hub=hub, target=target, damping=damping, fit=options, scene=scene,
         timestep=timestep,
     )  # fmt: skip
+    return fit_spec(spec, appendage if isinstance(appendage, ModalData) else None)
+
+
+def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
+    """What `fit` does with a whole specification.
+
+    Args:
+        spec: what is asked for.
+        data: its imported modes; read from its file where left out.
+
+    Raises: as `fit`.
+    """
     with one_thread():
         if spec.imported is not None:
             from beamchain.fitting.imported import fit_imported  # which returns a Fit
 
-            data = appendage if isinstance(appendage, ModalData) else spec.imported.read()
+            data = spec.imported.read() if data is None else data
             return fit_imported(_with_integrator(spec, data.rigid_mass), data)
         spec = _with_integrator(spec, spec.beam.rigid_mass())
         try:
@@ -208,7 +221,7 @@ def _fit(spec: Spec) -> Fit:
         cautions=(
             *fit_warnings(spec, measured, achieved, chain, limits),
             *doubtful(spec.segment, spec.damping, built.targets),
-            *([note] if note else []),
+            *([Caution("raised-inertia", note)] if note else []),
         ),
     )
 

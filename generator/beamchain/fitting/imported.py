@@ -226,7 +226,7 @@ def _space(case: Case, why: str, achieved: PortModel, live: tuple[int, ...]) -> 
     error = compare(achieved, target)
     in_band = in_band_error(resolvable(achieved), resolvable(full), hub, case.band(target))
     error = replace(error, accelerance_in_band=in_band)
-    return InSpace(case.data, "chain", why, full, target, achieved, error, live)
+    return InSpace(case.data, "chain", why, full, target, achieved, error, live, case.numbers)
 
 
 def _finish(case: Case, built: Built, measured: Measured, space: InSpace, line: MassLine, clock: list[float]) -> Fit:

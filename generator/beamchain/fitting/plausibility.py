@@ -4,6 +4,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from beamchain.caution import Caution
 from beamchain.fitting.options import Damping
 from beamchain.structure.section import Custom, Equivalent
 from beamchain.structure.segment import Segment
@@ -11,6 +12,10 @@ from beamchain.structure.segment import Segment
 SOFT = 1e6  # N/m^2: rubber has more
 LIGHT = 5.0  # kg/m^3: a foam has more
 HUGE = 0.25  # of the appendage's length: a section as wide, and wider than 1 m, is likelier one in mm
+CODED = {
+    "damped": "high-damping", "soft": "soft-material", "light": "light-material", "huge": "huge-section",
+    "stocky": "stocky-beam",
+}  # fmt: skip
 DAMPED = 0.1  # ratio from which an aerospace structure is asked about: rubber has as much
 STOCKY = 10.0  # length over depth, below which Euler's theory misses shear
 
@@ -64,7 +69,7 @@ def doubtful(
                     f"{where}: the appendage is only {length / depth:.2g} times as long as it is deep; Euler's theory "
                     'leaves shear out: set theory = "timoshenko".'
                 )
-    return list(out.values())
+    return [Caution(CODED[kind], text) for kind, text in out.items()]
 
 
 def _ratios(damping: Damping | None) -> list[tuple[str, float]]:

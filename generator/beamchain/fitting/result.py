@@ -10,6 +10,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from beamchain import report
+from beamchain.caution import Caution
 from beamchain.chain.built import Status
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
@@ -68,6 +69,7 @@ class InSpace:
         achieved: read back through `mjd_transitionFD`.
         error: achieved against target; in band, against all modes.
         live: motions in which the appendage has inertia; the models hold these only.
+        numbers: of the kept modes in `data`, from 1.
     """
 
     data: ModalData
@@ -78,6 +80,7 @@ class InSpace:
     achieved: PortModel
     error: Comparison
     live: tuple[int, ...]
+    numbers: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -180,7 +183,7 @@ class Fit:
         """Large-motion limits per bending plane, and why one could not be had."""
         if self.spec.imported is not None:
             why = "large motion is compared with a chain of 60 links of the beam, which imported modes do not have."
-            return {}, (why,)
+            return {}, (Caution("large-motion-unknown", why),)
         modes = {port: target.modes for port, target in self.target.items()}
         hub = self.spec.root.hub
         return large_limits(self.chain, self.spec.beam, modes, hub.offset[0] if hub else 0.0)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from beamchain.caution import Caution
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
 from beamchain.fitting.options import Scene
@@ -18,9 +19,12 @@ def fit_warnings(
     spec: Spec, measured: Measured, achieved: Mapping[str, PortModel], chain: Chain, limits: StepLimits
 ) -> tuple[str, ...]:
     """What to know before the file is used."""
-    out = [
-        f"{port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, {port} = 0 says that "
-        "it shall be rigid"
+    out: list[str] = [
+        Caution(
+            "rigid-plane",
+            f"{port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, {port} = 0 says "
+            "that it shall be rigid",
+        )
         for port in spec.unsaid
     ]
     modes = [(t, port) for port, model in achieved.items() for t in chain.tendons
@@ -45,7 +49,7 @@ def fit_warnings(
                 f"; at the scene's step of {scene.step:g} s mode {number} in {port} will show a damping "
                 f"ratio of {seen:.4g} instead of {zeta:.4g}"
             )
-        out.append(f'{text}. Use implicitfast, or damping.form = "hinge".')
+        out.append(Caution("tendon-damping", f'{text}. Use implicitfast, or damping.form = "hinge".'))
     if spec.damping is not None and spec.damping.form == "hinge":
         missed: list[str] = []
         for port, model in achieved.items():
@@ -57,12 +61,16 @@ def fit_warnings(
             ]
         if missed:
             out.append(
-                f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}); "
-                'damping.form = "modal" is exact.'
+                Caution(
+                    "hinge-damping",
+                    f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}); "
+                    'damping.form = "modal" is exact.',
+                )
             )
     for pair, value in measured.couplings.items():
         if value > DECOUPLED:
-            out.append(f"MuJoCo sees the ports {pair} coupled, by {value:.1e} relative: they are not independent.")
+            text = f"MuJoCo sees the ports {pair} coupled, by {value:.1e} relative: they are not independent."
+            out.append(Caution("ports-coupled", text))
     return tuple(out)
 
 
@@ -78,9 +86,12 @@ def turn_warning(error: float | None, scene: Scene, integrator: str, timestep: f
         return ()
     rates = ", ".join(f"{rate:g}" for rate in scene.rates)
     return (
-        f"{integrator} at {timestep:g} s turns the rigid spacecraft from rates of ({rates}) rad/s with an error of "
-        f"{error:.2g} of them in one radian, above the tolerance {scene.tolerance:g}, whatever the appendages do; take RK4, "
-        "for which modes beyond the step are slowed, or a shorter step.",
+        Caution(
+            "turn-error",
+            f"{integrator} at {timestep:g} s turns the rigid spacecraft from rates of ({rates}) rad/s with an error of "
+            f"{error:.2g} of them in one radian, above the tolerance {scene.tolerance:g}, whatever the appendages do; take RK4, "
+            "for which modes beyond the step are slowed, or a shorter step.",
+        ),
     )
 
 
@@ -95,15 +106,21 @@ def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice])
     largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.step:g} s"
     if scene.step > largest:
         return (
-            f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
-            "give scene.timestep half of that, or less.",
+            Caution(
+                "unstable-step",
+                f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
+                "give scene.timestep half of that, or less.",
+            ),
         )
     kept = next((choice for choice in steps if choice.integrator == scene.integrator), None)
     if kept is None or scene.step <= kept.step:
         return ()
     best = steps[0]
     return (
-        f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: it keeps that up to "
-        f"{kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; give scene.integrator and scene.timestep, or "
-        "fit.timestep for a chain made for its step.",
+        Caution(
+            "inaccurate-step",
+            f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: it keeps that up to "
+            f"{kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; give scene.integrator and scene.timestep, or "
+            "fit.timestep for a chain made for its step.",
+        ),
     )

@@ -30,16 +30,29 @@ NEUTRAL: dict[str, dict[str, str]] = {
 }  # fmt: skip
 
 TURNS = {"quat", "euler", "axisangle", "xyaxes", "zaxis"}
+REPLACES = {"fromto", "hfield"}  # what else of shapes and sites no attribute of theirs overrules
+
+#: attributes of which a longer default would leave its last numbers behind ours
+PADDED = {"joint": {"stiffness", "damping"}, "fixed": {"stiffness", "damping"}, "geom": {"size"}, "site": set[str]()}
 
 #: what a default of this tag reaches
 REACHES = {"joint": "joint", "geom": "geom", "site": "site", "tendon": "fixed"}
 
 
 def hostile(parts: Iterable[Element]) -> dict[str, dict[str, int]]:
-    """Attributes that the document's defaults set, per tag of ours, with the most numbers one of them holds."""
+    """Attributes that defaults set where an appendage may stand, per tag of ours, with the most numbers one of them holds.
+
+    A class by name reaches what stands in a body or frame with that `childclass`, and so do the classes around it.
+    """
+    parts = list(parts)
+    used = {node.get("childclass") for part in parts for node in part.iter("body", "frame", "replicate")}
     out: dict[str, dict[str, int]] = {}
     for part in parts:
         for default in part.iter("default"):
+            parent = default.getparent()
+            inner = parent is not None and parent.tag == "default"
+            if inner and not any(node.get("class") in used for node in default.iter("default")):
+                continue
             for node in default:
                 tag = REACHES.get(str(node.tag))
                 if tag is not None:
@@ -53,15 +66,16 @@ def shield(appendage: Element, found: Mapping[str, Mapping[str, int]]) -> None:
     """Say explicitly what a parent's default would otherwise set on the appendage's elements.
 
     Raises:
-        InputError: a default turns shapes or sites; MuJoCo 3 and 4 differ in what overrules that.
+        InputError: a default turns or replaces shapes or sites; MuJoCo 3 and 4 differ in what overrules that.
     """
     for tag, names in found.items():
-        turned = TURNS & set(names) if tag in ("geom", "site") else set()
+        turned = (TURNS | REPLACES) & set(names) if tag in ("geom", "site") else set()
         if turned:
+            word = min(turned)
             raise InputError(
-                f"a default class of the spacecraft sets {min(turned)} on every {tag}, which would turn the "
-                'appendage\'s too; use form "attach", which no default of the spacecraft reaches, or take '
-                f"{min(turned)} out of it."
+                f"a default class of the spacecraft sets {word} on every {tag}, which would "
+                f'{"turn" if word in TURNS else "replace"} the appendage\'s too; use form "attach", which no default of '
+                f"the spacecraft reaches, or take {word} out of it."
             )
         for node in appendage.iter(tag):
             if node.get("name") is None:
@@ -70,8 +84,8 @@ def shield(appendage: Element, found: Mapping[str, Mapping[str, int]]) -> None:
                 own = node.get(name)
                 if own is None and name in NEUTRAL[tag]:
                     node.set(name, NEUTRAL[tag][name])
-                elif own is not None and name in ("stiffness", "damping") and len(own.split()) < count:
-                    node.set(name, " ".join([own, *["0"] * (count - len(own.split()))]))  # no polynomial left over
+                elif own is not None and name in PADDED[tag] and len(own.split()) < count:
+                    node.set(name, " ".join([own, *["0"] * (count - len(own.split()))]))  # nothing left over behind it
 
 
 def check_compiler(parts: Iterable[Element], least_mass: float, least_inertia: float) -> None:

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING, Any
 
+from beamchain.caution import warnings_record
+
 if TYPE_CHECKING:
     from beamchain.craft.embedding import Embedded
 
@@ -39,5 +41,5 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
         "steps": list(embedded.steps),
         "worst": assembly.worst,
         "accelerance": {"hub": assembly.hub, "band": assembly.common, "error": assembly.in_band},
-        "warnings": list(embedded.warnings),
+        **warnings_record(embedded.warnings),
     }

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
+from beamchain.caution import warnings_record
 from beamchain.mjcf.write import joint_name
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
@@ -144,7 +145,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         },
         "left_out": [{"what": item.what, "why": item.why, "cost": item.cost} for item in fit.left_out],
         "scene": _scene_record(fit),
-        "warnings": fit.warnings,
+        **warnings_record(fit.warnings),
         "status": {"ok": fit.status.ok, "message": fit.status.message, "history": fit.status.history},
         "seconds": fit.seconds,
     }

@@ -3,6 +3,7 @@
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from beamchain.caution import warnings_record
 from beamchain.studies.front import Metric, Reach
 from beamchain.studies.scenario import Scenario
 
@@ -47,7 +48,7 @@ def study_record(study: "Study") -> dict[str, Any]:
             "fit": study.growth.fit,
             "fit_exponent": study.growth.fit_exponent,
         },
-        "warnings": study.warnings,
+        **warnings_record(study.warnings),
         "seconds": study.seconds,
     }
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq, fsolve
 
+from beamchain.caution import Caution
 from beamchain.chain.chain import Chain
 from beamchain.chain.rivals import equal_links
 from beamchain.errors import BeamchainError
@@ -169,8 +170,11 @@ class LargeMotion:
             "slew": (slew, self.slew, "rad/s^2"),
         }
         return [
-            f"{what} reached {value:.4g} {unit}, beyond the {limit:.4g} {unit} up to which the chain stays within 1 % of "
-            f"a fine one in {self.port}; keep more modes."
+            Caution(
+                "large-motion",
+                f"{what} reached {value:.4g} {unit}, beyond the {limit:.4g} {unit} up to which the chain stays within 1 % "
+                f"of a fine one in {self.port}; keep more modes.",
+            )
             for what, (value, limit, unit) in given.items()
             if abs(value) > limit
         ]
@@ -283,5 +287,6 @@ def large_limits(
             try:
                 out[port] = large_motion(chain, beam, port, modes=modes[port], radius=max(radius, 0.0))
             except BeamchainError as error:
-                reasons.append(f"large motion in {port} could not be compared: {error}")
+                text = f"large motion in {port} could not be compared: {error}"
+                reasons.append(Caution("large-motion-unknown", text))
     return out, tuple(reasons)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from beamchain.caution import Caution
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import EPSILON, INTEGRATORS, NUMBERS
 from beamchain.errors import EngineError
@@ -196,7 +197,7 @@ def mismatch(model: "mujoco.MjModel") -> list[str]:
             shown, _ = discrete.seen(z, h)
             worst = np.max(np.abs(shown / np.sqrt(k) - 1.0)[kept], initial=0.0)
             sentence += f"its frequencies are off by up to {worst:.2g}"
-        out.append(f"{sentence}; retime it for this step, or run it at its own.")
+        out.append(Caution("other-step", f"{sentence}; retime it for this step, or run it at its own."))
     return out
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from beamchain.caution import Caution, warnings_record
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import EngineError
@@ -62,7 +63,7 @@ class StabilityStudy:
             ],
             "budgets": [b.as_dict() for b in self.budgets],
             "large_motion": [limit.as_dict() for limit in self.large.values()],
-            "warnings": self.warnings,
+            **warnings_record(self.warnings),
             "extremes": {"cases": 0, "passed": 0, "refused": 0, "failed": 0, "rows": []},
         }
 
@@ -128,7 +129,7 @@ def study_fit(result: Fit, say: Callable[[str], None] = lambda _: None) -> Stabi
         except EngineError as error:
             if not budgets:
                 raise
-            silent.append(f"{label}: {error}")  # overdamped without its hub
+            silent.append(Caution("overdamped", f"{label}: {error}"))  # overdamped without its hub
             continue
         budgets.append(limits)
         rows += step_rows(model, limits, say)
@@ -146,7 +147,6 @@ def _warnings(budgets: list[Budget], timestep: float, integrator: str | None = N
     for limits in budgets:
         for name, step in limits.largest_step.items():
             if name != HOST and timestep >= step and integrator in (None, name):
-                out.append(
-                    f"{limits.name}: the step asked for, {timestep:g} s, is beyond {name}'s limit of {step:.4g} s."
-                )
+                text = f"{limits.name}: the step asked for, {timestep:g} s, is beyond {name}'s limit of {step:.4g} s."
+                out.append(Caution("unstable-step", text))
     return out

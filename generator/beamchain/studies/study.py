@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 
 from beamchain import report
+from beamchain.caution import at
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
@@ -259,7 +260,7 @@ def _too_far(task: Task, found: Study) -> tuple[str, ...]:
         chain = field.chain_of(task, Entry(*point[:3]))
         radius = max(float(task.hub.offset[0]), 0.0)
         limits = {port: large_motion(chain, task.beam, port, modes=point.n, radius=radius) for port in task.planes}
-        out += [f"{point.model}, n = {point.n}: {sentence}" for sentence in exceeded(limits, run)]
+        out += [at(f"{point.model}, n = {point.n}", sentence) for sentence in exceeded(limits, run)]
     return tuple(out)
 
 

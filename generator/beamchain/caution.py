@@ -1,0 +1,82 @@
+"""A warning: a sentence with a code that scripts can rely on."""
+
+from collections.abc import Iterable
+from typing import Self
+
+#: what each code stands for; docs/warnings.md lists them
+CODES = {
+    "alignfree": "MuJoCo lays a body's frame otherwise as soon as the body carries an appendage",
+    "collisions": "shapes of the appendages collide",
+    "discrete-damping": "the integrator discrete damps the kept modes more than the structure does",
+    "equality": "equality constraints of the spacecraft are left out of the proof",
+    "exact-in-time": "the appendages were made exact in time for the spacecraft's own step",
+    "fit-missed": "an appendage came out with less than was asked for",
+    "gravity": "gravity pulls on the spacecraft",
+    "high-damping": "a damping ratio of 0.1 or more is stated",
+    "hinge-damping": "plain joint damping cannot give every mode its ratio",
+    "huge-section": "a section is wide for the appendage's length: a slip of units",
+    "inaccurate-step": "the scene's step keeps stable but misses the scene's tolerance",
+    "joints-behind": "the appendage stands behind joints of the spacecraft",
+    "held-ports": "the spacecraft's joints hold a port, wholly or in part",
+    "large-motion": "a run, or a keyframe, drives a chain beyond what it is right for",
+    "large-motion-unknown": "how far the chain may be driven could not be compared",
+    "light-material": "a density below that of foam is stated",
+    "medium": "density or viscosity of a medium drags on the links",
+    "not-exact-in-time": "the spacecraft's integrator cannot be made exact in time",
+    "other-hub": "the spec's hub is not the one that the spacecraft has",
+    "other-step": "a model runs at another step or integrator than its appendages were made for",
+    "overdamped": "nothing oscillates in a model, whose steps are left out",
+    "ports-coupled": "MuJoCo sees two ports coupled",
+    "preloaded-spring": "a spring of the spacecraft pulls at rest",
+    "raised-inertia": "links so thin that their polar inertia was raised to what MuJoCo takes",
+    "rigid-plane": "a bending plane is rigid because [modes] names the other one only",
+    "slowed-modes": "modes that the step could not follow were slowed",
+    "soft-material": "a Young's modulus below that of rubber is stated",
+    "stocky-beam": "Euler's theory for an appendage so short that shear matters",
+    "tendon-damping": "Euler treats the damping of tendons explicitly",
+    "turn-error": "the step turns the rigid spacecraft with more error than the tolerance",
+    "unstable-step": "the step is beyond the integrator's stability limit",
+    "other": "anything else",
+}
+
+
+class Caution(str):
+    """A warning, which is its sentence.
+
+    Args:
+        code: one of `CODES`.
+        text: the sentence.
+
+    Raises:
+        KeyError: there is no such code.
+    """
+
+    code: str
+
+    def __new__(cls, code: str, text: str) -> Self:
+        """The sentence, with its code."""
+        if code not in CODES:
+            raise KeyError(code)
+        made = super().__new__(cls, text)
+        made.code = code
+        return made
+
+    def __reduce__(self) -> tuple[type["Caution"], tuple[str, str]]:
+        """For pickling."""
+        return Caution, (self.code, str(self))
+
+    def at(self, place: str) -> "Caution":
+        """The same, said of a place."""
+        return Caution(self.code, f"{place}: {self}")
+
+
+def at(place: str, warning: str) -> str:
+    """A warning said of a place; its code stays."""
+    return warning.at(place) if isinstance(warning, Caution) else f"{place}: {warning}"
+
+
+def warnings_record(warnings: Iterable[str]) -> dict[str, list[str] | list[dict[str, str]]]:
+    """`warnings`, sentences, and `warning_codes`, each with its code, as they stand in every record."""
+    said = list(warnings)
+    coded = [{"code": w.code if isinstance(w, Caution) else "other", "text": str(w)} for w in said]
+    return {"warnings": [str(w) for w in said], "warning_codes": coded}

@@ -1,0 +1,271 @@
+"""What an appendage keeps while modes are added to it, and what it would be with one more."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import msgspec
+import numpy as np
+
+from beamchain.craft.appendage import Appendage, carried
+from beamchain.errors import InputError
+from beamchain.fitting.fewest import weights
+from beamchain.fitting.hub import port_hub_mass
+from beamchain.fitting.options import Modes
+from beamchain.fitting.result import Fit
+from beamchain.fitting.spec import Spec
+from beamchain.ports.compare import damped
+from beamchain.ports.compose import in_space
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORTS
+from beamchain.structure.imported import MOST_MODES as MOST_NAMED
+
+TRIED = 16  # modes of an imported appendage that are tried at a time: those that move the hub most
+
+
+def in_six(fit: Fit, changed: Mapping[str, PortModel] | None = None) -> PortModel:
+    """A fit in six motions as MuJoCo has it; `changed`: other models of some ports, which must be independent."""
+    if fit.space is not None and not changed:
+        live, model = list(fit.space.live), fit.space.achieved
+        rigid, rows = np.zeros((6, 6)), np.zeros((model.modes, 6))
+        rigid[np.ix_(live, live)], rows[:, live] = model.rigid_mass, model.participation
+        rigid += np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(fit.measured.rigid_mass)))
+        return PortModel(rigid, model.frequencies, rows, model.damping)
+    return in_space({**fit.achieved, **(changed or {})}, fit.measured.rigid_mass)
+
+
+class Growing(Protocol):
+    """An appendage and the modes it would keep."""
+
+    @property
+    def a(self) -> Appendage:
+        """As it was fitted."""
+        ...
+
+    @property
+    def modes(self) -> int:
+        """How many it would keep."""
+        ...
+
+    @property
+    def grown(self) -> bool:
+        """Whether that is more than its fit keeps."""
+        ...
+
+    @property
+    def newest(self) -> float:
+        """Frequency of the mode that was added last [rad/s]."""
+        ...
+
+    @property
+    def added(self) -> str:
+        """The mode that was added last, in words."""
+        ...
+
+    @property
+    def model(self) -> PortModel:
+        """The appendage in six motions, as MuJoCo has it or would."""
+        ...
+
+    @property
+    def spec(self) -> Spec:
+        """What asks for these modes."""
+        ...
+
+    def further(self, band: float) -> dict[str, "Growing"]:
+        """By port, or by mode, the same with one mode more; empty where none may be added.
+
+        Args:
+            band: upper end of what is compared [rad/s].
+        """
+        ...
+
+    def alone(self, key: str) -> PortModel:
+        """The exact appendage, but for what `key` of `further` adds to, which stays as it is."""
+        ...
+
+
+def growing(a: Appendage) -> Growing:
+    """An appendage as it was fitted."""
+    if a.fit.space is not None and any(len(ports) > 1 for ports in a.fit.space.data.groups):
+        return Coupled(a, a.fit.space.numbers)
+    return PerPort(a, {port: target.modes for port, target in a.fit.target.items()})
+
+
+def free_ports(spec: Spec) -> tuple[str, ...]:
+    """Ports whose number of modes was not typed."""
+    if spec.fit.method != "exact" or (spec.modes is not None and not spec.chooses):
+        return ()
+    if spec.imported is not None and spec.imported.modes is not None:
+        return ()
+    given = {} if spec.modes is None else spec.modes.given()
+    return tuple(port for port in PORTS if port not in given)
+
+
+@dataclass(frozen=True, eq=False)
+class PerPort:
+    """An appendage whose ports are independent: a beam, or imported modes that keep to their ports.
+
+    Args:
+        a: as it was fitted.
+        counts: modes per port.
+        changed: models of the ports that differ from the fit's.
+        last: port that the last mode was added to.
+    """
+
+    a: Appendage
+    counts: dict[str, int]
+    changed: dict[str, PortModel] = field(default_factory=dict)
+    last: str = ""
+
+    @property
+    def modes(self) -> int:
+        """How many it would keep."""
+        return sum(self.counts.values())
+
+    @property
+    def grown(self) -> bool:
+        """Whether that is more than its fit keeps."""
+        return bool(self.changed)
+
+    @property
+    def newest(self) -> float:
+        """Frequency of the mode that was added last [rad/s]."""
+        return float(self.changed[self.last].frequencies[-1])
+
+    @property
+    def added(self) -> str:
+        """The mode that was added last, in words."""
+        return f"mode {self.counts[self.last]} in {self.last}"
+
+    @property
+    def model(self) -> PortModel:
+        """The appendage in six motions, as MuJoCo has it or would."""
+        return in_six(self.a.fit, self.changed)
+
+    @property
+    def spec(self) -> Spec:
+        """What asks for these modes."""
+        modes = Modes(**{port: self.counts.get(port, 0) for port in PORTS})
+        return msgspec.structs.replace(self.a.spec, modes=modes)
+
+    def further(self, band: float) -> dict[str, Growing]:
+        """By port, the same with one mode more."""
+        del band
+        out: dict[str, Growing] = {}
+        for port in free_ports(self.a.spec):
+            count = self.counts.get(port, 0) + 1
+            full = self._whole(port, count)
+            if full is None or count > full.modes:
+                continue
+            if self.a.fit.kept_for == "clamped":
+                model = full.truncated(count)
+            else:
+                hub = self.a.hub.mass_matrix() if self.a.fit.kept_for == "hub" else np.zeros((6, 6))
+                model = full.reduced(count, port_hub_mass(hub, port))
+            if self.a.fit.space is None:
+                model = self.a.spec.with_ratios(port, model)
+            else:
+                model = model.replaced(damping=full.damping[:count])
+            out[port] = replace(
+                self, counts={**self.counts, port: count}, changed={**self.changed, port: model}, last=port
+            )
+        return out
+
+    def alone(self, key: str) -> PortModel:
+        """The exact appendage, but for one port, which stays as it is."""
+        fit = self.a.fit
+        own = {port: model for port in PORTS if port != key and (model := self._exact(port)) is not None}
+        now = self.changed.get(key, fit.achieved.get(key))
+        return in_space(own if now is None else {**own, key: now}, fit.measured.rigid_mass)
+
+    def _whole(self, port: str, count: int) -> PortModel | None:
+        """All modes of a port, at least some more than `count` of a beam; None where it is rigid."""
+        fit = self.a.fit
+        if fit.space is not None:
+            return fit.space.data.port(port, own=True) if port in fit.space.data.belongs else None
+        if port in fit.full:
+            return fit.full[port]
+        try:
+            return self.a.spec.beam.port(port, 2 * count + 4)
+        except InputError:
+            return None
+
+    def _exact(self, port: str) -> PortModel | None:
+        fit = self.a.fit
+        if fit.space is not None:
+            return self._whole(port, 0)
+        if port in fit.full:
+            return fit.spec.with_ratios(port, fit.full[port])
+        return fit.achieved.get(port)
+
+
+@dataclass(frozen=True, eq=False)
+class Coupled:
+    """Imported modes that move in several ports at once, kept by their numbers.
+
+    Args:
+        a: as it was fitted.
+        numbers: of the modes in the file, from 1.
+        last: number of the mode that was added last.
+    """
+
+    a: Appendage
+    numbers: tuple[int, ...]
+    last: int = 0
+
+    @property
+    def modes(self) -> int:
+        """How many it would keep."""
+        return len(self.numbers)
+
+    @property
+    def grown(self) -> bool:
+        """Whether that is more than its fit keeps."""
+        return bool(self.last)
+
+    @property
+    def newest(self) -> float:
+        """Frequency of the mode that was added last [rad/s]."""
+        return float(self._exact.frequencies[self.last - 1])
+
+    @property
+    def added(self) -> str:
+        """The mode that was added last, in words."""
+        return f"mode {self.last} of the file ({self.newest:.4g} rad/s)"
+
+    @property
+    def model(self) -> PortModel:
+        """The appendage in six motions, as MuJoCo has it or would."""
+        return self._only(self.numbers) if self.last else in_six(self.a.fit)
+
+    @property
+    def spec(self) -> Spec:
+        """What asks for these modes."""
+        imported = self.a.spec.imported
+        assert imported is not None
+        imported = msgspec.structs.replace(imported, modes=self.numbers)
+        return msgspec.structs.replace(self.a.spec, imported=imported, modes=None)
+
+    def further(self, band: float) -> dict[str, Growing]:
+        """By number, the same with one mode more: of those that move the hub most."""
+        space, free = self.a.fit.space, free_ports(self.a.spec)
+        if space is None or len(self.numbers) >= MOST_NAMED:
+            return {}
+        left = [k for k, port in enumerate(space.data.belongs, 1) if k not in self.numbers and port in free]
+        heavy = weights(damped(self._exact), self.a.hub.mass_matrix(), band)
+        left.sort(key=lambda k: -heavy[k - 1])
+        return {str(k): replace(self, numbers=tuple(sorted((*self.numbers, k))), last=k) for k in left[:TRIED]}
+
+    def alone(self, key: str) -> PortModel:
+        """The exact appendage without one of its modes."""
+        return self._only([k for k in range(1, self._exact.modes + 1) if k != int(key)])
+
+    @property
+    def _exact(self) -> PortModel:
+        return carried(None, [self.a])[0].whole
+
+    def _only(self, numbers: "tuple[int, ...] | list[int]") -> PortModel:
+        pick = np.array(numbers, dtype=int) - 1
+        full = self._exact
+        return PortModel(full.rigid_mass, full.frequencies[pick], full.participation[pick], full.damping[pick])

@@ -1,0 +1,93 @@
+"""Every warning has a code that scripts can rely on, in every command's JSON and in docs/warnings.md."""
+
+import json
+import pickle
+import re
+from pathlib import Path
+
+import pytest
+
+import beamchain as bc
+from beamchain.caution import CODES, Caution, at
+from spacecraft import spec
+
+ROOT = Path(__file__).parent.parent
+BUS = (
+    '<mujoco><option gravity="0 0 -9.81" density="1" timestep="0.5" integrator="implicitfast"/><worldbody><body name="hub">'
+    '<freejoint/><inertial pos="0 0 0" mass="50" diaginertia="5 5 5"/><body name="yoke"><joint name="drive" stiffness="1000" '
+    'springref="30"/><inertial pos=".3 .1 0" mass="5" diaginertia="1 1 1"/><site name="mount"/></body></body></worldbody>'
+    "</mujoco>"
+)
+DOUBTFUL = """name = "rod"
+[[segment]]
+length = 2.0
+section = { shape = "round", diameter = 0.3 }
+material = { youngs_modulus = 70.0, density = 2.7, poissons_ratio = 0.33 }
+[modes]
+xy = 1
+[damping]
+ratio = 0.5
+"""
+
+
+def codes(record) -> set[str]:
+    """Codes of a record, whose sentences are those of `warnings`."""
+    assert [item["text"] for item in record["warning_codes"]] == record["warnings"]
+    assert all(isinstance(text, str) for text in record["warnings"])
+    return {item["code"] for item in record["warning_codes"]}
+
+
+def test_the_page_lists_every_code():
+    rows = re.findall(r"^\| `([a-z-]+)` \| (.+) \|$", (ROOT / "docs/warnings.md").read_text(), re.MULTILINE)
+    assert dict(rows) == CODES
+    assert all(re.fullmatch(r"[a-z]+(-[a-z]+)*", code) for code in CODES)
+
+
+def test_every_code_is_used():
+    """No code stands for nothing, and none is misspelt where a warning is made."""
+    source = "".join(p.read_text() for p in (ROOT / "generator").rglob("*.py") if p.name != "caution.py")
+    assert not [code for code in CODES if code != "other" and f'"{code}"' not in source]
+    assert set(re.findall(r'Caution\(\s*"([^"]+)"', source)) <= set(CODES)
+
+
+def test_a_warning_is_its_sentence():
+    said = Caution("gravity", "it falls")
+    assert said == "it falls"
+    assert (at("mount", said), at("mount", said).code) == ("mount: it falls", "gravity")
+    assert pickle.loads(pickle.dumps(said)).code == "gravity"
+    assert json.dumps([said]) == '["it falls"]'
+    with pytest.raises(KeyError):
+        Caution("gravitation", "")
+
+
+def test_embed():
+    done = bc.embed(BUS, {"mount": spec("rod")}, retime=False)
+    found = codes(done.as_dict())
+    assert found >= {"gravity", "medium", "joints-behind", "preloaded-spring", "unstable-step", "rigid-plane"}
+    assert "other" not in found
+    assert "exact-in-time" in codes(bc.embed(BUS.replace("implicitfast", "Euler"), {"mount": spec("rod")}).as_dict())
+    assert {w.code for w in done.warnings} == found
+
+
+def test_fit(tmp_path):
+    (tmp_path / "rod.toml").write_text(DOUBTFUL)
+    done = bc.fit(bc.read_spec(tmp_path / "rod.toml"))
+    found = codes(done.as_dict())
+    assert found >= {"soft-material", "light-material", "stocky-beam", "high-damping", "rigid-plane", "tendon-damping"}
+    assert "other" not in found
+
+
+def test_stability_and_inspect(tmp_path):
+    from beamchain.craft.inspect import inspect_model
+    from beamchain.studies.stability import study
+
+    bare = BUS.replace(' springref="30"', "").replace("0.5", "0.01")
+    made = bc.embed(bare, {"mount": spec("rod")}, retime=False)
+    made.write(tmp_path / "slow.xml")
+    slow = (tmp_path / "slow.xml").read_text().replace('timestep="0.01"', 'timestep="5"')
+    (tmp_path / "slow.xml").write_text(slow)
+    assert codes(study(tmp_path / "slow.xml", lambda _: None).as_dict({})) == {"unstable-step"}
+    model = bc.embed(bare.replace("implicitfast", "Euler"), {"mount": spec("rod")}, retime=True)
+    model.write(tmp_path / "craft.xml")
+    other = (tmp_path / "craft.xml").read_text().replace('timestep="0.01"', 'timestep="0.02"')
+    assert codes(inspect_model(other).as_dict()) == {"other-step"}
