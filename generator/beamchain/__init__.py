@@ -8,7 +8,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from beamchain.craft.embedding import Embedded as Embedded
+    from beamchain.craft.embedded import Embedded as Embedded
     from beamchain.craft.embedding import embed as embed
     from beamchain.engine.linearise import Linearisation as Linearisation
     from beamchain.engine.linearise import linearise as linearise
@@ -50,10 +50,8 @@ if TYPE_CHECKING:
     from beamchain.studies.sweep import sweep as sweep
 
 _PLACES = {
-    "craft.embedding": (
-        "Embedded",
-        "embed",
-    ),
+    "craft.embedded": ("Embedded",),
+    "craft.embedding": ("embed",),
     "engine.linearise": (
         "Linearisation",
         "linearise",

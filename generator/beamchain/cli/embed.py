@@ -11,7 +11,7 @@ from beamchain.cli.progress import spinner
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    from beamchain.craft.embedding import Embedded
+    from beamchain.craft.embedded import Embedded
 
 
 def embed(

@@ -13,14 +13,15 @@ from beamchain.report.curves import count
 from beamchain.report.notebook import kept_word
 from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, begun, inline, page_text, versions
 from beamchain.report.plots import percent, short, to_svg
-from beamchain.report.sections import Verdict, left_out_blocks, mode_table, shape_blocks, step_words
+from beamchain.report.sections import left_out_blocks, mode_table, shape_blocks, step_words
 from beamchain.report.shapes import kept_modes
+from beamchain.report.verdict import Verdict
 from beamchain.steps.budget import budget
 
 if TYPE_CHECKING:
     from beamchain.craft.appendage import Appendage
     from beamchain.craft.assembly import Assembly
-    from beamchain.craft.embedding import Embedded
+    from beamchain.craft.embedded import Embedded
 
 
 def embed_report(embedded: "Embedded", craft: str, output: str) -> str:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 from beamchain.caution import warnings_record
 
 if TYPE_CHECKING:
-    from beamchain.craft.embedding import Embedded
+    from beamchain.craft.embedded import Embedded
 
 
 def embed_record(embedded: "Embedded") -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from beamchain.craft.assembly import Assembly, Mode
-    from beamchain.craft.embedding import Embedded
+    from beamchain.craft.embedded import Embedded
     from beamchain.fitting.result import Fit
 
 HEAD = ("port", "mode", "cantilever, rad/s", "through MuJoCo", "readback, frequency", "readback, participation")

@@ -9,8 +9,9 @@ from beamchain.fitting.spec import read_spec
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, begun, inline, page_text, versions
 from beamchain.report.plots import percent, short, to_svg
-from beamchain.report.sections import Verdict, step_words
+from beamchain.report.sections import step_words
 from beamchain.report.stability_plots import damping_figure, steps_figure
+from beamchain.report.verdict import Verdict
 
 if TYPE_CHECKING:
     from beamchain.steps.budget import Budget

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from beamchain.report import study_plots
 from beamchain.report.page import Lines, Picture, Section, Table, Text, inline, page_text
 from beamchain.report.plots import short, to_svg
-from beamchain.report.sections import Verdict
+from beamchain.report.verdict import Verdict
 from beamchain.studies.front import Metric, Reach
 
 if TYPE_CHECKING:

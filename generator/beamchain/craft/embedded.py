@@ -1,0 +1,158 @@
+"""A spacecraft with its appendages: what `embed` hands out, and its promise."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from beamchain import report
+from beamchain.craft.appendage import (
+    Appendage,
+    carried,
+)
+from beamchain.craft.assembly import Assembly, prove
+from beamchain.craft.documents import assemble
+from beamchain.craft.error import CraftError, craft_error, craft_poses
+from beamchain.craft.promise import asked, kept_band
+from beamchain.craft.timing import without_time
+from beamchain.engine.library import mujoco
+from beamchain.errors import InputError
+from beamchain.files import write_files
+from beamchain.fitting.needs import AXES
+from beamchain.mjcf.craft import Craft
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Embedded:
+    """A spacecraft with its appendages.
+
+    Args:
+        appendages: in the order given.
+        craft: the bare spacecraft, compiled.
+        model: with its appendages, compiled.
+        warnings: what would spoil the motion, and what was decided on the way.
+        document: the bare spacecraft's document; None for an `MjSpec`.
+        form: "inline" or "attach".
+        steps: modes that were added for the craft's promise, a line each.
+    """
+
+    appendages: tuple[Appendage, ...]
+    craft: "mujoco.MjModel"
+    model: "mujoco.MjModel"
+    warnings: tuple[str, ...]
+    document: Craft | None = None
+    form: str = "inline"
+    steps: tuple[str, ...] = ()
+    _layout: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return report.embedded_text(self)
+
+    def _repr_html_(self) -> str:
+        return report.embedded_html(self)
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        """Coupled modes and hub accelerance against the exact assembly, at rest: of what the scenes ask for, or all."""
+        want = asked([a.spec for a in self.appendages])
+        return prove(self.craft, self.untimed, carried(self.model, self.appendages), want.band, want.motions)
+
+    @cached_property
+    def promise(self) -> CraftError:
+        """The coupled spacecraft against exact appendages, pose by pose: up to the largest band that a scene asks for.
+
+        Without a scene's band: all motions, up to where every appendage keeps every mode of its ports.
+        """
+        want, exact = asked([a.spec for a in self.appendages]), carried(self.model, self.appendages)
+        found = craft_poses(self.craft, exact, want.band or kept_band(self.appendages), want.motions)
+        return craft_error(self.craft, self.untimed, exact, found)
+
+    @property
+    def craft_error(self) -> float:
+        """In-band error of the base body's motion, worst of all poses."""
+        return self.promise.error
+
+    @property
+    def band(self) -> float:
+        """Upper end of the craft's error [rad/s]."""
+        return self.promise.band
+
+    @property
+    def tolerance(self) -> float | None:
+        """The smallest that a scene with a band asks for; None without one."""
+        return asked([a.spec for a in self.appendages]).tolerance
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the craft's error stays within the tolerance; None without one."""
+        return None if self.tolerance is None else self.craft_error <= self.tolerance
+
+    @property
+    def headline(self) -> str:
+        """The craft's promise in a sentence."""
+        found, tolerance = self.promise, self.tolerance
+        names = [name for name, i in AXES.items() if i in found.motions]
+        said = (
+            f"motion of {found.body} ({', '.join(names)}) up to {found.band:.4g} rad/s, all appendages together: off by "
+            f"at most {found.error:.2e}"
+        )
+        if len(found.poses) > 1:
+            said += f" (worst of {len(found.poses)} poses: {max(found.poses, key=lambda k: found.poses[k])})"
+        if tolerance is None:
+            return f"{said}; no tolerance is asked for."
+        return f"{said}, {'within' if self.met else 'above'} the tolerance {tolerance:g}."
+
+    @cached_property
+    def untimed(self) -> "mujoco.MjModel":
+        """The model with timing taken out, which is what is compared with the exact spacecraft."""
+        return without_time(self.model) if any(a.timed is not None for a in self.appendages) else self.model
+
+    def to_mjcf(self, folder: str | Path | None = None) -> str:
+        """The file's text, its relative paths right in `folder`; absolute where left out.
+
+        Raises:
+            InputError: made from an `MjSpec`, which has its own `to_xml`.
+        """
+        return self._files(None if folder is None else Path(folder), "craft")[0].to_bytes().decode("utf-8")
+
+    def write(self, path: str | Path, *, force: bool = False, also: Mapping[Path, str] | None = None) -> list[Path]:
+        """Write the file (and, for "attach", the appendages' files beside it); all or none.
+
+        Args:
+            path: of the MJCF file.
+            force: replace files that exist.
+            also: further files to appear with it.
+
+        Raises:
+            OutputError: a file exists and `force` is False, or cannot be written.
+        """
+        path = Path(path)
+        out, beside = self._files(path.parent, path.stem)
+        files: dict[Path, str | bytes] = {path.parent / name: text for name, text in beside.items()}
+        files |= dict(also or {})
+        files[path] = out.to_bytes()
+        write_files(files, force=force)
+        return list(files)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `embed --json` prints."""
+        return report.embed_record(self)
+
+    def plot(self) -> str:
+        """The hub's accelerance, exact and through MuJoCo, as SVG text."""
+        return report.assembly_svg(self.assembly)
+
+    def report(self, craft: str = "craft.xml", output: str = "flexible.xml") -> str:
+        """The report as the text of one HTML file.
+
+        Args:
+            craft: name of the bare spacecraft's file.
+            output: name of the file with the appendages.
+        """
+        return report.embed_report(self, craft, output)
+
+    def _files(self, folder: Path | None, stem: str) -> tuple[Craft, dict[str, str]]:
+        if self.document is None:
+            raise InputError("this was made from an MjSpec, which was changed in place; use its own to_xml().")
+        return assemble(self.document, self.appendages, self.form, folder, stem, self._layout)

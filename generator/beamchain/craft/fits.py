@@ -1,0 +1,143 @@
+"""Every appendage of a spacecraft fitted to the hub that it meets, with the modes that the promise needs."""
+
+from collections.abc import Mapping
+from typing import cast
+
+import msgspec
+import numpy as np
+
+from beamchain.caution import Caution
+from beamchain.caution import at as said_of
+from beamchain.craft.appendage import (
+    Appendage,
+    rigid_mass,
+)
+from beamchain.craft.promise import keep_promise
+from beamchain.engine import mount as mounting
+from beamchain.engine.library import mujoco
+from beamchain.engine.threads import one_thread
+from beamchain.fitting.fit import fit_spec
+from beamchain.fitting.hub import Hub
+from beamchain.fitting.options import Root, Target
+from beamchain.fitting.plausibility import doubtful
+from beamchain.fitting.result import Fit
+from beamchain.fitting.spec import Spec
+from beamchain.structure.modal_data import ModalData
+
+SAME_HUB = 1e-12  # relative: hubs that are one
+
+
+RIGID = 1e-6  # relative: a hub that differs from a rigid body by more has loose joints
+
+
+# -- both ------------------------------------------------------------------------------------------------------------
+def fit_all(
+    model: "mujoco.MjModel",
+    mounts: dict[str, mounting.Mount],
+    wanted: dict[str, tuple[Spec, str]],
+    most: int,
+    fits: "Fits",
+) -> tuple[tuple[Appendage, ...], list[str], tuple[str, ...]]:
+    """Every appendage fitted to the hub it meets, with the modes that the craft's promise needs; notes; steps taken."""
+    rigid = {name: rigid_mass(spec, fits.held.get(name)) for name, (spec, _) in wanted.items()}
+    places = list(mounts.values())
+    behind, felt = mounting.rigid_hubs(model, places, rigid), mounting.apparent_hubs(model, places, rigid)
+    out: list[Appendage] = []
+    warnings: list[str] = []
+    for name, (spec, prefix) in wanted.items():
+        place, hub = mounts[name], Hub.from_mass_matrix(behind[name])
+        size = np.sqrt(np.diag(behind[name]))
+        if np.max(np.abs(felt[name] - behind[name]) / np.outer(size, size)) > RIGID:
+            hub = msgspec.structs.replace(hub, apparent=tuple(tuple(float(v) for v in row) for row in felt[name]))
+        for joint in place.joints:
+            taken = "locked, since a spring holds it" if joint.sprung else "free, since no spring holds it"
+            if not joint.own:
+                text = (
+                    f"{name}: stands behind the joint {joint.name} ({joint.kind}); {hub.mass:.6g} kg are rigidly "
+                    f"behind its root. The fit takes that joint as {taken}."
+                )
+                warnings.append(Caution("joints-behind", text))
+        held = place.held(spec.kept)
+        if held:
+            text = (
+                f"{name}: the spacecraft's joints hold port {', '.join(held)}, wholly or in part; what they hold counts "
+                "as infinitely heavy."
+            )
+            warnings.append(Caution("held-ports", text))
+        warnings += [
+            Caution(
+                "rigid-plane",
+                f"{name}: {port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, "
+                f"{port} = 0 says that it shall be rigid.",
+            )
+            for port in spec.unsaid
+            if not place.held([port])
+        ]
+        given = spec.root.hub
+        if given is not None and not np.allclose(
+            given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=1e-9 * hub.mass
+        ):
+            text = (
+                f"{name}: the hub of the spec ({_words(given)}) is not what the spacecraft has behind the root "
+                f"({_words(hub)}), which was used instead."
+            )
+            warnings.append(Caution("other-hub", text))
+        result = fits.ready.get(name)
+        if result is None or not _same_hub(result, hub):
+            result = fits(name, spec, Root(target=spec.root.target, hub=hub))
+        out.append(Appendage(name, prefix, place, hub, spec, result))
+
+    def again(a: Appendage, wished: Spec) -> Fit:
+        return fits(a.at, wished, Root(target=cast("Target", a.fit.kept_for), hub=a.hub))
+
+    with one_thread():
+        appendages, steps = keep_promise(model, tuple(out), most, again)
+    for a in appendages:
+        if not a.fit.status.ok:
+            warnings.append(Caution("fit-missed", f"{a.at}: {a.fit.status.message}"))
+        if a.spec.damping is not None and a.spec.damping.form == "hinge":
+            # tendons are judged by the craft's own integrator
+            warnings += [said_of(a.at, warning) for warning in a.fit.cautions]
+        else:
+            warnings += [said_of(a.at, warning) for warning in doubtful(a.spec.segment, a.spec.damping, a.fit.target)]
+    return appendages, warnings, steps
+
+
+class Fits:
+    """Fits that were made already: equal appendages on equal hubs are fitted once.
+
+    Args:
+        ready: fits that were handed over, by place.
+        held: imported modes that were handed over, by place, instead of being read from the spec's file.
+    """
+
+    def __init__(self, ready: Mapping[str, Fit] | None = None, held: Mapping[str, ModalData] | None = None) -> None:
+        self.ready: Mapping[str, Fit] = ready or {}
+        self.held: Mapping[str, ModalData] = held or {}
+        self._made: list[tuple[Spec, Root, ModalData | None, Fit]] = []
+
+    def __call__(self, at: str, spec: Spec, root: Root) -> Fit:
+        """The fit of a specification on a root, at a place of the spacecraft."""
+        data = self.held.get(at)
+        for known, there, own, made in self._made:
+            same = known == spec and own is data and there.target == root.target
+            if same and root.hub is not None and _same_hub(made, root.hub):
+                return made
+        made = fit_spec(msgspec.structs.replace(spec, root=root), data)
+        self._made.append((spec, root, data, made))
+        return made
+
+
+def _same_hub(made: Fit, hub: Hub) -> bool:
+    """Whether a fit was made for this hub."""
+    known, here = made.hub_mass, hub.mass_matrix()
+    if known is None:
+        return False
+    size = np.sqrt(np.diag(here))
+    return float(np.max(np.abs(known - here) / np.outer(size, size))) <= SAME_HUB
+
+
+def _words(hub: Hub) -> str:
+    """A hub's mass, inertia and place, for a sentence."""
+    inertia, offset = (", ".join(f"{value + 0.0:.4g}" for value in values) for values in (hub.inertia, hub.offset))
+    return f"{hub.mass:.6g} kg, inertia {inertia} kg m^2, root at {offset} m from its centre"
