@@ -185,6 +185,16 @@ def test_dimensions_have_their_units(name):
     assert re.search(r"\[(m|m\^2|m\^4|kg|kg m\^2|N m\^2|N/m\^2|Pa|kg/m\^3)\]", text), text
 
 
+@pytest.mark.skipif(not (ROOT / "docs").is_dir(), reason="docs are not beside the tests")
+def test_pages_and_sections_that_docstrings_cite_exist():
+    source = "".join(path.read_text(encoding="utf-8") for path in Path(bc.__file__).parent.rglob("*.py"))
+    cited = re.findall(r"(docs/\w+\.md)(?:, sections? (\d+)(?: and (\d+))?)?", source)
+    assert len(cited) > 20
+    for page, *sections in cited:
+        text = (ROOT / page).read_text(encoding="utf-8")
+        assert all(f"\n## {number}. " in text for number in sections if number), (page, sections)
+
+
 # -- files beside the package ----------------------------------------------------------------------------------------
 @pytest.mark.skipif(not (ROOT / "CITATION.cff").is_file(), reason="CITATION.cff is not beside the tests")
 def test_citation_is_of_this_version():

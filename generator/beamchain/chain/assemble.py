@@ -1,4 +1,7 @@
-"""One chain with springs on its hinges from each port's own realisation, where all ports can share the same bodies."""
+"""One chain with springs on its hinges from each port's own realisation, where all ports can share the same bodies.
+
+Theory: docs/theory.md, section 3.
+"""
 
 from collections.abc import Mapping
 

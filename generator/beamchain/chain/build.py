@@ -1,4 +1,7 @@
-"""From targets to one chain: springs on the hinges where the recursion serves all ports, else one tendon per mode."""
+"""From targets to one chain: springs on the hinges where the recursion serves all ports, else one tendon per mode.
+
+Theory: docs/theory.md, sections 3 and 4.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -3,6 +3,8 @@
 Modal tendons can give modes to a cut if the limp chain does not weigh more on the root than the residual mass of the
 modes (`chain.tendons`). The share of that residual mass which is left over is the cut's margin. It grows as the first
 hinges move towards the root, so that the most even cut with enough margin is the one wanted.
+
+Theory: docs/theory.md, section 4.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -1,4 +1,7 @@
-"""Polar inertia and torsion: which hinges turn, and how much of each group's polar inertia every link carries."""
+"""Polar inertia and torsion: which hinges turn, and how much of each group's polar inertia every link carries.
+
+Theory: docs/theory.md, section 3.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace

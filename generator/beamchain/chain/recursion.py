@@ -3,6 +3,8 @@
 Block Lanczos on the beam's own root motion; cf. G. M. L. Gladwell, Inverse Problems in Vibration (2nd ed., 2004), on
 reconstructing a discrete beam from its spectra. It answers Belonozhko's (2008) closing question, for links with
 redistributed mass, in closed form.
+
+Theory: docs/theory.md, section 3.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,7 @@
-"""Recipes in use, kept as honest rivals: equal links with hinge stiffness from EI, and the 2008 paper's three links."""
+"""Recipes in use, kept as honest rivals: equal links with hinge stiffness from EI, and the 2008 paper's three links.
+
+Theory: docs/theory.md, section 3.
+"""
 
 from itertools import pairwise
 

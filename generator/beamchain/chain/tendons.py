@@ -8,6 +8,8 @@ given to these bodies by stiffness and armature between the hinges if and only i
 
 that is, if the limp chain does not weigh more on the root than the residual mass of the modes. Every mode is then one
 fixed tendon whose length is the modal coordinate. Rows for a further port stack below those of the root.
+
+Theory: docs/theory.md, section 4.
 """
 
 from collections.abc import Mapping, Sequence

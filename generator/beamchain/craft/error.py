@@ -1,7 +1,9 @@
 """The craft's promise: the coupled spacecraft with exact appendages against what MuJoCo has, pose by pose.
 
-The in-band error of `assess.error` with the craft's base body for a hub: its motions in its own axes, all appendages
-exact (every mode) against all appendages as the model has them, at the rest pose and at every keyframe.
+The in-band error of `ports.compare.Reference` with the craft's base body for a hub: its motions in its own axes, all
+appendages exact (every mode) against all appendages as the model has them, at the rest pose and at every keyframe.
+
+Theory: docs/theory.md, section 6.
 """
 
 from collections.abc import Mapping, Sequence

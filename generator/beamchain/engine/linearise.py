@@ -2,6 +2,8 @@
 
 The semi-implicit step is `v+ = v + h a(q, v+)`, `q+ = q + h v+`, so that the blocks of A and B give `M^-1 K`, `M^-1 D`
 and `M^-1 B` without a limit h -> 0, even at a step at which the simulation would be unstable.
+
+Theory: docs/theory.md, section 6.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,9 @@
 """What a scene does not need: the fewest modes that keep its promise, proved against the whole beam.
 
-The promise is the in-band error of the hub's motion (`assess.error`), on the hub in space, in the motions that matter.
+The promise is the in-band error of the hub's motion (`ports.compare.Reference`), on the hub in space, in the motions
+that matter.
+
+Theory: docs/theory.md, section 6.
 """
 
 from collections.abc import Callable, Mapping, Sequence

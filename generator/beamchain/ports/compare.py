@@ -1,4 +1,7 @@
-"""How far one port model is from another: one comparison and one in-band error for the whole package."""
+"""How far one port model is from another: one comparison and one in-band error for the whole package.
+
+Theory: docs/theory.md, section 6.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,7 @@
-"""Port models composed: of independent ports, and of mass-weighted motion rows."""
+"""Port models composed: of independent ports, and of mass-weighted motion rows.
+
+Theory: docs/theory.md, section 1.
+"""
 
 from collections.abc import Callable, Mapping
 

@@ -1,6 +1,8 @@
 """The port: how a thing pushes back at its root. The common language of the package.
 
 A beam, a hinge chain, imported finite-element modes and a linearised MuJoCo model all become a `PortModel`.
+
+Theory: docs/theory.md, section 1.
 """
 
 from collections.abc import Sequence

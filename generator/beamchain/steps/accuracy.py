@@ -1,4 +1,7 @@
-"""Which integrator and step a scene can afford: the largest step that is stable and keeps the tolerance."""
+"""Which integrator and step a scene can afford: the largest step that is stable and keeps the tolerance.
+
+Theory: docs/theory.md, section 6.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -25,6 +25,8 @@ stiffness is its own. So every step is stable. RK4 would need a mass below 1 to 
 beyond its own phase limit are changed.
 
 Everything here is plain numpy, takes arrays of any one shape, and knows nothing of MuJoCo.
+
+Theory: docs/theory.md, section 5.
 """
 
 from dataclasses import dataclass

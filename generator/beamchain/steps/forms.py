@@ -1,6 +1,8 @@
 """What each form writes on the modal tendons: stiffness, damping, armature, and the phase up to which modes keep their frequency.
 
 The forms are described in `beamchain.steps.retime`.
+
+Theory: docs/theory.md, section 5.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,7 @@
-"""The input that goes with models exact in time: the mean of this and the previous one."""
+"""The input that goes with models exact in time: the mean of this and the previous one.
+
+Theory: docs/theory.md, section 5.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -1,4 +1,7 @@
-"""What a time step does to an oscillation, per integrator: stability limits, frequency shift, numerical damping."""
+"""What a time step does to an oscillation, per integrator: stability limits, frequency shift, numerical damping.
+
+Theory: docs/theory.md, section 5.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -4,6 +4,8 @@ A chain keeps its geometry in large motion, but has few links. It is held agains
 beam under the same load: in spin by its frequencies (centrifugal stiffening), under acceleration and slew by the static
 displacement of its mass centre and the moment at its root. Each is first divided by what it is in small motion, so that
 only the effect of large motion is compared.
+
+Theory: docs/theory.md, section 7.
 """
 
 from collections.abc import Callable, Mapping

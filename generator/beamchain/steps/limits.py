@@ -1,4 +1,7 @@
-"""Step limits of a model: where each integrator blows up, and which step gives 1 % and 0.1 % of the first frequency."""
+"""Step limits of a model: where each integrator blows up, and which step gives 1 % and 0.1 % of the first frequency.
+
+Theory: docs/theory.md, sections 5 and 6.
+"""
 
 from dataclasses import dataclass
 

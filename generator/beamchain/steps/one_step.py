@@ -10,6 +10,8 @@ A pole z of the step belongs to `a z^2 - (a + c - h^2 k) z + c = 0` with `a = m 
 some shape x (small letters: x* M x ...). For symmetric matrices it leaves the unit circle at z = -1, which is where
 `2 (A + C) - h^2 K` first turns singular: `4 M + 2 h (Di - De) + h^2 (2 Ki - K)`, a quadratic eigenvalue problem in 1/h
 whose roots are all real. So the limit needs no search and holds for damping that couples the modes.
+
+Theory: docs/theory.md, section 5.
 """
 
 from collections.abc import Callable

@@ -19,6 +19,8 @@ lowered until `h^2 lambda_max` of the tendons' springs and dampers on the craft 
 
 Only `tendon_armature`, `tendon_damping`, `tendon_solimp_lim` (the mark) change, for form 3 `tendon_stiffness`,
 `wrap_prm`, `tendon_length0` and `tendon_lengthspring` too; the model's own step and integrator (`opt`) are the caller's.
+
+Theory: docs/theory.md, section 5.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,7 @@
-"""Starting a model that is exact in time from a given state: `qvel` holds the mean rate of the step before."""
+"""Starting a model that is exact in time from a given state: `qvel` holds the mean rate of the step before.
+
+Theory: docs/theory.md, section 5.
+"""
 
 import numpy as np
 from scipy.linalg import eigh

@@ -9,6 +9,8 @@ Newton's method gets there in two or three steps. In modal coordinates the step'
 
 all symmetric, so that a change of P moves a pole by `dz = -y^T dP y/(y^T P'(z) y)`. Where two appendages are alike, their modes
 in step and in opposition ask for different armature on the same tendons: the least-squares answer is taken.
+
+Theory: docs/theory.md, section 5.
 """
 
 from dataclasses import dataclass

@@ -2,6 +2,8 @@
 
 Exactness in time is of linear motion. A spacecraft that turns about several axes at once has a gyroscopic moment, which
 semi-implicit Euler takes from the step before; the error falls with the step only. RK4 has none to speak of.
+
+Theory: docs/theory.md, section 5.
 """
 
 from collections.abc import Sequence

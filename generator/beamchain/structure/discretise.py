@@ -1,4 +1,7 @@
-"""From segments, joints and lumps to finite elements, refined until the lowest modes stand still."""
+"""From segments, joints and lumps to finite elements, refined until the lowest modes stand still.
+
+Theory: docs/theory.md, section 2.
+"""
 
 from bisect import bisect_left, bisect_right
 from functools import lru_cache

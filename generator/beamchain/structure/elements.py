@@ -4,6 +4,8 @@ The root's motion and the strains are separate coordinates from the start, so th
 compliant joint is one more strain, Euler's beam is Timoshenko's without the shear strains, and the stiffness is block
 diagonal. Its square root (a QR of the strain rows, never a Gram matrix) scales the motion rows, whose singular values
 are then 1 / frequency: no digits are lost to the stiffness, however stiff a joint or slender a beam is.
+
+Theory: docs/theory.md, section 2.
 """
 
 from collections.abc import Sequence

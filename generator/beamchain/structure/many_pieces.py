@@ -3,6 +3,8 @@
 Motion is a running sum along the appendage, so that the rows times a vector, and their transpose times one, cost a few
 operations per piece. The root's own motions, the tip and one arbitrary load start a Krylov space of the compliance; in it
 the lowest modes, held, free or on any hub, and the quasi-static response stand to rounding after a few dozen vectors.
+
+Theory: docs/theory.md, section 2.
 """
 
 from collections.abc import Sequence

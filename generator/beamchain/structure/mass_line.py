@@ -2,6 +2,8 @@
 
 A `Beam` knows it from its segments. Imported modes come with a rigid mass matrix only; `spread` then makes the plainest
 positive distribution with those moments. The port does not notice the difference; the links' shares do.
+
+Theory: docs/theory.md, section 4.
 """
 
 from collections.abc import Mapping, Sequence
