@@ -281,10 +281,15 @@ class TestFiles:
         self.refused(arguments, capsys, monkeypatch, "is a fifo")
         assert (tmp_path / "o" / STORE).is_fifo()
 
-    def test_below_a_file(self, tmp_path, capsys, monkeypatch):
+    @pytest.mark.parametrize("command", ["fit", "stability", "study", "sweep"])
+    @pytest.mark.parametrize("place", ["o", "o/deeper"])
+    def test_below_a_file(self, command, place, tmp_path, capsys, monkeypatch):
         (tmp_path / "o").write_text("mine")
-        arguments = ["fit", str(self.good(tmp_path)), "-o", str(tmp_path / "o" / "deeper")]
-        self.refused(arguments, capsys, monkeypatch, "cannot write")
+        spec = self.good(tmp_path)
+        spec.write_text(spec.read_text() + "[uncertain]\nstiffness = { relative = 0.05 }\n")
+        arguments = [command, str(spec), "-o", str(tmp_path / place), "--force"]
+        self.refused(arguments, capsys, monkeypatch, "cannot write to")
+        assert (tmp_path / "o").read_text() == "mine"
 
     @pytest.mark.skipif(os.geteuid() == 0, reason="root may write into read-only folders")
     def test_read_only_folder(self, tmp_path, capsys, monkeypatch):

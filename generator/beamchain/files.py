@@ -72,10 +72,15 @@ def check_regular(path: Path) -> None:
     """Refuse a place where something stands that is no file: a rename would put a file in a device's place.
 
     Raises:
-        OutputError: there is a folder, device, fifo or socket, or a link that leads to one or stands among devices.
+        OutputError: there is a folder, device, fifo or socket, or a link that leads to one or stands among devices; or
+            the place is below something that is no folder.
     """
     try:
         mode = path.stat().st_mode
+    except NotADirectoryError:
+        raise OutputError(
+            f"cannot write to {str(path.parent)!r}: Not a directory; choose a folder you may write to."
+        ) from None
     except OSError:  # nothing there, or a link to nothing, which --force may replace
         return
     among = path.is_symlink() and path.absolute().parts[1:2] in (("dev",), ("proc",), ("sys",))
