@@ -6,6 +6,8 @@ import pytest
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
+import beamchain as bc
+from beamchain.cli import main
 from beamchain.errors import InputError
 from beamchain.steps.inputs import HeldInput
 from beamchain.steps.modal import MadeFor, made_for, mark_text, mass_matrix, modal_tendons
@@ -515,3 +517,51 @@ def test_foreign_models_are_answered():
         retime(limited, 0.1)
     with pytest.raises(InputError):
         retime(model, -0.1)
+
+
+DRIVEN = """<mujoco><option gravity="0 0 0" timestep="0.02" integrator="implicitfast"/><worldbody>
+<body name="bus"><freejoint/><inertial pos="0 0 0" mass="400" diaginertia="150 170 130"/>
+<body name="rotor" pos="0 0.6 0" euler="0 0 90"><joint name="drive" axis="1 0 0" stiffness="3000" damping="3"/>
+<inertial pos="0 0 0" mass="3" diaginertia=".4 .4 .4"/><site name="mount"/></body></body></worldbody></mujoco>"""
+
+
+def largest_motion(file, seconds=40.0):
+    """Of the joints, in MuJoCo's own steps, after a kick of the hub."""
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    data.qvel[:6] = [1e-3, -2e-3, 1e-3, 2e-3, 3e-3, -1e-3]
+    worst = 0.0
+    for _ in range(round(seconds / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        worst = max(worst, float(np.max(np.abs(data.qpos[7:]))))
+    return worst if data.time > seconds / 2.0 else np.inf  # MuJoCo starts again where it blew up
+
+
+def test_springs_of_the_spacecraft_still_limit_the_step(tmp_path, capsys, monkeypatch):
+    """A panel drive's own spring is not slowed: a step beyond it is refused, and a step as advised runs."""
+    section = bc.Tube(outer_diameter=0.03, wall=0.001)
+    boom = bc.Beam(
+        segments=[bc.Segment(length=4.0, section=section, material=bc.Material(youngs_modulus=7e10, density=2700.0))]
+    )
+    spec = bc.Spec(name="boom", segment=boom.segments, scene=bc.Scene(bandwidth=4.0), modes=bc.Modes(xy=4, xz=4))
+    done = bc.embed(DRIVEN, {"mount": spec})
+    assert done.model.opt.timestep > 2.0 / max(done.appendages[0].fit.target["xy"].frequencies)
+    assert any("it would be unstable by itself" in text for text in done.warnings)
+    done.write(tmp_path / "flexible.xml")
+    assert largest_motion(tmp_path / "flexible.xml") < 0.1
+
+    def retimed(step):
+        words = ["retime", str(tmp_path / "flexible.xml"), "--timestep", str(step), "-o", str(tmp_path / "out.xml")]
+        monkeypatch.setattr("sys.argv", ["beamchain", *words, "--force"])
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        return int(stopped.value.code or 0), " ".join(capsys.readouterr().err.split())
+
+    code, error = retimed(0.2)
+    assert code == 2
+    assert "the spacecraft's own springs" in error
+    assert not (tmp_path / "out.xml").exists()
+    advised = float(error.partition("below ")[2].split()[0])
+    assert advised > 0.01
+    assert retimed(0.99 * advised)[0] == 0
+    assert largest_motion(tmp_path / "out.xml") < 0.1

@@ -98,3 +98,16 @@ def test_steps_are_not_stated_smaller_than_they_need_be(tmp_path):
     first = float(limits.frequencies[0])
     wanted = brentq(lambda x: 2.0 * np.arcsin(x / 2.0) / x - 1.001, 1e-3, 1.0)
     assert limits.accuracy["Euler"][1] * first == pytest.approx(wanted, rel=1e-5)
+
+
+STIFF = """<mujoco><option gravity="0 0 0"><flag contact="disable"/></option><worldbody>
+<body name="slow"><joint name="slow" type="slide" stiffness="4" damping="0.02"/><geom size=".1" mass="1"/></body>
+<body name="fast"><joint name="fast" type="slide" stiffness="1e10"/><geom size=".1" mass="1"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+def test_a_slow_mode_beside_a_stiff_spring_is_limited_by_stability_alone(integrator):
+    """2 rad/s beside 1e5 rad/s: at every stable step the slow mode turns by 6e-5 at most, and is off by that squared."""
+    limits = bc.budget(mujoco.MjModel.from_xml_string(STIFF))
+    assert limits.accuracy[integrator] == pytest.approx((limits.largest_step[integrator],) * 2, rel=1e-9)

@@ -193,3 +193,9 @@ def test_root_rotation_under_a_slow_force_on_the_free_root():
     for share, bound in zip(shares[1:], (0.1, 0.02, 0.005, 1e-3), strict=True):
         assert abs(share - 1.0) < bound
     assert np.all(np.diff(np.abs(np.array(shares[1:]) - 1.0)) < 0.0)
+
+
+def test_static_shapes_for_the_tip_are_not_counted_as_modes_kept():
+    result = fit(tube(), modes={"xy": 2, "xz": 0}, scene=Scene(bandwidth=6.0, axes=("z",), tip=True))
+    assert result.target["xy"].modes == 4
+    assert "modes kept: 2 in xy (and 2 for further points)" in result.status.message

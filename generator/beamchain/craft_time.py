@@ -43,6 +43,8 @@ def step_error(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> tupl
         rows = pole_rows(model)
     except EngineError:
         return 0.0, allowed
+    if any(row.grows for row in rows):
+        return float("inf"), allowed
     return max((row.error for row in rows if row.frequency <= band), default=0.0), allowed
 
 
@@ -63,10 +65,11 @@ def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: b
         return False, f"{step} cannot be made exact in time, and is stable at any step; its own error is the user's."
     error, allowed = step_error(model, appendages)
     if name == "RK4":
-        grown = any(row.achieved_ratio < -1e-6 for row in _rows(model))
+        grown = any(row.grows for row in _rows(model))
         return (grown, f"{step} would be unstable: the modes beyond it are slowed.") if grown else (False, "")
     if wanted or error > allowed:
-        why = "as asked" if wanted else f"its own error would be {error:.2g}, above {allowed:.2g}"
+        own = "it would be unstable by itself" if error == float("inf") else f"its own error would be {error:.2g}"
+        why = "as asked" if wanted else own if error == float("inf") else f"{own}, above {allowed:.2g}"
         return (
             True,
             f"the appendages are exact in time for {step} ({why}); give actuators the mean of this and the last input.",

@@ -15,6 +15,8 @@ from beamchain.steps.modal import NUMBERS
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.retime import retime
 
+SAFE = 1.8  # rad per step of a spring that nothing slows; 2 is the limit without damping
+
 
 def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Path) -> tuple[bytes, list[PoleRow]]:
     """A model's file with its appendages made exact in time, and what its modes then show.
@@ -26,7 +28,8 @@ def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Pa
         folder: where the file will stand, for paths in it.
 
     Raises:
-        InputError: the file has no modal tendons, or they stand in files that it attaches.
+        InputError: the file has no modal tendons, or they stand in files that it attaches, or the step is unstable for
+            springs of the spacecraft itself.
         EngineError: MuJoCo refuses the file.
     """
     document = relocate(read_craft(path), folder)
@@ -38,6 +41,14 @@ def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Pa
     if timestep > 0.0:
         model.opt.timestep = timestep
     retime(model, timestep, name, form=4)
+    rows = pole_rows(model)
+    grown = [row.frequency for row in rows if row.grows]
+    if grown and timestep > 0.0:
+        raise InputError(
+            f"{name} at {timestep:g} s is unstable whatever the appendages do: the spacecraft's own springs vibrate at "
+            f"{max(grown):.4g} rad/s, and only modes of appendages are slowed; take a step below {SAFE / max(grown):.2g} s, "
+            "or leave those springs out."
+        )
     parts = document.parts()
     check_found(put_time(parts, model), model)
     own = document.root
@@ -54,4 +65,4 @@ def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Pa
         raise InputError(
             "the modal tendons stand in a file that this one includes; give that file, or one without <include>."
         )
-    return document.to_bytes(), pole_rows(model)
+    return document.to_bytes(), rows

@@ -174,11 +174,15 @@ class LinearModel:
         own, total, h = max(-2.0 * pole.real, 0.0), implicit + explicit, steps  # the mode's damping, as the pole has it
         share = min(max(implicit / total, 0.0), 1.0) if total > 1e-12 * abs(pole) else 1.0
         implicit, explicit = own * share, own * (1.0 - share)
-        keep = (1.0 - h * explicit) / (1.0 + h * implicit + h**2 * (spring - held))
+        lost = h * own + h**2 * (
+            spring - held
+        )  # z^2 - (2 - lost - pull) z + 1 - lost: no difference of nearly equal numbers
+        lost = lost / (1.0 + h * implicit + h**2 * (spring - held))
         pull = h**2 * abs(pole) ** 2 / (1.0 + h * implicit + h**2 * spring)
-        half = (1.0 + keep - pull) / 2.0
-        z = half + 1j * np.sqrt(np.maximum(keep - half**2, 0.0))
-        return np.asarray(np.log(z) / h, dtype=np.complex128)
+        half = (lost + pull) / 2.0
+        turn = np.sqrt(np.maximum(pull - half**2, 0.0))
+        size = np.where(turn > 0.0, 0.5 * np.log1p(-np.minimum(lost, 1.0 - 1e-15)), np.log(np.abs(1.0 - half) + 1e-300))
+        return np.asarray((size + 1j * np.arctan2(turn, 1.0 - half)) / h, dtype=np.complex128)
 
     def shown(self, integrator: str, timestep: float, wanted: Poles) -> Poles:
         """What the simulation shows in place of each of the `wanted` continuous poles: `log(z) / h` [1/s].

@@ -136,11 +136,19 @@ def _cut(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: W
             raise RealisationError(
                 f"digits are lost with {target.modes} modes in {port}: a frequency is off by {miss:.1e}; keep fewer modes."
             )
-    return Built(chain, targets, Status(not notes, _message(how, targets, notes), tuple(history)), cut)
+    message = _message(how, targets, notes, kept if wishes.further else {})
+    return Built(chain, targets, Status(not notes, message, tuple(history)), cut)
 
 
-def _message(how: str, targets: Mapping[str, PortModel], notes: Sequence[str] = ()) -> str:
-    modes = ", ".join(f"{target.modes} in {port}" for port, target in targets.items())
+def _message(
+    how: str, targets: Mapping[str, PortModel], notes: Sequence[str] = (), kept: Mapping[str, int] | None = None
+) -> str:
+    own = {port: min((kept or {}).get(port, target.modes), target.modes) for port, target in targets.items()}
+    static = {port: target.modes - own[port] for port, target in targets.items()}
+    modes = ", ".join(
+        f"{count} in {port}" + (f" (and {static[port]} for further points)" if static[port] else "")
+        for port, count in own.items()
+    )
     return f"exact chain ({how}), modes kept: {modes}." + "".join(f" {note}" for note in notes)
 
 

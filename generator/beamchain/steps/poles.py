@@ -16,6 +16,7 @@ from beamchain.steps.retime import retime
 
 AT_REST = 1e-5  # poles nearer to 1 than this are rigid motion
 OVERDAMPED = 1e-9  # imaginary part, relative, below which a pole does not oscillate
+GROWN = 1e-6  # negative damping ratio beyond rounding
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,11 @@ class PoleRow:
     achieved_frequency: float
     achieved_ratio: float
     slowed: bool
+
+    @property
+    def grows(self) -> bool:
+        """Whether the step makes it grow."""
+        return self.achieved_ratio < -GROWN
 
     @property
     def error(self) -> float:
