@@ -371,3 +371,14 @@ def test_percent(value, text):
 )
 def test_prefixes(value, text):
     assert plots.prefixed(value, "N") == text
+
+
+def test_the_page_counts_the_modes_that_are_kept_everywhere_alike():
+    """A tip that matters brings two static shapes, which are no modes; what a scene chose is not what was asked."""
+    fit = bc.fit(seed_boom(), modes={"xy": 2, "xz": 0}, scene=bc.Scene(bandwidth=2.0, axes=("z",), tip=True))
+    page, _ = fit_report(fit)
+    text = text_of(page)
+    assert fit.target["xy"].modes == 4
+    assert "stand for the beam's first 2 modes in xy" in text
+    assert "as few as the scene needs; 2 in xy, 0 in xz as given" in text
+    assert "Shapes of the first 2 cantilever modes in xy" in page

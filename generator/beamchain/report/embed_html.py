@@ -14,6 +14,7 @@ from beamchain.report.notebook import kept_word
 from beamchain.report.page import Block, Lines, Picture, Section, Table, Text, begun, inline, page_text, versions
 from beamchain.report.plots import percent, short, to_svg
 from beamchain.report.sections import Verdict, left_out_blocks, mode_table, shape_blocks, step_words
+from beamchain.report.shapes import kept_modes
 from beamchain.report.spec_text import spec_toml
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def _asked(embedded: "Embedded", craft: str, output: str) -> list[Block]:
         [
             a.at,
             f"{a.fit.spec.name}: {short(a.fit.mass_line.length)} m, {short(float(a.fit.measured.rigid_mass[0, 0]))} kg",
-            ", ".join(f"{target.modes} in {port}" for port, target in a.fit.target.items()) or "as imported",
+            ", ".join(f"{kept_modes(a.fit, port)} in {port}" for port in a.fit.target) or "as imported",
             a.fit.kept_for,
             f"{a.hub.mass:.6g}",
             ", ".join(f"{joint.kind} joint {joint.name}".strip() for joint in a.mount.joints) or "nothing that moves",

@@ -12,7 +12,7 @@ from beamchain.report.curves import METHODS, beam_model, chain_label, count, riv
 from beamchain.report.page import Block, Lines, Picture, Pictures, Section, Table, Text, begun, inline
 from beamchain.report.plots import percent, short
 from beamchain.report.record import mass_record
-from beamchain.report.shapes import shapes_svg
+from beamchain.report.shapes import kept_modes, shapes_svg
 from beamchain.report.spec_text import spec_toml
 from beamchain.spec import port_hub_mass
 from beamchain.structure.beam import Beam
@@ -51,7 +51,7 @@ def step_words(value: float) -> str:
 
 def _kept(fit: "Fit") -> str:
     """`first 2 modes in xy and 1 in torsion`."""
-    (port, modes), *more = [(port, model.modes) for port, model in fit.target.items()]
+    (port, modes), *more = [(port, kept_modes(fit, port)) for port in fit.target]
     first = f"first {'mode' if modes == 1 else f'{modes} modes'} in {port}"
     parts = [first, *(f"{n} in {other}" for other, n in more)]
     return first if not more else f"{', '.join(parts[:-1])} and {parts[-1]}"
@@ -164,6 +164,10 @@ def _asked(fit: "Fit") -> list[Block]:
     else:
         carried = [f"imported from {spec.imported.file}" if spec.imported is not None else "imported"]
     asked = ", ".join(f"{n} in {port}" for port, n in spec.kept.items()) or "as imported"
+    if fit.choice is not None:
+        asked = "as few as the scene needs"
+        if spec.modes is not None and spec.modes.given():
+            asked += "; " + ", ".join(f"{n} in {port}" for port, n in spec.modes.given().items()) + " as given"
     rows = [
         ("appendage", f"{short(beam.length)} m long, {short(float(beam.rigid_mass()[0, 0]))} kg: {', '.join(carried)}"),
         ("modes to keep", asked),

@@ -43,13 +43,18 @@ def chain_shapes(chain: "Chain", port: str, model: PortModel) -> tuple[Array, Ar
     return x, np.column_stack([np.zeros(model.modes), steps, passed[:, -1]])
 
 
+def kept_modes(fit: "Fit", port: str) -> int:
+    """How many modes of a port were kept: a target may hold static shapes of further points beside them."""
+    return min(fit.target[port].modes, len(fit.error[port].matches)) if port in fit.error else fit.target[port].modes
+
+
 def shapes_svg(fit: "Fit", port: str) -> str:
     """Inline SVG of the kept modes of a port, beam under chain; empty where the beam or the chain has no shape."""
     beam = fit.mass_line
     if not isinstance(beam, Beam):
         return ""
     ours = fit.chain.port(port)
-    count = min(fit.target[port].modes, ours.modes, MOST)
+    count = min(kept_modes(fit, port), ours.modes, MOST)
     full = fit.full[port].truncated(count)
     x, exact = mode_shapes(beam, port, full)
     nodes, bent = chain_shapes(fit.chain, port, ours)
