@@ -10,8 +10,10 @@ import mujoco
 import numpy as np
 import pytest
 from lxml import etree
+from scipy.linalg import eigh
 
 import beamchain as bc
+import finite_elements as fe
 from appendages import dense_port
 from beamchain.cli import main
 from beamchain.embedding import take_out
@@ -246,6 +248,51 @@ class TestHub:
         done = bc.embed(loose, {"panel_mount": own})
         assert any("free, since no spring" in w for w in done.warnings)
         assert done.assembly.worst < 1e-10
+
+    @pytest.mark.parametrize("stiffness", [50.0, 2000.0])
+    def test_sprung_ball_joint(self, stiffness):
+        """Modes called kept are right against finite elements on the craft's own matrices; those beyond are not judged."""
+        craft = (
+            '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="200" '
+            'diaginertia="90 80 70"/><body name="gimbal" pos="1 0 0">'
+            f'<joint name="ball" type="ball" stiffness="{stiffness}"/><inertial pos="0 0 0" mass="3" '
+            'diaginertia=".1 .1 .1"/><site name="mount" pos="0.1 0 0"/></body></body></worldbody></mujoco>'
+        )
+        section = {"shape": "round", "diameter": 0.02}
+        given = {
+            "segment": [{"length": 5.0, "section": section, "material": {"youngs_modulus": 7e10, "density": 2700.0}}]
+        }
+        bare = mujoco.MjModel.from_xml_string(craft)
+        data = mujoco.MjData(bare)
+        mujoco.mj_forward(bare, data)
+        column, mass = np.zeros(9), np.zeros((9, 9))
+        for i, unit in enumerate(np.eye(9)):
+            mujoco.mj_mulM(bare, data, column, unit)
+            mass[i] = column
+        jacobian = np.zeros((6, 9))
+        mujoco.mj_jacSite(bare, data, jacobian[:3], jacobian[3:], 0)
+        own = fe.cantilever(given, dict.fromkeys(fe.PORTS, 12))
+        mass += jacobian.T @ fe.rigid_mass(given) @ jacobian
+        joined = own.participation @ jacobian
+        mass = np.block([[mass, joined.T], [joined, np.eye(len(joined))]])
+        squares = eigh(np.diag([0.0] * 6 + [stiffness] * 3 + list(own.frequencies**2)), mass, eigvals_only=True)
+        true = np.sqrt(squares[squares > 1e-3])
+
+        part = spec_from_dict({"name": "rod", **given, "modes": {"xy": 1, "xz": 1}}, "rod")
+        short = bc.embed(craft, {"mount": part}, retime=False)
+        if stiffness < 100.0:  # two modes that the beam's springs share in, and that one mode per plane cannot have
+            assert max(abs(m.error or 0.0) for m in short.assembly.modes if m.kept) > 0.06
+            assert len(short.assembly.judged) == 2
+        np.testing.assert_allclose(
+            [m.mujoco for m in short.assembly.judged], true[: len(short.assembly.judged)], rtol=1e-3
+        )
+        scene = {"bandwidth": 20.0, "tolerance": 1e-2}
+        whole = bc.embed(
+            craft, {"mount": spec_from_dict({"name": "rod", **given, "scene": scene}, "rod")}, retime=False
+        )
+        assert whole.met
+        inside = true[true <= 20.0]
+        np.testing.assert_allclose(frequencies(whole.model)[: inside.size], inside, rtol=1e-3)
 
     def test_scene_chooses_with_the_hub_of_the_craft(self):
         given = bc.read_spec(spec("rod"))

@@ -27,8 +27,9 @@ def retime(
 ) -> None:
     """Make the appendages of a model exact in time for a step and integrator, and set both in its <option>.
 
-    Every mode's discrete pole is then that of the exact motion; modes beyond the step are slowed, so that any step is
-    stable. Feed actuators with the mean of this and the previous input (`bc.HeldInput`).
+    Every mode's discrete pole is then that of the exact motion; modes of appendages beyond the step are slowed, so that
+    only the spacecraft's own springs limit it: a step beyond those is refused. Feed actuators with the mean of this and
+    the previous input (`bc.HeldInput`).
 
     Example: beamchain retime flexible.xml --timestep 0.1 --integrator Euler -o flexible_0.1.xml
     """
