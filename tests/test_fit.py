@@ -305,6 +305,21 @@ def test_command_line_prints_wanted_and_achieved_damping(tmp_path, monkeypatch, 
     assert "wrote" in words
 
 
+def test_one_in_band_error_is_printed_where_a_scene_asks(tmp_path, capsys, monkeypatch):
+    """That of the axes asked for; those of single ports, over all motions and other hubs, would contradict it."""
+    text = 'name = "boom"\n[[segment]]\nlength = 6.0\nsection = { shape = "round", diameter = 0.03 }\n'
+    text += "material = { youngs_modulus = 7e10, density = 2700.0 }\n[modes]\ntorsion = 1\n"
+    for scene, lines in (("", 1), ('[scene]\nbandwidth = 5.0\naxes = ["z"]\n', 0)):
+        (tmp_path / "boom.toml").write_text(text + scene)
+        words = ["beamchain", "fit", str(tmp_path / "boom.toml"), "-o", str(tmp_path / "out"), "--force"]
+        monkeypatch.setattr("sys.argv", words)
+        with pytest.raises(SystemExit):
+            main()
+        told = capsys.readouterr().out
+        assert told.count("worst of three hubs") == lines
+        assert "in-band error" in told
+
+
 def test_report_tells_the_warnings(tmp_path):
     result = bc.fit(tube(), modes={"xy": 2}, damping=bc.Damping(ratio=0.01))
     result.write(tmp_path)

@@ -109,9 +109,9 @@ def _show(result: "Fit", files: "list[Path]") -> None:
         what = "free modes" if result.kept_for == "free" else "coupled modes on the hub given"
         out.print(
             f'target "{result.kept_for}": the {what} are the beam\'s; the cantilever modes above are those of a chain '
-            "that has them, not the beam's own, and errors are against that chain as it should be."
+            "that has them, not the beam's own, and their readback errors are against the same."
         )
-    for port, error in result.error.items():
+    for port, error in result.error.items() if result.promise is None else ():  # one in-band error: the promise
         band = result.bandwidth[port]
         on = "on the hub given" if result.spec.root.hub else "worst of three hubs"
         out.print(
