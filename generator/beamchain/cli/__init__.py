@@ -16,7 +16,7 @@ USAGE: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ =
 
 app = typer.Typer(
     name="beamchain",
-    help="Flexible spacecraft appendages for MuJoCo: hinge chains that push back on the hub exactly as the beam does.",
+    help="Model flexible spacecraft appendages in MuJoCo as hinge chains with the modes of the elastic beam.",
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
@@ -31,7 +31,7 @@ def beamchain(
         False, "--version", callback=version, is_eager=True, help="Print the version and exit."
     ),
 ) -> None:
-    """Flexible spacecraft appendages for MuJoCo: hinge chains that push back on the hub exactly as the beam does."""
+    """Model flexible spacecraft appendages in MuJoCo as hinge chains with the modes of the elastic beam."""
 
 
 app.command(name="fit")(fit.fit)
@@ -50,7 +50,7 @@ app.command(name="examples")(examples.examples)
 
 
 def main() -> None:
-    """Entry point: 0 done, 2 bad input, 3 done but a stated tolerance was missed."""
+    """Entry point. Exit status: 0 success, 2 wrong input, 3 files written but a requirement not met."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small: threads only wait for each other
     try:
         if "--json" in sys.argv:

@@ -11,16 +11,19 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 SpecPath = Annotated[
-    Path, typer.Argument(metavar="SPEC.toml", help="The appendage; see `beamchain schema`.", show_default=False)
+    Path,
+    typer.Argument(
+        metavar="SPEC.toml", help="Specification of the appendage; see `beamchain schema`.", show_default=False
+    ),
 ]
 Folder = Annotated[
     Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.", show_default=False)
 ]
-Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
-Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to run on (extra: dask).")]
-Resume = Annotated[bool, typer.Option("--resume", help="Take up an interrupted run; nothing is measured twice.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
+Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Run on this Dask scheduler (extra: dask).")]
+Resume = Annotated[bool, typer.Option("--resume", help="Continue an interrupted run without repeating finished work.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 
 
 def version(value: bool) -> None:

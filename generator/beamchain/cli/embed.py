@@ -16,60 +16,61 @@ if TYPE_CHECKING:
 
 def embed(
     craft: Annotated[Path, typer.Argument(metavar="CRAFT.xml", help="The spacecraft's MJCF file.", show_default=False)],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="OUT.xml", help="The file to write.", show_default=False)
-    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT.xml", help="Output file.", show_default=False)],
     at: Annotated[
         list[str] | None,
         typer.Option(
             "--at",
             metavar="NAME=SPEC.toml",
-            help="Where and what: a site or body of the spacecraft (x of its frame outwards). Repeatable. "
-            "With --remove: only NAME.",
+            help="Site or body of the spacecraft (its x axis outwards) and the appendage to attach there. Repeatable. "
+            "With --remove, NAME only.",
             show_default=False,
         ),
     ] = None,
     prefix: Annotated[
         list[str] | None,
-        typer.Option("--prefix", help="Prefix of its elements instead of `name_`, one per --at.", show_default=False),
+        typer.Option(
+            "--prefix",
+            help="Prefix of the appendage's elements; default: its name and `_`. One per --at.",
+            show_default=False,
+        ),
     ] = None,
     form: Annotated[
-        str, typer.Option("--form", help='"inline": one self-contained file; "attach": appendage files beside it.')
+        str, typer.Option("--form", help='"inline": one self-contained file; "attach": separate appendage files.')
     ] = "inline",
-    remove: Annotated[
-        bool, typer.Option("--remove", help="Take appendages out again: those of --at NAME, or all.")
-    ] = False,
+    remove: Annotated[bool, typer.Option("--remove", help="Remove appendages: those of --at NAME, or all.")] = False,
     plot: Annotated[
         Path | None,
         typer.Option(
-            "--plot", metavar="FILE.svg", help="Draw the hub's accelerance, exact and MuJoCo.", show_default=False
+            "--plot", metavar="FILE.svg", help="Plot the hub's accelerance, exact and from MuJoCo.", show_default=False
         ),
     ] = None,
     retime: Annotated[
         bool | None,
         typer.Option(
             "--retime/--no-retime",
-            help="Make the appendages exact in time for the spacecraft's own step, or not; where the step would be felt, "
-            "if left out.",
+            help="Make the appendages exact in time for the spacecraft's own step, or not. Default: only if the step's "
+            "error matters.",
             show_default=False,
         ),
     ] = None,
-    report: Annotated[bool, typer.Option("--report/--no-report", help="Write OUT_report.html beside it.")] = True,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write OUT_report.html as well.")] = True,
     max_modes: Annotated[
         int,
-        typer.Option("--max-modes", help="Modes of an appendage, up to which they are added where the craft misses."),
+        typer.Option("--max-modes", help="Most modes of an appendage when modes are added to meet the tolerance."),
     ] = 12,
     explain: Annotated[
-        bool, typer.Option("--explain", help="Show which modes were added for the whole craft.")
+        bool, typer.Option("--explain", help="Print which modes were added for the whole spacecraft.")
     ] = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Put appendages into an existing spacecraft; the hub is read from it, and the assembled model is proved.
+    """Attach appendages to an existing spacecraft and verify the assembled model.
 
-    The spacecraft's own elements, comments and numbers stay as they are. Running it again replaces; --remove gives the
-    original back. OUT_report.html tells how the whole compares with exact beams.
+    The hub is read from the spacecraft; the spacecraft's own elements and comments are not changed.
+    Running the command again replaces an appendage; --remove restores the original.
+    OUT_report.html compares the assembled model with exact beams.
 
     Example: beamchain embed craft.xml --at panel_mount=array.toml -o flexible.xml
     """

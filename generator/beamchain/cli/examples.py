@@ -18,7 +18,7 @@ def _names(incomplete: str) -> list[tuple[str, str]]:
 def examples(
     run: Annotated[
         str | None,
-        typer.Option("--run", metavar="NAME", help="Fit this one.", autocompletion=_names, show_default=False),
+        typer.Option("--run", metavar="NAME", help="Fit this example.", autocompletion=_names, show_default=False),
     ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.", show_default="NAME")
@@ -27,7 +27,7 @@ def examples(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """List the shipped examples, or run one.
+    """List the shipped examples, or fit one of them.
 
     Example: beamchain examples
 

@@ -13,8 +13,13 @@ if TYPE_CHECKING:
     from beamchain.fitting.result import Fit
 
 
-Explain = Annotated[bool, typer.Option("--explain", help="Print how the modes were chosen for the scene.")]
-Full = Annotated[bool, typer.Option("--full", help="Keep everything: nothing is left out for the scene.")]
+Explain = Annotated[bool, typer.Option("--explain", help="Print why these modes were chosen for the scene.")]
+Full = Annotated[
+    bool,
+    typer.Option(
+        "--full", help="Keep every port, with all modes up to three times the scene's bandwidth (one to five)."
+    ),
+]
 
 
 def fit(
@@ -26,7 +31,7 @@ def fit(
     explain: Explain = False,
     full: Full = False,
 ) -> None:
-    """Fit a hinge chain to an appendage, prove it through MuJoCo, write the drop-in file and a report.
+    """Fit a hinge chain to an appendage, verify it in MuJoCo, and write the drop-in file and a report.
 
     Writes appendage.xml, scene.xml, report.html, pictures and fit.json into DIR.
 
@@ -108,8 +113,8 @@ def _show(result: "Fit", files: "list[Path]") -> None:
     if result.kept_for in ("free", "hub"):
         what = "free modes" if result.kept_for == "free" else "coupled modes on the hub given"
         out.print(
-            f'target "{result.kept_for}": the {what} are the beam\'s; the cantilever modes above are those of a chain '
-            "that has them, not the beam's own, and their readback errors are against the same."
+            f"target \"{result.kept_for}\": the {what} are the beam's. The cantilever modes above are the chain's own, which "
+            "differ from the beam's; the readback errors compare them with the values computed for that chain."
         )
     for port, error in result.error.items() if result.promise is None else ():  # one in-band error: the promise
         band = result.bandwidth[port]

@@ -19,22 +19,22 @@ def init(
         str,
         typer.Argument(
             metavar="boom|array|mast|craft",
-            help="Which; craft: a spacecraft to embed into.",
+            help="What to write: a specification, or (craft) a spacecraft.",
             autocompletion=_kinds,
             show_default=False,
         ),
     ],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help="File to write.", show_default="KIND.toml or craft.xml"),
+        typer.Option("-o", "--output", metavar="FILE", help="Output file.", show_default="KIND.toml or craft.xml"),
     ] = None,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a commented SPEC.toml to start from, or a small spacecraft (MJCF) to embed it into.
+    """Write a commented SPEC.toml to start from, or a small spacecraft (MJCF) to attach it to.
 
-    Never replaces a file without --force.
+    Existing files are overwritten only with --force.
 
     Example: beamchain init boom
 

@@ -13,7 +13,7 @@ def inspect(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Modes, masses and step limits of any MuJoCo model with hinge chains, as MuJoCo sees them.
+    """Print modes, masses and step limits of any MuJoCo model with hinge chains.
 
     Example: beamchain inspect boom/scene.xml
     """

@@ -19,7 +19,11 @@ FRAMES, RATE = 108, 24.0  # four and a half seconds
 
 Scene = Annotated[
     Path,
-    typer.Argument(metavar="SCENE.xml|SPEC.toml", help="A MuJoCo scene, or a spec to fit first.", show_default=False),
+    typer.Argument(
+        metavar="SCENE.xml|SPEC.toml",
+        help="A MuJoCo scene, or a specification, which is fitted first.",
+        show_default=False,
+    ),
 ]
 
 
@@ -39,19 +43,20 @@ def load(source: Path) -> "tuple[str, mujoco.MjModel, Fit | None]":
 def render(
     scene: Scene,
     output: Folder,
-    exaggerate: Annotated[float, typer.Option(help="Multiply the elastic motion shown.")] = 1.0,
-    angle: Annotated[float, typer.Option(metavar="DEG", help="Turn by this much, in degrees.")] = 40.0,
-    width: Annotated[int, typer.Option(help="Of the pictures, in pixels.")] = 640,
-    height: Annotated[int, typer.Option(help="Of the pictures, in pixels.")] = 400,
-    want_mp4: Annotated[bool, typer.Option("--mp4/--no-mp4", help="A film too; needs ffmpeg.")] = True,
+    exaggerate: Annotated[float, typer.Option(help="Factor on the elastic motion.")] = 1.0,
+    angle: Annotated[float, typer.Option(metavar="DEG", help="Angle of the turn in degrees.")] = 40.0,
+    width: Annotated[int, typer.Option(help="Width of the pictures in pixels.")] = 640,
+    height: Annotated[int, typer.Option(help="Height of the pictures in pixels.")] = 400,
+    want_mp4: Annotated[bool, typer.Option("--mp4/--no-mp4", help="Write an MP4 too; needs ffmpeg.")] = True,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Pictures of the spacecraft turning while its appendage rings: PNG, GIF, and MP4 by ffmpeg.
+    """Draw the turning spacecraft and its vibrating appendage: PNG, GIF, and MP4 if ffmpeg is installed.
 
-    Without ffmpeg the others are written, and the exit status is 3. The hub is turned from rest to rest so that its
-    first mode rings; where a rigid appendage would be is drawn faintly. Needs no screen, but EGL or OSMesa.
+    The hub turns from rest to rest in a time that excites its first mode.
+    A rigid appendage is drawn faintly for comparison.
+    Without ffmpeg there is no MP4, and the exit status is 3. Needs EGL or OSMesa, but no screen.
 
     Example: beamchain render boom.toml -o pictures
 
@@ -112,7 +117,7 @@ def render(
             console().print(f"wrote {path}", soft_wrap=True)
     if want_mp4 and moving is None:
         explain(
-            f"no {name}.mp4 was made, as there is no ffmpeg on the PATH; install ffmpeg, or take the GIF and say --no-mp4."
+            f"no {name}.mp4 was made, as there is no ffmpeg on the PATH; install ffmpeg, or use the GIF and give --no-mp4."
         )
         raise typer.Exit(3)
 
@@ -127,7 +132,7 @@ def too_far(fit: "Fit", slew: "Slew") -> list[str]:
 
 
 def view(scene: Scene, as_json: Json = False, quiet: Quiet = False) -> None:
-    """Open MuJoCo's viewer on a scene, or on the scene that a spec's fit writes.
+    """Open MuJoCo's viewer on a scene, or on the fitted scene of a specification.
 
     Example: beamchain view boom/scene.xml
     """

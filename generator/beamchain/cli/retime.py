@@ -10,16 +10,16 @@ from beamchain.errors import InputError
 
 
 def retime(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.xml", help="A model with appendages.", show_default=False)],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="OUT.xml", help="The file to write.", show_default=False)
+    model: Annotated[
+        Path, typer.Argument(metavar="MODEL.xml", help="A MuJoCo model with appendages.", show_default=False)
     ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT.xml", help="Output file.", show_default=False)],
     timestep: Annotated[
-        float, typer.Option("--timestep", metavar="H", help="Step in s; 0 takes the timing out.", show_default=False)
+        float, typer.Option("--timestep", metavar="H", help="Step in s; 0 removes the timing.", show_default=False)
     ],
     integrator: Annotated[
         str | None,
-        typer.Option("--integrator", metavar="NAME", help="MuJoCo's name; the model's own where left out."),
+        typer.Option("--integrator", metavar="NAME", help="MuJoCo's name; default: the model's own."),
     ] = None,
     as_json: Json = False,
     force: Force = False,
@@ -27,9 +27,10 @@ def retime(
 ) -> None:
     """Make the appendages of a model exact in time for a step and integrator, and set both in its <option>.
 
-    Every mode's discrete pole is then that of the exact motion; modes of appendages beyond the step are slowed, so that
-    only the spacecraft's own springs limit it: a step beyond those is refused. Feed actuators with the mean of this and
-    the previous input (`bc.HeldInput`).
+    The discrete poles of the modes are then those of the exact motion.
+    Modes of appendages that are too fast for the step are slowed, so that only the spacecraft's own
+    springs limit the step; a step beyond those is refused.
+    Give actuators the mean of this and the previous input (`bc.HeldInput`).
 
     Example: beamchain retime flexible.xml --timestep 0.1 --integrator Euler -o flexible_0.1.xml
     """

@@ -4,7 +4,7 @@ from beamchain.cli.common import Force, Json, Quiet, print_json
 
 
 def schema(as_json: Json = False, force: Force = False, quiet: Quiet = False) -> None:
-    """JSON schema of SPEC.toml, for editors.
+    """Print the JSON schema of SPEC.toml, for editors.
 
     Example: beamchain schema > spec.schema.json
     """

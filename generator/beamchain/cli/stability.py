@@ -18,7 +18,7 @@ NOISE = 1e-9  # damping ratio below which nothing is shown
 def stability(
     source: Annotated[
         Path,
-        typer.Argument(metavar="SPEC.toml|MODEL.xml", help="An appendage, or any MuJoCo model.", show_default=False),
+        typer.Argument(metavar="SPEC.toml|MODEL.xml", help="A specification, or any MuJoCo model.", show_default=False),
     ],
     output: Folder,
     extremes_map: Annotated[bool, typer.Option("--map", hidden=True)] = False,
@@ -26,7 +26,7 @@ def stability(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Step limits predicted and measured, steps for an accuracy, damping each integrator adds, large motion.
+    """Find the largest stable steps, the steps for a given accuracy, numerical damping and large-motion limits.
 
     Writes report.html and stability.json into DIR.
 

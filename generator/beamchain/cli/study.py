@@ -14,15 +14,16 @@ if TYPE_CHECKING:
 Profile = Annotated[
     Path | None, typer.Option(metavar="CSV", help="Wrench on the hub: columns time, fx fy fz [N], mx my mz [N m].")
 ]
-Duration = Annotated[float | None, typer.Option(metavar="SECONDS", help="What is simulated; four slow periods.")]
+Duration = Annotated[
+    float | None, typer.Option(metavar="SECONDS", help="Simulated time; default: four periods of the slowest mode.")
+]
 Amplitude = Annotated[
-    float | None, typer.Option(metavar="SIZE", help="Of the doublet [N or N m]; small enough to stay linear.")
+    float | None,
+    typer.Option(metavar="SIZE", help="Size of the doublet [N or N m]; default: small enough to stay linear."),
 ]
-Budget = Annotated[float, typer.Option(metavar="SECONDS", help="Simulation time spent per model and integrator.")]
-Only = Annotated[list[str] | None, typer.Option("--model", metavar="NAME", help="Only this model (repeatable).")]
-Workers = Annotated[
-    int, typer.Option(min=1, max=256, help="Local processes; more than one disturb each other's times.")
-]
+Budget = Annotated[float, typer.Option(metavar="SECONDS", help="Computing time per model and integrator.")]
+Only = Annotated[list[str] | None, typer.Option("--model", metavar="NAME", help="Measure this model only. Repeatable.")]
+Workers = Annotated[int, typer.Option(min=1, max=256, help="Local processes; with several, times are less exact.")]
 
 LARGEST_PROFILE = 10_000_000  # bytes
 
@@ -42,7 +43,7 @@ def study(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Measure error against run time of every sensible model of an appendage on its hub, rivals included.
+    """Measure error against run time of many models of an appendage on its hub, equal links among them.
 
     Writes study.html, study.json, a picture and the recommended specs into DIR.
 

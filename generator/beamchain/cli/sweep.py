@@ -10,8 +10,8 @@ from beamchain.cli.progress import job_bar
 if TYPE_CHECKING:
     from beamchain.studies.sweep import Sweep
 
-Samples = Annotated[int, typer.Option(min=1, max=1_000_000, help="Variants to draw.")]
-Seed = Annotated[int, typer.Option(min=0, help="Of the draws; the same seed gives the same variants anywhere.")]
+Samples = Annotated[int, typer.Option(min=1, max=1_000_000, help="Number of variants.")]
+Seed = Annotated[int, typer.Option(min=0, help="Random seed; the same seed gives the same variants on any machine.")]
 Workers = Annotated[int, typer.Option(min=1, max=256, help="Local processes.")]
 
 
@@ -27,7 +27,7 @@ def sweep(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw variants of the uncertain properties and fit each: arrays for one compiled model, and how the modes spread.
+    """Draw random variants of an appendage, fit each, and write them as arrays for one compiled model.
 
     Writes scene.xml, variants.npz, apply_variants.py, a picture and sweep.json into DIR.
 

@@ -24,11 +24,11 @@ Triple = tuple[float, float, float]
 
 
 class Payload(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the user's scene will attach at the tip: fitted for, not written.
+    """The body that the user's scene will attach at the tip: the fit allows for it, but it is not in the files.
 
     Args:
         mass: [kg].
-        inertia: principal, about its own centre, which stands at the tip [kg m^2].
+        inertia: principal moments about its own centre, which is at the tip [kg m^2].
     """
 
     mass: float
@@ -44,8 +44,8 @@ class Damping(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Damping ratios of the cantilever modes.
 
     Args:
-        ratio: one for all modes, or a list per port; a list that is too short repeats its last.
-        form: "modal": a tendon per mode, exact; "hinge": plain joint damping.
+        ratio: one number for all modes, or a list per port; the last value of a short list applies to all further modes.
+        form: "modal": a tendon per mode, exact; "hinge": plain joint damping, approximate.
     """
 
     ratio: float | dict[str, tuple[float, ...]] = 0.0
@@ -65,7 +65,7 @@ class Damping(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             _ratio("ratio", self.ratio)
 
     def ratios(self, port: str, modes: int) -> Array:
-        """`(modes,)` ratios of a port; a list that is too short repeats its last."""
+        """`(modes,)` ratios of a port; the last value of a short list applies to all further modes."""
         if not isinstance(self.ratio, dict):
             return np.full(modes, float(self.ratio))
         given = self.ratio.get(port, ())
@@ -80,11 +80,11 @@ def _ratio(name: str, value: object) -> None:
 
 
 class Port(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A further point of the appendage that is exact beside the root, in the ports kept; site `NAME_<name>`.
+    """A further point at which the chain is exact, in the ports that are kept; its site is `NAME_<name>`.
 
     Args:
-        name: of its site: a-z, 0-9 and _.
-        x: from the root [m].
+        name: part of the name of its site: a-z, 0-9 and _.
+        x: distance from the root [m].
     """
 
     name: str
@@ -100,12 +100,12 @@ class Port(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Sensors(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Sensors written with the appendage, to watch modes, deflection and loads.
+    """Sensors written with the appendage, for modes, deflections and loads.
 
     Args:
         modes: amplitude and rate of each mode that has a tendon: `NAME_mode1_xy_amplitude`, `NAME_mode1_xy_rate`.
-        points: sites whose place and turn are read, seen from the root: `NAME_tip_place`, `NAME_tip_turn`.
-        root_load: force and moment between the appendage and what carries it: `NAME_root_force`, `NAME_root_moment`.
+        points: sites whose position and rotation relative to the root are measured: `NAME_tip_place`, `NAME_tip_turn`.
+        root_load: force and moment between the appendage and the spacecraft: `NAME_root_force`, `NAME_root_moment`.
     """
 
     modes: bool = False
@@ -114,13 +114,13 @@ class Sensors(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Modes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Flexible modes kept per port; 0 or absent: left out, rigid (with a scene's bandwidth, absent: chosen).
+    """Flexible modes kept per port. A port that is 0 or absent is rigid; with a scene's bandwidth, absent means chosen.
 
     Args:
-        xy: bending in the plane of x and y.
-        xz: bending in the plane of x and z.
-        torsion: about x.
-        axial: along x.
+        xy: bending modes in the plane of x and y.
+        xz: bending modes in the plane of x and z.
+        torsion: modes about x.
+        axial: modes along x.
     """
 
     xy: int | None = None
@@ -135,7 +135,7 @@ class Modes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 whole(port, getattr(self, port), 0, MOST_MODES)
 
     def counts(self) -> dict[str, int]:
-        """Modes per port, ports that keep none left out."""
+        """Modes per port, without the ports that keep none."""
         return {port: count for port in PORTS if (count := int(getattr(self, port) or 0)) > 0}
 
     def given(self) -> dict[str, int]:
@@ -144,7 +144,7 @@ class Modes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 def as_modes(given: object) -> Modes:
-    """Modes per port from a number (of both bending planes), a mapping by port, or `Modes`."""
+    """Modes per port from a number (for both bending planes), a mapping by port, or `Modes`."""
     if isinstance(given, Modes):
         return given
     if isinstance(given, Mapping):
@@ -160,7 +160,7 @@ def as_modes(given: object) -> Modes:
 
 
 class Root(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How the kept modes are chosen (`target`), and the hub."""
+    """The spacecraft (`hub`), and in which state the kept modes are exact (`target`)."""
 
     target: Target | None = None
     hub: Hub | None = None
@@ -177,13 +177,13 @@ class FitOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     Args:
         method: "exact", "least_squares", or a recipe to compare with: "classical" (EI N/L, 2 EI N/L at the root),
             "midpoint" (hinges at segment middles), "naive" (EI N/L everywhere), "seed" (the 2008 paper's three links).
-        links: how many, or their lengths [m]; only for the methods that leave it open.
-        free: what least squares varies.
-        springs: "auto": on the hinges where that is exact in all ports, else one tendon per mode; "hinges": on the hinges;
-            "modes": a tendon per mode, whose frequency and damping are two numbers of the compiled model.
-        cuts: x of hinges that must stand; others are added where the modes need them [m].
-        form: "chain", the only one there is.
-        timestep: above 0, the written files are exact in time at this step of the scene's integrator [s].
+        links: number of links, or their lengths [m]; only for methods that do not fix the links themselves.
+        free: quantities varied by least squares.
+        springs: "auto": on the hinges if that is exact in all ports, otherwise one tendon per mode; "hinges": on the
+            hinges; "modes": a tendon per mode, whose frequency and damping are two numbers of the compiled model.
+        cuts: x of hinges at prescribed places; others are added if the modes need them [m].
+        form: "chain", the only form.
+        timestep: if above 0, the written files are exact in time at this step of the scene's integrator [s].
     """
 
     method: Method = "exact"
@@ -228,18 +228,18 @@ class FitOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the scene needs; what it does not need is left out.
+    """What the scene needs; modes and sites it does not need are left out.
 
     Args:
-        bandwidth: frequencies that matter end here [rad/s]; with it, and no modes stated, modes are chosen.
-        tolerance: of the hub's in-band motion, relative.
+        bandwidth: highest frequency that matters [rad/s]; if it is given and [modes] is not, the modes are chosen.
+        tolerance: largest relative error of the hub's motion within the bandwidth.
         axes: hub motions that matter: rotations "x" "y" "z", translations "tx" "ty" "tz".
         tip: the tip's motion matters too, and the tip site is written.
         visuals: write massless shapes.
-        contacts: write shapes that other things may touch.
-        integrator: MuJoCo's name; "auto": Euler where it turns the spacecraft at `rates` within the tolerance, else RK4.
-        rates: largest rates of the spacecraft about its own axes, at once [rad/s].
-        timestep: [s]; where it is stated, the written files are exact in time for it. 0.01 where left out.
+        contacts: write shapes that can touch other bodies.
+        integrator: MuJoCo's name, or "auto": Euler if it turns the spacecraft at `rates` within the tolerance, else RK4.
+        rates: largest rates of the spacecraft about its own axes, occurring together [rad/s].
+        timestep: [s]; if it is given, the written files are exact in time for it. Default: 0.01.
     """
 
     bandwidth: float | None = None

@@ -1,4 +1,4 @@
-"""SPEC.toml: the appendage, what to keep of it, and what the scene needs; read once, checked on construction."""
+"""SPEC.toml: the appendage, the modes to keep and the needs of the scene; read once, checked on construction."""
 
 import math
 import re
@@ -34,7 +34,7 @@ from beamchain.structure.joint import Joint
 from beamchain.structure.lump import Lump, check_carried
 from beamchain.structure.segment import Segment
 
-#: What `replace` and `fit` take beside the fields, and what each is put into.
+#: Shorthands that `replace` and `fit` accept beside the fields.
 SHORT = ("hub", "target", "timestep")
 
 
@@ -43,19 +43,19 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     Args:
         name: prefix of every body, joint, site and geom: a-z, 0-9 and _.
-        segment: stretches of the appendage, root first.
-        joint: compliant hinge lines between them.
-        lump: rigid bodies carried along.
-        imported: modes somebody else computed, instead of segments.
-        payload: what the scene attaches at the tip.
-        port: further points that are exact beside the root.
-        sensors: that are written with the appendage.
-        damping: of the cantilever modes.
-        modes: kept per port.
+        segment: parts of the appendage, from the root to the tip.
+        joint: compliant hinge lines between segments.
+        lump: rigid bodies mounted along the appendage.
+        imported: modes from a finite-element program, in place of segments.
+        payload: the body that the scene attaches at the tip.
+        port: further points at which the chain is exact.
+        sensors: sensors written with the appendage.
+        damping: damping ratios of the cantilever modes.
+        modes: number of modes kept per port.
         root: target and hub.
         fit: method and its settings.
-        scene: what the scene needs.
-        uncertain: what `beamchain sweep` varies.
+        scene: needs of the scene, from which the modes can be chosen.
+        uncertain: properties that `beamchain sweep` varies.
     """
 
     name: str = "appendage"
@@ -102,15 +102,15 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         self._check_points()
 
     def replace(self, **changes: Any) -> "Spec":
-        """The specification with other values.
+        """A copy of the specification with some values replaced.
 
         Args:
-            changes: fields by name. `modes` may be a number (in both bending planes) or a mapping by port, `damping` a
-                ratio or lists by port. `hub` and `target` replace those of `root`, `timestep` that of `fit`. What is None
-                stays as it is.
+            changes: fields by name. `modes` may be a number (for both bending planes) or a mapping by port, `damping` a
+                ratio or lists by port. `hub` and `target` replace those of `root`, `timestep` that of `fit`. A value of
+                None leaves the field unchanged.
 
         Raises:
-            InputError: no such field, or a value is not allowed.
+            InputError: a field does not exist, or a value is not allowed.
 
         Example:
             >>> import beamchain as bc
@@ -146,7 +146,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return msgspec.structs.replace(self, **given) if given else self
 
     def _check_points(self) -> None:
-        """Cuts, ports and sensors stand on the appendage."""
+        """Check that cuts, ports and sensors are on the appendage."""
         names = [port.name for port in self.port]
         if len(set(names)) != len(names):
             raise InputError(f"two ports have the same name ({', '.join(names)}); give each its own.")
@@ -180,30 +180,30 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     @property
     def exact_step(self) -> float:
-        """Step for which the written files are exact in time [s]; 0: for none."""
+        """Step for which the written files are exact in time [s]; 0 if they are not."""
         typed = None if self.scene is None else self.scene.timestep
         return self.fit.timestep or typed or 0.0
 
     @property
     def integrator(self) -> str:
-        """Of scene.xml."""
+        """Integrator of scene.xml."""
         return (self.scene or Scene()).integrator
 
     @property
     def further(self) -> dict[str, float]:
-        """x of the points beside the root that must be exact: "tip" where a payload hangs there or it matters [m]."""
+        """x of the further points that must be exact [m]: the ports, and "tip" if it has a payload or the scene needs it."""
         if self.imported is not None or self.fit.method != "exact":
             return {}
         tip = self.payload is not None or (self.scene is not None and self.scene.tip)
         return ({"tip": self.beam.length} if tip else {}) | {port.name: port.x for port in self.port}
 
     def sites(self, length: float) -> dict[str, float]:
-        """x of the sites beside the root's [m]; without a scene the tip, at `length`, has one."""
+        """x of the sites other than the root's [m]; without a scene there is one at the tip, at `length`."""
         tip = self.scene is None or self.scene.tip or self.payload is not None or "tip" in self.sensors.points
         return ({"tip": length} if tip else {}) | {port.name: port.x for port in self.port}
 
     def _check_imported(self) -> None:
-        """What stands beside [imported] must make sense without a beam."""
+        """Check that the fields given with [imported] need no beam."""
         for key in ("segment", "joint", "lump", "payload", "port"):
             if getattr(self, key):
                 raise InputError(
@@ -230,17 +230,17 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return Beam(segments=self.segment, joints=self.joint, lumps=self.lump)
 
     def with_ratios(self, port: str, model: PortModel) -> PortModel:
-        """A port's model with the damping ratios wanted in its cantilever modes; as it is where none are stated."""
+        """A port's model with the specified damping ratios in its cantilever modes; unchanged if there are none."""
         return model if self.damping is None else model.replaced(damping=self.damping.ratios(port, model.modes))
 
     @property
     def chooses(self) -> bool:
-        """Whether the scene decides which modes are kept."""
+        """Whether the modes are chosen for the scene."""
         return self.scene is not None and self.scene.bandwidth is not None and self.fit.method == "exact"
 
     @property
     def kept(self) -> dict[str, int]:
-        """Modes kept per port, where the scene does not decide; empty: all that were imported."""
+        """Modes kept per port, if they are not chosen for the scene; empty means all imported modes."""
         if self.imported is not None and self.modes is None:
             return {}
         default = Modes(xy=2) if self.fit.method in RECIPES else Modes(xy=2, xz=2)
@@ -248,7 +248,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     @property
     def unsaid(self) -> tuple[str, ...]:
-        """The plane that is rigid only because [modes] names the other one alone; `xz = 0` says that it shall be."""
+        """The bending plane that is rigid only because [modes] does not mention it; `xz = 0` states that this is intended."""
         if self.modes is None or self.chooses or self.imported is not None or self.fit.method in RECIPES:
             return ()
         given = self.modes.given()
@@ -260,10 +260,10 @@ def read_spec(path: str | Path) -> Spec:
     """Read and check a SPEC.toml.
 
     Args:
-        path: of the file.
+        path: path of the file.
 
     Raises:
-        InputError: the file cannot be read, is no TOML, or a value is not allowed; the message names the place.
+        InputError: the file cannot be read or is not TOML, or a value is not allowed; the message names the field.
     """
     spec = spec_from_dict(_read_toml(Path(path)), str(path))
     if spec.imported is None:
@@ -299,7 +299,7 @@ def _read_toml(path: Path) -> dict[str, Any]:
 
 
 def spec_from_dict(data: Mapping[str, Any], source: str = "spec") -> Spec:
-    """A checked `Spec` from the parsed TOML."""
+    """A checked `Spec` from parsed TOML, given as `data`; errors name the `source`."""
     try:
         return msgspec.convert(data, Spec)
     except msgspec.ValidationError as error:
@@ -314,5 +314,5 @@ def schema() -> dict[str, Any]:
 
 
 def finite_or_none(value: float) -> float | None:
-    """A number as JSON can hold it: infinity becomes null (no limit)."""
+    """The number, or None (null in JSON) if it is infinite, which means no limit."""
     return float(value) if math.isfinite(value) else None
