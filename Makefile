@@ -61,13 +61,13 @@ EXAMPLES ?= 2000
 FUZZ_SECONDS ?= 60
 
 fuzz: $(VENV)/.installed
-	BEAMCHAIN_FUZZ=$(EXAMPLES) $(BIN)/pytest -n $(WORKERS) tests/test_hostile.py
+	BEAMCHAIN_FUZZ=$(EXAMPLES) $(BIN)/pytest -n $(WORKERS) tests/cli/test_hostile.py
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris || echo "atheris does not install here"
 	for reader in spec print "modes, TOML" "modes, JSON" spacecraft profile; do \
-		PYTHONPATH=tests $(BIN)/python tests/fuzz.py "$$reader" $(FUZZ_SECONDS) || exit 1; done
+		$(BIN)/python tests/support/fuzz.py "$$reader" $(FUZZ_SECONDS) || exit 1; done
 
 extremes: $(VENV)/.installed
-	PYTHONPATH=tests $(BIN)/python -m extremes build/extremes
+	PYTHONPATH=tests:tests/support $(BIN)/python -m extremes build/extremes
 
 notebooks: $(VENV)/.installed
 	$(BIN)/python notebooks/execute.py

@@ -1,6 +1,7 @@
-"""Makes `appendages`, the shared builders beside this file, importable from every test folder.
+"""For every test: small matrices in one thread.
 
-Pytest's default import mode puts the folder of the topmost conftest (this one) on `sys.path`.
+The shared builders in `support/` are importable from every test folder (`pythonpath` in pyproject.toml); this folder
+itself, which holds `extremes/`, is on `sys.path` because pytest puts that of the topmost conftest there.
 """
 
 import os

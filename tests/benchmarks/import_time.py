@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from beamchain import Damping, FitOptions, Modes, Spec, fit
 from beamchain.errors import BeamchainError

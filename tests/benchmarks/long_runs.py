@@ -9,7 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from beamchain.steps.budget import available
 from undisturbed import ringing, tumbling

@@ -17,7 +17,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 warnings.simplefilter("ignore")
 
 import beamchain as bc  # noqa: E402
@@ -28,7 +28,7 @@ from beamchain.errors import BeamchainError  # noqa: E402
 from beamchain.fitting.options import FitOptions, Root  # noqa: E402
 from beamchain.steps.large_motion import large_motion  # noqa: E402
 from random_appendages import random_appendage, toml  # noqa: E402
-from test_spin import FLAP, spinning  # noqa: E402
+from spinning import FLAP, spinning  # noqa: E402
 from undisturbed import momenta  # noqa: E402
 
 ROUNDS = 25
@@ -205,7 +205,9 @@ def fit_times() -> None:
 
 
 def shortest_links() -> None:
-    say("\nthe 200 random appendages of tests/random_appendages.py: time to fit and shortest link over the length")
+    say(
+        "\nthe 200 random appendages of tests/support/random_appendages.py: time to fit and shortest link over the length"
+    )
     short, times, kinds = [], [], {"hinges": 0, "modes": 0}
     for seed in range(200):
         spec = random_appendage(seed)

@@ -12,8 +12,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+TESTS = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(TESTS / folder) for folder in ("support", "fitting", "chain")]
 warnings.simplefilter("error")
+
+from test_damping import ratios_of, standing  # noqa: E402
+from test_least_squares import with_payload  # noqa: E402
 
 from appendages import seed_boom, unit_beam  # noqa: E402
 from arrays import deployed_array, flat_bar, random_array, space_beam, tube  # noqa: E402
@@ -25,9 +29,7 @@ from beamchain.fitting.options import FitOptions, Modes, Payload, Scene  # noqa:
 from beamchain.fitting.spec import Spec  # noqa: E402
 from beamchain.structure import discretise  # noqa: E402
 from beamchain.structure.beam import Beam, Lump  # noqa: E402
-from test_damping import ratios_of, standing  # noqa: E402
-from test_least_squares import with_payload  # noqa: E402
-from test_spin import FLAP, spinning  # noqa: E402
+from spinning import FLAP, spinning  # noqa: E402
 
 
 def say(*words: object) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from beamchain.engine.linearise import compile_model
 from beamchain.steps.budget import budget

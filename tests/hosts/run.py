@@ -11,7 +11,7 @@ from pathlib import Path
 
 NOTEBOOK = "tests/test_notebooks.py::test_notebook_runs[07_other_simulators]"  # its cells run where the host is
 KERNEL = ["nbclient", "nbformat", "ipykernel"]
-EMBED = ["tests/hosts/test_mujoco.py", "tests/test_embed.py", "tests/test_embed_refused.py"]
+EMBED = ["tests/hosts/test_mujoco.py", "tests/craft/test_embed.py", "tests/craft/test_embed_refused.py"]
 
 #: what must import, extra of beamchain, what else is installed, what is run
 HOSTS = {
@@ -24,7 +24,7 @@ HOSTS = {
         ["tests/hosts/test_dm_control.py", "tests/hosts/test_mujoco.py"],
     ),
     "basilisk": ("Basilisk.simulation.mujoco", "[basilisk]", KERNEL, ["tests/hosts/test_basilisk.py", NOTEBOOK]),
-    "nastran": ("pyNastran", "[nastran]", [], ["tests/hosts/test_pynastran.py", "tests/test_f06.py"]),
+    "nastran": ("pyNastran", "[nastran]", [], ["tests/hosts/test_pynastran.py", "tests/structure/test_f06.py"]),
     "mjx": ("mujoco.mjx", "[mjx]", KERNEL, ["tests/hosts/test_mjx.py", "tests/hosts/test_mjx_extremes.py", NOTEBOOK]),
     "warp": ("mujoco_warp", "[warp]", [], ["tests/hosts/test_warp.py"]),
 }

@@ -9,7 +9,7 @@ import pytest
 
 from beamchain.cli import main
 
-CRAFTS = Path(__file__).parent / "crafts"
+CRAFTS = Path(__file__).parents[1] / "crafts"
 APPENDAGES = CRAFTS / "appendages"
 
 

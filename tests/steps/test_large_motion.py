@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from arrays import space_beam
 from beamchain.engine.linearise import compile_model
 from beamchain.fitting.options import FitOptions
 from beamchain.steps.large_motion import FINE, LEFT, large_motion
-from test_spin import space_beam, spinning
+from spinning import spinning
 
 AROUND = 0.05  # relative: beyond the limit by as much the error is above 1 %, below it is under
 SETTLED = 1e-9  # of the length per unit time

@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from test_study import SEED
 from typer.testing import CliRunner
 
 import beamchain as bc
@@ -20,7 +21,6 @@ from beamchain.studies.fine_chain import LINEAR, WANTED, nonlinear
 from beamchain.studies.large_reference import Figures, added, at_zero, between
 from beamchain.studies.run_time import rigid_motion
 from elastica import Elastica
-from test_study import SEED
 
 AMPLITUDE, SMALL = 3.0, 1e-3  # N m; large motion changes 1.3e-3 and 1e-10 of the largest elastic motion
 ORACLE = 2e-5  # of the largest elastic motion: two WANTED, for reference and oracle

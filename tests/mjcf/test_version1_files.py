@@ -14,7 +14,7 @@ from appendages import close
 from beamchain.cli import app
 from beamchain.craft.embedding import take_out
 
-OLD = Path(__file__).parent / "crafts" / "version1"
+OLD = Path(__file__).parents[1] / "crafts" / "version1"
 CRAFT = (OLD / "craft.xml").read_bytes()
 EMBEDDED = ["flexible.xml", "flexible_osc.xml"]
 #: Frequencies [rad/s] of the compiled file, lowest first, and mass [kg].

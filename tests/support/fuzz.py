@@ -1,4 +1,4 @@
-"""Coverage-guided fuzzing of every reader, where atheris installs: `python tests/fuzz.py READER [SECONDS]`.
+"""Coverage-guided fuzzing of every reader, where atheris installs: `python tests/support/fuzz.py READER [SECONDS]`.
 
 Without atheris it says so and stops with 0: the properties of test_hostile.py have then run with many examples only.
 """
