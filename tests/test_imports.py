@@ -168,3 +168,14 @@ def test_only_one_place_imports_mujoco():
         names |= {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
         if path.name != "library.py" and path.parent.name != "examples":  # a user's script is none of the package
             assert "mujoco" not in names, path
+
+
+def test_the_door_leads_to_functions():
+    """Also after the modules behind it are loaded, which Python makes attributes of the package."""
+    import importlib
+
+    from beamchain import report
+
+    for name, module in report._HOME.items():
+        importlib.import_module(f"beamchain.report.{module}")
+        assert callable(getattr(report, name)), name

@@ -303,7 +303,11 @@ class PortModel:
         return {}
 
     def last_on_hub(self, hub_mass: ArrayLike) -> float:
-        """Last coupled frequency on a rigid hub; arguments as of `with_hub` [rad/s]."""
+        """Last coupled frequency on a rigid hub [rad/s].
+
+        Args:
+            hub_mass: as of `with_hub`.
+        """
         return float(self.with_hub(hub_mass).free_frequencies[-1])
 
     def truncated(self, modes: int) -> "PortModel":

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from beamchain.report.assembly_plot import assembly_svg as assembly_svg
     from beamchain.report.embed_html import embed_report as embed_report
-    from beamchain.report.embed_record import embed_record as embed_record
     from beamchain.report.html import fit_report as fit_report
     from beamchain.report.notebook import embedded_html as embedded_html
     from beamchain.report.notebook import embedded_text as embedded_text
@@ -18,15 +17,16 @@ if TYPE_CHECKING:
     from beamchain.report.notebook import fit_text as fit_text
     from beamchain.report.plots import plot_accelerance as plot_accelerance
     from beamchain.report.record import fit_record as fit_record
+    from beamchain.report.record_craft import embed_record as embed_record
+    from beamchain.report.record_study import study_record as study_record
     from beamchain.report.study_html import study_page as study_page
-    from beamchain.report.study_record import study_record as study_record
     from beamchain.report.sweep_plots import sweep_picture as sweep_picture
 
 _HOME = {
-    "assembly_svg": "assembly_plot", "embed_report": "embed_html", "embed_record": "embed_record",
+    "assembly_svg": "assembly_plot", "embed_report": "embed_html", "embed_record": "record_craft",
     "fit_report": "html", "embedded_html": "notebook", "embedded_text": "notebook", "fit_html": "notebook",
     "fit_text": "notebook", "plot_accelerance": "plots", "fit_record": "record", "study_page": "study_html",
-    "study_record": "study_record", "sweep_picture": "sweep_plots",
+    "study_record": "record_study", "sweep_picture": "sweep_plots",
 }  # fmt: skip
 
 
