@@ -141,7 +141,7 @@ def test_each_folder_imports_only_what_stands_before_it():
 
 
 def test_every_folder_has_its_place():
-    assert set(units()) == {*SENTENCE, "checks", "errors", "files", "examples"}
+    assert set(units()) == {*SENTENCE, "caution", "checks", "errors", "files", "examples"}
 
 
 def test_no_module_is_imported_in_a_circle():
