@@ -79,7 +79,7 @@ def test_fit(tmp_path):
 
 def test_stability_and_inspect(tmp_path):
     from beamchain.craft.inspect import inspect_model
-    from beamchain.studies.stability import study
+    from beamchain.studies.stability import stability as study
 
     bare = BUS.replace(' springref="30"', "").replace("0.5", "0.01")
     made = bc.embed(bare, {"mount": spec("rod")}, retime=False)

@@ -26,8 +26,8 @@ CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/><geom size=".5" mass=
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: bc.fit(ROD, modes=2), r'modes=\{"xy": 2\}'),
-        (lambda: bc.fit(ROD, damping=0.01), r"Damping\(ratio=0.005\)"),
+        (lambda: bc.fit(ROD, modes="two"), r'modes=\{"xy": 2'),
+        (lambda: bc.fit(ROD, damping="low"), r"ratio = 'low' is not a number"),
         (lambda: bc.fit(ROD, root="hub"), r"Root\(target="),
         (lambda: bc.fit(ROD, scene=5.0), r"Scene\(bandwidth="),
         (lambda: bc.fit(ROD, options="classical"), r"FitOptions\(method="),
@@ -115,3 +115,28 @@ def test_a_fit_goes_to_another_process():
     again = pickle.loads(pickle.dumps(fit))
     assert again.to_mjcf() == fit.to_mjcf()
     assert to_json(again.as_dict()) == to_json(fit.as_dict())
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: bc.Tube(thickness=0.1), "Tube has no field 'thickness'; it takes outer_diameter, wall"),
+        (lambda: bc.Scene(bandwith=3.0), "Scene has no field 'bandwith'; did you mean bandwidth"),
+        (lambda: bc.Tube(outer_diameter=0.1), "Tube: wall is missing; it takes outer_diameter, wall"),
+        (lambda: bc.Segment(8.0), "Segment: 8.0 is given without a name; it takes length"),
+        (lambda: bc.Spec(segment=ROD.segments).replace(mode=2), "a specification has no field 'mode'; it has name"),
+        (lambda: bc.fit(ROD, hub=3), r"hub = 3 is a int; give a Hub"),
+    ],
+)
+def test_a_call_that_does_not_fit_is_answered_with_what_fits(call, words):
+    with pytest.raises(bc.InputError, match=words):
+        call()
+
+
+def test_numbers_where_numbers_do():
+    spec = bc.Spec(segment=ROD.segments).replace(modes=1, damping=0.01, timestep=0.02, target="free", name="short")
+    assert (spec.kept, spec.damping.ratio, spec.fit.timestep) == ({"xy": 1, "xz": 1}, 0.01, 0.02)
+    assert (spec.root.target, spec.name) == ("free", "short")
+    made = bc.fit(ROD, modes=1, damping=0.01)
+    assert [(row.port, row.number) for row in made.modes] == [("xy", 1), ("xz", 1)]
+    assert [row.damping_ratio for row in made.modes] == pytest.approx([0.01, 0.01], rel=1e-6)
