@@ -272,8 +272,13 @@ class Chain:
         if modes.modes == 0:
             return modes
         shapes = self.shapes(port, modes)
-        rates = np.einsum("ki,ij,kj->k", shapes, self.damping(self.freedoms([port])), shapes)
+        rates = np.diag(shapes @ self.damping(self.freedoms([port])) @ shapes.T)
         return modes.replaced(damping=rates / (2.0 * modes.frequencies))
+
+    def modal_damping(self, port: str) -> Array:
+        """`(n, n)` what hinges and tendons damp of the modes of a port, mass-normalised [1/s]."""
+        shapes = self.shapes(port, self.port(port))
+        return np.asarray(shapes @ self.damping(self.freedoms([port])) @ shapes.T, dtype=np.float64)
 
     def replaced_springs(self, port: str, springs: Array) -> Self:
         """The chain with other springs `(h,)` on the hinges that move in a port, in order."""

@@ -11,6 +11,7 @@ import numpy as np
 from beamchain.caution import Caution
 from beamchain.chain.build import Wishes, build_exact, with_real_polar
 from beamchain.chain.built import Built
+from beamchain.chain.chain import Chain
 from beamchain.chain.compared import build_least_squares, build_recipe
 from beamchain.chain.cut import Cut
 from beamchain.chain.damping import joint_damping
@@ -29,7 +30,7 @@ from beamchain.fitting.result import Fit, seconds_taken
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.warnings import fit_warnings
 from beamchain.mjcf.write import SMALLEST, check_hub
-from beamchain.ports.compare import compare, in_band_error
+from beamchain.ports.compare import compare, coupling_error, in_band_error
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
@@ -201,6 +202,8 @@ def _fit(spec: Spec) -> Fit:
     limits = coupled_limits(in_space(achieved, measured.rigid_mass), hub, tendon=tendon, sprung=sprung)
     clock.append(time.perf_counter())
     promise = plan.promise.error(achieved, dict.fromkeys(achieved, "achieved")) if plan.promise else None
+    if promise is not None and any(hinge.damping for hinge in chain.hinges):
+        promise += _coupled(spec, chain, {port: chain.damped(port) for port in built.targets})
     return Fit(
         spec=spec,
         chain=chain,
@@ -331,11 +334,24 @@ def damped(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
             return replace(built, chain=chain)
         if plan.promise is not None and scene is not None and not chain.tendons:
             models = {port: chain.damped(port) for port in built.targets}
-            if plan.promise.error(models, dict.fromkeys(models, "hinge damping")) <= scene.tolerance:
+            error = plan.promise.error(models, dict.fromkeys(models, "hinge damping"))
+            if error + _coupled(spec, chain, models) <= scene.tolerance:
                 return replace(built, chain=chain)
         if spec.fit.method != "exact":
             return replace(built, chain=damped_modes(built.chain, ratios))
     return build(spec, plan, beam, cut, per_mode=True)
+
+
+def _coupled(spec: Spec, chain: Chain, models: Mapping[str, PortModel]) -> float:
+    """In-band error that dampers in the hinges make by coupling modes, worst of the ports."""
+    hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
+    band = 0.0 if spec.scene is None else spec.scene.bandwidth or 0.0
+    errors = [
+        coupling_error(model, chain.modal_damping(port), None if hub is None else port_hub_mass(hub, port), band)
+        for port, model in models.items()
+        if model.modes and band
+    ]
+    return max(errors, default=0.0)
 
 
 def needs_time(spec: Spec, plan: Plan) -> bool:

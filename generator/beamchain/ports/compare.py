@@ -116,6 +116,28 @@ def in_band_error(
     return Reference([Block(np.asarray(hub_mass, dtype=np.float64), b, tuple(pick))], bandwidth).error(0, a)
 
 
+def coupling_error(model: PortModel, damping: Array, hub_mass: Array | None, bandwidth: float) -> float:
+    """What dampers that couple the modes do to the hub's motion beyond the modes' own ratios, as an in-band error.
+
+    Args:
+        model: with the damping ratios of `damping`'s diagonal.
+        damping: `(n, n)` modal damping, modes mass-normalised [1/s].
+        hub_mass: `(m, m)`; none: the worst of three hubs.
+        bandwidth: [rad/s].
+    """
+    if model.modes < 2 or not np.any(damping - np.diag(np.diag(damping))):
+        return 0.0
+    if hub_mass is None:
+        return max(coupling_error(model, damping, f * model.rigid_mass, bandwidth) for f in STANDARD_HUBS)
+    block = Block(hub_mass, model, tuple(range(model.motions)))
+    omega = grid_of([peaks_of(model, hub_mass)], bandwidth)
+    s = 1j * omega[:, None, None]
+    inner = s**2 * np.eye(model.modes) + s * damping + np.diag(model.frequencies**2)
+    felt = model.participation.T @ np.linalg.solve(inner, s**2 * model.participation)
+    coupled = small_inverse(hub_mass + model.rigid_mass - felt) * block.scale
+    return float(relative(coupled, block.response(model, omega), block.frozen).max())
+
+
 @dataclass(frozen=True, eq=False)
 class Block:
     """Motions that the hub and the appendage couple with no others.
