@@ -4,7 +4,7 @@
 # make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp" for more
 # make bench       print the timings that README and CHANGELOG quote
 # make bench-peers  the README's study beside Exudyn and Basilisk, in an environment of its own under build/peers
-# make fuzz        every reader with EXAMPLES spoilt files each, then coverage-guided where atheris installs
+# make fuzz        EXAMPLES hostile specifications, every reader with as many spoilt files, then coverage-guided where atheris installs
 # make extremes    1602 extreme appendages, each checked independently; counts and a map in build/extremes
 # make notebooks   run the notebooks in place, outputs kept small
 # make docs-pictures  draw the pictures that README shows

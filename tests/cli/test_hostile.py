@@ -2,14 +2,18 @@
 
 Every reader gets good files that were spoilt (hypothesis), files made to hurt, and paths that lead outside. What comes
 back is either a result or one `BeamchainError`. `make fuzz` runs the same properties longer (BEAMCHAIN_FUZZ examples).
+Specifications far out and spoilt ones are fitted too; their seed rotates daily and is printed, BEAMCHAIN_SEED sets it.
 """
 
+import datetime
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
 import time
+import traceback
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -22,12 +26,18 @@ from beamchain.engine.linearise import compile_model
 from beamchain.errors import BeamchainError, OutputError
 from beamchain.files import write_files
 from hostile import READERS, SPEC, bombs, reader_of, spoilt
+from hostile_specs import hostile_spec
 from spacecraft import CRAFTS, spec
 
 SECONDS = 5.0  # for any one file
 MEGABYTES = 1000  # what reading it may take
 EXAMPLES = int(os.environ.get("BEAMCHAIN_FUZZ", "25"))
 BOMBS = bombs()
+SPECS = int(os.environ.get("BEAMCHAIN_FUZZ", "2000"))
+PARTS = 20  # of them, for workers to share
+WRITTEN = 25  # of so many fits one is written whole
+SEED = int(os.environ.get("BEAMCHAIN_SEED", datetime.datetime.now(datetime.UTC).date().toordinal()))
+OPENED: list[str] | None = None  # files opened for writing, while it is a list
 
 
 def taken(read, path) -> None:
@@ -203,3 +213,66 @@ def test_reading_leaves_no_file_open(tmp_path):
         READERS["matrices, NumPy"][2](path)
     after = len(list(Path("/proc/self/fd").iterdir())) if before else 0
     assert after <= before
+
+
+class Overrun(BaseException):
+    """More seconds of the processor than are allowed; no `except Exception` takes it."""
+
+
+def _overrun(number, frame):
+    raise Overrun(f"more than {SECONDS} s of the processor")
+
+
+def _opened(event, arguments):
+    path = event == "open" and OPENED is not None and not isinstance(arguments[0], int)  # else one opened already
+    if path and (arguments[2] or 0) & (os.O_WRONLY | os.O_RDWR):
+        OPENED.append(str(arguments[0]))
+
+
+def _fitted(number, folder):
+    """What goes wrong with the hostile specification of a number, if anything; its folder holds nothing else."""
+    global OPENED
+    text, document = hostile_spec(number)
+    (folder / "spec.toml").write_text(text)
+    if document is not None:
+        (folder / "modes.json").write_text(document)
+    before = signal.signal(signal.SIGPROF, _overrun)
+    wrong, start, OPENED = "", time.process_time(), []
+    try:
+        signal.setitimer(signal.ITIMER_PROF, SECONDS, 1.0)
+        result = bc.fit(bc.read_spec(folder / "spec.toml"))
+        result.scene_mjcf(), result.as_dict(), str(result), result.warnings
+        if number % WRITTEN == 0:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)  # drawing has no search in it
+            result.write(folder / "out")
+    except BeamchainError as error:
+        wrong = "" if str(error).strip() else "an error without a sentence"
+    except (Exception, Overrun):
+        wrong = traceback.format_exc()
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+        took, opened, OPENED = time.process_time() - start, OPENED, None
+    outside = [path for path in opened if folder not in Path(path).resolve().parents and "__pycache__" not in path]
+    if outside:
+        wrong += f"\nopened for writing: {outside}"
+    return took, f"\nspecification {number}, {took:.2f} s: {wrong}\n{text}" if wrong else ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(PARTS))
+def test_hostile_specifications(part, tmp_path):
+    """Read, fitted, shown: a result or one sentence, in seconds, and nothing written elsewhere."""
+    sys.stdout.write(f"BEAMCHAIN_SEED={SEED}\n")
+    sys.addaudithook(_opened)
+    failed, times = [], []
+    for i in range(part, SPECS, PARTS):
+        folder = tmp_path / str(i)
+        folder.mkdir()
+        took, wrong = _fitted(SEED * 1_000_000 + i, folder)
+        shutil.rmtree(folder)
+        times.append(took)
+        failed += [wrong] if wrong else []
+    longest = max(times, default=0.0)
+    sys.stdout.write(f"{len(times)} specifications, {sum(times):.1f} s of the processor, {longest:.1f} s the longest\n")
+    assert not failed, f"{len(failed)} of {len(times)}:" + "".join(failed[:10])

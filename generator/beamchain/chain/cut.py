@@ -26,7 +26,7 @@ NEAR = (0.3, 0.2, 0.134, 0.09, 0.06, 0.04, 0.02)  # hinges by a further port, in
 SWEEPS = 8  # of the relaxation towards even links
 STEPS = (1.0, 0.75, 0.5, 0.25, 0.1, 0.03)
 MANY_TRIED = 4_000  # margins worked out, after which the best cut so far is taken
-MOST_TRIED = 30_000  # the same where none was found: some four seconds
+MOST_TRIED = 8_000  # the same where none was found: one to two seconds
 LEAST_MARGIN = 0.004  # of the same beside a further port, whose own share is what is left
 MOST_ADDED = 4  # hinges tried beyond what the modes need
 

@@ -105,7 +105,7 @@ class Margins:
             freedoms: of the group.
             behind: `(c, 6, 6)` mass matrix behind each hinge.
         """
-        self.table.tried += 1
+        self.table.tried += 1 + len(freedoms) // 8  # as long as it takes
         motion, given, floor, left_over = self._constants(group)
         at = np.array([i for i, _ in freedoms])
         own = np.array([TURNS[p][0] - x[i] * TURNS[p][1] for i, p in freedoms])

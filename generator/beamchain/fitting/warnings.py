@@ -53,7 +53,7 @@ def fit_warnings(
     if spec.damping is not None and spec.damping.form == "hinge":
         missed: list[str] = []
         for port, model in achieved.items():
-            wanted = spec.damping.ratios(port, min(model.modes, spec.kept[port]))
+            wanted = spec.damping.ratios(port, min(model.modes, spec.kept.get(port, model.modes)))
             missed += [
                 f"{port} {k + 1}: {have:.4g} for {want:.4g}"
                 for k, (want, have) in enumerate(zip(wanted, model.damping, strict=False))

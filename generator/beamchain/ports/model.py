@@ -303,12 +303,12 @@ class PortModel:
         return {}
 
     def last_on_hub(self, hub_mass: ArrayLike) -> float:
-        """Last coupled frequency on a rigid hub [rad/s].
+        """Last coupled frequency on a rigid hub; 0 without any [rad/s].
 
         Args:
             hub_mass: as of `with_hub`.
         """
-        return float(self.with_hub(hub_mass).free_frequencies[-1])
+        return float(np.max(self.with_hub(hub_mass).free_frequencies, initial=0.0))
 
     def truncated(self, modes: int) -> "PortModel":
         """Only the first `modes` cantilever modes; the rigid mass stays."""

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.ports.compare import band_grid, clusters, damped, relative
+from beamchain.engine.threads import one_thread
+from beamchain.ports.compare import NARROWEST, band_grid, clusters, damped, largest, spectral_norms
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import INTEGRATORS, step_pole
@@ -39,6 +40,7 @@ class StepChoice:
     cost: float
 
 
+@one_thread()
 def choose_step(
     model: PortModel,
     hub_mass: Array,
@@ -74,24 +76,29 @@ def choose_step(
     rigid = (coupled.rigid_port_values @ coupled.rigid_port_values.T)[np.ix_(keep, keep)] * np.outer(s, s)
     stable = coupled_limits(coupled, None, tendon=tendon, sprung=sprung).largest_step
     frozen = float(np.linalg.norm(rigid, 2))
+    known = rigid + _flexible(grid, w, ratios, p, s)
+    below = np.maximum(spectral_norms(known), frozen)
     out: list[StepChoice] = []
     for name in INTEGRATORS:
         limit = MARGIN * min(stable[name], 3.0 / float(w[0]))
 
-        def error(h: float, name: str = name) -> float:
+        def over(h: float, name: str = name) -> bool:
             pole = np.log(step_pole(name, w * h, ratios, tendon=tendon, sprung=sprung)) / h
             moved, lost = np.abs(pole), -pole.real / np.maximum(np.abs(pole), 1e-300)
-            omega = np.union1d(grid, clusters(np.column_stack([moved, lost]), bandwidth))
-            ours, exact = (rigid + _flexible(omega, *poles, p, s) for poles in ((moved, lost), (w, ratios)))
-            return float(relative(ours, exact, frozen).max())
+            new = clusters(np.column_stack([moved, lost]), bandwidth)
+            if new.size:
+                ours, exact = (rigid + _flexible(new, *poles, p, s) for poles in ((moved, lost), (w, ratios)))
+                if largest(ours - exact, np.maximum(spectral_norms(exact), frozen)) > tolerance:
+                    return True
+            return largest(rigid + _flexible(grid, moved, lost, p, s) - known, below) > tolerance
 
         bound, step = "stability", limit
-        if error(limit) > tolerance:
+        if over(limit):
             bound = "tolerance"
             low, high = 1e-6 * limit, limit
             for _ in range(11):  # to 1 %
                 middle = float(np.sqrt(low * high))
-                low, high = (low, middle) if error(middle) > tolerance else (middle, high)
+                low, high = (low, middle) if over(middle) else (middle, high)
             step = low
         out.append(StepChoice(name, step, bound, RELATIVE_COST[name] / step))
     cheapest = min(c.cost for c in out)
@@ -102,10 +109,11 @@ def choose_step(
 
 def _flexible(omega: Array, w: Array, ratios: Array, p: Array, s: Array) -> NDArray[np.complex128]:
     """`(f, m, m)` flexible part of the scaled accelerance."""
-    x = 1j * omega[:, None]
+    x, ratios = 1j * omega[:, None], np.maximum(ratios, NARROWEST)
     weight = x**2 / (x**2 + 2.0 * ratios * w * x + w**2)
     rows = p * s
-    return np.einsum("fk,ki,kj->fij", weight, rows, rows, optimize=True)
+    outer = (rows[:, :, None] * rows[:, None, :]).reshape(len(rows), -1)
+    return np.asarray(weight @ outer, dtype=np.complex128).reshape(-1, rows.shape[1], rows.shape[1])
 
 
 def _coupled_ratios(coupled: PortModel) -> Array:

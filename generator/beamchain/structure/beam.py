@@ -171,22 +171,35 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
         """`(6, 6)` mass matrix of the frozen appendage about the root, motions (x, y, z, rotations)."""
         return straight_mass_matrix(self.moments(0.0, self.length, closed=True))
 
+    @cached_property
+    def _whole(self) -> Array:
+        """`(s, 6)` as in `Moments`, of every segment."""
+        ends = [*self._starts[1:], self.length]
+        return np.vstack([
+            self._stretch(i, np.array([a]), b) for i, (a, b) in enumerate(zip(self._starts, ends, strict=True))
+        ])  # fmt: skip
+
+    def _stretch(self, index: int, start: Array, end: float) -> Array:
+        """`(k, 6)` as in `Moments`, of a segment between each of `start` `(k,)` and `end` [m]."""
+        segment, x0 = self.segments[index], self._starts[index]
+        xi, weights = elements.gauss(6)
+        half = (end - start)[:, None] / 2.0
+        x = start[:, None] + half * (1.0 + xi)
+        at = segment.at(np.clip((x.ravel() - x0) / segment.length, 0.0, 1.0))
+        turn = 1.0 if segment.theory == "timoshenko" else 0.0
+        mass, polar, xy, xz = (v.reshape(x.shape) for v in (at.mass, at.polar, at.rotary_xy, at.rotary_xz))
+        values = np.stack([mass, mass * x, mass * x**2, polar, turn * xy, turn * xz], axis=-1)
+        return np.einsum("kq,kqi->ki", half * weights, values)
+
     def moments(self, start: float, end: float, *, closed: bool = False) -> Moments:
         """Moments of the stretch `[start, end)` about the root; `closed` takes in a lump at `end` itself."""
         total = np.zeros(6)
-        xi, weights = elements.gauss(6)
-        for x0, segment in zip(self._starts, self.segments, strict=True):
+        for i, (x0, segment) in enumerate(zip(self._starts, self.segments, strict=True)):
             a, b = max(start, x0), min(end, x0 + segment.length)
-            if b <= a:
-                continue
-            x = a + (b - a) * (1.0 + xi) / 2.0
-            at = segment.at((x - x0) / segment.length)
-            w = weights * (b - a) / 2.0
-            rotary = segment.theory == "timoshenko"
-            total += np.array([
-                w @ at.mass, w @ (at.mass * x), w @ (at.mass * x**2), w @ at.polar,
-                w @ at.rotary_xy if rotary else 0.0, w @ at.rotary_xz if rotary else 0.0,
-            ])  # fmt: skip
+            if b > a:
+                total += (
+                    self._whole[i] if (a, b) == (x0, x0 + segment.length) else self._stretch(i, np.array([a]), b)[0]
+                )
         edge = 1e-9 * self.length
         for lump in self.lumps:
             if start - edge <= lump.x < end - edge or (closed and abs(lump.x - end) <= edge):
@@ -197,18 +210,13 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
 
     def behind(self, x: Array) -> Array:
         """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m]; a lump there hangs before it."""
-        total = np.zeros((x.size, 6))
-        xi, weights = elements.gauss(6)
         edge = 1e-9 * self.length
-        for x0, segment in zip(self.starts, self.segments, strict=True):
-            end = x0 + segment.length
-            a = np.clip(x, x0, end)
-            at_x = a[:, None] + (end - a)[:, None] * (1.0 + xi) / 2.0
-            at = segment.at(np.clip((at_x.ravel() - x0) / segment.length, 0.0, 1.0))
-            turn = 1.0 if segment.theory == "timoshenko" else 0.0
-            mass, polar, xy, xz = (v.reshape(at_x.shape) for v in (at.mass, at.polar, at.rotary_xy, at.rotary_xz))
-            values = np.stack([mass, mass * at_x, mass * at_x**2, polar, turn * xy, turn * xz], axis=-1)
-            total += np.einsum("kq,kqi,q->ki", (end - a)[:, None] / 2.0 * np.ones_like(at_x), values, weights)
+        beyond = np.vstack([np.cumsum(self._whole[::-1], axis=0)[::-1], np.zeros((1, 6))])
+        index = np.maximum(np.searchsorted(np.array(self._starts), x, side="right") - 1, 0)
+        total = beyond[index + 1]
+        for i in np.unique(index).tolist():
+            end, here = self._starts[i] + self.segments[i].length, index == i
+            total[here] += self._stretch(i, np.clip(x[here], self._starts[i], end), end)
         for lump in self.lumps:
             ix, iy, iz = lump.inertia
             own = lump.mass * np.array([1.0, lump.x, lump.x**2, 0.0, 0.0, 0.0]) + np.array([0.0, 0.0, 0.0, ix, iz, iy])

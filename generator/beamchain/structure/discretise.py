@@ -17,9 +17,11 @@ from beamchain.ports.model import PortModel
 from beamchain.structure import elements, many_pieces
 from beamchain.structure.joint import Joint
 from beamchain.structure.lump import Lump
-from beamchain.structure.segment import Segment
+from beamchain.structure.segment import Segment, Stations
 
 FEW = 12  # pieces up to which the degree of each is chosen by the number of segments alone
+MANY = 100  # pieces beyond which each needs a degree so low that it is raised by two at a time
+FAR = 1e-3  # relative change of a frequency from which the degree is raised faster, and below which rounding may lie
 WRITTEN = 400  # coordinates beyond which the rows are not written down
 
 
@@ -49,20 +51,25 @@ def converged(parts: Parts, port: str, modes: int, stations: tuple[float, ...] =
     parts = _joined(parts)
     wanted = max(modes, 1)
     count = len(_edges(parts))
-    functions = 4 + ceil((10 + 1.6 * wanted) / len(parts.segments))
+    functions, step = 4 + ceil((10 + 1.6 * wanted) / len(parts.segments)), 4
     if count > FEW:
         functions = 2 + ceil((10 + 1.6 * wanted) / count)
-    coarse, before = _discretised(parts, port, functions, wanted, stations), np.inf
+    if count > MANY:
+        functions, step = functions + 2, 2
+    coarse, least, stood = _discretised(parts, port, functions, wanted, stations), np.inf, 0
     while True:
-        fine = _discretised(parts, port, functions + 4, wanted, stations)
-        change = 0.0
+        fine = _discretised(parts, port, functions + step, wanted, stations)
+        changes: list[float] = []
         for a, b in ((coarse.frequencies, fine.frequencies), (coarse.free_frequencies, fine.free_frequencies)):
             k = min(wanted, a.size, b.size)
-            change = max(change, float(np.max(np.abs(b[:k] / a[:k] - 1.0), initial=0.0)))
-        stands = change < 1e-9 and change > 0.3 * before  # rounding, which no degree mends
-        if change < 1e-12 * max(10.0, wanted) or stands or functions > 60:
+            changes.append(float(np.max(np.abs(b[:k] / a[:k] - 1.0), initial=0.0)))
+        change, enough = max(changes), 1e-12 * max(10.0, wanted)
+        stood = stood + 1 if change > 0.3 * least else 0  # on rounding, which no degree mends
+        stands = stood > (0 if change < 1e-9 or changes[0] < enough else 2) and change < FAR
+        if change < enough or stands or functions > 60:
             return fine
-        functions, coarse, before = functions + 4, fine, change
+        functions, coarse, least = functions + step, fine, min(change, least)
+        step = min(2 * step, 8) if change > FAR else step
 
 
 def _joined(parts: Parts) -> Parts:
@@ -113,8 +120,8 @@ def _discretised(parts: Parts, port: str, functions: int, wanted: int, stations:
         for lump in parts.lumps
     ]
     large = functions * (len(pieces) + sum(p.shear_stiffness is not None for p in pieces)) > WRITTEN
-    if large and not stations:
-        return many_pieces.assemble(pieces, hinges, bodies, functions, wanted, bending=bending)
+    if large:
+        return many_pieces.assemble(pieces, hinges, bodies, functions, wanted, bending=bending, stations=stations)
     return elements.assemble(pieces, hinges, bodies, functions, bending=bending, stations=stations)
 
 
@@ -137,19 +144,28 @@ def _edges(parts: Parts, stations: tuple[float, ...] = ()) -> list[tuple[Segment
     return out
 
 
+@lru_cache(maxsize=8)
+def _sampled(parts: Parts, functions: int, stations: tuple[float, ...]) -> list[tuple[Segment, float, float, Stations]]:
+    """The stretches of `_edges`, sampled for all ports: segment, from, to, what it has at the Gauss points."""
+    xi, _ = elements.gauss(functions + 5)
+    return [
+        (segment, a, b, segment.at((a + (b - a) * (1.0 + xi) / 2.0 - x0) / segment.length))
+        for segment, x0, a, b in _edges(parts, stations)
+    ]
+
+
 def _pieces(parts: Parts, port: str, functions: int, stations: tuple[float, ...]) -> list[elements.Piece]:
     """The stretches of `_edges`, sampled for one port."""
-    out: list[elements.Piece] = []
-    xi, _ = elements.gauss(functions + 5)
     bending = port in ("xy", "xz")
-    for segment, x0, a, b in _edges(parts, stations):
-        at = segment.at((a + (b - a) * (1.0 + xi) / 2.0 - x0) / segment.length)
+    stiffness = f"bending_{port}" if bending else port
+    out: list[elements.Piece] = []
+    for segment, a, b, at in _sampled(parts, functions, stations):
         sheared = bending and segment.theory == "timoshenko"
         out.append(
             elements.Piece(
                 start=a,
                 length=b - a,
-                stiffness={"xy": at.bending_xy, "xz": at.bending_xz, "torsion": at.torsion, "axial": at.axial}[port],
+                stiffness=getattr(at, stiffness),
                 inertia=at.polar if port == "torsion" else at.mass,
                 shear_stiffness=(at.shear_xy if port == "xy" else at.shear_xz) if sheared else None,
                 rotary_inertia=(at.rotary_xy if port == "xy" else at.rotary_xz) if sheared else None,

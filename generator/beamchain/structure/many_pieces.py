@@ -17,7 +17,8 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.structure import elements
 
-STILL = 1e-12  # relative change of the wanted frequencies between two looks at which the space is large enough
+STILL = 1e-11  # relative change of the wanted frequencies between two looks; what is left then is rounding, 1e-12
+ROUNDED = 1e-5  # the same, where it falls no further: rounding of what is that far apart
 LOOK = 6  # blocks between two looks
 DEPENDENT = 1e-11  # what is left of a vector, relative, below which it is in the space already
 
@@ -31,6 +32,7 @@ class ManyPieces:
         bodies: each at the end of a piece or at the root; a body at a joint hangs before it.
         functions: Legendre polynomials per piece and strain.
         bending: True: displacement and rotation; False: torsion or axial, whose motion is called a turn here.
+        stations: points beside the tip whose motion is wanted, each at the end of a piece or at the root.
     """
 
     def __init__(
@@ -41,6 +43,7 @@ class ManyPieces:
         functions: int,
         *,
         bending: bool,
+        stations: Sequence[float] = (),
     ) -> None:
         self.bending: bool = bending
         self.functions: int = functions
@@ -64,7 +67,9 @@ class ManyPieces:
         rotary = np.array([np.zeros(xi.size) if p.rotary_inertia is None else p.rotary_inertia for p in pieces])
         self.move: Array = inertia if bending else np.zeros_like(inertia)
         self.turn: Array = np.sqrt(stretch * rotary) if bending else inertia
+        self.turns: bool = bool(np.any(self.turn))  # else no row weighs a rotation between the nodes
         self.hinge_nodes: np.ndarray[tuple[int], np.dtype[np.int64]] = self._nearest([h.x for h in hinges])
+        self.ends: list[int] = [self.count, *self._nearest(stations).tolist()]
         self.jumps: Array = 1.0 / np.sqrt(np.array([h.stiffness for h in hinges], dtype=np.float64))
         self.body_nodes: np.ndarray[tuple[int], np.dtype[np.int64]] = self._nearest([b.x for b in bodies])
         mass = np.sqrt(np.array([b.mass for b in bodies], dtype=np.float64))
@@ -95,7 +100,7 @@ class ManyPieces:
         return parts[0], parts[1] if len(parts) > 1 else None, y[:, len(series) * block :]
 
     def rows(self, y: Array) -> tuple[Array, Array]:
-        """Weighted motion `(b, r)` of all points and the tip's motion `(b, t)` for coordinates `(b, n)`."""
+        """Weighted motion `(b, r)` of all points and `(b, t)` that of tip and stations for coordinates `(b, n)`."""
         strain, shear, angles = self._split(y)
         half = self.half
         jump = np.zeros((y.shape[0], self.count + 1))
@@ -103,10 +108,12 @@ class ManyPieces:
         before = np.zeros_like(jump)  # turn at each node, its own hinge not in it yet
         before[:, 1:] = np.cumsum(jump[:, :-1] + 2.0 * half * strain[:, :, 0], axis=1)
         start = (before + jump)[:, :-1]
-        turn = start[:, :, None] + half[:, None] * (strain @ self.once.T)
-        out = [(self.turn * turn).reshape(y.shape[0], -1), before[:, self.body_nodes] * self.body_turn]
+        out = [before[:, self.body_nodes] * self.body_turn]
+        if self.turns:
+            turn = start[:, :, None] + half[:, None] * (strain @ self.once.T)
+            out.append((self.turn * turn).reshape(y.shape[0], -1))
         if not self.bending:
-            return np.hstack(out), before[:, -1:]
+            return np.hstack(out), before[:, self.ends]
         move = half[:, None] ** 2 * (strain @ self.twice.T) + (half[:, None] * self.reach) * start[:, :, None]
         grown = 2.0 * half * start + half**2 * (strain @ self.end_twice)
         if shear is not None:
@@ -115,26 +122,29 @@ class ManyPieces:
         at = np.zeros_like(jump)
         at[:, 1:] = np.cumsum(grown, axis=1)
         move += at[:, :-1, None]
-        out += [(self.move * move).reshape(y.shape[0], -1), at[:, self.body_nodes] * self.body_move]
-        return np.hstack(out), np.column_stack([at[:, -1], before[:, -1]])
+        out += [at[:, self.body_nodes] * self.body_move, (self.move * move).reshape(y.shape[0], -1)]
+        return np.hstack(out), np.stack([at[:, self.ends], before[:, self.ends]], axis=2).reshape(y.shape[0], -1)
 
     def loads(self, rows: Array, tip: Array) -> Array:
-        """The transpose of `rows`: coordinates' loads `(b, n)` of weighted forces `(b, r)` and of the tip's `(b, t)`."""
-        b, points, bodies = rows.shape[0], self.turn.size, self.body_nodes.size
+        """The transpose of `rows`: coordinates' loads `(b, n)` of weighted forces `(b, r)`, of tip and stations `(b, t)`."""
+        b, bodies = rows.shape[0], self.body_nodes.size
+        points = bodies + self.turn.size * self.turns
         shape, half = (b, *self.turn.shape), self.half
-        turn = rows[:, :points].reshape(shape) * self.turn
         moment = np.zeros((b, self.count + 1))  # on each node, before its hinge
-        np.add.at(moment.T, self.body_nodes, (rows[:, points : points + bodies] * self.body_turn).T)
-        moment[:, -1] += tip[:, -1]
-        strain = half[:, None] * (turn @ self.once)
-        start = np.sum(turn, axis=2)
+        np.add.at(moment.T, self.body_nodes, (rows[:, :bodies] * self.body_turn).T)
+        each = 2 if self.bending else 1
+        np.add.at(moment.T, self.ends, tip[:, each - 1 :: each].T)
+        strain, start = np.zeros((b, self.count, self.functions)), np.zeros((b, self.count))
+        if self.turns:
+            turn = rows[:, bodies:points].reshape(shape) * self.turn
+            strain, start = half[:, None] * (turn @ self.once), np.sum(turn, axis=2)
         shear = None
         if self.bending:
-            move = rows[:, points + bodies : 2 * points + bodies].reshape(shape) * self.move
+            move = rows[:, points + bodies :].reshape(shape) * self.move
             force = np.zeros((b, self.count + 1))
-            np.add.at(force.T, self.body_nodes, (rows[:, 2 * points + bodies :] * self.body_move).T)
+            np.add.at(force.T, self.body_nodes, (rows[:, points : points + bodies] * self.body_move).T)
             force[:, :-1] += np.sum(move, axis=2)
-            force[:, -1] += tip[:, 0]
+            np.add.at(force.T, self.ends, tip[:, ::2].T)
             beyond = _beyond(force)
             start = start + half * (move @ self.reach) + 2.0 * half * beyond
             strain += half[:, None] ** 2 * (move @ self.twice + beyond[:, :, None] * self.end_twice)
@@ -154,15 +164,12 @@ class ManyPieces:
     @cached_property
     def rigid(self) -> Array:
         """`(m, r)` weighted motion of all points per unit motion of the root."""
-        turn, body_turn = self.turn.ravel(), self.body_turn
+        turned = np.concatenate([self.body_turn, self.turn.ravel() if self.turns else np.zeros(0)])
         if not self.bending:
-            return np.concatenate([turn, body_turn])[None]
+            return turned[None]
         x = (self.nodes[:-1, None] + self.half[:, None] * self.reach).ravel()
-        move, far = (
-            np.concatenate([self.move.ravel(), self.body_move]),
-            np.concatenate([x, self.nodes[self.body_nodes]]),
-        )
-        turned = np.concatenate([turn, body_turn])
+        move = np.concatenate([self.body_move, self.move.ravel()])
+        far = np.concatenate([self.nodes[self.body_nodes], x])
         return np.vstack([np.concatenate([0.0 * turned, move]), np.concatenate([turned, move * far])])
 
 
@@ -174,22 +181,23 @@ def assemble(
     wanted: int,
     *,
     bending: bool,
+    stations: Sequence[float] = (),
 ) -> PortModel:
     """The port model of a chain of many pieces, reduced to what its `wanted` lowest modes and its root notice.
 
     Args:
-        pieces, hinges, bodies, functions, bending: as for `elements.assemble`.
+        pieces, hinges, bodies, functions, bending, stations: as for `elements.assemble`.
         wanted: modes, held and free, that stand to rounding.
     """
-    line = ManyPieces(pieces, hinges, bodies, functions, bending=bending)
+    line = ManyPieces(pieces, hinges, bodies, functions, bending=bending, stations=stations)
     rigid = line.rigid
-    tips = np.eye(2 if bending else 1)
+    tips = np.eye(len(line.ends) * (2 if bending else 1))
     any_load = np.random.default_rng(0).standard_normal((1, rigid.shape[1]))  # a mode that root and tip hardly notice
     block = line.loads(np.vstack([rigid, 0.0 * rigid[:1].repeat(len(tips), 0), any_load]), np.vstack([
         np.zeros((len(rigid), len(tips))), tips, np.zeros((1, len(tips))),
     ]))  # fmt: skip
     space, motions, ends = np.zeros((0, line.size)), np.zeros((0, rigid.shape[1])), np.zeros((0, len(tips)))
-    before: tuple[Array, Array] | None = None
+    before, least = (np.zeros(0), np.zeros(0)), np.inf
     while True:
         for _ in range(LOOK):
             block = _new(space, block)
@@ -202,9 +210,11 @@ def assemble(
         r = np.asarray(np.linalg.qr(np.vstack([motions, rigid]).T, mode="r"), dtype=np.float64)
         model = port_from_rows(r[:, len(motions) :], r[:, : len(motions)], ends.T)
         now = model.frequencies[:wanted], model.free_frequencies[:wanted]
-        if not block.size or (before is not None and _still(before, now) and model.modes > 2 * wanted):
+        change = _change(before, now)
+        stands = change < STILL or 0.3 * least < change < ROUNDED
+        if not block.size or (stands and model.modes > 2 * wanted):
             return model
-        before = now
+        before, least = now, min(change, least)
 
 
 def _beyond(values: Array) -> Array:
@@ -215,10 +225,11 @@ def _beyond(values: Array) -> Array:
 def _new(space: Array, block: Array) -> Array:
     """Orthonormal rows for what of `block` is not in `space` yet."""
     out: list[Array] = []
-    for row in block:
-        rest = row / (np.linalg.norm(row) or 1.0)
+    block = block / np.maximum(np.linalg.norm(block, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+    for _ in range(2):
+        block = block - (block @ space.T) @ space
+    for rest in block:
         for _ in range(2):
-            rest = rest - (space @ rest) @ space
             for other in out:
                 rest = rest - (other @ rest) * other
         left = float(np.linalg.norm(rest))
@@ -229,6 +240,8 @@ def _new(space: Array, block: Array) -> Array:
     return np.array(out).reshape(len(out), block.shape[1])
 
 
-def _still(before: tuple[Array, Array], now: tuple[Array, Array]) -> bool:
-    """Whether both sets of frequencies are what they were."""
-    return all(a.size == b.size and bool(np.all(np.abs(b / a - 1.0) < STILL)) for a, b in zip(before, now, strict=True))
+def _change(before: tuple[Array, Array], now: tuple[Array, Array]) -> float:
+    """Largest relative change in two sets of frequencies; infinity where there are more or fewer."""
+    if any(a.size != b.size for a, b in zip(before, now, strict=True)):
+        return np.inf
+    return max(float(np.max(np.abs(b / a - 1.0), initial=0.0)) for a, b in zip(before, now, strict=True))
