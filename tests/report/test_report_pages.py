@@ -188,3 +188,14 @@ def test_names_of_the_user_keep_their_letters():
 )
 def test_how_a_sentence_begins(text, names, shown):
     assert begun(text, names) == shown
+
+
+def test_plot_draws_one_motion_into_the_axes_given(observer):
+    from matplotlib.figure import Figure
+
+    ax = Figure().add_subplot()
+    assert observer.plot(ax, motion="x") is ax
+    place = observer.assembly.motions.index(3)
+    np.testing.assert_array_equal(ax.lines[0].get_ydata(), np.abs(observer.assembly.achieved[place, place]))
+    with pytest.raises(bc.InputError, match="motion = 'roll' is unknown; choose one of"):
+        observer.plot(motion="roll")

@@ -99,7 +99,7 @@ def embed(
             result = embed_all(craft, dict(places), form=form, prefixes=prefix, retime=retime, max_modes=max_modes)
             result.assembly  # noqa: B018  (computed here, shown below)
             result.promise  # noqa: B018
-    also = {} if plot is None else {plot: result.plot()}
+    also = {} if plot is None else {plot: result.picture()}
     if report:
         also[output.with_name(f"{output.stem}_report.html")] = result.report(craft.name, output.name)
     files = result.write(output, force=force, also=also)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from beamchain import report
 from beamchain.craft.appendage import (
@@ -21,6 +21,9 @@ from beamchain.errors import InputError
 from beamchain.files import write_files
 from beamchain.fitting.needs import AXES
 from beamchain.mjcf.craft import Craft
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -139,8 +142,20 @@ class Embedded:
         """What `embed --json` prints."""
         return report.embed_record(self)
 
-    def plot(self) -> str:
-        """The hub's accelerance, exact and through MuJoCo, as SVG text."""
+    def plot(self, ax: "Axes | None" = None, motion: str | None = None) -> "Axes":
+        """Accelerance of the hub in one motion: exact, and through MuJoCo. Returns the axes; shows nothing.
+
+        Args:
+            ax: drawn into; those of a new figure where left out.
+            motion: "tx", "ty", "tz", "x", "y" or "z"; the first that matters where left out.
+
+        Raises:
+            InputError: the hub does not have that motion, or it does not matter.
+        """
+        return report.plot_assembly(self.assembly, ax=ax, motion=motion)
+
+    def picture(self) -> str:
+        """The hub's accelerance in all motions that matter, exact and through MuJoCo, as SVG text."""
         return report.assembly_svg(self.assembly)
 
     def report(self, craft: str = "craft.xml", output: str = "flexible.xml") -> str:

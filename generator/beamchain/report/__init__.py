@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from beamchain.report.assembly_plot import assembly_svg as assembly_svg
+    from beamchain.report.assembly_plot import plot_assembly as plot_assembly
     from beamchain.report.embed_html import embed_report as embed_report
     from beamchain.report.html import fit_report as fit_report
     from beamchain.report.notebook import embedded_html as embedded_html
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
     from beamchain.report.sweep_plots import sweep_picture as sweep_picture
 
 _HOME = {
-    "assembly_svg": "assembly_plot", "embed_report": "embed_html", "embed_record": "record_craft",
-    "fit_report": "html", "embedded_html": "notebook", "embedded_text": "notebook", "fit_html": "notebook",
+    "assembly_svg": "assembly_plot", "plot_assembly": "assembly_plot", "embed_report": "embed_html",
+    "embed_record": "record_craft", "fit_report": "html", "embedded_html": "notebook", "embedded_text": "notebook", "fit_html": "notebook",
     "fit_text": "notebook", "plot_accelerance": "plots", "fit_record": "record", "study_page": "study_html",
     "study_record": "record_study", "sweep_picture": "sweep_plots",
 }  # fmt: skip

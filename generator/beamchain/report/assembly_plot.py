@@ -6,18 +6,22 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from beamchain.checks import one_of
+from beamchain.fitting.needs import AXES
 from beamchain.report.plots import BEAM, OURS, STYLE, frame, percent, to_svg
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from beamchain.craft.assembly import Assembly
 
 MOTIONS = (
-    ("x: force → displacement", "(m/s²)/N"),
-    ("y: force → displacement", "(m/s²)/N"),
-    ("z: force → displacement", "(m/s²)/N"),
-    ("about x: torque → rotation", "(rad/s²)/(N m)"),
-    ("about y: torque → rotation", "(rad/s²)/(N m)"),
-    ("about z: torque → rotation", "(rad/s²)/(N m)"),
+    ("x: force → acceleration", "(m/s²)/N"),
+    ("y: force → acceleration", "(m/s²)/N"),
+    ("z: force → acceleration", "(m/s²)/N"),
+    ("about x: torque → angular acceleration", "(rad/s²)/(N m)"),
+    ("about y: torque → angular acceleration", "(rad/s²)/(N m)"),
+    ("about z: torque → angular acceleration", "(rad/s²)/(N m)"),
 )
 
 
@@ -31,30 +35,48 @@ def assembly_figure(assembly: "Assembly", columns: int = 2) -> Figure:
     rows = -(-len(assembly.motions) // columns)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(6.4 if columns == 1 else 9.0, 0.9 + 1.9 * rows), layout="constrained")
-        for place, motion in enumerate(assembly.motions):
+        for place in range(len(assembly.motions)):
             ax = figure.add_subplot(rows, columns, place + 1)
-            title, unit = MOTIONS[motion]
-            sizes = np.abs(np.stack([assembly.exact[place, place], assembly.achieved[place, place]]))
-            heights = float(sizes.min()) / 1.3, 1.3 * float(sizes.max())
-            frame(ax, (float(assembly.omega[0]), float(assembly.omega[-1])), heights, assembly.common)
-            ax.plot(
-                assembly.omega, np.abs(assembly.achieved[place, place]), color=OURS, linewidth=3.0,
-                label="MuJoCo, from A and B of mjd_transitionFD",
-            )  # fmt: skip
-            ax.plot(
-                assembly.omega,
-                np.abs(assembly.exact[place, place]),
-                color=BEAM,
-                linewidth=1.0,
-                label="exact beams on the same hub",
-            )
-            ax.set_title(title)
-            ax.set_ylabel(f"|H|, {unit}")
+            _panel(ax, assembly, place)
             if place >= len(assembly.motions) - columns:
                 ax.set_xlabel("frequency, rad/s")
         handles, labels = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=2)
     return figure
+
+
+def _panel(ax: "Axes", assembly: "Assembly", place: int) -> None:
+    """One motion's accelerance, exact and through MuJoCo."""
+    title, unit = MOTIONS[assembly.motions[place]]
+    exact, ours = np.abs(assembly.exact[place, place]), np.abs(assembly.achieved[place, place])
+    heights = float(min(exact.min(), ours.min())) / 1.3, 1.3 * float(max(exact.max(), ours.max()))
+    frame(ax, (float(assembly.omega[0]), float(assembly.omega[-1])), heights, assembly.common)
+    ax.plot(assembly.omega, ours, color=OURS, linewidth=3.0, label="MuJoCo, from A and B of mjd_transitionFD")
+    ax.plot(assembly.omega, exact, color=BEAM, linewidth=1.0, label="exact beams on the same hub")
+    ax.set_title(title)
+    ax.set_ylabel(f"|H|, {unit}")
+
+
+def plot_assembly(assembly: "Assembly", ax: "Axes | None" = None, motion: str | None = None) -> "Axes":
+    """Draw the hub's accelerance in one motion: the exact spacecraft, and the one read back through MuJoCo.
+
+    Args:
+        assembly: what was proved.
+        ax: drawn into; those of a new figure where left out.
+        motion: "tx", "ty", "tz", "x", "y" or "z"; the first that matters where left out.
+
+    Raises:
+        InputError: the hub does not have that motion, or it does not matter.
+    """
+    known = {name: assembly.motions.index(i) for name, i in AXES.items() if i in assembly.motions}
+    motion = next(iter(known)) if motion is None else motion
+    one_of("motion", motion, known)
+    if ax is None:
+        ax = Figure(figsize=(6.4, 3.6), layout="constrained").add_subplot()
+    _panel(ax, assembly, known[motion])
+    ax.set_xlabel("frequency, rad/s")
+    ax.legend(loc="best")
+    return ax
 
 
 def difference_figure(assembly: "Assembly") -> Figure:
