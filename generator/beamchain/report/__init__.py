@@ -24,11 +24,21 @@ if TYPE_CHECKING:
     from beamchain.report.sweep_plots import sweep_picture as sweep_picture
 
 _HOME = {
-    "assembly_svg": "assembly_plot", "plot_assembly": "assembly_plot", "embed_report": "embed_html",
-    "embed_record": "record_craft", "fit_report": "html", "embedded_html": "notebook", "embedded_text": "notebook", "fit_html": "notebook",
-    "fit_text": "notebook", "plot_accelerance": "plots", "fit_record": "record", "study_page": "study_html",
-    "study_record": "record_study", "sweep_picture": "sweep_plots",
-}  # fmt: skip
+    "assembly_svg": "assembly_plot",
+    "plot_assembly": "assembly_plot",
+    "embed_report": "embed_html",
+    "embed_record": "record_craft",
+    "fit_report": "html",
+    "embedded_html": "notebook",
+    "embedded_text": "notebook",
+    "fit_html": "notebook",
+    "fit_text": "notebook",
+    "plot_accelerance": "plots",
+    "fit_record": "record",
+    "study_page": "study_html",
+    "study_record": "record_study",
+    "sweep_picture": "sweep_plots",
+}
 
 
 def __getattr__(name: str) -> Any:
