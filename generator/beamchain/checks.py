@@ -4,7 +4,7 @@ import difflib
 import math
 from collections.abc import Iterable
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 
@@ -30,13 +30,17 @@ class _Answering(msgspec.StructMeta):
         try:
             return super().__call__(*args, **kwargs)
         except TypeError:
-            missing = [f.name for f in msgspec.structs.fields(cls) if f.required and f.name not in kwargs]
+            missing = [
+                f.name
+                for f in msgspec.structs.fields(cast("type[msgspec.Struct]", cls))
+                if f.required and f.name not in kwargs
+            ]
             if not missing:
                 raise
             raise InputError(f"{cls.__name__}: {missing[0]} is missing; {takes}") from None
 
 
-class Struct(msgspec.Struct, metaclass=_Answering):
+class Struct(msgspec.Struct, frozen=True, kw_only=True, metaclass=_Answering):
     """Base of everything that a user fills in, in Python or in TOML."""
 
 

@@ -180,7 +180,7 @@ def _patterns(length: float, free: int, further: Sequence[float]) -> Iterator[Ca
         for around in near:
             own = np.concatenate([x + gap * length * around for x in further])
             own = own[(own > 0.0) & (own < length)]
-            if own.size > free:
+            if not 0 < own.size <= free:
                 continue
             for power in POWERS[:3]:
                 yield lambda a, p=power, o=own: np.concatenate([graded(a, p, free - o.size, 0.97 * float(o.min())), o])
