@@ -86,7 +86,7 @@ def test_stability_and_inspect(tmp_path):
     made.write(tmp_path / "slow.xml")
     slow = (tmp_path / "slow.xml").read_text().replace('timestep="0.01"', 'timestep="5"')
     (tmp_path / "slow.xml").write_text(slow)
-    assert codes(study(tmp_path / "slow.xml", lambda _: None).as_dict({})) == {"unstable-step"}
+    assert codes(study(tmp_path / "slow.xml", lambda _: None).as_dict()) == {"unstable-step"}
     model = bc.embed(bare.replace("implicitfast", "Euler"), {"mount": spec("rod")}, retime=True)
     model.write(tmp_path / "craft.xml")
     other = (tmp_path / "craft.xml").read_text().replace('timestep="0.01"', 'timestep="0.02"')

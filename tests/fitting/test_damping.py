@@ -220,7 +220,7 @@ def test_euler_is_warned_about():
     euler = fit(tube(), modes={"xy": 2, "xz": 0}, damping=Damping(ratio=0.05), scene=Scene(integrator="Euler"))
     [text] = euler.warnings
     assert "at the scene's step of 0.01 s mode 2 in xy will show a damping ratio of" in text
-    assert euler.as_dict()["warnings"] == (text,)
+    assert euler.as_dict()["warnings"] == [text]
     stated = Scene(integrator="Euler", timestep=0.005)  # a step that is stated is exact in time, damping included
     assert fit(tube(), modes={"xy": 2, "xz": 0}, damping=Damping(ratio=0.05), scene=stated).warnings == ()
     assert euler.limits.largest_step["Euler"] < euler.limits.largest_step["implicitfast"]

@@ -167,7 +167,7 @@ def test_varied_scales_what_it_should():
 
 def test_what_cannot_be_is_left_out_and_said():
     spec = bc.read_spec(ARRAY)
-    lump = bc.spec.Lump(x=5.0, mass=1.0)
+    lump = bc.Lump(x=5.0, mass=1.0)
     wild = structs.replace(spec, lump=(lump,), uncertain=Uncertain(lump=Uncertainty(absolute=1.5)))
     found = sweeps.sweep(wild, 10, seed=1)
     assert found.left_out
