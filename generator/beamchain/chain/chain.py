@@ -263,6 +263,7 @@ class Chain:
         springs = np.linalg.qr(self.spring_rows(freedoms), mode="r")
         rigid, elastic, _ = self._scaled(freedoms)
         u, s, vt = np.linalg.svd(elastic, full_matrices=False)
+        u, s, vt = u[:, : modes.modes], s[: modes.modes], vt[: modes.modes]  # less what `port` leaves out as rounding
         signs = np.sign(np.sum((u.T @ rigid @ PORT_MOTION[port]) * modes.participation, axis=1))
         return np.asarray(np.linalg.solve(springs, (signs[:, None] * vt / s[:, None]).T).T, dtype=np.float64)
 

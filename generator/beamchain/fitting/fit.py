@@ -360,6 +360,7 @@ def needs_time(spec: Spec, plan: Plan) -> bool:
     if scheme.exact or scheme.name != "RK4":
         return scheme.exact
     fastest = max(
-        (float(plan.reduce(plan.target, p, n).free_frequencies[-1]) for p, n in plan.kept.items()), default=0.0
+        (float(np.max(plan.reduce(plan.target, p, n).free_frequencies, initial=0.0)) for p, n in plan.kept.items()),
+        default=0.0,
     )
     return fastest * spec.exact_step > scheme.phase

@@ -376,7 +376,8 @@ class PortModel:
         """
         assert self.tip is not None
         loads = self.tip[:, list(columns)] / self.frequencies[:, None]
-        loads = loads / np.linalg.norm(loads, axis=0)
+        sizes = np.linalg.norm(loads, axis=0)
+        loads = np.where(sizes > 0.0, loads, 0.0) / np.where(sizes > 0.0, sizes, 1.0)
         loads[:modes] = 0.0  # what the normal modes do not carry already
         u, s, _ = np.linalg.svd(loads, full_matrices=False)
         return self._projected(np.column_stack([np.eye(self.modes)[:, :modes], u[:, s > NORMAL]]))

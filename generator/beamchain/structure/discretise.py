@@ -19,6 +19,7 @@ from beamchain.structure.joint import Joint
 from beamchain.structure.lump import Lump
 from beamchain.structure.segment import Segment, Stations
 
+STEEPEST = 1e100  # ratio of a dimension between the ends of a segment
 FEW = 12  # pieces up to which the degree of each is chosen by the number of segments alone
 MANY = 100  # pieces beyond which each needs a degree so low that it is raised by two at a time
 FAR = 1e-3  # relative change of a frequency from which the degree is raised faster, and below which rounding may lie
@@ -133,6 +134,11 @@ def _edges(parts: Parts, stations: tuple[float, ...] = ()) -> list[tuple[Segment
     slack = 1e-9 * ends[-1]
     for x0, segment in zip(ends[:-1], parts.segments, strict=True):
         inner = cuts[bisect_right(cuts, x0 + slack) : bisect_left(cuts, x0 + segment.length - slack)]
+        if not segment.taper < STEEPEST:
+            raise InputError(
+                f"a segment tapers by {segment.taper:.3g} along its length, more than {STEEPEST:g}, beyond double precision; "
+                "end it where it is still a structure."
+            )
         count = max(1, ceil(log2(segment.taper) - 1e-9))
         # geometric grading: every piece tapers by the same ratio
         grown = segment.taper ** (np.arange(1, count) / count)
