@@ -35,6 +35,8 @@ from pathlib import Path
 from typing import assert_type
 
 import beamchain as bc
+from beamchain.chain.chain import Chain
+from beamchain.steps.budget import budget
 
 steel = bc.Material(youngs_modulus=2.06e11, density=7800.0)
 beam = bc.Beam(segments=(bc.Segment(length=15.0, section=bc.Round(diameter=0.012), material=steel),))

@@ -4,7 +4,7 @@ import difflib
 import math
 from collections.abc import Iterable
 from numbers import Integral, Real
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -16,28 +16,26 @@ LARGEST = 1e30  # beyond this a product of three inputs leaves double precision
 class _Answering(msgspec.StructMeta):
     """Answers a call that does not fit the fields with the fields, instead of with the library's words."""
 
-    def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: N805
-        fields = cls.__struct_fields__
-        takes = f"it takes {', '.join(fields)}, each by its name."
-        for name in kwargs:
-            if name not in fields:
-                near = difflib.get_close_matches(name, fields, n=1)
-                raise InputError(
-                    f"{cls.__name__} has no field {name!r}; {f'did you mean {near[0]}? ' if near else ''}{takes}"
-                )
-        if args:
-            raise InputError(f"{cls.__name__}: {args[0]!r:.60} is given without a name; {takes}")
-        try:
-            return super().__call__(*args, **kwargs)
-        except TypeError:
-            missing = [
-                f.name
-                for f in msgspec.structs.fields(cast("type[msgspec.Struct]", cls))
-                if f.required and f.name not in kwargs
-            ]
-            if not missing:
-                raise
-            raise InputError(f"{cls.__name__}: {missing[0]} is missing; {takes}") from None
+    if not TYPE_CHECKING:  # a type checker that sees it no longer sees the fields
+
+        def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: N805
+            fields = cls.__struct_fields__
+            takes = f"it takes {', '.join(fields)}, each by its name."
+            for name in kwargs:
+                if name not in fields:
+                    near = difflib.get_close_matches(name, fields, n=1)
+                    raise InputError(
+                        f"{cls.__name__} has no field {name!r}; {f'did you mean {near[0]}? ' if near else ''}{takes}"
+                    )
+            if args:
+                raise InputError(f"{cls.__name__}: {args[0]!r:.60} is given without a name; {takes}")
+            try:
+                return super().__call__(*args, **kwargs)
+            except TypeError:
+                missing = [f.name for f in msgspec.structs.fields(cls) if f.required and f.name not in kwargs]
+                if not missing:
+                    raise
+                raise InputError(f"{cls.__name__}: {missing[0]} is missing; {takes}") from None
 
 
 class Struct(msgspec.Struct, frozen=True, kw_only=True, metaclass=_Answering):
