@@ -6,6 +6,7 @@ Specifications far out and spoilt ones are fitted too; their seed rotates daily 
 """
 
 import datetime
+import functools
 import os
 import resource
 import shutil
@@ -231,6 +232,12 @@ def _opened(event, arguments):
         OPENED.append(str(arguments[0]))
 
 
+@functools.cache
+def _watch_files():
+    """Once per process: a hook cannot be taken out again."""
+    sys.addaudithook(_opened)
+
+
 def _fitted(number, folder):
     """What goes wrong with the hostile specification of a number, if anything; its folder holds nothing else."""
     global OPENED
@@ -266,7 +273,7 @@ def _fitted(number, folder):
 def test_hostile_specifications(part, tmp_path):
     """Read, fitted, shown: a result or one sentence, nearly always in seconds, and nothing written elsewhere."""
     sys.stdout.write(f"BEAMCHAIN_SEED={SEED}\n")
-    sys.addaudithook(_opened)
+    _watch_files()
     failed, times = [], []
     for i in range(part, SPECS, PARTS):
         folder = tmp_path / str(i)

@@ -62,10 +62,10 @@ def study(
         positive("--amplitude", amplitude, "N or N m")
     positive("--budget", budget, "s")
     check_free(output / "study.json", force=force)
+    text = None if profile is None else read_text(profile)
     with pool(workers, dask) as executor, job_bar("measuring", quiet or as_json) as progress:
         result = measure(
-            read, models=model or (), duration=duration, budget=budget, amplitude=amplitude,
-            profile=None if profile is None else read_text(profile),
+            read, models=model or (), duration=duration, budget=budget, amplitude=amplitude, profile=text,
             executor=executor, folder=output, resume=resume, progress=progress,
         )  # fmt: skip
     files = result.write(output, force=force)

@@ -7,10 +7,7 @@ from typing import Any
 
 import msgspec
 
-from beamchain.craft.appendage import (
-    Appendage,
-    names,
-)
+from beamchain.craft.appendage import Appendage, names
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.unchanged import appended

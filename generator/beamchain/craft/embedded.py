@@ -7,14 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from beamchain import report
-from beamchain.craft.appendage import (
-    Appendage,
-    carried,
-)
+from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.assembly import Assembly, prove
 from beamchain.craft.documents import assemble
 from beamchain.craft.error import CraftError, craft_error, craft_poses
-from beamchain.craft.promise import asked, kept_band
+from beamchain.craft.promise import Asked, asked, kept_band
 from beamchain.craft.timing import without_time
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
@@ -56,9 +53,13 @@ class Embedded:
         return report.embedded_html(self)
 
     @cached_property
+    def _asked(self) -> Asked:
+        return asked([a.spec for a in self.appendages])
+
+    @cached_property
     def assembly(self) -> Assembly:
         """Coupled modes and hub accelerance against the exact assembly, at rest: of what the scenes ask for, or all."""
-        want = asked([a.spec for a in self.appendages])
+        want = self._asked
         return prove(self.craft, self.untimed, carried(self.model, self.appendages), want.band, want.motions)
 
     @cached_property
@@ -67,7 +68,7 @@ class Embedded:
 
         Without a scene's band: all motions, up to where every appendage keeps every mode of its ports.
         """
-        want, exact = asked([a.spec for a in self.appendages]), carried(self.model, self.appendages)
+        want, exact = self._asked, carried(self.model, self.appendages)
         found = craft_poses(self.craft, exact, want.band or kept_band(self.appendages), want.motions)
         return craft_error(self.craft, self.untimed, exact, found)
 
@@ -84,7 +85,7 @@ class Embedded:
     @property
     def tolerance(self) -> float | None:
         """The smallest that a scene with a band asks for; None without one."""
-        return asked([a.spec for a in self.appendages]).tolerance
+        return self._asked.tolerance
 
     @property
     def met(self) -> bool | None:

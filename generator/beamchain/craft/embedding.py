@@ -1,6 +1,6 @@
 """`embed`: appendages into an existing spacecraft, and what the assembled model then proves of itself."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from beamchain.checks import one_of
 from beamchain.checks import whole as checked_int
 from beamchain.craft.appendage import (
     PROBE,
+    Appendage,
     check_names,
     driven_too_far,
     judged,
@@ -153,20 +154,11 @@ def _embed_in_document(
     check_names(craft, appendages)
     compatibility.check_compiler(original.parts(), *lightest(appendages))
     layout = layout_of(original, appendages, craft, form)
-    model = compiled(original, appendages, form, layout)
-    good, why = worth_it(model, appendages, retime)
-    warnings += [why] if why else []
-    if good:
-        appendages = tuple(replace(a, fit=on_tendons(a.fit)) for a in appendages)
-        check_names(craft, appendages)
-        model = compiled(original, appendages, form, layout)
-    final = timed(model) if good else model
-    warnings += judged(craft, model, appendages, final, compatibility.hostile(original.parts()))
-    warnings += driven_too_far(model, appendages) + turned(model, appendages)
-    if good:
-        appendages = tuple(replace(a, timed=final) for a in appendages)
-    model = final
-    return Embedded(appendages, craft, model, tuple(warnings), original, form, steps, layout)
+    appendages, model, said = _proved(
+        craft, appendages, lambda made: compiled(original, made, form, layout), retime,
+        compatibility.hostile(original.parts()),
+    )  # fmt: skip
+    return Embedded(appendages, craft, model, (*warnings, *said), original, form, steps, layout)
 
 
 # -- into an MjSpec --------------------------------------------------------------------------------------------------
@@ -200,27 +192,47 @@ def _embed_in_spec(
     check_flags(craft)
     check_names(craft, appendages)
 
-    def attached(place: "mujoco.MjSpec") -> "mujoco.MjSpec":
-        for a in appendages:
+    def attached(place: "mujoco.MjSpec", made: Sequence[Appendage]) -> "mujoco.MjSpec":
+        for a in made:
             frame = _owner(place, *places[a.at]).add_frame(pos=a.mount.position, quat=a.mount.quaternion)
             text = write.text(insert.renamed(a.element(), a.spec.name, ""))
             place.attach(mujoco.MjSpec.from_string(text), frame=frame, prefix=a.prefix)
         return place
 
-    model = attached(spec.copy()).compile()
+    appendages, _, said = _proved(craft, appendages, lambda made: attached(spec.copy(), made).compile(), retime)
+    attached(spec, appendages)  # the user's spec is touched only after a copy has proved itself
+    return Embedded(appendages, craft, spec.copy().compile(), (*warnings, *said), steps=steps)
+
+
+# -- both ------------------------------------------------------------------------------------------------------------
+def _proved(
+    craft: "mujoco.MjModel",
+    appendages: tuple[Appendage, ...],
+    build: "Callable[[tuple[Appendage, ...]], mujoco.MjModel]",
+    retime: bool | None,
+    found: Sequence[str] = (),
+) -> "tuple[tuple[Appendage, ...], mujoco.MjModel, list[str]]":
+    """The appendages exact in time where that is worth it, the model with them, and what is to be said of it.
+
+    Args:
+        craft: the bare spacecraft.
+        appendages: fitted.
+        build: compiles the spacecraft with appendages.
+        retime: the user's word; None: where the step's error matters.
+        found: in the spacecraft's document that would spoil appendages.
+    """
+    model = build(appendages)
     good, why = worth_it(model, appendages, retime)
-    warnings += [why] if why else []
     if good:
         appendages = tuple(replace(a, fit=on_tendons(a.fit)) for a in appendages)
         check_names(craft, appendages)
-        model = attached(spec.copy()).compile()
+        model = build(appendages)
     final = timed(model) if good else model
-    warnings += judged(craft, model, appendages, final) + driven_too_far(model, appendages)
-    warnings += turned(model, appendages)
+    warnings = [*([why] if why else []), *judged(craft, model, appendages, final, found)]
+    warnings += driven_too_far(model, appendages) + turned(model, appendages)
     if good:
         appendages = tuple(replace(a, timed=final) for a in appendages)
-    attached(spec)  # the user's spec is touched only after a copy has proved itself
-    return Embedded(appendages, craft, spec.copy().compile(), tuple(warnings), steps=steps)
+    return appendages, final, warnings
 
 
 def _owner(spec: "mujoco.MjSpec", kind: str, name: str) -> Any:

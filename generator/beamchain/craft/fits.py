@@ -8,10 +8,7 @@ import numpy as np
 
 from beamchain.caution import Caution
 from beamchain.caution import at as said_of
-from beamchain.craft.appendage import (
-    Appendage,
-    rigid_mass,
-)
+from beamchain.craft.appendage import Appendage, rigid_mass
 from beamchain.craft.promise import keep_promise
 from beamchain.engine import mount as mounting
 from beamchain.engine.library import mujoco
@@ -25,12 +22,9 @@ from beamchain.fitting.spec import Spec
 from beamchain.structure.modal_data import ModalData
 
 SAME_HUB = 1e-12  # relative: hubs that are one
-
-
 RIGID = 1e-6  # relative: a hub that differs from a rigid body by more has loose joints
 
 
-# -- both ------------------------------------------------------------------------------------------------------------
 def fit_all(
     model: "mujoco.MjModel",
     mounts: dict[str, mounting.Mount],

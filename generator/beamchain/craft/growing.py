@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from functools import cached_property
 
 import msgspec
 import numpy as np
@@ -34,58 +34,7 @@ def in_six(fit: Fit, changed: Mapping[str, PortModel] | None = None) -> PortMode
     return in_space({**fit.achieved, **(changed or {})}, fit.measured.rigid_mass)
 
 
-class Growing(Protocol):
-    """An appendage and the modes it would keep."""
-
-    @property
-    def a(self) -> Appendage:
-        """As it was fitted."""
-        ...
-
-    @property
-    def modes(self) -> int:
-        """How many it would keep."""
-        ...
-
-    @property
-    def grown(self) -> bool:
-        """Whether that is more than its fit keeps."""
-        ...
-
-    @property
-    def newest(self) -> float:
-        """Frequency of the mode that was added last [rad/s]."""
-        ...
-
-    @property
-    def added(self) -> str:
-        """The mode that was added last, in words."""
-        ...
-
-    @property
-    def model(self) -> PortModel:
-        """The appendage in six motions, as MuJoCo has it or would."""
-        ...
-
-    @property
-    def spec(self) -> Spec:
-        """What asks for these modes."""
-        ...
-
-    def further(self, band: float) -> dict[str, "Growing"]:
-        """By port, or by mode, the same with one mode more; empty where none may be added.
-
-        Args:
-            band: upper end of what is compared [rad/s].
-        """
-        ...
-
-    def alone(self, key: str) -> PortModel:
-        """The exact appendage, but for what `key` of `further` adds to, which stays as it is."""
-        ...
-
-
-def growing(a: Appendage) -> Growing:
+def growing(a: Appendage) -> "Growing":
     """An appendage as it was fitted."""
     if a.fit.space is not None and any(len(ports) > 1 for ports in a.fit.space.data.groups):
         return Coupled(a, a.fit.space.numbers)
@@ -149,8 +98,8 @@ class PerPort:
         modes = Modes(**{port: self.counts.get(port, 0) for port in PORTS})
         return msgspec.structs.replace(self.a.spec, modes=modes)
 
-    def further(self, band: float) -> dict[str, Growing]:
-        """By port, the same with one mode more."""
+    def further(self, band: float) -> dict[str, "Growing"]:
+        """By port, the same with one mode more; empty where none may be added. `band` as of `Coupled.further`."""
         del band
         out: dict[str, Growing] = {}
         for port in free_ports(self.a.spec):
@@ -158,11 +107,7 @@ class PerPort:
             full = self._whole(port, count)
             if full is None or count > full.modes:
                 continue
-            if self.a.fit.kept_for == "clamped":
-                model = full.truncated(count)
-            else:
-                hub = self.a.hub.mass_matrix() if self.a.fit.kept_for == "hub" else np.zeros((6, 6))
-                model = full.reduced(count, port_hub_mass(hub, port))
+            model = full.for_target(self.a.fit.kept_for, count, port_hub_mass(self.a.hub.mass_matrix(), port))
             if self.a.fit.space is None:
                 model = self.a.spec.with_ratios(port, model)
             else:
@@ -247,8 +192,12 @@ class Coupled:
         imported = msgspec.structs.replace(imported, modes=self.numbers)
         return msgspec.structs.replace(self.a.spec, imported=imported, modes=None)
 
-    def further(self, band: float) -> dict[str, Growing]:
-        """By number, the same with one mode more: of those that move the hub most."""
+    def further(self, band: float) -> dict[str, "Growing"]:
+        """By number, the same with one mode more: of those that move the hub most.
+
+        Args:
+            band: upper end of what is compared [rad/s].
+        """
         space, free = self.a.fit.space, free_ports(self.a.spec)
         if space is None or len(self.numbers) >= MOST_NAMED:
             return {}
@@ -261,7 +210,7 @@ class Coupled:
         """The exact appendage without one of its modes."""
         return self._only([k for k in range(1, self._exact.modes + 1) if k != int(key)])
 
-    @property
+    @cached_property
     def _exact(self) -> PortModel:
         return carried(None, [self.a])[0].whole
 
@@ -269,3 +218,7 @@ class Coupled:
         pick = np.array(numbers, dtype=int) - 1
         full = self._exact
         return PortModel(full.rigid_mass, full.frequencies[pick], full.participation[pick], full.damping[pick])
+
+
+#: An appendage and the modes it would keep.
+Growing = PerPort | Coupled

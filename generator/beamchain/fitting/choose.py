@@ -126,12 +126,7 @@ def make_plan(spec: Spec, full: Mapping[str, PortModel], rigid_mass: Array, hub:
         if columns and count:
             m = model.motions
             return model.attached(count, [m * c + i for c in columns for i in range(m)])
-        if target == "free":
-            return model.reduced(count, np.zeros((model.motions, model.motions)))
-        if target == "hub":
-            assert hub is not None
-            return model.reduced(count, port_hub_mass(hub, port))
-        return model.truncated(count)
+        return model.for_target(target, count, None if hub is None else port_hub_mass(hub, port))
 
     scene, wanted = spec.scene, spec.root.target
     promise = None

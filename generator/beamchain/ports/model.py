@@ -27,13 +27,6 @@ SINGULAR = 1e-15  # of a motion not in the others already: below, it is rounding
 DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
 
 
-def _outer_sum(rows: Array, weight: NDArray[Any]) -> NDArray[Any]:
-    """`(m, m, f)`: sum over k of the outer product of row k with itself times `weight[k]`."""
-    m = rows.shape[1]
-    outer = (rows[:, :, None] * rows[:, None, :]).reshape(rows.shape[0], m * m)
-    return (outer.T @ weight).reshape(m, m, -1)
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class PortModel:
     """An elastic thing seen from its root: rigid mass, cantilever modes, damping.
@@ -241,8 +234,9 @@ class PortModel:
             return np.moveaxis(np.asarray(inverse, dtype=np.complex128), 0, -1)
         frequency = np.atleast_1d(np.asarray(omega, dtype=np.float64))
         weight = -(frequency**2) / (self.free_frequencies[:, None] ** 2 - frequency**2)
-        p, p0 = self.free_port_values, self.rigid_port_values
-        return ((p0 @ p0.T)[:, :, None] + _outer_sum(p, weight)).astype(np.complex128)
+        m, p, p0 = self.motions, self.free_port_values, self.rigid_port_values
+        outer = (p[:, :, None] * p[:, None, :]).reshape(p.shape[0], m * m)
+        return ((p0 @ p0.T)[:, :, None] + (outer.T @ weight).reshape(m, m, -1)).astype(np.complex128)
 
     def zeros(self, output: int = 0, input: int = 0) -> NDArray[np.complex128]:
         """`(n,)` zeros of one entry of `W` as frequencies: `W_ij` carries the factors `s^2 + zero^2`.
@@ -353,6 +347,19 @@ class PortModel:
         if not 0 < modes <= self.modes:
             raise InputError(f"modes = {modes} must lie between 0 and {self.modes}, the number this model has.")
         return self._projected(self.with_hub(hub_mass)._free[2][:, :modes])
+
+    def for_target(self, target: str, modes: int, hub_mass: Array | None = None) -> "PortModel":
+        """The lowest cantilever modes ("clamped"), or those with nothing ("free") or a hub ("hub") attached.
+
+        Args:
+            target, modes: which, and how many.
+            hub_mass: `(m, m)`; needed for "hub" only.
+        """
+        if target == "clamped":
+            return self.truncated(modes)
+        attached = np.zeros_like(self.rigid_mass) if target == "free" else hub_mass
+        assert attached is not None
+        return self.reduced(modes, attached)
 
     def _projected(self, basis: Array) -> "PortModel":
         """Galerkin reduction on an orthonormal `basis` `(n, k)` of modal coordinates scaled by their strain energy."""

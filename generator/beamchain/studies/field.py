@@ -257,12 +257,8 @@ def _hub_of(task: Task, port: str) -> Array:
 def _ours(task: Task, entry: Entry, kept: dict[str, int]) -> Built:
     def target_of(port: str, count: int) -> PortModel:
         full = task.full[port]
-        if entry.model == "exact, free":
-            out = full.reduced(count, 0.0 * _hub_of(task, port))
-        elif entry.model in ("exact, hub", TIMED):
-            out = full.reduced(count, _hub_of(task, port))
-        else:
-            out = full.truncated(count)
+        target = {"exact, free": "free", "exact, hub": "hub", TIMED: "hub"}.get(entry.model, "clamped")
+        out = full.for_target(target, count, _hub_of(task, port))
         return out.replaced(damping=full.damping[: out.modes])
 
     if entry.model == "least squares":
