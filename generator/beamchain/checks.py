@@ -2,9 +2,10 @@
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import cache, partial
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -13,8 +14,54 @@ from beamchain.errors import InputError
 LARGEST = 1e30  # beyond this a product of three inputs leaves double precision
 
 
+def field(
+    text: str,
+    unit: str | None = None,
+    *,
+    above: float | None = None,
+    least: float | None = None,
+    most: float | None = None,
+    cure: str = "",
+) -> msgspec.Meta:
+    """What a field of a `Struct` means, for `Annotated`: checks, docstring, JSON schema and templates take it from here.
+
+    Args:
+        text: what it is, in words.
+        unit: of a number or of each number in a list, "" for a pure number; None where the field holds no number.
+        above: exclusive lower bound.
+        least: inclusive lower bound.
+        most: inclusive upper bound.
+        cure: what to do about a number that is out of bounds, for the error sentence.
+    """
+    limits = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
+    return msgspec.Meta(
+        description=f"{text} [{unit}]" if unit else text,
+        extra_json_schema={key: value for key, value in limits.items() if value is not None},
+        extra={"check": None if unit is None else partial(_bounded, unit, above, least, most, cure)},
+    )
+
+
+def descriptions(struct: type) -> dict[str, str]:
+    """Text of each field of a struct, with its unit, by the field's name."""
+    return {name: meta.description or "" for name, meta in _metas(struct).items()}
+
+
+def _metas(struct: type) -> dict[str, msgspec.Meta]:
+    """The annotation of each field that has one."""
+    hints = get_type_hints(struct, include_extras=True)
+    found = {name: [a for a in getattr(hints[name], "__metadata__", ()) if isinstance(a, msgspec.Meta)]
+             for name in struct.__struct_fields__}  # fmt: skip
+    return {name: metas[0] for name, metas in found.items() if metas}
+
+
 class _Answering(msgspec.StructMeta):
-    """Answers a call that does not fit the fields with the fields, instead of with the library's words."""
+    """Lists the fields in the docstring, and answers a call that does not fit them with what they are."""
+
+    def __init__(cls, *args: Any, **kwargs: Any) -> None:  # noqa: N805
+        super().__init__(*args, **kwargs)
+        if texts := descriptions(cls):
+            listed = "\n".join(f"    {name}: {text}." for name, text in texts.items())
+            cls.__doc__ = f"{cls.__doc__ or ''}\n\nArgs:\n{listed}\n"
 
     if not TYPE_CHECKING:  # a type checker that sees it no longer sees the fields
 
@@ -39,7 +86,68 @@ class _Answering(msgspec.StructMeta):
 
 
 class Struct(msgspec.Struct, frozen=True, kw_only=True, metaclass=_Answering):
-    """Base of everything that a user fills in, in Python or in TOML."""
+    """Base of everything that a user fills in, in Python or in TOML; a field's bounds stand in its annotation."""
+
+    def __post_init__(self) -> None:
+        own_numbers(self)
+        for name, optional, check in _checks(type(self)):
+            value = getattr(self, name)
+            if not (optional and value is None):
+                check(name, value)
+
+
+@cache
+def _checks(struct: type) -> list[tuple[str, bool, Callable[[str, Any], object]]]:
+    """Per field that has a bound or a choice of words: name, whether it may be None, and its check."""
+    out: list[tuple[str, bool, Callable[[str, Any], object]]] = []
+    metas = _metas(struct)
+    for name, hint in get_type_hints(struct).items():
+        kinds = get_args(hint) if get_origin(hint) not in (None, Literal, tuple) else (hint,)
+        optional = type(None) in kinds
+        words = tuple(word for kind in kinds if get_origin(kind) is Literal for word in get_args(kind))
+        words += tuple(w for k in kinds if get_origin(k) is tuple for item in get_args(k) for w in _words(item))
+        check = ((metas[name].extra or {}).get("check") if name in metas else None) or (
+            partial(_each_word, words) if words else None
+        )
+        if check is not None:
+            out.append((name, optional, partial(check, whole=True) if int in kinds else check))
+    return out
+
+
+def _words(kind: Any) -> tuple[str, ...]:
+    return get_args(kind) if get_origin(kind) is Literal else ()
+
+
+def _each_word(words: tuple[str, ...], name: str, value: object) -> None:
+    for word in value if isinstance(value, tuple) else (value,):
+        one_of(name, word, words)
+
+
+def _bounded(
+    unit: str,
+    above: float | None,
+    least: float | None,
+    most: float | None,
+    cure: str,
+    name: str,
+    value: Any,
+    *,
+    whole: bool = False,
+) -> None:
+    """Check a number, or every number of nested lists, against the bounds of its field."""
+    if isinstance(value, tuple):
+        for i, item in enumerate(value):
+            _bounded(unit, above, least, most, cure, f"{name}[{i}]", item, whole=whole)
+    elif whole:
+        whole_number(name, value, int(least or 0), int(most or LARGEST))
+    elif most is not None:
+        given = number(name, value, unit, cure=cure)
+        low = -math.inf if above is None else above
+        if not low < given <= most:
+            raise InputError(f"{name} = {given!r} must lie above {low:g} and be at most {most:g}. {cure}".strip())
+    else:
+        check = positive if above == 0.0 else not_negative if least == 0.0 else number
+        check(name, value, unit, cure=cure)
 
 
 def number(field: str, value: object, unit: str, *, cure: str = "") -> float:
@@ -89,7 +197,7 @@ def one_of(field: str, value: object, choices: Iterable[str]) -> None:
         raise InputError(f"{field} = {value!r} is unknown; choose one of {', '.join(words)}.")
 
 
-def whole(field: str, value: object, least: int, most: int) -> int:
+def whole_number(field: str, value: object, least: int, most: int) -> int:
     """A whole number from `least` to `most`."""
     if isinstance(value, bool) or not isinstance(value, Integral) or not least <= int(value) <= most:
         raise InputError(f"{field} = {value!r} must be a whole number from {least} to {most}.")

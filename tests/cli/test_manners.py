@@ -14,9 +14,10 @@ import pytest
 
 import beamchain as bc
 from beamchain.cli import app, main
+from beamchain.cli.init import commented
 from beamchain.cli.shipped import examples, starts
 
-COMMANDS = sorted(command.name for command in app.registered_commands)
+COMMANDS = sorted(command.name for command in app.registered_commands if not command.hidden)
 COLOUR = re.compile(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|38;5)[0-9;]*m")
 
 
@@ -47,7 +48,7 @@ def test_every_command_shows_an_example_of_itself(command, capsys, monkeypatch):
     assert "--quiet" in text
 
 
-@pytest.mark.parametrize("word", ["fti", "inspct", "exmples", "schem"])
+@pytest.mark.parametrize("word", ["fti", "inspct", "stabilty", "schem"])
 def test_a_mistyped_command_gets_a_guess(word, capsys, monkeypatch):
     code, _, error = run([word], capsys, monkeypatch)
     assert code == 2
@@ -76,7 +77,7 @@ def test_completion(shell):
 
 
 # -- colours ---------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("arguments", [["--help"], ["fit", "--help"], ["examples"], ["nonsense"], ["seed"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["fit", "--help"], ["init", "--list"], ["nonsense"], ["seed"]])
 def test_no_escape_codes_when_piped(arguments):
     done = outside(arguments)
     assert "\x1b" not in done.stdout + done.stderr
@@ -230,19 +231,19 @@ def test_init_knows_its_kinds(tmp_path, capsys, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-# -- examples --------------------------------------------------------------------------------------------------------
-def test_examples_are_listed(capsys, monkeypatch):
-    code, told, _ = run(["examples", "--json"], capsys, monkeypatch)
+def test_init_lists_what_it_writes(capsys, monkeypatch):
+    code, told, _ = run(["init", "--list", "--json"], capsys, monkeypatch)
     assert code == 0
     listed = json.loads(told)["examples"]
-    assert {one["name"] for one in listed} >= {"seed_boom", "array_scene", "mast"}
+    assert {one["name"] for one in listed} >= {"boom", "craft", "seed_boom", "array_scene", "instrument_mast"}
     assert all(len(one["about"]) > 20 for one in listed)
 
 
 @pytest.mark.parametrize("name", [one.name for one in examples()])
 def test_examples_run(name, tmp_path, capsys, monkeypatch):
-    folder = tmp_path / "out"
-    code, told, _ = run(["examples", "--run", name, "-o", str(folder), "--json"], capsys, monkeypatch)
+    folder, spec = tmp_path / "out", tmp_path / "spec.toml"
+    assert run(["init", name, "-o", str(spec)], capsys, monkeypatch)[0] == 0
+    code, told, _ = run(["fit", str(spec), "-o", str(folder), "--json"], capsys, monkeypatch)
     assert code == 0
     assert json.loads(told)["status"]["ok"]
     assert (folder / "appendage.xml").is_file()
@@ -250,10 +251,26 @@ def test_examples_run(name, tmp_path, capsys, monkeypatch):
 
 
 def test_examples_know_their_names(tmp_path, capsys, monkeypatch):
-    code, _, error = run(["examples", "--run", "seedboom", "-o", str(tmp_path / "o")], capsys, monkeypatch)
+    monkeypatch.chdir(tmp_path)
+    code, _, error = run(["init", "seedboom"], capsys, monkeypatch)
     assert code == 2
     assert "did you mean 'seed_boom'" in error
-    code, _, error = run(["examples", "-o", str(tmp_path / "o")], capsys, monkeypatch)
-    assert code == 2
-    assert "--run" in error
-    assert not (tmp_path / "o").exists()
+    for arguments, words in ((["init"], "kind is missing"), (["init", "boom", "--list"], "leave KIND"),
+                             (["examples"], "beamchain init --list")):  # fmt: skip
+        code, _, error = run(arguments, capsys, monkeypatch)
+        assert code == 2
+        assert words in error
+    assert not list(tmp_path.iterdir())
+
+
+def test_templates_take_their_comments_from_the_schema():
+    template = "[[segment]]\nlength = 2.0\n# [segment.section]\nwidth_y = 1.0  # mine\nlinear_mass = 2.0\n[scene]\nnothing = 1\n"
+    assert commented(template).splitlines() == [
+        "[[segment]]",
+        f"{'length = 2.0':<38} # length along x [m]",
+        "# [segment.section]",
+        "width_y = 1.0  # mine",
+        f"{'linear_mass = 2.0':<38} # mass per length [kg/m]",
+        "[scene]",
+        "nothing = 1",
+    ]

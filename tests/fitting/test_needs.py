@@ -310,7 +310,7 @@ def test_steps_keep_the_tolerance_and_the_cheapest_comes_first():
 
 def test_full_keeps_no_fewer_than_the_scene_needs():
     """A mast with a heavy tip: two modes lie within three times the band, but three are needed."""
-    spec = read_spec(str(files("beamchain") / "examples" / "mast.toml"))
+    spec = read_spec(str(files("beamchain") / "examples" / "instrument_mast.toml"))
     spec = structs.replace(spec, modes=None, scene=Scene(bandwidth=10.0))
     chosen, full = fit(spec), fit(everything(spec))
     assert chosen.choice is not None

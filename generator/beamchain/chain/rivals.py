@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from beamchain.chain.chain import Chain, Hinge, Link
-from beamchain.checks import one_of, whole
+from beamchain.checks import one_of, whole_number
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
@@ -61,7 +61,7 @@ def equal_links(beam: Beam, count: int, recipe: str, port: str = "xy") -> Chain:
     Where EI varies, EI N/L is the inverse compliance of the stretch that the hinge stands for.
     """
     one_of("recipe", recipe, RECIPES)
-    whole("links", count, 1, 5000)
+    whole_number("links", count, 1, 5000)
     h = beam.length / count
     inner = h * np.arange(count, dtype=np.float64)
     if recipe == "midpoint":

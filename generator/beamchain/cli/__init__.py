@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from beamchain.cli import embed, examples, fit, init, inspect, render, retime, schema, seed, stability, study, sweep
+from beamchain.cli import embed, fit, init, inspect, render, retime, schema, seed, stability, study, sweep
 from beamchain.cli.common import explain, version
 from beamchain.errors import BeamchainError
 
@@ -46,7 +46,7 @@ app.command(name="schema")(schema.schema)
 app.command(name="render")(render.render)
 app.command(name="view")(render.view)
 app.command(name="init")(init.init)
-app.command(name="examples")(examples.examples)
+app.command(name="examples", hidden=True)(init.examples)
 
 
 def main() -> None:

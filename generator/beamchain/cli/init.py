@@ -1,38 +1,45 @@
-"""`beamchain init`: a commented spec to start from, or a spacecraft to put it on."""
+"""`beamchain init`: a commented specification to start from, a shipped example, or a spacecraft to embed into."""
 
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from beamchain.cli.common import Force, Json, Quiet, console, print_json
+from beamchain.errors import InputError
+
+_TABLE = re.compile(r"(?:# )?\[+([\w.]+)\]+")
+_KEY = re.compile(r"(?:# )?(\w+) = [^#]*")
+COLUMN = 38  # of the comments in a template
 
 
 def _kinds(incomplete: str) -> list[tuple[str, str]]:
-    from beamchain.cli.shipped import spacecraft, starts
+    from beamchain.cli.shipped import everything
 
-    return [(one.name, one.about) for one in [*starts(), spacecraft()] if one.name.startswith(incomplete)]
+    return [(one.name, one.about) for one in everything() if one.name.startswith(incomplete)]
 
 
 def init(
     kind: Annotated[
-        str,
+        str | None,
         typer.Argument(
-            metavar="boom|array|mast|craft",
-            help="What to write: a specification, or (craft) a spacecraft.",
+            metavar="[boom|array|mast|craft|EXAMPLE]",
+            help="What to write: a specification, a spacecraft (craft), or an example that --list names.",
             autocompletion=_kinds,
             show_default=False,
         ),
-    ],
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="Output file.", show_default="KIND.toml or craft.xml"),
     ] = None,
+    listed: Annotated[bool, typer.Option("--list", help="List what can be written.")] = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a commented SPEC.toml to start from, or a small spacecraft (MJCF) to attach it to.
+    """Write a commented SPEC.toml to start from, a shipped example, or a small spacecraft (MJCF) to attach it to.
 
     Existing files are overwritten only with --force.
 
@@ -41,13 +48,23 @@ def init(
     Example: beamchain init array -o my_array.toml
 
     Example: beamchain init craft
+
+    Example: beamchain init --list
     """
-    from beamchain.cli.shipped import pick, spacecraft, starts
+    from beamchain.cli.shipped import everything, pick, spacecraft
     from beamchain.files import write_files
 
-    start = pick([*starts(), spacecraft()], kind, "init: the kind")
+    if listed:
+        if kind is not None or output is not None:
+            raise InputError("init: --list writes no file; leave KIND and --output out.")
+        _list(as_json=as_json, quiet=quiet)
+        return
+    if kind is None:
+        raise InputError("init: the kind is missing; choose boom, array, mast or craft, or see `beamchain init --list`.")
+    start = pick(everything(), kind, "init: the kind")
     place = output or Path(f"{kind}{start.path.suffix}")
-    write_files({place: start.path.read_text(encoding="utf-8")}, force=force)
+    text = start.path.read_text(encoding="utf-8")
+    write_files({place: commented(text) if place.suffix == ".toml" else text}, force=force)
     if as_json:
         print_json({"kind": kind, "file": str(place)})
     elif not quiet:
@@ -57,3 +74,47 @@ def init(
         if start == spacecraft():
             following = f"beamchain embed {place} --at mount=array.toml -o flexible.xml"
         out.print(f"next: {following}", soft_wrap=True, markup=False)
+
+
+def examples(run: Annotated[str | None, typer.Option("--run")] = None, as_json: Json = False) -> None:
+    """Say where the list of examples is now."""
+    raise InputError(
+        f"`beamchain examples` is part of `beamchain init` now; run `beamchain init --list`, or `beamchain init "
+        f"{run or 'seed_boom'}` and `beamchain fit` for one of them."
+    )
+
+
+def commented(template: str) -> str:
+    """The template with the schema's text behind every key that has no comment of its own."""
+    from beamchain.checks import descriptions
+    from beamchain.fitting.sentences import structs_of
+    from beamchain.fitting.spec import Spec
+
+    structs, lines = [Spec], list[str]()
+    for line in template.splitlines():
+        if table := _TABLE.match(line):
+            place: Any = Spec
+            for key in table[1].split("."):
+                place = get_type_hints(structs_of(place)[0])[key]
+            structs = structs_of(place)
+        elif key := _KEY.fullmatch(line):
+            texts = [found for one in structs if (found := descriptions(one).get(key[1]))]
+            line = f"{line:<{COLUMN}} # {texts[0]}" if texts else line
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def _list(*, as_json: bool, quiet: bool) -> None:
+    from beamchain.cli.shipped import everything
+
+    if as_json:
+        print_json({"examples": [{"name": one.name, "about": one.about} for one in everything()]})
+    elif not quiet:
+        from rich.table import Table
+
+        table = Table(title="what `beamchain init` writes", title_justify="left")
+        for column in ("name", "what it is"):
+            table.add_column(column, overflow="fold")
+        for one in everything():
+            table.add_row(one.name, one.about)
+        console().print(table)

@@ -38,6 +38,11 @@ def spacecraft() -> Shipped:
     return Shipped("craft", _HERE / "starts" / "craft.xml", "A small spacecraft (MJCF) to embed an appendage into.")
 
 
+def everything() -> list[Shipped]:
+    """All that `beamchain init` writes."""
+    return [*starts(), spacecraft(), *examples()]
+
+
 def pick(choices: list[Shipped], name: str, field: str) -> Shipped:
     """The one that is called `name`.
 

@@ -9,7 +9,7 @@ import msgspec
 from lxml import etree
 
 from beamchain.checks import one_of
-from beamchain.checks import whole as checked_int
+from beamchain.checks import whole_number as checked_int
 from beamchain.craft.appendage import (
     PROBE,
     Appendage,
@@ -210,7 +210,7 @@ def _proved(
     appendages: tuple[Appendage, ...],
     build: "Callable[[tuple[Appendage, ...]], mujoco.MjModel]",
     retime: bool | None,
-    found: Sequence[str] = (),
+    found: Mapping[str, Mapping[str, int]] | None = None,
 ) -> "tuple[tuple[Appendage, ...], mujoco.MjModel, list[str]]":
     """The appendages exact in time where that is worth it, the model with them, and what is to be said of it.
 

@@ -1,8 +1,10 @@
 """The rigid spacecraft that carries the appendage: its mass matrix about the root, from the spec and back."""
 
+from typing import Annotated
+
 import numpy as np
 
-from beamchain.checks import Struct, number, own_numbers, positive
+from beamchain.checks import Struct, field, number
 from beamchain.errors import InputError
 from beamchain.ports.motions import PORT_MOTION, Array, body_mass_matrix
 from beamchain.structure.lump import body_inertia
@@ -15,33 +17,25 @@ ROUNDING = (
 
 
 class Hub(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The rigid spacecraft that carries the appendage.
+    """The rigid spacecraft that carries the appendage."""
 
-    Args:
-        mass: [kg].
-        inertia: about its centre, in appendage axes: Ixx, Iyy, Izz [kg m^2].
-        offset: from its centre to the root, in appendage axes [m].
-        products: Ixy, Ixz, Iyz where those axes are not principal [kg m^2].
-        apparent: `(6, 6)` mass matrix about the root (x, y, z, rotations) in place of all that, for a hub with loose
-            joints, which is no rigid body.
-    """
-
-    mass: float
-    inertia: Triple
-    offset: Triple = (0.0, 0.0, 0.0)
-    products: Triple = (0.0, 0.0, 0.0)
-    apparent: tuple[tuple[float, ...], ...] | None = None
+    mass: Annotated[float, field("mass", "kg", above=0.0)]
+    inertia: Annotated[
+        Triple,
+        field("moments of inertia [Ixx, Iyy, Izz] about its centre, in the axes of the appendage", "kg m^2", above=0.0),
+    ]
+    offset: Annotated[Triple, field("from its centre to the root, in the axes of the appendage", "m")] = (0.0, 0.0, 0.0)
+    products: Annotated[
+        Triple, field("products of inertia [Ixy, Ixz, Iyz], where those axes are not principal", "kg m^2")
+    ] = (0.0, 0.0, 0.0)
+    apparent: Annotated[
+        tuple[tuple[float, ...], ...] | None,
+        field("6 x 6 mass matrix about the root in place of all that, for a hub with loose joints"),
+    ] = None
 
     def __post_init__(self) -> None:
-        own_numbers(self)
-        positive("mass", self.mass, "kg")
+        super().__post_init__()
         body_inertia("inertia", self.inertia)
-        for i, value in enumerate(self.inertia):
-            positive(f"inertia[{i}]", value, "kg m^2")
-        for i, value in enumerate(self.offset):
-            number(f"offset[{i}]", value, "m")
-        for i, value in enumerate(self.products):
-            number(f"products[{i}]", value, "kg m^2")
         arm = self.mass * sum(float(value) ** 2 for value in self.offset)
         if min(self.inertia) < ROUNDING * arm:
             raise InputError(

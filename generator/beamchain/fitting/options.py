@@ -3,17 +3,16 @@
 import re
 from collections.abc import Mapping
 from numbers import Integral
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from beamchain.checks import Struct, not_negative, number, one_of, own_numbers, positive, whole
+from beamchain.checks import Struct, field, not_negative, one_of, positive, whole_number
 from beamchain.errors import InputError
 from beamchain.fitting.hub import Hub
 from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.lump import body_inertia
 
-MOST_MODES = 20
 RECIPES = ("classical", "midpoint", "naive", "seed")  # of one bending plane
 DEFAULT_STEP = 0.01  # of scene.xml and of the bench, where none is stated [s]
 
@@ -24,36 +23,33 @@ Triple = tuple[float, float, float]
 
 
 class Payload(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The body that the user's scene will attach at the tip: the fit allows for it, but it is not in the files.
+    """The body that the user's scene will attach at the tip: the fit allows for it, but it is not in the files."""
 
-    Args:
-        mass: [kg].
-        inertia: principal moments about its own centre, which is at the tip [kg m^2].
-    """
-
-    mass: float
-    inertia: Triple = (0.0, 0.0, 0.0)
+    mass: Annotated[float, field("mass", "kg", above=0.0)]
+    inertia: Annotated[
+        Triple, field("principal moments of inertia about its own centre, which is at the tip", "kg m^2", least=0.0)
+    ] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        own_numbers(self)
-        positive("mass", self.mass, "kg")
+        super().__post_init__()
         body_inertia("inertia", self.inertia)
 
 
 class Damping(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Damping ratios of the cantilever modes.
+    """Damping of the cantilever modes."""
 
-    Args:
-        ratio: one number for all modes, or a list per port; the last value of a short list applies to all further modes.
-        form: "modal": a tendon per mode, exact; "hinge": plain joint damping, approximate.
-    """
-
-    ratio: float | dict[str, tuple[float, ...]] = 0.0
-    form: Literal["modal", "hinge"] = "modal"
+    ratio: Annotated[
+        float | dict[str, tuple[float, ...]],
+        field(
+            "damping ratio: a number for all modes, or { xy = [0.005, 0.004] }, whose last value applies to all further modes"
+        ),
+    ] = 0.0
+    form: Annotated[
+        Literal["modal", "hinge"], field('"modal": a tendon per mode, exact; "hinge": plain joint damping, approximate')
+    ] = "modal"
 
     def __post_init__(self) -> None:
-        own_numbers(self)
-        one_of("form", self.form, ("modal", "hinge"))
+        super().__post_init__()
         if isinstance(self.ratio, dict):
             for port, values in self.ratio.items():
                 one_of("ratio", port, PORTS)
@@ -80,59 +76,42 @@ def _ratio(name: str, value: object) -> None:
 
 
 class Port(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A further point at which the chain is exact, in the ports that are kept; its site is `NAME_<name>`.
+    """A further point at which the chain is exact, in the ports that are kept; its site is `NAME_<name>`."""
 
-    Args:
-        name: part of the name of its site: a-z, 0-9 and _.
-        x: distance from the root [m].
-    """
-
-    name: str
-    x: float
+    name: Annotated[str, field("part of the name of its site: a-z, 0-9 and _")]
+    x: Annotated[float, field("distance from the root", "m", above=0.0)]
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name) or self.name in ("root", "tip", "body"):
             raise InputError(
                 f"name = {self.name!r} must start with a small letter, hold only a-z, 0-9 and _, and be neither root, tip "
                 'nor body; for example name = "camera".'
             )
-        positive("x", self.x, "m")
 
 
 class Sensors(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Sensors written with the appendage, for modes, deflections and loads.
+    """Sensors written with the appendage, for modes, deflections and loads."""
 
-    Args:
-        modes: amplitude and rate of each mode that has a tendon: `NAME_mode1_xy_amplitude`, `NAME_mode1_xy_rate`.
-        points: sites whose position and rotation relative to the root are measured: `NAME_tip_place`, `NAME_tip_turn`.
-        root_load: force and moment between the appendage and the spacecraft: `NAME_root_force`, `NAME_root_moment`.
-    """
-
-    modes: bool = False
-    points: tuple[str, ...] = ()
-    root_load: bool = False
+    modes: Annotated[bool, field("amplitude and rate of each mode: NAME_mode1_xy_amplitude, NAME_mode1_xy_rate")] = (
+        False
+    )
+    points: Annotated[
+        tuple[str, ...],
+        field("sites whose position and rotation relative to the root are measured: NAME_tip_place, NAME_tip_turn"),
+    ] = ()
+    root_load: Annotated[
+        bool, field("force and moment between appendage and spacecraft: NAME_root_force, NAME_root_moment")
+    ] = False
 
 
 class Modes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Flexible modes kept per port. A port that is 0 or absent is rigid; with a scene's bandwidth, absent means chosen.
+    """Flexible modes kept per port. A port that is 0 or absent is rigid; with a scene's bandwidth, absent means chosen."""
 
-    Args:
-        xy: bending modes in the plane of x and y.
-        xz: bending modes in the plane of x and z.
-        torsion: modes about x.
-        axial: modes along x.
-    """
-
-    xy: int | None = None
-    xz: int | None = None
-    torsion: int | None = None
-    axial: int | None = None
-
-    def __post_init__(self) -> None:
-        own_numbers(self)
-        for port in PORTS:
-            if getattr(self, port) is not None:
-                whole(port, getattr(self, port), 0, MOST_MODES)
+    xy: Annotated[int | None, field("number of bending modes in the plane of x and y", "", least=0, most=20)] = None
+    xz: Annotated[int | None, field("number of bending modes in the plane of x and z", "", least=0, most=20)] = None
+    torsion: Annotated[int | None, field("number of torsional modes about x", "", least=0, most=20)] = None
+    axial: Annotated[int | None, field("number of modes along x", "", least=0, most=20)] = None
 
     def counts(self) -> dict[str, int]:
         """Modes per port, without the ports that keep none."""
@@ -160,66 +139,59 @@ def as_modes(given: object) -> Modes:
 
 
 class Root(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The spacecraft (`hub`), and in which state the kept modes are exact (`target`)."""
+    """The spacecraft, and the boundary condition at which the kept modes are exact."""
 
-    target: Target | None = None
-    hub: Hub | None = None
-
-    def __post_init__(self) -> None:
-        own_numbers(self)
-        if self.target is not None:
-            one_of("target", self.target, ("clamped", "free", "hub", "auto"))
+    target: Annotated[
+        Target | None, field("boundary condition of the root at which the kept modes are exact; clamped where left out")
+    ] = None
+    hub: Annotated[Hub | None, field("the rigid spacecraft that carries the appendage")] = None
 
 
 class FitOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How the chain is found.
 
-    Args:
-        method: "exact", "least_squares", or a recipe to compare with: "classical" (EI N/L, 2 EI N/L at the root),
-            "midpoint" (hinges at segment middles), "naive" (EI N/L everywhere), "seed" (the 2008 paper's three links).
-        links: number of links, or their lengths [m]; only for methods that do not fix the links themselves.
-        free: quantities varied by least squares.
-        springs: "auto": on the hinges if that is exact in all ports, otherwise one tendon per mode; "hinges": on the
-            hinges; "modes": a tendon per mode, whose frequency and damping are two numbers of the compiled model.
-        cuts: x of hinges at prescribed places; others are added if the modes need them [m].
-        form: "chain", the only form.
-        timestep: if above 0, the written files are exact in time at this step of the scene's integrator [s].
+    The recipes are there to compare with: "classical" (EI N/L, 2 EI N/L at the root), "midpoint" (hinges at segment
+    middles), "naive" (EI N/L everywhere), "seed" (the three links of the 2008 paper).
     """
 
-    method: Method = "exact"
-    links: int | tuple[float, ...] | None = None
-    free: tuple[Literal["stiffness", "lengths", "masses"], ...] = ("stiffness", "lengths", "masses")
-    springs: Literal["auto", "hinges", "modes"] = "auto"
-    cuts: tuple[float, ...] = ()
-    form: Literal["chain", "oscillators"] | None = None
-    timestep: float = 0.0
+    method: Annotated[Method, field("exact realisation, least squares, or a recipe to compare with")] = "exact"
+    links: Annotated[
+        int | tuple[float, ...] | None,
+        field("number of links or their lengths [m], for methods that do not fix the links themselves"),
+    ] = None
+    free: Annotated[
+        tuple[Literal["stiffness", "lengths", "masses"], ...], field("quantities varied by least squares")
+    ] = ("stiffness", "lengths", "masses")
+    springs: Annotated[
+        Literal["auto", "hinges", "modes"],
+        field('springs on the hinges, or a tendon per mode; "auto" takes the hinges where that is exact'),
+    ] = "auto"
+    cuts: Annotated[
+        tuple[float, ...],
+        field("x of hinges at prescribed places; others are added if the modes need them", "m", least=0.0),
+    ] = ()
+    form: Annotated[Literal["chain", "oscillators"] | None, field('"chain", the only form')] = None
+    timestep: Annotated[
+        float, field("if above 0, the written files are exact in time at this step", "s", least=0.0)
+    ] = 0.0
 
     def __post_init__(self) -> None:
-        own_numbers(self)
-        one_of("method", self.method, ("exact", "least_squares", "classical", "midpoint", "naive", "seed"))
-        one_of("springs", self.springs, ("auto", "hinges", "modes"))
-        if self.form is not None:
-            one_of("form", self.form, ("chain", "oscillators"))
+        super().__post_init__()
         if self.form == "oscillators":
             raise InputError(
                 'form = "oscillators" is no longer written: a chain with a tendon per mode is exact for any modes, '
                 "coupled ones included; leave fit.form out."
             )
-        for i, value in enumerate(self.cuts):
-            not_negative(f"cuts[{i}]", value, "m")
         if self.method != "exact" and (self.cuts or self.springs != "auto"):
             word = "cuts" if self.cuts else "springs"
             raise InputError(
                 f'{word} is for method = "exact", but method = "{self.method}" is asked for; leave fit.{word} out.'
             )
-        not_negative("timestep", self.timestep, "s")
-        for word in self.free:
-            one_of("free", word, ("stiffness", "lengths", "masses"))
         if isinstance(self.links, tuple):
             for i, value in enumerate(self.links):
                 positive(f"links[{i}]", value, "m")
         elif self.links is not None:
-            whole("links", self.links, 1, 496)
+            whole_number("links", self.links, 1, 496)
         if self.links is not None and self.method in ("exact", "seed"):
             raise InputError(
                 f'links = {self.links!r} is given but method = "{self.method}" fixes the links itself (modes + 1); '
@@ -228,29 +200,42 @@ class FitOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the scene needs; modes and sites it does not need are left out.
+    """What the scene needs; modes and sites it does not need are left out."""
 
-    Args:
-        bandwidth: highest frequency that matters [rad/s]; if it is given and [modes] is not, the modes are chosen.
-        tolerance: largest relative error of the hub's motion within the bandwidth.
-        axes: hub motions that matter: rotations "x" "y" "z", translations "tx" "ty" "tz".
-        tip: the tip's motion matters too, and the tip site is written.
-        visuals: write massless shapes.
-        contacts: write shapes that can touch other bodies.
-        integrator: MuJoCo's name, or "auto": Euler if it turns the spacecraft at `rates` within the tolerance, else RK4.
-        rates: largest rates of the spacecraft about its own axes, occurring together [rad/s].
-        timestep: [s]; if it is given, the written files are exact in time for it. Default: 0.01.
-    """
-
-    bandwidth: float | None = None
-    tolerance: float = 1e-3
-    axes: tuple[Literal["x", "y", "z", "tx", "ty", "tz"], ...] = ("x", "y", "z", "tx", "ty", "tz")
-    tip: bool = False
-    visuals: bool = True
-    contacts: bool = False
-    integrator: Integrator | Literal["auto"] = "implicitfast"
-    rates: tuple[float, float, float] | None = None
-    timestep: float | None = None
+    bandwidth: Annotated[
+        float | None,
+        field(
+            "highest frequency that matters; the modes are chosen for it where [modes] is left out", "rad/s", above=0.0
+        ),
+    ] = None
+    tolerance: Annotated[
+        float, field("largest relative error of the hub motion within the bandwidth", "", above=0.0)
+    ] = 1e-3
+    axes: Annotated[
+        tuple[Literal["x", "y", "z", "tx", "ty", "tz"], ...],
+        field("hub motions that matter: rotations x, y, z, translations tx, ty, tz"),
+    ] = ("x", "y", "z", "tx", "ty", "tz")
+    tip: Annotated[bool, field("the motion of the tip matters too, and the tip site is written")] = False
+    visuals: Annotated[bool, field("write massless shapes")] = True
+    contacts: Annotated[bool, field("write shapes that can touch other bodies")] = False
+    integrator: Annotated[
+        Integrator | Literal["auto"],
+        field(
+            'integrator of MuJoCo; "auto" takes Euler if it turns the spacecraft at the rates within the tolerance, else RK4'
+        ),
+    ] = "implicitfast"
+    rates: Annotated[
+        tuple[float, float, float] | None,
+        field("largest rates of the spacecraft about its own axes, occurring together", "rad/s"),
+    ] = None
+    timestep: Annotated[
+        float | None,
+        field(
+            "step of scene.xml, 0.01 where left out; if given, the written files are exact in time for it",
+            "s",
+            above=0.0,
+        ),
+    ] = None
 
     @property
     def step(self) -> float:
@@ -258,15 +243,7 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return DEFAULT_STEP if self.timestep is None else self.timestep
 
     def __post_init__(self) -> None:
-        own_numbers(self)
-        if self.bandwidth is not None:
-            positive("bandwidth", self.bandwidth, "rad/s")
-        positive("tolerance", self.tolerance, "")
-        if self.timestep is not None:
-            positive("timestep", self.timestep, "s")
-        one_of("integrator", self.integrator, ("auto", "Euler", "RK4", "implicit", "implicitfast", "discrete"))
-        for i, rate in enumerate(self.rates or ()):
-            number(f"rates[{i}]", rate, "rad/s")
+        super().__post_init__()
         if self.integrator == "auto" and (self.rates is None or self.timestep is None):
             missing = "rates" if self.rates is None else "timestep"
             raise InputError(
@@ -277,5 +254,3 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             raise InputError(
                 "axes = [] leaves no hub motion that matters; name some of x y z tx ty tz, or leave axes out."
             )
-        for axis in self.axes:
-            one_of("axes", axis, ("x", "y", "z", "tx", "ty", "tz"))

@@ -59,7 +59,7 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
 
 def _choose(word: str, key: str, root: type) -> str:
     """The nearest allowed word for a key, and all of them."""
-    structs = _structs(root)
+    structs = structs_of(root)
     tags = [struct.__struct_config__ for struct in structs]
     allowed = [str(config.tag) for config in tags if config.tag is not None and config.tag_field == key]
     for struct in structs:
@@ -71,8 +71,8 @@ def _choose(word: str, key: str, root: type) -> str:
     return f"{guess} one of {', '.join(dict.fromkeys(allowed))}." if allowed else "see `beamchain schema`."
 
 
-def _structs(root: type) -> list[Any]:
-    """The struct and all that its fields lead to, in the order of the fields."""
+def structs_of(root: Any) -> list[Any]:
+    """The structs in a type and all that their fields lead to, in the order of the fields."""
     found: list[Any] = []
 
     def walk(hint: Any) -> None:
@@ -88,7 +88,7 @@ def _structs(root: type) -> list[Any]:
 
 
 def _keys(root: type) -> list[str]:
-    return sorted({field for struct in _structs(root) for field in struct.__struct_fields__})
+    return sorted({field for struct in structs_of(root) for field in struct.__struct_fields__})
 
 
 def _value(data: Any, place: str) -> Any:

@@ -4,11 +4,11 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 
-from beamchain.checks import Struct, own_numbers
+from beamchain.checks import Struct, field
 from beamchain.errors import InputError
 from beamchain.files import LARGEST_TOML, tables
 from beamchain.fitting.hub import Hub
@@ -32,49 +32,33 @@ from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
 from beamchain.structure.joint import Joint
 from beamchain.structure.lump import Lump, check_carried
-from beamchain.structure.segment import Segment
+from beamchain.structure.segment import Segment, repeated
 
 #: Shorthands that `replace` and `fit` accept beside the fields.
 SHORT = ("hub", "target", "timestep")
 
 
 class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A whole SPEC.toml. Lengths in m, masses in kg, frequencies in rad/s.
+    """A whole SPEC.toml."""
 
-    Args:
-        name: prefix of every body, joint, site and geom: a-z, 0-9 and _.
-        segment: parts of the appendage, from the root to the tip.
-        joint: compliant hinge lines between segments.
-        lump: rigid bodies mounted along the appendage.
-        imported: modes from a finite-element program, in place of segments.
-        payload: the body that the scene attaches at the tip.
-        port: further points at which the chain is exact.
-        sensors: sensors written with the appendage.
-        damping: damping ratios of the cantilever modes.
-        modes: number of modes kept per port.
-        root: target and hub.
-        fit: method and its settings.
-        scene: needs of the scene, from which the modes can be chosen.
-        uncertain: properties that `beamchain sweep` varies.
-    """
-
-    name: str = "appendage"
-    segment: tuple[Segment, ...] = ()
-    joint: tuple[Joint, ...] = ()
-    lump: tuple[Lump, ...] = ()
-    imported: Imported | None = None
-    payload: Payload | None = None
-    port: tuple[Port, ...] = ()
-    sensors: Sensors = Sensors()
-    damping: Damping | None = None
-    modes: Modes | None = None
-    root: Root = Root()
-    fit: FitOptions = FitOptions()
-    scene: Scene | None = None
-    uncertain: Uncertain | None = None
+    name: Annotated[str, field("prefix of every body, joint, site and geom: a-z, 0-9 and _")] = "appendage"
+    segment: Annotated[tuple[Segment, ...], field("parts of the appendage, from the root to the tip")] = ()
+    joint: Annotated[tuple[Joint, ...], field("compliant hinge lines between segments")] = ()
+    lump: Annotated[tuple[Lump, ...], field("rigid bodies carried along the appendage")] = ()
+    imported: Annotated[Imported | None, field("modes from a finite-element program, in place of segments")] = None
+    payload: Annotated[Payload | None, field("body that the scene attaches at the tip")] = None
+    port: Annotated[tuple[Port, ...], field("further points at which the chain is exact")] = ()
+    sensors: Annotated[Sensors, field("sensors written with the appendage")] = Sensors()
+    damping: Annotated[Damping | None, field("damping of the cantilever modes")] = None
+    modes: Annotated[Modes | None, field("number of modes kept per port; two in both planes where left out")] = None
+    root: Annotated[Root, field("the spacecraft, and the boundary condition at which the modes are exact")] = Root()
+    fit: Annotated[FitOptions, field("how the chain is found")] = FitOptions()
+    scene: Annotated[Scene | None, field("needs of the scene, from which the modes can be chosen")] = None
+    uncertain: Annotated[Uncertain | None, field("properties that a sweep varies")] = None
 
     def __post_init__(self) -> None:
-        own_numbers(self)
+        super().__post_init__()
+        msgspec.structs.force_setattr(self, "segment", repeated(self.segment))
         if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name):
             raise InputError(
                 f"name = {self.name!r} must start with a small letter and hold only a-z, 0-9 and _ (at most 63), "
@@ -309,8 +293,11 @@ def spec_from_dict(data: Mapping[str, Any], source: str = "spec") -> Spec:
 
 
 def schema() -> dict[str, Any]:
-    """JSON schema of SPEC.toml."""
-    return msgspec.json.schema(Spec)
+    """JSON schema of SPEC.toml, with text, unit, bounds and default of every field."""
+    out = msgspec.json.schema(Spec)
+    for table in out["$defs"].values():
+        table["description"] = table.get("description", "").split("\n\n")[0]
+    return out
 
 
 def finite_or_none(value: float) -> float | None:

@@ -1,11 +1,11 @@
 """What a spec does not know exactly: the table [uncertain] of SPEC.toml, and numbers drawn from it."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from scipy.special import ndtr
 
-from beamchain.checks import Struct, one_of, own_numbers, positive
+from beamchain.checks import Struct, field
 from beamchain.errors import InputError
 
 CUT = 3.0  # normal draws end here, in standard deviations: a tail would ask for negative stiffness
@@ -13,32 +13,34 @@ ONLY_RELATIVE = ("stiffness", "density")
 
 
 class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How a quantity varies: `relative` or `absolute` (in the quantity's own unit), one of the two.
+    """How a quantity varies: `relative` or `absolute`, one of the two."""
 
-    Args:
-        relative, absolute: standard deviation ("normal", cut at three) or half width ("uniform").
-        distribution: "normal" or "uniform".
-        each: every segment, joint, lump or mode draws for itself; else all of them together.
-        group: quantities with the same group draw together, fully correlated.
-    """
-
-    relative: float | None = None
-    absolute: float | None = None
-    distribution: Literal["normal", "uniform"] = "normal"
-    each: bool = False
-    group: str = ""
+    relative: Annotated[
+        float | None,
+        field("standard deviation (normal, cut at three) or half width (uniform) over the value", "", above=0.0),
+    ] = None
+    absolute: Annotated[
+        float | None,
+        field(
+            "standard deviation (normal, cut at three) or half width (uniform), in the unit of the quantity",
+            "",
+            above=0.0,
+        ),
+    ] = None
+    distribution: Annotated[Literal["normal", "uniform"], field("distribution")] = "normal"
+    each: Annotated[bool, field("every segment, joint, lump or mode draws for itself; else all of them together")] = (
+        False
+    )
+    group: Annotated[str, field("quantities with the same group draw together, fully correlated")] = ""
 
     def __post_init__(self) -> None:
-        own_numbers(self)
-        one_of("distribution", self.distribution, ("normal", "uniform"))
+        super().__post_init__()
         if (self.relative is None) == (self.absolute is None):
             raise InputError(
                 "an uncertain quantity takes either relative or absolute; write for example { relative = 0.05 }."
             )
-        if self.relative is not None and positive("relative", self.relative, "") >= 1.0:
+        if self.relative is not None and self.relative >= 1.0:
             raise InputError(f"relative = {self.relative!r} would turn the quantity negative; give less than 1.")
-        if self.absolute is not None:
-            positive("absolute", self.absolute, "")
         if self.group and self.each:
             raise InputError(f'group = "{self.group}" and each = true contradict each other; leave one out.')
 
@@ -53,26 +55,23 @@ class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
 
 class Uncertain(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The table [uncertain]; what is left out is certain.
+    """The table [uncertain]; what is left out is certain."""
 
-    Args:
-        stiffness: all elastic stiffness of the segments (EI, GJ, EA), relative.
-        density: mass per length, nonstructural mass included, relative.
-        damping: ratios of the modes.
-        payload: mass of the payload at the tip [kg]; its inertia in proportion.
-        lump: masses carried along the way [kg]; their inertia in proportion.
-        joint_stiffness: compliant hinge lines [N m/rad], relative best.
-    """
-
-    stiffness: Uncertainty | None = None
-    density: Uncertainty | None = None
-    damping: Uncertainty | None = None
-    payload: Uncertainty | None = None
-    lump: Uncertainty | None = None
-    joint_stiffness: Uncertainty | None = None
+    stiffness: Annotated[Uncertainty | None, field("elastic stiffness of all segments (EI, GJ, EA); relative only")] = (
+        None
+    )
+    density: Annotated[
+        Uncertainty | None, field("mass per length of all segments, nonstructural mass included; relative only")
+    ] = None
+    damping: Annotated[Uncertainty | None, field("damping ratios of the modes")] = None
+    payload: Annotated[Uncertainty | None, field("mass of the payload at the tip [kg]; its inertia in proportion")] = (
+        None
+    )
+    lump: Annotated[Uncertainty | None, field("masses of the lumps [kg]; their inertia in proportion")] = None
+    joint_stiffness: Annotated[Uncertainty | None, field("stiffness of the compliant hinge lines [N m/rad]")] = None
 
     def __post_init__(self) -> None:
-        own_numbers(self)
+        super().__post_init__()
         for name in ONLY_RELATIVE:
             given = getattr(self, name)
             if given is not None and given.relative is None:

@@ -4,12 +4,12 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import accumulate
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import msgspec
 import numpy as np
 
-from beamchain.checks import Struct, one_of, whole
+from beamchain.checks import Struct, field, one_of, whole_number
 from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
@@ -18,7 +18,7 @@ from beamchain.structure.discretise import Parts, converged
 from beamchain.structure.joint import Joint
 from beamchain.structure.lump import Lump, check_carried
 from beamchain.structure.lump import body_inertia as body_inertia
-from beamchain.structure.segment import Segment
+from beamchain.structure.segment import Segment, repeated
 
 MOST_SEGMENTS = 1000
 MOST_LUMPS = 1000
@@ -52,17 +52,11 @@ def straight_mass_matrices(moments: Array) -> Array:
 
 
 class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
-    """A straight elastic appendage.
+    """A straight elastic appendage."""
 
-    Args:
-        segments: from the root outwards.
-        joints: compliant hinge lines between segments.
-        lumps: rigid bodies carried along the way.
-    """
-
-    segments: tuple[Segment, ...]
-    joints: tuple[Joint, ...] = ()
-    lumps: tuple[Lump, ...] = ()
+    segments: Annotated[tuple[Segment, ...], field("parts of the appendage, from the root to the tip")]
+    joints: Annotated[tuple[Joint, ...], field("compliant hinge lines between segments")] = ()
+    lumps: Annotated[tuple[Lump, ...], field("rigid bodies carried along the appendage")] = ()
 
     def __post_init__(self) -> None:
         for name, kind in (("segments", Segment), ("joints", Joint), ("lumps", Lump)):
@@ -71,7 +65,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
                 raise InputError(
                     f"{name} = {given!r:.60} must be a list of {kind.__name__}: {name}=[{kind.__name__}(...)]."
                 )
-            msgspec.structs.force_setattr(self, name, tuple(getattr(self, name)))
+            msgspec.structs.force_setattr(self, name, tuple(repeated(given)))
         if not self.segments:
             raise InputError(
                 "the beam has no segment; give at least one [[segment]] with length, section and material."
@@ -160,7 +154,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
         """
         one_of("port", port, PORTS)
         parts = Parts(self.segments, self.joints, self.lumps)
-        return converged(parts, port, whole("modes", modes, 0, 60), tuple(sorted(float(x) for x in stations)))
+        return converged(parts, port, whole_number("modes", modes, 0, 60), tuple(sorted(float(x) for x in stations)))
 
     def hinge_lines(self, port: str) -> tuple[float, ...]:
         """x of its joints that are compliant in a port [m]."""

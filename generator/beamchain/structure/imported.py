@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Self
 
 import msgspec
 import numpy as np
 
-from beamchain.checks import Struct, number, own_numbers, positive, whole
+from beamchain.checks import Struct, field, whole_number
 from beamchain.errors import InputError
 from beamchain.structure.mass_line import default_length
 from beamchain.structure.modal_data import ModalData
@@ -18,55 +18,39 @@ MOST_MODES = 200
 
 
 class Units(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Units of the file: metres per unit of length, kilograms per unit of mass (mm, tonne: 1e-3, 1e3)."""
+    """Units of the file."""
 
-    length: float = 1.0
-    mass: float = 1.0
-
-    def __post_init__(self) -> None:
-        own_numbers(self)
-        positive("length", self.length, "m")
-        positive("mass", self.mass, "kg")
+    length: Annotated[float, field("metres per unit of length; 1e-3 for mm", "m", above=0.0)] = 1.0
+    mass: Annotated[float, field("kilograms per unit of mass; 1e3 for t", "kg", above=0.0)] = 1.0
 
 
 class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Modes somebody else computed, instead of [[segment]].
+    """Modes from a finite-element program, in place of [[segment]]."""
 
-    Args:
-        file: .f06, .op2, .toml, .json, .npz or .mat.
-        reference: the port, from the file's reference point, in the file's axes and units.
-        axes: rows: appendage x, y, z in the file's axes.
-        units: of the file.
-        modes: numbers from 1; all where left out.
-        subcase: where the file holds several.
-        length: root to tip [m]; from the rigid mass, and said so, where left out.
-    """
-
-    file: str
-    reference: Triple = (0.0, 0.0, 0.0)
-    axes: tuple[Triple, Triple, Triple] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    units: Units = Units()
-    modes: tuple[int, ...] | None = None
-    subcase: int | None = None
-    length: float | None = None
+    file: Annotated[str, field("path of the modes: .f06, .op2, .toml, .json, .npz or .mat")]
+    reference: Annotated[
+        Triple, field("root of the appendage from the reference point of the file, in its axes", "units of the file")
+    ] = (0.0, 0.0, 0.0)
+    axes: Annotated[
+        tuple[Triple, Triple, Triple], field("rows: x, y and z of the appendage in the axes of the file", "")
+    ] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    units: Annotated[Units, field("units of the file")] = Units()
+    modes: Annotated[tuple[int, ...] | None, field("numbers of the modes to keep, from 1; all where left out")] = None
+    subcase: Annotated[int | None, field("subcase, where the file holds several")] = None
+    length: Annotated[
+        float | None, field("distance from root to tip; estimated from the rigid mass where left out", "m", above=0.0)
+    ] = None
 
     def __post_init__(self) -> None:
-        own_numbers(self)
+        super().__post_init__()
         if Path(self.file).suffix.lower() not in READERS:
             raise InputError(f"file = {self.file!r} has an unknown ending; beamchain reads {', '.join(READERS)}.")
-        for i, value in enumerate(self.reference):
-            number(f"reference[{i}]", value, "units of the file")
-        for i, row in enumerate(self.axes):
-            for j, value in enumerate(row):
-                number(f"axes[{i}][{j}]", value, "")
         for i, value in enumerate(self.modes or ()):
-            whole(f"modes[{i}]", value, 1, 10_000)
+            whole_number(f"modes[{i}]", value, 1, 10_000)
         if self.modes is not None and not 1 <= len(self.modes) <= MOST_MODES:
             raise InputError(
                 f"modes holds {len(self.modes)} numbers; name 1 to {MOST_MODES}, or leave modes out for all."
             )
-        if self.length is not None:
-            positive("length", self.length, "m")
 
     def beside(self, folder: Path) -> Self:
         """The same with the file's path taken from a folder."""

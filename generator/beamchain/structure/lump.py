@@ -1,20 +1,22 @@
 """A rigid body carried along the appendage."""
 
-from beamchain.checks import Struct, not_negative, own_numbers, positive
+from typing import Annotated
+
+from beamchain.checks import Struct, field, not_negative
 from beamchain.errors import InputError
 
 
 class Lump(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A rigid body carried at `x` [m]: `mass` [kg], principal `inertia` about its own centre [kg m^2]."""
+    """A rigid body carried along the appendage."""
 
-    x: float
-    mass: float
-    inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    x: Annotated[float, field("distance from the root", "m", least=0.0)]
+    mass: Annotated[float, field("mass", "kg", above=0.0)]
+    inertia: Annotated[
+        tuple[float, float, float], field("principal moments of inertia about its own centre", "kg m^2", least=0.0)
+    ] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        own_numbers(self)
-        not_negative("x", self.x, "m")
-        positive("mass", self.mass, "kg")
+        super().__post_init__()
         body_inertia("inertia", self.inertia)
 
 

@@ -1,44 +1,41 @@
 """Isotropic material of a segment."""
 
-from beamchain.checks import Struct, number, own_numbers, positive
+from typing import Annotated
+
+from beamchain.checks import Struct, field
 from beamchain.errors import InputError
 
 
 class Material(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Isotropic linear elastic material, SI.
-
-    Args:
-        youngs_modulus: E [N/m^2].
-        density: rho [kg/m^3].
-        poissons_ratio: nu, above -1 and at most 0.5; gives the shear modulus where that is not given.
-        shear_modulus: G [N/m^2].
+    """Isotropic linear elastic material.
 
     Raises:
-        InputError: a value is out of range, or both poissons_ratio and shear_modulus are given and disagree.
+        InputError: a value is out of range, or poissons_ratio and shear_modulus are given and disagree.
     """
 
-    youngs_modulus: float
-    density: float
-    poissons_ratio: float | None = None
-    shear_modulus: float | None = None
+    youngs_modulus: Annotated[float, field("modulus of elasticity E", "N/m^2", above=0.0)]
+    density: Annotated[float, field("density", "kg/m^3", above=0.0)]
+    poissons_ratio: Annotated[
+        float | None,
+        field(
+            "ratio of Poisson, which gives the shear modulus; 0.3 where neither is given",
+            "",
+            above=-1.0,
+            most=0.5,
+            cure="Metals have 0.3.",
+        ),
+    ] = None
+    shear_modulus: Annotated[float | None, field("shear modulus G", "N/m^2", above=0.0)] = None
 
     def __post_init__(self) -> None:
-        own_numbers(self)
-        positive("youngs_modulus", self.youngs_modulus, "N/m^2")
-        positive("density", self.density, "kg/m^3")
-        if self.poissons_ratio is not None:
-            nu = number("poissons_ratio", self.poissons_ratio, "")
-            if not -1.0 < nu <= 0.5:
-                raise InputError(f"poissons_ratio = {nu!r} must lie above -1 and at most at 0.5; metals have 0.3.")
-        if self.shear_modulus is not None:
-            positive("shear_modulus", self.shear_modulus, "N/m^2")
-            if self.poissons_ratio is not None:
-                from_ratio = self.youngs_modulus / (2.0 * (1.0 + self.poissons_ratio))
-                if abs(from_ratio / self.shear_modulus - 1.0) > 1e-6:
-                    raise InputError(
-                        f"shear_modulus = {self.shear_modulus!r} and poissons_ratio = {self.poissons_ratio!r} disagree "
-                        f"(the ratio gives {from_ratio:.6g} N/m^2); give one of them."
-                    )
+        super().__post_init__()
+        if self.shear_modulus is not None and self.poissons_ratio is not None:
+            from_ratio = self.youngs_modulus / (2.0 * (1.0 + self.poissons_ratio))
+            if abs(from_ratio / self.shear_modulus - 1.0) > 1e-6:
+                raise InputError(
+                    f"shear_modulus = {self.shear_modulus!r} and poissons_ratio = {self.poissons_ratio!r} disagree "
+                    f"(the ratio gives {from_ratio:.6g} N/m^2); give one of them."
+                )
 
     @property
     def nu(self) -> float:

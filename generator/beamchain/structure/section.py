@@ -4,11 +4,11 @@ Only sections whose y and z axes are principal and whose shear centre lies on th
 have both by symmetry, and `custom` asks the user for principal values.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from beamchain.checks import Struct, not_negative, own_numbers, positive
+from beamchain.checks import Struct, field
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 
@@ -27,11 +27,6 @@ class Geometry(NamedTuple):
 
 class _Section(Struct, frozen=True, kw_only=True):
     """Dimensions of a section; `at` interpolates them linearly towards the other end of a taper."""
-
-    def __post_init__(self) -> None:
-        own_numbers(self)
-        for name in self.__struct_fields__:
-            positive(name, getattr(self, name), "m")
 
     def at(self, end: "_Section", fraction: Array) -> dict[str, Array]:
         """Dimensions at `fraction` `(k,)` of the way to `end`, a section of the same shape."""
@@ -70,9 +65,9 @@ class _Solid(_Section, frozen=True, kw_only=True):
 
 
 class Round(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="round"):
-    """Solid circle of `diameter` [m]."""
+    """Solid circle."""
 
-    diameter: float
+    diameter: Annotated[float, field("diameter", "m", above=0.0)]
 
     def geometry(self, end: _Section, fraction: Array) -> Geometry:
         d = self.at(end, fraction)["diameter"]
@@ -87,10 +82,10 @@ class Round(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_f
 
 
 class Tube(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="tube"):
-    """Hollow circle of `outer_diameter` and `wall` thickness [m]."""
+    """Hollow circle."""
 
-    outer_diameter: float
-    wall: float
+    outer_diameter: Annotated[float, field("outer diameter", "m", above=0.0)]
+    wall: Annotated[float, field("wall thickness", "m", above=0.0)]
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -117,10 +112,10 @@ class Tube(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_fi
 
 
 class Rectangle(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="rectangle"):
-    """Solid rectangle of `width_y` and `width_z` [m]."""
+    """Solid rectangle."""
 
-    width_y: float
-    width_z: float
+    width_y: Annotated[float, field("width along y", "m", above=0.0)]
+    width_z: Annotated[float, field("width along z", "m", above=0.0)]
 
     def geometry(self, end: _Section, fraction: Array) -> Geometry:
         dims = self.at(end, fraction)
@@ -136,11 +131,11 @@ class Rectangle(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, t
 
 
 class Box(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="box"):
-    """Hollow rectangle of outer `width_y`, `width_z` and `wall` thickness [m]; thin-walled in torsion (Bredt)."""
+    """Hollow rectangle; thin-walled in torsion (Bredt)."""
 
-    width_y: float
-    width_z: float
-    wall: float
+    width_y: Annotated[float, field("outer width along y", "m", above=0.0)]
+    width_z: Annotated[float, field("outer width along z", "m", above=0.0)]
+    wall: Annotated[float, field("wall thickness", "m", above=0.0)]
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -180,28 +175,18 @@ class Box(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_fie
 
 
 class Custom(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="custom"):
-    """Any section by its numbers: `area` [m^2], moments [m^4] about principal axes through the centroid.
+    """Any section by its numbers, about principal axes through the centroid."""
 
-    Args:
-        area: cross-section area [m^2].
-        second_moment_z: about z, bending in plane xy [m^4].
-        second_moment_y: about y, bending in plane xz [m^4].
-        torsion_constant: Saint-Venant constant J [m^4].
-        polar_moment: second_moment_y + second_moment_z where not given [m^4].
-    """
-
-    area: float
-    second_moment_z: float
-    second_moment_y: float
-    torsion_constant: float
-    polar_moment: float = 0.0
+    area: Annotated[float, field("area of the cross-section", "m^2", above=0.0)]
+    second_moment_z: Annotated[float, field("second moment of area about z, for bending in plane xy", "m^4", above=0.0)]
+    second_moment_y: Annotated[float, field("second moment of area about y, for bending in plane xz", "m^4", above=0.0)]
+    torsion_constant: Annotated[float, field("torsion constant J of Saint-Venant", "m^4", above=0.0)]
+    polar_moment: Annotated[
+        float, field("polar moment; the sum of both second moments where left out", "m^4", least=0.0)
+    ] = 0.0
 
     def __post_init__(self) -> None:
-        own_numbers(self)
-        for name in ("second_moment_z", "second_moment_y", "torsion_constant"):
-            positive(name, getattr(self, name), "m^4")
-        positive("area", self.area, "m^2")
-        not_negative("polar_moment", self.polar_moment, "m^4")
+        super().__post_init__()
         both = self.second_moment_z + self.second_moment_y
         if self.polar_moment and abs(self.polar_moment / both - 1.0) > 0.05:
             raise InputError(
@@ -221,32 +206,16 @@ class Custom(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_
 
 
 class Equivalent(_Section, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="equivalent"):
-    """A truss or array by its measured stiffness and mass per length; takes no material.
+    """A truss or array by its measured stiffness and mass per length; takes no material."""
 
-    Args:
-        bending_stiffness_xy: EI in plane xy [N m^2].
-        bending_stiffness_xz: EI in plane xz [N m^2]; as in xy where not given.
-        torsion_stiffness: GJ [N m^2]; 0: rigid in torsion.
-        axial_stiffness: EA [N]; 0: rigid along x.
-        linear_mass: mass per length [kg/m].
-        polar_inertia: about x, per length [kg m].
-    """
-
-    bending_stiffness_xy: float
-    linear_mass: float
-    bending_stiffness_xz: float = 0.0
-    torsion_stiffness: float = 0.0
-    axial_stiffness: float = 0.0
-    polar_inertia: float = 0.0
-
-    def __post_init__(self) -> None:
-        own_numbers(self)
-        positive("bending_stiffness_xy", self.bending_stiffness_xy, "N m^2")
-        positive("linear_mass", self.linear_mass, "kg/m")
-        units = {"bending_stiffness_xz": "N m^2", "torsion_stiffness": "N m^2", "axial_stiffness": "N"}
-        for name, unit in units.items():
-            not_negative(name, getattr(self, name), unit)
-        not_negative("polar_inertia", self.polar_inertia, "kg m")
+    bending_stiffness_xy: Annotated[float, field("bending stiffness EI in plane xy", "N m^2", above=0.0)]
+    linear_mass: Annotated[float, field("mass per length", "kg/m", above=0.0)]
+    bending_stiffness_xz: Annotated[
+        float, field("bending stiffness EI in plane xz; as in xy where left out", "N m^2", least=0.0)
+    ] = 0.0
+    torsion_stiffness: Annotated[float, field("torsional stiffness GJ; 0 is rigid", "N m^2", least=0.0)] = 0.0
+    axial_stiffness: Annotated[float, field("axial stiffness EA; 0 is rigid", "N", least=0.0)] = 0.0
+    polar_inertia: Annotated[float, field("moment of inertia about x per length", "kg m", least=0.0)] = 0.0
 
     def dimensions(self) -> dict[str, float]:
         """Dimensions; EI in xz is that in xy where left out."""

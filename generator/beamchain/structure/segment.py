@@ -1,10 +1,11 @@
 """A stretch of the appendage with one section, or a linear taper between two."""
 
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
+import msgspec
 import numpy as np
 
-from beamchain.checks import Struct, not_negative, one_of, own_numbers, positive
+from beamchain.checks import Struct, field
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.material import Material
@@ -35,31 +36,27 @@ EXAMPLES = {
 
 
 class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A stretch of the appendage with one section, or a linear taper between two.
+    """A stretch of the appendage with one section, or a linear taper between two."""
 
-    Args:
-        length: [m].
-        section: at its root end.
-        section_end: at its tip end, same shape; none: prismatic.
-        material: needed for every shape but `equivalent`, which takes none.
-        nonstructural_mass: carried without stiffness [kg/m].
-        theory: "euler" or "timoshenko" (shear and rotary inertia).
-        shear_factor: Timoshenko's k; Cowper's value for the shape where not given.
-    """
-
-    length: float
-    section: Section
-    section_end: Section | None = None
-    material: Material | None = None
-    nonstructural_mass: float = 0.0
-    theory: Theory = "euler"
-    shear_factor: float | None = None
+    length: Annotated[float, field("length along x", "m", above=0.0)]
+    section: Annotated[Section, field("section at the root end")]
+    section_end: Annotated[Section | None, field("section at the tip end, of the same shape, for a linear taper")] = (
+        None
+    )
+    material: Annotated[
+        Material | None, field('material; needed for every shape but "equivalent", which takes none')
+    ] = None
+    nonstructural_mass: Annotated[
+        float, field("mass carried without stiffness, such as cables and cells", "kg/m", least=0.0)
+    ] = 0.0
+    theory: Annotated[Theory, field('beam theory; "timoshenko" adds shear and rotary inertia')] = "euler"
+    shear_factor: Annotated[
+        float | None, field("shear factor k of Timoshenko; that of Cowper for the shape where left out", "", above=0.0)
+    ] = None
+    repeat: Annotated[int, field("number of such segments, one behind the other", "", least=1, most=500)] = 1
 
     def __post_init__(self) -> None:
-        own_numbers(self)
-        positive("length", self.length, "m")
-        not_negative("nonstructural_mass", self.nonstructural_mass, "kg/m")
-        one_of("theory", self.theory, ("euler", "timoshenko"))
+        super().__post_init__()
         for name, value, kind in (("section", self.section, Section), ("material", self.material, Material | None)):
             if not isinstance(value, kind):
                 raise InputError(f"{name} = {value!r:.60} is a {type(value).__name__}; give one as {EXAMPLES[name]}.")
@@ -83,10 +80,8 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 "material is missing; "
                 "add material = { youngs_modulus = 7e10, density = 2700.0, poissons_ratio = 0.33 }."
             )
-        if self.shear_factor is not None:
-            positive("shear_factor", self.shear_factor, "")
-            if self.theory != "timoshenko":
-                raise InputError('shear_factor is given but theory = "euler" has no shear; set theory = "timoshenko".')
+        if self.shear_factor is not None and self.theory != "timoshenko":
+            raise InputError('shear_factor is given but theory = "euler" has no shear; set theory = "timoshenko".')
 
     @property
     def taper(self) -> float:
@@ -122,6 +117,14 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         pairs = [(getattr(self.section, n), getattr(end, n)) for n in self.section.__struct_fields__]
         a, b = max(((a, b) for a, b in pairs if a > 0 and b > 0), key=lambda p: max(p[0] / p[1], p[1] / p[0]))
         return a > b
+
+
+def repeated(segments: Any) -> Any:
+    """The segments one by one, those with `repeat` as often as they occur; what is no list of segments stays."""
+    if not isinstance(segments, list | tuple) or not all(isinstance(one, Segment) for one in segments):
+        return segments
+    single = [one if one.repeat == 1 else msgspec.structs.replace(one, repeat=1) for one in segments]
+    return tuple(one for one, given in zip(single, segments, strict=True) for _ in range(given.repeat))
 
 
 def _shape(section: Any) -> str:
