@@ -60,7 +60,9 @@ def init(
         _list(as_json=as_json, quiet=quiet)
         return
     if kind is None:
-        raise InputError("init: the kind is missing; choose boom, array, mast or craft, or see `beamchain init --list`.")
+        raise InputError(
+            "init: the kind is missing; choose boom, array, mast or craft, or see `beamchain init --list`."
+        )
     start = pick(everything(), kind, "init: the kind")
     place = output or Path(f"{kind}{start.path.suffix}")
     text = start.path.read_text(encoding="utf-8")

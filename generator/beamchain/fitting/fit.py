@@ -21,21 +21,21 @@ from beamchain.chain.tendons import damped_modes
 from beamchain.engine.bench import measure, root_body
 from beamchain.engine.threads import one_thread
 from beamchain.errors import InputError, RealisationError
-from beamchain.fitting.choose import Plan, further_columns, ledger, make_plan, verdict, whole_beam
+from beamchain.fitting.choose import Plan, further_columns, make_plan, whole_beam
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import Hub, port_hub_mass
 from beamchain.fitting.options import Damping, FitOptions, Modes, Root, Scene, Target
 from beamchain.fitting.plausibility import doubtful
-from beamchain.fitting.result import Fit, seconds_taken
+from beamchain.fitting.proof import proved, step_limits
+from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.warnings import fit_warnings
 from beamchain.mjcf.write import SMALLEST, check_hub
-from beamchain.ports.compare import compare, coupling_error, in_band_error
+from beamchain.ports.compare import coupling_error
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.discrete import SCHEMES
-from beamchain.steps.limits import coupled_limits
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
@@ -189,44 +189,26 @@ def _fit(spec: Spec) -> Fit:
     clock.append(time.perf_counter())
     free = tuple(kept) if tuple(kept) == ("xy",) else PORTS  # a planar boom is tested as the paper does
     measured = measure(tree, free, timestep=scene.step, ballast=root_body(chain))
-    bandwidth, error = {}, {}
-    for port, target in built.targets.items():
-        bandwidth[port] = scene.bandwidth or float(target.frequencies[min(kept[port], target.modes) - 1])
-        port_hub = None if hub is None else port_hub_mass(hub, port)
-        plain = compare(measured.ports[port], target.truncated(min(kept[port], target.modes)))
-        in_band = in_band_error(measured.ports[port], spec.with_ratios(port, full[port]), port_hub, bandwidth[port])
-        error[port] = replace(plain, accelerance_in_band=in_band)
     achieved = {port: measured.ports[port] for port in built.targets}
-    tendon = any(t.damping > 0.0 for t in chain.tendons)
-    sprung = any(t.stiffness > 0.0 for t in chain.tendons)
-    limits = coupled_limits(in_space(achieved, measured.rigid_mass), hub, tendon=tendon, sprung=sprung)
-    clock.append(time.perf_counter())
+    limits = step_limits(chain, in_space(achieved, measured.rigid_mass), hub)
     promise = plan.promise.error(achieved, dict.fromkeys(achieved, "achieved")) if plan.promise else None
     if promise is not None and any(hinge.damping for hinge in chain.hinges):
         promise += _coupled(spec, chain, {port: chain.damped(port) for port in built.targets})
-    return Fit(
-        spec=spec,
-        chain=chain,
+    return proved(
+        spec, replace(built, chain=chain), measured, limits, clock,
         full=full,
-        target=built.targets,
+        truth={port: spec.with_ratios(port, full[port]) for port in built.targets},
         achieved=achieved,
-        error=error,
-        measured=measured,
-        limits=limits,
-        status=verdict(spec, built.status, promise),
-        seconds=seconds_taken(clock),
-        bandwidth=bandwidth,
+        kept=kept,
         kept_for=plan.target,
         choice=plan.choice,
         promise=promise,
-        cut=built.cut,
-        left_out=ledger(spec, plan.choice, bool(chain.tendons)),
         cautions=(
             *fit_warnings(spec, measured, achieved, chain, limits),
             *doubtful(spec.segment, spec.damping, built.targets),
             *([Caution("raised-inertia", note)] if note else []),
         ),
-    )
+    )  # fmt: skip
 
 
 def build(

@@ -12,18 +12,17 @@ from beamchain.chain.tendons import Modes, group_motion
 from beamchain.engine.bench import Measured, root_body
 from beamchain.engine.space import measure_in_space
 from beamchain.errors import InputError, RealisationError
-from beamchain.fitting.choose import ledger, verdict
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import default_hub, port_hub_mass
 from beamchain.fitting.imported_choice import Case, case_of, resolvable
 from beamchain.fitting.plausibility import doubtful
-from beamchain.fitting.result import Fit, InSpace, seconds_taken
+from beamchain.fitting.proof import proved, step_limits
+from beamchain.fitting.result import Fit, InSpace
 from beamchain.fitting.spec import Spec
-from beamchain.ports.compare import Comparison, compare, in_band_error
+from beamchain.ports.compare import compare, in_band_error
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS
 from beamchain.steps.discrete import SCHEMES
-from beamchain.steps.limits import coupled_limits
 from beamchain.structure.mass_line import MassLine, SpreadMass
 from beamchain.structure.modal_data import ModalData
 
@@ -230,54 +229,31 @@ def _space(case: Case, why: str, achieved: PortModel, live: tuple[int, ...]) -> 
 
 
 def _finish(case: Case, built: Built, measured: Measured, space: InSpace, line: MassLine, clock: list[float]) -> Fit:
-    """Errors per port, step limits, and the result."""
-    chain, targets, status = built.chain, built.targets, built.status
-    full: dict[str, PortModel] = {}
-    error: dict[str, Comparison] = {}
-    bandwidth: dict[str, float] = {}
-    for port, target in targets.items():
-        full[port] = case.data.port(port)
-        bandwidth[port] = case.band(target)
-        hub = None if case.hub is None else port_hub_mass(case.hub, port)
-        plain = compare(measured.ports[port], target)
-        in_band = in_band_error(resolvable(measured.ports[port]), resolvable(full[port]), hub, bandwidth[port])
-        error[port] = replace(plain, accelerance_in_band=in_band)
-    limits_hub = case.hub
-    residual = space.achieved.residual_mass
+    """The result, with step limits on the hub."""
+    hub, status = case.hub, built.status
     scale = np.sqrt(np.diag(space.achieved.rigid_mass))
-    if limits_hub is None and np.linalg.eigvalsh(residual / np.outer(scale, scale))[0] < EMPTY:
+    residual = space.achieved.residual_mass / np.outer(scale, scale)
+    if hub is None and np.linalg.eigvalsh(residual)[0] < EMPTY:
         # alone such an appendage has a root without mass, whose fastest mode lies at infinity
-        limits_hub = default_hub(line).mass_matrix()
-        status = replace(
-            status, message=f"{status.message} Step limits: on ten times its mass, as its root has none of its own."
-        )
-    achieved = {port: measured.ports[port] for port in targets}
-    held = None if limits_hub is None else limits_hub[np.ix_(space.live, space.live)]
-    damped, sprung = (any(getattr(t, kind) > 0.0 for t in chain.tendons) for kind in ("damping", "stiffness"))
-    limits = coupled_limits(space.achieved, held, tendon=damped, sprung=sprung)
+        hub = default_hub(line).mass_matrix()
+        message = f"{status.message} Step limits: on ten times its mass, as its root has none of its own."
+        status = replace(status, message=message)
+    full = {port: case.data.port(port) for port in built.targets}
     promise = None if case.promise is None else case.promise.error(resolvable(space.achieved))
-    clock.append(time.perf_counter())
-    return Fit(
-        spec=case.spec,
-        chain=chain,
+    return proved(
+        case.spec, replace(built, status=status), measured,
+        step_limits(built.chain, space.achieved, None if hub is None else hub[np.ix_(space.live, space.live)]), clock,
         full=full,
-        target=targets,
-        achieved=achieved,
-        error=error,
-        measured=measured,
-        limits=limits,
-        status=verdict(case.spec, status, promise),
-        seconds=seconds_taken(clock),
-        bandwidth=bandwidth,
+        truth={port: resolvable(model) for port, model in full.items()},
+        achieved={port: resolvable(measured.ports[port]) for port in full},
+        kept={},
         kept_for=case.target,
         choice=case.choice,
         promise=promise,
-        cut=built.cut,
-        left_out=ledger(case.spec, case.choice, bool(chain.tendons)),
         cautions=tuple(doubtful((), case.spec.damping)),
         line=line,
         space=space,
-    )
+    )  # fmt: skip
 
 
 def same_planes(targets: dict[str, PortModel], tolerance: float) -> None:

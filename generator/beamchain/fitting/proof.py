@@ -1,0 +1,98 @@
+"""What MuJoCo read back, compared with what was asked for: a fit is put together here, whatever it started from."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+from beamchain.chain.built import Built
+from beamchain.chain.chain import Chain
+from beamchain.engine.bench import Measured
+from beamchain.fitting.choose import ledger, verdict
+from beamchain.fitting.hub import port_hub_mass
+from beamchain.fitting.needs import Choice
+from beamchain.fitting.options import Scene
+from beamchain.fitting.result import Fit, InSpace, seconds_taken
+from beamchain.fitting.spec import Spec
+from beamchain.ports.compare import Comparison, compare, in_band_error
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array
+from beamchain.steps.limits import StepLimits, coupled_limits
+from beamchain.structure.mass_line import MassLine
+
+
+def step_limits(chain: Chain, motion: PortModel, hub: Array | None) -> StepLimits:
+    """Largest stable steps of a chain on a hub.
+
+    Args:
+        chain: as it is written.
+        motion: its model in all motions of the root at once.
+        hub: mass matrix of the hub in those motions; None: alone.
+    """
+    damped, sprung = (any(getattr(t, kind) > 0.0 for t in chain.tendons) for kind in ("damping", "stiffness"))
+    return coupled_limits(motion, hub, tendon=damped, sprung=sprung)
+
+
+def proved(
+    spec: Spec,
+    built: Built,
+    measured: Measured,
+    limits: StepLimits,
+    clock: list[float],
+    *,
+    full: dict[str, PortModel],
+    truth: Mapping[str, PortModel],
+    achieved: Mapping[str, PortModel],
+    kept: Mapping[str, int],
+    kept_for: str,
+    choice: Choice | None,
+    promise: float | None,
+    cautions: tuple[str, ...],
+    line: MassLine | None = None,
+    space: InSpace | None = None,
+) -> Fit:
+    """The fit of a chain that was measured: errors per port, verdict, and what was left out.
+
+    Args:
+        spec: what was asked for.
+        built: the chain and its targets.
+        measured: the bench.
+        limits: step limits.
+        clock: times at which modelling, realising, writing and verifying began [s].
+        full: per port, all modes.
+        truth: per port, all modes with the damping that is asked for.
+        achieved: per port, what was read back, with damping that can be compared with that of `truth`.
+        kept: number of modes that are kept per port, where the targets hold more.
+        kept_for, choice, promise, cautions, line, space: see `Fit`.
+    """
+    scene, hub = spec.scene or Scene(), None if spec.root.hub is None else spec.root.hub.mass_matrix()
+    bandwidth: dict[str, float] = {}
+    error: dict[str, Comparison] = {}
+    for port, target in built.targets.items():
+        modes = min(kept.get(port, target.modes), target.modes)
+        bandwidth[port] = scene.bandwidth or float(target.frequencies[modes - 1])
+        carrier = None if hub is None else port_hub_mass(hub, port)
+        in_band = in_band_error(achieved[port], truth[port], carrier, bandwidth[port])
+        plain = compare(measured.ports[port], target.truncated(modes))
+        error[port] = replace(plain, accelerance_in_band=in_band)
+    clock.append(time.perf_counter())
+    return Fit(
+        spec=spec,
+        chain=built.chain,
+        full=full,
+        target=built.targets,
+        achieved={port: measured.ports[port] for port in built.targets},
+        error=error,
+        measured=measured,
+        limits=limits,
+        status=verdict(spec, built.status, promise),
+        seconds=seconds_taken(clock),
+        bandwidth=bandwidth,
+        kept_for=kept_for,
+        choice=choice,
+        promise=promise,
+        cut=built.cut,
+        left_out=ledger(spec, choice, bool(built.chain.tendons)),
+        cautions=cautions,
+        line=line,
+        space=space,
+    )
