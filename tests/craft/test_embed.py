@@ -1,6 +1,7 @@
 """Appendages in existing spacecraft: the user's file stays his, the numbers stay theirs, the whole is proved."""
 
 import json
+import pickle
 import shutil
 import sys
 from pathlib import Path
@@ -36,6 +37,16 @@ def observer():
 @pytest.fixture(scope="module")
 def written(observer, tmp_path_factory):
     return observer.write(tmp_path_factory.mktemp("deep") / "below" / "out.xml")[-1]
+
+
+def test_a_result_can_be_pickled(observer, tmp_path):
+    again = pickle.loads(pickle.dumps(observer))
+    assert again.model.nv == observer.model.nv
+    assert [mode.mujoco for mode in again.assembly.modes] == [mode.mujoco for mode in observer.assembly.modes]
+    first, other = (
+        one.write(tmp_path / name)[-1].read_bytes() for one, name in ((observer, "a.xml"), (again, "b.xml"))
+    )
+    assert first == other
 
 
 def canonical(path: Path) -> bytes:

@@ -35,6 +35,16 @@ class Embedded:
         document: the bare spacecraft's document; None for an `MjSpec`.
         form: "inline" or "attach".
         steps: modes that were added for the craft's promise, a line each.
+
+    Example:
+        >>> import beamchain as bc
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
+        >>> result = bc.embed(craft, {"mount": spec})
+        >>> [round(mode.exact, 3) for mode in result.assembly.modes[:2]]
+        [3.219, 3.219]
     """
 
     appendages: tuple[Appendage, ...]

@@ -69,6 +69,16 @@ def embed(
         InputError: no such place, a frame that is none, a static body, clashing names, switches that would spoil it.
         EngineError: MuJoCo refuses the spacecraft.
         RealisationError: no chain exists.
+
+    Example:
+        >>> import beamchain as bc
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
+        >>> flexible = bc.embed(craft, {"mount": spec})
+        >>> [(one.at, one.prefix) for one in flexible.appendages]
+        [('mount', 'appendage_')]
     """
     one_of("form", form, insert.FORMS)
     if not isinstance(at, Mapping):

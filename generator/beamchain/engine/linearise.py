@@ -93,6 +93,13 @@ class Linearisation:
         integrator: MuJoCo's name.
         joints: `(nv,)` joint name of each degree of freedom.
         driven: `(nu,)` degree of freedom each motor drives; -1: no plain joint motor of unit gear.
+
+    Example:
+        >>> import beamchain as bc
+        >>> oscillator = '''<mujoco><worldbody><body><joint type="slide" stiffness="16"/>
+        ... <inertial pos="0 0 0" mass="4" diaginertia="1 1 1"/></body></worldbody></mujoco>'''
+        >>> bc.linearise(oscillator).continuous.poles().round(6)
+        array([0.+2.j, 0.-2.j])
     """
 
     stiffness: Array
@@ -254,6 +261,13 @@ def linearise(
 
     Raises:
         EngineError: the model does not compile, or has no degree of freedom.
+
+    Example:
+        >>> import beamchain as bc
+        >>> oscillator = '''<mujoco><worldbody><body><joint type="slide" stiffness="16"/>
+        ... <inertial pos="0 0 0" mass="4" diaginertia="1 1 1"/></body></worldbody></mujoco>'''
+        >>> bc.linearise(oscillator).stiffness.round(6)
+        array([[4.]])
     """
     model = compile_model(source)
     if model.nv == 0:

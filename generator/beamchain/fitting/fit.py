@@ -86,7 +86,7 @@ def fit(
         >>> boom = bc.Beam(segments=(bc.Segment(length=8.0, section=section),))
         >>> found = bc.fit(boom, modes={"xy": 2}, damping=0.005)
         >>> [round(row.frequency_rad_s, 3) for row in found.modes]
-        [1.229, 7.7]
+        [1.228, 7.699]
     """
     spec = as_spec(appendage).replace(
         name=name, modes=modes, root=root, hub=hub, target=target, damping=damping, fit=options, scene=scene,

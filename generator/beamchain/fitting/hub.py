@@ -17,7 +17,14 @@ ROUNDING = (
 
 
 class Hub(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The rigid spacecraft that carries the appendage."""
+    """The rigid spacecraft that carries the appendage.
+
+    Example:
+        >>> import beamchain as bc
+        >>> hub = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
+        >>> hub.mass_matrix().shape
+        (6, 6)
+    """
 
     mass: Annotated[float, field("mass", "kg", above=0.0)]
     inertia: Annotated[

@@ -36,7 +36,13 @@ class Payload(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Damping(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Damping of the cantilever modes."""
+    """Damping of the cantilever modes.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Damping(ratio={"xy": (0.005, 0.004)}).ratios("xy", 3)
+        array([0.005, 0.004, 0.004])
+    """
 
     ratio: Annotated[
         float | dict[str, tuple[float, ...]],
@@ -106,7 +112,13 @@ class Sensors(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Modes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Flexible modes kept per port. A port that is 0 or absent is rigid; with a scene's bandwidth, absent means chosen."""
+    """Flexible modes kept per port. A port that is 0 or absent is rigid; with a scene's bandwidth, absent means chosen.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Modes(xy=2, xz=0, torsion=1).counts()
+        {'xy': 2, 'torsion': 1}
+    """
 
     xy: Annotated[int | None, field("number of bending modes in the plane of x and y", "", least=0, most=20)] = None
     xz: Annotated[int | None, field("number of bending modes in the plane of x and z", "", least=0, most=20)] = None
@@ -139,7 +151,13 @@ def as_modes(given: object) -> Modes:
 
 
 class Root(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The spacecraft, and the boundary condition at which the kept modes are exact."""
+    """The spacecraft, and the boundary condition at which the kept modes are exact.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Root(target="hub", hub=bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0))).target
+        'hub'
+    """
 
     target: Annotated[
         Target | None, field("boundary condition of the root at which the kept modes are exact; clamped where left out")
@@ -152,6 +170,11 @@ class FitOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     The recipes are there to compare with: "classical" (EI N/L, 2 EI N/L at the root), "midpoint" (hinges at segment
     middles), "naive" (EI N/L everywhere), "seed" (the three links of the 2008 paper).
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.FitOptions(method="classical", links=20).links
+        20
     """
 
     method: Annotated[Method, field("exact realisation, least squares, or a recipe to compare with")] = "exact"
@@ -200,7 +223,16 @@ class FitOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the scene needs; modes and sites it does not need are left out."""
+    """What the scene needs; modes and sites it does not need are left out.
+
+    Example:
+        >>> import beamchain as bc
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
+        >>> found = bc.fit(spec, scene=bc.Scene(bandwidth=2.0, tolerance=1e-2, axes=("z",)))
+        >>> found.promise < 1e-2
+        True
+    """
 
     bandwidth: Annotated[
         float | None,

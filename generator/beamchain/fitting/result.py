@@ -107,6 +107,16 @@ class Fit:
         cut: where the hinges stand, where they were chosen for modal tendons.
         line: how the mass lies along x, where that is not the spec's beam.
         space: all six motions at once, where the modes were imported.
+
+    Example:
+        >>> import beamchain as bc
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
+        >>> found = bc.fit(spec, modes={"xy": 2, "xz": 0})
+        >>> found.status.ok
+        True
+        >>> found.modes[0]._fields[:3]
+        ('port', 'number', 'frequency_rad_s')
     """
 
     spec: Spec

@@ -39,7 +39,15 @@ SHORT = ("hub", "target", "timestep")
 
 
 class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A whole SPEC.toml."""
+    """A whole SPEC.toml.
+
+    Example:
+        >>> import beamchain as bc
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
+        >>> spec.kept
+        {'xy': 2, 'xz': 2}
+    """
 
     name: Annotated[str, field("prefix of every body, joint, site and geom: a-z, 0-9 and _")] = "appendage"
     segment: Annotated[tuple[Segment, ...], field("parts of the appendage, from the root to the tip")] = ()
@@ -248,6 +256,12 @@ def read_spec(path: str | Path) -> Spec:
 
     Raises:
         InputError: the file cannot be read or is not TOML, or a value is not allowed; the message names the field.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> bc.read_spec(files("beamchain") / "examples" / "seed_boom.toml").name
+        'boom'
     """
     spec = spec_from_dict(_read_toml(Path(path)), str(path))
     if spec.imported is None:

@@ -120,6 +120,9 @@ class Craft:
         """A copy that may be changed."""
         return Craft(deepcopy(self.tree), self.folder, self.label, self.declared)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (self.to_bytes(), self.folder, self.label, self.declared)
+
     def to_bytes(self) -> bytes:
         """The file's content, with an XML declaration where it had one."""
         encoding = self.tree.docinfo.encoding or "utf-8"
@@ -202,6 +205,11 @@ class Craft:
         mine = {id(element) for element, _ in files}
         files += [(node, path.parent) for node in content.iter() if file_attributes(node) and id(node) not in mine]
         return bool(nested)
+
+
+def _restored(content: bytes, folder: Path, label: str, declared: bool) -> Craft:
+    """A document out of a pickle, which cannot hold an lxml tree."""
+    return Craft(parse_text(content, label), folder, label, declared)
 
 
 def file_attributes(element: Element) -> list[tuple[str, str]]:

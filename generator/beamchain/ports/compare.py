@@ -71,6 +71,14 @@ def compare(
 
     Raises:
         InputError: the models have different numbers of motions.
+
+    Example:
+        >>> import beamchain as bc
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> full = bc.Beam(segments=(bc.Segment(length=8.0, section=section),)).port("xy")
+        >>> error = bc.compare(full.truncated(2), full, bandwidth=3.0)
+        >>> f"{error.accelerance_in_band:.1e}"
+        '2.0e-03'
     """
     if a.motions != b.motions:
         raise InputError(

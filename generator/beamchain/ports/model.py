@@ -49,6 +49,15 @@ class PortModel:
 
     Raises:
         InputError: shapes disagree, a number is not finite, or the residual mass is not positive semidefinite.
+
+    Example:
+        >>> import beamchain as bc
+        >>> import numpy as np
+        >>> model = bc.PortModel(rigid_mass=np.array([[4.0]]), frequencies=np.array([2.0]), participation=np.array([[1.5]]))
+        >>> model.residual_mass
+        array([[1.75]])
+        >>> model.free_frequencies.round(4)
+        array([3.0237])
     """
 
     rigid_mass: Array

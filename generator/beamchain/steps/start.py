@@ -27,6 +27,18 @@ def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
 
     Raises:
         InputError: the model has no modal tendons.
+
+    Example:
+        >>> import beamchain as bc, mujoco
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
+        >>> model = bc.embed(craft, {"mount": spec}, retime=True).model
+        >>> data = mujoco.MjData(model)
+        >>> data.qvel[5] = 0.1
+        >>> bc.start_velocity(model, data.qpos, data.qvel).shape
+        (10,)
     """
     modal = modal_tendons(model)
     if not modal.names:

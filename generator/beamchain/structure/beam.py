@@ -52,7 +52,15 @@ def straight_mass_matrices(moments: Array) -> Array:
 
 
 class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
-    """A straight elastic appendage."""
+    """A straight elastic appendage.
+
+    Example:
+        >>> import beamchain as bc
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> boom = bc.Beam(segments=(bc.Segment(length=8.0, section=section),))
+        >>> boom.port("xy").frequencies[:2].round(3)
+        array([1.228, 7.699])
+    """
 
     segments: Annotated[tuple[Segment, ...], field("parts of the appendage, from the root to the tip")]
     joints: Annotated[tuple[Joint, ...], field("compliant hinge lines between segments")] = ()

@@ -7,7 +7,13 @@ from beamchain.errors import InputError
 
 
 class Joint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A compliant hinge line between segments; a stiffness left out is rigid."""
+    """A compliant hinge line between segments; a stiffness left out is rigid.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Joint(after_segment=1, stiffness_xy=600.0).stiffness("xy")
+        600.0
+    """
 
     after_segment: Annotated[
         int, field("number of the segment at whose tip end it stands; 0 is the root", "", least=0, most=10000)

@@ -7,7 +7,13 @@ from beamchain.errors import InputError
 
 
 class Lump(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A rigid body carried along the appendage."""
+    """A rigid body carried along the appendage.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Lump(x=8.0, mass=0.5, inertia=(1e-3, 1e-3, 1e-3)).mass
+        0.5
+    """
 
     x: Annotated[float, field("distance from the root", "m", least=0.0)]
     mass: Annotated[float, field("mass", "kg", above=0.0)]

@@ -11,6 +11,11 @@ class Material(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     Raises:
         InputError: a value is out of range, or poissons_ratio and shear_modulus are given and disagree.
+
+    Example:
+        >>> import beamchain as bc
+        >>> round(bc.Material(youngs_modulus=7e10, density=2700.0, poissons_ratio=0.33).g / 1e9, 2)
+        26.32
     """
 
     youngs_modulus: Annotated[float, field("modulus of elasticity E", "N/m^2", above=0.0)]

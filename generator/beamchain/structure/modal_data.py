@@ -41,6 +41,17 @@ class ModalData:
 
     Raises:
         InputError: shapes disagree, a number is not finite, or the numbers contradict each other.
+
+    Example:
+        >>> import beamchain as bc
+        >>> import numpy as np
+        >>> mass = np.diag([30.0, 30.0, 30.0, 20.0, 600.0, 600.0])
+        >>> mass[1, 5] = mass[5, 1] = 120.0
+        >>> mass[2, 4] = mass[4, 2] = -120.0
+        >>> row = np.array([[0.0, 4.0, 0.0, 0.0, 0.0, 23.0]])
+        >>> data = bc.ModalData(rigid_mass=mass, frequencies=np.array([1.3]), participation=row)
+        >>> data.modes
+        1
     """
 
     rigid_mass: Array

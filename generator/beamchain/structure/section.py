@@ -65,7 +65,13 @@ class _Solid(_Section, frozen=True, kw_only=True):
 
 
 class Round(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="round"):
-    """Solid circle."""
+    """Solid circle.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Round(diameter=0.012)
+        Round(diameter=0.012)
+    """
 
     diameter: Annotated[float, field("diameter", "m", above=0.0)]
 
@@ -82,7 +88,13 @@ class Round(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_f
 
 
 class Tube(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="tube"):
-    """Hollow circle."""
+    """Hollow circle.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Tube(outer_diameter=0.05, wall=0.002)
+        Tube(outer_diameter=0.05, wall=0.002)
+    """
 
     outer_diameter: Annotated[float, field("outer diameter", "m", above=0.0)]
     wall: Annotated[float, field("wall thickness", "m", above=0.0)]
@@ -112,7 +124,13 @@ class Tube(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_fi
 
 
 class Rectangle(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="rectangle"):
-    """Solid rectangle."""
+    """Solid rectangle.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Rectangle(width_y=0.022, width_z=1.2)
+        Rectangle(width_y=0.022, width_z=1.2)
+    """
 
     width_y: Annotated[float, field("width along y", "m", above=0.0)]
     width_z: Annotated[float, field("width along z", "m", above=0.0)]
@@ -131,7 +149,13 @@ class Rectangle(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, t
 
 
 class Box(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="box"):
-    """Hollow rectangle; thin-walled in torsion (Bredt)."""
+    """Hollow rectangle; thin-walled in torsion (Bredt).
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Box(width_y=0.1, width_z=0.2, wall=0.003)
+        Box(width_y=0.1, width_z=0.2, wall=0.003)
+    """
 
     width_y: Annotated[float, field("outer width along y", "m", above=0.0)]
     width_z: Annotated[float, field("outer width along z", "m", above=0.0)]
@@ -175,7 +199,13 @@ class Box(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_fie
 
 
 class Custom(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="custom"):
-    """Any section by its numbers, about principal axes through the centroid."""
+    """Any section by its numbers, about principal axes through the centroid.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Custom(area=1e-3, second_moment_z=2e-7, second_moment_y=3e-7, torsion_constant=1e-8).area
+        0.001
+    """
 
     area: Annotated[float, field("area of the cross-section", "m^2", above=0.0)]
     second_moment_z: Annotated[float, field("second moment of area about z, for bending in plane xy", "m^4", above=0.0)]
@@ -206,7 +236,14 @@ class Custom(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_
 
 
 class Equivalent(_Section, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="equivalent"):
-    """A truss or array by its measured stiffness and mass per length; takes no material."""
+    """A truss or array by its measured stiffness and mass per length; takes no material.
+
+    Example:
+        >>> import beamchain as bc
+        >>> mast = bc.Equivalent(bending_stiffness_xy=8e5, torsion_stiffness=1.5e5, linear_mass=2.0, polar_inertia=0.12)
+        >>> mast.torsion_stiffness
+        150000.0
+    """
 
     bending_stiffness_xy: Annotated[float, field("bending stiffness EI in plane xy", "N m^2", above=0.0)]
     linear_mass: Annotated[float, field("mass per length", "kg/m", above=0.0)]

@@ -36,7 +36,15 @@ EXAMPLES = {
 
 
 class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A stretch of the appendage with one section, or a linear taper between two."""
+    """A stretch of the appendage with one section, or a linear taper between two.
+
+    Example:
+        >>> import beamchain as bc
+        >>> panel = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> array = bc.Beam(segments=(bc.Segment(length=2.0, section=panel, repeat=4),))
+        >>> array.length
+        8.0
+    """
 
     length: Annotated[float, field("length along x", "m", above=0.0)]
     section: Annotated[Section, field("section at the root end")]

@@ -98,6 +98,14 @@ def stability(source: Spec | str | Path, say: Callable[[str], None] = lambda _: 
     Raises:
         InputError: the file cannot be used.
         EngineError: MuJoCo refuses the model, or nothing oscillates in it.
+
+    Example:
+        >>> import beamchain as bc
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
+        >>> limits = bc.stability(spec)
+        >>> sorted({row.integrator for row in limits.rows})[:2]
+        ['Euler', 'RK4']
     """
     if isinstance(source, Spec):
         return study_fit(fit(source), say)

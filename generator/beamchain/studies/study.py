@@ -216,6 +216,14 @@ def study(
     Raises:
         InputError: a model's name is unknown, the profile cannot be used, or profile and amplitude are both given.
         EngineError: the load throws the appendage about so that no chain can be simulated, or a worker died.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> spec = bc.read_spec(files("beamchain") / "examples" / "seed_boom.toml")
+        >>> measured = bc.study(spec, models=["exact, clamped"], duration=2.0, budget=0.01)
+        >>> measured.points[0].model
+        'exact, clamped'
     """
     start = time.perf_counter()
     spec = spec if isinstance(spec, Spec) else read_spec(spec)

@@ -156,6 +156,13 @@ def sweep(
     Raises:
         EngineError: a worker died for good.
         InputError: the spec has no [uncertain], or every sample was left out.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> variants = bc.sweep(files("beamchain") / "examples" / "array_uncertain.toml", samples=3, seed=1)
+        >>> variants.coupled.shape[0]
+        3
     """
     start = time.perf_counter()
     spec = spec if isinstance(spec, Spec) else read_spec(spec)

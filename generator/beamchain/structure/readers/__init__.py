@@ -45,6 +45,17 @@ def read_modes(
 
     Raises:
         InputError: the file is missing, cut, mangled or contradicts itself; the sentence says what to ask for.
+
+    Example:
+        >>> import beamchain as bc
+        >>> import json, pathlib, tempfile
+        >>> mass = [[30, 0, 0, 0, 0, 0], [0, 30, 0, 0, 0, 120], [0, 0, 30, 0, -120, 0],
+        ...         [0, 0, 0, 20, 0, 0], [0, 0, -120, 0, 600, 0], [0, 120, 0, 0, 0, 600]]
+        >>> modes = {"mass": mass, "frequencies": [1.3], "participation": [[0], [4], [0], [0], [0], [23]]}
+        >>> file = pathlib.Path(tempfile.mkdtemp()) / "modes.json"
+        >>> _ = file.write_text(json.dumps(modes))
+        >>> bc.read_modes(file).frequencies
+        array([1.3])
     """
     path = Path(path)
     kind = path.suffix.lower()
