@@ -1,4 +1,4 @@
-"""Flexible spacecraft appendages for MuJoCo: hinge chains that push back on the hub exactly as the beam does.
+"""Flexible spacecraft appendages for MuJoCo: hinge chains with the modes of the elastic structure.
 
 MuJoCo is imported when it is first needed, so that `import beamchain` is quick.
 """
