@@ -48,7 +48,9 @@ def scene(
 
 def scenes() -> dict[str, bc.Spec]:
     """Six scenes: the seed's boom twice, the shipped examples, a light hub with a wide band."""
-    boom, mast, array = (bc.read_spec(EXAMPLES / f"{n}.toml") for n in ("seed_boom", "instrument_mast", "array_uncertain"))
+    boom, mast, array = (
+        bc.read_spec(EXAMPLES / f"{n}.toml") for n in ("seed_boom", "instrument_mast", "array_uncertain")
+    )
     bare = {"modes": None, "uncertain": None}
     tube = bc.Segment(
         length=3.0, section=bc.Tube(outer_diameter=0.03, wall=0.001),

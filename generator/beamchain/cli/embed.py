@@ -11,6 +11,11 @@ from beamchain.cli.progress import spinner
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.table import Table
+
+    from beamchain.craft.assembly import Mode
     from beamchain.craft.embedded import Embedded
 
 
@@ -59,6 +64,14 @@ def embed(
         int,
         typer.Option("--max-modes", help="Most modes of an appendage when modes are added to meet the tolerance."),
     ] = 12,
+    rigid: Annotated[
+        bool,
+        typer.Option("--rigid", help="Write the rigid twin: the same bodies, sites and keyframes, without joints."),
+    ] = False,
+    key: Annotated[
+        str | None,
+        typer.Option("--key", metavar="NAME", help="Print the modes at this keyframe as well.", show_default=False),
+    ] = None,
     explain: Annotated[
         bool, typer.Option("--explain", help="Print which modes were added for the whole spacecraft.")
     ] = False,
@@ -80,6 +93,7 @@ def embed(
     from beamchain.mjcf.craft import Craft, relocate
 
     places = [_split(word, remove) for word in at or []]
+    at_key: dict[str, Sequence[Mode]] = {}
     if remove:
         result = take_out(craft, [name for name, _ in places])
         if isinstance(result, Craft):
@@ -96,20 +110,28 @@ def embed(
         for place in (output, *([plot] if plot else ())):
             check_free(place, force=force)
         with spinner("fitting the appendages and proving the whole", quiet or as_json):
-            result = embed_all(craft, dict(places), form=form, prefixes=prefix, retime=retime, max_modes=max_modes)
+            result = embed_all(
+                craft, dict(places), form=form, prefixes=prefix, retime=retime, max_modes=max_modes, rigid=rigid
+            )
             result.assembly  # noqa: B018  (computed here, shown below)
             result.promise  # noqa: B018
+            at_key = {} if key is None else {key: result.modes_at(key)}
     also = {} if plot is None else {plot: result.picture()}
-    if report:
+    if report and not rigid:
         also[output.with_name(f"{output.stem}_report.html")] = result.report(craft.name, output.name)
     files = result.write(output, force=force, also=also)
     if as_json:
-        print_json(result.as_dict())
+        keyed = {k: [{"exact": m.exact, "mujoco": m.mujoco, "error": m.error} for m in v] for k, v in at_key.items()}
+        print_json({**result.as_dict(), **({"modes_at": keyed} if keyed else {})})
     elif not quiet:
         _show(result, files)
+        if key is not None:
+            console().print(_key_table(key, at_key[key]))
         if explain:
             for line in result.steps or ("no mode was added for the craft as a whole",):
                 console().print(line, markup=False)
+    if rigid:
+        return
     if result.met is False or not all(a.fit.status.ok for a in result.appendages):
         raise typer.Exit(3)
 
@@ -123,12 +145,25 @@ def _split(word: str, remove: bool) -> tuple[str, str]:
     return name, spec
 
 
+def _key_table(key: str, modes: "Sequence[Mode]") -> "Table":
+    from rich.table import Table
+
+    table = Table(title=f"coupled modes at keyframe {key}, rad/s", title_justify="left")
+    for column in ("exact beams on the same hub", "MuJoCo", "difference"):
+        table.add_column(column, justify="right")
+    for mode in modes:
+        ours = "left out" if mode.mujoco is None else f"{mode.mujoco:.8g}"
+        table.add_row(f"{mode.exact:.8g}", ours, "" if mode.error is None else f"{mode.error:+.1e}")
+    return table
+
+
 def _show(result: "Embedded", files: list[Path]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
     out, assembly = console(), result.assembly
     out.print(result.headline, markup=False)
+    out.print(result.composite.sentence, markup=False)
     table = Table(title="appendages", title_justify="left")
     for column in ("at", "prefix", "rigidly behind it kg", "on", "target"):
         table.add_column(column, justify="left")
@@ -137,14 +172,14 @@ def _show(result: "Embedded", files: list[Path]) -> None:
         table.add_row(a.at, a.prefix, f"{a.hub.mass:.6g}", on, a.fit.kept_for)
     out.print(table)
     modes = Table(title="coupled modes of the whole spacecraft, rad/s", title_justify="left")
-    for column in ("exact beams on the same hub", "MuJoCo (mjd_transitionFD)", "difference"):
-        modes.add_column(column, justify="right")
+    for column in ("exact beams on the same hub", "MuJoCo (mjd_transitionFD)", "difference", "what moves"):
+        modes.add_column(column, justify="left" if column == "what moves" else "right")
     for mode in assembly.modes:
         exact = "-" if mode.exact is None else f"{mode.exact:.8g}"
         ours = "left out" if mode.mujoco is None else f"{mode.mujoco:.8g}"
         error = "" if mode.error is None else f"{mode.error:+.1e}"
         beyond = "beyond the band" if mode.kept else "not among the kept"
-        modes.add_row(exact, ours, error if mode in assembly.judged else f"{error} {beyond}".strip())
+        modes.add_row(exact, ours, error if mode in assembly.judged else f"{error} {beyond}".strip(), mode.words)
     out.print(modes)
     out.print(f"worst of the kept modes up to {assembly.band:.4g} rad/s: {assembly.worst:.1e}")
     for item in result.appendages:

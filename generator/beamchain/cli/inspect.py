@@ -33,6 +33,8 @@ def inspect(
         f"[bold]{found.name}[/bold]: {found.bodies} bodies, {found.joints} joints, "
         f"{found.dofs} degrees of freedom, mass {found.mass:.6g} kg"
     )
+    for whole in found.composite:
+        out.print(escape(whole.sentence))
     modes = Table(title="modes about the rest pose", title_justify="left")
     for column in ("mode", "rad/s", "Hz", "damping ratio"):
         modes.add_column(column, justify="right")

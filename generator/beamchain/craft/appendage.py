@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from lxml import etree
 from lxml.etree import _Element as Element
 from numpy.typing import NDArray
 
@@ -48,6 +49,7 @@ class Appendage:
         spec: as it was given.
         fit: made for that hub.
         timed: the spacecraft with its appendages exact in time for its own step; None: they are not.
+        rigid: without joints and tendons.
     """
 
     at: str
@@ -57,12 +59,15 @@ class Appendage:
     spec: Spec
     fit: Fit
     timed: "mujoco.MjModel | None" = None
+    rigid: bool = False
 
     def element(self) -> Element:
         """Its drop-in MJCF, exact in time where the spacecraft is."""
         tree, name = self.fit.appendage(timed=False), self.fit.spec.name
         if self.timed is not None:
             put_time([tree], self.timed, lambda word: self.prefix + word.removeprefix(f"{name}_"))
+        if self.rigid:
+            etree.strip_elements(tree, "joint", "tendon", "tendonpos", "tendonvel", "exclude", with_tail=False)
         return tree
 
     @cached_property

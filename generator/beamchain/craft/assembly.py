@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
+from beamchain.craft.mode_words import mode_words
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import linearise, mass_matrix
 from beamchain.engine.mount import Mount, rest
@@ -22,6 +23,7 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, square_root
 
 Response = NDArray[np.complex128]
+RANK = 1e-9  # relative, below which the base body is held in a motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +49,14 @@ class Carried:
 class Mode:
     """A coupled mode: exact and MuJoCo's frequency [rad/s], None where the other has no partner.
 
-    `kept`: most of its strain energy is in modes that the chains were asked to keep, or in the craft's own springs.
+    `kept`: most of its strain energy is in modes that the chains were asked to keep, or in the craft's own springs;
+    `words`: what moves.
     """
 
     exact: float | None
     mujoco: float | None
     kept: bool
+    words: str = ""
 
     @property
     def error(self) -> float | None:
@@ -174,13 +178,14 @@ def prove(
     band = asked or max(w for item in carried for w in item.band.values())
     common = asked or first
     exact_modes, ours_modes = exact.modes(first), ours.modes(first)
-    modes = _matched(exact, exact_modes, carried, ours_modes[0], ours_modes[1][old], band)
+    rigid = _rigid(craft, hub, carried)
+    words = _words(exact, exact_modes[1], carried, rigid)
+    modes = _matched(exact, exact_modes, carried, ours_modes[0], ours_modes[1][old], band, words)
     peaks = np.concatenate([exact_modes[0], ours_modes[0]])
     peaks = peaks[peaks < 1.3 * band]
     width = 1.0 + DEFAULT_RATIO * np.concatenate([-np.geomspace(0.02, 40.0, 25), [0.0], np.geomspace(0.02, 40.0, 25)])
     grid = np.concatenate([np.geomspace(0.02 * common, 1.3 * band, points), np.outer(peaks, width).ravel()])
     omega = np.unique(grid[grid > 0.0])
-    rigid = _rigid(craft, hub, carried)
     able = [int(i) for i in np.flatnonzero(np.diag(rigid) > 1e-9 * np.diag(rigid).max())]
     motions = tuple(i for i in able if i in wanted) or tuple(able)
     pick = np.ix_(motions, motions)
@@ -272,6 +277,23 @@ def _rigid(craft: "mujoco.MjModel", hub: int, carried: Sequence[Carried]) -> Arr
     return motion @ np.linalg.solve(mass, motion.T)
 
 
+def _words(exact: _System, shapes: Array, carried: Sequence[Carried], rigid: Array) -> list[str]:
+    """What moves in each exact mode; `rigid` `(6, 6)`: accelerance of the base body, every appendage frozen."""
+    nv = shapes.shape[0] - sum(item.whole.modes for item in carried)
+    ends = nv + np.cumsum([item.whole.modes for item in carried])
+    bus = np.sqrt(np.diag(np.linalg.pinv(rigid, rcond=RANK, hermitian=True)).clip(0.0))[:, None] * (
+        exact.motion @ shapes
+    )
+    own = np.einsum("ik,ij,jk->k", shapes[:nv], exact.stiffness[:nv, :nv], shapes[:nv])
+    return [
+        mode_words(
+            [item.mount.at for item in carried], [item.whole for item in carried], [item.mount.axes for item in carried],
+            np.split(shapes[nv:, k], ends[:-1] - nv), float(own[k]), bus[:, k],
+        )
+        for k in range(shapes.shape[1])
+    ]  # fmt: skip
+
+
 def _matched(
     exact: _System,
     exact_modes: tuple[Array, Array],
@@ -279,6 +301,7 @@ def _matched(
     ours: Array,
     shapes: Array,
     band: float,
+    words: Sequence[str],
 ) -> tuple[Mode, ...]:
     """Modes paired by frequency and by the direction in which they move the spacecraft, the kept ones first.
 
@@ -288,6 +311,7 @@ def _matched(
         ours: `(n,)` MuJoCo's frequencies.
         shapes: `(nv, n)` the spacecraft's part of MuJoCo's modes.
         band: exact modes without a partner are listed up to here.
+        words: what moves in each exact mode.
     """
     frequencies, whole = exact_modes
     nv = shapes.shape[0]
@@ -308,7 +332,7 @@ def _matched(
         first, second = linear_sum_assignment(cost[free][:, group])
         pairs |= {int(group[j]): int(free[i]) for i, j in zip(first, second, strict=True)}
     modes = [
-        Mode(float(w), float(ours[pairs[j]]) if j in pairs else None, bool(kept[j]))
+        Mode(float(w), float(ours[pairs[j]]) if j in pairs else None, bool(kept[j]), words[j])
         for j, w in enumerate(frequencies)
         if j in pairs or w <= band
     ]

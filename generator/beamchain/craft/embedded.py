@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from beamchain import report
 from beamchain.craft.appendage import Appendage, carried
-from beamchain.craft.assembly import Assembly, prove
+from beamchain.craft.assembly import Assembly, Mode, prove
 from beamchain.craft.documents import assemble
-from beamchain.craft.error import CraftError, craft_error, craft_poses
+from beamchain.craft.error import CraftError, base_body, craft_error, craft_poses, modes_at
 from beamchain.craft.promise import Asked, asked, kept_band
 from beamchain.craft.timing import without_time
+from beamchain.engine.composite import Composite, composite
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.files import write_files
@@ -82,6 +83,21 @@ class Embedded:
         found = craft_poses(self.craft, exact, want.band or kept_band(self.appendages), want.motions)
         return craft_error(self.craft, self.untimed, exact, found)
 
+    def modes_at(self, key: str) -> tuple[Mode, ...]:
+        """Coupled modes in the band at a keyframe ("rest": the pose of rest), exact and through MuJoCo.
+
+        Raises:
+            InputError: the spacecraft has no such keyframe.
+        """
+        return modes_at(self.craft, self.untimed, carried(self.model, self.appendages), self.band, key)
+
+    @cached_property
+    def composite(self) -> Composite:
+        """Mass, centre of mass and inertia of the base body with all that it carries, in the pose of rest."""
+        body = base_body(self.craft, self.appendages[0].mount.body)
+        name = self.craft.body(body).name
+        return composite(self.model, int(self.model.body(name).id) if name else body)
+
     @property
     def craft_error(self) -> float:
         """In-band error of the base body's motion, worst of all poses."""
@@ -107,9 +123,10 @@ class Embedded:
         """The craft's promise in a sentence."""
         found, tolerance = self.promise, self.tolerance
         names = [name for name, i in AXES.items() if i in found.motions]
+        twin = "rigid twin: " if self.appendages[0].rigid else ""
         said = (
-            f"motion of {found.body} ({', '.join(names)}) up to {found.band:.4g} rad/s, all appendages together: off by "
-            f"at most {found.error:.2e}"
+            f"{twin}motion of {found.body} ({', '.join(names)}) up to {found.band:.4g} rad/s, all appendages together: off "
+            f"by at most {found.error:.2e}"
         )
         if len(found.poses) > 1:
             said += f" (worst of {len(found.poses)} poses: {max(found.poses, key=lambda k: found.poses[k])})"

@@ -1,5 +1,6 @@
 """`embed`: appendages into an existing spacecraft, and what the assembled model then proves of itself."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -48,6 +49,7 @@ def embed(
     prefixes: Sequence[str] | None = None,
     retime: bool | None = None,
     max_modes: int = MOST_MODES,
+    rigid: bool = False,
 ) -> Embedded:
     """Put appendages into a spacecraft and prove the assembled model.
 
@@ -60,10 +62,12 @@ def embed(
             Where a site and a body share a name: `site:NAME`, `body:NAME`. Modes that no file holds cannot be found
             when the written file is given to `embed` again.
         form: "inline": one self-contained file; "attach": appendage files beside it, brought in by `<attach>`.
-        prefixes: one per entry of `at`, instead of `NAME_` of the appendage.
+        prefixes: one per entry of `at`; where left out, `NAME_` of the appendage, or `NAME_PLACE_` where two would have
+            the same.
         retime: make the appendages exact in time for the spacecraft's own step and integrator, or do not; where left
             out, they are where the step's error would exceed a tenth of the scenes' tolerance (1e-4 without one).
         max_modes: of an appendage, up to which modes are added where the whole craft misses the scenes' tolerance.
+        rigid: make the rigid twin: the same bodies, sites, masses and keyframes, without joints and tendons.
 
     Raises:
         InputError: no such place, a frame that is none, a static body, clashing names, switches that would spoil it.
@@ -105,17 +109,34 @@ def embed(
                 held[name] = spec.space.data
             spec = spec.spec
         spec = read_spec(spec) if isinstance(spec, str | Path) else as_spec(spec)
-        prefix = given[i] if given else f"{spec.name}_"
-        insert.check_prefix(prefix)
+        prefix = given[i] if given else ""
+        if given:
+            insert.check_prefix(prefix)
         if spec.imported is not None:  # the mark in the file must find the modes from anywhere
             spec = msgspec.structs.replace(spec, imported=spec.imported.beside(Path.cwd()))
         if made is not None:
             ready[name] = made if made.spec == spec else replace(made, spec=spec)
         wanted[name] = (spec, prefix)
+    fits = Fits(ready, held)
     if isinstance(craft, mujoco.MjSpec):
-        return _embed_in_spec(craft, wanted, retime, most, Fits(ready, held))
+        return _embed_in_spec(craft, _prefixed({}, wanted), retime, most, fits, rigid)
     original, before, _ = read_bare(craft)
-    return _embed_in_document(original, before | wanted, form, retime, most, Fits(ready, held))
+    return _embed_in_document(original, _prefixed(before, wanted), form, retime, most, fits, rigid)
+
+
+def _prefixed(before: dict[str, tuple[Spec, str]], wanted: dict[str, tuple[Spec, str]]) -> dict[str, tuple[Spec, str]]:
+    """All appendages with their prefixes: the name of each, with that of its place where two would have the same."""
+    out = {at: entry for at, entry in before.items() if at not in wanted} | wanted
+    names = [spec.name for spec, _ in wanted.values()]
+    taken = [prefix for _, prefix in out.values()]
+    for at, (spec, prefix) in wanted.items():
+        if not prefix:
+            alone = names.count(spec.name) == 1 and f"{spec.name}_" not in taken
+            place = re.sub(r"[^A-Za-z0-9_.-]", "_", split(at)[1])
+            own = f"{spec.name}_" if alone else f"{spec.name}_{place}_"
+            insert.check_prefix(own)
+            out[at] = spec, own
+    return out
 
 
 def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
@@ -150,6 +171,7 @@ def _embed_in_document(
     retime: bool | None = None,
     most: int = MOST_MODES,
     fits: "Fits | None" = None,
+    rigid: bool = False,
 ) -> Embedded:
     # an empty body at every place: a hub whose frame MuJoCo would move while it carries nothing stays where it is
     probe = relocate(original, None)
@@ -158,7 +180,7 @@ def _embed_in_document(
         etree.SubElement(target.body, "body", name=f"{PROBE}{i}")
     craft = compile_model(probe.to_bytes().decode("utf-8"))
     mounts = {name: mounting.mount(craft, name, t.kind, t.name) for name, t in targets.items()}
-    appendages, warnings, steps = fit_all(craft, mounts, wanted, most, fits or Fits())
+    appendages, warnings, steps = fit_all(craft, mounts, wanted, most, fits or Fits(), rigid)
     warnings += moved_by_load(compile_model(relocate(original, None).to_bytes().decode("utf-8")), craft)
     check_flags(craft)
     check_names(craft, appendages)
@@ -178,6 +200,7 @@ def _embed_in_spec(
     retime: bool | None,
     most: int,
     fits: "Fits",
+    rigid: bool,
 ) -> Embedded:
     places: dict[str, tuple[str, str]] = {}
     probe = spec.copy()
@@ -197,7 +220,7 @@ def _embed_in_spec(
     except ValueError as error:
         raise EngineError(f"MuJoCo refuses the spacecraft: {error}") from None
     mounts = {at: mounting.mount(craft, at, kind, name) for at, (kind, name) in places.items()}
-    appendages, warnings, steps = fit_all(craft, mounts, wanted, most, fits)
+    appendages, warnings, steps = fit_all(craft, mounts, wanted, most, fits, rigid)
     warnings += moved_by_load(plain, craft)
     check_flags(craft)
     check_names(craft, appendages)
@@ -232,6 +255,8 @@ def _proved(
         found: in the spacecraft's document that would spoil appendages.
     """
     model = build(appendages)
+    if any(a.rigid for a in appendages):
+        return appendages, model, []
     good, why = worth_it(model, appendages, retime)
     if good:
         appendages = tuple(replace(a, fit=on_tendons(a.fit)) for a in appendages)

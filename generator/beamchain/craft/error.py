@@ -13,10 +13,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+from scipy.optimize import linear_sum_assignment
 
-from beamchain.craft.assembly import Carried, craft_damping, quiet
+from beamchain.craft.assembly import Carried, Mode, craft_damping, quiet
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import dense_mass
+from beamchain.errors import InputError
 from beamchain.ports.compare import DEFAULT_RATIO, damped, grid_of, relative
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
@@ -178,8 +180,8 @@ class Pose:
         drive = np.broadcast_to(base[pick].T, (dynamic.shape[0], base.shape[1], len(pick)))
         return (base[pick] @ np.linalg.solve(dynamic, drive)) * self.scale
 
-    def peaks(self, models: Sequence[PortModel]) -> Array:
-        """Peaks `(k, 2)` of the craft with these appendages."""
+    def coupled(self, models: Sequence[PortModel]) -> Matrices:
+        """The craft with these appendages."""
         nv = self.own.mass.shape[0]
         size = nv + sum(model.modes for model in models)
         mass, damping, stiffness = np.eye(size), np.zeros((size, size)), np.zeros((size, size))
@@ -194,7 +196,7 @@ class Pose:
             stiffness[mine, mine] = np.diag(model.frequencies**2)
             damping[mine, mine] = np.diag(2.0 * model.damping * model.frequencies)
             start += model.modes
-        return Matrices(mass, damping, stiffness, np.hstack([self.own.base, np.zeros((6, size - nv))])).peaks()
+        return Matrices(mass, damping, stiffness, np.hstack([self.own.base, np.zeros((6, size - nv))]))
 
     @cached_property
     def near(self) -> list[PortModel]:
@@ -204,7 +206,7 @@ class Pose:
     @cached_property
     def known(self) -> tuple[Array, Array, NDArray[np.complex128]]:
         """Peaks of the exact craft, a grid that resolves them, and the exact response there."""
-        peaks = self.peaks(self.near)
+        peaks = self.coupled(self.near).peaks()
         omega = grid_of([peaks], self.band)
         return peaks, omega, self.response([item.whole for item in self.carried], omega)
 
@@ -231,6 +233,28 @@ class Pose:
         achieved = self._seen(ours.mass + ours.damping / s + ours.stiffness / s**2, ours.base)
         exact = self.response([item.whole for item in self.carried], omega)
         return float(relative(achieved, exact, self.frozen).max())
+
+
+def modes_at(
+    craft: "mujoco.MjModel", model: "mujoco.MjModel", carried: Sequence[Carried], band: float, key: str
+) -> tuple[Mode, ...]:
+    """Coupled modes up to `band` [rad/s] at a keyframe: exact, and MuJoCo's that is nearest in frequency.
+
+    Raises:
+        InputError: there is no such keyframe.
+    """
+    craft, model = quiet(craft), quiet(model)
+    known = poses(craft)
+    if key not in known:
+        raise InputError(f"keyframe {key!r} is not in the spacecraft; choose from {', '.join(known)}.")
+    pose = Pose(craft, known[key], carried, band, range(6))
+    exact = pose.coupled([item.whole for item in carried]).modes[0][:, 0]
+    body = base_body(model, int(model.body(craft.body(base_body(craft, carried[0].mount.body)).name).id))
+    ours = matrices(model, poses(model)[key], body).modes[0][:, 0]
+    exact = np.sort(exact[exact <= band])
+    first, second = linear_sum_assignment(np.abs(np.log(exact[:, None] / ours[None, :])))
+    pairs = dict(zip(first.tolist(), second.tolist(), strict=True))
+    return tuple(Mode(float(w), float(ours[pairs[i]]) if i in pairs else None, True) for i, w in enumerate(exact))
 
 
 def _port(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Array:

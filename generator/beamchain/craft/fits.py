@@ -31,11 +31,15 @@ def fit_all(
     wanted: dict[str, tuple[Spec, str]],
     most: int,
     fits: "Fits",
+    rigid: bool = False,
 ) -> tuple[tuple[Appendage, ...], list[str], tuple[str, ...]]:
-    """Every appendage fitted to the hub it meets, with the modes that the craft's promise needs; notes; steps taken."""
-    rigid = {name: rigid_mass(spec, fits.held.get(name)) for name, (spec, _) in wanted.items()}
+    """Every appendage fitted to the hub it meets, with the modes that the craft's promise needs; notes; steps taken.
+
+    Rigid ones are fitted as they are asked for: what they lack is no fault.
+    """
+    frozen = {name: rigid_mass(spec, fits.held.get(name)) for name, (spec, _) in wanted.items()}
     places = list(mounts.values())
-    behind, felt = mounting.rigid_hubs(model, places, rigid), mounting.apparent_hubs(model, places, rigid)
+    behind, felt = mounting.rigid_hubs(model, places, frozen), mounting.apparent_hubs(model, places, frozen)
     out: list[Appendage] = []
     warnings: list[str] = []
     for name, (spec, prefix) in wanted.items():
@@ -79,11 +83,13 @@ def fit_all(
         result = fits.ready.get(name)
         if result is None or not _same_hub(result, hub):
             result = fits(name, spec, Root(target=spec.root.target, hub=hub))
-        out.append(Appendage(name, prefix, place, hub, spec, result))
+        out.append(Appendage(name, prefix, place, hub, spec, result, rigid=rigid))
 
     def again(a: Appendage, wished: Spec) -> Fit:
         return fits(a.at, wished, Root(target=cast("Target", a.fit.kept_for), hub=a.hub))
 
+    if rigid:
+        return tuple(out), warnings, ()
     with one_thread():
         appendages, steps = keep_promise(model, tuple(out), most, again)
     for a in appendages:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from beamchain.caution import warnings_record
+from beamchain.engine.composite import Composite, composite
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS, compile_model
 from beamchain.ports.motions import Array
@@ -23,6 +24,7 @@ class Inspection:
     """What MuJoCo makes of a model about its rest pose.
 
     Args:
+        composite: mass properties of every body that moves in the world, with all that hangs on it.
         frequencies: `(n,)` of the oscillating modes [rad/s], with their `damping` ratios.
         springs: name, stiffness, damping of every joint with a spring of its own.
         tendons: name, stiffness, damping, armature of every sprung tendon.
@@ -37,6 +39,7 @@ class Inspection:
     joints: int
     dofs: int
     mass: float
+    composite: list[Composite]
     frequencies: Array
     damping: Array
     springs: list[tuple[str, float, float]]
@@ -56,6 +59,7 @@ class Inspection:
             "joints": self.joints,
             "dofs": self.dofs,
             "mass": self.mass,
+            "composite": [found.as_dict() for found in self.composite],
             "modes": [{"frequency": w, "damping": z} for w, z in zip(self.frequencies, self.damping, strict=True)],
             "springs": [{"joint": n, "stiffness": k, "damping": c} for n, k, c in self.springs],
             "tendons": [{"tendon": n, "stiffness": k, "damping": c, "armature": a} for n, k, c, a in self.tendons],
@@ -104,6 +108,9 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         joints=model.njnt,
         dofs=model.nv,
         mass=float(np.sum(model.body_mass)),
+        composite=[
+            composite(model, i) for i in range(1, model.nbody) if model.body_parentid[i] == 0 and model.body_dofnum[i]
+        ],
         frequencies=frequencies,
         damping=ratios,
         springs=springs,

@@ -31,7 +31,11 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
             for a in embedded.appendages
         ],
         "form": embedded.form,
-        "modes": [{"exact": m.exact, "mujoco": m.mujoco, "error": m.error, "kept": m.kept} for m in assembly.modes],
+        "composite": embedded.composite.as_dict(),
+        "modes": [
+            {"exact": m.exact, "mujoco": m.mujoco, "error": m.error, "kept": m.kept, "moving": m.words}
+            for m in assembly.modes
+        ],
         "craft_error": embedded.craft_error,
         "band": embedded.band,
         "tolerance": embedded.tolerance,

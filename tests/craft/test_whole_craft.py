@@ -1,0 +1,143 @@
+"""What a user is told of the whole spacecraft: rigid twin, prefixes, modes at keyframes and in words, mass properties."""
+
+import json
+import re
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+from beamchain.cli import main
+
+SAME = 1e-12  # relative; two ways to add up the same bodies
+MODE = 2e-3  # relative; chains with two modes per plane on one craft, against all modes of the beams
+
+PANEL = bc.Spec(
+    name="array",
+    segment=(bc.Segment(length=6.0, section=bc.Equivalent(bending_stiffness_xy=3e3, bending_stiffness_xz=9e3, linear_mass=3.0,
+                                                          torsion_stiffness=4e3, polar_inertia=0.6)),),
+    modes=bc.Modes(xy=2, xz=2, torsion=1), damping=bc.Damping(ratio=0.005),
+)  # fmt: skip
+
+CRAFT = """<mujoco model="bus"><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint name="free"/>
+<inertial pos="0.1 0 0.05" mass="400" diaginertia="150 200 250"/>
+<body name="yoke" pos="0 0.8 0"><joint name="drive" axis="0 1 0"/><inertial pos="0 0.1 0" mass="5" diaginertia="0.2 0.1 0.2"/>
+<site name="+y" pos="0 0.2 0" xyaxes="0 1 0 -1 0 0"/></body>
+<body name="other yoke" pos="0 -0.8 0"><inertial pos="0 -0.1 0" mass="5" diaginertia="0.2 0.1 0.2"/>
+<site name="-y" pos="0 -0.2 0" xyaxes="0 -1 0 1 0 0"/></body>
+</body></worldbody><keyframe><key name="turned" qpos="0 0 0 1 0 0 0 1.2"/></keyframe></mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def flexible():
+    return bc.embed(CRAFT, {"+y": PANEL, "-y": PANEL})
+
+
+def test_equal_appendages_get_prefixes_of_their_places(flexible):
+    assert [a.prefix for a in flexible.appendages] == ["array__y_", "array_-y_"]
+    assert [a.prefix for a in bc.embed(CRAFT, {"+y": PANEL}).appendages] == ["array_"]
+
+
+def test_a_second_equal_appendage_leaves_the_first_its_prefix(tmp_path):
+    one = bc.embed(CRAFT, {"+y": PANEL}).write(tmp_path / "one.xml")[-1]
+    both = bc.embed(one, {"-y": PANEL})
+    assert {a.at: a.prefix for a in both.appendages} == {"+y": "array_", "-y": "array_-y_"}
+
+
+def rigid_inertia(model, qpos):
+    """`(6, 6)` of everything about the world's origin, from MuJoCo's own bodies, everything frozen."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    out = np.zeros((6, 6))
+    for i in range(1, model.nbody):
+        m, c, turn = model.body_mass[i], data.xipos[i], data.ximat[i].reshape(3, 3)
+        cross = np.array([[0, -c[2], c[1]], [c[2], 0, -c[0]], [-c[1], c[0], 0]])
+        out[:3, :3] += m * np.eye(3)
+        out[3:, :3] += m * cross
+        out[:3, 3:] -= m * cross
+        out[3:, 3:] += turn @ np.diag(model.body_inertia[i]) @ turn.T - m * cross @ cross
+    return out
+
+
+def test_the_rigid_twin_has_the_same_bodies_and_keyframes(flexible, tmp_path):
+    twin = bc.embed(CRAFT, {"+y": PANEL, "-y": PANEL}, rigid=True)
+    model, soft = mujoco.MjModel.from_xml_path(str(twin.write(tmp_path / "rigid.xml")[-1])), flexible.model
+    assert model.nv == 7
+    assert model.ntendon == 0
+    for kind in ("nbody", "nsite", "ngeom", "nkey"):
+        assert getattr(model, kind) == getattr(soft, kind), kind
+    assert [model.site(i).name for i in range(model.nsite)] == [soft.site(i).name for i in range(soft.nsite)]
+    for pose in (0, 1):
+        ours = model.key_qpos[0] if pose else model.qpos0
+        theirs = soft.key_qpos[0] if pose else soft.qpos0
+        want = rigid_inertia(soft, theirs)
+        np.testing.assert_allclose(rigid_inertia(model, ours), want, rtol=SAME, atol=SAME * np.abs(want).max())
+    assert "rigid twin" in twin.headline
+
+
+def test_the_rigid_twin_becomes_flexible_again(tmp_path):
+    twin = bc.embed(CRAFT, {"+y": PANEL}, rigid=True).write(tmp_path / "rigid.xml")[-1]
+    assert bc.embed(twin, {"+y": PANEL}).model.nv > 7
+
+
+def test_modes_at_a_keyframe(flexible):
+    rest, turned = flexible.modes_at("rest"), flexible.modes_at("turned")
+    for mode in (*rest, *turned):
+        assert mode.error is not None
+        assert abs(mode.error) < MODE
+    assert max(abs(a.exact / b.exact - 1.0) for a, b in zip(rest, turned, strict=True)) > 0.01  # the pose matters
+    with pytest.raises(bc.InputError, match=r"keyframe 'turnt' is not in the spacecraft; choose from rest, turned"):
+        flexible.modes_at("turnt")
+
+
+def test_modes_are_named_by_what_moves():
+    fixed = CRAFT.replace('<joint name="drive" axis="0 1 0"/>', "").replace(' 1.2"/>', '"/>')
+    plain = fixed.replace('pos="0.1 0 0.05"', 'pos="0 0 0"')
+    words = {m.words for m in bc.embed(plain, {"+y": PANEL, "-y": PANEL}).assembly.judged}
+    assert "+y and -y opposed, bending xy; bus about z" in words
+    assert "+y and -y in phase, bending xy; bus along x" in words
+    assert any("torsion" in one for one in words)
+
+
+def test_mass_properties_of_the_whole(flexible):
+    found, whole = flexible.composite, rigid_inertia(flexible.model, flexible.model.qpos0)
+    centre = np.array([whole[2, 4], whole[0, 5], whole[1, 3]]) * [-1, -1, -1] / whole[0, 0]
+    assert found.mass == pytest.approx(whole[0, 0], rel=SAME)
+    np.testing.assert_allclose(found.centre, centre, atol=1e-12)
+    cross = np.array([[0, -centre[2], centre[1]], [centre[2], 0, -centre[0]], [-centre[1], centre[0], 0]])
+    inertia = whole[3:, 3:] + whole[0, 0] * cross @ cross
+    np.testing.assert_allclose(found.inertia, inertia, atol=1e-9 * inertia.max())
+    assert found.body == "bus"
+
+
+def run(arguments, capsys, monkeypatch):
+    """Exit status, stdout and stderr of one call in this process."""
+    monkeypatch.setattr("sys.argv", ["beamchain", *arguments])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    told = capsys.readouterr()
+    return int(stopped.value.code or 0), told.out, told.err
+
+
+def test_the_command_tells_it(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "craft.xml").write_text(CRAFT)
+    run(["init", "boom"], capsys, monkeypatch)
+    at = ["embed", "craft.xml", "--at", "+y=boom.toml", "--no-report"]
+    code, told, _ = run([*at, "-o", "flexible.xml", "--key", "turned", "--json"], capsys, monkeypatch)
+    record = json.loads(told)
+    assert code == 0
+    assert record["modes_at"]["turned"][0]["error"] < MODE
+    assert record["composite"]["body"] == "bus"
+    assert record["modes"][0]["moving"]
+    code, told, _ = run([*at, "-o", "rigid.xml", "--rigid"], capsys, monkeypatch)
+    assert code == 0
+    assert re.search(r"rigid twin", told)
+    code, told, _ = run(["inspect", "rigid.xml"], capsys, monkeypatch)
+    assert "bus with all that it carries" in told
+    code, _, error = run([*at, "-o", "none.xml", "--key", "nowhere"], capsys, monkeypatch)
+    assert code == 2
+    assert "choose from rest, turned" in error
+    assert not (tmp_path / "none.xml").exists()
