@@ -161,7 +161,7 @@ class TestRefused:
     def test_two_with_one_prefix(self):
         at = {"mount": spec("rod"), "body:hub": spec("rod")}
         with pytest.raises(BeamchainError, match="give each its own --prefix"):
-            bc.embed(craft(), at)
+            bc.embed(craft(), at, prefixes=["a_", "a_"])
         assert bc.embed(craft(), at, prefixes=["a_", "b_"]).model.body("b_link1")
 
 

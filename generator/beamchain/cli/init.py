@@ -15,9 +15,10 @@ COLUMN = 38  # of the comments in a template
 
 
 def _kinds(incomplete: str) -> list[tuple[str, str]]:
-    from beamchain.cli.shipped import everything
+    from beamchain.cli.shipped import examples as shipped
+    from beamchain.cli.shipped import spacecraft
 
-    return [(one.name, one.about) for one in everything() if one.name.startswith(incomplete)]
+    return [(one.name, one.about) for one in [*shipped(), spacecraft()] if one.name.startswith(incomplete)]
 
 
 def init(
@@ -51,7 +52,8 @@ def init(
 
     Example: beamchain init --list
     """
-    from beamchain.cli.shipped import everything, pick, spacecraft
+    from beamchain.cli.shipped import examples as shipped
+    from beamchain.cli.shipped import pick, spacecraft
     from beamchain.files import write_files
 
     if listed:
@@ -63,7 +65,7 @@ def init(
         raise InputError(
             "init: the kind is missing; choose boom, array, mast or craft, or see `beamchain init --list`."
         )
-    start = pick(everything(), kind, "init: the kind")
+    start = pick([*shipped(), spacecraft()], kind, "init: the kind")
     place = output or Path(f"{kind}{start.path.suffix}")
     text = start.path.read_text(encoding="utf-8")
     write_files({place: commented(text) if place.suffix == ".toml" else text}, force=force)
@@ -107,16 +109,17 @@ def commented(template: str) -> str:
 
 
 def _list(*, as_json: bool, quiet: bool) -> None:
-    from beamchain.cli.shipped import everything
+    from beamchain.cli.shipped import examples as shipped
+    from beamchain.cli.shipped import spacecraft
 
     if as_json:
-        print_json({"examples": [{"name": one.name, "about": one.about} for one in everything()]})
+        print_json({"examples": [{"name": one.name, "about": one.about} for one in [*shipped(), spacecraft()]]})
     elif not quiet:
         from rich.table import Table
 
         table = Table(title="what `beamchain init` writes", title_justify="left")
         for column in ("name", "what it is"):
             table.add_column(column, overflow="fold")
-        for one in everything():
+        for one in [*shipped(), spacecraft()]:
             table.add_row(one.name, one.about)
         console().print(table)

@@ -1,4 +1,4 @@
-"""Specs that come with the package: examples to run, and commented ones to start from."""
+"""Specifications and the spacecraft that come with the package."""
 
 import difflib
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from beamchain.errors import InputError
 
-_HERE = Path(__file__).parents[1]
+_EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 class Shipped(NamedTuple):
@@ -24,23 +24,14 @@ class Shipped(NamedTuple):
 
 
 def examples() -> list[Shipped]:
-    """The shipped examples, by name."""
-    return _of("examples")
-
-
-def starts() -> list[Shipped]:
-    """The commented specs that `beamchain init` writes, by name."""
-    return _of("starts")
+    """The shipped specifications, by name: examples, and commented ones to start from."""
+    files = sorted(_EXAMPLES.glob("*.toml"))
+    return [Shipped(p.stem, p, p.read_text(encoding="utf-8").split("\n", 1)[0].lstrip("# ")) for p in files]
 
 
 def spacecraft() -> Shipped:
     """The small spacecraft that `beamchain init craft` writes."""
-    return Shipped("craft", _HERE / "starts" / "craft.xml", "A small spacecraft (MJCF) to embed an appendage into.")
-
-
-def everything() -> list[Shipped]:
-    """All that `beamchain init` writes."""
-    return [*starts(), spacecraft(), *examples()]
+    return Shipped("craft", _EXAMPLES / "craft.xml", "A small spacecraft (MJCF) to embed an appendage into.")
 
 
 def pick(choices: list[Shipped], name: str, field: str) -> Shipped:
@@ -56,11 +47,3 @@ def pick(choices: list[Shipped], name: str, field: str) -> Shipped:
     near = difflib.get_close_matches(name, names, n=1)
     guess = f"did you mean {near[0]!r}? Choose" if near else "choose"
     raise InputError(f"{field} {name!r} is not known; {guess} from {', '.join(names)}.")
-
-
-def _of(folder: str) -> list[Shipped]:
-    out: list[Shipped] = []
-    for path in sorted((_HERE / folder).glob("*.toml")):
-        first = path.read_text(encoding="utf-8").split("\n", 1)[0]
-        out.append(Shipped(path.stem, path, first.lstrip("# ")))
-    return out

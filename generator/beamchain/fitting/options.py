@@ -14,6 +14,7 @@ from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.lump import body_inertia
 
 RECIPES = ("classical", "midpoint", "naive", "seed")  # of one bending plane
+DEFAULT_MODES = 2  # of each bending plane, where a specification says nothing
 DEFAULT_STEP = 0.01  # of scene.xml and of the bench, where none is stated [s]
 
 Target = Literal["clamped", "free", "hub", "auto"]

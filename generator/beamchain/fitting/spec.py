@@ -14,6 +14,7 @@ from beamchain.files import LARGEST_TOML, tables
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.hub import port_hub_mass as port_hub_mass
 from beamchain.fitting.options import (
+    DEFAULT_MODES,
     RECIPES,
     Damping,
     FitOptions,
@@ -235,7 +236,8 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         """Modes kept per port, if they are not chosen for the scene; empty means all imported modes."""
         if self.imported is not None and self.modes is None:
             return {}
-        default = Modes(xy=2) if self.fit.method in RECIPES else Modes(xy=2, xz=2)
+        xz = None if self.fit.method in RECIPES else DEFAULT_MODES
+        default = Modes(xy=DEFAULT_MODES, xz=xz)
         return (self.modes or default).counts()
 
     @property
