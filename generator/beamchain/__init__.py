@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from beamchain.fitting.spec import read_spec as read_spec
     from beamchain.ports.compare import compare as compare
     from beamchain.ports.model import PortModel as PortModel
-    from beamchain.steps.inputs import HeldInput as HeldInput
     from beamchain.steps.retime import retime as retime
+    from beamchain.steps.start import HeldInput as HeldInput
     from beamchain.steps.start import start_velocity as start_velocity
     from beamchain.structure.beam import Beam as Beam
     from beamchain.structure.joint import Joint as Joint
@@ -79,9 +79,8 @@ _PLACES = {
     ),
     "ports.compare": ("compare",),
     "ports.model": ("PortModel",),
-    "steps.inputs": ("HeldInput",),
     "steps.retime": ("retime",),
-    "steps.start": ("start_velocity",),
+    "steps.start": ("HeldInput", "start_velocity"),
     "structure.beam": ("Beam",),
     "structure.joint": ("Joint",),
     "structure.lump": ("Lump",),

@@ -124,7 +124,7 @@ def render(
 
 def too_far(fit: "Fit", slew: "Slew") -> list[str]:
     """Sentences for a turn beyond what the fit's chain is right for."""
-    from beamchain.steps.run_limits import exceeded, turned
+    from beamchain.steps.driven import exceeded, turned
 
     if fit.space is not None:
         return []

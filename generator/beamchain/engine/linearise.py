@@ -22,18 +22,14 @@ if TYPE_CHECKING:
     import control
 
 EPSILON = 1e-6  # perturbation of the centred differences
-VELOCITY = (
-    1e-3  # perturbation for what depends on velocity: the integrator "discrete" does not see damping forces of 1e-9
-)
+VELOCITY = 1e-3  # the same for velocities: the integrator "discrete" does not see damping forces of 1e-9
 
-INTEGRATORS = {name: int(value) for name, value in (
-    ("Euler", mujoco.mjtIntegrator.mjINT_EULER),
-    ("RK4", mujoco.mjtIntegrator.mjINT_RK4),
-    ("implicit", mujoco.mjtIntegrator.mjINT_IMPLICIT),
-    ("implicitfast", mujoco.mjtIntegrator.mjINT_IMPLICITFAST),
-)}  # fmt: skip
-if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
-    INTEGRATORS["discrete"] = int(mujoco.mjtIntegrator.mjINT_DISCRETE)
+#: Of the installed MuJoCo; "discrete" is not in all versions.
+INTEGRATORS = {
+    name: int(getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}"))
+    for name in ("Euler", "implicit", "implicitfast", "discrete", "RK4")
+    if hasattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")
+}
 NUMBERS = {number: name for name, number in INTEGRATORS.items()}
 
 
@@ -125,13 +121,8 @@ class Linearisation:
         """The system behind the step: `q'' = -M^-1 K q - M^-1 D q' + M^-1 B u`, states (q, q'), outputs as discrete."""
         import control
 
-        a, b = self._continuous()
+        a, b = system_matrix(self.stiffness, self.damping), np.vstack([0.0 * self.inputs, self.inputs])
         return cast("control.StateSpace", control.ss(a, b, self.c, self.d))
-
-    def _continuous(self) -> tuple[Array, Array]:
-        nv = self.stiffness.shape[0]
-        a = np.block([[np.zeros((nv, nv)), np.eye(nv)], [-self.stiffness, -self.damping]])
-        return a, np.vstack([np.zeros((nv, self.inputs.shape[1])), self.inputs])
 
     def frequencies(self) -> Array:
         """Undamped natural frequencies above zero, ascending [rad/s]."""
@@ -260,8 +251,8 @@ def linearise(
         raise EngineError("the model has no degree of freedom to linearise; put it on a joint (the bench does).")
     if data is None:
         data = mujoco.MjData(model)
-    own = int(model.opt.integrator)
-    a, b, c, d = _transition(model, data, epsilon, INTEGRATORS["implicitfast"])
+    name = NUMBERS[int(model.opt.integrator)]
+    a, b, c, d = transition(model, data, epsilon, "implicitfast")
     nv, h = model.nv, float(model.opt.timestep)
     kept = a[nv : 2 * nv, nv : 2 * nv]
     if not np.all(np.isfinite(kept)) or np.linalg.matrix_rank(kept) < nv:
@@ -273,39 +264,42 @@ def linearise(
     stiffness = -x @ a[nv : 2 * nv, :nv] / h
     damping = (x - np.eye(nv)) / h
     inputs = x @ b[nv : 2 * nv] / h
-    name = NUMBERS[own]
-    result = Linearisation(
-        *(locked(v) for v in (stiffness, damping, inputs, a, b, c, d)),
-        timestep=h,
-        integrator=name,
-        joints=_dof_joints(model),
-        driven=_driven(model),
-    )
-    if own == INTEGRATORS["RK4"]:
-        f, g = result._continuous()
-        step, pull, term = np.eye(2 * nv), h * np.eye(2 * nv), np.eye(2 * nv)
-        for k in range(1, 5):
-            term = term @ (h * f) / k
-            step = step + term
-            if k < 4:
-                pull = pull + h / (k + 1) * term
-        a, b = step, pull @ g
-    elif own != INTEGRATORS["implicitfast"]:
-        a, b, c, d = _transition(model, data, epsilon, own)
-    return Linearisation(
-        result.stiffness, result.damping, result.inputs, locked(a), locked(b), locked(c), locked(d),
-        h, name, result.joints, result.driven,
-    )  # fmt: skip
+    if name == "RK4":  # states and held inputs in one matrix
+        both = np.zeros((2 * nv + model.nu, 2 * nv + model.nu))
+        both[: 2 * nv, : 2 * nv], both[nv : 2 * nv, 2 * nv :] = h * system_matrix(stiffness, damping), h * inputs
+        both = runge_kutta_step(both)
+        a, b = both[: 2 * nv, : 2 * nv], both[: 2 * nv, 2 * nv :]
+    elif name != "implicitfast":
+        a, b, c, d = transition(model, data, epsilon, name)
+    matrices = (locked(v) for v in (stiffness, damping, inputs, a, b, c, d))
+    joints = tuple(model.joint(int(j)).name for j in model.dof_jntid)
+    return Linearisation(*matrices, timestep=h, integrator=name, joints=joints, driven=_driven(model))
 
 
-def _transition(
-    model: "mujoco.MjModel", data: "mujoco.MjData", epsilon: float, integrator: int
+def system_matrix(stiffness: Array, damping: Array) -> Array:
+    """`(2 nv, 2 nv)` of `q'' + D q' + K q = 0` in the states (q, q')."""
+    n = stiffness.shape[0]
+    return np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])
+
+
+def runge_kutta_step(f: Array) -> Array:
+    """RK4's step `exp(f)`, to fourth order, for a system matrix times the step."""
+    out = term = np.eye(f.shape[0])
+    for k in range(1, 5):
+        term = term @ f / k
+        out = out + term
+    return out
+
+
+def transition(
+    model: "mujoco.MjModel", data: "mujoco.MjData", epsilon: float, integrator: str
 ) -> tuple[Array, Array, Array, Array]:
+    """A, B, C and D of `mjd_transitionFD` for one of MuJoCo's integrators, states (q, v, activations)."""
     n, nu, ns = 2 * model.nv + model.na, model.nu, model.nsensordata
     a, b = np.zeros((n, n)), np.zeros((n, nu))
     c, d = np.zeros((ns, n)), np.zeros((ns, nu))
     before = int(model.opt.integrator)
-    model.opt.integrator = integrator
+    model.opt.integrator = INTEGRATORS[integrator]
     try:
         mujoco.mjd_transitionFD(
             model, data, epsilon, True, a, b if nu else None, c if ns else None, d if ns and nu else None
@@ -353,12 +347,8 @@ def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: 
         damping: `(nv, nv)` `M^-1 D` [1/s].
     """
     nv, h = model.nv, float(model.opt.timestep)
-    a, *_ = _transition(model, data, VELOCITY, INTEGRATORS["discrete"])
+    a, *_ = transition(model, data, VELOCITY, "discrete")
     return (np.linalg.inv(a[nv : 2 * nv, nv : 2 * nv]) - np.eye(nv) - h * damping) / h**2
-
-
-def _dof_joints(model: "mujoco.MjModel") -> tuple[str, ...]:
-    return tuple(model.joint(int(j)).name for j in model.dof_jntid)
 
 
 def _driven(model: "mujoco.MjModel") -> tuple[int, ...]:

@@ -34,7 +34,7 @@ from beamchain.ports.compare import compare, coupling_error, in_band_error
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
-from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.limits import coupled_limits
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.beam import Beam
@@ -357,7 +357,7 @@ def _coupled(spec: Spec, chain: Chain, models: Mapping[str, PortModel]) -> float
 def needs_time(spec: Spec, plan: Plan) -> bool:
     """Whether a stated step takes a tendon per mode: to be exact in time, or to slow what RK4 could not follow."""
     scheme = SCHEMES[spec.integrator]
-    if scheme.exact or scheme.name != "RK4":
+    if scheme.exact or spec.integrator != "RK4":
         return scheme.exact
     fastest = max(
         (float(np.max(plan.reduce(plan.target, p, n).free_frequencies, initial=0.0)) for p, n in plan.kept.items()),

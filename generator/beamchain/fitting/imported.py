@@ -22,7 +22,7 @@ from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import Comparison, compare, in_band_error
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS
-from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.limits import coupled_limits
 from beamchain.structure.mass_line import MassLine, SpreadMass
 from beamchain.structure.modal_data import ModalData

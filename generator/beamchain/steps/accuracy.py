@@ -83,7 +83,9 @@ def choose_step(
         limit = MARGIN * min(stable[name], 3.0 / float(w[0]))
 
         def over(h: float, name: str = name) -> bool:
-            pole = np.log(step_pole(name, w * h, ratios, tendon=tendon, sprung=sprung)) / h
+            x = w * h
+            z = step_pole(name, 1.0, 2.0 * ratios * x, x**2, 1.0, tendon=tendon, sprung=sprung)
+            pole = np.log(z) / h
             moved, lost = np.abs(pole), -pole.real / np.maximum(np.abs(pole), 1e-300)
             new = clusters(np.column_stack([moved, lost]), bandwidth)
             if new.size:

@@ -11,9 +11,7 @@ from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array
-from beamchain.steps.integrators import INTEGRATORS
-from beamchain.steps.limits import oscillating, step_limits
-from beamchain.steps.one_step import LinearModel
+from beamchain.steps.limits import LinearModel, oscillating, step_limits
 
 HOST = "host RK4"  # a host that drives MuJoCo with its own explicit Runge-Kutta of order 4
 
@@ -64,18 +62,8 @@ class Budget:
         }
 
 
-def available() -> tuple[str, ...]:
-    """The integrators of the installed MuJoCo."""
-    return tuple(name for name in INTEGRATORS if name in engine.INTEGRATORS)
-
-
 def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> LinearModel:
-    """The linear model behind a MuJoCo model, with what its integrators treat implicitly.
-
-    Args:
-        model: compiled.
-        data: the state to linearise about; the initial one where left out.
-    """
+    """The linear model behind a MuJoCo model about a state, the initial one where left out."""
     nv = model.nv
     if nv and _holds_nothing(model):  # differences would show nothing but their own rounding
         nothing = np.zeros((nv, nv))
@@ -94,7 +82,7 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
     held = np.zeros((nv, nv))
     for i in range(model.ntendon):
         held += float(np.atleast_1d(model.tendon_stiffness[i])[0]) * np.outer(along(model, i), along(model, i))
-    tendons = np.asarray(np.linalg.solve(own, held), dtype=np.float64) if np.any(held) else None
+    tendons = np.asarray(np.linalg.solve(own, held), dtype=np.float64)
     return LinearModel(linear.stiffness, linear.damping, euler, spring, tendons, preloaded(model, data))
 
 
@@ -153,11 +141,10 @@ def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = No
     h = float(model.opt.timestep) if timestep is None else timestep
     frequencies, ratios = np.abs(wanted), np.clip(-wanted.real / np.abs(wanted), 0.0, None)
     ratios = np.where(ratios < 1e-9, 0.0, ratios)
-    names = available()
-    largest = {integrator: limits.largest_step[integrator] for integrator in names}
-    accuracy = {integrator: limits.accuracy[integrator] for integrator in names}
+    largest = {integrator: limits.largest_step[integrator] for integrator in engine.INTEGRATORS}
+    accuracy = {integrator: limits.accuracy[integrator] for integrator in engine.INTEGRATORS}
     shown: dict[str, Array] = {}
-    for integrator in names:
+    for integrator in engine.INTEGRATORS:
         s = linear.shown(integrator, h, wanted)
         seen = np.column_stack([np.abs(s), -s.real / np.abs(s)])
         shown[integrator] = seen if h < largest[integrator] else np.full_like(seen, np.nan)

@@ -9,7 +9,7 @@ Theory: docs/theory.md, section 7.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from scipy.optimize import brentq, fsolve
@@ -67,13 +67,8 @@ class _Plane:
 
     def _spans(self) -> Array:
         """`(h, h)`: length along x of link j that lies before the mass centre of link k, entry (k, j)."""
-        h = self.hinges.size
-        ends = np.append(self.hinges[1:], 0.0)
-        span = np.zeros((h, h))
-        for k in range(h):
-            span[k, :k] = ends[:k] - self.hinges[:k]
-            span[k, k] = self.com[k + 1] - self.hinges[k]
-        return span
+        between = np.append(np.diff(self.hinges), 0.0)
+        return np.tril(np.tile(between, (between.size, 1)), -1) + np.diag(self.com[1:] - self.hinges)
 
     def bent(self, acceleration: float, slew: float) -> tuple[float, float]:
         """Displacement of the mass centre and moment at the root under inertia loads, both over the load's own size.
@@ -83,7 +78,7 @@ class _Plane:
             slew: angular acceleration of the root [rad/s^2].
         """
         span = self._spans()
-        angles = fsolve(lambda a: self._unbalance(a, acceleration, slew, span), self._linear(acceleration, slew, span))
+        angles = fsolve(lambda a: self._unbalance(a, acceleration, slew, span), self._linear(acceleration, slew))
         x, y = self._places(angles, span)
         force_x, force_y = self._forces(x, y, acceleration, slew)
         moment = float(np.sum(force_y * x - force_x * y) - slew * np.sum(self.inertia))
@@ -107,9 +102,8 @@ class _Plane:
         moment = turning - at_x * (outer @ force_y[1:]) + at_y * (outer @ force_x[1:])
         return np.linalg.solve(self.stiffness, moment) - np.diff(angles, prepend=0.0)
 
-    def _linear(self, acceleration: float, slew: float, span: Array) -> Array:
+    def _linear(self, acceleration: float, slew: float) -> Array:
         """Angles of the links in small motion."""
-        del span
         force = -self.mass[1:] * (acceleration + slew * self.com[1:])
         arms = np.maximum(self.com[1:, None] - self.hinges[None, :], 0.0) * np.tri(self.hinges.size)
         turn = np.triu(np.ones((self.hinges.size, self.hinges.size))) @ (slew * self.inertia[1:])
@@ -183,13 +177,7 @@ class LargeMotion:
 
     def as_dict(self) -> dict[str, float | str]:
         """For stability.json."""
-        return {
-            "port": self.port,
-            "spin": self.spin,
-            "acceleration": self.acceleration,
-            "slew": self.slew,
-            "bent": self.bent,
-        }
+        return asdict(self)
 
 
 def large_motion(
@@ -253,22 +241,6 @@ def _leaves(error: Callable[[float], float], start: float, end: float) -> float:
         if values[i] > 0.0:
             return float(brentq(lambda x: error(x) - LEFT, float(grid[i - 1]), float(grid[i]), rtol=1e-4))
     return float("inf")
-
-
-def exceeded(
-    limits: Mapping[str, LargeMotion], rates: Mapping[str, float], accelerations: Mapping[str, float]
-) -> list[str]:
-    """Warnings for a run: what it exceeded, over all planes.
-
-    Args:
-        limits: per plane.
-        rates: largest rate of the hub per plane of bending it swings the appendage in [rad/s].
-        accelerations: largest acceleration of the root per plane [m/s^2].
-    """
-    out: list[str] = []
-    for port, limit in limits.items():
-        out += limit.exceeded(spin=rates.get(port, 0.0), acceleration=accelerations.get(port, 0.0))
-    return out
 
 
 def large_limits(

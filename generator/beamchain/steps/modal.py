@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.engine.forces import wraps
+from beamchain.engine.forces import along, wraps
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import INTEGRATORS, NUMBERS
+from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
 
@@ -91,58 +91,29 @@ def modal_tendons(model: "mujoco.MjModel") -> Modal:
     Args:
         model: compiled.
     """
-    index: list[int] = []
-    names: list[str] = []
-    rows: list[Array] = []
-    made_for: list[MadeFor | None] = []
-    damping: list[float] = []
-    for i in range(model.ntendon):
-        name = str(model.tendon(i).name)
-        if not PATTERN.fullmatch(name) or bool(model.tendon_limited[i]) or not float(model.tendon_stiffness[i]) > 0.0:
-            continue
-        row = _row(model, i)
-        if row is None:
-            continue
-        mark = _mark(model, i)
-        index.append(i)
-        names.append(name)
-        rows.append(row)
-        made_for.append(mark)
-        damping.append(float(model.tendon_damping[i] if mark is None else model.tendon_solimp_lim[i, 3]))
+    own = [
+        i
+        for i in range(model.ntendon)
+        if PATTERN.fullmatch(model.tendon(i).name) and not model.tendon_limited[i] and model.tendon_stiffness[i] > 0.0
+    ]
+    own = [i for i in own if _plain(model, i)]
+    made_for = tuple(_mark(model, i) for i in own)
+    before = [
+        None if mark is None else float(model.tendon_solimp_lim[i, 3]) for i, mark in zip(own, made_for, strict=True)
+    ]
     return Modal(
-        np.array(index, dtype=np.intp),
-        tuple(names),
-        locked(np.array(rows).reshape(len(rows), model.nv)),
-        locked(np.array([float(model.tendon_stiffness[i]) for i in index])),
-        locked(damping),
-        tuple(made_for),
+        np.array(own, dtype=np.intp),
+        tuple(str(model.tendon(i).name) for i in own),
+        locked(np.array([along(model, i) for i in own]).reshape(len(own), model.nv)),
+        locked([float(model.tendon_stiffness[i]) for i in own]),
+        locked([float(model.tendon_damping[i]) if c is None else c for i, c in zip(own, before, strict=True)]),
+        made_for,
     )
 
 
-def made_for(model: "mujoco.MjModel") -> "list[MadeFor | None]":
-    """What the modal tendons of a model were made exact for, each answer once; empty where it has no modal tendons.
-
-    Args:
-        model: compiled.
-    """
-    out: list[MadeFor | None] = []
-    for mark in modal_tendons(model).made_for:
-        if mark not in out:
-            out.append(mark)
-    return out
-
-
-def mark_text(timestep: float, integrator: str, form: int, damping: float, stiffness: float) -> str:
-    """The `solimplimit` attribute of a tendon made exact in time, 17 digits.
-
-    Args:
-        timestep: [s].
-        integrator: MuJoCo's name.
-        form: 2, 3 or 4.
-        damping: of the tendon as it was [1/s].
-        stiffness: of the tendon as it was [1/s^2].
-    """
-    return " ".join(repr(float(v)) for v in (timestep, INTEGRATORS[integrator], form, damping, stiffness))
+def made_for(model: "mujoco.MjModel") -> list[MadeFor | None]:
+    """What the modal tendons of a model were made exact for, each answer once; empty where it has no modal tendons."""
+    return list(dict.fromkeys(modal_tendons(model).made_for))
 
 
 def condensed(mass: Array, rows: Array) -> tuple[Array, Array]:
@@ -182,14 +153,7 @@ def _mark(model: "mujoco.MjModel", i: int) -> MadeFor | None:
     return MadeFor(step, NUMBERS[int(number)], int(form))
 
 
-def _row(model: "mujoco.MjModel", i: int) -> Array | None:
-    """Coefficients of a fixed tendon over the degrees of freedom; None for a spatial one."""
-    out = np.zeros(model.nv)
-    for w in wraps(model, i):
-        if int(model.wrap_type[w]) != JOINT:
-            return None
-        joint = int(model.wrap_objid[w])
-        if int(model.jnt_type[joint]) <= FREE_BALL:
-            return None
-        out[int(model.jnt_dofadr[joint])] += float(model.wrap_prm[w])
-    return out
+def _plain(model: "mujoco.MjModel", i: int) -> bool:
+    """Whether a tendon is a fixed one over hinges and slides."""
+    on = wraps(model, i)
+    return all(model.wrap_type[w] == JOINT and model.jnt_type[model.wrap_objid[w]] > FREE_BALL for w in on)

@@ -1,6 +1,6 @@
 """Making a compiled model exact in time for a step, in place: armature and damping on its modal tendons.
 
-**Form 2** gives every mode of the held appendage the mass and damping of `beamchain.steps.discrete`. Coefficients stay,
+**Form 2** gives every mode of the held appendage the mass and damping of `beamchain.steps.integrators`. Coefficients stay,
 nothing is asked of the hub. The modes of the whole craft are then exact to fourth order in the step, and the nearer to
 exact the heavier the hub.
 
@@ -36,8 +36,8 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
-from beamchain.steps import discrete
 from beamchain.steps.forms import ModeTime, Plan, form2, form3, form4
+from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import (
     FORMS,
     JOINT,
@@ -89,7 +89,7 @@ class Retimed:
     @property
     def lowered(self) -> bool:
         """The phase limit had to be lowered for this craft."""
-        return self.phase < discrete.SCHEMES[self.integrator].phase
+        return self.phase < SCHEMES[self.integrator].phase
 
     def undo(self, model: "mujoco.MjModel") -> None:
         """Every array back as it was before the call, bit for bit.
@@ -130,14 +130,14 @@ def retime(
     h = not_negative("timestep", float(timestep), "s")
     one_of("form", str(form), [str(f) for f in FORMS])
     name = NUMBERS[int(model.opt.integrator)] if integrator is None else integrator
-    one_of("integrator", name, tuple(discrete.SCHEMES))
+    one_of("integrator", name, tuple(SCHEMES))
     modal = modal_tendons(model)
     if not modal.names:
         raise foreign("retiming")
     before = {array: np.array(getattr(model, array), dtype=np.float64) for array in ARRAYS}
     _take_out(model, modal, qpos)
     if h == 0.0:
-        return Retimed(0.0, name, form, discrete.SCHEMES[name].phase, 0.0, 0.0, (), MappingProxyType(before))
+        return Retimed(0.0, name, form, SCHEMES[name].phase, 0.0, 0.0, (), MappingProxyType(before))
     if name not in INTEGRATORS:
         raise InputError(f"this MuJoCo has no integrator {name!r}.")
     modal = modal_tendons(model)

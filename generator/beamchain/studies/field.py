@@ -23,10 +23,9 @@ from beamchain.mjcf import write
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
-from beamchain.steps.discrete import PHASE
-from beamchain.steps.inputs import HeldInput
-from beamchain.steps.integrators import largest_angle
+from beamchain.steps.integrators import PHASE, largest_angle
 from beamchain.steps.retime import retime
+from beamchain.steps.start import HeldInput
 from beamchain.structure.beam import Beam
 from beamchain.studies import soft_rods
 from beamchain.studies.scenario import Rigid
