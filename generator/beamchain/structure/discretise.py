@@ -14,7 +14,7 @@ import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
-from beamchain.structure import elements, many_pieces
+from beamchain.structure import elements
 from beamchain.structure.joint import Joint
 from beamchain.structure.lump import Lump
 from beamchain.structure.segment import Segment, Stations
@@ -110,7 +110,7 @@ def _discretised(parts: Parts, port: str, functions: int, wanted: int, stations:
             'port "torsion": the appendage has no polar inertia; give polar_inertia or set modes.torsion = 0.'
         )
     ends = parts.ends
-    hinges = [elements.Hinge(ends[j.after_segment], c) for j in parts.joints if (c := j.stiffness(port)) is not None]
+    hinges = [elements.Spring(ends[j.after_segment], c) for j in parts.joints if (c := j.stiffness(port)) is not None]
     about = {"xy": 2, "xz": 1, "torsion": 0}
     bodies = [
         elements.Body(
@@ -120,10 +120,9 @@ def _discretised(parts: Parts, port: str, functions: int, wanted: int, stations:
         )
         for lump in parts.lumps
     ]
+    rows = elements.MotionRows(pieces, hinges, bodies, functions, bending=bending, stations=stations)
     large = functions * (len(pieces) + sum(p.shear_stiffness is not None for p in pieces)) > WRITTEN
-    if large:
-        return many_pieces.assemble(pieces, hinges, bodies, functions, wanted, bending=bending, stations=stations)
-    return elements.assemble(pieces, hinges, bodies, functions, bending=bending, stations=stations)
+    return elements.assemble_lowest(rows, wanted) if large else elements.assemble(rows)
 
 
 def _edges(parts: Parts, stations: tuple[float, ...] = ()) -> list[tuple[Segment, float, float, float]]:
