@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from beamchain.steps.start import HeldInput as HeldInput
     from beamchain.steps.start import start_velocity as start_velocity
     from beamchain.structure.beam import Beam as Beam
-    from beamchain.structure.joint import Joint as Joint
-    from beamchain.structure.lump import Lump as Lump
     from beamchain.structure.material import Material as Material
     from beamchain.structure.modal_data import ModalData as ModalData
     from beamchain.structure.readers import read_modes as read_modes
@@ -44,6 +42,8 @@ if TYPE_CHECKING:
     from beamchain.structure.section import Rectangle as Rectangle
     from beamchain.structure.section import Round as Round
     from beamchain.structure.section import Tube as Tube
+    from beamchain.structure.segment import Joint as Joint
+    from beamchain.structure.segment import Lump as Lump
     from beamchain.structure.segment import Segment as Segment
     from beamchain.studies.stability import stability as stability
     from beamchain.studies.study import study as study
@@ -82,8 +82,6 @@ _PLACES = {
     "steps.retime": ("retime",),
     "steps.start": ("HeldInput", "start_velocity"),
     "structure.beam": ("Beam",),
-    "structure.joint": ("Joint",),
-    "structure.lump": ("Lump",),
     "structure.material": ("Material",),
     "structure.modal_data": ("ModalData",),
     "structure.readers": ("read_modes",),
@@ -95,7 +93,7 @@ _PLACES = {
         "Round",
         "Tube",
     ),
-    "structure.segment": ("Segment",),
+    "structure.segment": ("Joint", "Lump", "Segment"),
     "studies.stability": ("stability",),
     "studies.study": ("study",),
     "studies.sweep": ("sweep",),

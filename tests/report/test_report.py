@@ -12,7 +12,7 @@ from lxml import etree, html
 
 import beamchain as bc
 from appendages import panels, seed_boom, stepped_boom, tapered_boom, timoshenko_boom, unit_beam
-from beamchain.chain.built import Status
+from beamchain.chain.build import Status
 from beamchain.chain.rivals import equal_links
 from beamchain.cli import shipped
 from beamchain.fitting.options import Payload

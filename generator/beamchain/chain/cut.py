@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize
 
-from beamchain.chain.margin import MARGIN, SAME_PLACE, SHORTEST, Margins, Stations, Wanted, shortest_link
+from beamchain.chain.margin import MARGIN, SAME_PLACE, SHORTEST, Margins, MassTable, Wanted, shortest_link
 from beamchain.errors import RealisationError
 from beamchain.ports.motions import Array
 from beamchain.structure.mass_line import MassLine
@@ -69,7 +69,7 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
     length = line.length
     fixed = _merged([*lines, *(x for group in wanted for places in group.fixed.values() for x in places)], length)
     groups = list(wanted)
-    table = Stations(line)
+    table = MassTable(line)
     first: str | None = None
     tried = 0
     for added in range(MOST_ADDED + fixed.size + 1):

@@ -3,32 +3,73 @@
 Logarithms keep every number positive, the rigid mass properties are held exactly, the Jacobian is a complex step.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from beamchain.chain.chain import Chain
 from beamchain.chain.recursion import Nodes, realise
-from beamchain.chain.rods import Numbers, Payload, Rods, jacobian, loaded_modes, nodes_to_rods
 from beamchain.errors import RealisationError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
-from beamchain.structure.lump import Lump
 from beamchain.structure.mass_line import MassLine
+from beamchain.structure.segment import Lump
+
+Numbers = NDArray[Any]  # float64 or complex128
 
 FREE = ("stiffness", "lengths", "masses")
 PARTICIPATION_WEIGHT = 0.2  # against 1 for a relative frequency error
 REACH = np.log(1e4)  # how far a parameter may leave its start, in log space
 GOOD_ENOUGH = 1e-7  # cost below which no further start is tried: residuals of some 1e-4
-NOTHING = Payload(0.0, 0.0)
+
+
+class RodModes(NamedTuple):
+    """Cantilever modes of a chain of rods.
+
+    Args:
+        frequencies: `(n,)` [rad/s].
+        participation: `(n, 2)`.
+        tip: `(n,)` tip displacement in the mass-normalised modes.
+    """
+
+    frequencies: Numbers
+    participation: Numbers
+    tip: Numbers
+
+
+class Rods(NamedTuple):
+    """Rods 0..N-1 with hinges between them.
+
+    Args:
+        starts: `(N,)` x of each rod's inner end; rod 0 is welded to the root [m].
+        masses: `(N,)` [kg].
+        centres: `(N,)` x of the mass centres [m].
+        inertias: `(N,)` about the centres [kg m^2].
+        stiffness: `(N - 1,)` of the hinge at `starts[1:]` [N m/rad].
+    """
+
+    starts: Numbers
+    masses: Numbers
+    centres: Numbers
+    inertias: Numbers
+    stiffness: Numbers
+
+
+class TipBody(NamedTuple):
+    """A rigid body at the tip."""
+
+    mass: float
+    inertia: float
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class LoadCase:
     """What the chain shall do with one payload at its tip.
 
     Args:
@@ -36,7 +77,7 @@ class Case:
         target: cantilever frequencies and participation with it, the modes that count.
     """
 
-    payload: Payload
+    payload: TipBody
     target: PortModel
 
 
@@ -66,7 +107,7 @@ class Found:
 def fit_planar(
     beam: MassLine,
     port: str,
-    cases: Sequence[Case],
+    cases: Sequence[LoadCase],
     links: Array,
     free: Sequence[str] = FREE,
 ) -> Found:
@@ -105,7 +146,7 @@ def fit_planar(
             break
     if best is None:
         raise RealisationError(f"least squares found no physical chain with {links.size} links: {history[-1]}")
-    return Found(best.positions, best.stiffness, best.nodes, best.cost, best.ok, best.message, tuple(history))
+    return replace(best, history=tuple(history))
 
 
 def fit_stiffness(chain: Chain, port: str, target: PortModel, start: Array) -> tuple[Chain, float]:
@@ -141,20 +182,19 @@ def fit_stiffness(chain: Chain, port: str, target: PortModel, start: Array) -> t
     return with_springs(solved.x), float(np.max(np.abs(residuals(solved.x))))
 
 
-def payload_cases(beam: Beam, port: str, modes: int, payload: Payload | None) -> list[Case]:
+def payload_cases(beam: Beam, port: str, modes: int, payload: TipBody | None) -> list[LoadCase]:
     """The beam alone; with a payload, also with 2 %, 20 % and all of it.
 
     The ladder is geometric, so that a chain that holds at its ends holds between them.
     """
-    out: list[Case] = []
+    out: list[LoadCase] = []
     for factor in (0.0,) if payload is None else (0.0, 0.02, 0.2, 1.0):
-        load = NOTHING if payload is None else Payload(factor * payload.mass, factor * payload.inertia)
-        inertia = 0.0 if payload is None else load.inertia
+        load = TipBody(0.0, 0.0) if payload is None else TipBody(factor * payload.mass, factor * payload.inertia)
         lumps = beam.lumps
         if load.mass > 0.0:
-            lumps = (*lumps, Lump(x=beam.length, mass=load.mass, inertia=(inertia, inertia, inertia)))
+            lumps = (*lumps, Lump(x=beam.length, mass=load.mass, inertia=(load.inertia,) * 3))
         loaded = Beam(segments=beam.segments, joints=beam.joints, lumps=lumps)
-        out.append(Case(load, loaded.port(port, modes + 2).truncated(modes)))
+        out.append(LoadCase(load, loaded.port(port, modes + 2).truncated(modes)))
     return out
 
 
@@ -183,7 +223,9 @@ def _starts(beam: MassLine, port: str, links: Array, lengths_free: bool) -> list
 class _Problem:
     """Parameters (logarithms) -> rods -> residuals."""
 
-    def __init__(self, beam: MassLine, port: str, cases: Sequence[Case], lengths: Array, free: tuple[str, ...]) -> None:
+    def __init__(
+        self, beam: MassLine, port: str, cases: Sequence[LoadCase], lengths: Array, free: tuple[str, ...]
+    ) -> None:
         self.beam, self.port, self.cases, self.free = beam, port, list(cases), free
         self.payloads = [case.payload for case in cases]
         self.wanted_frequencies = np.array([case.target.frequencies for case in cases])
@@ -292,3 +334,59 @@ class _Problem:
         worst = float(np.max(np.abs(miss)))
         message = f"least squares, {', '.join(self.free)} free: worst relative residual {worst:.2e}."
         return Found(rods.starts[1:], rods.stiffness, nodes, cost, ok, message, history)
+
+
+def loaded_modes(rods: Rods, tip: float, payloads: Sequence[TipBody]) -> RodModes:
+    """`rod_modes` with each of `k` payloads: frequencies `(k, n)`, participation `(k, n, 2)`, tip `(k, n)`.
+
+    All at once: a fit calls this some ten thousand times.
+    """
+    hinges = rods.starts[1:]
+    flexible = 1.0 / np.sqrt(rods.stiffness)
+    outside = np.tri(rods.masses.size, hinges.size, -1)  # hinge j moves rods j+1 and on
+    arms = (rods.centres[:, None] - hinges[None, :]) * outside * flexible
+    turns = outside * flexible
+    tip_arms = (tip - hinges) * flexible
+    pulled, turned = rods.masses[:, None] * arms, rods.inertias[:, None] * turns
+    total = np.sum(turned, axis=0)
+    mass = np.array([p.mass for p in payloads])[:, None, None]
+    rotary = np.array([p.inertia for p in payloads])[:, None, None]
+    inertia = arms.T @ pulled + turns.T @ turned
+    inertia = inertia + mass * np.outer(tip_arms, tip_arms) + rotary * np.outer(flexible, flexible)
+    across = np.column_stack([np.sum(pulled, axis=0), rods.centres @ pulled + total])
+    across = across + mass * np.outer(tip_arms, [1.0, tip]) + rotary * np.outer(flexible, [0.0, 1.0])
+    values, vectors = np.linalg.eig(inertia)
+    order = np.argsort(-np.real(values), axis=1)
+    values = np.take_along_axis(values, order, axis=1)
+    vectors = np.take_along_axis(vectors, order[:, None, :], axis=2)
+    if not np.iscomplexobj(inertia):
+        values, vectors = np.real(values), np.real(vectors)
+    shapes = np.swapaxes(vectors / np.sqrt(np.sum(vectors * vectors, axis=1))[:, None, :], 1, 2)
+    frequencies = 1.0 / np.sqrt(values)
+    participation = (shapes @ across) * frequencies[:, :, None]
+    tips = (shapes @ tip_arms) * frequencies
+    signs = np.where(np.real(participation[:, :, 0]) < 0.0, -1.0, 1.0)
+    return RodModes(frequencies, participation * signs[:, :, None], tips * signs)
+
+
+def nodes_to_rods(masses: Numbers, lengths: Numbers, stiffness: Numbers) -> Rods:
+    """Rods from node masses `(N + 1,)` and rod lengths `(N,)`.
+
+    Inner nodes are shared half and half: the port does not notice.
+    """
+    x = np.concatenate([np.zeros(1), np.cumsum(lengths)])
+    half = np.concatenate([masses[:1], masses[1:-1] / 2.0, masses[-1:]])
+    a = np.concatenate([half[:1], half[1:-1]])
+    b = np.concatenate([half[1:-1], half[-1:]])
+    total = a + b
+    return Rods(x[:-1], total, x[:-1] + lengths * b / total, a * b / total * lengths**2, stiffness)
+
+
+def jacobian(function: Callable[[Numbers], Numbers], at: Array, step: float = 1e-30) -> Array:
+    """Complex-step Jacobian `(r, p)` of an analytic `function` at `at` `(p,)`: exact to rounding, no step to choose."""
+    columns = []
+    for i in range(at.size):
+        moved = at.astype(np.complex128)
+        moved[i] += 1j * step
+        columns.append(np.imag(function(moved)) / step)
+    return np.array(columns).T

@@ -11,7 +11,7 @@ from itertools import combinations, islice, pairwise
 import numpy as np
 
 from beamchain.chain.chain import Freedom
-from beamchain.chain.tendons import Modes, group_motion
+from beamchain.chain.tendons import ModeGroup, group_motion
 from beamchain.ports.motions import PORT_MOTION, Array, shifted
 from beamchain.structure.mass_line import MassLine
 
@@ -50,7 +50,7 @@ class Wanted:
         fixed: per port, x of hinges that stand [m].
     """
 
-    modes: Modes
+    modes: ModeGroup
     counts: Mapping[str, int]
     fixed: Mapping[str, tuple[float, ...]]
 
@@ -65,7 +65,7 @@ def shortest_link(x: Array, length: float) -> float:
     return min(b - a for a, b in pairwise(edges)) / length
 
 
-class Stations:
+class MassTable:
     """Mass matrices behind places along an appendage, good enough to choose by."""
 
     def __init__(self, line: MassLine) -> None:
@@ -89,7 +89,7 @@ class Stations:
 class Margins:
     """Margins of candidate cuts of one appendage."""
 
-    table: Stations
+    table: MassTable
     wanted: tuple[Wanted, ...]
     further: tuple[float, ...]
     _known: dict[int, tuple[Array, Array, Array, Array]] = field(

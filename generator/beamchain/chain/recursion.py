@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamchain.chain import polar
 from beamchain.chain.chain import Chain, Hinge, Link
+from beamchain.chain.links import polar_inertias, real_polar, with_polar
 from beamchain.errors import RealisationError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
@@ -211,10 +211,10 @@ def planar_chain(nodes: Nodes, beam: MassLine, port: str = "xy") -> Chain:
     """
     links = planar_links(nodes, beam)
     cuts = nodes.positions[1:-1]
-    real = polar.real_polar(beam, cuts)
-    _, inertias = polar.place(beam, links, cuts, np.array([real.sum()]), real)
+    real = real_polar(beam, cuts)
+    _, inertias = polar_inertias(beam, links, cuts, np.array([real.sum()]), real)
     hinges = tuple(Hinge(x=float(x), stiffness={port: float(c)}) for x, c in zip(cuts, nodes.stiffness, strict=True))
-    return Chain(links=tuple(polar.with_polar(links, inertias)), hinges=hinges, length=beam.length)
+    return Chain(links=tuple(with_polar(links, inertias)), hinges=hinges, length=beam.length)
 
 
 def realise_scalar(target: PortModel) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 """Modal tendons: any modes on any bodies, exactly, by one fixed tendon per mode.
 
 Cut an appendage into rigid bodies with its rigid mass matrix `R` and join them by N hinges. With the root held, the mass
-matrix over (root motions, hinges) is `[[R, P], [P^T, Q]]`. Modes with frequencies `w_k` and participation `L_k` can be
+matrix over (root motions, hinges) is `[[R, P], [P^T, Q]]`. ModeGroup with frequencies `w_k` and participation `L_k` can be
 given to these bodies by stiffness and armature between the hinges if and only if
 
     sum_k L_k L_k^T <= P Q^-1 P^T    and    N >= n + rank P - rank L,
@@ -16,11 +16,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.optimize import nnls
 
 from beamchain.chain.chain import Chain, Freedom, Tendon
 from beamchain.errors import RealisationError
+from beamchain.ports.model import Shapes
 from beamchain.ports.motions import PORT_MOTION, Array, shifted
-from beamchain.ports.shapes import Shapes
 
 SINGULAR = 1e-9  # relative singular value of P below which a motion of the root is not reached by the hinges
 TOO_HEAVY = 1e-9  # relative, of what is rounding
@@ -39,7 +40,7 @@ WORST_CONDITION = 1e3  # of the modes in hinge coordinates, beyond which digits 
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class ModeGroup:
     """What a group of ports is given.
 
     Args:
@@ -80,7 +81,7 @@ class Modes:
             return ABOVE * max(self.neutral, last)
         return FILLER * last if self.beyond is None else max(self.beyond, 2.0 * last)
 
-    def fitting(self, rigid: Array) -> "Modes":
+    def fitting(self, rigid: Array) -> "ModeGroup":
         """The modes with participation that fits bodies of a slightly different rigid mass `(m, m)`.
 
         A printed rigid mass is a body's to its last digits only. The congruence that takes one into the other takes the
@@ -104,12 +105,12 @@ class Modes:
         """Ports that get hinges: those that a mode moves."""
         return tuple(port for port in self.ports if self.weights.get(port, 0.0) > 0.0 or not self.weights)
 
-    def on(self, hinges: Array) -> "Modes":
+    def on(self, hinges: Array) -> "ModeGroup":
         """The modes seen from hinges at `(f,)` x of their freedoms [m]."""
         return self if self.shapes is None else replace(self, momenta=self.shapes.momenta(hinges))
 
 
-def modal_matrix(kinematics: Array, inertia: Array, modes: Modes) -> tuple[Array, Array]:
+def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[Array, Array]:
     """The modes in hinge coordinates.
 
     Args:
@@ -226,7 +227,7 @@ def _clipped(z: Array) -> Array:
     return (left * np.minimum(s, 1.0)) @ right
 
 
-def given_modes(chain: Chain, groups: Sequence[Modes], further: Sequence[float] = (), ratio: float = 0.0) -> Chain:
+def given_modes(chain: Chain, groups: Sequence[ModeGroup], further: Sequence[float] = (), ratio: float = 0.0) -> Chain:
     """The chain with tendons that give it the wanted modes, exactly.
 
     Args:
@@ -266,7 +267,7 @@ def given_modes(chain: Chain, groups: Sequence[Modes], further: Sequence[float] 
 
 
 def _stiffened(shapes: Array, frequencies: Array, moved: Array, n: int) -> tuple[Array, Array]:
-    """Modes whose last, the attachment modes, are stiffer by what fillers yield, so that a port's flexibility is exact.
+    """ModeGroup whose last, the attachment modes, are stiffer by what fillers yield, so that a port's flexibility is exact.
 
     Args:
         shapes: `(f, f)` modes in hinge coordinates, fillers last.
@@ -345,3 +346,25 @@ def _modes_of(chain: Chain, port: str, ratios: Array, *, springs: bool) -> list[
         spring, damper = w**2 if springs else 0.0, 2.0 * float(ratios[k]) * w
         out.append(Tendon(f"mode{k + 1}_{port}", freedoms, momenta[k], spring, damper))
     return out
+
+
+def joint_damping(chain: Chain, port: str, ratios: Array) -> Chain:
+    """The chain with plain damping in the hinges of a port: the best non-negative least-squares fit of the ratios.
+
+    Args:
+        chain: the chain, springs on its hinges.
+        port: which port.
+        ratios: `(n,)` wanted ratios of its cantilever modes.
+    """
+    modes = chain.port(port)
+    moving = [i for i, hinge in enumerate(chain.hinges) if port in hinge.stiffness]
+    wanted = 2.0 * ratios[: modes.modes] * modes.frequencies
+    damped = wanted > 0.0
+    if not np.any(damped):
+        return chain
+    scale = 1.0 / np.where(damped, wanted, np.max(wanted))
+    values, _ = nnls(chain.shapes(port, modes) ** 2 * scale[:, None], np.where(damped, 1.0, 0.0))
+    hinges = list(chain.hinges)
+    for i, value in zip(moving, values, strict=True):
+        hinges[i] = replace(hinges[i], damping={**hinges[i].damping, port: float(value)})
+    return replace(chain, hinges=tuple(hinges))

@@ -121,7 +121,7 @@ def rest(model: "mujoco.MjModel") -> "mujoco.MjData":
 
 
 def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
-    held = sprung(model)
+    held = held_joints(model)
     out: list[Carrier] = []
     while top:
         parent = int(model.body_weldid[int(model.body_parentid[top])])
@@ -133,7 +133,7 @@ def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
     return tuple(out)
 
 
-def sprung(model: "mujoco.MjModel") -> set[int]:
+def held_joints(model: "mujoco.MjModel") -> set[int]:
     """Joints that a spring or a position servo holds."""
     springs = {j for j in range(model.njnt) if np.any(np.atleast_1d(model.jnt_stiffness[j]) > 0.0)}
     on_joint = int(mujoco.mjtTrn.mjTRN_JOINT)
@@ -171,7 +171,7 @@ def apparent_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mappi
     rigid body this is its mass matrix; behind a solar-array drive it is the rotor about the drive's axis and the whole
     spacecraft in all else. Motions that the spacecraft's joints hold get 1e9 times the largest mass.
     """
-    held = sprung(model)
+    held = held_joints(model)
     loose = [i for i in range(model.nv) if int(model.dof_jntid[i]) not in held]
     bare = mass_matrix(model)
     out: dict[str, Array] = {}

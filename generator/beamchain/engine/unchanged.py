@@ -17,35 +17,13 @@ KINDS = {
 NAMED = {"body": "body", "jnt": "joint", "geom": "geom", "site": "site", "tendon": "tendon", "sensor": "sensor"}
 #: where a thing is stored, what is derived from the whole model, what a weld group shares
 INDEXED = (
-    "id",
-    "adr",
-    "num",
-    "treeid",
-    "sameframe",
-    "simple",
-    "Madr",
-    "bvh",
-    "limited_",
-    "trnid",
-    "obj",
-    "ref",
-    "dim",
+    "id", "adr", "num", "treeid", "sameframe", "simple", "Madr", "bvh", "limited_", "trnid", "obj", "ref", "dim",
     "sizes",
-)
+)  # fmt: skip
 DERIVED = (
-    "subtreemass",
-    "poscom0",
-    "invweight0",
-    "length0",
-    "dof_length",
-    "lengthspring",
-    "lengthrange",
-    "acc0",
-    "M0",
-    "plugin",
-    "pathadr",
-    "cranklength",
-)
+    "subtreemass", "poscom0", "invweight0", "length0", "dof_length", "lengthspring", "lengthrange", "acc0", "M0",
+    "plugin", "pathadr", "cranklength",
+)  # fmt: skip
 
 
 class Difference(NamedTuple):

@@ -9,15 +9,13 @@ import msgspec
 import numpy as np
 
 from beamchain.caution import Caution
-from beamchain.chain.build import Wishes, build_exact, with_real_polar
-from beamchain.chain.built import Built
+from beamchain.chain.build import Built, Wishes, build_exact, with_real_polar
 from beamchain.chain.chain import Chain
 from beamchain.chain.compared import build_least_squares, build_recipe
 from beamchain.chain.cut import Cut
-from beamchain.chain.damping import joint_damping
-from beamchain.chain.polar import raised
-from beamchain.chain.rods import Payload
-from beamchain.chain.tendons import damped_modes
+from beamchain.chain.least_squares import TipBody
+from beamchain.chain.links import raised
+from beamchain.chain.tendons import damped_modes, joint_damping
 from beamchain.engine.bench import measure, root_body
 from beamchain.engine.threads import one_thread
 from beamchain.errors import InputError, RealisationError
@@ -261,7 +259,7 @@ def build(
         if payload is not None:
             ix, iy, iz = payload.inertia
             del ix
-            loads = {"xy": Payload(payload.mass, iz), "xz": Payload(payload.mass, iy)}
+            loads = {"xy": TipBody(payload.mass, iz), "xz": TipBody(payload.mass, iy)}
         return build_least_squares(beam, kept, _links(spec, beam, kept), options.free, loads, target_of)
     links = options.links if isinstance(options.links, int) else None
     built = build_recipe(beam, options.method, kept, links, target_of)

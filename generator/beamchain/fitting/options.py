@@ -11,7 +11,7 @@ from beamchain.checks import Struct, not_negative, number, one_of, own_numbers, 
 from beamchain.errors import InputError
 from beamchain.fitting.hub import Hub
 from beamchain.ports.motions import PORTS, Array
-from beamchain.structure.lump import body_inertia
+from beamchain.structure.segment import body_inertia
 
 MOST_MODES = 20
 RECIPES = ("classical", "midpoint", "naive", "seed")  # of one bending plane

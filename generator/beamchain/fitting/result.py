@@ -11,7 +11,7 @@ from lxml.etree import _Element as Element
 
 from beamchain import report
 from beamchain.caution import Caution
-from beamchain.chain.built import Status
+from beamchain.chain.build import Status
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
 from beamchain.engine.bench import Measured, ballast_for

@@ -8,9 +8,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamchain.ports.model import PortModel
+from beamchain.ports.model import PortModel, Shapes
 from beamchain.ports.motions import PORT_MOTION, Array
-from beamchain.ports.shapes import Shapes
 
 
 def in_space(ports: Mapping[str, PortModel], rigid_mass: ArrayLike) -> PortModel:

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamchain.errors import InputError, RealisationError
 from beamchain.ports.motions import Array, locked, square_root
-from beamchain.ports.shapes import Shapes
 
 if TYPE_CHECKING:
     import control
@@ -25,6 +24,35 @@ RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass than this is non
 LOADED = 8  # models with different hubs that are kept
 SINGULAR = 1e-15  # of a motion not in the others already: below, it is rounding
 DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Mode shapes where an appendage has mass.
+
+    Args:
+        x: `(r,)` [m].
+        moved, turned: `(r,)` square roots of mass and of rotary inertia there; in a scalar port `moved` only.
+        values: `(n, r)` motion in each mass-normalised mode times those roots.
+        bending: a hinge turns what lies behind it; else it shifts or twists it.
+    """
+
+    x: Array
+    moved: Array
+    turned: Array
+    values: Array
+    bending: bool
+
+    def momenta(self, hinges: Array) -> Array:
+        """`(n, h)`: what each mode's motion is worth in the unit motion of a hinge at each of `hinges` `(h,)` [m]."""
+        reach = self.x[:, None] - hinges[None, :]
+        behind = reach > 0.0
+        arms = np.where(behind, reach, 0.0) if self.bending else behind
+        return self.values @ (self.moved[:, None] * arms + self.turned[:, None] * behind)
+
+    def combined(self, modes: Array) -> "Shapes":
+        """Those of combinations `(k, n)` of the modes."""
+        return Shapes(self.x, self.moved, self.turned, modes @ self.values, self.bending)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -193,28 +221,6 @@ class PortModel:
         """`(m, m)` port motion in the rigid modes: column i is mode i; `P0 P0^T = M^-1`."""
         return self._free[3]
 
-    @classmethod
-    def from_free_modes(cls, rigid_mass: ArrayLike, frequencies: ArrayLike, port_values: ArrayLike) -> "PortModel":
-        """The model whose free modes are given: `W(s) = M^-1 + sum_i s^2 p_i p_i^T / (s^2 + w_i^2)`.
-
-        Args:
-            rigid_mass: `(m, m)`.
-            frequencies: `(n,)` free frequencies [rad/s].
-            port_values: `(n, m)` port motion in the mass-normalised free modes.
-        """
-        mass = np.asarray(rigid_mass, dtype=np.float64)
-        w = np.asarray(frequencies, dtype=np.float64)
-        p = np.asarray(port_values, dtype=np.float64)
-        n = w.size
-        if n == 0:
-            return cls(mass, np.zeros(0), np.zeros((0, mass.shape[0])))
-        p0 = np.linalg.inv(np.linalg.cholesky(mass)).T  # p0 p0^T = M^-1
-        # Holding the port: q_rigid = -p0^-1 p^T y / w, with y scaled by the strain energy, q_flexible = y / w.
-        held = -np.linalg.solve(p0, p.T) / w
-        u, s, _ = np.linalg.svd(np.vstack([np.diag(1.0 / w), held]), full_matrices=False)
-        rigid = np.vstack([np.zeros((n, mass.shape[0])), np.linalg.inv(p0)])
-        return cls(mass, 1.0 / s, np.asarray(u.T @ rigid, dtype=np.float64))
-
     # -- responses -----------------------------------------------------------------------------------------------
     def D(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802 (the field's letter)
         """Dynamic mass `(m, m, k)`: wrench per unit acceleration at `omega` `(k,)` [rad/s]."""
@@ -250,9 +256,13 @@ class PortModel:
         gain = self.gains[output, input]
         residues = self.free_port_values[:, output] * self.free_port_values[:, input]
         w2 = self.free_frequencies**2
-        matrix = np.diag(w2) - np.outer(np.ones(self.modes), residues * w2) / gain
-        squares = np.linalg.eigvals(matrix).astype(np.complex128)
-        return np.sqrt(squares[np.argsort(squares.real)])
+        squares = np.linalg.eigvals(np.diag(w2) - np.outer(np.ones(w2.size), residues * w2) / gain)
+        squares = squares[np.argsort(squares.real)].astype(np.complex128)
+        if output == input:  # all real, the low ones better from the inverse, which keeps their digits
+            static = np.sum(self.rigid_port_values[output] ** 2)
+            slow = 1.0 / np.linalg.eigvals(np.diag(1.0 / w2) + np.outer(1.0 / w2, residues) / static)
+            squares[: w2.size // 2] = slow[np.argsort(slow.real)][: w2.size // 2]
+        return np.sqrt(squares)
 
     def to_control(self) -> "control.StateSpace":
         """The accelerance as `control.StateSpace`, 2n states, exact.

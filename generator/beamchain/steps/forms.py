@@ -67,7 +67,7 @@ class ModeTime:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class TendonValues:
     """Numbers for the tendons; `turn` `(n, n)`: new coefficients are `turn @ rows`, None: as they are."""
 
     stiffness: Array
@@ -113,7 +113,7 @@ def _limit(integrator: str) -> float:
     return MARGIN.get(integrator, SEMI_IMPLICIT_MARGIN)
 
 
-def form2(modal: Modal, c: Array, integrator: str, h: float) -> Plan:
+def form2(modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
     """Every mode of the held appendage exact; the phase limit lowered until the craft is stable."""
     w = modal.frequency
     zeta = modal.damping / (2.0 * w)
@@ -125,13 +125,13 @@ def form2(modal: Modal, c: Array, integrator: str, h: float) -> Plan:
         )  # fmt: skip
 
     (t, largest), phase = _lowered(integrator, at)
-    return Plan(
+    return TendonValues(
         modal.stiffness, t.damping, t.mass - 1.0, None, phase, largest, 0.0,
         _modes(modal.names, integrator, w, zeta, modal.stiffness, t, h),
     )  # fmt: skip
 
 
-def form4(modal: Modal, c: Array, integrator: str, h: float, plan: Plan) -> Plan:
+def form4(modal: Modal, c: Array, integrator: str, h: float, plan: TendonValues) -> TendonValues:
     """Form 2's plan, tuned; or itself where the integrator cannot be exact or tuning would cost stability."""
     if not SCHEMES[integrator].exact:
         return plan
@@ -219,7 +219,7 @@ def coupled_modes(c: Array, stiffness: Array, damping: Array) -> tuple[Array, Ar
     return w, y, poles
 
 
-def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: float) -> Plan:
+def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
     """The tendons become the coupled modes of one craft."""
     groups = modal.groups()
     _check_groups(model, modal, groups)
@@ -272,7 +272,7 @@ def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: f
         else tuple(f"coupled{i + 1}" for i in range(n))
     )
     modes = _modes(names, integrator, np.abs(poles[:, 0]), zeta + 0.0, w**2, t, h)
-    return Plan(stiffness, damping, armature, turn, phase, largest, left_out, modes)
+    return TendonValues(stiffness, damping, armature, turn, phase, largest, left_out, modes)
 
 
 def _check_groups(model: "mujoco.MjModel", modal: Modal, groups: "list[NDArray[np.intp]]") -> None:

@@ -36,7 +36,7 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
-from beamchain.steps.forms import ModeTime, Plan, form2, form3, form4
+from beamchain.steps.forms import ModeTime, TendonValues, form2, form3, form4
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import (
     FORMS,
@@ -224,7 +224,7 @@ def _coefficients(model: "mujoco.MjModel", tendon: int, dofs: "NDArray[np.intp]"
     model.tendon_lengthspring[tendon] = length
 
 
-def _write(model: "mujoco.MjModel", modal: Modal, plan: Plan, mark: MadeFor) -> None:
+def _write(model: "mujoco.MjModel", modal: Modal, plan: TendonValues, mark: MadeFor) -> None:
     for j, i in enumerate(modal.index):
         model.tendon_solimp_lim[i] = (
             mark.timestep, INTEGRATORS[mark.integrator], mark.form, modal.damping[j], modal.stiffness[j],

@@ -15,10 +15,8 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.structure import elements
 from beamchain.structure.discretise import Parts, converged
-from beamchain.structure.joint import Joint
-from beamchain.structure.lump import Lump, check_carried
-from beamchain.structure.lump import body_inertia as body_inertia
-from beamchain.structure.segment import Segment
+from beamchain.structure.segment import Joint, Lump, Segment, check_carried
+from beamchain.structure.segment import body_inertia as body_inertia
 
 MOST_SEGMENTS = 1000
 MOST_LUMPS = 1000

@@ -15,9 +15,7 @@ import numpy as np
 from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
 from beamchain.structure import elements
-from beamchain.structure.joint import Joint
-from beamchain.structure.lump import Lump
-from beamchain.structure.segment import Segment, Stations
+from beamchain.structure.segment import Joint, Lump, Segment, Stations
 
 STEEPEST = 1e100  # ratio of a dimension between the ends of a segment
 FEW = 12  # pieces up to which the degree of each is chosen by the number of segments alone

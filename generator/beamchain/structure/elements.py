@@ -16,9 +16,8 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
 from beamchain.ports.compose import port_from_rows
-from beamchain.ports.model import PortModel
+from beamchain.ports.model import PortModel, Shapes
 from beamchain.ports.motions import Array, locked
-from beamchain.ports.shapes import Shapes
 
 STILL = 1e-11  # relative change of the wanted frequencies between two looks; what is left then is rounding, 1e-12
 ROUNDED = 1e-5  # the same, where it falls no further: rounding of what is that far apart

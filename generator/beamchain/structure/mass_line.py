@@ -15,13 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, body_mass_matrix, locked
-from beamchain.structure.beam import Beam, Moments, straight_mass_matrix
+from beamchain.structure.beam import Moments, straight_mass_matrix
 from beamchain.structure.elements import gauss
-from beamchain.structure.lump import Lump
+from beamchain.structure.segment import Lump
 
 FLAT = 1e-9  # of the second moment along x: a spread across it that is negative by less is none
 INNER = 0.2  # of the length: nearer to the root no point stands, unless the moments leave nothing else
-STATIONS = 5  # a linear taper's mass per length is quadratic, its polar inertia quartic: five stations are exact
 
 
 class MassLine(Protocol):
@@ -73,7 +72,7 @@ class MassLine(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class MassPiece:
     """A stretch with smooth densities.
 
     Args:
@@ -145,7 +144,7 @@ class SpreadMass:
 
     length: float
     rigid: Array
-    pieces: tuple[Piece, ...]
+    pieces: tuple[MassPiece, ...]
     points: Array
     stiffness: Mapping[str, float] = field(default_factory=dict)
     beside: "Beside | None" = None
@@ -215,19 +214,6 @@ class SpreadMass:
         """Not known."""
         del x, plane
         return 0.0
-
-
-def line_of(beam: Beam) -> tuple[tuple[Piece, ...], Array]:
-    """Pieces and points of a beam, exact for linear tapers."""
-    pieces: list[Piece] = []
-    for x0, segment in zip(beam.starts, beam.segments, strict=True):
-        at = segment.at(np.linspace(0.0, 1.0, STATIONS))
-        turn = 1.0 if segment.theory == "timoshenko" else 0.0
-        pieces.append(
-            Piece(x0, segment.length, np.column_stack([at.mass, at.polar, turn * at.rotary_xy, turn * at.rotary_xz]))
-        )
-    points = [[b.x, b.mass, b.inertia[0], b.inertia[2], b.inertia[1]] for b in beam.lumps]
-    return tuple(pieces), np.array(points, dtype=np.float64).reshape(-1, 5)
 
 
 def default_length(rigid_mass: Array) -> float:
@@ -333,7 +319,7 @@ def spread(
     shares = np.array([polar, rotary_xy, rotary_xz]) / mass
     grown = (power + 1.0) * np.linspace(0.0, 1.0, power + 1) ** power if power else np.ones(1)
     density = low * mass / length * grown[:, None] * np.array([1.0, *shares])
-    pieces = (Piece(0.0, length, density),) if low > 0.0 else ()
+    pieces = (MassPiece(0.0, length, density),) if low > 0.0 else ()
     placed = np.array([[x, w, *(w * shares)] for x, w in points]).reshape(-1, 5)
     return SpreadMass(
         length, locked(rigid), pieces, locked(placed), dict(stiffness or {}), None if beside is None else beside[1]
@@ -341,7 +327,7 @@ def spread(
 
 
 def of_line(
-    length: float, rigid_mass: Array, pieces: Sequence[Piece], points: Array, stiffness: Mapping[str, float]
+    length: float, rigid_mass: Array, pieces: Sequence[MassPiece], points: Array, stiffness: Mapping[str, float]
 ) -> SpreadMass:
     """The mass line that a file states.
 

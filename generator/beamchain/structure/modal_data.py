@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain.errors import InputError
-from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, locked
-from beamchain.structure.beam import Beam
-from beamchain.structure.mass_line import MassLine, Piece, default_length, line_of, of_line, spread
+from beamchain.structure.mass_line import MassLine, MassPiece, default_length, of_line, spread
 from beamchain.structure.planes import into_planes, near_groups
 from beamchain.structure.rounding import MOTIONS, PRINTED, ROUNDING, settled
 
@@ -49,7 +47,7 @@ class ModalData:
     damping: Array = field(default_factory=lambda: np.zeros(0))
     tip: Array | None = None
     length: float | None = None
-    pieces: tuple[Piece, ...] = ()
+    pieces: tuple[MassPiece, ...] = ()
     points: Array = field(default_factory=lambda: np.zeros((0, 5)))
     precision: float = EXACT
     source: str = "modes"
@@ -188,15 +186,6 @@ class ModalData:
                 out.append(tuple(PORTS[i] for i in sorted(group)))
         return tuple(out)
 
-    @property
-    def mass_leak(self) -> float:
-        """Largest coupling between ports in the rigid mass, relative: mass beside the x axis."""
-        across = self.rigid_mass / np.outer(self.scale, self.scale)
-        for port in PORTS:
-            inside = np.sum(PORT_MOTION[port] ** 2, axis=1) > 0.0
-            across = np.where(np.outer(inside, inside), 0.0, across)
-        return float(np.max(np.abs(across)))
-
     # -- port models -----------------------------------------------------------------------------------------------
     def space(self) -> PortModel:
         """The port model with all six motions (those without inertia left out; see `live`)."""
@@ -234,7 +223,7 @@ class ModalData:
         turn = np.array([1.0, 1.0, 1.0, length, length, length])
         points = self.points * np.array([length, mass, *([mass * length**2] * 3)])
         pieces = [
-            Piece(
+            MassPiece(
                 p.start * length, p.length * length, p.densities * mass * np.array([1 / length, length, length, length])
             )
             for p in self.pieces
@@ -353,29 +342,6 @@ class ModalData:
         if self.length is not None and (self.pieces or self.points.size) and power == 0:
             return of_line(length, self.rigid_mass, self.pieces, self.points, stiffness)
         return spread(self.rigid_mass, length, stiffness, power)
-
-    @classmethod
-    def from_beam(cls, beam: Beam, modes: dict[str, int], *, every: bool = False) -> "ModalData":
-        """A beam's modes as a program would deliver them.
-
-        Args:
-            beam: the appendage.
-            modes: lowest modes per port.
-            every: keep all modes of the discretisation, of which those are the converged ones.
-        """
-        ports = {port: beam.port(port, 2 * count + 4) for port, count in modes.items()}
-        if not every:
-            ports = {port: model.truncated(modes[port]) for port, model in ports.items()}
-        whole = in_space(
-            ports, beam.rigid_mass() + np.diag([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]) * (beam.rigid_mass()[3, 3] <= 0)
-        )
-        tip = np.vstack([m.tip @ PORT_MOTION[p].T for p, m in ports.items() if m.tip is not None])
-        order = np.argsort(np.concatenate([m.frequencies for m in ports.values()]), kind="stable")
-        pieces, points = line_of(beam)
-        return cls(
-            beam.rigid_mass(), whole.frequencies, whole.participation, tip=tip[order], length=beam.length,
-            pieces=pieces, points=points, source="a beam",
-        )  # fmt: skip
 
 
 def _words(values: Array) -> str:

@@ -1,10 +1,10 @@
-"""A stretch of the appendage with one section, or a linear taper between two."""
+"""What a beam is made of: segments, compliant joints between them, rigid bodies carried along the way."""
 
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from beamchain.checks import Struct, not_negative, one_of, own_numbers, positive
+from beamchain.checks import Struct, not_negative, one_of, own_numbers, positive, whole
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.material import Material
@@ -126,3 +126,81 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 def _shape(section: Any) -> str:
     return type(section).__name__.lower()
+
+
+class Joint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A compliant hinge line after a segment; a stiffness left out is rigid.
+
+    Args:
+        after_segment: 1, 2, ...; 0: at the root.
+        stiffness_xy: [N m/rad].
+        stiffness_xz: [N m/rad].
+        stiffness_torsion: [N m/rad].
+    """
+
+    after_segment: int
+    stiffness_xy: float | None = None
+    stiffness_xz: float | None = None
+    stiffness_torsion: float | None = None
+
+    def __post_init__(self) -> None:
+        own_numbers(self)
+        whole("after_segment", self.after_segment, 0, 10_000)
+        for name in ("stiffness_xy", "stiffness_xz", "stiffness_torsion"):
+            if getattr(self, name) is not None:
+                positive(name, getattr(self, name), "N m/rad", cure="Leave it out for a rigid joint.")
+        if self.stiffness_xy is None and self.stiffness_xz is None and self.stiffness_torsion is None:
+            raise InputError(
+                "the joint gives no stiffness; give stiffness_xy, stiffness_xz or stiffness_torsion, or remove it."
+            )
+
+    def stiffness(self, port: str) -> float | None:
+        """Stiffness in a port [N m/rad]; None: rigid."""
+        return getattr(self, f"stiffness_{port}", None)
+
+
+class Lump(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A rigid body carried at `x` [m]: `mass` [kg], principal `inertia` about its own centre [kg m^2]."""
+
+    x: float
+    mass: float
+    inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        own_numbers(self)
+        not_negative("x", self.x, "m")
+        positive("mass", self.mass, "kg")
+        body_inertia("inertia", self.inertia)
+
+
+HEAVIEST = 1e12  # a carried mass over what bends: beyond, double precision keeps four digits of the beam
+
+
+def check_carried(place: str, mass: float, inertia: tuple[float, float, float], own: float, length: float) -> None:
+    """A body that leaves the beam its digits.
+
+    Args:
+        place: "lump" or "payload".
+        mass, inertia: of the body [kg], [kg m^2].
+        own: mass of the segments [kg].
+        length: root to tip [m].
+    """
+    for name, value, least, unit in (("mass", mass, own, "kg"), ("inertia", max(inertia), own * length**2, "kg m^2")):
+        if value > HEAVIEST * least:
+            raise InputError(
+                f"{place}.{name} = {value!r} {unit} is {value / least:.1e} times that of the segments themselves "
+                f"({least:.4g} {unit}), at most {HEAVIEST:g} times is taken, or no digit of the beam is left; check the "
+                f"unit ({unit})."
+            )
+
+
+def body_inertia(name: str, values: tuple[float, float, float]) -> None:
+    """Three principal inertias that a rigid body can have."""
+    if not hasattr(values, "__len__") or len(values) != 3:
+        raise InputError(f"{name} = {values!r} must hold three numbers [Ixx, Iyy, Izz] in kg m^2.")
+    a, b, c = sorted(not_negative(f"{name}[{i}]", v, "kg m^2") for i, v in enumerate(values))
+    if c > (a + b) * (1.0 + 1e-9):
+        raise InputError(
+            f"{name} = {list(values)!r} belongs to no rigid body: the largest exceeds the sum of the other two; "
+            "check the order [Ixx, Iyy, Izz] and the units (kg m^2)."
+        )

@@ -14,8 +14,7 @@ import numpy as np
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
-from beamchain.structure.lump import Lump
-from beamchain.structure.segment import Stations
+from beamchain.structure.segment import Lump, Stations
 
 T = TypeVar("T")
 Place = tuple[float, T]

@@ -51,7 +51,7 @@ _COLUMNS = {"eigenvalues": 6, "participation": 7, "effective mass": 7}
 
 
 @dataclass
-class _Case:
+class _Subcase:
     """What the print holds for one subcase; rows by mode number."""
 
     tables: dict[str, dict[int, list[float]]] = field(default_factory=dict)
@@ -92,10 +92,10 @@ def _real(token: str, path: Path, line: int) -> float:
     return value
 
 
-def _scan(path: Path) -> tuple[dict[int, _Case], _Case]:
+def _scan(path: Path) -> tuple[dict[int, _Subcase], _Subcase]:
     """All tables by subcase, and what belongs to no subcase (the grid point weight generator)."""
-    cases: dict[int, _Case] = {}
-    shared = _Case()
+    cases: dict[int, _Subcase] = {}
+    shared = _Subcase()
     current, table = 0, ""
     for number, line in enumerate(lines(path), 1):
         if _SUPERELEMENT.search(line):
@@ -109,7 +109,7 @@ def _scan(path: Path) -> tuple[dict[int, _Case], _Case]:
         if found:
             current = int(found[1])
             continue
-        case = cases.setdefault(current, _Case())
+        case = cases.setdefault(current, _Subcase())
         squeezed = re.sub(r"[\s]", "", line.lstrip("0"))
         heading = next((h for h in _HEADINGS if squeezed == h or (len(h) > 2 and squeezed.startswith(h))), None)
         if heading is not None and not (heading == "MO" and table != "weight"):
@@ -164,7 +164,7 @@ def _scan(path: Path) -> tuple[dict[int, _Case], _Case]:
     return cases, shared
 
 
-def _choose(path: Path, cases: dict[int, _Case], subcase: int | None) -> tuple[int, _Case]:
+def _choose(path: Path, cases: dict[int, _Subcase], subcase: int | None) -> tuple[int, _Subcase]:
     """The subcase whose modes are read."""
     full = [n for n, c in cases.items() if "participation" in c.tables and "eigenvalues" in c.tables]
     if subcase is not None:
@@ -199,7 +199,7 @@ def _choose(path: Path, cases: dict[int, _Case], subcase: int | None) -> tuple[i
     raise InputError(f"file {str(path)!r} holds eigenvalues but no MODAL PARTICIPATION FACTORS; {ASK}.")
 
 
-def _assemble(path: Path, number: int, case: _Case, shared: _Case) -> ModalData:
+def _assemble(path: Path, number: int, case: _Subcase, shared: _Subcase) -> ModalData:
     eigen, factors = case.tables["eigenvalues"], case.tables["participation"]
     if set(eigen) != set(factors) or sorted(eigen) != list(range(1, len(eigen) + 1)):
         missing = sorted(set(range(1, max([*eigen, *factors]) + 1)) - (set(eigen) & set(factors)))
@@ -262,7 +262,7 @@ def _compare(path: Path, participation: Array, effective: dict[int, list[float]]
             )
 
 
-def _mass(path: Path, case: _Case, shared: _Case, participation: Array) -> tuple[Array, list[str]]:
+def _mass(path: Path, case: _Subcase, shared: _Subcase, participation: Array) -> tuple[Array, list[str]]:
     """The rigid mass matrix: with the clamped nodes' own mass where the print has it about the same point."""
     found: dict[str, Array] = {}
     for name, holder in (("grid point mass", shared), ("a-set mass", case)):

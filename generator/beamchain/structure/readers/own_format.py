@@ -9,7 +9,7 @@ import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.files import LARGEST_TOML, tables
-from beamchain.structure.mass_line import Piece
+from beamchain.structure.mass_line import MassPiece
 from beamchain.structure.modal_data import EXACT, ModalData
 from beamchain.structure.readers import craig_bampton
 from beamchain.structure.readers.bounded import LARGEST_JSON, text
@@ -152,12 +152,12 @@ def _digits(rows: list[tuple[float, ...]]) -> int:
     return most
 
 
-def _piece(name: str, piece: LinePiece) -> Piece:
+def _piece(name: str, piece: LinePiece) -> MassPiece:
     k = len(piece.mass)
     columns = [piece.mass, *(values or (0.0,) * k for values in (piece.polar, piece.rotary_xy, piece.rotary_xz))]
     if k == 0 or k > 9 or any(len(c) != k for c in columns):
         raise InputError(f"file {name!r}: a piece of line needs 1 to 9 masses, and as many polar and rotary inertias.")
-    return Piece(piece.start, piece.length, np.array(columns, dtype=np.float64).T)
+    return MassPiece(piece.start, piece.length, np.array(columns, dtype=np.float64).T)
 
 
 def modes_text(data: ModalData) -> str:
