@@ -67,11 +67,8 @@ class Wishes:
     Args:
         springs: "auto": on the hinges where the recursion serves all ports and no mode needs a tendon of its own;
             "hinges", "modes": one or the other.
-        per_mode: each mode has a damping ratio of its own, which takes a tendon.
         lines: x where hinges must stand [m].
         further: x of further ports, whose motion stands behind that of the root in the targets' `tip` columns [m].
-        columns: per further port, the first column of `tip` that holds it, in units of the port's motions.
-        cut: where the hinges stand, instead of a choice.
         neutral: per port, last frequency on the one hub on which the target is exact: modes of surplus hinges must not
             disturb it [rad/s].
     """
@@ -86,17 +83,7 @@ class Wishes:
 
 
 def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes | None = None) -> Built:
-    """The exact chain of all kept ports.
-
-    Args:
-        beam: the appendage.
-        kept: modes per port.
-        target_of: target with a number of modes.
-        wishes: springs, hinge lines, further ports.
-
-    Raises:
-        RealisationError: no chain holds the modes; by how much, and what would.
-    """
+    """The exact chain of all kept ports."""
     if not kept:
         return _rigid(beam)
     wishes = wishes or Wishes()
@@ -236,16 +223,7 @@ def _recursive(
 
 
 def assemble(beam: MassLine, nodes: Mapping[str, Nodes], strings: Mapping[str, tuple[Array, Array]]) -> Chain:
-    """The chain whose bodies serve all planes, torsion springs on its hinges.
-
-    Args:
-        beam: the appendage.
-        nodes: per plane, its canonical chain.
-        strings: per scalar port, its inertias and springs.
-
-    Raises:
-        RealisationError: the ports do not share their bodies.
-    """
+    """The chain whose bodies serve all planes, torsion springs on its hinges."""
     total = beam.moments(0.0, beam.length, closed=True)
     rotary = abs(total.rotary_xy - total.rotary_xz) / total.second
     if len(nodes) == 1 and not isinstance(beam, Beam):
@@ -320,14 +298,8 @@ def cut_chain(
     """A chain on a chosen cut with one tendon per mode, how it was found, and the cut.
 
     Args:
-        line: the appendage's mass.
-        groups: of ports, each with its modes; a single port's `shapes` are its modes along the appendage.
         lines: x where hinges must stand [m].
         further: x of further ports [m].
-        cut: where the hinges stand; chosen where left out.
-
-    Raises:
-        RealisationError: no cut holds the modes.
     """
     rigid = line.behind(np.array([-line.length]))[0]
     groups = [group.fitting(group_motion(group.ports).T @ rigid @ group_motion(group.ports)) for group in groups]

@@ -27,15 +27,8 @@ def build_least_squares(
     """A chain by least squares: the plane with most modes decides the links, the other ports get springs on them.
 
     Args:
-        beam: the appendage.
-        kept: modes per port.
         links: `(N,)` lengths to start from or to keep [m].
         free: "stiffness", "lengths", "masses".
-        payload: per plane, what the scene will attach at the tip.
-        target_of: target with a number of modes.
-
-    Raises:
-        InputError: axial modes are asked for, or fewer hinges than modes.
     """
     planes = [port for port in kept if port in ("xy", "xz")]
     if not planes or "axial" in kept:

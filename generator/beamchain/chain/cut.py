@@ -37,10 +37,6 @@ class Cut:
 
     Args:
         x: `(c,)` from the root [m].
-        ports: per hinge, the ports in which it moves.
-        margin: least share of the residual mass that is left, over all groups.
-        added: hinges beyond what the modes need.
-        reason: why they were added.
     """
 
     x: Array
@@ -58,13 +54,8 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
     """The most even cut that holds the modes.
 
     Args:
-        line: how the mass lies.
-        wanted: per group of ports.
         lines: x where hinges must stand [m].
         further: x of further ports that must be exact too [m].
-
-    Raises:
-        RealisationError: no cut holds them; by how much, and what would.
     """
     length = line.length
     fixed = _merged([*lines, *(x for group in wanted for places in group.fixed.values() for x in places)], length)
@@ -164,7 +155,6 @@ def _patterns(length: float, free: int, further: Sequence[float]) -> Iterator[Ca
 
     Args:
         length: of the appendage [m].
-        free: how many hinges.
         further: x of further ports [m].
     """
 

@@ -70,12 +70,7 @@ class TipBody(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LoadCase:
-    """What the chain shall do with one payload at its tip.
-
-    Args:
-        payload: carried at the tip.
-        target: cantilever frequencies and participation with it, the modes that count.
-    """
+    """What the chain shall do with one payload at its tip."""
 
     payload: TipBody
     target: PortModel
@@ -88,11 +83,6 @@ class Found:
     Args:
         positions: `(N - 1,)` x of the hinges [m].
         stiffness: `(N - 1,)` [N m/rad].
-        nodes: the canonical chain where the masses were free; None: links are pieces of the beam.
-        cost: half the sum of squared residuals.
-        ok: the solver converged.
-        message: one sentence.
-        history: one line per start.
     """
 
     positions: Array
@@ -114,14 +104,9 @@ def fit_planar(
     """Fit a planar chain whose link 1 is welded to the root.
 
     Args:
-        beam: gives pieces and rigid mass.
         port: "xy" or "xz".
-        cases: targets, one per payload.
         links: `(N,)` lengths to start from, or that stand where "lengths" is not free [m].
         free: what may vary, of "stiffness", "lengths", "masses".
-
-    Raises:
-        RealisationError: no start converges to a physical chain.
     """
     starts = _starts(beam, port, links, "lengths" in free)
     best: Found | None = None
@@ -153,9 +138,6 @@ def fit_stiffness(chain: Chain, port: str, target: PortModel, start: Array) -> t
     """Springs of one port on links that stand: least squares on frequencies and participation.
 
     Args:
-        chain: links and hinges; what the hinges do in other ports stays.
-        port: which port gets springs.
-        target: the modes that count.
         start: `(h,)` springs to start from.
 
     Returns:

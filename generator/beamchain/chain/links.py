@@ -98,13 +98,8 @@ def share(links: list[Link], wanted: list[float], groups: list[list[int]], real:
     """Polar inertia of every link: each group's sum as wanted, each link's a rigid body's, near to the real pieces'.
 
     Args:
-        links: with the transverse inertias that stand.
         wanted: polar inertia per group [kg m^2].
-        groups: link numbers per group.
         real: `(N,)` the real pieces' polar inertia.
-
-    Raises:
-        RealisationError: a group cannot carry what is wanted.
     """
     out = [0.0] * len(links)
     for total, members in zip(wanted, groups, strict=True):
@@ -141,16 +136,12 @@ def polar_inertias(
     """Which hinges turn in torsion, and every link's polar inertia.
 
     Args:
-        links: between the cuts, with transverse inertias.
         cuts: `(c,)` hinge positions [m].
         inertias: `(n + 1,)` polar inertia of the groups; one entry: rigid in torsion.
         real: `(c + 1,)` real pieces' polar inertia.
 
     Returns:
         indices of the n hinges that carry a torsion spring, and `(c + 1,)` polar inertias.
-
-    Raises:
-        RealisationError: no choice of hinges gives rigid bodies.
     """
     n = inertias.size - 1
     wish = natural_positions(beam, inertias, "polar") if n else np.zeros(0)
@@ -173,7 +164,6 @@ def raised(chain: Chain, least: float) -> tuple[Chain, str]:
     bends in torsion is left alone, as is one whose roll inertia would no longer be small beside its transverse one.
 
     Args:
-        chain: the chain.
         least: smallest principal inertia [kg m^2].
 
     Returns:
@@ -200,12 +190,7 @@ def settled(line: MassLine, links: Sequence[Link], cuts: Array) -> list[Link]:
     """Links that are rigid bodies: where short ones cannot carry their own polar inertia, the longer ones carry it.
 
     Args:
-        line: how the mass lies.
-        links: its own pieces.
         cuts: `(c,)` between them [m].
-
-    Raises:
-        RealisationError: all links together cannot carry it.
     """
     if any(link.beside != (0.0, 0.0) or link.products != (0.0, 0.0, 0.0) for link in links):
         return list(links)  # imported mass has its breadth in all three inertias

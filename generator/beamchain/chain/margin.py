@@ -45,8 +45,6 @@ class Wanted:
     """A group of ports and how many hinges each needs.
 
     Args:
-        modes: of the group.
-        counts: hinges per port.
         fixed: per port, x of hinges that stand [m].
     """
 
@@ -100,9 +98,7 @@ class Margins:
         """Least eigenvalue of what the inequality leaves, over the residual mass (and the further ports' own).
 
         Args:
-            group: whose modes.
             x: `(c,)` hinges [m].
-            freedoms: of the group.
             behind: `(c, 6, 6)` mass matrix behind each hinge.
         """
         self.table.tried += 1 + len(freedoms) // 8  # as long as it takes

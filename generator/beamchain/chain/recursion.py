@@ -71,14 +71,7 @@ def realise(target: PortModel) -> Nodes:
 
 
 def _rods(r: Array, phi: Array, lam: Array, count: int) -> tuple[Array, Array, Array]:
-    """Masses `(count + 1,)`, lengths `(count,)` and springs `(count - 1,)` of rods from a node outwards.
-
-    Args:
-        r: displacement of the first node in the modes.
-        phi: rotation of the first rod.
-        lam: squares of the frequencies.
-        count: number of rods.
-    """
+    """Masses `(count + 1,)`, lengths `(count,)` and springs `(count - 1,)` of rods from a node outwards."""
     nodes = [r]
     masses, lengths, springs = [float(1.0 / (r @ r))], list[float](), list[float]()
     shear, moment = np.zeros(r.size), np.zeros(r.size)
@@ -159,9 +152,7 @@ def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, A
     negative end mass (and so a negative inertia), the nearest split that keeps `share` of the node is taken.
 
     Args:
-        nodes: the canonical chain with N rods.
         beam_mass: `(N,)` mass of the beam between the hinges (last: up to the tip) [kg].
-        share: least share of a node's mass on either side.
 
     Returns:
         masses `(N,)` [kg], mass centres `(N,)` from each rod's inner end [m], inertias `(N,)` [kg m^2].
@@ -181,12 +172,7 @@ def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, A
 
 
 def planar_links(nodes: Nodes, beam: MassLine) -> list[Link]:
-    """Links that cover the real beam, without polar inertia; the same inertia stands in both planes.
-
-    Args:
-        nodes: from `realise`.
-        beam: gives the mass between the hinges.
-    """
+    """Links that cover the real beam, without polar inertia; the same inertia stands in both planes."""
     x = nodes.positions
     edges = [*x[:-1].tolist(), max(beam.length, float(x[-1]))]
     own = [beam.moments(a, b, closed=b >= beam.length).mass for a, b in pairwise(edges)]
@@ -221,9 +207,6 @@ def realise_scalar(target: PortModel) -> tuple[Array, Array]:
     """The string of inertias and springs whose port model is a scalar `target` (torsion or axial).
 
     A Stieltjes string (M. G. Krein): positive for any data.
-
-    Args:
-        target: port model with one motion and n flexible modes.
 
     Returns:
         inertias `(n + 1,)` from the root and springs `(n,)` between them.

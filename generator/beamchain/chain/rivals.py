@@ -35,7 +35,6 @@ def cut(beam: Beam, hinges: Array, stiffness: Array, port: str) -> Chain:
     """Freeze the beam between the given hinge positions.
 
     Args:
-        beam: the appendage.
         hinges: `(h,)` ascending x [m]; 0 gives a hinge at the root.
         stiffness: `(h,)` [N m/rad].
         port: "xy" or "xz".
@@ -75,11 +74,7 @@ def equal_links(beam: Beam, count: int, recipe: str, port: str = "xy") -> Chain:
 
 
 def seed_frequency_factors(k: float) -> tuple[float, float]:
-    """`w1*`, `w2*` of the paper's chain, equation (17): w = w* sqrt(c/m) / l.
-
-    Args:
-        k: length of the middle link over the whole, between 0 and 1.
-    """
+    """`w1*`, `w2*` of the paper's chain, equation (17): w = w* sqrt(c/m) / l."""
     root6 = 4.0 * np.sqrt(6.0)
     w1 = root6 / ((1.0 - k) * np.sqrt(1.0 + 2.0 * k - 3.0 * k**2))
     w2 = root6 / (k * (1.0 - k) * np.sqrt(3.0 - 2.0 * k - k**2))
@@ -104,13 +99,8 @@ def seed_chain(beam: Beam, k: float, c: float, port: str = "xy") -> Chain:
     """Three uniform links `(1-k)l/2, k l, (1-k)l/2` and two equal springs `c` [N m/rad] (Belonozhko 2008, sec. 3).
 
     Args:
-        beam: uniform.
-        k: length of the middle link over the whole, between 0 and 1.
         c: stiffness of each spring [N m/rad].
         port: "xy" or "xz".
-
-    Raises:
-        InputError: the beam is not uniform.
     """
     if not beam.uniform:
         raise InputError('method = "seed" is the paper\'s recipe for a uniform beam; use "exact" for this appendage.')

@@ -44,14 +44,11 @@ class ModeGroup:
     """What a group of ports is given.
 
     Args:
-        ports: that the modes move: one, or several that they couple.
         frequencies: `(n,)` [rad/s].
         rows: `(n, m)` participation in the motions of the root, then the motion of any further port.
         damping: `(n,)` ratios.
-        shapes: of the real modes along the appendage, for one port; None: not known.
         momenta: `(n, f)` what the real modes are worth in the hinges' own motions; see `on`.
         numbers: `(n,)` of the modes, from 1, for their names; 1, 2, ... where left out.
-        weights: per port, how many of the modes move it most; every port of the group where left out.
         rigid: `(m, m)` rigid mass that goes with the participation, in the motions of the root; that of the bodies where
             left out.
         beyond: frequency of the first mode left out, where known, for the modes of surplus hinges [rad/s].
@@ -116,13 +113,9 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[A
     Args:
         kinematics: `(m, f)` P over the rows of further ports.
         inertia: `(f, f)` Q.
-        modes: what is wanted.
 
     Returns:
         T `(f, f)`: columns are mass-normalised modes, wanted ones first, and the armature `(f, f)` they need.
-
-    Raises:
-        RealisationError: the modes cannot be given to these bodies, or they are too nearly dependent.
     """
     n, size = modes.frequencies.size, inertia.shape[0]
     root = np.linalg.cholesky(inertia)
@@ -179,8 +172,6 @@ def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
 
     Args:
         u: `(size, n)` modes.
-        seen, unseen: bases of the hinge motions that the root sees, and of those that it does not.
-        count: wanted.
     """
     left = np.eye(u.shape[0]) - u @ u.T
     own, across = seen.T @ left @ seen, seen.T @ left @ unseen
@@ -196,7 +187,6 @@ def _turned(lift: Array, free: Array, size: int, guide: Array | None) -> Array:
     Args:
         lift: `(n, n)` square root of what the root leaves open.
         free: `(n, k)` combinations of modes that the root does not see.
-        size: hinge motions that the root does not see.
         guide: `(size, n)` the real modes in those motions; None: any will do.
     """
     n = lift.shape[0]
@@ -231,10 +221,7 @@ def given_modes(chain: Chain, groups: Sequence[ModeGroup], further: Sequence[flo
     """The chain with tendons that give it the wanted modes, exactly.
 
     Args:
-        chain: bodies, and hinges without springs in the ports of the groups.
-        groups: what each group of ports is given; ports of different groups must not couple in these bodies.
         further: x of the further ports whose rows stand below the root's [m].
-        ratio: damping ratio of the modes that surplus hinges have.
     """
     tendons: list[Tendon] = []
     armatures: list[Tendon] = []
@@ -273,7 +260,6 @@ def _stiffened(shapes: Array, frequencies: Array, moved: Array, n: int) -> tuple
         shapes: `(f, f)` modes in hinge coordinates, fillers last.
         frequencies: `(f,)` theirs [rad/s].
         moved: `(p, f)` motion of the further ports in them.
-        n: modes that are no fillers.
     """
     last = slice(n - moved.shape[0], n)
     own = moved[:, last]
@@ -315,7 +301,6 @@ def springs_as_modes(chain: Chain, damping: Mapping[str, Array]) -> Chain:
     """A chain with springs on its hinges as the same chain with one tendon per mode, which has the mode's own damping.
 
     Args:
-        chain: with springs on all its hinges.
         damping: per port `(n,)` ratios.
     """
     tendons = [t for port in chain.ports for t in _modes_of(chain, port, damping[port], springs=True)]
@@ -327,7 +312,6 @@ def damped_modes(chain: Chain, damping: Mapping[str, Array]) -> Chain:
     """A chain that keeps its springs on its hinges, with a damping tendon for each of the first modes.
 
     Args:
-        chain: with springs on all its hinges.
         damping: per port `(k,)` ratios of its first k modes.
     """
     tendons = [t for port in damping for t in _modes_of(chain, port, damping[port], springs=False) if t.damping > 0.0]
@@ -352,8 +336,6 @@ def joint_damping(chain: Chain, port: str, ratios: Array) -> Chain:
     """The chain with plain damping in the hinges of a port: the best non-negative least-squares fit of the ratios.
 
     Args:
-        chain: the chain, springs on its hinges.
-        port: which port.
         ratios: `(n,)` wanted ratios of its cantilever modes.
     """
     modes = chain.port(port)

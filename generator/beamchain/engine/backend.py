@@ -19,9 +19,6 @@ def choose() -> str:
 
     Returns:
         Its name.
-
-    Raises:
-        EngineError: none works, with what to install.
     """
     given = os.environ.get("MUJOCO_GL", "").strip().lower()
     if "mujoco" in sys.modules:  # it has looked already

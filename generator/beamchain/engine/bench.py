@@ -37,12 +37,8 @@ class Measured:
     """What MuJoCo says of an appendage.
 
     Args:
-        ports: port model per port, from A and B of `mjd_transitionFD`.
         rigid_mass: `(6, 6)` about the root, from the compiled bodies.
         couplings: relative, per pair of ports (`"xy, torsion"`).
-        linearisation: of the bench.
-        lost: per port, by how much A and B miss what MuJoCo's mass matrix and springs say, relative; where that is
-            more than rounding the port model stands on those instead.
     """
 
     ports: dict[str, PortModel]
@@ -61,8 +57,6 @@ def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballas
     """Put the appendage on the bench, linearise, and read the port models back.
 
     Args:
-        appendage: from `mjcf.write.appendage`.
-        ports: the ports that are free on the bench.
         timestep: [s].
         ballast: `(4,)` mass and principal inertias at the root; see `mjcf.write.bench`.
     """
@@ -105,10 +99,8 @@ def measure_in_space(
     """Put the appendage on the bench, linearise, and read the port model in space back.
 
     Args:
-        appendage: from `mjcf.write.appendage`.
         timestep: [s].
         ballast: `(4,)` mass and principal inertias at the root; see `mjcf.write.bench`.
-        live: motions in which the appendage has inertia; the others are left out of the port model.
 
     Returns:
         what MuJoCo says (its ports are the blocks of the port model in space), and the port model.
@@ -194,12 +186,7 @@ def distance(a: PortModel, b: PortModel) -> float:
 
 
 def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
-    """`(6, 6)` mass matrix of a body's frozen subtree in the rest pose, about the body's own frame and in its axes.
-
-    Args:
-        model: compiled.
-        body: name.
-    """
+    """`(6, 6)` mass matrix of a body's frozen subtree in the rest pose, about the body's own frame and in its axes."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -211,9 +198,6 @@ def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origi
     """`(6, 6)` mass matrix of a body's frozen subtree about any point, in any axes.
 
     Args:
-        model: compiled.
-        data: with the kinematics of the pose.
-        root: id of the body.
         origin: `(3,)` the point, in the world.
         frame: `(3, 3)` the axes in columns, in the world.
     """

@@ -22,14 +22,8 @@ def film(model: "mujoco.MjModel", slew: Slew, *, exaggerate: float, width: int, 
     """The frames `(height, width, 3)` of a slew; beside each elastic thing, faintly, where it would be if rigid.
 
     Args:
-        model: the scene; solids too thin to be seen are thickened in it.
-        slew: of that model.
-        exaggerate: factor on the elastic motion.
         width: [pixels].
         height: [pixels].
-
-    Raises:
-        EngineError: there is no OpenGL to draw with.
     """
     camera, extent = _camera(model, slew, exaggerate, width / height)
     _thicken(model, SLIMMEST * extent)

@@ -85,9 +85,6 @@ def port_of(read: Readings, root: list[int], inner: list[int], ballast: Array) -
     """The port model seen at the degrees of freedom `root`, with the sprung ones `inner`.
 
     Args:
-        read: from `readings`.
-        root: one per motion of the port.
-        inner: sprung hinges and slides.
         ballast: `(m, m)` mass matrix on the port that is not the appendage's.
     """
     rigid = read.rows[:, root]

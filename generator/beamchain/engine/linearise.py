@@ -34,12 +34,7 @@ NUMBERS = {number: name for name, number in INTEGRATORS.items()}
 
 
 def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
-    """A compiled model from a model, MJCF text or a path.
-
-    Raises:
-        EngineError: MuJoCo refuses the text or file; its sentence is passed on.
-        InputError: there is no such file.
-    """
+    """A compiled model from a model, MJCF text or a path."""
     if isinstance(source, mujoco.MjModel):
         return source
     if isinstance(source, str) and source.lstrip().startswith("<"):
@@ -314,12 +309,7 @@ def transition(
 
 
 def mass_matrix(model: "mujoco.MjModel", qpos: Array | None = None) -> Array:
-    """`(nv, nv)` mass matrix, armature included.
-
-    Args:
-        model: compiled.
-        qpos: pose; the model's initial one where left out.
-    """
+    """`(nv, nv)` mass matrix, armature included."""
     data = mujoco.MjData(model)
     if qpos is not None:
         data.qpos[:] = qpos
@@ -342,8 +332,6 @@ def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: 
     All of a joint's spring, not a tendon's; read off A, whose velocity block is `(I + h M^-1 D + h^2 M^-1 Ki)^-1`.
 
     Args:
-        model: compiled.
-        data: the state to linearise about.
         damping: `(nv, nv)` `M^-1 D` [1/s].
     """
     nv, h = model.nv, float(model.opt.timestep)

@@ -34,12 +34,7 @@ class Mount:
     """The place of an appendage in a compiled spacecraft at rest.
 
     Args:
-        at: name as given.
-        body: id of the body.
-        position, quaternion: of the port in that body.
         origin, axes: `(3,)`, `(3, 3)` of the port in the world, axes in columns.
-        top: id of the body on top of what is rigid with `body`.
-        joints: between the port and the world, innermost first.
         hub: `(6, 6)` what is rigidly behind the port, with all that hangs on it, about the port in its axes.
         jacobian: `(6, nv)` motion of the port in its axes per degree of freedom.
     """
@@ -78,13 +73,7 @@ def mount(model: "mujoco.MjModel", at: str, kind: str, name: str) -> Mount:
     """Read a mount from a compiled spacecraft.
 
     Args:
-        model: the spacecraft.
-        at: name as the user gave it.
         kind: "site" or "body".
-        name: of the site or body.
-
-    Raises:
-        InputError: the body is static.
     """
     data = rest(model)
     place = int(mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name))
@@ -149,8 +138,6 @@ def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[
     """`(6, 6)` what is rigidly behind each port with all that hangs on it, other appendages rigid, by name.
 
     Args:
-        model: the bare spacecraft.
-        mounts: of all appendages.
         rigid: `(6, 6)` rigid mass of each appendage about its own port, by name.
     """
     out: dict[str, Array] = {}

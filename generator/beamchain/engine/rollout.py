@@ -26,7 +26,6 @@ class Course:
 
     Args:
         motion: `(t, 6)` of the free-flying hub, at the ends of the steps: displacement [m], rotation vector [rad].
-        seconds: time of the calling thread inside the simulation only.
     """
 
     motion: Array
@@ -37,8 +36,6 @@ def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: 
     """Simulate from rest with a wrench on the hub, whose free joint is the model's first.
 
     Args:
-        model: compiled; its integrator and step are set.
-        integrator: MuJoCo's name.
         timestep: [s].
         wrench: `(t, 6)` force and moment on the hub's centre, constant over each step.
 
@@ -77,9 +74,6 @@ def seconds_of(model: "mujoco.MjModel", integrator: str, timestep: float, wrench
 
     Steps under one constant wrench go in one call, as they would in a program that only needs the end; where the wrench
     changes at every few steps, this is `simulate`'s own time.
-
-    Args:
-        model, integrator, timestep, wrench: as for `simulate`.
     """
     moved = np.abs(np.diff(wrench, axis=0)) > ROUNDING * float(np.max(np.abs(wrench)))
     changes = np.flatnonzero(np.any(moved, axis=1)) + 1

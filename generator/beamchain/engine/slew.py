@@ -73,13 +73,7 @@ def simulate(model: "mujoco.MjModel", *, angle: float, frames: int) -> Slew:
     halves leave behind adds up. It takes as many as keep the springs' angles small.
 
     Args:
-        model: a scene; integrated with its own integrator and step.
         angle: of the turn, as if rigid [rad].
-        frames: moments kept, evenly spaced.
-
-    Raises:
-        InputError: nothing flies free in the scene, or nothing in it is elastic.
-        EngineError: the simulation becomes unstable.
     """
     free = [j for j in range(model.njnt) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)]
     if not free:

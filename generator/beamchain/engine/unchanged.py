@@ -63,15 +63,7 @@ def differences(
     tolerance: float = 0.0,
     user: bool = True,
 ) -> list[Difference]:
-    """Numbers of `found` that are not those of `wanted`.
-
-    Args:
-        wanted, found: compiled models.
-        pairs: per kind, ids in `wanted` and the same things' ids in `found`.
-        root: name of a body in `found` whose place may differ.
-        tolerance: relative, of the largest number of a row.
-        user: also the user's own data, which moves nothing.
-    """
+    """Numbers of `found` that are not those of `wanted`."""
     out: list[Difference] = []
     for kind, (first, second) in pairs.items():
         if len(first) != len(second):

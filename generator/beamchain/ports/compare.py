@@ -120,7 +120,6 @@ def coupling_error(model: PortModel, damping: Array, hub_mass: Array | None, ban
     """What dampers that couple the modes do to the hub's motion beyond the modes' own ratios, as an in-band error.
 
     Args:
-        model: with the damping ratios of `damping`'s diagonal.
         damping: `(n, n)` modal damping, modes mass-normalised [1/s].
         hub_mass: `(m, m)`; none: the worst of three hubs.
         bandwidth: [rad/s].
@@ -144,8 +143,6 @@ class Block:
 
     Args:
         hub: `(m, m)` mass matrix.
-        exact: the whole appendage in these motions.
-        keep: which of the motions matter.
     """
 
     hub: Array
@@ -181,7 +178,6 @@ class Reference:
     the norm of the whole is the largest of theirs.
 
     Args:
-        blocks: independent groups of motions.
         bandwidth: [rad/s].
     """
 

@@ -16,7 +16,6 @@ def in_space(ports: Mapping[str, PortModel], rigid_mass: ArrayLike) -> PortModel
     """One model with six motions from independent ports.
 
     Args:
-        ports: model per port.
         rigid_mass: `(6, 6)` of the frozen thing about the root.
     """
     rows = [model.participation @ PORT_MOTION[port].T for port, model in ports.items()]

@@ -34,7 +34,6 @@ class Shapes:
         x: `(r,)` [m].
         moved, turned: `(r,)` square roots of mass and of rotary inertia there; in a scalar port `moved` only.
         values: `(n, r)` motion in each mass-normalised mode times those roots.
-        bending: a hinge turns what lies behind it; else it shifts or twists it.
     """
 
     x: Array

@@ -28,12 +28,7 @@ class Driven(NamedTuple):
 
 
 def keyframes(model: "mujoco.MjModel", body: str) -> dict[str, Driven]:
-    """What each keyframe that moves or pushes does to a body, at its start, by the keyframe's name or number.
-
-    Args:
-        model: compiled.
-        body: its name.
-    """
+    """What each keyframe that moves or pushes does to a body, at its start, by the keyframe's name or number."""
     out: dict[str, Driven] = {}
     data, ident = mujoco.MjData(model), model.body(body).id
     for k in range(model.nkey):
@@ -81,7 +76,6 @@ def turned(rate: float, acceleration: float, axis: int, offset: Sequence[float])
     Args:
         rate: largest [rad/s].
         acceleration: largest [rad/s^2].
-        axis: 0, 1, 2.
         offset: `(3,)` from the hub's centre to the root [m].
     """
     about = acceleration * np.eye(3)[axis]

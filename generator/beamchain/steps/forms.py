@@ -46,14 +46,9 @@ class ModeTime:
     """One mode made exact in time.
 
     Args:
-        name: of its tendon; `coupled<k>` where form 3 laid no mode on one tendon alone.
         frequency: [rad/s] that it should show; form 2: of the held appendage, form 3: of the craft.
-        ratio: of damping.
-        mass: `m'`, its tendon's armature and 1.
         damping: `c'` of its tendon [1/s].
         pole: that its mass and damping place [1/s], `log(z)/h`; of several appendages' blocks only nearly that of the craft.
-        slowed: it is beyond the phase limit.
-        clamped: the integrator would need negative armature; its pole is only near.
     """
 
     name: str
@@ -88,7 +83,6 @@ def stability(integrator: str, c: Array, stiffness: Array, damping: Array, armat
     ratio of the step to the largest one that its polynomial takes.
 
     Args:
-        integrator: MuJoCo's name.
         c: `(n, n)` condensed mass of the modal coordinates.
         stiffness: `(n, n)` K in modal coordinates.
         damping: `(n, n)` D.

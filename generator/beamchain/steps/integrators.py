@@ -209,7 +209,6 @@ def start_rate(position: ArrayLike, rate: ArrayLike, frequency: ArrayLike, ratio
     Args:
         position, rate: modal displacement and its true rate [1/s] at the start.
         frequency: `w` [rad/s]; of a slowed mode the slowed one.
-        ratio: `zeta`.
         timestep: `h` [s].
 
     Example:

@@ -51,7 +51,6 @@ class _Plane:
         Args:
             rate: [rad/s].
             radius: from the axis to the root [m].
-            flap: bending out of the plane of spin; False: in it (lag).
         """
         h = self.hinges.size
         turned = np.tril(np.ones((h, h)))  # angle of link j + 1 from the hinge angles
@@ -249,9 +248,6 @@ def large_limits(
     """Large-motion limits of a chain per bending plane, and why one could not be had.
 
     Args:
-        chain: fitted.
-        beam: that it was fitted to.
-        modes: kept, per port.
         radius: of the root from the hub's centre [m].
     """
     out: dict[str, LargeMotion] = {}

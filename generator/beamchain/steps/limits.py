@@ -173,11 +173,7 @@ class LinearModel:
 
 
 def step_limits(model: LinearModel) -> StepLimits:
-    """Step limits from one step's own matrices, overdamped modes included.
-
-    Raises:
-        EngineError: the model is unstable by itself.
-    """
+    """Step limits from one step's own matrices, overdamped modes included."""
     poles = model.poles()
     moving = poles[np.abs(poles) > AT_REST * float(np.max(np.abs(poles), initial=0.0))]
     if moving.size == 0:

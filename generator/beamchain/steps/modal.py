@@ -41,8 +41,6 @@ class MadeFor(NamedTuple):
 
     Args:
         timestep: [s].
-        integrator: MuJoCo's name.
-        form: 2: each mode of the held appendage; 3: the coupled modes of the craft; 4: as 2, tuned for the craft.
     """
 
     timestep: float
@@ -56,11 +54,9 @@ class Modal:
 
     Args:
         index: `(n,)` tendon numbers.
-        names: of the tendons.
         rows: `(n, nv)` coefficients over the model's degrees of freedom.
         stiffness: `(n,)` [1/s^2].
         damping: `(n,)` as it was before the model was made exact in time [1/s].
-        made_for: per tendon; None: for no step.
     """
 
     index: Ints
@@ -87,9 +83,6 @@ def modal_tendons(model: "mujoco.MjModel") -> Modal:
     """The modal tendons of a model, found by name; none where it has none.
 
     A tendon that has the name, but is limited, runs through sites, has no spring or holds an unnamed sort of joint, is not one.
-
-    Args:
-        model: compiled.
     """
     own = [
         i
@@ -135,11 +128,7 @@ def condensed(mass: Array, rows: Array) -> tuple[Array, Array]:
 
 
 def foreign(what: str) -> InputError:
-    """The answer to a model without modal tendons.
-
-    Args:
-        what: was asked for.
-    """
+    """The answer to a model without modal tendons."""
     return InputError(
         f"the model has no modal tendons (NAME_mode1_xy, ...), so that {what} is not possible; only appendages written "
         "by beamchain with springs on modal tendons can be made exact in time."

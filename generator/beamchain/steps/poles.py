@@ -111,11 +111,7 @@ def phase_limit(model: "mujoco.MjModel") -> float:
 
 
 def step_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> Array:
-    """`(2 nv, 2 nv)` one step of the model's own integrator, states (position, velocity).
-
-    Raises:
-        EngineError: MuJoCo cannot linearise the model.
-    """
+    """`(2 nv, 2 nv)` one step of the model's own integrator, states (position, velocity)."""
     name = NUMBERS[int(model.opt.integrator)]
     if name != "RK4":
         return _transition(model, data, name)
@@ -123,11 +119,7 @@ def step_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) ->
 
 
 def continuous_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> Array:
-    """`(2 nv, 2 nv)` the continuous system behind the model as it stands (its armature included).
-
-    Raises:
-        EngineError: MuJoCo cannot linearise the model.
-    """
+    """`(2 nv, 2 nv)` the continuous system behind the model as it stands (its armature included)."""
     a, nv, h = _transition(model, data, "implicitfast"), model.nv, float(model.opt.timestep)
     x = np.linalg.inv(a[nv:, nv:])
     return system_matrix(-x @ a[nv:, :nv] / h, (x - np.eye(nv)) / h)
@@ -150,9 +142,6 @@ def mismatch(model: "mujoco.MjModel") -> list[str]:
     """Sentences where a model runs at another step or integrator than it was made for; empty where it fits.
 
     The error stated is the worst of its modes' frequencies, of modes that were not slowed.
-
-    Args:
-        model: compiled; its own `opt` is what it is held against.
     """
     modal = modal_tendons(model)
     h, name = float(model.opt.timestep), NUMBERS[int(model.opt.integrator)]

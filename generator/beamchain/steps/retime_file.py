@@ -25,11 +25,6 @@ SAFE = 1.8  # rad per step of a spring that nothing slows; 2 is the limit withou
 def put_time(parts: Iterable[Element], model: "mujoco.MjModel", named: Callable[[str], str] = lambda name: name) -> int:
     """Write armature, damping, stiffness, coefficients and mark of a model's modal tendons into its document.
 
-    Args:
-        parts: roots of the document that hold the tendons.
-        model: compiled from them, then retimed.
-        named: name in the model of what has a name in the document.
-
     Returns:
         how many tendons were found.
     """
@@ -58,9 +53,7 @@ def put_hinge_armature(root: Element, timestep: float, integrator: str) -> None:
     """Armature `k h^2/12` on hinges with springs of their own: the form without tendons, right to fourth order.
 
     Args:
-        root: of the appendage's document.
         timestep: [s].
-        integrator: MuJoCo's name; nothing is done for those that it does not help.
     """
     if not SCHEMES[integrator].exact:
         return
@@ -74,15 +67,7 @@ def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Pa
     """A model's file with its appendages made exact in time, and what its modes then show.
 
     Args:
-        path: of an MJCF file.
         timestep: [s]; 0: the timing is taken out, and the file's own step stays.
-        integrator: MuJoCo's name; the file's own where left out.
-        folder: where the file will stand, for paths in it.
-
-    Raises:
-        InputError: the file has no modal tendons, or they stand in files that it attaches, or the step is unstable for
-            springs of the spacecraft itself.
-        EngineError: MuJoCo refuses the file.
     """
     document = relocate(read_craft(path), folder)
     model = compile_model(path)

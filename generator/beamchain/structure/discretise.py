@@ -42,9 +42,6 @@ def converged(parts: Parts, port: str, modes: int, stations: tuple[float, ...] =
     """Raise the polynomial degree until the lowest `modes` held and free frequencies stand still.
 
     Args:
-        parts: of the beam.
-        port: one of the four.
-        modes: how many.
         stations: further points whose motion is wanted, ascending [m].
     """
     parts = _joined(parts)

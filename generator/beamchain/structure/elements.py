@@ -96,16 +96,7 @@ def gauss(count: int) -> tuple[Array, Array]:
 
 
 class MotionRows:
-    """Rows of motion of a chain of pieces as an operator on strain coordinates.
-
-    Args:
-        pieces: from the root outwards, without gaps.
-        hinges: each at the end of a piece or at the root.
-        bodies: each at the end of a piece or at the root; a body at a joint hangs before it.
-        functions: Legendre polynomials per piece and strain.
-        bending: True: displacement and rotation; False: torsion or axial, whose motion is called a turn here.
-        stations: points beside the tip whose motion is wanted, each at the end of a piece or at the root.
-    """
+    """Rows of motion of a chain of pieces as an operator on strain coordinates."""
 
     def __init__(
         self,

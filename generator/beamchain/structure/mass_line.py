@@ -136,10 +136,8 @@ class SpreadMass:
     Args:
         length: root to tip [m].
         rigid: `(6, 6)` mass matrix about the root.
-        pieces: smooth stretches.
         points: `(p, 5)` x [m], mass [kg], polar and rotary inertia in xy and xz [kg m^2].
         stiffness: per port an average bending or torsion stiffness [N m^2], where a search starts.
-        beside: where its mass lies beside the x axis; None: on it.
     """
 
     length: float
@@ -267,13 +265,7 @@ def spread(
     one place before it.
 
     Args:
-        rigid_mass: about the root, x along the appendage.
         length: [m].
-        stiffness: see `SpreadMass`.
-        power: of x with which the smooth part grows, 0 to 4: the more, the less mass stands near the root.
-
-    Raises:
-        InputError: no such distribution exists, so that length, reference point, axes or units are wrong.
     """
     rigid = np.asarray(rigid_mass, dtype=np.float64)
     mass, first, second, polar, rotary_xy, rotary_xz = _along(rigid)
@@ -329,11 +321,7 @@ def spread(
 def of_line(
     length: float, rigid_mass: Array, pieces: Sequence[MassPiece], points: Array, stiffness: Mapping[str, float]
 ) -> SpreadMass:
-    """The mass line that a file states.
-
-    Raises:
-        InputError: it disagrees with the rigid mass matrix.
-    """
+    """The mass line that a file states."""
     line = SpreadMass(length, locked(rigid_mass), tuple(pieces), locked(points), dict(stiffness))
     have = line.moments(0.0, length, closed=True)
     mass, first, second, *_ = _along(rigid_mass)

@@ -17,7 +17,6 @@ class Turned(NamedTuple):
     Args:
         frequencies, participation: `(n,)`, `(n, m)`.
         turn: `(n, n)` orthogonal, new modes in terms of old.
-        changed: groups that were turned, mode numbers from 0.
     """
 
     frequencies: Array
@@ -47,7 +46,6 @@ def into_planes(frequencies: Array, participation: Array, scale: Array, groups: 
         frequencies: `(n,)` ascending.
         participation: `(n, 6)`.
         scale: `(6,)` that makes the motions comparable.
-        groups: mode numbers from 0.
     """
     turn = np.eye(frequencies.size)
     changed: list[list[int]] = []

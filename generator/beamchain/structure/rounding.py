@@ -22,10 +22,6 @@ def settled(rigid_mass: Array, participation: Array, precision: float) -> tuple[
     Args:
         rigid_mass: `(m, m)`.
         participation: `(n, m)`.
-        precision: relative, of the numbers; 0: only what computing them loses.
-
-    Raises:
-        InputError: an eigenvalue is negative beyond rounding.
     """
     diagonal = np.diag(rigid_mass)
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
@@ -58,7 +54,6 @@ def last_digits(rigid_mass: Array, participation: Array, precision: float) -> Ar
     Args:
         rigid_mass: `(m, m)`.
         participation: `(n, m)`.
-        precision: relative, of a number that starts with the digit 1.
     """
 
     def half(values: Array) -> Array:

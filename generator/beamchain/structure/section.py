@@ -55,7 +55,6 @@ class _Section(Struct, frozen=True, kw_only=True):
         """Shear factor of G. R. Cowper, J. Appl. Mech. 33 (1966) 335, for the shape.
 
         Args:
-            nu: Poisson's ratio.
             plane: of bending, "xy" or "xz".
         """
         return 1.0

@@ -26,9 +26,7 @@ def mode_shapes(beam: Beam, port: str, model: PortModel) -> tuple[Array, Array]:
     """Displacement (or angle) along the beam in its mass-normalised cantilever modes.
 
     Args:
-        beam: the appendage.
         port: "xy", "xz", "torsion" or "axial".
-        model: of that beam in that port; all its modes are drawn, so truncate it first.
 
     Returns:
         `x` `(k,)` [m] and the shapes `(n, k)` [1/sqrt(kg)], in torsion [1/(sqrt(kg) m)].

@@ -12,11 +12,7 @@ LONGEST_LINE = 10_000  # characters
 
 
 def check_size(path: Path, largest: int = LARGEST_FILE) -> None:
-    """Refuse files that are empty or too large.
-
-    Raises:
-        InputError: so.
-    """
+    """Refuse files that are empty or too large."""
     try:
         size = path.stat().st_size
     except OSError as error:
@@ -31,11 +27,7 @@ def check_size(path: Path, largest: int = LARGEST_FILE) -> None:
 
 
 def lines(path: Path) -> Iterator[str]:
-    """Lines of a print without their ends.
-
-    Raises:
-        InputError: the file is no text or cannot be read.
-    """
+    """Lines of a print without their ends."""
     check_size(path)
     try:
         with path.open("r", encoding="latin-1", newline=None) as stream:
@@ -50,11 +42,7 @@ def lines(path: Path) -> Iterator[str]:
 
 
 def text(path: Path, largest: int = LARGEST_TOML) -> str:
-    """A whole UTF-8 file.
-
-    Raises:
-        InputError: it is too large, no UTF-8, or cannot be read.
-    """
+    """A whole UTF-8 file."""
     check_size(path, largest)
     try:
         return path.read_text(encoding="utf-8-sig")

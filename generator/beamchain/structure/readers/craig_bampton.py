@@ -27,11 +27,7 @@ BOUNDARY = ("boundary", "b", "bset")
 
 
 def read(path: Path, subcase: int | None = None) -> ModalData:
-    """Modal data of a .npz (freedoms counted from 0) or .mat file (from 1) with mass, stiffness and boundary.
-
-    Raises:
-        InputError: a matrix is missing, not symmetric, too large or not finite, or the boundary does not hold it.
-    """
+    """Modal data of a .npz (freedoms counted from 0) or .mat file (from 1) with mass, stiffness and boundary."""
     if subcase is not None:
         raise InputError(
             f"subcase = {subcase} is given, but {path.name!r} holds one set of matrices; leave subcase out."
@@ -60,11 +56,7 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
 
 
 def read_matrix_market(mass: Path, stiffness: Path, boundary: Sequence[int], name: str) -> ModalData:
-    """The same from two Matrix Market files; boundary freedoms counted from 1, as those files count.
-
-    Raises:
-        InputError: see `read`.
-    """
+    """The same from two Matrix Market files; boundary freedoms counted from 1, as those files count."""
     matrices: list[Array] = []
     for path in (mass, stiffness):
         if not path.is_file():
@@ -104,11 +96,6 @@ def from_matrices(mass: Array, stiffness: Array, boundary: Sequence[int], name: 
     Args:
         mass: `(d, d)`.
         stiffness: `(d, d)`.
-        boundary: the port's six freedoms (x, y, z, rotations about x, y, z), from 0.
-        name: shown in messages.
-
-    Raises:
-        InputError: see `read`.
     """
     d = mass.shape[0]
     if stiffness.shape != (d, d):

@@ -62,15 +62,7 @@ class _Subcase:
 
 
 def read(path: Path, subcase: int | None = None) -> ModalData:
-    """Modal data of a print, in its units, about its reference point.
-
-    Args:
-        path: the .f06 file.
-        subcase: which one, where several hold modes.
-
-    Raises:
-        InputError: tables are missing, cut or contradict each other; the sentence says what to ask Nastran for.
-    """
+    """Modal data of a print, in its units, about its reference point."""
     cases, shared = _scan(path)
     number, case = _choose(path, cases, subcase)
     return _assemble(path, number, case, shared)

@@ -78,11 +78,7 @@ class ModesFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read(path: Path, subcase: int | None = None) -> ModalData:
-    """Modal data of a .toml or .json file, in its units.
-
-    Raises:
-        InputError: it does not parse, a key is unknown or missing, or sizes disagree.
-    """
+    """Modal data of a .toml or .json file, in its units."""
     if subcase is not None:
         raise InputError(f"subcase = {subcase} is given, but {path.name!r} holds one set of modes; leave subcase out.")
     as_json = path.suffix.lower() == ".json"

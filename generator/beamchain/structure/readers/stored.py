@@ -17,12 +17,7 @@ CHUNK = 1 << 20
 
 
 def numpy(path: Path, wanted: Collection[str]) -> dict[str, Any]:
-    """The wanted arrays of an .npz file.
-
-    Raises:
-        InputError: one of them is too large.
-        Exception: whatever zipfile and NumPy raise at a file that is none.
-    """
+    """The wanted arrays of an .npz file."""
     out: dict[str, Any] = {}
     with zipfile.ZipFile(path) as archive:
         for info in archive.infolist():
@@ -48,12 +43,7 @@ def numpy(path: Path, wanted: Collection[str]) -> dict[str, Any]:
 
 
 def matlab(path: Path, wanted: Collection[str]) -> dict[str, Any]:
-    """The wanted arrays of a .mat file.
-
-    Raises:
-        InputError: one of them is too large, or the file unpacks to too much.
-        Exception: whatever SciPy raises at a file that is none.
-    """
+    """The wanted arrays of a .mat file."""
     _check_unpacked(path)
     found = [(str(name), shape) for name, shape, _ in io.whosmat(str(path)) if name in wanted]
     for name, shape in found:
