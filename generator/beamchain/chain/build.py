@@ -37,13 +37,7 @@ TargetOf = Callable[[str, int], PortModel]
 
 @dataclass(frozen=True)
 class Status:
-    """What became of a fit.
-
-    Args:
-        ok: everything asked for was reached.
-        message: what was made, in a sentence or two.
-        history: what was tried, in order.
-    """
+    """What became of a fit: whether all was reached, what was made, and what was tried, in order."""
 
     ok: bool
     message: str
@@ -65,12 +59,10 @@ class Wishes:
     """What is asked of the realisation beside the modes.
 
     Args:
-        springs: "auto": on the hinges where the recursion serves all ports and no mode needs a tendon of its own;
-            "hinges", "modes": one or the other.
+        springs: "auto": on the hinges where the recursion serves all ports; "hinges", "modes": one or the other.
         lines: x where hinges must stand [m].
-        further: x of further ports, whose motion stands behind that of the root in the targets' `tip` columns [m].
-        neutral: per port, last frequency on the one hub on which the target is exact: modes of surplus hinges must not
-            disturb it [rad/s].
+        further: x of further ports, whose motion stands in the targets' `tip` columns [m].
+        neutral: per port, last frequency on the one hub [rad/s] that modes of surplus hinges must not disturb.
     """
 
     springs: Springs = "auto"
@@ -295,12 +287,7 @@ def cut_chain(
     further: Sequence[float] = (),
     cut: Cut | None = None,
 ) -> tuple[Chain, str, Cut]:
-    """A chain on a chosen cut with one tendon per mode, how it was found, and the cut.
-
-    Args:
-        lines: x where hinges must stand [m].
-        further: x of further ports [m].
-    """
+    """A chain with one tendon per mode, how it was found, and the cut; `lines`, `further`: as of `Wishes`."""
     rigid = line.behind(np.array([-line.length]))[0]
     groups = [group.fitting(group_motion(group.ports).T @ rigid @ group_motion(group.ports)) for group in groups]
     wanted = [Wanted(group, _counts(group), _fixed(line, group, lines, rigid)) for group in groups]

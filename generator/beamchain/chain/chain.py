@@ -177,14 +177,7 @@ class Chain:
         return shifted(np.array([-self.hinges[hinge].x, 0.0, 0.0])) @ PORT_MOTION[port][:, -1]
 
     def rows(self, freedoms: Sequence[Freedom]) -> tuple[Array, Array]:
-        """Motion rows weighted by the square root of mass, tendon armature included.
-
-        Args:
-            freedoms: `(f,)` that move; the others are locked.
-
-        Returns:
-            rigid `(r, 6)` per motion of the root, elastic `(r, f)` per freedom: `M = rows^T rows`.
-        """
+        """Motion rows weighted by the square root of mass: rigid `(r, 6)`, elastic `(r, f)` per freedom, `M = rows^T rows`."""
         motions = np.column_stack([np.zeros((6, 0)), *(self.freedom_motion(f) for f in freedoms)])
         behind = np.array([i for i, _ in freedoms], dtype=np.int64)
         own = [link.rows() for link in self.links]
@@ -199,11 +192,7 @@ class Chain:
         return np.array([float(known.get(f, 0.0)) for f in freedoms])
 
     def spring_rows(self, freedoms: Sequence[Freedom]) -> Array:
-        """`(s, f)` with `K = rows^T rows`: square roots of the hinges' springs and of the tendons'.
-
-        Args:
-            freedoms: `(f,)` that move.
-        """
+        """`(s, f)` with `K = rows^T rows`: square roots of the hinges' springs and of the tendons'."""
         springs = np.array([self.hinges[i].stiffness[port] for i, port in freedoms])
         on_hinges = np.diag(np.sqrt(springs))[springs > 0.0]
         on_tendons = [np.sqrt(t.stiffness) * self._along(t, freedoms) for t in self.tendons if t.stiffness > 0.0]
@@ -223,21 +212,12 @@ class Chain:
         return out
 
     def port(self, port: str = "xy") -> PortModel:
-        """How the chain pushes back at its root: all its modes in one port, undamped, the other ports locked.
-
-        Args:
-            port: "xy", "xz", "torsion" or "axial".
-        """
+        """How the chain pushes back at its root: all its modes in one port, undamped, the other ports locked."""
         one_of("port", port, PORTS)
         return self.model([port], PORT_MOTION[port])
 
     def model(self, ports: Sequence[str], motion: Array) -> PortModel:
-        """The port model in some motions of the root with the hinges of some ports loose.
-
-        Args:
-            ports: whose hinges move.
-            motion: `(6, m)` motions of the root.
-        """
+        """The port model in motions `(6, m)` of the root with the hinges of some ports loose."""
         freedoms = self.freedoms(ports)
         rigid, elastic, tip = self._scaled(freedoms)
         if not freedoms:
@@ -253,12 +233,7 @@ class Chain:
         return rigid, elastic @ root, motions @ root
 
     def shapes(self, port: str, modes: PortModel) -> Array:
-        """`(n, h)` angles of the hinges that move in `port` in the mass-normalised cantilever modes.
-
-        Args:
-            port: "xy", "xz", "torsion" or "axial".
-            modes: `port(...)` of this chain, for the signs of its modes.
-        """
+        """`(n, h)` hinge angles of a port in its mass-normalised cantilever modes, with the signs of `modes`."""
         freedoms = self.freedoms([port])
         springs = np.linalg.qr(self.spring_rows(freedoms), mode="r")
         rigid, elastic, _ = self._scaled(freedoms)

@@ -24,12 +24,7 @@ def build_least_squares(
     payload: Mapping[str, TipBody] | None,
     target_of: TargetOf,
 ) -> Built:
-    """A chain by least squares: the plane with most modes decides the links, the other ports get springs on them.
-
-    Args:
-        links: `(N,)` lengths to start from or to keep [m].
-        free: "stiffness", "lengths", "masses".
-    """
+    """A chain by least squares: the plane with most modes decides the links `(N,)` [m], the others get springs on them."""
     planes = [port for port in kept if port in ("xy", "xz")]
     if not planes or "axial" in kept:
         raise InputError('method = "least_squares" needs modes in a bending plane and takes none in axial.')

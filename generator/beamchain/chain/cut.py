@@ -1,8 +1,6 @@
 """Where an appendage is cut: hinges as evenly spaced as the modes let them be, real hinge lines and the user's kept.
 
-Modal tendons can give modes to a cut if the limp chain does not weigh more on the root than the residual mass of the
-modes (`chain.tendons`). The share of that residual mass which is left over is the cut's margin. It grows as the first
-hinges move towards the root, so that the most even cut with enough margin is the one wanted.
+The margin grows as the first hinges move towards the root; the most even cut with enough margin is wanted.
 
 Theory: docs/theory.md, section 4.
 """
@@ -33,11 +31,7 @@ MOST_ADDED = 4  # hinges tried beyond what the modes need
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """Where the hinges stand.
-
-    Args:
-        x: `(c,)` from the root [m].
-    """
+    """Where the hinges stand: x `(c,)` [m], the ports of each, the least margin, and the hinges added, with the reason."""
 
     x: Array
     ports: tuple[tuple[str, ...], ...]
@@ -51,12 +45,7 @@ class Cut:
 
 
 def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float], further: Sequence[float] = ()) -> Cut:
-    """The most even cut that holds the modes.
-
-    Args:
-        lines: x where hinges must stand [m].
-        further: x of further ports that must be exact too [m].
-    """
+    """The most even cut that holds the modes; `lines`: where hinges must stand, `further`: further ports [m]."""
     length = line.length
     fixed = _merged([*lines, *(x for group in wanted for places in group.fixed.values() for x in places)], length)
     groups = list(wanted)
@@ -151,12 +140,7 @@ def _best(search: Margins, fixed: Array, free: int) -> tuple[Array, float]:
 
 
 def _patterns(length: float, free: int, further: Sequence[float]) -> Iterator[Callable[[float], Array]]:
-    """Free hinges by the place of the first, in lengths: graded towards the root, and towards further ports.
-
-    Args:
-        length: of the appendage [m].
-        further: x of further ports [m].
-    """
+    """Free hinges [m] by the place of the first, in lengths: graded towards the root, and towards further ports."""
 
     def graded(a: float, power: float, count: int, end: float) -> Array:
         s = a ** (1.0 / power)

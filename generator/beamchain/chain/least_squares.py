@@ -30,13 +30,7 @@ GOOD_ENOUGH = 1e-7  # cost below which no further start is tried: residuals of s
 
 
 class RodModes(NamedTuple):
-    """Cantilever modes of a chain of rods.
-
-    Args:
-        frequencies: `(n,)` [rad/s].
-        participation: `(n, 2)`.
-        tip: `(n,)` tip displacement in the mass-normalised modes.
-    """
+    """Cantilever frequencies `(n,)` [rad/s], participation `(n, 2)` and tip displacement `(n,)` of a chain of rods."""
 
     frequencies: Numbers
     participation: Numbers
@@ -44,15 +38,7 @@ class RodModes(NamedTuple):
 
 
 class Rods(NamedTuple):
-    """Rods 0..N-1 with hinges between them.
-
-    Args:
-        starts: `(N,)` x of each rod's inner end; rod 0 is welded to the root [m].
-        masses: `(N,)` [kg].
-        centres: `(N,)` x of the mass centres [m].
-        inertias: `(N,)` about the centres [kg m^2].
-        stiffness: `(N - 1,)` of the hinge at `starts[1:]` [N m/rad].
-    """
+    """Rods 0..N-1 by their inner ends and mass centres `(N,)` [m], and the springs `(N - 1,)` between them [N m/rad]."""
 
     starts: Numbers
     masses: Numbers
@@ -78,12 +64,7 @@ class LoadCase:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A fit by least squares.
-
-    Args:
-        positions: `(N - 1,)` x of the hinges [m].
-        stiffness: `(N - 1,)` [N m/rad].
-    """
+    """A fit by least squares: hinges at `positions` `(N - 1,)` [m]; `nodes` where the masses were free."""
 
     positions: Array
     stiffness: Array
@@ -101,13 +82,7 @@ def fit_planar(
     links: Array,
     free: Sequence[str] = FREE,
 ) -> Found:
-    """Fit a planar chain whose link 1 is welded to the root.
-
-    Args:
-        port: "xy" or "xz".
-        links: `(N,)` lengths to start from, or that stand where "lengths" is not free [m].
-        free: what may vary, of "stiffness", "lengths", "masses".
-    """
+    """Fit a planar chain whose link 1 is welded to the root, from links `(N,)` [m]; `free`: some of `FREE`."""
     starts = _starts(beam, port, links, "lengths" in free)
     best: Found | None = None
     history: list[str] = []
@@ -135,14 +110,7 @@ def fit_planar(
 
 
 def fit_stiffness(chain: Chain, port: str, target: PortModel, start: Array) -> tuple[Chain, float]:
-    """Springs of one port on links that stand: least squares on frequencies and participation.
-
-    Args:
-        start: `(h,)` springs to start from.
-
-    Returns:
-        the chain with springs in every hinge, and the worst relative residual.
-    """
+    """The chain with springs of one port in every hinge, from `start` `(h,)`, and the worst relative residual."""
     scale = np.sqrt(np.diag(target.rigid_mass))
     weight = np.linalg.norm(target.participation / scale, axis=1)[:, None]
 
@@ -165,10 +133,7 @@ def fit_stiffness(chain: Chain, port: str, target: PortModel, start: Array) -> t
 
 
 def payload_cases(beam: Beam, port: str, modes: int, payload: TipBody | None) -> list[LoadCase]:
-    """The beam alone; with a payload, also with 2 %, 20 % and all of it.
-
-    The ladder is geometric, so that a chain that holds at its ends holds between them.
-    """
+    """The beam alone; with a payload, also with 2 %, 20 % and all of it: what holds at the ends holds between them."""
     out: list[LoadCase] = []
     for factor in (0.0,) if payload is None else (0.0, 0.02, 0.2, 1.0):
         load = TipBody(0.0, 0.0) if payload is None else TipBody(factor * payload.mass, factor * payload.inertia)
@@ -319,10 +284,7 @@ class _Problem:
 
 
 def loaded_modes(rods: Rods, tip: float, payloads: Sequence[TipBody]) -> RodModes:
-    """`rod_modes` with each of `k` payloads: frequencies `(k, n)`, participation `(k, n, 2)`, tip `(k, n)`.
-
-    All at once: a fit calls this some ten thousand times.
-    """
+    """Modes with each of `k` bodies at the tip [m], all at once: each field gets a leading axis `(k,)`."""
     hinges = rods.starts[1:]
     flexible = 1.0 / np.sqrt(rods.stiffness)
     outside = np.tri(rods.masses.size, hinges.size, -1)  # hinge j moves rods j+1 and on
@@ -352,10 +314,7 @@ def loaded_modes(rods: Rods, tip: float, payloads: Sequence[TipBody]) -> RodMode
 
 
 def nodes_to_rods(masses: Numbers, lengths: Numbers, stiffness: Numbers) -> Rods:
-    """Rods from node masses `(N + 1,)` and rod lengths `(N,)`.
-
-    Inner nodes are shared half and half: the port does not notice.
-    """
+    """Rods from node masses `(N + 1,)` and rod lengths `(N,)`; inner nodes are shared half and half."""
     x = np.concatenate([np.zeros(1), np.cumsum(lengths)])
     half = np.concatenate([masses[:1], masses[1:-1] / 2.0, masses[-1:]])
     a = np.concatenate([half[:1], half[1:-1]])

@@ -80,12 +80,7 @@ def _running(beam: MassLine) -> tuple[Array, Array, Array]:
 
 
 def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
-    """x at which the beam's own cumulative mass or polar inertia reaches the given inertias.
-
-    Args:
-        shares: `(n + 1,)` inertias of the groups from the root; n positions come back.
-        kind: "mass" or "polar".
-    """
+    """`(n,)` x [m] at which the beam's own "mass" or "polar" inertia reaches the groups' `shares` `(n + 1,)`."""
     grid, masses, polars = _running(beam)
     own = masses if kind == "mass" else polars
     if not np.sum(shares) > 0.0:
@@ -95,12 +90,7 @@ def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
 
 
 def share(links: list[Link], wanted: list[float], groups: list[list[int]], real: Array) -> list[float]:
-    """Polar inertia of every link: each group's sum as wanted, each link's a rigid body's, near to the real pieces'.
-
-    Args:
-        wanted: polar inertia per group [kg m^2].
-        real: `(N,)` the real pieces' polar inertia.
-    """
+    """Polar inertia of every link: each group's sum as `wanted` [kg m^2], near to the real pieces' `(N,)`."""
     out = [0.0] * len(links)
     for total, members in zip(wanted, groups, strict=True):
         low = np.array([abs(links[i].inertia[2] - links[i].inertia[1]) for i in members]) * (1.0 + 1e-12)
@@ -133,15 +123,9 @@ def share(links: list[Link], wanted: list[float], groups: list[list[int]], real:
 def polar_inertias(
     beam: MassLine, links: list[Link], cuts: Array, inertias: Array, real: Array
 ) -> tuple[list[int], list[float]]:
-    """Which hinges turn in torsion, and every link's polar inertia.
+    """The n hinges of `cuts` `(c,)` [m] that turn in torsion, and the links' polar inertias `(c + 1,)`.
 
-    Args:
-        cuts: `(c,)` hinge positions [m].
-        inertias: `(n + 1,)` polar inertia of the groups; one entry: rigid in torsion.
-        real: `(c + 1,)` real pieces' polar inertia.
-
-    Returns:
-        indices of the n hinges that carry a torsion spring, and `(c + 1,)` polar inertias.
+    `inertias` `(n + 1,)`: of the groups; one entry: rigid in torsion. `real` `(c + 1,)`: of the real pieces.
     """
     n = inertias.size - 1
     wish = natural_positions(beam, inertias, "polar") if n else np.zeros(0)
@@ -158,16 +142,9 @@ def polar_inertias(
 
 
 def raised(chain: Chain, least: float) -> tuple[Chain, str]:
-    """The chain with no link's polar inertia below what an engine takes, and a sentence that says so.
+    """The chain with no polar inertia below `least` [kg m^2], and a sentence that says so; both as before where none is.
 
-    Thin rods fall below it long before their mass or transverse inertia does. Bending does not see it; a chain that
-    bends in torsion is left alone, as is one whose roll inertia would no longer be small beside its transverse one.
-
-    Args:
-        least: smallest principal inertia [kg m^2].
-
-    Returns:
-        the chain, the same where nothing was to be done, and the sentence, empty then.
+    A chain that bends in torsion is left alone, as is one whose roll inertia would no longer be small.
     """
     low = [i for i, link in enumerate(chain.links) if link.inertia[0] < least <= min(link.mass, *link.inertia[1:])]
     rigid = chain.rigid_mass()
@@ -187,11 +164,7 @@ def raised(chain: Chain, least: float) -> tuple[Chain, str]:
 
 
 def settled(line: MassLine, links: Sequence[Link], cuts: Array) -> list[Link]:
-    """Links that are rigid bodies: where short ones cannot carry their own polar inertia, the longer ones carry it.
-
-    Args:
-        cuts: `(c,)` between them [m].
-    """
+    """Links that are rigid bodies: what short ones between `cuts` `(c,)` [m] cannot carry, the longer ones carry."""
     if any(link.beside != (0.0, 0.0) or link.products != (0.0, 0.0, 0.0) for link in links):
         return list(links)  # imported mass has its breadth in all three inertias
     rigid = line.rigid_mass()

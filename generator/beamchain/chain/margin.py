@@ -1,7 +1,6 @@
-"""What a cut leaves: whether the rigid links between its hinges can hold the residual mass of the wanted modes.
+"""Whether the rigid links of a cut can hold the residual mass of the wanted modes, and with what margin.
 
-Every port whose modes stand on the cut keeps a positive share of the mass left to each link (the inequality of
-`docs/theory.md`, section 4); the margin is the smallest share.
+Theory: docs/theory.md, section 4.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -42,11 +41,7 @@ TURNS = {
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """A group of ports and how many hinges each needs.
-
-    Args:
-        fixed: per port, x of hinges that stand [m].
-    """
+    """A group of modes, how many hinges each port needs, and per port x of hinges that stand [m]."""
 
     modes: ModeGroup
     counts: Mapping[str, int]
@@ -95,12 +90,7 @@ class Margins:
     )
 
     def margin(self, group: Wanted, x: Array, freedoms: Sequence[Freedom], behind: Array) -> float:
-        """Least eigenvalue of what the inequality leaves, over the residual mass (and the further ports' own).
-
-        Args:
-            x: `(c,)` hinges [m].
-            behind: `(c, 6, 6)` mass matrix behind each hinge.
-        """
+        """Least eigenvalue of what the inequality leaves, relative; `behind` `(c, 6, 6)`: mass behind the hinges at `x` [m]."""
         self.table.tried += 1 + len(freedoms) // 8  # as long as it takes
         motion, given, floor, left_over = self._constants(group)
         at = np.array([i for i, _ in freedoms])

@@ -93,12 +93,9 @@ def _rods(r: Array, phi: Array, lam: Array, count: int) -> tuple[Array, Array, A
 
 
 def _with_root_hinge(target: PortModel, rows: Array, lam: Array) -> Nodes:
-    """The chain of a target whose residual mass is that of a point at `x0`: one mode lies at infinity.
+    """The chain of a target whose residual mass is that of a point at `x0`: the first rod is massless and ends there.
 
-    Turning the root about `x0` then moves no mass at once, so that the first rod is massless and its hinge stands at
-    `x0` (0: at the root itself). In the finite modes the first two rods turn together, as no moment passes a massless
-    rod; the hinge's stiffness is what resists at high frequency, `D -> -sum W_k^2 L_k L_k^T / s^2` along
-    `v = (-x0, 1)`: `c_1 = sum W_k^2 (L_k v)^2`. Beyond the hinge the chain is that of the finite modes seen from `x0`.
+    The hinge's stiffness is what resists at high frequency along `v = (-x0, 1)`: `c_1 = sum W_k^2 (L_k v)^2`.
     """
     residual = target.residual_mass
     reach = abs(float(target.rigid_mass[0, 1] / target.rigid_mass[0, 0]))
@@ -146,16 +143,9 @@ def _check(nodes: Nodes, scale_length: float) -> None:
 
 
 def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, Array, Array]:
-    """Share the inner nodes' masses between their two rods; the port does not notice.
+    """Share the inner nodes' masses between their two rods, each link with the beam's own mass `(N,)` where that can be.
 
-    The natural split gives every link the beam's own mass between its two hinges. Where that would leave a rod with a
-    negative end mass (and so a negative inertia), the nearest split that keeps `share` of the node is taken.
-
-    Args:
-        beam_mass: `(N,)` mass of the beam between the hinges (last: up to the tip) [kg].
-
-    Returns:
-        masses `(N,)` [kg], mass centres `(N,)` from each rod's inner end [m], inertias `(N,)` [kg m^2].
+    Returns masses [kg], mass centres from each rod's inner end [m] and inertias [kg m^2], all `(N,)`.
     """
     inner, outer = [nodes.masses[0]], []
     count = nodes.lengths.size
@@ -204,13 +194,7 @@ def planar_chain(nodes: Nodes, beam: MassLine, port: str = "xy") -> Chain:
 
 
 def realise_scalar(target: PortModel) -> tuple[Array, Array]:
-    """The string of inertias and springs whose port model is a scalar `target` (torsion or axial).
-
-    A Stieltjes string (M. G. Krein): positive for any data.
-
-    Returns:
-        inertias `(n + 1,)` from the root and springs `(n,)` between them.
-    """
+    """Inertias `(n + 1,)` from the root and springs `(n,)` of a torsion or axial `target`: a Stieltjes string (M. G. Krein)."""
     n = target.modes
     r = np.concatenate([target.rigid_port_values[0], target.free_port_values[:, 0]])
     lam = np.concatenate([[0.0], target.free_frequencies**2])

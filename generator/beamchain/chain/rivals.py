@@ -32,13 +32,7 @@ def rigid_link(beam: MassLine, start: float, end: float) -> Link:
 
 
 def cut(beam: Beam, hinges: Array, stiffness: Array, port: str) -> Chain:
-    """Freeze the beam between the given hinge positions.
-
-    Args:
-        hinges: `(h,)` ascending x [m]; 0 gives a hinge at the root.
-        stiffness: `(h,)` [N m/rad].
-        port: "xy" or "xz".
-    """
+    """Freeze the beam between hinges `(h,)` [m] with springs `(h,)` [N m/rad]; x = 0 gives a hinge at the root."""
     edges = [0.0, *hinges.tolist(), beam.length]
     links = [
         Link(0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)) if b <= a else rigid_link(beam, a, b) for a, b in pairwise(edges)
@@ -96,12 +90,7 @@ def seed_parameters(mass: float, length: float, omega1: float, omega2: float) ->
 
 
 def seed_chain(beam: Beam, k: float, c: float, port: str = "xy") -> Chain:
-    """Three uniform links `(1-k)l/2, k l, (1-k)l/2` and two equal springs `c` [N m/rad] (Belonozhko 2008, sec. 3).
-
-    Args:
-        c: stiffness of each spring [N m/rad].
-        port: "xy" or "xz".
-    """
+    """Three uniform links `(1-k)l/2, k l, (1-k)l/2` and two equal springs `c` [N m/rad] (Belonozhko 2008, sec. 3)."""
     if not beam.uniform:
         raise InputError('method = "seed" is the paper\'s recipe for a uniform beam; use "exact" for this appendage.')
     ends = np.array([(1.0 - k) / 2.0, (1.0 + k) / 2.0]) * beam.length

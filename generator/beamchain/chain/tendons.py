@@ -1,13 +1,7 @@
 """Modal tendons: any modes on any bodies, exactly, by one fixed tendon per mode.
 
-Cut an appendage into rigid bodies with its rigid mass matrix `R` and join them by N hinges. With the root held, the mass
-matrix over (root motions, hinges) is `[[R, P], [P^T, Q]]`. ModeGroup with frequencies `w_k` and participation `L_k` can be
-given to these bodies by stiffness and armature between the hinges if and only if
-
-    sum_k L_k L_k^T <= P Q^-1 P^T    and    N >= n + rank P - rank L,
-
-that is, if the limp chain does not weigh more on the root than the residual mass of the modes. Every mode is then one
-fixed tendon whose length is the modal coordinate. Rows for a further port stack below those of the root.
+With the root held, the mass matrix over (root motions, hinges) is `[[R, P], [P^T, Q]]`; modes with participation `L_k`
+can be given to these bodies if and only if `sum_k L_k L_k^T <= P Q^-1 P^T` and `N >= n + rank P - rank L`.
 
 Theory: docs/theory.md, section 4.
 """
@@ -41,19 +35,17 @@ WORST_CONDITION = 1e3  # of the modes in hinge coordinates, beyond which digits 
 
 @dataclass(frozen=True, eq=False)
 class ModeGroup:
-    """What a group of ports is given.
+    """The modes of a group of ports.
 
     Args:
         frequencies: `(n,)` [rad/s].
         rows: `(n, m)` participation in the motions of the root, then the motion of any further port.
-        damping: `(n,)` ratios.
-        momenta: `(n, f)` what the real modes are worth in the hinges' own motions; see `on`.
+        momenta: `(n, f)` of the real modes in the hinges' own motions; see `on`.
         numbers: `(n,)` of the modes, from 1, for their names; 1, 2, ... where left out.
-        rigid: `(m, m)` rigid mass that goes with the participation, in the motions of the root; that of the bodies where
-            left out.
-        beyond: frequency of the first mode left out, where known, for the modes of surplus hinges [rad/s].
-        neutral: last frequency on the one hub on which the modes are exact; with it the modes of surplus hinges do not move
-            the root [rad/s].
+        weights: per port, how many of the modes move it most; every port of the group where left out.
+        rigid: `(m, m)` rigid mass that goes with the participation; that of the bodies where left out.
+        beyond: frequency of the first mode left out, where known [rad/s].
+        neutral: last frequency on the one hub [rad/s], where modes of surplus hinges must not move the root.
     """
 
     ports: tuple[str, ...]
@@ -69,21 +61,13 @@ class ModeGroup:
     neutral: float | None = None
 
     def filler_frequency(self, last: float) -> float:
-        """Frequency of the modes of surplus hinges [rad/s].
-
-        Args:
-            last: highest frequency kept in any group [rad/s].
-        """
+        """Frequency of the modes of surplus hinges [rad/s], given the highest one kept in any group."""
         if self.neutral is not None:
             return ABOVE * max(self.neutral, last)
         return FILLER * last if self.beyond is None else max(self.beyond, 2.0 * last)
 
     def fitting(self, rigid: Array) -> "ModeGroup":
-        """The modes with participation that fits bodies of a slightly different rigid mass `(m, m)`.
-
-        A printed rigid mass is a body's to its last digits only. The congruence that takes one into the other takes the
-        residual mass along, which stays positive.
-        """
+        """The modes with participation that fits bodies of a slightly different rigid mass `(m, m)`, printed to few digits."""
         if self.rigid is None or not np.max(np.abs(self.rigid - rigid)) > SAME_MASS * np.max(np.abs(rigid)):
             return self
         m = rigid.shape[0]
@@ -108,14 +92,9 @@ class ModeGroup:
 
 
 def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[Array, Array]:
-    """The modes in hinge coordinates.
+    """Mass-normalised modes in hinge coordinates `(f, f)`, wanted ones first, and the armature `(f, f)` they need.
 
-    Args:
-        kinematics: `(m, f)` P over the rows of further ports.
-        inertia: `(f, f)` Q.
-
-    Returns:
-        T `(f, f)`: columns are mass-normalised modes, wanted ones first, and the armature `(f, f)` they need.
+    `kinematics` `(m, f)`: P over the rows of further ports; `inertia` `(f, f)`: Q.
     """
     n, size = modes.frequencies.size, inertia.shape[0]
     root = np.linalg.cholesky(inertia)
@@ -168,11 +147,7 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[A
 
 
 def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
-    """`(size, k)` up to `count` motions that the root does not feel, beside modes `u`, all of them within the unit ball.
-
-    Args:
-        u: `(size, n)` modes.
-    """
+    """`(size, k)` up to `count` motions that the root does not feel, beside modes `u` `(size, n)`, within the unit ball."""
     left = np.eye(u.shape[0]) - u @ u.T
     own, across = seen.T @ left @ seen, seen.T @ left @ unseen
     room = unseen.T @ left @ unseen - across.T @ np.linalg.pinv(own, hermitian=True) @ across
@@ -182,12 +157,9 @@ def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
 
 
 def _turned(lift: Array, free: Array, size: int, guide: Array | None) -> Array:
-    """`(size, n)` Z with no singular value above 1: nearest to the real mode shapes, never flat where the root is blind.
+    """`(size, n)` Z with no singular value above 1: nearest to `guide`, the real modes, never flat where the root is blind.
 
-    Args:
-        lift: `(n, n)` square root of what the root leaves open.
-        free: `(n, k)` combinations of modes that the root does not see.
-        guide: `(size, n)` the real modes in those motions; None: any will do.
+    `lift` `(n, n)`: square root of what the root leaves open; `free` `(n, k)`: mode combinations that it does not see.
     """
     n = lift.shape[0]
     if guide is None:  # an isometry: first on what the root does not see, then on the rest
@@ -218,11 +190,7 @@ def _clipped(z: Array) -> Array:
 
 
 def given_modes(chain: Chain, groups: Sequence[ModeGroup], further: Sequence[float] = (), ratio: float = 0.0) -> Chain:
-    """The chain with tendons that give it the wanted modes, exactly.
-
-    Args:
-        further: x of the further ports whose rows stand below the root's [m].
-    """
+    """The chain with tendons that give it the wanted modes, exactly; `further`: x of further ports [m]."""
     tendons: list[Tendon] = []
     armatures: list[Tendon] = []
     fillers = 0
@@ -254,12 +222,9 @@ def given_modes(chain: Chain, groups: Sequence[ModeGroup], further: Sequence[flo
 
 
 def _stiffened(shapes: Array, frequencies: Array, moved: Array, n: int) -> tuple[Array, Array]:
-    """ModeGroup whose last, the attachment modes, are stiffer by what fillers yield, so that a port's flexibility is exact.
+    """Modes whose attachment modes are stiffer by what fillers yield, so that a port's flexibility is exact.
 
-    Args:
-        shapes: `(f, f)` modes in hinge coordinates, fillers last.
-        frequencies: `(f,)` theirs [rad/s].
-        moved: `(p, f)` motion of the further ports in them.
+    `shapes` `(f, f)`: in hinge coordinates, fillers last; `moved` `(p, f)`: motion of the further ports in them.
     """
     last = slice(n - moved.shape[0], n)
     own = moved[:, last]
@@ -298,22 +263,14 @@ def port_rows(chain: Chain, freedoms: Sequence[Freedom], motion: Array, x: float
 
 
 def springs_as_modes(chain: Chain, damping: Mapping[str, Array]) -> Chain:
-    """A chain with springs on its hinges as the same chain with one tendon per mode, which has the mode's own damping.
-
-    Args:
-        damping: per port `(n,)` ratios.
-    """
+    """A chain with springs on its hinges as the same chain with one tendon per mode, damped by its ratio."""
     tendons = [t for port in chain.ports for t in _modes_of(chain, port, damping[port], springs=True)]
     loose = tuple(replace(hinge, stiffness=dict.fromkeys(hinge.stiffness, 0.0)) for hinge in chain.hinges)
     return replace(chain, hinges=loose, tendons=tuple(tendons))
 
 
 def damped_modes(chain: Chain, damping: Mapping[str, Array]) -> Chain:
-    """A chain that keeps its springs on its hinges, with a damping tendon for each of the first modes.
-
-    Args:
-        damping: per port `(k,)` ratios of its first k modes.
-    """
+    """A chain that keeps its springs on its hinges, with a damping tendon for each of the first modes."""
     tendons = [t for port in damping for t in _modes_of(chain, port, damping[port], springs=False) if t.damping > 0.0]
     return replace(chain, tendons=(*chain.tendons, *tendons))
 
@@ -333,11 +290,7 @@ def _modes_of(chain: Chain, port: str, ratios: Array, *, springs: bool) -> list[
 
 
 def joint_damping(chain: Chain, port: str, ratios: Array) -> Chain:
-    """The chain with plain damping in the hinges of a port: the best non-negative least-squares fit of the ratios.
-
-    Args:
-        ratios: `(n,)` wanted ratios of its cantilever modes.
-    """
+    """The chain with damping in the hinges of a port: non-negative least squares on the modes' ratios `(n,)`."""
     modes = chain.port(port)
     moving = [i for i, hinge in enumerate(chain.hinges) if port in hinge.stiffness]
     wanted = 2.0 * ratios[: modes.modes] * modes.frequencies

@@ -15,11 +15,7 @@ _TRY = (
 
 
 def choose() -> str:
-    """Set MUJOCO_GL to a renderer that works without a screen; a setting of the user's is only tried, not changed.
-
-    Returns:
-        Its name.
-    """
+    """Set MUJOCO_GL to a renderer that works without a screen, and name it; the user's setting is only tried."""
     given = os.environ.get("MUJOCO_GL", "").strip().lower()
     if "mujoco" in sys.modules:  # it has looked already
         return given

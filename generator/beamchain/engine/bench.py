@@ -34,12 +34,7 @@ TOGETHER = 1e-6  # relative: frequencies this close are taken together, as their
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What MuJoCo says of an appendage.
-
-    Args:
-        rigid_mass: `(6, 6)` about the root, from the compiled bodies.
-        couplings: relative, per pair of ports (`"xy, torsion"`).
-    """
+    """What MuJoCo says of an appendage: port models, rigid mass `(6, 6)`, relative couplings, digits lost per port."""
 
     ports: dict[str, PortModel]
     rigid_mass: Array
@@ -54,12 +49,7 @@ class Measured:
 
 
 def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballast: Array | None = None) -> Measured:
-    """Put the appendage on the bench, linearise, and read the port models back.
-
-    Args:
-        timestep: [s].
-        ballast: `(4,)` mass and principal inertias at the root; see `mjcf.write.bench`.
-    """
+    """Put the appendage on the bench, linearise, and read the port models back; `ballast` `(4,)`: see `mjcf.write.bench`."""
     model = compile_model(write.text(write.bench(appendage, ports, timestep, ballast)))
     linear = linearise(model, epsilon=STRAIGHT)
     groups: dict[str, tuple[int, ...]] = {}
@@ -96,15 +86,7 @@ def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballas
 def measure_in_space(
     appendage: Element, *, timestep: float, ballast: Array | None = None, live: Sequence[int] = tuple(range(6))
 ) -> tuple[Measured, PortModel]:
-    """Put the appendage on the bench, linearise, and read the port model in space back.
-
-    Args:
-        timestep: [s].
-        ballast: `(4,)` mass and principal inertias at the root; see `mjcf.write.bench`.
-
-    Returns:
-        what MuJoCo says (its ports are the blocks of the port model in space), and the port model.
-    """
+    """The same with all six motions free: what MuJoCo says, and the port model in space of the `live` motions."""
     model = compile_model(write.text(write.bench(appendage, PORTS, timestep, ballast)))
     linear = linearise(model, epsilon=STRAIGHT)
     extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
@@ -195,12 +177,7 @@ def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
 
 
 def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origin: Array, frame: Array) -> Array:
-    """`(6, 6)` mass matrix of a body's frozen subtree about any point, in any axes.
-
-    Args:
-        origin: `(3,)` the point, in the world.
-        frame: `(3, 3)` the axes in columns, in the world.
-    """
+    """`(6, 6)` mass matrix of a body's frozen subtree about a point `(3,)` in axes `(3, 3)`, in columns."""
     out = np.zeros((6, 6))
     for i in range(model.nbody):
         top = i
@@ -226,11 +203,7 @@ def ballast_for(chain: Chain) -> Array | None:
 
 
 def root_body(chain: Chain) -> Array:
-    """`(4,)` mass and inertias of a root body as heavy as the chain, to measure with.
-
-    However light the first link is (behind a soft joint at the root it weighs next to nothing), the bench is then well
-    conditioned and no digit is lost in reading A and B.
-    """
+    """`(4,)` mass and inertias of a root body as heavy as the chain, so that no digit is lost in reading A and B."""
     rigid = np.diag(chain.rigid_mass())
     across = max(rigid[4:])
     out = np.array([rigid[0], max(rigid[3], write.SMALLEST), across, across])  # about x its own: torsion is far lighter

@@ -19,12 +19,7 @@ MARGIN = 1.12
 
 
 def film(model: "mujoco.MjModel", slew: Slew, *, exaggerate: float, width: int, height: int) -> Iterator[Frame]:
-    """The frames `(height, width, 3)` of a slew; beside each elastic thing, faintly, where it would be if rigid.
-
-    Args:
-        width: [pixels].
-        height: [pixels].
-    """
+    """The frames `(height, width, 3)` of a slew; beside each elastic thing, faintly, where it would be if rigid."""
     camera, extent = _camera(model, slew, exaggerate, width / height)
     _thicken(model, SLIMMEST * extent)
     model.vis.global_.offwidth = max(int(model.vis.global_.offwidth), width)

@@ -54,14 +54,13 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
 
 
 class Held(NamedTuple):
-    """A linearised model with its root held: its modes, and what joins them to the root.
+    """A linearised model with its root held, `n` modes and `m` motions.
 
     Args:
         apparent: `(m, m)` mass of the port with the joints loose.
         squares: `(n,)` frequencies squared, ascending [1/s^2].
         reaction: `(m, n)` wrench of each mode on the root.
-        drive: `(n, m)` what the root's acceleration does to each mode; `reaction x drive` is the sum of `W^2 L L^T`.
-        ratios: `(n,)` of damping.
+        drive: `(n, m)` of the root's acceleration on each mode; `reaction x drive` is the sum of `W^2 L L^T`.
     """
 
     apparent: Array
@@ -161,17 +160,7 @@ class Linearisation:
         return PortModel(rigid + participation.T @ participation, np.sqrt(held.squares), participation, held.ratios)
 
     def held(self, root: list[int], inner: list[int], columns: list[int], turn: Array) -> Held:
-        """The model with its root held.
-
-        Args:
-            root: its degrees of freedom, one per motion of the port.
-            inner: the sprung ones.
-            columns: motors that drive the root.
-            turn: `(m, m)` diagonal, signs of the port's motions against the joints'.
-
-        Raises:
-            EngineError: a joint is not sprung.
-        """
+        """The model with its root held; `turn` `(m, m)`: signs of the port's motions against the joints'."""
         apparent: Array = np.asarray(np.linalg.inv(turn @ self.inputs[np.ix_(root, columns)] @ turn), dtype=np.float64)
         follow = self.inputs[np.ix_(inner, columns)] @ turn @ apparent
         pull = turn @ self.stiffness[np.ix_(root, inner)]
@@ -327,13 +316,7 @@ def dense_mass(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
 
 
 def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: Array) -> Array:
-    """The share of `M^-1 K` that the integrator "discrete" treats implicitly, `(nv, nv)` [1/s^2].
-
-    All of a joint's spring, not a tendon's; read off A, whose velocity block is `(I + h M^-1 D + h^2 M^-1 Ki)^-1`.
-
-    Args:
-        damping: `(nv, nv)` `M^-1 D` [1/s].
-    """
+    """`(nv, nv)` the share of `M^-1 K` [1/s^2] that "discrete" treats implicitly: all of a joint's spring, not a tendon's."""
     nv, h = model.nv, float(model.opt.timestep)
     a, *_ = transition(model, data, VELOCITY, "discrete")
     return (np.linalg.inv(a[nv : 2 * nv, nv : 2 * nv]) - np.eye(nv) - h * damping) / h**2

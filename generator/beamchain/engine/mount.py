@@ -18,10 +18,7 @@ RANK = 1e-9  # relative singular value below which a motion of the port is held
 
 
 class Carrier(NamedTuple):
-    """A joint between the port and the world.
-
-    `own`: it carries the spacecraft as a whole, not a part of it. `sprung`: a spring or a position servo holds it.
-    """
+    """A joint between port and world; `own`: it carries the whole spacecraft, `sprung`: a spring or servo holds it."""
 
     name: str
     kind: str
@@ -31,12 +28,9 @@ class Carrier(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Mount:
-    """The place of an appendage in a compiled spacecraft at rest.
+    """The place of an appendage in a compiled spacecraft at rest: port in its body, and in the world (axes in columns).
 
-    Args:
-        origin, axes: `(3,)`, `(3, 3)` of the port in the world, axes in columns.
-        hub: `(6, 6)` what is rigidly behind the port, with all that hangs on it, about the port in its axes.
-        jacobian: `(6, nv)` motion of the port in its axes per degree of freedom.
+    `hub` `(6, 6)`: what is rigidly behind the port; `jacobian` `(6, nv)`: motion of the port; both in its axes.
     """
 
     at: str
@@ -70,11 +64,7 @@ class Mount:
 
 
 def mount(model: "mujoco.MjModel", at: str, kind: str, name: str) -> Mount:
-    """Read a mount from a compiled spacecraft.
-
-    Args:
-        kind: "site" or "body".
-    """
+    """Read a mount, a "site" or "body", from a compiled spacecraft."""
     data = rest(model)
     place = int(mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name))
     if place < 0:
@@ -135,11 +125,7 @@ def held_joints(model: "mujoco.MjModel") -> set[int]:
 
 
 def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
-    """`(6, 6)` what is rigidly behind each port with all that hangs on it, other appendages rigid, by name.
-
-    Args:
-        rigid: `(6, 6)` rigid mass of each appendage about its own port, by name.
-    """
+    """`(6, 6)` what is rigidly behind each port, other appendages (`rigid`, about their own ports) rigid, by name."""
     out: dict[str, Array] = {}
     for own in mounts:
         total = own.hub.copy()
@@ -152,11 +138,9 @@ def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[
 
 
 def apparent_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
-    """`(6, 6)` hub that each port feels: wrench per acceleration, by name; arguments as in `rigid_hubs`.
+    """`(6, 6)` hub that each port feels, by name: `(J M^-1 J^T)^-1`, loose joints free, sprung ones locked.
 
-    `(J M^-1 J^T)^-1` over the degrees of freedom that no spring holds: loose joints free, sprung ones locked. On one
-    rigid body this is its mass matrix; behind a solar-array drive it is the rotor about the drive's axis and the whole
-    spacecraft in all else. Motions that the spacecraft's joints hold get 1e9 times the largest mass.
+    Motions that the spacecraft's joints hold get 1e9 times the largest mass.
     """
     held = held_joints(model)
     loose = [i for i in range(model.nv) if int(model.dof_jntid[i]) not in held]

@@ -22,25 +22,14 @@ LARGEST = 4_000_000  # numbers held at once; longer simulations go in pieces
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """What a simulation gave.
-
-    Args:
-        motion: `(t, 6)` of the free-flying hub, at the ends of the steps: displacement [m], rotation vector [rad].
-    """
+    """Motion `(t, 6)` of the hub at the ends of the steps [m, rotation vector in rad], and the seconds it took."""
 
     motion: Array
     seconds: float
 
 
 def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: Array) -> Course:
-    """Simulate from rest with a wrench on the hub, whose free joint is the model's first.
-
-    Args:
-        timestep: [s].
-        wrench: `(t, 6)` force and moment on the hub's centre, constant over each step.
-
-    A simulation that blows up gives motions that are not finite.
-    """
+    """Simulate from rest with a wrench `(t, 6)` on the hub, constant over each step; not finite where it blows up."""
     model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep
     data = mujoco.MjData(model)
     size, steps = mujoco.mj_stateSize(model, STATE), wrench.shape[0]
@@ -70,11 +59,7 @@ def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: 
 
 
 def seconds_of(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: Array) -> float:
-    """Time of the calling thread to simulate as `simulate` does, nothing recorded [s].
-
-    Steps under one constant wrench go in one call, as they would in a program that only needs the end; where the wrench
-    changes at every few steps, this is `simulate`'s own time.
-    """
+    """Time of the calling thread to simulate as `simulate` does, nothing recorded [s]; one call per constant wrench."""
     moved = np.abs(np.diff(wrench, axis=0)) > ROUNDING * float(np.max(np.abs(wrench)))
     changes = np.flatnonzero(np.any(moved, axis=1)) + 1
     if changes.size * SHORTEST_STRETCH > wrench.shape[0]:

@@ -27,8 +27,7 @@ class Slew:
     Args:
         times: `(k,)` [s].
         positions: `(k, nq)` of MuJoCo.
-        body: the body that turns.
-        axis: 0, 1, 2: about its x, y or z.
+        axis: 0, 1, 2: about x, y or z of `body`.
         angle: [rad].
         duration: of the turn [s].
         omega: of the mode that rings [rad/s].
@@ -67,13 +66,9 @@ class Slew:
 
 
 def simulate(model: "mujoco.MjModel", *, angle: float, frames: int) -> Slew:
-    """Turn the spacecraft by a torque forwards and back on its hub, and let it ring.
+    """Turn the spacecraft by `angle` [rad] with a torque forwards and back on its hub, and let it ring.
 
-    The turn takes an odd number of periods of the first mode that turning the hub excites: then what the torque's two
-    halves leave behind adds up. It takes as many as keep the springs' angles small.
-
-    Args:
-        angle: of the turn, as if rigid [rad].
+    The turn takes an odd number of periods of the mode excited, so that what the two halves leave behind adds up.
     """
     free = [j for j in range(model.njnt) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)]
     if not free:

@@ -117,13 +117,7 @@ def in_band_error(
 
 
 def coupling_error(model: PortModel, damping: Array, hub_mass: Array | None, bandwidth: float) -> float:
-    """What dampers that couple the modes do to the hub's motion beyond the modes' own ratios, as an in-band error.
-
-    Args:
-        damping: `(n, n)` modal damping, modes mass-normalised [1/s].
-        hub_mass: `(m, m)`; none: the worst of three hubs.
-        bandwidth: [rad/s].
-    """
+    """In-band error of leaving out the dampers that couple the modes; `damping` `(n, n)` of mass-normalised modes [1/s]."""
     if model.modes < 2 or not np.any(damping - np.diag(np.diag(damping))):
         return 0.0
     if hub_mass is None:
@@ -139,11 +133,7 @@ def coupling_error(model: PortModel, damping: Array, hub_mass: Array | None, ban
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Motions that the hub and the appendage couple with no others.
-
-    Args:
-        hub: `(m, m)` mass matrix.
-    """
+    """Motions that a hub `(m, m)` and the appendage `exact` couple with no others; `keep`: those that matter."""
 
     hub: Array
     exact: PortModel
@@ -172,13 +162,9 @@ class Block:
 class Reference:
     """Exact appendages on a hub, against which models are measured: the one in-band error of the package.
 
-    `H(w) = (M_hub + D(w))^-1`, `S = sqrt(diag(M_hub + M_rigid))`. The error is the maximum over 0 < w <= bandwidth of
-    `||S (H_model - H_exact) S||` over the larger of `||S H_exact S||` and `||S H_rigid S||`, all at the same w,
-    spectral norms, on a grid that resolves every peak to a tenth of its damping ratio. Blocks do not couple, so that
-    the norm of the whole is the largest of theirs.
-
-    Args:
-        bandwidth: [rad/s].
+    `H(w) = (M_hub + D(w))^-1`, `S = sqrt(diag(M_hub + M_rigid))`. The error is the maximum over 0 < w <= bandwidth [rad/s]
+    of `||S (H_model - H_exact) S||` over the larger of `||S H_exact S||` and `||S H_rigid S||`, on a grid that resolves
+    every peak to a tenth of its damping ratio. Independent blocks do not couple.
     """
 
     def __init__(self, blocks: Sequence[Block], bandwidth: float) -> None:

@@ -28,12 +28,9 @@ DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
-    """Mode shapes where an appendage has mass.
+    """Mode shapes where an appendage has mass, at `x` `(r,)` [m]: `values` `(n, r)` is motion times a square root.
 
-    Args:
-        x: `(r,)` [m].
-        moved, turned: `(r,)` square roots of mass and of rotary inertia there; in a scalar port `moved` only.
-        values: `(n, r)` motion in each mass-normalised mode times those roots.
+    `moved`, `turned` `(r,)`: those roots of mass and rotary inertia; in a scalar port `moved` only.
     """
 
     x: Array
@@ -285,11 +282,7 @@ class PortModel:
 
     # -- made from this one --------------------------------------------------------------------------------------
     def with_hub(self, hub_mass: ArrayLike) -> "PortModel":
-        """The same thing with a rigid hub on its port: its free modes are the coupled modes.
-
-        Args:
-            hub_mass: `(m, m)` mass matrix of the hub about the port [kg, kg m, kg m^2].
-        """
+        """The same thing with a rigid hub `(m, m)` [kg, kg m, kg m^2] on its port: its free modes are the coupled modes."""
         hub = np.asarray(hub_mass, dtype=np.float64)
         if hub.shape != self.rigid_mass.shape:
             raise InputError(f"hub_mass has shape {hub.shape}, but the port needs {self.rigid_mass.shape}.")
@@ -306,11 +299,7 @@ class PortModel:
         return {}
 
     def last_on_hub(self, hub_mass: ArrayLike) -> float:
-        """Last coupled frequency on a rigid hub; 0 without any [rad/s].
-
-        Args:
-            hub_mass: as of `with_hub`.
-        """
+        """Last coupled frequency on a rigid hub; 0 without any [rad/s]."""
         return float(np.max(self.with_hub(hub_mass).free_frequencies, initial=0.0))
 
     def truncated(self, modes: int) -> "PortModel":
@@ -326,10 +315,7 @@ class PortModel:
         )
 
     def condensed(self, above: float) -> "PortModel":
-        """The modes above a frequency gathered into as many as the port has motions, at that frequency.
-
-        Their static flexibility is kept, so that far below `above` [rad/s] the model is the same with fewer modes.
-        """
+        """The modes above a frequency [rad/s] gathered into as many as the port has motions, with their static flexibility."""
         low = self.frequencies <= above
         if np.sum(~low) <= self.motions:
             return self
@@ -346,9 +332,8 @@ class PortModel:
         )
 
     def reduced(self, modes: int, hub_mass: ArrayLike) -> "PortModel":
-        """Galerkin reduction on the first `modes` modes of the model with `hub_mass` `(m, m)` on its port.
+        """Galerkin reduction on the first `modes` modes with `hub_mass` `(m, m)` on the port, zeros for the free target.
 
-        Zeros give the free target (the paper's); the reduction for an infinite hub is `truncated`.
         Damping is left out: it belongs to the cantilever modes of the full model.
         """
         if modes == 0:
@@ -358,12 +343,7 @@ class PortModel:
         return self._projected(self.with_hub(hub_mass)._free[2][:, :modes])
 
     def for_target(self, target: str, modes: int, hub_mass: Array | None = None) -> "PortModel":
-        """The lowest cantilever modes ("clamped"), or those with nothing ("free") or a hub ("hub") attached.
-
-        Args:
-            target, modes: which, and how many.
-            hub_mass: `(m, m)`; needed for "hub" only.
-        """
+        """The lowest cantilever modes ("clamped"), or those with nothing ("free") or a hub `(m, m)` ("hub") attached."""
         if target == "clamped":
             return self.truncated(modes)
         attached = np.zeros_like(self.rigid_mass) if target == "free" else hub_mass
@@ -381,14 +361,9 @@ class PortModel:
         )  # fmt: skip
 
     def attached(self, modes: int, columns: Sequence[int]) -> "PortModel":
-        """The first `modes` modes and the static response to a unit load at points whose motion `tip` holds.
+        """The first `modes` modes and the static response to a unit load at the points of some columns of `tip`.
 
-        The static flexibility of those points is then exact (attachment modes; R. R. Craig, Structural Dynamics,
-        1981), so that what hangs there may be heavy. The first frequencies stay; pseudo-modes follow them.
-
-        Args:
-            modes: lowest cantilever modes.
-            columns: of `tip`.
+        The static flexibility of those points is then exact (attachment modes; R. R. Craig, Structural Dynamics, 1981).
         """
         assert self.tip is not None
         loads = self.tip[:, list(columns)] / self.frequencies[:, None]
@@ -399,10 +374,6 @@ class PortModel:
         return self._projected(np.column_stack([np.eye(self.modes)[:, :modes], u[:, s > NORMAL]]))
 
     def replaced(self, **changes: Any) -> "PortModel":
-        """A copy with some fields changed.
-
-        Args:
-            changes: new values by field name.
-        """
+        """A copy with some fields changed."""
         names = ("rigid_mass", "frequencies", "participation", "damping", "tip", "shapes")
         return PortModel(**{name: changes.get(name, getattr(self, name)) for name in names})

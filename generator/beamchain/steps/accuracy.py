@@ -25,14 +25,7 @@ RELATIVE_COST = {"Euler": 1.0, "implicitfast": 1.1, "implicit": 2.0, "discrete":
 
 @dataclass(frozen=True)
 class StepChoice:
-    """One integrator for a scene.
-
-    Args:
-        integrator: MuJoCo's name.
-        step: the largest that is stable with margin and keeps the tolerance [s].
-        bound: what bounds it, "tolerance" or "stability".
-        cost: computing per simulated second, relative to the cheapest.
-    """
+    """One integrator for a scene: its largest step [s], what bounds it, "tolerance" or "stability", and the relative cost."""
 
     integrator: str
     step: float
@@ -51,20 +44,10 @@ def choose_step(
     tendon: bool = False,
     sprung: bool = False,
 ) -> tuple[StepChoice, ...]:
-    """Every integrator's largest step for a model on a hub, cheapest first.
+    """Every integrator's largest step for a model with six motions on a hub `(6, 6)`, cheapest first.
 
-    What a step does to a coupled mode is its pole, damping included; the response with the poles moved is compared with
-    the response as it is, frequency by frequency, by the in-band error. The half-step offset of the rigid hub itself is
-    the host's and is not counted.
-
-    Args:
-        model: the chain, six motions.
-        hub_mass: `(6, 6)`.
-        keep: hub motions that matter.
-        bandwidth: [rad/s].
-        tolerance: of the in-band error.
-        tendon: the damping sits on tendons.
-        sprung: so do the springs.
+    The in-band error up to `bandwidth` [rad/s] of the response with the poles moved as the step moves them stays below
+    `tolerance`; `keep`: hub motions that count; `tendon`, `sprung`: as of `integrators.step_pole`.
     """
     coupled = damped(model).with_hub(hub_mass)
     w, p = coupled.free_frequencies, coupled.free_port_values[:, keep]

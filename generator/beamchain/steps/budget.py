@@ -20,15 +20,13 @@ AT_REST = 1e-9  # rad/s^2 or m/s^2: what balances to rounding does not accelerat
 
 @dataclass(frozen=True, eq=False)
 class Budget:
-    """What steps a model takes.
+    """Steps that a model allows; per integrator of the installed MuJoCo and for a host with RK4.
 
     Args:
-        name: of the model.
         frequencies, ratios: `(n,)` of its oscillating modes [rad/s], damping ratios.
-        largest_step: per integrator of the installed MuJoCo, and for a host with RK4 [s]; infinity: no limit.
-        accuracy: per integrator, steps for 1 % and 0.1 % error of the lowest frequency [s].
-        timestep: at which `shown` holds [s].
-        shown: per integrator `(n, 2)`: frequency [rad/s] and damping ratio that the simulation shows; NaN: unstable.
+        largest_step: [s]; infinity: no limit.
+        accuracy: steps for 1 % and 0.1 % error of the lowest frequency [s].
+        shown: `(n, 2)` frequency [rad/s] and damping ratio that the simulation shows at `timestep`; NaN: unstable.
     """
 
     name: str

@@ -14,13 +14,7 @@ PLANES = {"xy": (2, 1), "xz": (1, 2)}  # per bending plane: axis it turns about,
 
 
 class Driven(NamedTuple):
-    """What a root is put through: largest values, in its own axes.
-
-    Args:
-        spin: rate across its x axis [rad/s].
-        acceleration: per bending plane, across its x axis, free fall being none [m/s^2].
-        slew: per bending plane, angular acceleration [rad/s^2].
-    """
+    """Largest values at a root, in its own axes: spin across x [rad/s]; per bending plane acceleration and slew."""
 
     spin: float
     acceleration: dict[str, float]
@@ -50,12 +44,9 @@ def keyframes(model: "mujoco.MjModel", body: str) -> dict[str, Driven]:
 
 
 def driven(motion: Array, spacing: float, offset: Array) -> Driven:
-    """Largest rates and accelerations of an appendage's root, from the motion of its hub.
+    """Largest rates and accelerations of a root at `offset` `(3,)` [m] from the hub's centre.
 
-    Args:
-        motion: `(t, 6)` of the hub's centre: displacement [m], rotation vector [rad].
-        spacing: of the moments [s].
-        offset: `(3,)` from the hub's centre to the root [m].
+    `motion` `(t, 6)`: of the hub's centre, displacement [m] and rotation vector [rad], every `spacing` [s].
     """
     attitude = Rotation.from_rotvec(motion[:, 3:])
     rate = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / spacing  # in the hub's axes
@@ -71,13 +62,7 @@ def driven(motion: Array, spacing: float, offset: Array) -> Driven:
 
 
 def turned(rate: float, acceleration: float, axis: int, offset: Sequence[float]) -> Driven:
-    """What a turn of the hub about one of its axes puts an appendage's root through.
-
-    Args:
-        rate: largest [rad/s].
-        acceleration: largest [rad/s^2].
-        offset: `(3,)` from the hub's centre to the root [m].
-    """
+    """The same for a turn of the hub about one of its axes, at most at `rate` [rad/s] and `acceleration` [rad/s^2]."""
     about = acceleration * np.eye(3)[axis]
     across = np.cross(about, offset)
     return Driven(

@@ -1,6 +1,4 @@
-"""What each form writes on the modal tendons: stiffness, damping, armature, and the phase up to which modes keep their frequency.
-
-The forms are described in `beamchain.steps.retime`.
+"""The numbers that each form of `beamchain.steps.retime` gives the modal tendons.
 
 Theory: docs/theory.md, section 5.
 """
@@ -43,13 +41,7 @@ STEADY = 1e-7  # weight that keeps unknowns where the poles do not ask for a cha
 
 @dataclass(frozen=True)
 class ModeTime:
-    """One mode made exact in time.
-
-    Args:
-        frequency: [rad/s] that it should show; form 2: of the held appendage, form 3: of the craft.
-        damping: `c'` of its tendon [1/s].
-        pole: that its mass and damping place [1/s], `log(z)/h`; of several appendages' blocks only nearly that of the craft.
-    """
+    """One mode made exact in time: wanted frequency [rad/s], ratio, and the pole [1/s] that mass and damping place."""
 
     name: str
     frequency: float
@@ -76,18 +68,10 @@ class TendonValues:
 
 
 def stability(integrator: str, c: Array, stiffness: Array, damping: Array, armature: Array, timestep: float) -> float:
-    """`h^2 lambda_max` of modal springs and dampers on a craft: the step is stable below 4, RK4's below 8.
+    """`h^2 lambda_max` of modal springs and dampers `(n, n)` on a craft: stable below 4, RK4's below 8.
 
-    The pencil is `(h^2 K + 2 h D, C + mu)` where tendon damping is explicit, `(h^2 K - 2 h D, C + mu)` where it is
-    implicit (a pole leaves the unit circle at z = -1). For RK4 it is `(h^2 K, C + mu)` undamped; damped, 8 times the squared
-    ratio of the step to the largest one that its polynomial takes.
-
-    Args:
-        c: `(n, n)` condensed mass of the modal coordinates.
-        stiffness: `(n, n)` K in modal coordinates.
-        damping: `(n, n)` D.
-        armature: `(n, n)` mu.
-        timestep: h [s].
+    `c`: condensed mass of the modal coordinates; the pencil is `(h^2 K +- 2 h D, C + mu)`, minus where tendon damping is
+    implicit. Damped RK4: 8 times the squared ratio of the step to its largest one.
     """
     h = float(timestep)
     if integrator == "RK4" and np.any(damping):
@@ -184,16 +168,7 @@ def _modes(
 
 
 def coupled_modes(c: Array, stiffness: Array, damping: Array) -> tuple[Array, Array, Complex]:
-    """Undamped coupled modes, and the pole of each with all of the damping.
-
-    Args:
-        c: `(n, n)` condensed mass of the modal coordinates.
-        stiffness: `(n,)` of the tendons.
-        damping: `(n,)` of the tendons.
-
-    Returns:
-        `(n,)` frequencies [rad/s], `(n, n)` modes in columns, `y^T C y = 1`, and `(n, 2)` both poles [1/s].
-    """
+    """`(n,)` undamped coupled frequencies [rad/s], `(n, n)` modes, `y^T C y = 1`, `(n, 2)` damped poles [1/s]."""
     n = stiffness.size
     # for 1/w^2: the slow modes keep all their digits beside very fast ones
     inverse, shapes = eigh(c, np.diag(stiffness))
@@ -297,16 +272,10 @@ class Tuned(NamedTuple):
 def tune(
     integrator: str, c: Array, stiffness: Array, armature: Array, damping: Array, wanted: Complex, timestep: float
 ) -> Tuned:
-    """Tendon armature and damping for which the step of the craft has the poles `wanted`, as nearly as can be.
+    """Armature and damping `(n,)` for which the craft's step has the poles `wanted` `(n,)`, by Newton's method.
 
-    Args:
-        integrator: "Euler", "implicit" or "implicitfast".
-        c: `(n, n)` condensed mass of the modal coordinates.
-        stiffness: `(n,)` of the tendons.
-        armature: `(n,)` to begin with.
-        damping: `(n,)` to begin with; where all are zero, they stay so.
-        wanted: `(n,)` poles z in the upper half plane.
-        timestep: h [s].
+    In modal coordinates the poles obey `P(z) y = 0` with all of P symmetric, so that a change of P moves a pole by
+    `dz = -y^T dP y/(y^T P'(z) y)`. Like appendages get the least-squares answer; no damping stays none.
     """
     implicit, h, n = SCHEMES[integrator].implicit_damping, float(timestep), stiffness.size
     damped = bool(np.any(damping > 0.0))

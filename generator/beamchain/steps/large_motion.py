@@ -1,9 +1,6 @@
 """Where the linear equivalence ends: spin, slew and acceleration at which a chain leaves 1 % of a fine one.
 
-A chain keeps its geometry in large motion, but has few links. It is held against a chain of 60 equal links of the same
-beam under the same load: in spin by its frequencies (centrifugal stiffening), under acceleration and slew by the static
-displacement of its mass centre and the moment at its root. Each is first divided by what it is in small motion, so that
-only the effect of large motion is compared.
+Each quantity is compared with that of 60 equal links, both divided by their value in small motion.
 
 Theory: docs/theory.md, section 7.
 """
@@ -29,12 +26,9 @@ FASTEST = 30.0  # spin, in first frequencies, up to which is looked
 
 @dataclass(frozen=True, eq=False)
 class _Plane:
-    """A chain in one bending plane, as arrays over its moving links.
+    """A chain in one bending plane: `h` hinges, `h + 1` links, stiffness and armature `(h, h)` over the hinge angles.
 
-    Args:
-        hinges: `(h,)` [m].
-        stiffness, armature: `(h, h)` over the hinge angles [N m/rad], [kg m^2].
-        mass, com, inertia, along: `(h + 1,)` per link: mass, mass centre, inertia in the plane, second moment along x.
+    `along`: second moment of each link along x [kg m^2].
     """
 
     hinges: Array
@@ -46,12 +40,7 @@ class _Plane:
     along: Array
 
     def frequencies(self, rate: float, radius: float, *, flap: bool) -> Array:
-        """Frequencies [rad/s] at a spin [rad/s] about an axis across the root's radius.
-
-        Args:
-            rate: [rad/s].
-            radius: from the axis to the root [m].
-        """
+        """Frequencies [rad/s] at a spin `rate` [rad/s] about an axis at `radius` [m] from the root."""
         h = self.hinges.size
         turned = np.tril(np.ones((h, h)))  # angle of link j + 1 from the hinge angles
         arms = np.where(np.tri(h, h, dtype=bool), self.com[1:, None] - self.hinges[None, :], 0.0)
@@ -70,12 +59,7 @@ class _Plane:
         return np.tril(np.tile(between, (between.size, 1)), -1) + np.diag(self.com[1:] - self.hinges)
 
     def bent(self, acceleration: float, slew: float) -> tuple[float, float]:
-        """Displacement of the mass centre and moment at the root under inertia loads, both over the load's own size.
-
-        Args:
-            acceleration: of the root, across the chain [m/s^2].
-            slew: angular acceleration of the root [rad/s^2].
-        """
+        """Displacement of the mass centre and moment at the root under acceleration [m/s^2] or slew [rad/s^2] of the root."""
         span = self._spans()
         angles = fsolve(lambda a: self._unbalance(a, acceleration, slew, span), self._linear(acceleration, slew))
         x, y = self._places(angles, span)
@@ -137,12 +121,10 @@ class LargeMotion:
 
     Args:
         port: the plane.
-        spin: rate [rad/s].
+        spin: rate [rad/s]; infinity: beyond 30 first frequencies.
         acceleration: of the root, across the chain [m/s^2].
         slew: angular acceleration of the root [rad/s^2].
         bent: displacement of the mass centre over the length at the acceleration limit.
-
-    Infinity: beyond what was looked at (spin 30 first frequencies, mass centre displaced by half the length).
     """
 
     port: str
@@ -152,13 +134,7 @@ class LargeMotion:
     bent: float
 
     def exceeded(self, *, spin: float = 0.0, acceleration: float = 0.0, slew: float = 0.0) -> list[str]:
-        """Sentences for what a run exceeded; empty where the chain is still within 1 %.
-
-        Args:
-            spin: largest rate of the hub across the appendage in the run [rad/s].
-            acceleration: largest acceleration of the root across the appendage [m/s^2].
-            slew: largest angular acceleration across the appendage [rad/s^2].
-        """
+        """Sentences for what a run exceeded [rad/s, m/s^2, rad/s^2]; empty where the chain is within 1 %."""
         given = {
             "spin": (spin, self.spin, "rad/s"),
             "acceleration": (acceleration, self.acceleration, "m/s^2"),
@@ -245,11 +221,7 @@ def _leaves(error: Callable[[float], float], start: float, end: float) -> float:
 def large_limits(
     chain: Chain, beam: Beam, modes: Mapping[str, int], radius: float = 0.0
 ) -> tuple[dict[str, LargeMotion], tuple[str, ...]]:
-    """Large-motion limits of a chain per bending plane, and why one could not be had.
-
-    Args:
-        radius: of the root from the hub's centre [m].
-    """
+    """Large-motion limits per bending plane, the root at `radius` [m], and why one could not be had."""
     out: dict[str, LargeMotion] = {}
     reasons: list[str] = []
     for port in ("xy", "xz"):

@@ -1,13 +1,5 @@
 """Step limits of a linear model: where each integrator becomes unstable, and which step keeps the first frequency.
 
-`M q'' + D q' + K q = 0` with any symmetric damping. The semi-implicit integrators solve
-
-    (M + h Di + h^2 Ki) v+ = (M - h De) v - h K q,   q+ = q + h v+,
-
-with `Di` the damping treated implicitly, `De = D - Di` and `Ki` the implicit stiffness ("discrete" only). Such a step
-becomes unstable at z = -1, where `4 M + 2 h (Di - De) + h^2 (2 Ki - K)` first is singular: a quadratic eigenvalue
-problem in 1/h whose roots are all real.
-
 Theory: docs/theory.md, sections 5 and 6.
 """
 
@@ -92,11 +84,7 @@ class LinearModel:
         return np.asarray(np.block([[eye - pull, keep], [-pull, keep]]), dtype=np.float64)
 
     def largest_step(self, integrator: str) -> float:
-        """Largest stable step [s]; infinity where there is none.
-
-        Raises:
-            EngineError: the model is unstable by itself (negative stiffness or damping).
-        """
+        """Largest stable step [s]; infinity where there is none."""
         one_of("integrator", integrator, INTEGRATORS)
         poles = self.poles()
         fastest = float(np.max(np.abs(poles), initial=0.0))

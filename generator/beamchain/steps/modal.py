@@ -1,17 +1,11 @@
-"""The modal tendons of a compiled model: which they are, their numbers, and the step they were written for.
+"""The modal tendons of a compiled model, and the step they were written for.
 
-An appendage's modes are fixed tendons `PREFIX_mode<k>_<port>` (`PREFIX_mode<k>` where modes couple ports) and
-`PREFIX_filler<k>`, each as long as its mode's amplitude: stiffness `w^2`, damping `2 zeta w`, modal mass 1.
-
-**The mark.** A tendon that was made exact in time says so in its `solimplimit`, which MuJoCo reads for limited tendons
-only; these have `limited="false"`. Its five numbers are
+Modes are fixed tendons `PREFIX_mode<k>_<port>` and `PREFIX_filler<k>`, as long as the mode's amplitude, of modal mass
+1. One that was made exact in time says so in `solimplimit`, which MuJoCo reads for limited tendons only:
 
     solimplimit = "timestep  integrator  form  damping  stiffness"
 
-the step [s], MuJoCo's number of the integrator, the form (2, 3 or 4), and the tendon's damping and stiffness as they were.
-It travels with the element: `<attach>`, `MjSpec.attach`, `<include>`, pasted text, `<replicate>`, MJX and Warp keep all
-five, to the last bit, and no default class reaches a number that is written out (measured with MuJoCo 3.13, 3.17 and 4.0; only
-`to_xml`, which writes every number so, rounds them to 6 digits).
+damping and stiffness as they were. Attaching, including, replicating, MJX and Warp keep all five to the last bit.
 """
 
 import re
@@ -37,11 +31,7 @@ FORMS = (2, 3, 4)
 
 
 class MadeFor(NamedTuple):
-    """What a model was made exact for.
-
-    Args:
-        timestep: [s].
-    """
+    """Step [s], integrator and form that a model was made exact for."""
 
     timestep: float
     integrator: str
@@ -50,14 +40,7 @@ class MadeFor(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Modal:
-    """The modal tendons of a model, as they are now.
-
-    Args:
-        index: `(n,)` tendon numbers.
-        rows: `(n, nv)` coefficients over the model's degrees of freedom.
-        stiffness: `(n,)` [1/s^2].
-        damping: `(n,)` as it was before the model was made exact in time [1/s].
-    """
+    """The `n` modal tendons of a model: numbers, names, coefficients `(n, nv)`, stiffness [1/s^2], damping before [1/s]."""
 
     index: Ints
     names: tuple[str, ...]
@@ -80,10 +63,7 @@ class Modal:
 
 
 def modal_tendons(model: "mujoco.MjModel") -> Modal:
-    """The modal tendons of a model, found by name; none where it has none.
-
-    A tendon that has the name, but is limited, runs through sites, has no spring or holds an unnamed sort of joint, is not one.
-    """
+    """The modal tendons of a model: unlimited ones with such a name and a spring, over hinges and slides only."""
     own = [
         i
         for i in range(model.ntendon)
@@ -110,16 +90,7 @@ def made_for(model: "mujoco.MjModel") -> list[MadeFor | None]:
 
 
 def condensed(mass: Array, rows: Array) -> tuple[Array, Array]:
-    """The mass matrix that modal coordinates feel while the rest of the craft follows freely, and how it follows.
-
-    Args:
-        mass: `(nv, nv)`.
-        rows: `(n, nv)` tendon coefficients, independent.
-
-    Returns:
-        `(n, n)` `C = (B M^-1 B^T)^-1`, and `(nv, n)` the motion `M^-1 B^T C` of all degrees of freedom per unit of
-        each modal coordinate, so that `y^T C y` is twice the kinetic energy of the modal rates y.
-    """
+    """`C = (B M^-1 B^T)^-1` `(n, n)`, and the motion `M^-1 B^T C` `(nv, n)` of all degrees of freedom per modal coordinate."""
     spread = np.linalg.solve(mass, rows.T)
     flexible = rows @ spread
     c = np.linalg.inv((flexible + flexible.T) / 2.0)

@@ -55,8 +55,6 @@ class PoleRow:
 def pole_rows(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> list[PoleRow]:
     """Every oscillating mode of a craft at its own step and integrator, against the same craft without timing.
 
-    Through `mjd_transitionFD` of the whole model (RK4's, which it refuses, by its polynomial).
-
     Args:
         model: compiled.
         data: the state to linearise about; the initial one where left out. It is not changed.
@@ -89,10 +87,7 @@ def pole_rows(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> l
 
 
 def phase_limit(model: "mujoco.MjModel") -> float:
-    """[rad] per step beyond which the modes of a model were slowed: the lowest phase that a slowed tendon shows.
-
-    The integrator's usual limit where none was slowed; infinity where the model was not made exact in time.
-    """
+    """[rad] per step beyond which the modes of a model were slowed; infinity where it was not made exact in time."""
     modal = modal_tendons(model)
     marks = [mark for mark in modal.made_for if mark is not None]
     if not marks:
@@ -139,10 +134,7 @@ def _oscillating(f: Array) -> Complex:
 
 
 def mismatch(model: "mujoco.MjModel") -> list[str]:
-    """Sentences where a model runs at another step or integrator than it was made for; empty where it fits.
-
-    The error stated is the worst of its modes' frequencies, of modes that were not slowed.
-    """
+    """Sentences where a model runs at another step or integrator than it was made for; empty where it fits."""
     modal = modal_tendons(model)
     h, name = float(model.opt.timestep), NUMBERS[int(model.opt.integrator)]
     out: list[str] = []

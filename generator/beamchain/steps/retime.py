@@ -1,24 +1,12 @@
 """Making a compiled model exact in time for a step, in place: armature and damping on its modal tendons.
 
-**Form 2** gives every mode of the held appendage the mass and damping of `beamchain.steps.integrators`. Coefficients stay,
-nothing is asked of the hub. The modes of the whole craft are then exact to fourth order in the step, and the nearer to
-exact the heavier the hub.
+* Form 2: every mode of the held appendage is exact; coefficients stay, and no hub is needed.
+* Form 3: the tendons become the coupled modes of one craft. Exact for one appendage; damping that couples two modes is
+  left out and stated.
+* Form 4: form 2 with armature and damping tuned until the craft's own poles are exact.
 
-**Form 3** is for one craft: with its coupled modes `v_i`, `a_i = K v_i/w_i^2`, stiffness and added inertia are
-`K = sum w_i^2 a_i a_i^T` and `sum (m'_i - 1) a_i a_i^T`: diagonal in the same vectors. So every tendon becomes a coupled mode
-of the craft, with coefficients `a_i`, and every one is exact. Damping becomes modal in the coupled modes: each has its
-true pole, what couples two of them is left out and stated. Several appendages: tendons cannot reach from one
-to the next (MuJoCo drops armature between branches), so that each keeps its own block, and the poles are near.
-
-**Form 4** is form 2, tuned for one craft: armature and damping of the tendons are changed further until the craft's own
-poles are exact (`beamchain.steps.tune`). Coefficients, stiffness and all of the damping stay, several appendages are exact too
-unless two are alike, and taking it out is exact to the bit.
-
-**Any step is stable**: modes beyond the phase limit are slowed. Where appendages couple through a light hub the limit is
-lowered until `h^2 lambda_max` of the tendons' springs and dampers on the craft is below 3.8 (RK4: 7.6), of 4 (8) allowed.
-
-Only `tendon_armature`, `tendon_damping`, `tendon_solimp_lim` (the mark) change, for form 3 `tendon_stiffness`,
-`wrap_prm`, `tendon_length0` and `tendon_lengthspring` too; the model's own step and integrator (`opt`) are the caller's.
+Modes beyond the phase limit are slowed, so that any step is stable; on a light hub the limit is lowered. The model's
+own step and integrator (`opt`) are the caller's.
 
 Theory: docs/theory.md, section 5.
 """
@@ -92,11 +80,7 @@ class Retimed:
         return self.phase < SCHEMES[self.integrator].phase
 
     def undo(self, model: "mujoco.MjModel") -> None:
-        """Every array back as it was before the call, bit for bit.
-
-        Args:
-            model: the one that was given, or one with the same tendons.
-        """
+        """Every array back as it was before the call, bit for bit."""
         for name, values in self.before.items():
             getattr(model, name)[:] = values
 

@@ -23,11 +23,7 @@ SAFE = 1.8  # rad per step of a spring that nothing slows; 2 is the limit withou
 
 
 def put_time(parts: Iterable[Element], model: "mujoco.MjModel", named: Callable[[str], str] = lambda name: name) -> int:
-    """Write armature, damping, stiffness, coefficients and mark of a model's modal tendons into its document.
-
-    Returns:
-        how many tendons were found.
-    """
+    """Write a model's modal tendons into its document, and count them; `named`: from names there to names in the model."""
     modal = modal_tendons(model)
     own = {name: int(i) for name, i in zip(modal.names, modal.index, strict=True)}
     found = 0
@@ -50,11 +46,7 @@ def put_time(parts: Iterable[Element], model: "mujoco.MjModel", named: Callable[
 
 
 def put_hinge_armature(root: Element, timestep: float, integrator: str) -> None:
-    """Armature `k h^2/12` on hinges with springs of their own: the form without tendons, right to fourth order.
-
-    Args:
-        timestep: [s].
-    """
+    """Armature on hinges with springs of their own, where the integrator gains by it; `timestep` [s]."""
     if not SCHEMES[integrator].exact:
         return
     for joint in root.iter("joint"):
@@ -64,11 +56,7 @@ def put_hinge_armature(root: Element, timestep: float, integrator: str) -> None:
 
 
 def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Path) -> tuple[bytes, list[PoleRow]]:
-    """A model's file with its appendages made exact in time, and what its modes then show.
-
-    Args:
-        timestep: [s]; 0: the timing is taken out, and the file's own step stays.
-    """
+    """A model's file made exact in time for `timestep` [s] (0: timing taken out), and what its modes then show."""
     document = relocate(read_craft(path), folder)
     model = compile_model(path)
     if integrator is not None:

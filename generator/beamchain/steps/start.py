@@ -17,9 +17,8 @@ from beamchain.steps.modal import FREE_BALL, condensed, foreign, modal_tendons
 def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
     """`(nv,)` what to write into `qvel` for a craft that is at `qpos` with the true rates `qvel` at t = 0.
 
-    MuJoCo's semi-implicit step leaves in `qvel` the mean rate over the step just taken. Told the true rate instead, a mode
-    that starts in motion is out by half a step. The appendages' modes are followed back by one undriven step; rigid
-    motion keeps its rate. Under RK4, and where the model was not made exact in time, `qvel` is returned as it is.
+    MuJoCo's semi-implicit step leaves in `qvel` the mean rate over the step just taken, so the modes are followed back by
+    one undriven step. Under RK4, and where the model was not made exact in time, `qvel` is returned as it is.
 
     Args:
         model: compiled and retimed; its own step and integrator.
@@ -56,9 +55,8 @@ def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
 class HeldInput:
     """Half of this input and half of the previous one, `ctrl = (u_k + u_(k-1))/2`.
 
-    A torque `u_k` held from `k h` to `(k + 1) h` moves a structure by a transfer function with `(z + 1)/2` where MuJoCo's
-    Euler step, which gives the whole impulse at once, has `z`. Fed with this mean, every sampled position of a model made
-    exact in time is the exact one. One object per model and per simulated world; `(worlds, nu)` arrays work as well.
+    Fed with this mean, every sampled position of a model made exact in time is the exact one for an input held over each
+    step. One object per model and per simulated world; `(worlds, nu)` arrays work as well.
 
     Args:
         before: input held before t = 0; zero where left out.
@@ -74,11 +72,7 @@ class HeldInput:
         self._previous = self._first
 
     def __call__(self, now: ArrayLike) -> Array:
-        """What to write into `ctrl` (or `qfrc_applied`) for the step in which `now` is held.
-
-        Args:
-            now: `u_k`, any shape, the same at every call.
-        """
+        """What to write into `ctrl` (or `qfrc_applied`) for the step in which `now`, of any shape, is held."""
         value = np.array(now, dtype=np.float64)
         before = np.zeros_like(value) if self._previous is None else self._previous
         self._previous = value

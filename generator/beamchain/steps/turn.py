@@ -1,8 +1,5 @@
 """What an integrator's step costs where the rigid spacecraft turns: its gyroscopic moment is half a step old.
 
-Exactness in time is of linear motion. A spacecraft that turns about several axes at once has a gyroscopic moment, which
-semi-implicit Euler takes from the step before; the error falls with the step only. RK4 has none to speak of.
-
 Theory: docs/theory.md, section 5.
 """
 

@@ -39,11 +39,7 @@ class Parts(NamedTuple):
 
 @lru_cache(maxsize=256)
 def converged(parts: Parts, port: str, modes: int, stations: tuple[float, ...] = ()) -> PortModel:
-    """Raise the polynomial degree until the lowest `modes` held and free frequencies stand still.
-
-    Args:
-        stations: further points whose motion is wanted, ascending [m].
-    """
+    """Raise the polynomial degree until the lowest `modes` held and free frequencies stand still; `stations` [m]."""
     parts = _joined(parts)
     wanted = max(modes, 1)
     count = len(_edges(parts))

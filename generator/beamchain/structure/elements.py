@@ -78,12 +78,7 @@ def running_twice(k: int, xi: Array) -> Array:
 
 
 def scaled(strain: Array, weight: Array) -> Array:
-    """Inverse square root of a piece's stiffness: strain coordinates = `R^-1 y`, strain energy `|y|^2 / 2`.
-
-    Args:
-        strain: `(q, k)`.
-        weight: `(q,)` of one piece, or `(p, q)` of many.
-    """
+    """Inverse square root of the stiffness of pieces: strains `(q, k)`, weights `(q,)` or `(p, q)`."""
     r = np.linalg.qr(np.sqrt(weight)[..., None] * strain, mode="r")
     return np.linalg.inv(r)
 

@@ -1,8 +1,4 @@
-"""The transcendental solution of the uniform Euler beam: the independent truth the elements are held against.
-
-Initial parameters with Krylov-Duncan functions for short waves, decaying exponentials from both ends for long beams in
-short waves, so that neither cancellation nor overflow costs digits.
-"""
+"""The transcendental solution of the uniform Euler beam, with exponentials where hyperbolic functions lose digits."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

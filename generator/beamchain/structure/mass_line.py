@@ -1,8 +1,5 @@
 """How an appendage's mass lies along its axis: what the links of a chain are cut from.
 
-A `Beam` knows it from its segments. Imported modes come with a rigid mass matrix only; `spread` then makes the plainest
-positive distribution with those moments. The port does not notice the difference; the links' shares do.
-
 Theory: docs/theory.md, section 4.
 """
 
@@ -73,13 +70,10 @@ class MassLine(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class MassPiece:
-    """A stretch with smooth densities.
+    """A stretch `[start, start + length]` [m] with smooth densities.
 
-    Args:
-        start: [m].
-        length: [m].
-        densities: `(k, 4)` mass [kg/m], polar inertia and rotary inertia in xy and xz [kg m] at k equally spaced
-            stations, both ends included; in between the polynomial through them.
+    `densities` `(k, 4)`: mass [kg/m], polar and rotary inertia in xy and xz [kg m] at k equally spaced stations, both ends
+    included; in between the polynomial through them.
     """
 
     start: float
@@ -105,15 +99,7 @@ class MassPiece:
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """Mass beside the x axis: mean and spread of y and z at every x.
-
-    With x distributed as the mass line says, y and z have a mean that is linear in x and a constant covariance. That
-    reproduces any second moments, and every stretch of it is a physical body.
-
-    Args:
-        lean: `(2, 2)` rows y and z: value at the root [m] and slope.
-        spread: `(2, 2)` covariance about that mean [m^2].
-    """
+    """Mass beside the x axis: a mean of y and z linear in x (`lean`, rows: value [m], slope), constant covariance [m^2]."""
 
     lean: Array
     spread: Array
@@ -131,13 +117,9 @@ class Beside:
 
 @dataclass(frozen=True, eq=False)
 class SpreadMass:
-    """A mass line from pieces and points: a `MassLine` without a beam.
+    """A mass line without a beam: smooth pieces, and points `(p, 5)` with the columns of `Moments`, x first.
 
-    Args:
-        length: root to tip [m].
-        rigid: `(6, 6)` mass matrix about the root.
-        points: `(p, 5)` x [m], mass [kg], polar and rotary inertia in xy and xz [kg m^2].
-        stiffness: per port an average bending or torsion stiffness [N m^2], where a search starts.
+    `stiffness`: per port an average bending or torsion stiffness [N m^2], where a search starts.
     """
 
     length: float
@@ -259,13 +241,9 @@ def _beside(rigid_mass: Array) -> tuple[float, Beside] | None:
 def spread(
     rigid_mass: ArrayLike, length: float, stiffness: Mapping[str, float] | None = None, power: int = 0
 ) -> SpreadMass:
-    """The plainest positive mass distribution over `[0, length]` with the moments of a `(6, 6)` mass matrix.
+    """The plainest positive mass distribution over `[0, length]` [m] with the moments of a `(6, 6)` mass matrix.
 
-    As much of it as possible is uniform, or grows from the root with a power of x; what is left sits at the tip and at
-    one place before it.
-
-    Args:
-        length: [m].
+    The smooth part grows with a power of x; what is left sits at the tip and at one place before it.
     """
     rigid = np.asarray(rigid_mass, dtype=np.float64)
     mass, first, second, polar, rotary_xy, rotary_xz = _along(rigid)

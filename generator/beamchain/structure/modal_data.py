@@ -1,7 +1,4 @@
-"""Modes somebody else computed: cantilever frequencies, participation and rigid mass about the port, from any program.
-
-Everything is checked here once, whatever file it came from, and every change is written down in `steps`.
-"""
+"""Modes somebody else computed: cantilever frequencies, participation and rigid mass about the port, from any program."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

@@ -12,12 +12,7 @@ GAIN = 1e-12  # least improvement of the largest port share for which a group is
 
 
 class Turned(NamedTuple):
-    """Modes after `into_planes`.
-
-    Args:
-        frequencies, participation: `(n,)`, `(n, m)`.
-        turn: `(n, n)` orthogonal, new modes in terms of old.
-    """
+    """Modes after `into_planes`; `turn` `(n, n)`: new modes in terms of old, `changed`: groups that were turned."""
 
     frequencies: Array
     participation: Array
@@ -37,15 +32,9 @@ def near_groups(frequencies: Array, tolerance: float) -> list[list[int]]:
 
 
 def into_planes(frequencies: Array, participation: Array, scale: Array, groups: Sequence[Sequence[int]]) -> Turned:
-    """Turn each group so that its modes diagonalise the ports' effective masses.
+    """Turn each group of equal frequency so that its modes diagonalise the ports' effective masses.
 
-    Any orthogonal combination of modes with one frequency is again a set of modes. In a decoupled structure the
-    effective masses of different ports have different eigenvectors in the group; a weighted sum of them finds all.
-
-    Args:
-        frequencies: `(n,)` ascending.
-        participation: `(n, 6)`.
-        scale: `(6,)` that makes the motions comparable.
+    `participation` `(n, 6)`; `scale` `(6,)` makes the motions comparable.
     """
     turn = np.eye(frequencies.size)
     changed: list[list[int]] = []

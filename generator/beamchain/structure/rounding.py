@@ -13,15 +13,9 @@ NOISE = 1e-9  # a residual may be this far below zero whatever the print
 
 
 def settled(rigid_mass: Array, participation: Array, precision: float) -> tuple[Array, float]:
-    """The rigid mass whose residual is nowhere negative, and how far it was moved, relative.
+    """The rigid mass `(m, m)` whose residual is nowhere negative, and how far it was moved, relative.
 
-    Printed numbers leave a residual mass that is zero only to their precision. Entries that their last digits decide
-    become zero, so that a direction without residual mass is one exactly; eigenvalues below zero by rounding are
-    clipped.
-
-    Args:
-        rigid_mass: `(m, m)`.
-        participation: `(n, m)`.
+    Entries that the last printed digits decide become zero; eigenvalues negative by rounding are clipped.
     """
     diagonal = np.diag(rigid_mass)
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
@@ -49,12 +43,7 @@ def settled(rigid_mass: Array, participation: Array, precision: float) -> tuple[
 
 
 def last_digits(rigid_mass: Array, participation: Array, precision: float) -> Array:
-    """`(m, m)` what half a unit in the last printed digit of every number can do to the residual mass.
-
-    Args:
-        rigid_mass: `(m, m)`.
-        participation: `(n, m)`.
-    """
+    """`(m, m)` what half a unit in the last printed digit of every number can do to the residual mass."""
 
     def half(values: Array) -> Array:
         size = np.abs(values)

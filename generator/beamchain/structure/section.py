@@ -52,11 +52,7 @@ class _Section(Struct, frozen=True, kw_only=True):
         return 0.0
 
     def cowper(self, nu: float, plane: str) -> float:
-        """Shear factor of G. R. Cowper, J. Appl. Mech. 33 (1966) 335, for the shape.
-
-        Args:
-            plane: of bending, "xy" or "xz".
-        """
+        """Shear factor in a plane of bending, from Poisson's ratio: G. R. Cowper, J. Appl. Mech. 33 (1966) 335."""
         return 1.0
 
 

@@ -1,9 +1,6 @@
-"""Shapes of a beam's cantilever modes, marched outwards from what the root feels.
+"""Shapes of a beam's cantilever modes, for pictures: marched outwards from what the root feels.
 
-A mode's participation is its root force and moment per W^2, so that with the root held all four quantities at the root
-are known, and the equations of the beam carry them to the tip. What is left there (force and moment on a free end) says
-how well frequency and participation belong together. Good for as many modes as a picture shows: the march amplifies an
-error by exp(W-dependent wave number x length), 1e7 for the sixth bending mode.
+Good for some six modes: the march amplifies an error by exp(wave number x length).
 """
 
 from bisect import bisect_left, bisect_right
@@ -23,14 +20,7 @@ STEPS = 240  # of fourth order, over the whole appendage
 
 
 def mode_shapes(beam: Beam, port: str, model: PortModel) -> tuple[Array, Array]:
-    """Displacement (or angle) along the beam in its mass-normalised cantilever modes.
-
-    Args:
-        port: "xy", "xz", "torsion" or "axial".
-
-    Returns:
-        `x` `(k,)` [m] and the shapes `(n, k)` [1/sqrt(kg)], in torsion [1/(sqrt(kg) m)].
-    """
+    """`x` `(k,)` [m] and displacement (or angle) `(n, k)` of a beam in the mass-normalised cantilever modes of `model`."""
     bending = port in ("xy", "xz")
     square = model.frequencies**2
     state = np.zeros(

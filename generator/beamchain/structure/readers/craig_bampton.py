@@ -91,12 +91,7 @@ def _dense(matrix: Any, name: str) -> Array:
 
 
 def from_matrices(mass: Array, stiffness: Array, boundary: Sequence[int], name: str = "matrices") -> ModalData:
-    """Modal data from mass and stiffness.
-
-    Args:
-        mass: `(d, d)`.
-        stiffness: `(d, d)`.
-    """
+    """Modal data from mass and stiffness `(d, d)`; `boundary`: the port's six freedoms, from 0."""
     d = mass.shape[0]
     if stiffness.shape != (d, d):
         raise InputError(

@@ -1,8 +1,6 @@
 """The print of a Nastran normal-modes run (.f06): eigenvalues, participation factors, rigid mass.
 
-Reads what MSC Nastran and NX / Simcenter Nastran print for `MEFFMASS` and `PARAM,GRDPNT`: page headers may break a
-table anywhere, headings may be spaced out, numbers may lack the E of their exponent, tables may come in any order and
-for several subcases.
+Page headers may break a table anywhere, headings may be spaced out, numbers may lack the E of their exponent.
 """
 
 import re

@@ -53,13 +53,10 @@ class ModesFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         frequencies: with the port held [rad/s]; or frequencies_hz.
         participation: six rows (x, y, z, rotations about x, y, z), one column per mode.
         mass: 6 x 6 rigid mass matrix.
-        generalized_mass: where the modes are not mass-normalised.
         damping: ratio, one or per mode.
         tip: six rows, one column per mode: motion of the tip in each mode.
-        length: root to tip.
         digits: of the printed numbers; counted where left out.
         line, points: how the mass lies along x.
-        matrices: instead of modes.
     """
 
     frequencies: tuple[float, ...] = ()
