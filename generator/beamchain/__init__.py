@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from beamchain.steps.start import HeldInput as HeldInput
     from beamchain.steps.start import start_velocity as start_velocity
     from beamchain.structure.beam import Beam as Beam
-    from beamchain.structure.material import Material as Material
     from beamchain.structure.modal_data import ModalData as ModalData
     from beamchain.structure.readers import read_modes as read_modes
     from beamchain.structure.section import Box as Box
     from beamchain.structure.section import Custom as Custom
     from beamchain.structure.section import Equivalent as Equivalent
+    from beamchain.structure.section import Material as Material
     from beamchain.structure.section import Rectangle as Rectangle
     from beamchain.structure.section import Round as Round
     from beamchain.structure.section import Tube as Tube
@@ -82,13 +82,13 @@ _PLACES = {
     "steps.retime": ("retime",),
     "steps.start": ("HeldInput", "start_velocity"),
     "structure.beam": ("Beam",),
-    "structure.material": ("Material",),
     "structure.modal_data": ("ModalData",),
     "structure.readers": ("read_modes",),
     "structure.section": (
         "Box",
         "Custom",
         "Equivalent",
+        "Material",
         "Rectangle",
         "Round",
         "Tube",

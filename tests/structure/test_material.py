@@ -4,7 +4,7 @@ import pytest
 
 from appendages import close
 from beamchain.errors import BeamchainError, InputError
-from beamchain.structure.material import Material
+from beamchain.structure.section import Material
 
 CLOSED = 1e-15  # one division
 

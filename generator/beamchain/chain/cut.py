@@ -39,10 +39,6 @@ class Cut:
     added: int
     reason: str = ""
 
-    def shortest(self, length: float) -> float:
-        """Length of the shortest link over the whole."""
-        return shortest_link(self.x, length)
-
 
 def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float], further: Sequence[float] = ()) -> Cut:
     """The most even cut that holds the modes; `lines`: where hinges must stand, `further`: further ports [m]."""

@@ -12,8 +12,7 @@ from beamchain.chain import rivals
 from beamchain.chain.recursion import planar_chain, realise
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam
-from beamchain.structure.material import Material
-from beamchain.structure.section import Round
+from beamchain.structure.section import Material, Round
 from beamchain.structure.segment import Segment
 
 _ENTRIES = {"T0_y0": (0, 0), "M0_y0": (0, 1), "T0_phi1": (1, 0), "M0_phi1": (1, 1)}

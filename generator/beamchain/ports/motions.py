@@ -7,28 +7,22 @@ Array = NDArray[np.float64]
 
 PORTS = ("xy", "xz", "torsion", "axial")
 
-#: Motion of the root in space (x, y, z, rotations about x, y, z) per unit of each port's own motion.
-#: Plane xz uses the rotation about -y, so that a round beam has the same numbers in both planes.
-PORT_MOTION: dict[str, Array] = {}
-for _name, _columns in {
-    "xy": (((1, 1.0),), ((5, 1.0),)),
-    "xz": (((2, 1.0),), ((4, -1.0),)),
-    "torsion": (((3, 1.0),),),
-    "axial": (((0, 1.0),),),
-}.items():
-    _motion = np.zeros((6, len(_columns)))
-    for _column, _entries in enumerate(_columns):
-        for _row, _value in _entries:
-            _motion[_row, _column] = _value
-    _motion.setflags(write=False)
-    PORT_MOTION[_name] = _motion
-
 
 def locked(values: ArrayLike) -> Array:
     """A read-only copy as float64, so that frozen objects really are."""
     result = np.array(values, dtype=np.float64)
     result.setflags(write=False)
     return result
+
+
+#: Motion of the root in space (x, y, z, rotations about x, y, z) per unit of each port's own motion.
+#: Plane xz uses the rotation about -y, so that a round beam has the same numbers in both planes.
+PORT_MOTION: dict[str, Array] = {
+    "xy": locked(np.eye(6)[:, [1, 5]]),
+    "xz": locked(np.eye(6)[:, [2, 4]] @ np.diag([1.0, -1.0]) + 0.0),
+    "torsion": locked(np.eye(6)[:, [3]]),
+    "axial": locked(np.eye(6)[:, [0]]),
+}
 
 
 def square_root(matrix: Array, noise: float = 0.0) -> Array:

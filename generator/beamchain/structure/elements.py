@@ -13,7 +13,7 @@ from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss, legvander
+from numpy.polynomial.legendre import leggauss, legint, legvander
 
 from beamchain.ports.compose import port_from_rows
 from beamchain.ports.model import PortModel, Shapes
@@ -54,27 +54,16 @@ class Body(NamedTuple):
     inertia: float = 0.0
 
 
-def running(k: int, xi: Array) -> Array:
-    """`(q, k)`: integral of the Legendre polynomials 0..k-1 from -1 to xi."""
-    p = legvander(xi, k)
-    out = np.empty((xi.size, k))
-    out[:, 0] = xi + 1.0
-    for i in range(1, k):
-        out[:, i] = (p[:, i + 1] - p[:, i - 1]) / (2 * i + 1)
-    return out
+@cache
+def series(k: int, count: int) -> tuple[Array, Array, Array, Array]:
+    """Legendre polynomials 0..k-1 at the Gauss points, their integrals from -1, and twice so, there and at 1.
 
-
-def running_twice(k: int, xi: Array) -> Array:
-    """`(q, k)`: the integral of `running` from -1 to xi."""
-    p = legvander(xi, k + 1)
-    out = np.empty((xi.size, k))
-    out[:, 0] = 0.5 * (xi + 1.0) ** 2
-    if k > 1:
-        out[:, 1] = (xi**3 / 3.0 - xi) / 2.0 - 1.0 / 3.0
-    for i in range(2, k):
-        upper, lower = (p[:, i + 2] - p[:, i]) / (2 * i + 3), (p[:, i] - p[:, i - 2]) / (2 * i - 1)
-        out[:, i] = (upper - lower) / (2 * i + 1)
-    return out
+    All `(count, k)`, the last `(k,)`.
+    """
+    xi, _ = gauss(count)
+    once, twice = (legint(np.eye(k), m, lbnd=-1) for m in (1, 2))
+    values = legvander(xi, k - 1), legvander(xi, k) @ once, legvander(xi, k + 1) @ twice, np.sum(twice, axis=0)
+    return locked(values[0]), locked(values[1]), locked(values[2]), locked(values[3])
 
 
 def scaled(strain: Array, weight: Array) -> Array:
@@ -110,10 +99,7 @@ class MotionRows:
         self.nodes: Array = np.array([*(p.start for p in pieces), pieces[-1].start + pieces[-1].length])
         xi, weights = gauss(pieces[0].stiffness.size)
         self.reach: Array = 1.0 + xi
-        strain = np.asarray(legvander(xi, functions - 1), dtype=np.float64)
-        self.once: Array = running(functions, xi)
-        self.twice: Array = running_twice(functions, xi)
-        self.end_twice: Array = running_twice(functions, np.array([1.0]))[0]
+        strain, self.once, self.twice, self.end_twice = series(functions, xi.size)
         stretch = weights * self.half[:, None]
         self.scale: Array = scaled(strain, stretch * np.array([p.stiffness for p in pieces]))
         sheared = [p.shear_stiffness is not None for p in pieces]

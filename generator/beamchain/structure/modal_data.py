@@ -10,8 +10,7 @@ from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, locked
 from beamchain.structure.mass_line import MassLine, MassPiece, default_length, of_line, spread
-from beamchain.structure.planes import into_planes, near_groups
-from beamchain.structure.rounding import MOTIONS, PRINTED, ROUNDING, settled
+from beamchain.structure.planes import MOTIONS, PRINTED, ROUNDING, into_planes, near_groups, settled
 
 SLIGHT = 1e-9  # part of a mode in a port, or of the rigid mass between two, that is rounding of whoever computed it
 EXACT = 1e-13  # relative precision of numbers that were not printed

@@ -7,8 +7,7 @@ import numpy as np
 from beamchain.checks import Struct, not_negative, one_of, own_numbers, positive, whole
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.structure.material import Material
-from beamchain.structure.section import Equivalent, Section
+from beamchain.structure.section import Equivalent, Material, Section
 
 Theory = Literal["euler", "timoshenko"]
 

@@ -14,8 +14,7 @@ from scipy import io, linalg
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
-from beamchain.structure.readers import stored
-from beamchain.structure.readers.bounded import check_size
+from beamchain.structure.readers.bounded import check_size, mat_arrays, npz_arrays
 
 LARGEST = 4000  # freedoms; beyond that reduce in the program that made the model
 MOST = 200  # modes handed on, the lowest
@@ -36,7 +35,7 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
     first = 0 if path.suffix.lower() == ".npz" else 1
     wanted = {*BOUNDARY, *(name for names in NAMES.values() for name in names)}
     try:
-        held = stored.numpy(path, wanted) if first == 0 else stored.matlab(path, wanted)
+        held = npz_arrays(path, wanted) if first == 0 else mat_arrays(path, wanted)
     except InputError:
         raise
     except Exception as error:  # zip, MATLAB and NumPy each raise their own kind
