@@ -37,7 +37,7 @@ TargetOf = Callable[[str, int], PortModel]
 
 @dataclass(frozen=True)
 class Status:
-    """What became of a fit: whether all was reached, what was made, and what was tried, in order."""
+    """What became of a fit: all reached or not, what was made, what was tried."""
 
     ok: bool
     message: str
@@ -46,7 +46,7 @@ class Status:
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """A chain, the targets it was made for, how it came about, and the cut it stands on where one was chosen."""
+    """A chain, its targets, how it came about, and its cut where one was chosen."""
 
     chain: Chain
     targets: dict[str, PortModel]
@@ -182,7 +182,7 @@ def _rigid(beam: MassLine) -> Built:
 def _recursive(
     beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes, history: list[str], *, fewer: bool
 ) -> Built:
-    """The recursion's chain for all ports; `fewer`: with fewer modes in a plane that cannot keep all."""
+    """The recursion's chain for all ports, perhaps with fewer modes in a plane."""
     targets: dict[str, PortModel] = {}
     nodes: dict[str, Nodes] = {}
     strings: dict[str, tuple[Array, Array]] = {}
@@ -259,7 +259,7 @@ def _shared(nodes: Mapping[str, Nodes], rotary: float) -> Nodes | None:
 def _plane(
     beam: MassLine, port: str, count: int, least: int, target_of: TargetOf, history: list[str]
 ) -> tuple[PortModel, Nodes]:
-    """Target and canonical chain of a plane, with as many of `count` modes as are physical, at least `least`."""
+    """Target and canonical chain of a plane with as many modes as are physical."""
     for modes in range(count, least - 1, -1):
         try:
             target = target_of(port, modes)
@@ -287,7 +287,7 @@ def cut_chain(
     further: Sequence[float] = (),
     cut: Cut | None = None,
 ) -> tuple[Chain, str, Cut]:
-    """A chain with one tendon per mode, how it was found, and the cut; `lines`, `further`: as of `Wishes`."""
+    """A chain with one tendon per mode, how it was found, and the cut."""
     rigid = line.behind(np.array([-line.length]))[0]
     groups = [group.fitting(group_motion(group.ports).T @ rigid @ group_motion(group.ports)) for group in groups]
     wanted = [Wanted(group, _counts(group), _fixed(line, group, lines, rigid)) for group in groups]
@@ -326,7 +326,7 @@ def cut_chain(
 def _wide(
     line: Beam, groups: Sequence[ModeGroup], lines: Sequence[float], further: Sequence[float]
 ) -> tuple[Chain, str, Cut]:
-    """The chain on bodies of the appendage's rigid mass, the less of it near the root the more that is needed."""
+    """The chain on bodies of the appendage's rigid mass, with little near the root."""
     reason: RealisationError | None = None
     for power in (0, 1, 2, 4):
         try:
@@ -355,7 +355,7 @@ def _counts(group: ModeGroup) -> dict[str, int]:
 
 
 def _fixed(line: MassLine, group: ModeGroup, lines: Sequence[float], rigid: Array) -> dict[str, tuple[float, ...]]:
-    """Per port, x of the hinges that must stand: the user's, the real ones, the root where it is left no mass."""
+    """Per port, x of the hinges that must stand: the user's, real ones, a massless root."""
     motion = group_motion(group.ports)
     mass = motion.T @ rigid @ motion
     size = np.sqrt(np.diag(mass))
@@ -366,7 +366,7 @@ def _fixed(line: MassLine, group: ModeGroup, lines: Sequence[float], rigid: Arra
 
 
 def with_real_polar(chain: Chain) -> Chain:
-    """A recipe's chain with a little polar inertia where the appendage states none, which MuJoCo needs."""
+    """A recipe's chain with a little polar inertia where the appendage states none."""
     links = list(chain.links)
     for i, link in enumerate(links):
         ix, iy, iz = link.inertia

@@ -57,7 +57,7 @@ class Link:
         return body_mass_matrix(self.mass, self.centre, self.inertia_matrix())
 
     def rows(self) -> Array:
-        """`(6, 6)`: velocity of the centre and rate of turn, weighted by the roots of mass and inertia, per root motion."""
+        """`(6, 6)`: weighted velocity of the centre and rate of turn, per root motion."""
         values, axes = np.linalg.eigh(self.inertia_matrix())
         if self.products == PRINCIPAL:
             values, axes = np.array(self.inertia), np.eye(3)
@@ -172,12 +172,12 @@ class Chain:
         )
 
     def freedom_motion(self, freedom: Freedom) -> Array:
-        """`(6,)` motion at the root that moves what hangs behind the hinge as one unit of the freedom does."""
+        """`(6,)` motion of the root that moves what hangs behind as the freedom does."""
         hinge, port = freedom
         return shifted(np.array([-self.hinges[hinge].x, 0.0, 0.0])) @ PORT_MOTION[port][:, -1]
 
     def rows(self, freedoms: Sequence[Freedom]) -> tuple[Array, Array]:
-        """Motion rows weighted by the square root of mass: rigid `(r, 6)`, elastic `(r, f)` per freedom, `M = rows^T rows`."""
+        """Motion rows, rigid `(r, 6)` and elastic `(r, f)` per freedom: `M = rows^T rows`."""
         motions = np.column_stack([np.zeros((6, 0)), *(self.freedom_motion(f) for f in freedoms)])
         behind = np.array([i for i, _ in freedoms], dtype=np.int64)
         own = [link.rows() for link in self.links]
@@ -192,7 +192,7 @@ class Chain:
         return np.array([float(known.get(f, 0.0)) for f in freedoms])
 
     def spring_rows(self, freedoms: Sequence[Freedom]) -> Array:
-        """`(s, f)` with `K = rows^T rows`: square roots of the hinges' springs and of the tendons'."""
+        """`(s, f)` with `K = rows^T rows`: roots of the hinges' and tendons' springs."""
         springs = np.array([self.hinges[i].stiffness[port] for i, port in freedoms])
         on_hinges = np.diag(np.sqrt(springs))[springs > 0.0]
         on_tendons = [np.sqrt(t.stiffness) * self._along(t, freedoms) for t in self.tendons if t.stiffness > 0.0]
@@ -212,7 +212,7 @@ class Chain:
         return out
 
     def port(self, port: str = "xy") -> PortModel:
-        """How the chain pushes back at its root: all its modes in one port, undamped, the other ports locked."""
+        """How the chain pushes back at its root in one port, undamped, others locked."""
         one_of("port", port, PORTS)
         return self.model([port], PORT_MOTION[port])
 
@@ -225,7 +225,7 @@ class Chain:
         return port_from_rows(rigid @ motion, elastic, motion.T @ tip)
 
     def _scaled(self, freedoms: Sequence[Freedom]) -> tuple[Array, Array, Array]:
-        """Rigid and elastic rows and the tip's six motions; elastic coordinates with strain energy `|y|^2 / 2`."""
+        """Rigid and elastic rows and the tip's motions; strain energy `|y|^2 / 2`."""
         rigid, elastic = self.rows(freedoms)
         root = np.linalg.inv(np.linalg.qr(self.spring_rows(freedoms), mode="r")) if freedoms else np.zeros((0, 0))
         tip = shifted(np.array([self.length, 0.0, 0.0]))
@@ -233,7 +233,7 @@ class Chain:
         return rigid, elastic @ root, motions @ root
 
     def shapes(self, port: str, modes: PortModel) -> Array:
-        """`(n, h)` hinge angles of a port in its mass-normalised cantilever modes, with the signs of `modes`."""
+        """`(n, h)` hinge angles of a port in its mass-normalised modes."""
         freedoms = self.freedoms([port])
         springs = np.linalg.qr(self.spring_rows(freedoms), mode="r")
         rigid, elastic, _ = self._scaled(freedoms)

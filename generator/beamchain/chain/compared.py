@@ -24,7 +24,7 @@ def build_least_squares(
     payload: Mapping[str, TipBody] | None,
     target_of: TargetOf,
 ) -> Built:
-    """A chain by least squares: the plane with most modes decides the links `(N,)` [m], the others get springs on them."""
+    """A chain by least squares: the plane with most modes decides the links [m]."""
     planes = [port for port in kept if port in ("xy", "xz")]
     if not planes or "axial" in kept:
         raise InputError('method = "least_squares" needs modes in a bending plane and takes none in axial.')

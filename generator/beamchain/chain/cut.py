@@ -31,7 +31,7 @@ MOST_ADDED = 4  # hinges tried beyond what the modes need
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """Where the hinges stand: x `(c,)` [m], the ports of each, the least margin, and the hinges added, with the reason."""
+    """Where the hinges stand: x `(c,)` [m], their ports, and the least margin."""
 
     x: Array
     ports: tuple[tuple[str, ...], ...]
@@ -41,7 +41,7 @@ class Cut:
 
 
 def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float], further: Sequence[float] = ()) -> Cut:
-    """The most even cut that holds the modes; `lines`: where hinges must stand, `further`: further ports [m]."""
+    """The most even cut that holds the modes; hinges at `lines`, ports at `further` [m]."""
     length = line.length
     fixed = _merged([*lines, *(x for group in wanted for places in group.fixed.values() for x in places)], length)
     groups = list(wanted)
@@ -107,7 +107,7 @@ def _merged(places: Sequence[float], length: float) -> Array:
 
 
 def _best(search: Margins, fixed: Array, free: int) -> tuple[Array, float]:
-    """Hinges with enough margin and the longest shortest link; else those with the largest margin."""
+    """Hinges with enough margin and the longest shortest link, else with most margin."""
     if free <= 0:
         return fixed, search.value(fixed)
     length = search.table.length
@@ -136,7 +136,7 @@ def _best(search: Margins, fixed: Array, free: int) -> tuple[Array, float]:
 
 
 def _patterns(length: float, free: int, further: Sequence[float]) -> Iterator[Callable[[float], Array]]:
-    """Free hinges [m] by the place of the first, in lengths: graded towards the root, and towards further ports."""
+    """Free hinges [m] by the place of the first, graded towards root and further ports."""
 
     def graded(a: float, power: float, count: int, end: float) -> Array:
         s = a ** (1.0 / power)
@@ -187,7 +187,7 @@ def _climbed(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Ar
 
 
 def _even(search: Margins, x: Array, fixed: Array) -> Array:
-    """The cut with its free hinges moved towards the middles of their neighbours as far as the margin allows."""
+    """Free hinges moved between their neighbours' middles as the margin allows."""
     length = search.table.length
     x = x.copy()
     for _ in range(SWEEPS):

@@ -30,7 +30,7 @@ GOOD_ENOUGH = 1e-7  # cost below which no further start is tried: residuals of s
 
 
 class RodModes(NamedTuple):
-    """Cantilever frequencies `(n,)` [rad/s], participation `(n, 2)` and tip displacement `(n,)` of a chain of rods."""
+    """Frequencies `(n,)` [rad/s], participation `(n, 2)`, tip displacement `(n,)`."""
 
     frequencies: Numbers
     participation: Numbers
@@ -38,7 +38,7 @@ class RodModes(NamedTuple):
 
 
 class Rods(NamedTuple):
-    """Rods 0..N-1 by their inner ends and mass centres `(N,)` [m], and the springs `(N - 1,)` between them [N m/rad]."""
+    """Rods with inner ends and mass centres `(N,)` [m]; `N - 1` springs [N m/rad]."""
 
     starts: Numbers
     masses: Numbers
@@ -64,7 +64,7 @@ class LoadCase:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A fit by least squares: hinges at `positions` `(N - 1,)` [m]; `nodes` where the masses were free."""
+    """A fit: hinges `(N - 1,)` [m]; `nodes` where the masses were free."""
 
     positions: Array
     stiffness: Array
@@ -82,7 +82,7 @@ def fit_planar(
     links: Array,
     free: Sequence[str] = FREE,
 ) -> Found:
-    """Fit a planar chain whose link 1 is welded to the root, from links `(N,)` [m]; `free`: some of `FREE`."""
+    """Fit a planar chain from links `(N,)` [m]; `free`: some of `FREE`."""
     starts = _starts(beam, port, links, "lengths" in free)
     best: Found | None = None
     history: list[str] = []
@@ -110,7 +110,7 @@ def fit_planar(
 
 
 def fit_stiffness(chain: Chain, port: str, target: PortModel, start: Array) -> tuple[Chain, float]:
-    """The chain with springs of one port in every hinge, from `start` `(h,)`, and the worst relative residual."""
+    """The chain with springs of one port, from `start` `(h,)`, and the worst residual."""
     scale = np.sqrt(np.diag(target.rigid_mass))
     weight = np.linalg.norm(target.participation / scale, axis=1)[:, None]
 
@@ -133,7 +133,7 @@ def fit_stiffness(chain: Chain, port: str, target: PortModel, start: Array) -> t
 
 
 def payload_cases(beam: Beam, port: str, modes: int, payload: TipBody | None) -> list[LoadCase]:
-    """The beam alone; with a payload, also with 2 %, 20 % and all of it: what holds at the ends holds between them."""
+    """The beam alone; with a payload, also with 2 %, 20 % and all of it."""
     out: list[LoadCase] = []
     for factor in (0.0,) if payload is None else (0.0, 0.02, 0.2, 1.0):
         load = TipBody(0.0, 0.0) if payload is None else TipBody(factor * payload.mass, factor * payload.inertia)
@@ -146,7 +146,7 @@ def payload_cases(beam: Beam, port: str, modes: int, payload: TipBody | None) ->
 
 
 def _starts(beam: MassLine, port: str, links: Array, lengths_free: bool) -> list[tuple[str, Array]]:
-    """Link lengths to start from: the user's, and where they may move, the exact chain's with as many links."""
+    """Link lengths to start from: the user's, the exact chain's, graded ones."""
     out = [("given links", links)]
     if lengths_free:
         for modes in range(links.size - 1, 0, -1):
@@ -284,7 +284,7 @@ class _Problem:
 
 
 def loaded_modes(rods: Rods, tip: float, payloads: Sequence[TipBody]) -> RodModes:
-    """Modes with each of `k` bodies at the tip [m], all at once: each field gets a leading axis `(k,)`."""
+    """Modes with each of `k` bodies at the tip: each field has a leading axis."""
     hinges = rods.starts[1:]
     flexible = 1.0 / np.sqrt(rods.stiffness)
     outside = np.tri(rods.masses.size, hinges.size, -1)  # hinge j moves rods j+1 and on
@@ -314,7 +314,7 @@ def loaded_modes(rods: Rods, tip: float, payloads: Sequence[TipBody]) -> RodMode
 
 
 def nodes_to_rods(masses: Numbers, lengths: Numbers, stiffness: Numbers) -> Rods:
-    """Rods from node masses `(N + 1,)` and rod lengths `(N,)`; inner nodes are shared half and half."""
+    """Rods from masses `(N + 1,)` and lengths `(N,)`; inner nodes shared in halves."""
     x = np.concatenate([np.zeros(1), np.cumsum(lengths)])
     half = np.concatenate([masses[:1], masses[1:-1] / 2.0, masses[-1:]])
     a = np.concatenate([half[:1], half[1:-1]])
@@ -324,7 +324,7 @@ def nodes_to_rods(masses: Numbers, lengths: Numbers, stiffness: Numbers) -> Rods
 
 
 def jacobian(function: Callable[[Numbers], Numbers], at: Array, step: float = 1e-30) -> Array:
-    """Complex-step Jacobian `(r, p)` of an analytic `function` at `at` `(p,)`: exact to rounding, no step to choose."""
+    """Complex-step Jacobian `(r, p)` of an analytic `function` at `at` `(p,)`."""
     columns = []
     for i in range(at.size):
         moved = at.astype(np.complex128)

@@ -24,7 +24,7 @@ ROLL = 1e-3  # of the transverse inertia about the root: what raising polar iner
 
 
 def _rounded(about: Array, noise: float) -> Array:
-    """`(3, 3)` inertia about the centre, no second moment below zero by rounding: a lamina's is nothing across it."""
+    """`(3, 3)` inertia about the centre, no second moment below zero by rounding."""
     moments = np.trace(about) / 2.0 * np.eye(3) - about
     values, axes = np.linalg.eigh(moments)
     if not -noise < values[0] < FLAT * values[2]:
@@ -34,7 +34,7 @@ def _rounded(about: Array, noise: float) -> Array:
 
 
 def bodies(line: MassLine, x: Array) -> list[Link]:
-    """The appendage's own rigid pieces between the hinges, as they are; see `settled` for thin ones."""
+    """The appendage's own rigid pieces between the hinges; see `settled`."""
     behind = line.behind(np.concatenate([[-line.length], x]))
     pieces = [*(a - b for a, b in pairwise(behind)), behind[-1]]
     edges = [0.0, *x.tolist(), line.length]
@@ -72,7 +72,7 @@ def with_polar(links: Sequence[Link], inertias: Sequence[float]) -> list[Link]:
 
 @lru_cache(maxsize=4)
 def _running(beam: MassLine) -> tuple[Array, Array, Array]:
-    """x, and mass and polar inertia of the beam up to x; asked for once per kind and port, so kept."""
+    """x, and mass and polar inertia of the beam up to x."""
     grid = np.linspace(0.0, beam.length, 201)
     pieces = [beam.moments(a, b, closed=b >= beam.length) for a, b in pairwise(grid.tolist())]
     mass, polar = (np.cumsum([0.0, *(getattr(piece, kind) for piece in pieces)]) for kind in ("mass", "polar"))
@@ -80,7 +80,7 @@ def _running(beam: MassLine) -> tuple[Array, Array, Array]:
 
 
 def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
-    """`(n,)` x [m] at which the beam's own "mass" or "polar" inertia reaches the groups' `shares` `(n + 1,)`."""
+    """`(n,)` x [m] at which the beam's own inertia reaches `shares` `(n + 1,)`."""
     grid, masses, polars = _running(beam)
     own = masses if kind == "mass" else polars
     if not np.sum(shares) > 0.0:
@@ -90,7 +90,7 @@ def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
 
 
 def share(links: list[Link], wanted: list[float], groups: list[list[int]], real: Array) -> list[float]:
-    """Polar inertia of every link: each group's sum as `wanted` [kg m^2], near to the real pieces' `(N,)`."""
+    """Polar inertia of every link, near to `real` `(N,)`; sums per group as `wanted`."""
     out = [0.0] * len(links)
     for total, members in zip(wanted, groups, strict=True):
         low = np.array([abs(links[i].inertia[2] - links[i].inertia[1]) for i in members]) * (1.0 + 1e-12)
@@ -164,7 +164,7 @@ def raised(chain: Chain, least: float) -> tuple[Chain, str]:
 
 
 def settled(line: MassLine, links: Sequence[Link], cuts: Array) -> list[Link]:
-    """Links that are rigid bodies: what short ones between `cuts` `(c,)` [m] cannot carry, the longer ones carry."""
+    """Links that are rigid bodies: long ones carry what short ones cannot."""
     if any(link.beside != (0.0, 0.0) or link.products != (0.0, 0.0, 0.0) for link in links):
         return list(links)  # imported mass has its breadth in all three inertias
     rigid = line.rigid_mass()

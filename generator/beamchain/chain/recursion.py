@@ -71,7 +71,7 @@ def realise(target: PortModel) -> Nodes:
 
 
 def _rods(r: Array, phi: Array, lam: Array, count: int) -> tuple[Array, Array, Array]:
-    """Masses `(count + 1,)`, lengths `(count,)` and springs `(count - 1,)` of rods from a node outwards."""
+    """Masses `(count + 1,)`, lengths `(count,)`, springs `(count - 1,)` from a node."""
     nodes = [r]
     masses, lengths, springs = [float(1.0 / (r @ r))], list[float](), list[float]()
     shear, moment = np.zeros(r.size), np.zeros(r.size)
@@ -162,7 +162,7 @@ def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, A
 
 
 def planar_links(nodes: Nodes, beam: MassLine) -> list[Link]:
-    """Links that cover the real beam, without polar inertia; the same inertia stands in both planes."""
+    """Links that cover the real beam, without polar inertia, alike in both planes."""
     x = nodes.positions
     edges = [*x[:-1].tolist(), max(beam.length, float(x[-1]))]
     own = [beam.moments(a, b, closed=b >= beam.length).mass for a, b in pairwise(edges)]
@@ -194,7 +194,7 @@ def planar_chain(nodes: Nodes, beam: MassLine, port: str = "xy") -> Chain:
 
 
 def realise_scalar(target: PortModel) -> tuple[Array, Array]:
-    """Inertias `(n + 1,)` from the root and springs `(n,)` of a torsion or axial `target`: a Stieltjes string (M. G. Krein)."""
+    """Inertias `(n + 1,)` and springs `(n,)` of a scalar target: a Stieltjes string."""
     n = target.modes
     r = np.concatenate([target.rigid_port_values[0], target.free_port_values[:, 0]])
     lam = np.concatenate([[0.0], target.free_frequencies**2])

@@ -32,7 +32,7 @@ def rigid_link(beam: MassLine, start: float, end: float) -> Link:
 
 
 def cut(beam: Beam, hinges: Array, stiffness: Array, port: str) -> Chain:
-    """Freeze the beam between hinges `(h,)` [m] with springs `(h,)` [N m/rad]; x = 0 gives a hinge at the root."""
+    """Freeze the beam between hinges `(h,)` [m], 0: at the root, with springs `(h,)`."""
     edges = [0.0, *hinges.tolist(), beam.length]
     links = [
         Link(0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)) if b <= a else rigid_link(beam, a, b) for a, b in pairwise(edges)
@@ -81,7 +81,7 @@ def seed_ratio(k: float) -> float:
 
 
 def seed_parameters(mass: float, length: float, omega1: float, omega2: float) -> tuple[float, float]:
-    """The paper's `k` and `c` [N m] for two free frequencies [rad/s] of a beam of `mass` [kg] and `length` [m]."""
+    """The paper's `k` and `c` [N m] for two free frequencies [rad/s] of a beam."""
     ratio = omega1 / omega2
     if not 0.0 < ratio < 1.0:
         raise InputError(f"omega1 / omega2 = {ratio!r} must lie between 0 and 1 for the paper's three links.")
@@ -90,7 +90,7 @@ def seed_parameters(mass: float, length: float, omega1: float, omega2: float) ->
 
 
 def seed_chain(beam: Beam, k: float, c: float, port: str = "xy") -> Chain:
-    """Three uniform links `(1-k)l/2, k l, (1-k)l/2` and two equal springs `c` [N m/rad] (Belonozhko 2008, sec. 3)."""
+    """Links `(1-k)l/2, k l, (1-k)l/2` and two springs `c` [N m/rad] (Belonozhko 2008)."""
     if not beam.uniform:
         raise InputError('method = "seed" is the paper\'s recipe for a uniform beam; use "exact" for this appendage.')
     ends = np.array([(1.0 - k) / 2.0, (1.0 + k) / 2.0]) * beam.length

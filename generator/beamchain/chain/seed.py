@@ -57,7 +57,7 @@ class SeedRow(NamedTuple):
 
 
 class SeedTable(NamedTuple):
-    """`rows`: printed and computed; `exact`: the exact 3-link chain (target free) on the same beam."""
+    """`rows`: printed and computed; `exact`: the exact 3-link chain."""
 
     rows: list[SeedRow]
     exact: list[tuple[str, float]]
@@ -70,7 +70,7 @@ def seed_beam() -> Beam:
 
 
 def port_parameters(model: PortModel) -> dict[str, float]:
-    """Gains and zeros of the four transfer functions in the paper's form (15), two flexible modes."""
+    """Gains and zeros of the four transfer functions in the paper's form (15)."""
     out: dict[str, float] = {}
     for name, (i, j) in _ENTRIES.items():
         out[f"gain.{name}"] = float(model.gains[i, j])

@@ -61,13 +61,13 @@ class ModeGroup:
     neutral: float | None = None
 
     def filler_frequency(self, last: float) -> float:
-        """Frequency of the modes of surplus hinges [rad/s], given the highest one kept in any group."""
+        """Frequency of the modes of surplus hinges [rad/s]; `last`: highest kept."""
         if self.neutral is not None:
             return ABOVE * max(self.neutral, last)
         return FILLER * last if self.beyond is None else max(self.beyond, 2.0 * last)
 
     def fitting(self, rigid: Array) -> "ModeGroup":
-        """The modes with participation that fits bodies of a slightly different rigid mass `(m, m)`, printed to few digits."""
+        """The modes with participation that fits a slightly different `rigid` `(m, m)`."""
         if self.rigid is None or not np.max(np.abs(self.rigid - rigid)) > SAME_MASS * np.max(np.abs(rigid)):
             return self
         m = rigid.shape[0]
@@ -147,7 +147,7 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[A
 
 
 def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
-    """`(size, k)` up to `count` motions that the root does not feel, beside modes `u` `(size, n)`, within the unit ball."""
+    """`(size, k)` motions that the root does not feel, beside modes `u` `(size, n)`."""
     left = np.eye(u.shape[0]) - u @ u.T
     own, across = seen.T @ left @ seen, seen.T @ left @ unseen
     room = unseen.T @ left @ unseen - across.T @ np.linalg.pinv(own, hermitian=True) @ across
@@ -190,7 +190,7 @@ def _clipped(z: Array) -> Array:
 
 
 def given_modes(chain: Chain, groups: Sequence[ModeGroup], further: Sequence[float] = (), ratio: float = 0.0) -> Chain:
-    """The chain with tendons that give it the wanted modes, exactly; `further`: x of further ports [m]."""
+    """The chain with tendons that give it the modes; `further`: x of ports [m]."""
     tendons: list[Tendon] = []
     armatures: list[Tendon] = []
     fillers = 0
@@ -256,21 +256,21 @@ def group_motion(ports: Sequence[str]) -> Array:
 
 
 def port_rows(chain: Chain, freedoms: Sequence[Freedom], motion: Array, x: float) -> Array:
-    """`(m, f)` motion of the appendage's point at `x` per hinge freedom, root held: what stands before x does not move."""
+    """`(m, f)` motion of the point at `x` [m] per hinge freedom, root held."""
     place = shifted(np.array([x, 0.0, 0.0]))
     columns = [motion.T @ place @ chain.freedom_motion(f) * (chain.hinges[f[0]].x < x) for f in freedoms]
     return np.column_stack([np.zeros((motion.shape[1], 0)), *columns])
 
 
 def springs_as_modes(chain: Chain, damping: Mapping[str, Array]) -> Chain:
-    """A chain with springs on its hinges as the same chain with one tendon per mode, damped by its ratio."""
+    """The same chain with one tendon per mode, damped, in place of hinge springs."""
     tendons = [t for port in chain.ports for t in _modes_of(chain, port, damping[port], springs=True)]
     loose = tuple(replace(hinge, stiffness=dict.fromkeys(hinge.stiffness, 0.0)) for hinge in chain.hinges)
     return replace(chain, hinges=loose, tendons=tuple(tendons))
 
 
 def damped_modes(chain: Chain, damping: Mapping[str, Array]) -> Chain:
-    """A chain that keeps its springs on its hinges, with a damping tendon for each of the first modes."""
+    """The chain with a damping tendon for each of the first modes."""
     tendons = [t for port in damping for t in _modes_of(chain, port, damping[port], springs=False) if t.damping > 0.0]
     return replace(chain, tendons=(*chain.tendons, *tendons))
 
@@ -290,7 +290,7 @@ def _modes_of(chain: Chain, port: str, ratios: Array, *, springs: bool) -> list[
 
 
 def joint_damping(chain: Chain, port: str, ratios: Array) -> Chain:
-    """The chain with damping in the hinges of a port: non-negative least squares on the modes' ratios `(n,)`."""
+    """The chain with hinge dampers, by least squares on the ratios `(n,)`."""
     modes = chain.port(port)
     moving = [i for i, hinge in enumerate(chain.hinges) if port in hinge.stiffness]
     wanted = 2.0 * ratios[: modes.modes] * modes.frequencies

@@ -15,7 +15,7 @@ _TRY = (
 
 
 def choose() -> str:
-    """Set MUJOCO_GL to a renderer that works without a screen, and name it; the user's setting is only tried."""
+    """Set MUJOCO_GL, where the user has not, to a renderer that needs no screen."""
     given = os.environ.get("MUJOCO_GL", "").strip().lower()
     if "mujoco" in sys.modules:  # it has looked already
         return given

@@ -34,7 +34,7 @@ TOGETHER = 1e-6  # relative: frequencies this close are taken together, as their
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What MuJoCo says of an appendage: port models, rigid mass `(6, 6)`, relative couplings, digits lost per port."""
+    """What MuJoCo says: port models, rigid mass `(6, 6)`, couplings, digits lost."""
 
     ports: dict[str, PortModel]
     rigid_mass: Array
@@ -49,7 +49,7 @@ class Measured:
 
 
 def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballast: Array | None = None) -> Measured:
-    """Put the appendage on the bench, linearise, and read the port models back; `ballast` `(4,)`: see `mjcf.write.bench`."""
+    """Linearise the appendage on the bench; `ballast` `(4,)`: see `mjcf.write.bench`."""
     model = compile_model(write.text(write.bench(appendage, ports, timestep, ballast)))
     linear = linearise(model, epsilon=STRAIGHT)
     groups: dict[str, tuple[int, ...]] = {}
@@ -86,7 +86,7 @@ def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballas
 def measure_in_space(
     appendage: Element, *, timestep: float, ballast: Array | None = None, live: Sequence[int] = tuple(range(6))
 ) -> tuple[Measured, PortModel]:
-    """The same with all six motions free: what MuJoCo says, and the port model in space of the `live` motions."""
+    """The same with six motions free, and the port model of the `live` ones."""
     model = compile_model(write.text(write.bench(appendage, PORTS, timestep, ballast)))
     linear = linearise(model, epsilon=STRAIGHT)
     extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
@@ -107,7 +107,7 @@ def measure_in_space(
 
 
 def block(space: PortModel, motion: Array) -> PortModel:
-    """The port model of some motions of the root, the others held: `motion` `(m, k)` in the motions of `space`."""
+    """The port model of some motions `(m, k)` of the root, the others held."""
     return space.replaced(
         rigid_mass=motion.T @ space.rigid_mass @ motion, participation=space.participation @ motion, tip=None
     )
@@ -168,7 +168,7 @@ def distance(a: PortModel, b: PortModel) -> float:
 
 
 def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
-    """`(6, 6)` mass matrix of a body's frozen subtree in the rest pose, about the body's own frame and in its axes."""
+    """`(6, 6)` mass matrix of a body's frozen subtree at rest, in its own frame."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -177,7 +177,7 @@ def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
 
 
 def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origin: Array, frame: Array) -> Array:
-    """`(6, 6)` mass matrix of a body's frozen subtree about a point `(3,)` in axes `(3, 3)`, in columns."""
+    """The same about a point `(3,)` in axes `(3, 3)`, in columns."""
     out = np.zeros((6, 6))
     for i in range(model.nbody):
         top = i
@@ -195,7 +195,7 @@ def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origi
 
 
 def ballast_for(chain: Chain) -> Array | None:
-    """Something to hold where a hinge at the root leaves the bench massless: as much as the chain weighs."""
+    """A root body where a hinge at the root leaves the bench massless."""
     first = chain.links[0]
     if min(first.mass, *first.inertia) >= write.SMALLEST:
         return None
@@ -203,7 +203,7 @@ def ballast_for(chain: Chain) -> Array | None:
 
 
 def root_body(chain: Chain) -> Array:
-    """`(4,)` mass and inertias of a root body as heavy as the chain, so that no digit is lost in reading A and B."""
+    """`(4,)` mass and inertias of a root body as heavy as the chain."""
     rigid = np.diag(chain.rigid_mass())
     across = max(rigid[4:])
     out = np.array([rigid[0], max(rigid[3], write.SMALLEST), across, across])  # about x its own: torsion is far lighter

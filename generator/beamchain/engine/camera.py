@@ -19,7 +19,7 @@ MARGIN = 1.12
 
 
 def film(model: "mujoco.MjModel", slew: Slew, *, exaggerate: float, width: int, height: int) -> Iterator[Frame]:
-    """The frames `(height, width, 3)` of a slew; beside each elastic thing, faintly, where it would be if rigid."""
+    """The frames `(height, width, 3)` of a slew, faintly with rigid appendages."""
     camera, extent = _camera(model, slew, exaggerate, width / height)
     _thicken(model, SLIMMEST * extent)
     model.vis.global_.offwidth = max(int(model.vis.global_.offwidth), width)
@@ -66,7 +66,7 @@ def _thicken(model: "mujoco.MjModel", least: float) -> None:
 
 
 def _camera(model: "mujoco.MjModel", slew: Slew, exaggerate: float, aspect: float) -> tuple[Any, float]:
-    """A camera that keeps everything in view for the whole film, and the width of what it sees [m]."""
+    """A camera that sees the whole film, and the width of what it sees [m]."""
     points, mean = _swept(model, slew, exaggerate)
     heading = np.degrees(np.arctan2(mean[1], mean[0]))
     azimuth, elevation = {0: (heading + 55.0, -25.0), 1: (heading + 75.0, -14.0), 2: (heading + 78.0, -38.0)}[slew.axis]
@@ -87,7 +87,7 @@ def _camera(model: "mujoco.MjModel", slew: Slew, exaggerate: float, aspect: floa
 
 
 def _swept(model: "mujoco.MjModel", slew: Slew, exaggerate: float) -> tuple[Array, Array]:
-    """`(n, 3)` points that every solid reaches in the film, and the mean direction away from the hub."""
+    """`(n, 3)` points that solids reach, and the mean direction from the hub."""
     data = mujoco.MjData(model)
     hub = model.body(slew.body).id
     points: list[Array] = []

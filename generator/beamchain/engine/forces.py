@@ -74,7 +74,7 @@ def along(model: "mujoco.MjModel", tendon: int) -> Array:
 
 
 def port_of(read: Readings, root: list[int], inner: list[int], ballast: Array) -> PortModel:
-    """The port model seen at the degrees of freedom `root`, with the sprung ones `inner`; `ballast` `(m, m)` is taken off."""
+    """The port model at freedoms `root`, `inner` sprung; `ballast` `(m, m)` is taken off."""
     rigid = read.rows[:, root]
     if not inner:
         return PortModel(rigid.T @ rigid - ballast, np.zeros(0), np.zeros((0, len(root))))

@@ -32,7 +32,7 @@ if tuple(int(part) for part in mujoco.__version__.split(".")[:2]) < OLDEST:
 
 
 def rollout_engine() -> "Rollout":
-    """MuJoCo's rollouts on the calling thread; imported when asked for, a fit does not need them."""
+    """MuJoCo's rollouts on the calling thread, imported when asked for."""
     from mujoco.rollout import Rollout
 
     return Rollout(nthread=0)
@@ -40,7 +40,7 @@ def rollout_engine() -> "Rollout":
 
 @contextmanager
 def quiet() -> Generator[None]:
-    """Keeps MuJoCo's warnings, which are counted in the data, out of MUJOCO_LOG.TXT in the working folder."""
+    """Keeps MuJoCo's warnings out of MUJOCO_LOG.TXT in the working folder."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(_silent)
     try:

@@ -112,7 +112,7 @@ class Linearisation:
 
     @property
     def continuous(self) -> "control.StateSpace":
-        """The system behind the step: `q'' = -M^-1 K q - M^-1 D q' + M^-1 B u`, states (q, q'), outputs as discrete."""
+        """The system `q'' = -M^-1 K q - M^-1 D q' + M^-1 B u`, states (q, q')."""
         import control
 
         a, b = system_matrix(self.stiffness, self.damping), np.vstack([0.0 * self.inputs, self.inputs])
@@ -125,7 +125,7 @@ class Linearisation:
         return np.sqrt(np.sort(squares[squares > 1e-11 * max(float(np.max(squares, initial=0.0)), 1e-300)]))
 
     def discrete_frequencies(self) -> tuple[Array, Array]:
-        """`|log z| / h` [rad/s] and damping ratios of the oscillating discrete poles of the model's integrator."""
+        """`|log z| / h` [rad/s] and damping ratios of oscillating discrete poles."""
         poles = np.linalg.eigvals(self.a)
         s = np.log(poles[np.imag(poles) > 1e-9].astype(np.complex128)) / self.timestep
         s = s[np.argsort(np.abs(s))]
@@ -160,7 +160,7 @@ class Linearisation:
         return PortModel(rigid + participation.T @ participation, np.sqrt(held.squares), participation, held.ratios)
 
     def held(self, root: list[int], inner: list[int], columns: list[int], turn: Array) -> Held:
-        """The model with its root held; `turn` `(m, m)`: signs of the port's motions against the joints'."""
+        """The model with its root held; `turn` `(m, m)`: signs of its motions."""
         apparent: Array = np.asarray(np.linalg.inv(turn @ self.inputs[np.ix_(root, columns)] @ turn), dtype=np.float64)
         follow = self.inputs[np.ix_(inner, columns)] @ turn @ apparent
         pull = turn @ self.stiffness[np.ix_(root, inner)]
@@ -196,7 +196,7 @@ class Linearisation:
         return worst
 
     def _crosstalk(self, groups: "list[tuple[int, ...]]") -> float:
-        """Largest `|X_ij| / sqrt(|X_ii X_jj|)` of the receptance X between driven joints of different groups."""
+        """Largest `|X_ij| / sqrt(|X_ii X_jj|)` of the receptance between groups."""
         member = {dof: k for k, group in enumerate(groups) for dof in group}
         motors = [(i, dof) for i, dof in enumerate(self.driven) if dof in member]
         of = np.array([member[dof] for _, dof in motors])
@@ -278,7 +278,7 @@ def runge_kutta_step(f: Array) -> Array:
 def transition(
     model: "mujoco.MjModel", data: "mujoco.MjData", epsilon: float, integrator: str
 ) -> tuple[Array, Array, Array, Array]:
-    """A, B, C and D of `mjd_transitionFD` for one of MuJoCo's integrators, states (q, v, activations)."""
+    """A, B, C, D of `mjd_transitionFD`, states (q, v, activations)."""
     n, nu, ns = 2 * model.nv + model.na, model.nu, model.nsensordata
     a, b = np.zeros((n, n)), np.zeros((n, nu))
     c, d = np.zeros((ns, n)), np.zeros((ns, nu))
@@ -307,7 +307,7 @@ def mass_matrix(model: "mujoco.MjModel", qpos: Array | None = None) -> Array:
 
 
 def dense_mass(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
-    """`(nv, nv)` mass matrix of a state that `mj_forward` has seen, through `mj_mulM`, which all versions share."""
+    """`(nv, nv)` mass matrix of a state that `mj_forward` has seen."""
     out, column = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
     for i, unit in enumerate(np.eye(model.nv)):
         mujoco.mj_mulM(model, data, column, unit)
@@ -316,7 +316,7 @@ def dense_mass(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
 
 
 def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: Array) -> Array:
-    """`(nv, nv)` the share of `M^-1 K` [1/s^2] that "discrete" treats implicitly: all of a joint's spring, not a tendon's."""
+    """`(nv, nv)` the share of `M^-1 K` [1/s^2] implicit in "discrete": joints' springs."""
     nv, h = model.nv, float(model.opt.timestep)
     a, *_ = transition(model, data, VELOCITY, "discrete")
     return (np.linalg.inv(a[nv : 2 * nv, nv : 2 * nv]) - np.eye(nv) - h * damping) / h**2

@@ -18,7 +18,7 @@ RANK = 1e-9  # relative singular value below which a motion of the port is held
 
 
 class Carrier(NamedTuple):
-    """A joint between port and world; `own`: it carries the whole spacecraft, `sprung`: a spring or servo holds it."""
+    """A joint between port and world; `own`: it carries the whole spacecraft."""
 
     name: str
     kind: str
@@ -55,7 +55,7 @@ class Mount:
         return out
 
     def from_port(self, other: "Mount") -> Array:
-        """`(6, 6)` motion of another port, in its own axes, per motion of this one, both on one rigid body."""
+        """`(6, 6)` motion of another port of the same body per motion of this one."""
         arm = other.origin - self.origin
         x, y, z = arm
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -125,7 +125,7 @@ def held_joints(model: "mujoco.MjModel") -> set[int]:
 
 
 def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
-    """`(6, 6)` what is rigidly behind each port, other appendages (`rigid`, about their own ports) rigid, by name."""
+    """`(6, 6)` what is rigidly behind each port, by name; `rigid`: of appendages."""
     out: dict[str, Array] = {}
     for own in mounts:
         total = own.hub.copy()

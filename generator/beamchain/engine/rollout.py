@@ -22,14 +22,14 @@ LARGEST = 4_000_000  # numbers held at once; longer simulations go in pieces
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Motion `(t, 6)` of the hub at the ends of the steps [m, rotation vector in rad], and the seconds it took."""
+    """Motion `(t, 6)` of the hub [m, rotation vector in rad], and run time [s]."""
 
     motion: Array
     seconds: float
 
 
 def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: Array) -> Course:
-    """Simulate from rest with a wrench `(t, 6)` on the hub, constant over each step; not finite where it blows up."""
+    """Simulate from rest with a wrench `(t, 6)` on the hub, constant over a step."""
     model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep
     data = mujoco.MjData(model)
     size, steps = mujoco.mj_stateSize(model, STATE), wrench.shape[0]
@@ -59,7 +59,7 @@ def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: 
 
 
 def seconds_of(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: Array) -> float:
-    """Time of the calling thread to simulate as `simulate` does, nothing recorded [s]; one call per constant wrench."""
+    """Time to simulate as `simulate` does, nothing recorded [s]."""
     moved = np.abs(np.diff(wrench, axis=0)) > ROUNDING * float(np.max(np.abs(wrench)))
     changes = np.flatnonzero(np.any(moved, axis=1)) + 1
     if changes.size * SHORTEST_STRETCH > wrench.shape[0]:

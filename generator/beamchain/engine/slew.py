@@ -94,7 +94,7 @@ def simulate(model: "mujoco.MjModel", *, angle: float, frames: int) -> Slew:
 
 
 def _run(model: "mujoco.MjModel", hub: int, torque: Array, duration: float, end: float, frames: int) -> Array:
-    """`(frames, nq)` positions up to `end`; `torque` forwards and back on `hub`, in its axes at rest."""
+    """`(frames, nq)` positions; `torque` forwards and back in the hub's axes."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     torque = data.xmat[hub].reshape(3, 3) @ torque
@@ -117,12 +117,12 @@ def _run(model: "mujoco.MjModel", hub: int, torque: Array, duration: float, end:
 
 
 def _impulse(time: float, duration: float) -> float:
-    """Integral of 1 for the first half of `duration`, -1 for the second and 0 after: nothing is left at the end."""
+    """Integral of 1 for the first half of `duration`, -1 for the second."""
     return max(min(time, duration - time), 0.0)
 
 
 def _excited(model: "mujoco.MjModel", start: int) -> tuple[int, float]:
-    """Axis 0, 1, 2 and frequency [rad/s] of the lowest mode in which the hub, its free joint at dof `start`, turns."""
+    """Axis and frequency [rad/s] of the lowest mode in which the hub turns."""
     values, vectors = np.linalg.eig(linearise(model).stiffness)
     squares: Array = np.real(values).astype(np.float64)
     shapes: Array = np.abs(np.real(vectors)).astype(np.float64)

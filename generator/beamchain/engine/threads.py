@@ -14,7 +14,7 @@ STEMS = ("scipy_openblas_{}_num_threads64_", "scipy_openblas_{}_num_threads", "o
 
 @contextmanager
 def one_thread() -> Generator[None]:
-    """Within it OpenBLAS, NumPy's and SciPy's, works on one thread; other libraries are left as they are."""
+    """Within it OpenBLAS, NumPy's and SciPy's, works on one thread."""
     before = [(put, int(get())) for get, put in _switches()]
     try:
         for put, _ in before:

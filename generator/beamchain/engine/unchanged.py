@@ -36,7 +36,7 @@ class Difference(NamedTuple):
 
 
 def appended(model: "mujoco.MjModel", names: Mapping[str, set[str]]) -> dict[str, list[int]]:
-    """Ids per kind of the elements that bear one of `names[kind]` (bodies, joints, geoms, sites, tendons, sensors)."""
+    """Ids per kind of the elements that bear one of `names[kind]`."""
     out: dict[str, list[int]] = {}
     for kind, word in NAMED.items():
         get = getattr(model, word)
@@ -86,7 +86,7 @@ def differences(
 
 
 def _same_width(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-    """Two rows as numbers; the shorter one of two models' user data (`<size nuser_...>`) ends in zeros."""
+    """Two rows as numbers; shorter user data end in zeros."""
     a, b = (np.atleast_1d(np.asarray(row, dtype=np.float64)).ravel() for row in (x, y))
     wide = max(a.size, b.size)
     if a.size == b.size:

@@ -40,7 +40,7 @@ class Shapes:
     bending: bool
 
     def momenta(self, hinges: Array) -> Array:
-        """`(n, h)`: what each mode's motion is worth in the unit motion of a hinge at each of `hinges` `(h,)` [m]."""
+        """`(n, h)`: each mode's motion in the unit motion of hinges `(h,)` [m]."""
         reach = self.x[:, None] - hinges[None, :]
         behind = reach > 0.0
         arms = np.where(behind, reach, 0.0) if self.bending else behind
@@ -168,7 +168,7 @@ class PortModel:
 
     # -- free modes ----------------------------------------------------------------------------------------------
     def _rows(self) -> tuple[Array, Array]:
-        """Motion rows weighted by the square root of mass: rigid `(n+m, m)` and elastic `(n+m, n)`."""
+        """Weighted motion rows: rigid `(n+m, m)` and elastic `(n+m, n)`."""
         scale = np.sqrt(np.diag(self.rigid_mass))
         scaled = self.residual_mass / np.outer(scale, scale)
         if np.linalg.eigvalsh(scaled)[0] < RESIDUAL_NOISE:  # a direction without residual mass shall be one exactly
@@ -181,7 +181,7 @@ class PortModel:
 
     @cached_property
     def _free(self) -> tuple[Array, Array, Array, Array]:
-        """Free frequencies, port values, right singular vectors, and rigid port values `P0`, `P0 P0^T = M^-1`."""
+        """Free frequencies, port values, singular vectors, rigid port values `P0`."""
         rigid, elastic = self._rows()
         q, r = np.linalg.qr(rigid)
         along = q.T @ elastic
@@ -351,7 +351,7 @@ class PortModel:
         return self.reduced(modes, attached)
 
     def _projected(self, basis: Array) -> "PortModel":
-        """Galerkin reduction on an orthonormal `basis` `(n, k)` of modal coordinates scaled by their strain energy."""
+        """Galerkin reduction on an orthonormal `basis` `(n, k)` of scaled modes."""
         rigid, elastic = self._rows()
         u, s, wt = np.linalg.svd(elastic @ basis, full_matrices=False)
         modes = (basis @ wt.T / s).T / self.frequencies  # (k, n): in terms of this model's mass-normalised modes

@@ -26,20 +26,20 @@ PORT_MOTION: dict[str, Array] = {
 
 
 def square_root(matrix: Array, noise: float = 0.0) -> Array:
-    """`R` with `R^T R = matrix` for a symmetric positive semidefinite matrix; eigenvalues below `noise` become zero."""
+    """`R`, `R^T R = matrix`; eigenvalues below `noise` become zero."""
     values, vectors = np.linalg.eigh(matrix)
     return np.sqrt(np.where(values > noise, values, 0.0))[:, None] * vectors.T
 
 
 def body_mass_matrix(mass: float, centre: Array, inertia: Array) -> Array:
-    """`(6, 6)` mass matrix about the origin of a rigid body: `centre` `(3,)`, `inertia` `(3, 3)` about the centre."""
+    """`(6, 6)` about the origin; `inertia` `(3, 3)` is about the `centre` `(3,)`."""
     x, y, z = centre
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.block([[mass * np.eye(3), -mass * cross], [mass * cross, inertia - mass * cross @ cross]])
 
 
 def shifted(point: Array) -> Array:
-    """`(6, 6)` motion of a point `(3,)` of a rigid body per motion of the body's origin (x, y, z, rotations)."""
+    """`(6, 6)` motion of a body's point `(3,)` per motion of its origin."""
     x, y, z = point
     out = np.eye(6)
     out[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]

@@ -25,7 +25,7 @@ RELATIVE_COST = {"Euler": 1.0, "implicitfast": 1.1, "implicit": 2.0, "discrete":
 
 @dataclass(frozen=True)
 class StepChoice:
-    """One integrator for a scene: its largest step [s], what bounds it, "tolerance" or "stability", and the relative cost."""
+    """One integrator: its largest step [s], the bound, "tolerance" or "stability", and its relative cost."""
 
     integrator: str
     step: float
@@ -102,7 +102,7 @@ def _flexible(omega: Array, w: Array, ratios: Array, p: Array, s: Array) -> NDAr
 
 
 def _coupled_ratios(coupled: PortModel) -> Array:
-    """Damping ratios of the free modes, in order of frequency; what is overdamped counts as nearly so."""
+    """Damping ratios of the free modes, below 1, in order of frequency."""
     stiffness, damping = normalised(coupled)
     squares, shapes = np.linalg.eigh(stiffness)
     ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (2.0 * np.sqrt(np.maximum(squares, 1e-300)))

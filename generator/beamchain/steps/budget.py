@@ -85,7 +85,7 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
 
 
 def preloaded(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
-    """A sentence where springs pull in the pose that is linearised about: it is no pose of rest then."""
+    """A sentence where springs pull in the pose that is linearised about."""
     pull = preload(model, data)
     return pull and (
         f"{pull} in the pose that is linearised about, which therefore is no pose of rest; write its "
@@ -94,7 +94,7 @@ def preloaded(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
 
 
 def preload(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
-    """The joint whose spring pulls hardest in a pose, and how hard, where nothing balances it; else nothing."""
+    """The joint whose spring pulls hardest where nothing balances it, and how hard."""
     force = np.asarray(data.qfrc_spring)
     worst = int(np.argmax(np.abs(force))) if force.size else 0
     if not force.size or force[worst] == 0.0 or not np.any(np.abs(np.asarray(data.qacc)) > AT_REST):

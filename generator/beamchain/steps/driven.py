@@ -14,7 +14,7 @@ PLANES = {"xy": (2, 1), "xz": (1, 2)}  # per bending plane: axis it turns about,
 
 
 class Driven(NamedTuple):
-    """Largest values at a root, in its own axes: spin across x [rad/s]; per bending plane acceleration and slew."""
+    """Largest spin across x [rad/s]; per bending plane acceleration and slew of a root."""
 
     spin: float
     acceleration: dict[str, float]
@@ -22,7 +22,7 @@ class Driven(NamedTuple):
 
 
 def keyframes(model: "mujoco.MjModel", body: str) -> dict[str, Driven]:
-    """What each keyframe that moves or pushes does to a body, at its start, by the keyframe's name or number."""
+    """What each keyframe that moves or pushes does to a body, by name or number."""
     out: dict[str, Driven] = {}
     data, ident = mujoco.MjData(model), model.body(body).id
     for k in range(model.nkey):
@@ -62,7 +62,7 @@ def driven(motion: Array, spacing: float, offset: Array) -> Driven:
 
 
 def turned(rate: float, acceleration: float, axis: int, offset: Sequence[float]) -> Driven:
-    """The same for a turn of the hub about one of its axes, at most at `rate` [rad/s] and `acceleration` [rad/s^2]."""
+    """The same for a turn of the hub about an axis, by its rate and acceleration."""
     about = acceleration * np.eye(3)[axis]
     across = np.cross(about, offset)
     return Driven(
@@ -73,7 +73,7 @@ def turned(rate: float, acceleration: float, axis: int, offset: Sequence[float])
 
 
 def exceeded(limits: Mapping[str, LargeMotion], run: Driven) -> list[str]:
-    """Sentences for what a run exceeded, over all planes; empty where the chain is within 1 % of a fine one."""
+    """Sentences for what a run exceeded, over all planes."""
     out: list[str] = []
     for port, limit in limits.items():
         out += limit.exceeded(spin=run.spin, acceleration=run.acceleration[port], slew=run.slew[port])

@@ -41,7 +41,7 @@ STEADY = 1e-7  # weight that keeps unknowns where the poles do not ask for a cha
 
 @dataclass(frozen=True)
 class ModeTime:
-    """One mode made exact in time: wanted frequency [rad/s], ratio, and the pole [1/s] that mass and damping place."""
+    """One mode made exact in time; frequency [rad/s], pole [1/s]."""
 
     name: str
     frequency: float
@@ -55,7 +55,7 @@ class ModeTime:
 
 @dataclass(frozen=True, eq=False)
 class TendonValues:
-    """Numbers for the tendons; `turn` `(n, n)`: new coefficients are `turn @ rows`, None: as they are."""
+    """Numbers for the tendons; new coefficients are `turn @ rows`."""
 
     stiffness: Array
     damping: Array
@@ -110,7 +110,7 @@ def form2(modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
 
 
 def form4(modal: Modal, c: Array, integrator: str, h: float, plan: TendonValues) -> TendonValues:
-    """Form 2's plan, tuned; or itself where the integrator cannot be exact or tuning would cost stability."""
+    """Form 2's plan, tuned; or itself where that cannot be or would cost stability."""
     if not SCHEMES[integrator].exact:
         return plan
     _, _, poles = coupled_modes(c, modal.stiffness, modal.damping)
@@ -168,7 +168,7 @@ def _modes(
 
 
 def coupled_modes(c: Array, stiffness: Array, damping: Array) -> tuple[Array, Array, Complex]:
-    """`(n,)` undamped coupled frequencies [rad/s], `(n, n)` modes, `y^T C y = 1`, `(n, 2)` damped poles [1/s]."""
+    """`(n,)` coupled frequencies [rad/s], `(n, n)` modes, `(n, 2)` damped poles [1/s]."""
     n = stiffness.size
     # for 1/w^2: the slow modes keep all their digits beside very fast ones
     inverse, shapes = eigh(c, np.diag(stiffness))
@@ -245,7 +245,7 @@ def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: f
 
 
 def _check_groups(model: "mujoco.MjModel", modal: Modal, groups: "list[NDArray[np.intp]]") -> None:
-    """Tendons may exchange coefficients where they hold the same joints, each once, and groups share none."""
+    """Tendons of a group hold the same joints, each once; groups share none."""
     seen = np.zeros(model.nv, dtype=np.intp)
     for group in groups:
         seen += modal.rows[group[0]] != 0.0
@@ -262,7 +262,7 @@ def _check_groups(model: "mujoco.MjModel", modal: Modal, groups: "list[NDArray[n
 
 
 class Tuned(NamedTuple):
-    """Armature and damping `(n,)` of tuned tendons, and the worst relative error `|z - z*|/|z* - 1|` of a pole."""
+    """Armature and damping `(n,)`, and the worst relative error of a pole."""
 
     armature: Array
     damping: Array

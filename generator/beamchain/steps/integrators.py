@@ -62,7 +62,7 @@ def continuous_poles(frequency: ArrayLike, ratio: ArrayLike = 0.0) -> tuple[Comp
 
 
 def seen(pole: ArrayLike, timestep: float) -> tuple[Array, Array]:
-    """Frequency [rad/s] and damping ratio that a pole `z` of the step looks like from outside: `s = log(z)/h`."""
+    """Frequency [rad/s] and damping ratio that a pole `z` of the step shows: `s = log(z)/h`."""
     s = np.log(np.asarray(pole, dtype=np.complex128)) / timestep
     w = np.abs(s)
     return w, -s.real / np.where(w > 0.0, w, 1.0)
@@ -199,7 +199,7 @@ def timed(
 
 
 def hinge_armature(stiffness: ArrayLike, timestep: float) -> Array:
-    """`k h^2/12` [kg m^2] for hinge springs [N m/rad]: Euler's step is right to fourth order without any tendon."""
+    """`k h^2/12` for hinge springs [N m/rad]: Euler's step is right to fourth order."""
     return np.asarray(stiffness, dtype=np.float64) * timestep**2 / 12.0
 
 

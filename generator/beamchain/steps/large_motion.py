@@ -54,12 +54,12 @@ class _Plane:
         return 1.0 / np.sqrt(np.sort(squares[squares > 0.0])[::-1])
 
     def _spans(self) -> Array:
-        """`(h, h)`: length along x of link j that lies before the mass centre of link k, entry (k, j)."""
+        """`(h, h)`: length along x of link j before the mass centre of link k, entry (k, j)."""
         between = np.append(np.diff(self.hinges), 0.0)
         return np.tril(np.tile(between, (between.size, 1)), -1) + np.diag(self.com[1:] - self.hinges)
 
     def bent(self, acceleration: float, slew: float) -> tuple[float, float]:
-        """Displacement of the mass centre and moment at the root under acceleration [m/s^2] or slew [rad/s^2] of the root."""
+        """Displacement of the mass centre and moment at the root under acceleration or slew."""
         span = self._spans()
         angles = fsolve(lambda a: self._unbalance(a, acceleration, slew, span), self._linear(acceleration, slew))
         x, y = self._places(angles, span)
@@ -134,7 +134,7 @@ class LargeMotion:
     bent: float
 
     def exceeded(self, *, spin: float = 0.0, acceleration: float = 0.0, slew: float = 0.0) -> list[str]:
-        """Sentences for what a run exceeded [rad/s, m/s^2, rad/s^2]; empty where the chain is within 1 %."""
+        """Sentences for what a run exceeded; empty where the chain is within 1 %."""
         given = {
             "spin": (spin, self.spin, "rad/s"),
             "acceleration": (acceleration, self.acceleration, "m/s^2"),
@@ -207,7 +207,7 @@ def large_motion(
 
 
 def _leaves(error: Callable[[float], float], start: float, end: float) -> float:
-    """First x between `start` and `end` at which the error passes 1 %; infinity where it does not."""
+    """First x at which the error passes 1 %; infinity where it does not."""
     grid = np.geomspace(start, end, 16)
     values = [error(float(x)) - LEFT for x in grid]
     if values[0] > 0.0:
@@ -221,7 +221,7 @@ def _leaves(error: Callable[[float], float], start: float, end: float) -> float:
 def large_limits(
     chain: Chain, beam: Beam, modes: Mapping[str, int], radius: float = 0.0
 ) -> tuple[dict[str, LargeMotion], tuple[str, ...]]:
-    """Large-motion limits per bending plane, the root at `radius` [m], and why one could not be had."""
+    """Large-motion limits per bending plane, the root at `radius` [m], and what failed."""
     out: dict[str, LargeMotion] = {}
     reasons: list[str] = []
     for port in ("xy", "xz"):

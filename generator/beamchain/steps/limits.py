@@ -60,7 +60,7 @@ class LinearModel:
         return np.linalg.eigvals(system_matrix(self.stiffness, self.damping)).astype(np.complex128)
 
     def _parts(self, integrator: str) -> tuple[Array, Array, Array, Array]:
-        """Implicit damping, explicit damping, implicit stiffness, and the tendons' share of that."""
+        """Implicit and explicit damping, implicit stiffness, and the tendons' share of it."""
         nothing = np.zeros_like(self.stiffness)
         if integrator == "Euler":
             return self.euler_damping, self.damping - self.euler_damping, nothing, nothing
@@ -149,7 +149,7 @@ class LinearModel:
         return frequency
 
     def shown(self, integrator: str, timestep: float, wanted: Complex) -> Complex:
-        """`(k,)` `log(z) / h` [1/s] that the simulation shows for `wanted` poles `(k,)` above the real axis."""
+        """`(k,)` `log(z) / h` [1/s] that the simulation shows for `wanted` poles `(k,)`."""
         z = np.linalg.eigvals(self.step(integrator, timestep)).astype(np.complex128)
         s = np.log(z[np.abs(z) > 1e-14]) / timestep
         s = s[s.imag >= -1e-9 * np.abs(s)]
@@ -184,14 +184,14 @@ def oscillating(poles: Complex) -> Complex:
 
 
 def oscillations(poles: Complex) -> tuple[Array, Array]:
-    """Frequencies `(n,)` [rad/s], ascending, and damping ratios of what oscillates among continuous poles [1/s]."""
+    """Frequencies `(n,)` [rad/s], ascending, and damping ratios of what oscillates."""
     ringing = oscillating(poles)
     ratios = np.clip(-ringing.real / np.abs(ringing), 0.0, None)
     return np.abs(ringing), np.where(ratios < UNDAMPED, 0.0, ratios)
 
 
 def coupled_limits(model: PortModel, hub: Array | None, *, tendon: bool, sprung: bool = False) -> StepLimits:
-    """Step limits of a port model on a hub `(m, m)`, or alone; `tendon`, `sprung`: as of `integrators.step_pole`."""
+    """Step limits of a port model on a hub `(m, m)`; `tendon`, `sprung`: see `step_pole`."""
     stiffness, damping = normalised(model if hub is None else model.with_hub(hub))
     nothing = np.zeros_like(damping)
     springs = (nothing, stiffness) if sprung else (stiffness, 0.0)
@@ -199,7 +199,7 @@ def coupled_limits(model: PortModel, hub: Array | None, *, tendon: bool, sprung:
 
 
 def normalised(model: PortModel) -> tuple[Array, Array]:
-    """Stiffness and damping `(n, n)` of a free port model in coordinates with a unit mass matrix: both symmetric."""
+    """Stiffness and damping `(n, n)` of a free port model, its mass matrix the unit one."""
     compliance = np.eye(model.modes) + model.participation @ model.gains @ model.participation.T
     values, vectors = np.linalg.eigh((compliance + compliance.T) / 2.0)
     root = vectors * np.sqrt(np.maximum(values, 0.0))

@@ -40,7 +40,7 @@ class MadeFor(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Modal:
-    """The `n` modal tendons of a model: numbers, names, coefficients `(n, nv)`, stiffness [1/s^2], damping before [1/s]."""
+    """The modal tendons of a model; `damping` [1/s] is that before they were retimed."""
 
     index: Ints
     names: tuple[str, ...]
@@ -63,7 +63,7 @@ class Modal:
 
 
 def modal_tendons(model: "mujoco.MjModel") -> Modal:
-    """The modal tendons of a model: unlimited ones with such a name and a spring, over hinges and slides only."""
+    """Unlimited tendons with such a name and a spring, over hinges and slides only."""
     own = [
         i
         for i in range(model.ntendon)
@@ -85,12 +85,12 @@ def modal_tendons(model: "mujoco.MjModel") -> Modal:
 
 
 def made_for(model: "mujoco.MjModel") -> list[MadeFor | None]:
-    """What the modal tendons of a model were made exact for, each answer once; empty where it has no modal tendons."""
+    """What the modal tendons were made exact for, each answer once."""
     return list(dict.fromkeys(modal_tendons(model).made_for))
 
 
 def condensed(mass: Array, rows: Array) -> tuple[Array, Array]:
-    """`C = (B M^-1 B^T)^-1` `(n, n)`, and the motion `M^-1 B^T C` `(nv, n)` of all degrees of freedom per modal coordinate."""
+    """`C = (B M^-1 B^T)^-1` `(n, n)`, and `M^-1 B^T C` `(nv, n)`, the motion per mode."""
     spread = np.linalg.solve(mass, rows.T)
     flexible = rows @ spread
     c = np.linalg.inv((flexible + flexible.T) / 2.0)

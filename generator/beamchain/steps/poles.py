@@ -87,7 +87,7 @@ def pole_rows(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> l
 
 
 def phase_limit(model: "mujoco.MjModel") -> float:
-    """[rad] per step beyond which the modes of a model were slowed; infinity where it was not made exact in time."""
+    """[rad] per step beyond which modes were slowed; infinity where none is retimed."""
     modal = modal_tendons(model)
     marks = [mark for mark in modal.made_for if mark is not None]
     if not marks:
@@ -114,7 +114,7 @@ def step_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) ->
 
 
 def continuous_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> Array:
-    """`(2 nv, 2 nv)` the continuous system behind the model as it stands (its armature included)."""
+    """`(2 nv, 2 nv)` the continuous system behind the model as it stands."""
     a, nv, h = _transition(model, data, "implicitfast"), model.nv, float(model.opt.timestep)
     x = np.linalg.inv(a[nv:, nv:])
     return system_matrix(-x @ a[nv:, :nv] / h, (x - np.eye(nv)) / h)
@@ -134,7 +134,7 @@ def _oscillating(f: Array) -> Complex:
 
 
 def mismatch(model: "mujoco.MjModel") -> list[str]:
-    """Sentences where a model runs at another step or integrator than it was made for; empty where it fits."""
+    """Sentences where a model runs at another step or integrator than it was made for."""
     modal = modal_tendons(model)
     h, name = float(model.opt.timestep), NUMBERS[int(model.opt.integrator)]
     out: list[str] = []

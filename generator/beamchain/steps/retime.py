@@ -141,7 +141,7 @@ def retime(
 
 
 def _coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> Array:
-    """`(n, n)` what the modal coordinates weigh with the craft following; the tendons' names are checked by their masses."""
+    """`(n, n)` condensed mass; a tendon whose own modal mass is not 1 is refused."""
     mass = mass_matrix(model, qpos)
     for i, name in enumerate(modal.names):
         span = np.flatnonzero(modal.rows[i])

@@ -23,7 +23,7 @@ SAFE = 1.8  # rad per step of a spring that nothing slows; 2 is the limit withou
 
 
 def put_time(parts: Iterable[Element], model: "mujoco.MjModel", named: Callable[[str], str] = lambda name: name) -> int:
-    """Write a model's modal tendons into its document, and count them; `named`: from names there to names in the model."""
+    """Write a model's modal tendons into its document, and count them."""
     modal = modal_tendons(model)
     own = {name: int(i) for name, i in zip(modal.names, modal.index, strict=True)}
     found = 0
@@ -46,7 +46,7 @@ def put_time(parts: Iterable[Element], model: "mujoco.MjModel", named: Callable[
 
 
 def put_hinge_armature(root: Element, timestep: float, integrator: str) -> None:
-    """Armature on hinges with springs of their own, where the integrator gains by it; `timestep` [s]."""
+    """Armature on hinges with springs of their own, for Euler and its kin."""
     if not SCHEMES[integrator].exact:
         return
     for joint in root.iter("joint"):
@@ -56,7 +56,7 @@ def put_hinge_armature(root: Element, timestep: float, integrator: str) -> None:
 
 
 def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Path) -> tuple[bytes, list[PoleRow]]:
-    """A model's file made exact in time for `timestep` [s] (0: timing taken out), and what its modes then show."""
+    """A model's file made exact in time (0: timing taken out), and what its modes show."""
     document = relocate(read_craft(path), folder)
     model = compile_model(path)
     if integrator is not None:

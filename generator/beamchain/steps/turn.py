@@ -43,7 +43,7 @@ def turn_error(inertia: Array, rates: Sequence[float], timestep: float, integrat
 
 
 def central_inertia(mass: Array) -> Array:
-    """`(3, 3)` inertia about the mass centre [kg m^2] of a rigid body's mass matrix `(6, 6)` about any point."""
+    """`(3, 3)` inertia about the mass centre [kg m^2] of a mass matrix `(6, 6)`."""
     arm = mass[3:, :3] / mass[0, 0]
     return np.asarray(mass[3:, 3:] - mass[0, 0] * arm @ arm.T, dtype=np.float64)
 

@@ -39,7 +39,7 @@ class Parts(NamedTuple):
 
 @lru_cache(maxsize=256)
 def converged(parts: Parts, port: str, modes: int, stations: tuple[float, ...] = ()) -> PortModel:
-    """Raise the polynomial degree until the lowest `modes` held and free frequencies stand still; `stations` [m]."""
+    """Raise the degree until the lowest held and free frequencies stand still."""
     parts = _joined(parts)
     wanted = max(modes, 1)
     count = len(_edges(parts))
@@ -65,7 +65,7 @@ def converged(parts: Parts, port: str, modes: int, stations: tuple[float, ...] =
 
 
 def _joined(parts: Parts) -> Parts:
-    """The same beam with equal neighbours made one: a hundred like bays need no hundred elements."""
+    """The same beam with equal neighbours made one."""
     hinged = {joint.after_segment for joint in parts.joints}
     out: list[Segment] = []
     place = {0: 0}  # of each segment's far end, before and after
@@ -117,7 +117,7 @@ def _discretised(parts: Parts, port: str, functions: int, wanted: int, stations:
 
 
 def _edges(parts: Parts, stations: tuple[float, ...] = ()) -> list[tuple[Segment, float, float, float]]:
-    """The segments, cut at lumps and stations and cut again where they taper strongly: segment, its start, from, to [m]."""
+    """Segment, its start, from, to [m]: cut at lumps, stations and strong tapers."""
     out: list[tuple[Segment, float, float, float]] = []
     cuts = sorted([*(lump.x for lump in parts.lumps), *stations])
     ends = parts.ends
@@ -142,7 +142,7 @@ def _edges(parts: Parts, stations: tuple[float, ...] = ()) -> list[tuple[Segment
 
 @lru_cache(maxsize=8)
 def _sampled(parts: Parts, functions: int, stations: tuple[float, ...]) -> list[tuple[Segment, float, float, Stations]]:
-    """The stretches of `_edges`, sampled for all ports: segment, from, to, what it has at the Gauss points."""
+    """The stretches of `_edges`, sampled at the Gauss points for all ports."""
     xi, _ = elements.gauss(functions + 5)
     return [
         (segment, a, b, segment.at((a + (b - a) * (1.0 + xi) / 2.0 - x0) / segment.length))

@@ -47,7 +47,7 @@ class Spring(NamedTuple):
 
 
 class Body(NamedTuple):
-    """A rigid body carried at `x` [m]: `mass` [kg] (or polar inertia in torsion), rotary `inertia` [kg m^2]."""
+    """A body at `x` [m]: `mass` [kg] (torsion: polar), rotary `inertia` [kg m^2]."""
 
     x: float
     mass: float
@@ -74,7 +74,7 @@ def scaled(strain: Array, weight: Array) -> Array:
 
 @cache
 def gauss(count: int) -> tuple[Array, Array]:
-    """Points in (-1, 1) and weights of the Gauss rule with `count` points, read-only: one rule serves all."""
+    """Points in (-1, 1) and weights of the Gauss rule, read-only."""
     points, weights = leggauss(count)
     return locked(points), locked(weights)
 
@@ -144,7 +144,7 @@ class MotionRows:
         return parts[0], parts[1] if len(parts) > 1 else None, y[:, len(series) * block :]
 
     def rows(self, y: Array) -> tuple[Array, Array]:
-        """Weighted motion `(b, r)` of all points and `(b, t)` that of tip and stations for coordinates `(b, n)`."""
+        """Weighted motion `(b, r)`, and that of the ends `(b, t)`, for `y` `(b, n)`."""
         strain, shear, angles = self._split(y)
         half = self.half
         jump = np.zeros((y.shape[0], self.count + 1))
@@ -170,7 +170,7 @@ class MotionRows:
         return np.hstack(out), np.stack([at[:, self.ends], before[:, self.ends]], axis=2).reshape(y.shape[0], -1)
 
     def loads(self, rows: Array, tip: Array) -> Array:
-        """The transpose of `rows`: coordinates' loads `(b, n)` of weighted forces `(b, r)`, of tip and stations `(b, t)`."""
+        """The transpose of `rows`: loads `(b, n)` of forces `(b, r)` and `(b, t)`."""
         b, bodies = rows.shape[0], self.body_nodes.size
         points = bodies + self.turn.size * self.turns
         shape, half = (b, *self.turn.shape), self.half
@@ -236,7 +236,7 @@ def assemble(rows: MotionRows) -> PortModel:
 
 
 def assemble_lowest(line: MotionRows, wanted: int) -> PortModel:
-    """The port model reduced to what its `wanted` lowest modes, held and free, and its root notice."""
+    """The port model reduced to what its `wanted` lowest modes and root notice."""
     rigid = line.rigid
     tips = np.eye(len(line.ends) * (2 if line.bending else 1))
     any_load = np.random.default_rng(0).standard_normal((1, rigid.shape[1]))  # a mode that root and tip hardly notice
@@ -288,7 +288,7 @@ def _new(space: Array, block: Array) -> Array:
 
 
 def _change(before: tuple[Array, Array], now: tuple[Array, Array]) -> float:
-    """Largest relative change in two sets of frequencies; infinity where there are more or fewer."""
+    """Largest relative change of frequencies; infinity where sizes differ."""
     if any(a.size != b.size for a, b in zip(before, now, strict=True)):
         return np.inf
     return max(float(np.max(np.abs(b / a - 1.0), initial=0.0)) for a, b in zip(before, now, strict=True))

@@ -10,7 +10,7 @@ from beamchain.ports.motions import Array
 
 
 def krylov(z: float) -> tuple[float, float, float, float]:
-    """Krylov-Duncan functions `S, T, U, V` of z: `S = (cosh z + cos z) / 2`, each the integral of the one before."""
+    """Krylov-Duncan functions `S, T, U, V` of z: `S = (cosh z + cos z) / 2`."""
     if abs(z) < 1.5:
         out: list[float] = []
         for start in range(4):

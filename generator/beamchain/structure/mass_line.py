@@ -187,7 +187,7 @@ class SpreadMass:
 
 
 def default_length(rigid_mass: Array) -> float:
-    """Length of the uniform piece with the same centre and radius of gyration along x: a proposal, to be reported."""
+    """Length [m] of the uniform piece with the same centre and radius of gyration."""
     mass, first, second, *_ = _along(rigid_mass)
     beside = _beside(rigid_mass)
     second = second if beside is None else beside[0]
@@ -205,7 +205,7 @@ def _along(rigid_mass: Array) -> tuple[float, float, float, float, float, float]
 
 
 def _beside(rigid_mass: Array) -> tuple[float, Beside] | None:
-    """Second moment along x [kg m^2] and where the mass lies beside the axis; None where no body has that mass matrix."""
+    """Second moment along x [kg m^2] and mass beside it; None: no such body."""
     mass = float(np.trace(rigid_mass[:3, :3])) / 3.0
     coupling = (rigid_mass[3:, :3] + rigid_mass[:3, 3:].T) / 2.0 / mass
     centre = (
@@ -258,7 +258,7 @@ def spread(
         )
 
     def near(share: float) -> float:
-        """Where the inner of two points stands that carry the rest with the tip; the root's own mass moves with no mode."""
+        """Where the inner of two points stands that carry the rest with the tip."""
         m, s, j = 1.0 - share, c - share * smooth_first, q - share * smooth_second
         return (s - j) / (m - s) if m > s else 1.0
 

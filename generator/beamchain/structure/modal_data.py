@@ -164,7 +164,7 @@ class ModalData:
 
     @property
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Ports that modes or the rigid mass couple, those that a mode moves: one, or several that belong together."""
+        """Ports that modes or the rigid mass couple, those that a mode moves."""
         parts = self.parts
         linked = (parts.T @ parts) > 0.0
         across = np.abs(self.rigid_mass / np.outer(self.scale, self.scale)) > max(self.tolerance, SLIGHT)

@@ -18,7 +18,7 @@ NOISE = 1e-9  # a residual may be this far below zero whatever the print
 
 
 class Turned(NamedTuple):
-    """Modes after `into_planes`; `turn` `(n, n)`: new modes in terms of old, `changed`: groups that were turned."""
+    """Modes after `into_planes`; `turn` `(n, n)`: new ones in terms of old."""
 
     frequencies: Array
     participation: Array
@@ -27,7 +27,7 @@ class Turned(NamedTuple):
 
 
 def near_groups(frequencies: Array, tolerance: float) -> list[list[int]]:
-    """Runs of ascending frequencies in which each follows the last within `tolerance`, relative; two modes or more."""
+    """Runs of two or more ascending frequencies within a relative `tolerance`."""
     groups: list[list[int]] = [[0]] if frequencies.size else []
     for k in range(1, frequencies.size):
         if frequencies[k] - frequencies[k - 1] <= tolerance * frequencies[k]:
@@ -94,7 +94,7 @@ def settled(rigid_mass: Array, participation: Array, precision: float) -> tuple[
 
 
 def last_digits(rigid_mass: Array, participation: Array, precision: float) -> Array:
-    """`(m, m)` what half a unit in the last printed digit of every number can do to the residual mass."""
+    """`(m, m)` what half a last printed digit can do to the residual mass."""
 
     def half(values: Array) -> Array:
         size = np.abs(values)

@@ -96,7 +96,7 @@ class _Section(Struct, frozen=True, kw_only=True):
         return {name: float(getattr(self, name)) for name in self.__struct_fields__}
 
     def ratio(self, end: "_Section") -> float:
-        """Largest ratio of a dimension between the two ends (at least 1): how strongly the segment tapers."""
+        """Largest ratio of a dimension between the two ends, at least 1."""
         pairs = [(getattr(self, name), getattr(end, name)) for name in self.__struct_fields__]
         return max([1.0, *(max(a / b, b / a) for a, b in pairs if a > 0.0 and b > 0.0)])
 
@@ -105,7 +105,7 @@ class _Section(Struct, frozen=True, kw_only=True):
         return 0.0
 
     def cowper(self, nu: float, plane: str) -> float:
-        """Shear factor in a plane of bending, from Poisson's ratio: G. R. Cowper, J. Appl. Mech. 33 (1966) 335."""
+        """Shear factor of G. R. Cowper, J. Appl. Mech. 33 (1966) 335."""
         return 1.0
 
 
@@ -306,7 +306,7 @@ Section = Round | Tube | Rectangle | Box | Custom | Equivalent
 
 
 def rectangle_torsion(b: Array, h: Array) -> Array:
-    """Saint-Venant torsion constant of solid rectangles `b` x `h`, the exact series (Timoshenko, Goodier, art. 109)."""
+    """Saint-Venant constant of `b` x `h` (Timoshenko, Goodier, art. 109)."""
     long, short = np.maximum(b, h), np.minimum(b, h)
     odd = np.arange(1, 16, 2)[:, None]
     # tanh - 1 dies out at once; what it leaves is the sum of 1 / n^5 over odd n

@@ -176,7 +176,7 @@ HEAVIEST = 1e12  # a carried mass over what bends: beyond, double precision keep
 
 
 def check_carried(place: str, mass: float, inertia: tuple[float, float, float], own: float, length: float) -> None:
-    """A "lump" or "payload" [kg], [kg m^2] that leaves a beam of mass `own` [kg] and length [m] its digits."""
+    """A body [kg], [kg m^2] that leaves the beam its digits."""
     for name, value, least, unit in (("mass", mass, own, "kg"), ("inertia", max(inertia), own * length**2, "kg m^2")):
         if value > HEAVIEST * least:
             raise InputError(

@@ -20,7 +20,7 @@ STEPS = 240  # of fourth order, over the whole appendage
 
 
 def mode_shapes(beam: Beam, port: str, model: PortModel) -> tuple[Array, Array]:
-    """`x` `(k,)` [m] and displacement (or angle) `(n, k)` of a beam in the mass-normalised cantilever modes of `model`."""
+    """`x` `(k,)` [m] and displacement (or angle) `(n, k)` in the modes of `model`."""
     bending = port in ("xy", "xz")
     square = model.frequencies**2
     state = np.zeros(
@@ -98,7 +98,7 @@ def _near(things: list[Place[T]], x: float, close: float) -> list[T]:
 
 
 def _stop(lumps: list[Lump], hinges: list[float], port: str, state: Array, square: Array) -> Array:
-    """Across the bodies and then the joints' stiffnesses at one place: a body at a joint hangs before it."""
+    """Across bodies and then joints at one place: a body hangs before a joint."""
     state = state.copy()
     bending = port in ("xy", "xz")
     for lump in lumps:

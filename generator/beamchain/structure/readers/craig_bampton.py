@@ -26,7 +26,7 @@ BOUNDARY = ("boundary", "b", "bset")
 
 
 def read(path: Path, subcase: int | None = None) -> ModalData:
-    """Modal data of a .npz (freedoms counted from 0) or .mat file (from 1) with mass, stiffness and boundary."""
+    """Modal data of a .npz (freedoms from 0) or .mat file (from 1)."""
     if subcase is not None:
         raise InputError(
             f"subcase = {subcase} is given, but {path.name!r} holds one set of matrices; leave subcase out."
@@ -55,7 +55,7 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
 
 
 def read_matrix_market(mass: Path, stiffness: Path, boundary: Sequence[int], name: str) -> ModalData:
-    """The same from two Matrix Market files; boundary freedoms counted from 1, as those files count."""
+    """The same from two Matrix Market files; freedoms from 1."""
     matrices: list[Array] = []
     for path in (mass, stiffness):
         if not path.is_file():

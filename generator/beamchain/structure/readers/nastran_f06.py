@@ -253,7 +253,7 @@ def _compare(path: Path, participation: Array, effective: dict[int, list[float]]
 
 
 def _mass(path: Path, case: _Subcase, shared: _Subcase, participation: Array) -> tuple[Array, list[str]]:
-    """The rigid mass matrix: with the clamped nodes' own mass where the print has it about the same point."""
+    """The rigid mass matrix, with that of clamped nodes where it is printed."""
     found: dict[str, Array] = {}
     for name, holder in (("grid point mass", shared), ("a-set mass", case)):
         rows = holder.matrices.get(name, [])

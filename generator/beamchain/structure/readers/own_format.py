@@ -39,7 +39,7 @@ class LinePoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Matrices(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Craig-Bampton or full matrices in Matrix Market files beside this one, and the port's freedoms, from 1."""
+    """Matrix Market files beside this one, and the port's freedoms, from 1."""
 
     mass: str
     stiffness: str
