@@ -17,9 +17,8 @@ from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam, Segment
 from beamchain.structure.imported import Imported, Units
 from beamchain.structure.modal_data import ModalData
-from beamchain.structure.readers.own_format import modes_text
 from beamchain.structure.section import Equivalent
-from modes_of_beam import modes_of_beam
+from modes_of_beam import modes_of_beam, modes_text
 from prints import cantilever, plate, whole
 
 PRINT = 5e-7  # half a unit in the seventh printed digit

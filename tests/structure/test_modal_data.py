@@ -20,8 +20,7 @@ from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers import read_modes
 from beamchain.structure.readers.craig_bampton import from_matrices
 from beamchain.structure.readers.nastran_op2 import from_tables
-from beamchain.structure.readers.own_format import modes_text
-from modes_of_beam import modes_of_beam
+from modes_of_beam import modes_of_beam, modes_text
 from prints import cantilever, plate
 
 SAME = 1e-9  # the bound: same physics in any axes, about any point, in any units

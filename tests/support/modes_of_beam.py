@@ -1,11 +1,14 @@
 """A beam's modes as another program would deliver them."""
 
+import json
+
 import numpy as np
 
 from beamchain.ports.compose import in_space
 from beamchain.ports.motions import PORT_MOTION
 from beamchain.structure.mass_line import MassPiece
-from beamchain.structure.modal_data import ModalData
+from beamchain.structure.modal_data import EXACT, ModalData
+from beamchain.structure.readers.own_format import FULL_DIGITS
 
 STATIONS = 5  # a linear taper's mass per length is quadratic, its polar inertia quartic: five stations are exact
 
@@ -36,3 +39,31 @@ def modes_of_beam(beam, modes, *, every=False):
         rigid, whole.frequencies, whole.participation, tip=tip[order], length=beam.length, pieces=pieces,
         points=points, source="a beam",
     )  # fmt: skip
+
+
+def modes_text(data):
+    """The data as a .toml file that reads back as the same numbers."""
+
+    def listed(values):
+        return "[" + ", ".join(repr(float(v)) for v in values) + "]"
+
+    def table(key, rows):
+        return [f"{key} = [", *(f"  {listed(row)}," for row in rows), "]"]
+
+    out = [f"note = {json.dumps(f'{data.source}; SI, about the port')}", f"frequencies = {listed(data.frequencies)}"]
+    out += table("participation", data.participation.T) + table("mass", data.rigid_mass)
+    out.append(f"damping = {listed(data.damping)}")
+    out.append(f"digits = {FULL_DIGITS if data.precision <= EXACT else round(-np.log10(data.precision / 5.0))}")
+    if data.tip is not None:
+        out += table("tip", data.tip.T)
+    if data.length is not None:
+        out.append(f"length = {float(data.length)!r}")
+    for piece in data.pieces:
+        out += ["", "[[line]]", f"start = {float(piece.start)!r}", f"length = {float(piece.length)!r}"]
+        names = ("mass", "polar", "rotary_xy", "rotary_xz")
+        out += [f"{name} = {listed(piece.densities[:, i])}" for i, name in enumerate(names)]
+    for point in data.points:
+        out += ["", "[[points]]"]
+        names = ("x", "mass", "polar", "rotary_xy", "rotary_xz")
+        out += [f"{name} = {float(value)!r}" for name, value in zip(names, point, strict=True)]
+    return "\n".join(out) + "\n"

@@ -27,7 +27,7 @@ PLANES = ("xy", "xz")
 A_POINT = 1e-13  # of the transverse inertia about the root: a link with less is a point
 LOST_DIGITS = 1e-8  # a chain whose own frequencies miss the target by more is not handed out
 RANK = 1e-9  # relative singular value of participation that is none
-NOTHING = 1e-9  # of the rigid mass: less residual mass than this is none, and takes a hinge at the root
+NOTHING = 1e-9  # of the rigid mass: less residual mass takes a hinge at the root
 FILLER_RATIO = 0.05  # damping ratio of a filler mode where the others are damped
 SAME = 1e-9  # relative: hinges and masses of two planes closer than this are the same
 

@@ -16,7 +16,7 @@ from beamchain.errors import RealisationError
 from beamchain.ports.motions import Array
 from beamchain.structure.mass_line import MassLine
 
-HOPELESS = -0.65  # margin below which no search over three or more hinges arrived: of 58, the worst began at -0.62
+HOPELESS = -0.65  # margin below which no search over three or more hinges arrived
 ENOUGH = 0.1  # margin at which the search for a feasible cut ends, as evening out takes it back
 SPREADS = np.geomspace(0.5, 0.002, 24)  # first free hinge, in lengths
 POWERS = (1.0, 1.5, 2.0, 3.0, 4.0)  # how the others follow

@@ -19,8 +19,8 @@ ROUNDED = 1e-13  # of the whole inertia: what differences of its parts lose
 FLAT = 1e-12  # of the largest second moment: thickness of a lamina
 TINY = 1e-6  # polar over transverse inertia of a link where the appendage states none
 TRIES = 400
-NO_POLAR = 1e-14  # of the transverse inertia about the root: less polar inertia than this is rounding
-ROLL = 1e-3  # of the transverse inertia about the root: what raising polar inertias may add to the roll inertia
+NO_POLAR = 1e-14  # of the transverse inertia: less polar inertia is rounding
+ROLL = 1e-3  # of the transverse inertia: what may be added to the roll inertia
 
 
 def _rounded(about: Array, noise: float) -> Array:

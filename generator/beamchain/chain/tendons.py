@@ -17,17 +17,17 @@ from beamchain.errors import RealisationError
 from beamchain.ports.model import Shapes
 from beamchain.ports.motions import PORT_MOTION, Array, shifted
 
-SINGULAR = 1e-9  # relative singular value of P below which a motion of the root is not reached by the hinges
+SINGULAR = 1e-9  # relative singular value of P: a motion that the hinges do not reach
 TOO_HEAVY = 1e-9  # relative, of what is rounding
 PASSES = 100  # of the projection towards the real mode shapes; each costs some microseconds
 STILL = 1e-9  # change of a pass at which the projection has settled
-RAISED = 0.3  # least singular value on what the root does not see: a smaller one would need heavy armature
+RAISED = 0.3  # least singular value on what the root does not see
 DROPPED = 1e-13  # relative armature that is rounding
-ROOM = 0.9  # of the modes in what the root does not see, where surplus hinges shall move it not at all
+ROOM = 0.9  # of the modes, where surplus hinges shall not move the root
 FAINT = 4e-3  # of a motion that the root would feel
 ABOVE = 2.0  # frequency of such modes over that of the last mode on the hub
 LEAST_ROOM = 0.01  # squared length of such a motion
-FILLER = 60.0  # frequency of filler modes over that of the last mode kept, where the next real one is not known
+FILLER = 60.0  # frequency over that of the last mode kept, where the next is unknown
 LEAST_LEFT = 1e-6  # of the rigid mass, that participation must leave
 SAME_MASS = 1e-10  # relative, of two rigid mass matrices
 WORST_CONDITION = 1e3  # of the modes in hinge coordinates, beyond which digits are lost

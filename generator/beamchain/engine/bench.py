@@ -17,9 +17,9 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, body_mass_matrix
 from beamchain.structure.planes import into_planes, near_groups
 
-STRAIGHT = 1e-8  # perturbation: a straight chain at rest has no load for rounding to spoil, only curvature, its square
-LEAST_ROW = 1e-9  # of the root of the rigid mass: a mode that moves the root by less does not move it
-DIGITS = 1e-11  # relative: beyond this A and B have lost digits in MuJoCo's solve with the mass matrix
+STRAIGHT = 1e-8  # perturbation: of a straight chain at rest only curvature is lost
+LEAST_ROW = 1e-9  # of the root of the rigid mass: less participation is none
+DIGITS = 1e-11  # relative: beyond this A and B have lost digits
 ROOT = (
     "root_axial",
     "root_xy_displacement",
@@ -29,7 +29,7 @@ ROOT = (
     "root_xy_rotation",
 )
 SIGNS = np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0])  # the bench turns about -y
-TOGETHER = 1e-6  # relative: frequencies this close are taken together, as their eigenvectors are not their own
+TOGETHER = 1e-6  # relative: frequencies this close are taken together
 
 
 @dataclass(frozen=True, eq=False)

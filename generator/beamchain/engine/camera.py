@@ -13,7 +13,7 @@ from beamchain.ports.motions import Array
 
 Frame = NDArray[np.uint8]
 
-SLIMMEST = 1.0 / 320.0  # of the picture's extent: thinner solids are drawn so thick, or they would vanish
+SLIMMEST = 1.0 / 320.0  # of the picture's extent: thinner solids would vanish
 GHOST = 0.3  # opacity of where a rigid appendage would be
 MARGIN = 1.12
 

@@ -15,7 +15,7 @@ rollout = import_module("mujoco.rollout")  # the module beside the bindings that
 
 STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
-SHORTEST_STRETCH = 5  # steps under one wrench, on average, from which one call per wrench is quicker than a rollout
+SHORTEST_STRETCH = 5  # steps per wrench from which one call per wrench is quicker
 ROUNDING = 1e-9  # relative to the largest: a wrench that changes by less has not changed
 LARGEST = 4_000_000  # numbers held at once; longer simulations go in pieces
 

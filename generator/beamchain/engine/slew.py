@@ -17,7 +17,7 @@ RINGING = 3.5  # periods of the first mode shown after the turn
 TRIAL = 0.01  # rad: a turn so small that what bends is proportional to it
 MOST_BENT = 0.22  # rad in one hinge: small enough to be believed, large enough to be seen
 RIGID = 1e-9  # of the largest squared frequency: rigid motion is below
-FELT = 1e-7  # of a mode's largest motion: rotation of the hub below is rounding, and turning it excites nothing
+FELT = 1e-7  # of a mode's largest motion: less rotation of the hub is rounding
 
 
 @dataclass(frozen=True, eq=False)

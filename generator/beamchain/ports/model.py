@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import control
 
 NORMAL = 1e-7  # part of an attachment mode outside the normal modes below which it is one of them
-RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass than this is none, and its mode lies at infinity
+RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass is none
 LOADED = 8  # models with different hubs that are kept
 SINGULAR = 1e-15  # of a motion not in the others already: below, it is rounding
 DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding

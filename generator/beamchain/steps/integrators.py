@@ -16,7 +16,7 @@ from beamchain.ports.motions import Array
 
 Complex = NDArray[np.complex128]
 
-PHASE = 2.6  #: [rad] phase per step at which faster modes are held by the semi-implicit integrators; below pi
+PHASE = 2.6  #: [rad] per step, to which semi-implicit integrators slow faster modes
 NEVER = float("inf")
 
 

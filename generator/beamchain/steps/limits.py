@@ -18,7 +18,7 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import INTEGRATORS, Complex, polynomial, runge_kutta_limit
 
-AT_REST = 1e-5  # poles nearer to 1, or slower than this share of the fastest, are rigid motion at rounding level
+AT_REST = 1e-5  # nearer to 1, or slower than this share of the fastest: rigid motion
 MOST_CONFIRMED = 40  # times a step is shortened until the poles of the whole step confirm it
 CONFIRMED = 0.98  # by as much
 ERRORS = (1e-2, 1e-3)  # of the lowest frequency, for which the step is stated

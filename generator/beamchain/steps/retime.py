@@ -37,7 +37,7 @@ from beamchain.steps.modal import (
     modal_tendons,
 )
 
-UNIT_MASS = 1e-4  # by which the modal mass of a held appendage's mode may miss 1 before the tendon is not ours
+UNIT_MASS = 1e-4  # by which the modal mass of a tendon of ours may miss 1
 ARRAYS = (
     "tendon_armature",
     "tendon_damping",

@@ -18,9 +18,9 @@ from beamchain.structure import elements
 from beamchain.structure.segment import Joint, Lump, Segment, Stations
 
 STEEPEST = 1e100  # ratio of a dimension between the ends of a segment
-FEW = 12  # pieces up to which the degree of each is chosen by the number of segments alone
-MANY = 100  # pieces beyond which each needs a degree so low that it is raised by two at a time
-FAR = 1e-3  # relative change of a frequency from which the degree is raised faster, and below which rounding may lie
+FEW = 12  # pieces up to which segments alone choose the degree
+MANY = 100  # pieces beyond which the degree is raised by two at a time
+FAR = 1e-3  # relative change from which the degree is raised faster
 WRITTEN = 400  # coordinates beyond which the rows are not written down
 
 

@@ -19,7 +19,7 @@ from beamchain.ports.compose import port_from_rows
 from beamchain.ports.model import PortModel, Shapes
 from beamchain.ports.motions import Array, locked
 
-STILL = 1e-11  # relative change of the wanted frequencies between two looks; what is left then is rounding, 1e-12
+STILL = 1e-11  # relative change of the wanted frequencies between two looks
 ROUNDED = 1e-5  # the same, where it falls no further: rounding of what is that far apart
 LOOK = 6  # blocks between two looks
 DEPENDENT = 1e-11  # what is left of a vector, relative, below which it is in the space already

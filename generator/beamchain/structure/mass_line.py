@@ -26,36 +26,46 @@ class MassLine(Protocol):
     @property
     def length(self) -> float:
         """Root to tip [m]."""
+        ...
 
     @property
     def lumps(self) -> tuple[Lump, ...]:
         """Bodies carried along the way, for drawing."""
+        ...
 
     @property
     def uniform(self) -> bool:
         """One prismatic segment, for which the transcendental solution holds."""
+        ...
 
     @property
     def steps(self) -> tuple[float, ...]:
         """x where mass is concentrated [m]."""
+        ...
 
     def hinge_lines(self, port: str) -> tuple[float, ...]:
         """x of its compliant joints in a port [m]."""
+        ...
 
     def rigid_mass(self) -> Array:
         """`(6, 6)` mass matrix of the frozen appendage about the root."""
+        ...
 
     def moments(self, start: float, end: float, *, closed: bool = False) -> Moments:
         """Moments of the stretch `[start, end)` about the root."""
+        ...
 
     def behind(self, x: Array) -> Array:
         """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m]."""
+        ...
 
     def compliance(self, start: float, end: float, port: str) -> float:
         """Rotation of the stretch per unit moment [rad/(N m)]."""
+        ...
 
     def depth(self, x: float, plane: str) -> float:
         """Extent of the section, for drawing [m]; 0: not known."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from beamchain.ports.motions import PORT_MOTION, PORTS, Array, locked
 from beamchain.structure.mass_line import MassLine, MassPiece, default_length, of_line, spread
 from beamchain.structure.planes import MOTIONS, PRINTED, ROUNDING, into_planes, near_groups, settled
 
-SLIGHT = 1e-9  # part of a mode in a port, or of the rigid mass between two, that is rounding of whoever computed it
+SLIGHT = 1e-9  # part of a mode or of the rigid mass in a port that is rounding
 EXACT = 1e-13  # relative precision of numbers that were not printed
 
 

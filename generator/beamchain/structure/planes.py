@@ -11,8 +11,8 @@ from beamchain.ports.motions import PORT_MOTION, Array
 WEIGHTS = {"xy": 1.0, "xz": 0.618, "torsion": 0.382, "axial": 0.236}  # unequal, so that ports do not mix by accident
 GAIN = 1e-12  # least improvement of the largest port share for which a group is turned
 MOTIONS = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
-ROUNDING = 20.0  # precision of a residual over that of the numbers it is the difference of: 6 rows, 3 products each
-PRINTED = 1e-5  # most that counts as rounding beyond two numbers' last digits, however few digits were printed
+ROUNDING = 20.0  # precision of a residual over that of its numbers
+PRINTED = 1e-5  # most that counts as rounding, however few digits were printed
 WRONG = 0.1  # a residual this far below zero is no rounding, however few digits were printed
 NOISE = 1e-9  # a residual may be this far below zero whatever the print
 

@@ -172,7 +172,7 @@ class Lump(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         body_inertia("inertia", self.inertia)
 
 
-HEAVIEST = 1e12  # a carried mass over what bends: beyond, double precision keeps four digits of the beam
+HEAVIEST = 1e12  # a carried mass over what bends, which keeps four digits of the beam
 
 
 def check_carried(place: str, mass: float, inertia: tuple[float, float, float], own: float, length: float) -> None:

@@ -19,8 +19,8 @@ from beamchain.structure.readers.bounded import check_size, mat_arrays, npz_arra
 LARGEST = 4000  # freedoms; beyond that reduce in the program that made the model
 MOST = 200  # modes handed on, the lowest
 LARGEST_FILE = 300_000_000
-DETERMINATE = 1e-6  # stiffness that may be left at the port, relative to the largest there before condensation
-LOOSE = 1e-13  # pivot over diagonal entry below which a freedom is not held; 600 elements in a row leave 1e-9
+DETERMINATE = 1e-6  # relative stiffness that may be left at the port
+LOOSE = 1e-13  # pivot over diagonal entry below which a freedom is not held
 NAMES = {"mass": ("mass", "M", "m", "MAA", "maa"), "stiffness": ("stiffness", "K", "k", "KAA", "kaa")}
 BOUNDARY = ("boundary", "b", "bset")
 

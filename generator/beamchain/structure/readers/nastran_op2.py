@@ -11,7 +11,7 @@ from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.bounded import check_size
 
-PRECISION = 6e-7  # single precision, as op2 files usually are: 6e-8 of a number, which may start with a 9
+PRECISION = 6e-7  # single precision, as op2 files usually have
 
 
 def read(path: Path, subcase: int | None = None) -> ModalData:

@@ -1,4 +1,4 @@
-"""beamchain's own file of modes (.toml, .json): what people type in, and what `modes_text` writes."""
+"""beamchain's own file of modes (.toml, .json): what people type in."""
 
 import json
 from pathlib import Path
@@ -151,31 +151,3 @@ def _piece(name: str, piece: LinePiece) -> MassPiece:
     if k == 0 or k > 9 or any(len(c) != k for c in columns):
         raise InputError(f"file {name!r}: a piece of line needs 1 to 9 masses, and as many polar and rotary inertias.")
     return MassPiece(piece.start, piece.length, np.array(columns, dtype=np.float64).T)
-
-
-def modes_text(data: ModalData) -> str:
-    """The data as a .toml file that reads back as the same numbers."""
-
-    def listed(values: Any) -> str:
-        return "[" + ", ".join(repr(float(v)) for v in values) + "]"
-
-    def table(key: str, rows: Any) -> list[str]:
-        return [f"{key} = [", *(f"  {listed(row)}," for row in rows), "]"]
-
-    out = [f"note = {json.dumps(f'{data.source}; SI, about the port')}", f"frequencies = {listed(data.frequencies)}"]
-    out += table("participation", data.participation.T) + table("mass", data.rigid_mass)
-    out.append(f"damping = {listed(data.damping)}")
-    out.append(f"digits = {FULL_DIGITS if data.precision <= EXACT else round(-np.log10(data.precision / 5.0))}")
-    if data.tip is not None:
-        out += table("tip", data.tip.T)
-    if data.length is not None:
-        out.append(f"length = {float(data.length)!r}")
-    for piece in data.pieces:
-        out += ["", "[[line]]", f"start = {float(piece.start)!r}", f"length = {float(piece.length)!r}"]
-        names = ("mass", "polar", "rotary_xy", "rotary_xz")
-        out += [f"{name} = {listed(piece.densities[:, i])}" for i, name in enumerate(names)]
-    for point in data.points:
-        out += ["", "[[points]]"]
-        names = ("x", "mass", "polar", "rotary_xy", "rotary_xz")
-        out += [f"{name} = {float(value)!r}" for name, value in zip(names, point, strict=True)]
-    return "\n".join(out) + "\n"
