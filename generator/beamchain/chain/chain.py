@@ -1,9 +1,8 @@
 """The hinge chain: rigid links joined by hinges, with springs on the hinges or on modal tendons; what MuJoCo simulates."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Self
 
 import numpy as np
 
@@ -156,11 +155,6 @@ class Chain:
         """Total mass [kg]."""
         return sum(link.mass for link in self.links)
 
-    @property
-    def centre(self) -> float:
-        """x of the centre of mass [m]."""
-        return sum(link.mass * link.com for link in self.links) / self.mass
-
     def rigid_mass(self) -> Array:
         """`(6, 6)` mass matrix of the frozen chain about the root."""
         return np.sum([link.mass_matrix() for link in self.links], axis=0)
@@ -255,12 +249,3 @@ class Chain:
         """`(n, n)` what hinges and tendons damp of the modes of a port, mass-normalised [1/s]."""
         shapes = self.shapes(port, self.port(port))
         return np.asarray(shapes @ self.damping(self.freedoms([port])) @ shapes.T, dtype=np.float64)
-
-    def replaced_springs(self, port: str, springs: Array) -> Self:
-        """The chain with other springs `(h,)` on the hinges that move in a port, in order."""
-        values = iter(springs.tolist())
-        hinges = tuple(
-            replace(hinge, stiffness={**hinge.stiffness, port: next(values)}) if port in hinge.stiffness else hinge
-            for hinge in self.hinges
-        )
-        return replace(self, hinges=hinges)

@@ -114,12 +114,9 @@ def fit_stiffness(chain: Chain, port: str, target: PortModel, start: Array) -> t
     scale = np.sqrt(np.diag(target.rigid_mass))
     weight = np.linalg.norm(target.participation / scale, axis=1)[:, None]
 
-    sprung = replace(
-        chain, hinges=tuple(replace(hinge, stiffness={**hinge.stiffness, port: 1.0}) for hinge in chain.hinges)
-    )
-
     def with_springs(theta: Array) -> Chain:
-        return sprung.replaced_springs(port, np.exp(theta))
+        springs = zip(chain.hinges, np.exp(theta).tolist(), strict=True)
+        return replace(chain, hinges=tuple(replace(h, stiffness={**h.stiffness, port: c}) for h, c in springs))
 
     def residuals(theta: Array) -> Array:
         modes = with_springs(theta).port(port)
@@ -139,7 +136,7 @@ def payload_cases(beam: Beam, port: str, modes: int, payload: TipBody | None) ->
         load = TipBody(0.0, 0.0) if payload is None else TipBody(factor * payload.mass, factor * payload.inertia)
         lumps = beam.lumps
         if load.mass > 0.0:
-            lumps = (*lumps, Lump(x=beam.length, mass=load.mass, inertia=(load.inertia,) * 3))
+            lumps = (*lumps, Lump(x=beam.length, mass=load.mass, inertia=(load.inertia, load.inertia, load.inertia)))
         loaded = Beam(segments=beam.segments, joints=beam.joints, lumps=lumps)
         out.append(LoadCase(load, loaded.port(port, modes + 2).truncated(modes)))
     return out

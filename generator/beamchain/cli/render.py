@@ -73,8 +73,7 @@ def render(
     chosen = backend.choose()
     import numpy as np
 
-    from beamchain.engine.camera import film
-    from beamchain.engine.slew import simulate
+    from beamchain.engine.slew import film, simulate
     from beamchain.files import write_files
     from beamchain.report import film as files
 

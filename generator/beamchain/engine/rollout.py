@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import dataclass
-from importlib import import_module
 from itertools import pairwise
 
 import numpy as np
@@ -10,8 +9,6 @@ import numpy as np
 from beamchain.engine.library import mujoco, quiet, rollout_engine
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.ports.motions import Array
-
-rollout = import_module("mujoco.rollout")  # the module beside the bindings that library.py vouches for
 
 STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)

@@ -17,7 +17,7 @@ from beamchain.chain.least_squares import TipBody
 from beamchain.chain.links import raised
 from beamchain.chain.tendons import damped_modes, joint_damping
 from beamchain.engine.bench import measure, root_body
-from beamchain.engine.threads import one_thread
+from beamchain.engine.library import one_thread
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.choose import Plan, further_columns, ledger, make_plan, verdict, whole_beam
 from beamchain.fitting.document import appendage_tree

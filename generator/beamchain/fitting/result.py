@@ -30,10 +30,9 @@ from beamchain.ports.compare import Comparison
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
-from beamchain.steps.accuracy import StepChoice, choose_step
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.large_motion import LargeMotion, large_limits
-from beamchain.steps.limits import StepLimits, coupled_limits
+from beamchain.steps.limits import StepChoice, StepLimits, choose_step, coupled_limits
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.mass_line import MassLine

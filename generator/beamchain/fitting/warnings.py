@@ -8,9 +8,8 @@ from beamchain.engine.bench import Measured
 from beamchain.fitting.options import Scene
 from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
-from beamchain.steps.accuracy import StepChoice
 from beamchain.steps.integrators import seen, step_pole
-from beamchain.steps.limits import StepLimits
+from beamchain.steps.limits import StepChoice, StepLimits
 
 DECOUPLED = 1e-9  # relative: what two independent ports may share
 

@@ -39,14 +39,9 @@ from beamchain.steps.modal import (
 
 UNIT_MASS = 1e-4  # by which the modal mass of a tendon of ours may miss 1
 ARRAYS = (
-    "tendon_armature",
-    "tendon_damping",
-    "tendon_solimp_lim",
-    "tendon_stiffness",
-    "tendon_length0",
-    "tendon_lengthspring",
-    "wrap_prm",
-)
+    "tendon_armature", "tendon_damping", "tendon_solimp_lim", "tendon_stiffness", "tendon_length0",
+    "tendon_lengthspring", "wrap_prm",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -302,12 +302,11 @@ def of_line(
     """The mass line that a file states."""
     line = SpreadMass(length, locked(rigid_mass), tuple(pieces), locked(points), dict(stiffness))
     have = line.moments(0.0, length, closed=True)
-    mass, first, second, *_ = _along(rigid_mass)
+    mass, first, *_ = _along(rigid_mass)
     for name, ours, theirs in (("mass", have.mass, mass), ("first moment", have.first, first)):
         if abs(ours / theirs - 1.0) > 1e-6:
             raise InputError(
                 f"line: its {name} is {ours:.8g}, but the rigid mass matrix has {theirs:.8g}; leave line out or make "
                 "both agree."
             )
-    del second
     return line
