@@ -29,21 +29,21 @@ if TYPE_CHECKING:
     from beamchain.fitting.spec import read_spec as read_spec
     from beamchain.ports.compare import compare as compare
     from beamchain.ports.model import PortModel as PortModel
-    from beamchain.steps.inputs import HeldInput as HeldInput
     from beamchain.steps.retime import retime as retime
+    from beamchain.steps.start import HeldInput as HeldInput
     from beamchain.steps.start import start_velocity as start_velocity
     from beamchain.structure.beam import Beam as Beam
-    from beamchain.structure.joint import Joint as Joint
-    from beamchain.structure.lump import Lump as Lump
-    from beamchain.structure.material import Material as Material
     from beamchain.structure.modal_data import ModalData as ModalData
     from beamchain.structure.readers import read_modes as read_modes
     from beamchain.structure.section import Box as Box
     from beamchain.structure.section import Custom as Custom
     from beamchain.structure.section import Equivalent as Equivalent
+    from beamchain.structure.section import Material as Material
     from beamchain.structure.section import Rectangle as Rectangle
     from beamchain.structure.section import Round as Round
     from beamchain.structure.section import Tube as Tube
+    from beamchain.structure.segment import Joint as Joint
+    from beamchain.structure.segment import Lump as Lump
     from beamchain.structure.segment import Segment as Segment
     from beamchain.studies.stability import stability as stability
     from beamchain.studies.study import study as study
@@ -79,24 +79,21 @@ _PLACES = {
     ),
     "ports.compare": ("compare",),
     "ports.model": ("PortModel",),
-    "steps.inputs": ("HeldInput",),
     "steps.retime": ("retime",),
-    "steps.start": ("start_velocity",),
+    "steps.start": ("HeldInput", "start_velocity"),
     "structure.beam": ("Beam",),
-    "structure.joint": ("Joint",),
-    "structure.lump": ("Lump",),
-    "structure.material": ("Material",),
     "structure.modal_data": ("ModalData",),
     "structure.readers": ("read_modes",),
     "structure.section": (
         "Box",
         "Custom",
         "Equivalent",
+        "Material",
         "Rectangle",
         "Round",
         "Tube",
     ),
-    "structure.segment": ("Segment",),
+    "structure.segment": ("Joint", "Lump", "Segment"),
     "studies.stability": ("stability",),
     "studies.study": ("study",),
     "studies.sweep": ("sweep",),

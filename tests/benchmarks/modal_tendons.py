@@ -23,7 +23,7 @@ warnings.simplefilter("ignore")
 import beamchain as bc  # noqa: E402
 from arrays import deployed_array, random_array, space_beam, tube  # noqa: E402
 from beamchain.chain.build import cut_chain  # noqa: E402
-from beamchain.chain.tendons import Modes  # noqa: E402
+from beamchain.chain.tendons import ModeGroup  # noqa: E402
 from beamchain.errors import BeamchainError  # noqa: E402
 from beamchain.fitting.options import FitOptions, Root  # noqa: E402
 from beamchain.steps.large_motion import large_motion  # noqa: E402
@@ -88,7 +88,7 @@ def evenly_cut(beam: bc.Beam, modes: dict[str, int], **more: object) -> bc.Fit:
         beyond = float(beam.port(port, target.modes + 1).frequencies[-1])
         damping = np.zeros(target.modes)
         groups.append(
-            Modes(
+            ModeGroup(
                 (port,),
                 target.frequencies,
                 target.participation,

@@ -12,7 +12,7 @@ from beamchain.chain import cut
 from beamchain.chain.build import Wishes, build_exact
 from beamchain.chain.compared import build_recipe
 from beamchain.chain.recursion import realise_scalar
-from beamchain.chain.tendons import Modes
+from beamchain.chain.tendons import ModeGroup
 from beamchain.engine.bench import measure
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError, RealisationError
@@ -191,7 +191,7 @@ def test_what_springs_on_hinges_cannot_have_is_said():
 def test_a_cut_that_is_not_found_tells_how_many_hinges_were_tried(monkeypatch, budget, added):
     monkeypatch.setattr(cut, "MOST_TRIED", budget)
     heavy = np.linalg.cholesky(0.999 * unit_beam().port("xy", 2).rigid_mass).T  # leaves the root next to nothing
-    modes = Modes(("xy",), np.array([1.0, 2.0]), heavy, np.zeros(2))
+    modes = ModeGroup(("xy",), np.array([1.0, 2.0]), heavy, np.zeros(2))
     with pytest.raises(RealisationError, match=rf"no cut .* \(further hinges tried: {added}\); keep fewer modes"):
         cut.choose_cut(unit_beam(), [cut.Wanted(modes, {"xy": 2}, {})], ())
 

@@ -11,9 +11,19 @@ import pytest
 from appendages import close, dense_port, panels, seed_boom, stepped_boom, tapered_boom, unit_beam
 from arrays import deployed_array, tube
 from beamchain.chain.compared import build_least_squares
-from beamchain.chain.least_squares import FREE, fit_planar, fit_stiffness, payload_cases
+from beamchain.chain.least_squares import (
+    FREE,
+    RodModes,
+    Rods,
+    TipBody,
+    fit_planar,
+    fit_stiffness,
+    jacobian,
+    loaded_modes,
+    nodes_to_rods,
+    payload_cases,
+)
 from beamchain.chain.recursion import planar_chain, realise
-from beamchain.chain.rods import Payload, Rods, jacobian, loaded_modes, nodes_to_rods, rod_modes
 from beamchain.engine.linearise import linearise
 from beamchain.errors import InputError
 from beamchain.fitting.fit import fit
@@ -34,6 +44,10 @@ def target(beam, port, n):
     return beam.port(port, 8).truncated(n)
 
 
+def rod_modes(rods, tip, load):
+    return RodModes(*(values[0] for values in loaded_modes(rods, tip, (load,))))
+
+
 def rods_of(chain, port="xy"):
     index = 2 if port == "xy" else 1
     return Rods(
@@ -49,7 +63,7 @@ def rods_of(chain, port="xy"):
 @pytest.mark.parametrize("load", [(0.0, 0.0), (3.0, 0.0), (0.5, 0.7)])
 def test_rods_with_a_payload_against_written_out_matrices(load):
     chain = planar_chain(realise(target(unit_beam(), "xy", 3)), unit_beam())
-    ours = rod_modes(rods_of(chain), 1.0, Payload(*load))
+    ours = rod_modes(rods_of(chain), 1.0, TipBody(*load))
     links = [(k.mass, k.com, k.inertia[2]) for k in chain.links]
     m, c, j = links[-1]
     mass, inertia = load
@@ -62,7 +76,7 @@ def test_rods_with_a_payload_against_written_out_matrices(load):
 
 def test_many_payloads_at_once_are_the_same_as_one_by_one():
     rods = rods_of(planar_chain(realise(target(unit_beam(), "xy", 3)), unit_beam()))
-    loads = [Payload(0.0, 0.0), Payload(1.0, 0.0), Payload(5.0, 0.3)]
+    loads = [TipBody(0.0, 0.0), TipBody(1.0, 0.0), TipBody(5.0, 0.3)]
     together = loaded_modes(rods, 1.0, loads)
     for k, load in enumerate(loads):
         alone = rod_modes(rods, 1.0, load)
@@ -76,7 +90,7 @@ def test_complex_steps_are_derivatives():
 
     def modes(theta):
         rods = nodes_to_rods(np.exp(theta[:5]), np.exp(theta[5:9]), np.exp(theta[9:]))
-        found = rod_modes(rods, 1.0, Payload(0.7, 0.1))
+        found = rod_modes(rods, 1.0, TipBody(0.7, 0.1))
         return np.concatenate([found.frequencies, found.participation.ravel(), found.tip])
 
     at = np.concatenate([np.log(nodes.masses), np.log(nodes.lengths), np.log(nodes.stiffness)])
@@ -131,7 +145,7 @@ def test_payload_with_rotary_inertia():
         result = fit(Spec(segment=beam.segments, payload=load, modes=Modes(xy=2), fit=options))
         assert result.status.ok
         loaded = Beam(segments=beam.segments, lumps=(Lump(x=1.0, mass=2.0, inertia=(0.1, 0.1, 0.1)),))
-        ours = rod_modes(rods_of(result.chain), 1.0, Payload(2.0, 0.1)).frequencies[:2]
+        ours = rod_modes(rods_of(result.chain), 1.0, TipBody(2.0, 0.1)).frequencies[:2]
         assert ours == close(loaded.port("xy", 6).frequencies[:2], rel=bound)
 
 
@@ -142,7 +156,7 @@ def test_payload_is_fitted_for_and_not_written():
 
 
 def test_cases_run_from_nothing_to_the_whole_payload():
-    cases = payload_cases(unit_beam(), "xy", 2, Payload(5.0, 0.1))
+    cases = payload_cases(unit_beam(), "xy", 2, TipBody(5.0, 0.1))
     assert [case.payload.mass for case in cases] == close([0.0, 0.1, 1.0, 5.0], rel=1e-15)
     assert [case.payload.inertia for case in cases] == close([0.0, 0.002, 0.02, 0.1], rel=1e-15)
     assert len(payload_cases(unit_beam(), "xy", 2, None)) == 1
@@ -207,7 +221,7 @@ def test_everything_free_finds_the_exact_chain(n):
 
 def test_the_result_says_what_happened():
     beam = seed_boom()
-    found = fit_planar(beam, "xy", payload_cases(beam, "xy", 2, Payload(60.0, 0.0)), np.full(4, 3.75))
+    found = fit_planar(beam, "xy", payload_cases(beam, "xy", 2, TipBody(60.0, 0.0)), np.full(4, 3.75))
     assert found.ok
     assert "least squares, stiffness, lengths, masses free: worst relative residual" in found.message
     assert found.history
@@ -219,7 +233,7 @@ def test_several_starts_and_the_best_is_kept():
     # three links, 5 beam masses: the first start runs into a negative mass, the next one holds
     beam = seed_boom()
     mass = float(beam.rigid_mass()[0, 0])
-    found = fit_planar(beam, "xy", payload_cases(beam, "xy", 1, Payload(5.0 * mass, 0.0)), np.full(3, 5.0))
+    found = fit_planar(beam, "xy", payload_cases(beam, "xy", 1, TipBody(5.0 * mass, 0.0)), np.full(3, 5.0))
     assert len(found.history) > 1
     assert found.cost < 1e-8
 
@@ -227,7 +241,7 @@ def test_several_starts_and_the_best_is_kept():
 def test_it_is_deterministic():
     def once():
         beam = tapered_boom()
-        return fit_planar(beam, "xy", payload_cases(beam, "xy", 2, Payload(3.0, 0.0)), np.full(4, 2.5))
+        return fit_planar(beam, "xy", payload_cases(beam, "xy", 2, TipBody(3.0, 0.0)), np.full(4, 2.5))
 
     one, two = once(), once()
     assert np.array_equal(one.stiffness, two.stiffness)

@@ -6,7 +6,7 @@ from beamchain import FitOptions, Round, fit
 from beamchain.chain.rivals import equal_links
 from beamchain.chain.seed import seed_beam
 from beamchain.structure.beam import Beam, Segment
-from beamchain.structure.material import Material
+from beamchain.structure.section import Material
 
 READ = 1e-9  # frequencies and participation read back against the chain's own, relative, however many links
 

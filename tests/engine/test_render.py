@@ -16,7 +16,8 @@ from typer.testing import CliRunner
 import beamchain as bc
 from appendages import panels, seed_boom, tapered_boom
 from beamchain.cli import app
-from beamchain.engine import backend, camera
+from beamchain.engine import backend
+from beamchain.engine import slew as slew_module
 from beamchain.engine.slew import MOST_BENT, simulate
 from beamchain.mjcf import visuals
 from beamchain.report import film
@@ -183,7 +184,7 @@ def test_render_without_ffmpeg_says_so(say, boom, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", "")
     monkeypatch.setattr(backend, "choose", lambda: "none")
     blank = [np.zeros((64, 64, 3), dtype=np.uint8)] * 108
-    monkeypatch.setattr(camera, "film", lambda *_, **__: iter(blank))
+    monkeypatch.setattr(slew_module, "film", lambda *_, **__: iter(blank))
     arguments = ["render", str(boom / "scene.xml"), "-o", str(tmp_path / "o"), "--width", "64", "--height", "64", say]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 3

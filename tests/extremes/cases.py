@@ -8,11 +8,8 @@ import numpy as np
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import Damping, FitOptions, Modes, Root
 from beamchain.fitting.spec import Spec
-from beamchain.structure.joint import Joint
-from beamchain.structure.lump import Lump
-from beamchain.structure.material import Material
-from beamchain.structure.section import Round
-from beamchain.structure.segment import Segment
+from beamchain.structure.section import Material, Round
+from beamchain.structure.segment import Joint, Lump, Segment
 from extremes.truth import Rod
 
 SPREAD = 1440  # cases of the hypercube

@@ -11,9 +11,8 @@ from scipy.optimize import nnls
 
 from appendages import close
 from arrays import deployed_array, space_beam, tube
-from beamchain.chain.damping import joint_damping
 from beamchain.chain.recursion import planar_chain, realise
-from beamchain.chain.tendons import damped_modes, springs_as_modes
+from beamchain.chain.tendons import damped_modes, joint_damping, springs_as_modes
 from beamchain.engine.linearise import INTEGRATORS, linearise
 from beamchain.fitting.fit import fit
 from beamchain.fitting.options import Damping, Scene

@@ -13,6 +13,7 @@ from beamchain.errors import BeamchainError
 from beamchain.fitting.needs import AXES
 from beamchain.structure.beam import Beam, Segment
 from beamchain.structure.section import Equivalent
+from modes_of_beam import modes_of_beam
 from prints import cantilever, plate, whole
 
 PRINT = 5e-7  # relative precision of seven printed digits
@@ -31,7 +32,7 @@ SECTION = Equivalent(
 
 
 def boom_data() -> ModalData:
-    return ModalData.from_beam(Beam(segments=[Segment(length=3.0, section=SECTION)]), {"xy": 5, "xz": 4, "torsion": 3})
+    return modes_of_beam(Beam(segments=[Segment(length=3.0, section=SECTION)]), {"xy": 5, "xz": 4, "torsion": 3})
 
 
 def promise(data: ModalData, kept, hub: np.ndarray, scene: Scene) -> float:

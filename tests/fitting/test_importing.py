@@ -17,8 +17,8 @@ from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam, Segment
 from beamchain.structure.imported import Imported, Units
 from beamchain.structure.modal_data import ModalData
-from beamchain.structure.readers.own_format import modes_text
 from beamchain.structure.section import Equivalent
+from modes_of_beam import modes_of_beam, modes_text
 from prints import cantilever, plate, whole
 
 PRINT = 5e-7  # half a unit in the seventh printed digit
@@ -200,7 +200,7 @@ BEAMS = {
 def test_a_beam_comes_back_as_the_same_chain(tmp_path, name):
     make, modes = BEAMS[name]
     path = tmp_path / "modes.toml"
-    path.write_text(modes_text(ModalData.from_beam(make(), modes)))
+    path.write_text(modes_text(modes_of_beam(make(), modes)))
     imported = fit(Spec(imported=Imported(file=str(path)), fit=FitOptions(form="chain")))
     direct = fit(make(), modes=modes)
     assert imported.status.ok == direct.status.ok
@@ -224,7 +224,7 @@ def test_a_beam_comes_back_as_the_same_chain(tmp_path, name):
 # -- the choice, and the walk beyond -----------------------------------------------------------------------------------
 @pytest.mark.parametrize("leak", [2e-4, 0.05])
 def test_what_leaks_into_another_port_is_held(leak):
-    base = ModalData.from_beam(torsion_boom(), {"xz": 1, "torsion": 1})
+    base = modes_of_beam(torsion_boom(), {"xz": 1, "torsion": 1})
     rows = 0.95 * base.participation  # something must be left for the leak
     k = base.belongs.index("xz")
     rows[k, 3] = leak * np.linalg.norm(rows[k] / base.scale) * base.scale[3]
@@ -239,7 +239,7 @@ def test_what_leaks_into_another_port_is_held(leak):
 
 def test_with_a_hub_damping_and_free_target():
     hub = Hub(mass=300.0, inertia=(80.0, 90.0, 100.0), offset=(0.5, 0.0, 0.1))
-    data = ModalData.from_beam(torsion_boom(), {"xy": 4, "xz": 4, "torsion": 3})
+    data = modes_of_beam(torsion_boom(), {"xy": 4, "xz": 4, "torsion": 3})
     result = fit(data, modes={"xy": 2, "xz": 2}, root=Root(target="hub", hub=hub), damping=Damping(ratio=0.01))
     assert result.status.ok
     assert result.hub_mass is not None
@@ -252,7 +252,7 @@ def test_with_a_hub_damping_and_free_target():
 
 def test_the_files_run_in_mujoco(tmp_path):
     form = "chain"
-    data = ModalData.from_beam(torsion_boom(), {"xy": 1, "xz": 1, "torsion": 1})
+    data = modes_of_beam(torsion_boom(), {"xy": 1, "xz": 1, "torsion": 1})
     (tmp_path / "modes.toml").write_text(modes_text(data))
     spec = tmp_path / "array.toml"
     spec.write_text(
@@ -322,7 +322,7 @@ def test_words_for_what_does_not_fit():
         _ = Spec(imported=Imported(file="a.f06")).beam
     with pytest.raises(InputError, match="does not exist"):
         fit(Spec(imported=Imported(file="nowhere.f06")))
-    data = ModalData.from_beam(beam, {"xz": 1})
+    data = modes_of_beam(beam, {"xz": 1})
     with pytest.raises(InputError, match=r"only 1 of the imported modes move mainly in xz"):
         fit(data, modes={"xz": 2})
     backwards = data.moved((0.0, 0.0, 0.0), np.diag([-1.0, -1.0, 1.0]))

@@ -7,6 +7,7 @@ import pytest
 
 import beamchain as bc
 from appendages import panels, seed_boom, stepped_boom
+from modes_of_beam import modes_of_beam
 
 CRAFT = """<mujoco><option gravity="0 0 0" integrator="implicitfast"/><worldbody><body name="hub"><freejoint/>
 <geom size=".5" mass="500"/><site name="mount"/></body></worldbody></mujoco>"""
@@ -76,7 +77,7 @@ def test_damping_of_a_structure_is_no_slip():
 
 
 def test_damping_of_imported_modes_is_asked_about():
-    data = bc.ModalData.from_beam(seed_boom(), {"xy": 2})
+    data = modes_of_beam(seed_boom(), {"xy": 2})
     assert "likely slip" in " ".join(bc.fit(data, damping=bc.Damping(ratio=0.3)).warnings)
 
 

@@ -12,7 +12,7 @@ from lxml import etree, html
 
 import beamchain as bc
 from appendages import panels, seed_boom, stepped_boom, tapered_boom, timoshenko_boom, unit_beam
-from beamchain.chain.built import Status
+from beamchain.chain.build import Status
 from beamchain.chain.rivals import equal_links
 from beamchain.cli import shipped
 from beamchain.fitting.options import Payload
@@ -20,7 +20,7 @@ from beamchain.fitting.spec import spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import curves, plots
 from beamchain.report.html import fit_report
-from beamchain.structure.exact import UniformBeam
+from uniform_beam import UniformBeam
 
 CURVE = 1e-3  # rivals add their own peaks to the grid, so that it is not the in-band error's own
 DRAWN = 1e-4  # coordinates in pt with a few digits

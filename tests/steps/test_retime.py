@@ -8,13 +8,12 @@ from scipy.optimize import linear_sum_assignment
 
 import beamchain as bc
 from beamchain.cli import main
-from beamchain.engine.linearise import mass_matrix
+from beamchain.engine.linearise import INTEGRATORS, mass_matrix
 from beamchain.errors import InputError
-from beamchain.steps.inputs import HeldInput
-from beamchain.steps.modal import MadeFor, made_for, mark_text, modal_tendons
+from beamchain.steps.modal import MadeFor, made_for, modal_tendons
 from beamchain.steps.poles import mismatch, pole_rows, step_matrix
 from beamchain.steps.retime import ARRAYS, retime
-from beamchain.steps.start import keyframe_velocities, start_velocity
+from beamchain.steps.start import HeldInput, start_velocity
 from modal_crafts import body_text, chain_of, craft, part, uniform_beam_truth
 
 BOOM = [("seed", 3, 0.0)]
@@ -437,21 +436,6 @@ def test_a_start_in_motion(form):
     assert np.array_equal(start_velocity(model, qpos, qvel), qvel)
 
 
-def test_keyframes():
-    made = craft(BOOM, 500.0, 500.0)
-    xml = made.xml.replace(
-        "</mujoco>", '<keyframe><key qpos="0 0 0 .01 0 0" qvel="0 0 0 0 .02 0"/><key/></keyframe></mujoco>'
-    )
-    model = mujoco.MjModel.from_xml_string(xml)
-    model.opt.timestep = 0.2
-    assert np.array_equal(keyframe_velocities(model), model.key_qvel)
-    retime(model, 0.2)
-    got = keyframe_velocities(model)
-    assert np.array_equal(got[0], start_velocity(model, model.key_qpos[0], model.key_qvel[0]))
-    assert np.max(np.abs(got[0] - model.key_qvel[0])) > 1e-5
-    assert np.allclose(got[1], 0.0, atol=1e-15)
-
-
 def marked_child(h: float) -> str:
     """An appendage file as it would be written for a step."""
     a, chain = part("seed", 2), chain_of("seed", 2)
@@ -462,7 +446,7 @@ def marked_child(h: float) -> str:
         tendons += (
             f'<fixed name="boom_mode{i + 1}_xy" limited="false" stiffness="{k!r}" damping="0.0" frictionloss="0" '
             f'armature="{float(x**2 / (4 * np.sin(x / 2) ** 2) - 1)!r}" springlength="0" '
-            f'solimplimit="{mark_text(h, "Euler", 2, 0.0, k)}">{joints}</fixed>'
+            f'solimplimit="{h!r} {INTEGRATORS["Euler"]} 2 0.0 {k!r}">{joints}</fixed>'
         )
     return (
         f'<mujoco model="boom"><compiler angle="radian"/><worldbody>{body_text(chain, "boom", (1.0, 0.0), 0.0)}</worldbody>'

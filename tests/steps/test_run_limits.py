@@ -10,12 +10,11 @@ from scipy.spatial.transform import Rotation
 
 import beamchain as bc
 from beamchain.cli.render import too_far
-from beamchain.engine.driven import Driven, keyframes
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.slew import Slew
 from beamchain.report.study_html import study_page, table, verdict
+from beamchain.steps.driven import Driven, driven, exceeded, keyframes, turned
 from beamchain.steps.large_motion import LargeMotion
-from beamchain.steps.run_limits import driven, exceeded, turned
 from beamchain.studies import study as studies
 from spacecraft import spec
 

@@ -29,8 +29,8 @@ from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
 from beamchain.structure import discretise, elements
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
-from beamchain.structure.exact import UniformBeam
 from beamchain.structure.section import Equivalent, Rectangle, Round
+from uniform_beam import UniformBeam
 
 FREQUENCY = 1e-11  # what `Beam.port` promises for the modes asked for, with room for the rounding of ten modes
 PARTICIPATION = 1e-10  # a mode shape converges half as fast as its frequency and carries the SVD's rounding
@@ -320,7 +320,7 @@ def test_effective_masses_sum_to_the_rigid_mass():
     left = []
     for functions in (8, 16, 32):
         piece = elements.Piece(0.0, 1.0, np.ones(functions + 5), np.ones(functions + 5))
-        port = elements.assemble([piece], [], [], functions, bending=True)
+        port = elements.assemble(elements.MotionRows([piece], [], [], functions, bending=True))
         left.append(port.residual_mass[0, 0] / port.rigid_mass[0, 0])
     assert left[0] > left[1] > left[2] > 0.0
 
@@ -341,7 +341,7 @@ def uniform_pieces(count, functions):
     points = functions + 5
     h = 1.0 / count
     pieces = [elements.Piece(i * h, h, np.ones(points), np.ones(points)) for i in range(count)]
-    return elements.assemble(pieces, [], [], functions, bending=True)
+    return elements.assemble(elements.MotionRows(pieces, [], [], functions, bending=True))
 
 
 @pytest.mark.parametrize(("functions", "order"), [(1, 2), (2, 4), (3, 6)])

@@ -5,9 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from beamchain import Beam, Equivalent, ModalData, Segment, Spec, fit
+from beamchain import Beam, Equivalent, Segment, Spec, fit
 from beamchain.errors import InputError
 from beamchain.structure.imported import Imported
+from modes_of_beam import modes_of_beam
 
 MUJOCO = 1e-6  # what goes in comes back through A and B; least squares and light roots lose the most
 DIGITS = (2, 3, 4, 5)
@@ -36,7 +37,7 @@ def rounded(values, digits: int) -> np.ndarray:
 @pytest.mark.parametrize("digits", DIGITS)
 @pytest.mark.parametrize("kept", [{"xy": 2}, {"xy": 3, "xz": 2, "torsion": 1}])
 def test_a_rounded_table_gives_its_model(tmp_path, kept, digits):
-    data = ModalData.from_beam(boom(), kept)
+    data = modes_of_beam(boom(), kept)
     w, rows, mass = (rounded(v, digits) for v in (data.frequencies, data.participation.T, data.rigid_mass))
     result = fit(typed(tmp_path, w, rows, mass, length=2.0))
     assert result.status.ok
@@ -72,7 +73,7 @@ def test_a_residual_below_zero_by_rounding_is_projected_and_told(tmp_path):
 
 
 def test_few_digits_are_no_excuse_for_a_wrong_table(tmp_path):
-    data = ModalData.from_beam(boom(), {"xy": 2})
+    data = modes_of_beam(boom(), {"xy": 2})
     for digits in DIGITS:
         w, rows, mass = (rounded(v, digits) for v in (data.frequencies, data.participation.T, data.rigid_mass))
         with pytest.raises(InputError, match="residual mass.*different units"):

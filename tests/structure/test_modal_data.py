@@ -20,7 +20,7 @@ from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers import read_modes
 from beamchain.structure.readers.craig_bampton import from_matrices
 from beamchain.structure.readers.nastran_op2 import from_tables
-from beamchain.structure.readers.own_format import modes_text
+from modes_of_beam import modes_of_beam, modes_text
 from prints import cantilever, plate
 
 SAME = 1e-9  # the bound: same physics in any axes, about any point, in any units
@@ -164,7 +164,7 @@ def test_selected_modes():
 @pytest.mark.parametrize("make", [panels, tapered_boom])
 @pytest.mark.parametrize("kind", ["toml"])
 def test_a_file_gives_the_same_numbers(tmp_path, make, kind):
-    data = ModalData.from_beam(make(), {"xy": 2, "xz": 2, "torsion": 1})
+    data = modes_of_beam(make(), {"xy": 2, "xz": 2, "torsion": 1})
     path = tmp_path / f"array.{kind}"
     path.write_text(modes_text(data))
     back = read_modes(path)
@@ -198,7 +198,7 @@ def test_typed_numbers_count_their_digits(tmp_path):
     ],
 )
 def test_mangled_files_are_refused(tmp_path, change, words):
-    text = modes_text(ModalData.from_beam(tapered_boom(), {"xy": 3}))
+    text = modes_text(modes_of_beam(tapered_boom(), {"xy": 3}))
     path = tmp_path / "a.toml"
     path.write_text(change(text))
     with pytest.raises(InputError, match=words):
@@ -334,7 +334,7 @@ def test_spread_mass_has_the_moments_it_was_made_from(mass, centre, gyration):
 
 
 def test_a_length_that_does_not_hold_the_mass_is_refused():
-    rigid = ModalData.from_beam(tapered_boom(), {"xy": 1}).rigid_mass
+    rigid = modes_of_beam(tapered_boom(), {"xy": 1}).rigid_mass
     with pytest.raises(InputError, match=r"does not hold the mass.*reference"):
         spread(rigid, 2.0)
     assert default_length(np.diag([3.0, 3.0, 3.0, 0.0, 1.0, 1.0]) + _coupled(1.5)) == pytest.approx(1.0, rel=1e-9)

@@ -11,8 +11,8 @@ import beamchain as bc
 from beamchain.engine.rollout import simulate
 from beamchain.fitting.options import Damping
 from beamchain.fitting.spec_text import spec_toml
-from beamchain.steps.inputs import HeldInput
 from beamchain.steps.modal import made_for
+from beamchain.steps.start import HeldInput
 from beamchain.studies import field
 from beamchain.studies import study as studies
 from beamchain.studies.field import TIMED, Entry, Task

@@ -13,8 +13,7 @@ import pytest
 from scipy.linalg import eigh
 
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
-from beamchain.structure.material import Material
-from beamchain.structure.section import Equivalent, Rectangle, Round
+from beamchain.structure.section import Equivalent, Material, Rectangle, Round
 
 
 def close(expected: object, rel: float = 0.0, abs: float = 0.0) -> object:

@@ -3,8 +3,7 @@
 import numpy as np
 
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
-from beamchain.structure.material import Material
-from beamchain.structure.section import Equivalent, Rectangle, Tube
+from beamchain.structure.section import Equivalent, Material, Rectangle, Tube
 
 ALUMINIUM = Material(youngs_modulus=7e10, density=2700.0, poissons_ratio=0.33)
 

@@ -17,8 +17,7 @@ from beamchain.fitting.fit import fit
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import Root
 from beamchain.structure.beam import Beam, Lump, Segment
-from beamchain.structure.material import Material
-from beamchain.structure.section import Custom, Equivalent, Rectangle
+from beamchain.structure.section import Custom, Equivalent, Material, Rectangle
 
 CLOSED = 1e-8  # the issue's own bound on closed forms
 EXUDYN = 1e-4  # the issue's own bound on Exudyn's figures (256 elements)

@@ -3,21 +3,18 @@
 Theory: docs/theory.md, sections 3 and 4.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
-from beamchain.chain import polar
-from beamchain.chain.assemble import assemble
-from beamchain.chain.built import Built, Status, TargetOf
 from beamchain.chain.chain import Chain, Hinge
 from beamchain.chain.cut import Cut, choose_cut
-from beamchain.chain.links import bodies
+from beamchain.chain.links import NO_POLAR, TINY, bodies, polar_inertias, real_polar, settled, with_polar
 from beamchain.chain.margin import Wanted, shortest_link
 from beamchain.chain.recursion import Nodes, planar_links, realise, realise_scalar
-from beamchain.chain.tendons import Modes, given_modes, group_motion, springs_as_modes
+from beamchain.chain.tendons import ModeGroup, given_modes, group_motion, springs_as_modes
 from beamchain.errors import InputError, RealisationError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
@@ -30,8 +27,31 @@ PLANES = ("xy", "xz")
 A_POINT = 1e-13  # of the transverse inertia about the root: a link with less is a point
 LOST_DIGITS = 1e-8  # a chain whose own frequencies miss the target by more is not handed out
 RANK = 1e-9  # relative singular value of participation that is none
-NOTHING = 1e-9  # of the rigid mass: less residual mass than this is none, and takes a hinge at the root
+NOTHING = 1e-9  # of the rigid mass: less residual mass takes a hinge at the root
 FILLER_RATIO = 0.05  # damping ratio of a filler mode where the others are damped
+SAME = 1e-9  # relative: hinges and masses of two planes closer than this are the same
+
+#: Target with the given number of modes of a port.
+TargetOf = Callable[[str, int], PortModel]
+
+
+@dataclass(frozen=True)
+class Status:
+    """What became of a fit: all reached or not, what was made, what was tried."""
+
+    ok: bool
+    message: str
+    history: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A chain, its targets, how it came about, and its cut where one was chosen."""
+
+    chain: Chain
+    targets: dict[str, PortModel]
+    status: Status
+    cut: Cut | None = None
 
 
 @dataclass(frozen=True)
@@ -39,15 +59,10 @@ class Wishes:
     """What is asked of the realisation beside the modes.
 
     Args:
-        springs: "auto": on the hinges where the recursion serves all ports and no mode needs a tendon of its own;
-            "hinges", "modes": one or the other.
-        per_mode: each mode has a damping ratio of its own, which takes a tendon.
+        springs: "auto": on the hinges where the recursion serves all ports; "hinges", "modes": one or the other.
         lines: x where hinges must stand [m].
-        further: x of further ports, whose motion stands behind that of the root in the targets' `tip` columns [m].
-        columns: per further port, the first column of `tip` that holds it, in units of the port's motions.
-        cut: where the hinges stand, instead of a choice.
-        neutral: per port, last frequency on the one hub on which the target is exact: modes of surplus hinges must not
-            disturb it [rad/s].
+        further: x of further ports, whose motion stands in the targets' `tip` columns [m].
+        neutral: per port, last frequency on the one hub [rad/s] that modes of surplus hinges must not disturb.
     """
 
     springs: Springs = "auto"
@@ -60,17 +75,7 @@ class Wishes:
 
 
 def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes | None = None) -> Built:
-    """The exact chain of all kept ports.
-
-    Args:
-        beam: the appendage.
-        kept: modes per port.
-        target_of: target with a number of modes.
-        wishes: springs, hinge lines, further ports.
-
-    Raises:
-        RealisationError: no chain holds the modes; by how much, and what would.
-    """
+    """The exact chain of all kept ports."""
     if not kept:
         return _rigid(beam)
     wishes = wishes or Wishes()
@@ -129,7 +134,7 @@ def _message(
     return f"exact chain ({how}), modes kept: {modes}." + "".join(f" {note}" for note in notes)
 
 
-def _modes_of(port: str, target: PortModel, wishes: Wishes, beyond: float | None = None) -> Modes:
+def _modes_of(port: str, target: PortModel, wishes: Wishes, beyond: float | None = None) -> ModeGroup:
     """A port's target as modes to be given to bodies."""
     rows = [target.participation]
     m = target.motions
@@ -137,7 +142,7 @@ def _modes_of(port: str, target: PortModel, wishes: Wishes, beyond: float | None
         assert target.tip is not None
         rows.append(target.tip[:, column * m : (column + 1) * m])
     damping = target.damping if wishes.per_mode else np.zeros(target.modes)
-    return Modes(
+    return ModeGroup(
         (port,), target.frequencies, np.hstack(rows), damping, target.shapes, rigid=target.rigid_mass, beyond=beyond,
         neutral=wishes.neutral.get(port),
     )  # fmt: skip
@@ -169,7 +174,7 @@ def _available(target_of: TargetOf, port: str, count: int, notes: list[str]) -> 
 
 def _rigid(beam: MassLine) -> Built:
     """The appendage as one body."""
-    links = polar.settled(beam, bodies(beam, np.zeros(0)), np.zeros(0))
+    links = settled(beam, bodies(beam, np.zeros(0)), np.zeros(0))
     return Built(Chain(tuple(links), (), beam.length), {}, Status(True, "one rigid body."))
 
 
@@ -177,7 +182,7 @@ def _rigid(beam: MassLine) -> Built:
 def _recursive(
     beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes, history: list[str], *, fewer: bool
 ) -> Built:
-    """The recursion's chain for all ports; `fewer`: with fewer modes in a plane that cannot keep all."""
+    """The recursion's chain for all ports, perhaps with fewer modes in a plane."""
     targets: dict[str, PortModel] = {}
     nodes: dict[str, Nodes] = {}
     strings: dict[str, tuple[Array, Array]] = {}
@@ -209,10 +214,52 @@ def _recursive(
     return Built(chain, targets, Status(not notes, _message(how, targets, notes), tuple(history)))
 
 
+def assemble(beam: MassLine, nodes: Mapping[str, Nodes], strings: Mapping[str, tuple[Array, Array]]) -> Chain:
+    """The chain whose bodies serve all planes, torsion springs on its hinges."""
+    total = beam.moments(0.0, beam.length, closed=True)
+    rotary = abs(total.rotary_xy - total.rotary_xz) / total.second
+    if len(nodes) == 1 and not isinstance(beam, Beam):
+        rotary = 0.0  # of imported mass it is known to the print, and only one plane asks
+    shared = _shared(nodes, rotary)
+    if shared is None:
+        raise RealisationError("the planes do not share their hinges.")
+    if "axial" in strings:
+        raise RealisationError("axial modes do not share the hinges of bending.")
+    own = total.polar if total.polar > NO_POLAR * total.second else 0.0
+    links, cuts = planar_links(shared, beam), shared.positions[1:-1]
+    inertias = np.array([own]) if "torsion" not in strings else strings["torsion"][0]
+    turning, polars = polar_inertias(beam, links, cuts, inertias, real_polar(beam, cuts))
+    torsion = dict(zip(turning, strings["torsion"][1].tolist(), strict=True)) if "torsion" in strings else {}
+    hinges = tuple(
+        Hinge(
+            x=float(x),
+            stiffness={port: float(own.stiffness[i]) for port, own in nodes.items()}
+            | ({"torsion": torsion[i]} if i in torsion else {}),
+        )
+        for i, x in enumerate(cuts)
+    )
+    return Chain(tuple(with_polar(links, polars)), hinges, beam.length)
+
+
+def _shared(nodes: Mapping[str, Nodes], rotary: float) -> Nodes | None:
+    """The nodes that serve every bending plane at once, if there are such."""
+    if not nodes or rotary > SAME:
+        return None
+    first, *others = nodes.values()
+    for other in others:
+        if other.masses.size != first.masses.size:
+            return None
+        if np.any(np.abs(other.masses - first.masses) > SAME * first.masses) or np.any(
+            np.abs(other.lengths - first.lengths) > SAME * first.lengths
+        ):
+            return None
+    return first
+
+
 def _plane(
     beam: MassLine, port: str, count: int, least: int, target_of: TargetOf, history: list[str]
 ) -> tuple[PortModel, Nodes]:
-    """Target and canonical chain of a plane, with as many of `count` modes as are physical, at least `least`."""
+    """Target and canonical chain of a plane with as many modes as are physical."""
     for modes in range(count, least - 1, -1):
         try:
             target = target_of(port, modes)
@@ -235,23 +282,12 @@ def _plane(
 # -- one tendon per mode: a cut ----------------------------------------------------------------------------------------
 def cut_chain(
     line: MassLine,
-    groups: Sequence[Modes],
+    groups: Sequence[ModeGroup],
     lines: Sequence[float],
     further: Sequence[float] = (),
     cut: Cut | None = None,
 ) -> tuple[Chain, str, Cut]:
-    """A chain on a chosen cut with one tendon per mode, how it was found, and the cut.
-
-    Args:
-        line: the appendage's mass.
-        groups: of ports, each with its modes; a single port's `shapes` are its modes along the appendage.
-        lines: x where hinges must stand [m].
-        further: x of further ports [m].
-        cut: where the hinges stand; chosen where left out.
-
-    Raises:
-        RealisationError: no cut holds the modes.
-    """
+    """A chain with one tendon per mode, how it was found, and the cut."""
     rigid = line.behind(np.array([-line.length]))[0]
     groups = [group.fitting(group_motion(group.ports).T @ rigid @ group_motion(group.ports)) for group in groups]
     wanted = [Wanted(group, _counts(group), _fixed(line, group, lines, rigid)) for group in groups]
@@ -260,7 +296,7 @@ def cut_chain(
     ]
     cut = cut or choose_cut(line, wanted, lines, further)
     try:
-        links = polar.settled(line, bodies(line, cut.x), cut.x)
+        links = settled(line, bodies(line, cut.x), cut.x)
     except RealisationError:
         if not isinstance(line, Beam):
             raise
@@ -269,7 +305,7 @@ def cut_chain(
         return chain, f"{how}, bodies of the appendage's rigid mass as it is too wide for thin links", cut
     hinges = tuple(Hinge(x=float(x), stiffness=dict.fromkeys(p, 0.0)) for x, p in zip(cut.x, cut.ports, strict=True))
     chain = Chain(tuple(links), hinges, line.length)
-    placed: list[Modes] = []
+    placed: list[ModeGroup] = []
     for group in groups:
         at = np.array([hinges[i].x for i, _ in chain.freedoms(group.ports)])
         placed.append(group.on(at))
@@ -288,9 +324,9 @@ def cut_chain(
 
 
 def _wide(
-    line: Beam, groups: Sequence[Modes], lines: Sequence[float], further: Sequence[float]
+    line: Beam, groups: Sequence[ModeGroup], lines: Sequence[float], further: Sequence[float]
 ) -> tuple[Chain, str, Cut]:
-    """The chain on bodies of the appendage's rigid mass, the less of it near the root the more that is needed."""
+    """The chain on bodies of the appendage's rigid mass, with little near the root."""
     reason: RealisationError | None = None
     for power in (0, 1, 2, 4):
         try:
@@ -301,7 +337,7 @@ def _wide(
     raise reason
 
 
-def _counts(group: Modes) -> dict[str, int]:
+def _counts(group: ModeGroup) -> dict[str, int]:
     """Hinges per port: as many as the modes need together, shared out as they move the ports."""
     n, m = group.rows.shape
     scale = np.linalg.norm(group.rows, axis=0)
@@ -318,8 +354,8 @@ def _counts(group: Modes) -> dict[str, int]:
     return own
 
 
-def _fixed(line: MassLine, group: Modes, lines: Sequence[float], rigid: Array) -> dict[str, tuple[float, ...]]:
-    """Per port, x of the hinges that must stand: the user's, the real ones, the root where it is left no mass."""
+def _fixed(line: MassLine, group: ModeGroup, lines: Sequence[float], rigid: Array) -> dict[str, tuple[float, ...]]:
+    """Per port, x of the hinges that must stand: the user's, real ones, a massless root."""
     motion = group_motion(group.ports)
     mass = motion.T @ rigid @ motion
     size = np.sqrt(np.diag(mass))
@@ -330,10 +366,10 @@ def _fixed(line: MassLine, group: Modes, lines: Sequence[float], rigid: Array) -
 
 
 def with_real_polar(chain: Chain) -> Chain:
-    """A recipe's chain with a little polar inertia where the appendage states none, which MuJoCo needs."""
+    """A recipe's chain with a little polar inertia where the appendage states none."""
     links = list(chain.links)
     for i, link in enumerate(links):
         ix, iy, iz = link.inertia
         if link.mass > 0.0 and ix <= 0.0:
-            links[i] = replace(link, inertia=(max(polar.TINY * iz, abs(iz - iy)), iy, iz))
+            links[i] = replace(link, inertia=(max(TINY * iz, abs(iz - iy)), iy, iz))
     return replace(chain, links=tuple(links))

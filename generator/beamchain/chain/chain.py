@@ -1,9 +1,8 @@
 """The hinge chain: rigid links joined by hinges, with springs on the hinges or on modal tendons; what MuJoCo simulates."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Self
 
 import numpy as np
 
@@ -57,7 +56,7 @@ class Link:
         return body_mass_matrix(self.mass, self.centre, self.inertia_matrix())
 
     def rows(self) -> Array:
-        """`(6, 6)`: velocity of the centre and rate of turn, weighted by the roots of mass and inertia, per root motion."""
+        """`(6, 6)`: weighted velocity of the centre and rate of turn, per root motion."""
         values, axes = np.linalg.eigh(self.inertia_matrix())
         if self.products == PRINCIPAL:
             values, axes = np.array(self.inertia), np.eye(3)
@@ -156,11 +155,6 @@ class Chain:
         """Total mass [kg]."""
         return sum(link.mass for link in self.links)
 
-    @property
-    def centre(self) -> float:
-        """x of the centre of mass [m]."""
-        return sum(link.mass * link.com for link in self.links) / self.mass
-
     def rigid_mass(self) -> Array:
         """`(6, 6)` mass matrix of the frozen chain about the root."""
         return np.sum([link.mass_matrix() for link in self.links], axis=0)
@@ -172,19 +166,12 @@ class Chain:
         )
 
     def freedom_motion(self, freedom: Freedom) -> Array:
-        """`(6,)` motion at the root that moves what hangs behind the hinge as one unit of the freedom does."""
+        """`(6,)` motion of the root that moves what hangs behind as the freedom does."""
         hinge, port = freedom
         return shifted(np.array([-self.hinges[hinge].x, 0.0, 0.0])) @ PORT_MOTION[port][:, -1]
 
     def rows(self, freedoms: Sequence[Freedom]) -> tuple[Array, Array]:
-        """Motion rows weighted by the square root of mass, tendon armature included.
-
-        Args:
-            freedoms: `(f,)` that move; the others are locked.
-
-        Returns:
-            rigid `(r, 6)` per motion of the root, elastic `(r, f)` per freedom: `M = rows^T rows`.
-        """
+        """Motion rows, rigid `(r, 6)` and elastic `(r, f)` per freedom: `M = rows^T rows`."""
         motions = np.column_stack([np.zeros((6, 0)), *(self.freedom_motion(f) for f in freedoms)])
         behind = np.array([i for i, _ in freedoms], dtype=np.int64)
         own = [link.rows() for link in self.links]
@@ -199,11 +186,7 @@ class Chain:
         return np.array([float(known.get(f, 0.0)) for f in freedoms])
 
     def spring_rows(self, freedoms: Sequence[Freedom]) -> Array:
-        """`(s, f)` with `K = rows^T rows`: square roots of the hinges' springs and of the tendons'.
-
-        Args:
-            freedoms: `(f,)` that move.
-        """
+        """`(s, f)` with `K = rows^T rows`: roots of the hinges' and tendons' springs."""
         springs = np.array([self.hinges[i].stiffness[port] for i, port in freedoms])
         on_hinges = np.diag(np.sqrt(springs))[springs > 0.0]
         on_tendons = [np.sqrt(t.stiffness) * self._along(t, freedoms) for t in self.tendons if t.stiffness > 0.0]
@@ -223,21 +206,12 @@ class Chain:
         return out
 
     def port(self, port: str = "xy") -> PortModel:
-        """How the chain pushes back at its root: all its modes in one port, undamped, the other ports locked.
-
-        Args:
-            port: "xy", "xz", "torsion" or "axial".
-        """
+        """How the chain pushes back at its root in one port, undamped, others locked."""
         one_of("port", port, PORTS)
         return self.model([port], PORT_MOTION[port])
 
     def model(self, ports: Sequence[str], motion: Array) -> PortModel:
-        """The port model in some motions of the root with the hinges of some ports loose.
-
-        Args:
-            ports: whose hinges move.
-            motion: `(6, m)` motions of the root.
-        """
+        """The port model in motions `(6, m)` of the root with the hinges of some ports loose."""
         freedoms = self.freedoms(ports)
         rigid, elastic, tip = self._scaled(freedoms)
         if not freedoms:
@@ -245,7 +219,7 @@ class Chain:
         return port_from_rows(rigid @ motion, elastic, motion.T @ tip)
 
     def _scaled(self, freedoms: Sequence[Freedom]) -> tuple[Array, Array, Array]:
-        """Rigid and elastic rows and the tip's six motions; elastic coordinates with strain energy `|y|^2 / 2`."""
+        """Rigid and elastic rows and the tip's motions; strain energy `|y|^2 / 2`."""
         rigid, elastic = self.rows(freedoms)
         root = np.linalg.inv(np.linalg.qr(self.spring_rows(freedoms), mode="r")) if freedoms else np.zeros((0, 0))
         tip = shifted(np.array([self.length, 0.0, 0.0]))
@@ -253,12 +227,7 @@ class Chain:
         return rigid, elastic @ root, motions @ root
 
     def shapes(self, port: str, modes: PortModel) -> Array:
-        """`(n, h)` angles of the hinges that move in `port` in the mass-normalised cantilever modes.
-
-        Args:
-            port: "xy", "xz", "torsion" or "axial".
-            modes: `port(...)` of this chain, for the signs of its modes.
-        """
+        """`(n, h)` hinge angles of a port in its mass-normalised modes."""
         freedoms = self.freedoms([port])
         springs = np.linalg.qr(self.spring_rows(freedoms), mode="r")
         rigid, elastic, _ = self._scaled(freedoms)
@@ -280,12 +249,3 @@ class Chain:
         """`(n, n)` what hinges and tendons damp of the modes of a port, mass-normalised [1/s]."""
         shapes = self.shapes(port, self.port(port))
         return np.asarray(shapes @ self.damping(self.freedoms([port])) @ shapes.T, dtype=np.float64)
-
-    def replaced_springs(self, port: str, springs: Array) -> Self:
-        """The chain with other springs `(h,)` on the hinges that move in a port, in order."""
-        values = iter(springs.tolist())
-        hinges = tuple(
-            replace(hinge, stiffness={**hinge.stiffness, port: next(values)}) if port in hinge.stiffness else hinge
-            for hinge in self.hinges
-        )
-        return replace(self, hinges=hinges)

@@ -5,12 +5,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamchain.chain import polar, rivals
-from beamchain.chain.built import Built, Status, TargetOf
+from beamchain.chain import rivals
+from beamchain.chain.build import Built, Status, TargetOf
 from beamchain.chain.chain import Chain, Hinge
-from beamchain.chain.least_squares import fit_planar, fit_stiffness, payload_cases
+from beamchain.chain.least_squares import TipBody, fit_planar, fit_stiffness, payload_cases
+from beamchain.chain.links import polar_inertias, real_polar, with_polar
 from beamchain.chain.recursion import planar_links
-from beamchain.chain.rods import Payload
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
@@ -21,22 +21,10 @@ def build_least_squares(
     kept: Mapping[str, int],
     links: Array,
     free: tuple[str, ...],
-    payload: Mapping[str, Payload] | None,
+    payload: Mapping[str, TipBody] | None,
     target_of: TargetOf,
 ) -> Built:
-    """A chain by least squares: the plane with most modes decides the links, the other ports get springs on them.
-
-    Args:
-        beam: the appendage.
-        kept: modes per port.
-        links: `(N,)` lengths to start from or to keep [m].
-        free: "stiffness", "lengths", "masses".
-        payload: per plane, what the scene will attach at the tip.
-        target_of: target with a number of modes.
-
-    Raises:
-        InputError: axial modes are asked for, or fewer hinges than modes.
-    """
+    """A chain by least squares: the plane with most modes decides the links [m]."""
     planes = [port for port in kept if port in ("xy", "xz")]
     if not planes or "axial" in kept:
         raise InputError('method = "least_squares" needs modes in a bending plane and takes none in axial.')
@@ -52,10 +40,10 @@ def build_least_squares(
     else:
         edges = [0.0, *found.positions.tolist(), beam.length]
         pieces = [rivals.rigid_link(beam, a, b) for a, b in pairwise(edges)]
-    real = polar.real_polar(beam, found.positions)
+    real = real_polar(beam, found.positions)
     if found.nodes is not None:
-        _, polars = polar.place(beam, pieces, found.positions, np.array([real.sum()]), real)
-        pieces = polar.with_polar(pieces, polars)
+        _, polars = polar_inertias(beam, pieces, found.positions, np.array([real.sum()]), real)
+        pieces = with_polar(pieces, polars)
     hinges = tuple(
         Hinge(x=float(x), stiffness={first: float(c)}) for x, c in zip(found.positions, found.stiffness, strict=True)
     )

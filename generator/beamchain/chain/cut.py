@@ -1,8 +1,6 @@
 """Where an appendage is cut: hinges as evenly spaced as the modes let them be, real hinge lines and the user's kept.
 
-Modal tendons can give modes to a cut if the limp chain does not weigh more on the root than the residual mass of the
-modes (`chain.tendons`). The share of that residual mass which is left over is the cut's margin. It grows as the first
-hinges move towards the root, so that the most even cut with enough margin is the one wanted.
+The margin grows as the first hinges move towards the root; the most even cut with enough margin is wanted.
 
 Theory: docs/theory.md, section 4.
 """
@@ -13,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize
 
-from beamchain.chain.margin import MARGIN, SAME_PLACE, SHORTEST, Margins, Stations, Wanted, shortest_link
+from beamchain.chain.margin import MARGIN, SAME_PLACE, SHORTEST, Margins, MassTable, Wanted, shortest_link
 from beamchain.errors import RealisationError
 from beamchain.ports.motions import Array
 from beamchain.structure.mass_line import MassLine
 
-HOPELESS = -0.65  # margin below which no search over three or more hinges arrived: of 58, the worst began at -0.62
+HOPELESS = -0.65  # margin below which no search over three or more hinges arrived
 ENOUGH = 0.1  # margin at which the search for a feasible cut ends, as evening out takes it back
 SPREADS = np.geomspace(0.5, 0.002, 24)  # first free hinge, in lengths
 POWERS = (1.0, 1.5, 2.0, 3.0, 4.0)  # how the others follow
@@ -33,15 +31,7 @@ MOST_ADDED = 4  # hinges tried beyond what the modes need
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """Where the hinges stand.
-
-    Args:
-        x: `(c,)` from the root [m].
-        ports: per hinge, the ports in which it moves.
-        margin: least share of the residual mass that is left, over all groups.
-        added: hinges beyond what the modes need.
-        reason: why they were added.
-    """
+    """Where the hinges stand: x `(c,)` [m], their ports, and the least margin."""
 
     x: Array
     ports: tuple[tuple[str, ...], ...]
@@ -49,27 +39,13 @@ class Cut:
     added: int
     reason: str = ""
 
-    def shortest(self, length: float) -> float:
-        """Length of the shortest link over the whole."""
-        return shortest_link(self.x, length)
-
 
 def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float], further: Sequence[float] = ()) -> Cut:
-    """The most even cut that holds the modes.
-
-    Args:
-        line: how the mass lies.
-        wanted: per group of ports.
-        lines: x where hinges must stand [m].
-        further: x of further ports that must be exact too [m].
-
-    Raises:
-        RealisationError: no cut holds them; by how much, and what would.
-    """
+    """The most even cut that holds the modes; hinges at `lines`, ports at `further` [m]."""
     length = line.length
     fixed = _merged([*lines, *(x for group in wanted for places in group.fixed.values() for x in places)], length)
     groups = list(wanted)
-    table = Stations(line)
+    table = MassTable(line)
     first: str | None = None
     tried = 0
     for added in range(MOST_ADDED + fixed.size + 1):
@@ -131,7 +107,7 @@ def _merged(places: Sequence[float], length: float) -> Array:
 
 
 def _best(search: Margins, fixed: Array, free: int) -> tuple[Array, float]:
-    """Hinges with enough margin and the longest shortest link; else those with the largest margin."""
+    """Hinges with enough margin and the longest shortest link, else with most margin."""
     if free <= 0:
         return fixed, search.value(fixed)
     length = search.table.length
@@ -160,13 +136,7 @@ def _best(search: Margins, fixed: Array, free: int) -> tuple[Array, float]:
 
 
 def _patterns(length: float, free: int, further: Sequence[float]) -> Iterator[Callable[[float], Array]]:
-    """Free hinges by the place of the first, in lengths: graded towards the root, and towards further ports.
-
-    Args:
-        length: of the appendage [m].
-        free: how many hinges.
-        further: x of further ports [m].
-    """
+    """Free hinges [m] by the place of the first, graded towards root and further ports."""
 
     def graded(a: float, power: float, count: int, end: float) -> Array:
         s = a ** (1.0 / power)
@@ -217,7 +187,7 @@ def _climbed(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Ar
 
 
 def _even(search: Margins, x: Array, fixed: Array) -> Array:
-    """The cut with its free hinges moved towards the middles of their neighbours as far as the margin allows."""
+    """Free hinges moved between their neighbours' middles as the margin allows."""
     length = search.table.length
     x = x.copy()
     for _ in range(SWEEPS):

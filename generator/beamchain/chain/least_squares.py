@@ -3,56 +3,68 @@
 Logarithms keep every number positive, the rigid mass properties are held exactly, the Jacobian is a complex step.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from beamchain.chain.chain import Chain
 from beamchain.chain.recursion import Nodes, realise
-from beamchain.chain.rods import Numbers, Payload, Rods, jacobian, loaded_modes, nodes_to_rods
 from beamchain.errors import RealisationError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
-from beamchain.structure.lump import Lump
 from beamchain.structure.mass_line import MassLine
+from beamchain.structure.segment import Lump
+
+Numbers = NDArray[Any]  # float64 or complex128
 
 FREE = ("stiffness", "lengths", "masses")
 PARTICIPATION_WEIGHT = 0.2  # against 1 for a relative frequency error
 REACH = np.log(1e4)  # how far a parameter may leave its start, in log space
 GOOD_ENOUGH = 1e-7  # cost below which no further start is tried: residuals of some 1e-4
-NOTHING = Payload(0.0, 0.0)
+
+
+class RodModes(NamedTuple):
+    """Frequencies `(n,)` [rad/s], participation `(n, 2)`, tip displacement `(n,)`."""
+
+    frequencies: Numbers
+    participation: Numbers
+    tip: Numbers
+
+
+class Rods(NamedTuple):
+    """Rods with inner ends and mass centres `(N,)` [m]; `N - 1` springs [N m/rad]."""
+
+    starts: Numbers
+    masses: Numbers
+    centres: Numbers
+    inertias: Numbers
+    stiffness: Numbers
+
+
+class TipBody(NamedTuple):
+    """A rigid body at the tip."""
+
+    mass: float
+    inertia: float
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
-    """What the chain shall do with one payload at its tip.
+class LoadCase:
+    """What the chain shall do with one payload at its tip."""
 
-    Args:
-        payload: carried at the tip.
-        target: cantilever frequencies and participation with it, the modes that count.
-    """
-
-    payload: Payload
+    payload: TipBody
     target: PortModel
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A fit by least squares.
-
-    Args:
-        positions: `(N - 1,)` x of the hinges [m].
-        stiffness: `(N - 1,)` [N m/rad].
-        nodes: the canonical chain where the masses were free; None: links are pieces of the beam.
-        cost: half the sum of squared residuals.
-        ok: the solver converged.
-        message: one sentence.
-        history: one line per start.
-    """
+    """A fit: hinges `(N - 1,)` [m]; `nodes` where the masses were free."""
 
     positions: Array
     stiffness: Array
@@ -66,22 +78,11 @@ class Found:
 def fit_planar(
     beam: MassLine,
     port: str,
-    cases: Sequence[Case],
+    cases: Sequence[LoadCase],
     links: Array,
     free: Sequence[str] = FREE,
 ) -> Found:
-    """Fit a planar chain whose link 1 is welded to the root.
-
-    Args:
-        beam: gives pieces and rigid mass.
-        port: "xy" or "xz".
-        cases: targets, one per payload.
-        links: `(N,)` lengths to start from, or that stand where "lengths" is not free [m].
-        free: what may vary, of "stiffness", "lengths", "masses".
-
-    Raises:
-        RealisationError: no start converges to a physical chain.
-    """
+    """Fit a planar chain from links `(N,)` [m]; `free`: some of `FREE`."""
     starts = _starts(beam, port, links, "lengths" in free)
     best: Found | None = None
     history: list[str] = []
@@ -105,30 +106,17 @@ def fit_planar(
             break
     if best is None:
         raise RealisationError(f"least squares found no physical chain with {links.size} links: {history[-1]}")
-    return Found(best.positions, best.stiffness, best.nodes, best.cost, best.ok, best.message, tuple(history))
+    return replace(best, history=tuple(history))
 
 
 def fit_stiffness(chain: Chain, port: str, target: PortModel, start: Array) -> tuple[Chain, float]:
-    """Springs of one port on links that stand: least squares on frequencies and participation.
-
-    Args:
-        chain: links and hinges; what the hinges do in other ports stays.
-        port: which port gets springs.
-        target: the modes that count.
-        start: `(h,)` springs to start from.
-
-    Returns:
-        the chain with springs in every hinge, and the worst relative residual.
-    """
+    """The chain with springs of one port, from `start` `(h,)`, and the worst residual."""
     scale = np.sqrt(np.diag(target.rigid_mass))
     weight = np.linalg.norm(target.participation / scale, axis=1)[:, None]
 
-    sprung = replace(
-        chain, hinges=tuple(replace(hinge, stiffness={**hinge.stiffness, port: 1.0}) for hinge in chain.hinges)
-    )
-
     def with_springs(theta: Array) -> Chain:
-        return sprung.replaced_springs(port, np.exp(theta))
+        springs = zip(chain.hinges, np.exp(theta).tolist(), strict=True)
+        return replace(chain, hinges=tuple(replace(h, stiffness={**h.stiffness, port: c}) for h, c in springs))
 
     def residuals(theta: Array) -> Array:
         modes = with_springs(theta).port(port)
@@ -141,25 +129,21 @@ def fit_stiffness(chain: Chain, port: str, target: PortModel, start: Array) -> t
     return with_springs(solved.x), float(np.max(np.abs(residuals(solved.x))))
 
 
-def payload_cases(beam: Beam, port: str, modes: int, payload: Payload | None) -> list[Case]:
-    """The beam alone; with a payload, also with 2 %, 20 % and all of it.
-
-    The ladder is geometric, so that a chain that holds at its ends holds between them.
-    """
-    out: list[Case] = []
+def payload_cases(beam: Beam, port: str, modes: int, payload: TipBody | None) -> list[LoadCase]:
+    """The beam alone; with a payload, also with 2 %, 20 % and all of it."""
+    out: list[LoadCase] = []
     for factor in (0.0,) if payload is None else (0.0, 0.02, 0.2, 1.0):
-        load = NOTHING if payload is None else Payload(factor * payload.mass, factor * payload.inertia)
-        inertia = 0.0 if payload is None else load.inertia
+        load = TipBody(0.0, 0.0) if payload is None else TipBody(factor * payload.mass, factor * payload.inertia)
         lumps = beam.lumps
         if load.mass > 0.0:
-            lumps = (*lumps, Lump(x=beam.length, mass=load.mass, inertia=(inertia, inertia, inertia)))
+            lumps = (*lumps, Lump(x=beam.length, mass=load.mass, inertia=(load.inertia, load.inertia, load.inertia)))
         loaded = Beam(segments=beam.segments, joints=beam.joints, lumps=lumps)
-        out.append(Case(load, loaded.port(port, modes + 2).truncated(modes)))
+        out.append(LoadCase(load, loaded.port(port, modes + 2).truncated(modes)))
     return out
 
 
 def _starts(beam: MassLine, port: str, links: Array, lengths_free: bool) -> list[tuple[str, Array]]:
-    """Link lengths to start from: the user's, and where they may move, the exact chain's with as many links."""
+    """Link lengths to start from: the user's, the exact chain's, graded ones."""
     out = [("given links", links)]
     if lengths_free:
         for modes in range(links.size - 1, 0, -1):
@@ -183,7 +167,9 @@ def _starts(beam: MassLine, port: str, links: Array, lengths_free: bool) -> list
 class _Problem:
     """Parameters (logarithms) -> rods -> residuals."""
 
-    def __init__(self, beam: MassLine, port: str, cases: Sequence[Case], lengths: Array, free: tuple[str, ...]) -> None:
+    def __init__(
+        self, beam: MassLine, port: str, cases: Sequence[LoadCase], lengths: Array, free: tuple[str, ...]
+    ) -> None:
         self.beam, self.port, self.cases, self.free = beam, port, list(cases), free
         self.payloads = [case.payload for case in cases]
         self.wanted_frequencies = np.array([case.target.frequencies for case in cases])
@@ -292,3 +278,53 @@ class _Problem:
         worst = float(np.max(np.abs(miss)))
         message = f"least squares, {', '.join(self.free)} free: worst relative residual {worst:.2e}."
         return Found(rods.starts[1:], rods.stiffness, nodes, cost, ok, message, history)
+
+
+def loaded_modes(rods: Rods, tip: float, payloads: Sequence[TipBody]) -> RodModes:
+    """Modes with each of `k` bodies at the tip: each field has a leading axis."""
+    hinges = rods.starts[1:]
+    flexible = 1.0 / np.sqrt(rods.stiffness)
+    outside = np.tri(rods.masses.size, hinges.size, -1)  # hinge j moves rods j+1 and on
+    arms = (rods.centres[:, None] - hinges[None, :]) * outside * flexible
+    turns = outside * flexible
+    tip_arms = (tip - hinges) * flexible
+    pulled, turned = rods.masses[:, None] * arms, rods.inertias[:, None] * turns
+    total = np.sum(turned, axis=0)
+    mass = np.array([p.mass for p in payloads])[:, None, None]
+    rotary = np.array([p.inertia for p in payloads])[:, None, None]
+    inertia = arms.T @ pulled + turns.T @ turned
+    inertia = inertia + mass * np.outer(tip_arms, tip_arms) + rotary * np.outer(flexible, flexible)
+    across = np.column_stack([np.sum(pulled, axis=0), rods.centres @ pulled + total])
+    across = across + mass * np.outer(tip_arms, [1.0, tip]) + rotary * np.outer(flexible, [0.0, 1.0])
+    values, vectors = np.linalg.eig(inertia)
+    order = np.argsort(-np.real(values), axis=1)
+    values = np.take_along_axis(values, order, axis=1)
+    vectors = np.take_along_axis(vectors, order[:, None, :], axis=2)
+    if not np.iscomplexobj(inertia):
+        values, vectors = np.real(values), np.real(vectors)
+    shapes = np.swapaxes(vectors / np.sqrt(np.sum(vectors * vectors, axis=1))[:, None, :], 1, 2)
+    frequencies = 1.0 / np.sqrt(values)
+    participation = (shapes @ across) * frequencies[:, :, None]
+    tips = (shapes @ tip_arms) * frequencies
+    signs = np.where(np.real(participation[:, :, 0]) < 0.0, -1.0, 1.0)
+    return RodModes(frequencies, participation * signs[:, :, None], tips * signs)
+
+
+def nodes_to_rods(masses: Numbers, lengths: Numbers, stiffness: Numbers) -> Rods:
+    """Rods from masses `(N + 1,)` and lengths `(N,)`; inner nodes shared in halves."""
+    x = np.concatenate([np.zeros(1), np.cumsum(lengths)])
+    half = np.concatenate([masses[:1], masses[1:-1] / 2.0, masses[-1:]])
+    a = np.concatenate([half[:1], half[1:-1]])
+    b = np.concatenate([half[1:-1], half[-1:]])
+    total = a + b
+    return Rods(x[:-1], total, x[:-1] + lengths * b / total, a * b / total * lengths**2, stiffness)
+
+
+def jacobian(function: Callable[[Numbers], Numbers], at: Array, step: float = 1e-30) -> Array:
+    """Complex-step Jacobian `(r, p)` of an analytic `function` at `at` `(p,)`."""
+    columns = []
+    for i in range(at.size):
+        moved = at.astype(np.complex128)
+        moved[i] += 1j * step
+        columns.append(np.imag(function(moved)) / step)
+    return np.array(columns).T

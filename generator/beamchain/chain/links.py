@@ -1,21 +1,30 @@
-"""Rigid links between the hinges of a cut, with the mass that lies there."""
+"""The rigid links of a chain: bodies between its hinges, and how much of the polar inertia each of them carries.
 
-from itertools import pairwise
+Theory: docs/theory.md, section 3.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import combinations, pairwise
 
 import numpy as np
 
-from beamchain.chain.chain import Link
+from beamchain.chain.chain import Chain, Link
+from beamchain.errors import RealisationError
 from beamchain.ports.motions import Array
 from beamchain.structure.mass_line import MassLine
 
 ROUNDED = 1e-13  # of the whole inertia: what differences of its parts lose
-
-
 FLAT = 1e-12  # of the largest second moment: thickness of a lamina
+TINY = 1e-6  # polar over transverse inertia of a link where the appendage states none
+TRIES = 400
+NO_POLAR = 1e-14  # of the transverse inertia: less polar inertia is rounding
+ROLL = 1e-3  # of the transverse inertia: what may be added to the roll inertia
 
 
 def _rounded(about: Array, noise: float) -> Array:
-    """`(3, 3)` inertia about the centre, no second moment below zero by rounding: a lamina's is nothing across it."""
+    """`(3, 3)` inertia about the centre, no second moment below zero by rounding."""
     moments = np.trace(about) / 2.0 * np.eye(3) - about
     values, axes = np.linalg.eigh(moments)
     if not -noise < values[0] < FLAT * values[2]:
@@ -25,7 +34,7 @@ def _rounded(about: Array, noise: float) -> Array:
 
 
 def bodies(line: MassLine, x: Array) -> list[Link]:
-    """The appendage's own rigid pieces between the hinges, as they are; see `polar.settled` for thin ones."""
+    """The appendage's own rigid pieces between the hinges; see `settled`."""
     behind = line.behind(np.concatenate([[-line.length], x]))
     pieces = [*(a - b for a, b in pairwise(behind)), behind[-1]]
     edges = [0.0, *x.tolist(), line.length]
@@ -45,3 +54,123 @@ def bodies(line: MassLine, x: Array) -> list[Link]:
         products = (float(about[0, 1]), float(about[0, 2]), float(about[1, 2]))
         out.append(Link(a, b - a, mass, float(centre[0]), inertia, (float(centre[1]), float(centre[2])), products))
     return out
+
+
+def real_polar(beam: MassLine, cuts: Array) -> Array:
+    """`(c + 1,)` polar inertia of the beam's pieces between the cuts [kg m^2]."""
+    edges = [0.0, *cuts.tolist(), beam.length]
+    return np.array([beam.moments(a, b, closed=b >= beam.length).polar for a, b in pairwise(edges)])
+
+
+def with_polar(links: Sequence[Link], inertias: Sequence[float]) -> list[Link]:
+    """The links with the given polar inertias."""
+    return [
+        replace(link, inertia=(polar, link.inertia[1], link.inertia[2]))
+        for link, polar in zip(links, inertias, strict=True)
+    ]
+
+
+@lru_cache(maxsize=4)
+def _running(beam: MassLine) -> tuple[Array, Array, Array]:
+    """x, and mass and polar inertia of the beam up to x."""
+    grid = np.linspace(0.0, beam.length, 201)
+    pieces = [beam.moments(a, b, closed=b >= beam.length) for a, b in pairwise(grid.tolist())]
+    mass, polar = (np.cumsum([0.0, *(getattr(piece, kind) for piece in pieces)]) for kind in ("mass", "polar"))
+    return grid, mass, polar
+
+
+def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
+    """`(n,)` x [m] at which the beam's own inertia reaches `shares` `(n + 1,)`."""
+    grid, masses, polars = _running(beam)
+    own = masses if kind == "mass" else polars
+    if not np.sum(shares) > 0.0:
+        return np.zeros(shares.size - 1)
+    wanted = np.cumsum(shares)[:-1] * (own[-1] / np.sum(shares))
+    return np.interp(wanted, own, grid)
+
+
+def share(links: list[Link], wanted: list[float], groups: list[list[int]], real: Array) -> list[float]:
+    """Polar inertia of every link, near to `real` `(N,)`; sums per group as `wanted`."""
+    out = [0.0] * len(links)
+    for total, members in zip(wanted, groups, strict=True):
+        low = np.array([abs(links[i].inertia[2] - links[i].inertia[1]) for i in members]) * (1.0 + 1e-12)
+        high = np.array([links[i].inertia[2] + links[i].inertia[1] for i in members]) * (1.0 - 1e-12)
+        floor = np.minimum(np.maximum(low, TINY * high / 2.0 * (total <= 0.0)), high)
+        if total <= 0.0:
+            for i, value in zip(members, floor, strict=True):
+                out[i] = float(value)
+            continue
+        if not low.sum() * (1.0 - 1e-9) <= total <= high.sum():
+            raise RealisationError(
+                f"links {members[0] + 1} to {members[-1] + 1} would need a polar inertia of {total:.4g} kg m^2, but "
+                f"rigid bodies of their shape carry {low.sum():.4g} to {high.sum():.4g}: the appendage is too wide for "
+                'its length here; keep fewer modes, or use theory = "timoshenko" (rotary inertia).'
+            )
+        weight = np.maximum(real[members], 1e-12 * total)
+        lo, hi = 0.0, float(np.max(high / weight)) + 1.0
+        for _ in range(200):
+            t = (lo + hi) / 2.0
+            lo, hi = (t, hi) if np.clip(t * weight, low, high).sum() < total else (lo, t)
+        values = np.clip((lo + hi) / 2.0 * weight, low, high)
+        inner = (values > low * (1.0 + 1e-9)) & (values < high * (1.0 - 1e-9))
+        if inner.any():  # the bisection's rounding goes to a link with room
+            values[np.argmax(inner * values)] += total - values.sum()
+        for i, value in zip(members, values, strict=True):
+            out[i] = float(value)
+    return out
+
+
+def polar_inertias(
+    beam: MassLine, links: list[Link], cuts: Array, inertias: Array, real: Array
+) -> tuple[list[int], list[float]]:
+    """The n hinges of `cuts` `(c,)` [m] that turn in torsion, and the links' polar inertias `(c + 1,)`.
+
+    `inertias` `(n + 1,)`: of the groups; one entry: rigid in torsion. `real` `(c + 1,)`: of the real pieces.
+    """
+    n = inertias.size - 1
+    wish = natural_positions(beam, inertias, "polar") if n else np.zeros(0)
+    choices = sorted(combinations(range(cuts.size), n), key=lambda c: float(np.sum((cuts[list(c)] - wish) ** 2)))
+    reason = RealisationError(f"{n} torsion modes need {n} hinges, but there are {cuts.size}.")
+    for choice in choices[:TRIES]:
+        bounds = [0, *(i + 1 for i in choice), len(links)]
+        groups = [list(range(a, b)) for a, b in pairwise(bounds)]
+        try:
+            return list(choice), share(links, inertias.tolist(), groups, real)
+        except RealisationError as error:
+            reason = error
+    raise reason
+
+
+def raised(chain: Chain, least: float) -> tuple[Chain, str]:
+    """The chain with no polar inertia below `least` [kg m^2], and a sentence that says so; both as before where none is.
+
+    A chain that bends in torsion is left alone, as is one whose roll inertia would no longer be small.
+    """
+    low = [i for i, link in enumerate(chain.links) if link.inertia[0] < least <= min(link.mass, *link.inertia[1:])]
+    rigid = chain.rigid_mass()
+    across = float(max(rigid[4, 4], rigid[5, 5]))
+    added = sum(least - chain.links[i].inertia[0] for i in low)
+    if not low or "torsion" in chain.ports or added > ROLL * across:
+        return chain, ""
+    links = list(chain.links)
+    for i in low:
+        links[i] = replace(links[i], inertia=(least, *links[i].inertia[1:]))
+    smallest, roll = min(chain.links[i].inertia[0] for i in low), float(rigid[3, 3])
+    return replace(chain, links=tuple(links)), (
+        f"the links are so thin that their polar inertia falls to {smallest:.3g} kg m^2; MuJoCo takes nothing below "
+        f"1e-15, so {len(low)} of them carry {least:.3g}: the appendage's roll inertia is {roll + added:.3g} instead of "
+        f"{roll:.3g} kg m^2 ({(roll + added) / across:.1e} of its transverse inertia). Bending does not see it."
+    )
+
+
+def settled(line: MassLine, links: Sequence[Link], cuts: Array) -> list[Link]:
+    """Links that are rigid bodies: long ones carry what short ones cannot."""
+    if any(link.beside != (0.0, 0.0) or link.products != (0.0, 0.0, 0.0) for link in links):
+        return list(links)  # imported mass has its breadth in all three inertias
+    rigid = line.rigid_mass()
+    none = float(rigid[3, 3]) <= NO_POLAR * float(max(rigid[4, 4], rigid[5, 5]))
+    solid = [link.inertia for link in links if link.mass > 0.0]
+    if not none and all(abs(b - c) * (1.0 + 1e-12) <= a <= (b + c) * (1.0 - 1e-12) and a > 0.0 for a, b, c in solid):
+        return list(links)
+    real = real_polar(line, cuts)
+    return with_polar(links, share(list(links), [0.0 if none else float(real.sum())], [list(range(len(links)))], real))

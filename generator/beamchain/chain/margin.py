@@ -1,7 +1,6 @@
-"""What a cut leaves: whether the rigid links between its hinges can hold the residual mass of the wanted modes.
+"""Whether the rigid links of a cut can hold the residual mass of the wanted modes, and with what margin.
 
-Every port whose modes stand on the cut keeps a positive share of the mass left to each link (the inequality of
-`docs/theory.md`, section 4); the margin is the smallest share.
+Theory: docs/theory.md, section 4.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,7 +10,7 @@ from itertools import combinations, islice, pairwise
 import numpy as np
 
 from beamchain.chain.chain import Freedom
-from beamchain.chain.tendons import Modes, group_motion
+from beamchain.chain.tendons import ModeGroup, group_motion
 from beamchain.ports.motions import PORT_MOTION, Array, shifted
 from beamchain.structure.mass_line import MassLine
 
@@ -42,15 +41,9 @@ TURNS = {
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """A group of ports and how many hinges each needs.
+    """A group of modes, hinges that each port needs, and those that stand [m]."""
 
-    Args:
-        modes: of the group.
-        counts: hinges per port.
-        fixed: per port, x of hinges that stand [m].
-    """
-
-    modes: Modes
+    modes: ModeGroup
     counts: Mapping[str, int]
     fixed: Mapping[str, tuple[float, ...]]
 
@@ -60,12 +53,12 @@ class Wanted:
 
 
 def shortest_link(x: Array, length: float) -> float:
-    """Shortest distance between neighbouring hinges, root (where no hinge stands at it) and tip, over the length."""
+    """Shortest distance between neighbouring hinges, root and tip, over the length."""
     edges = [*([] if x.size and x[0] <= SAME_PLACE * length else [0.0]), *x.tolist(), length]
     return min(b - a for a, b in pairwise(edges)) / length
 
 
-class Stations:
+class MassTable:
     """Mass matrices behind places along an appendage, good enough to choose by."""
 
     def __init__(self, line: MassLine) -> None:
@@ -89,7 +82,7 @@ class Stations:
 class Margins:
     """Margins of candidate cuts of one appendage."""
 
-    table: Stations
+    table: MassTable
     wanted: tuple[Wanted, ...]
     further: tuple[float, ...]
     _known: dict[int, tuple[Array, Array, Array, Array]] = field(
@@ -97,14 +90,7 @@ class Margins:
     )
 
     def margin(self, group: Wanted, x: Array, freedoms: Sequence[Freedom], behind: Array) -> float:
-        """Least eigenvalue of what the inequality leaves, over the residual mass (and the further ports' own).
-
-        Args:
-            group: whose modes.
-            x: `(c,)` hinges [m].
-            freedoms: of the group.
-            behind: `(c, 6, 6)` mass matrix behind each hinge.
-        """
+        """Least eigenvalue of what is left; `behind` `(c, 6, 6)`: mass behind hinges."""
         self.table.tried += 1 + len(freedoms) // 8  # as long as it takes
         motion, given, floor, left_over = self._constants(group)
         at = np.array([i for i, _ in freedoms])
@@ -133,7 +119,7 @@ class Margins:
         return _least_share(left, blocks)
 
     def _constants(self, group: Wanted) -> tuple[Array, Array, Array, Array]:
-        """What a group's margin takes that no hinge changes: its motion, its modes' share, a floor, the residual mass."""
+        """Motion, the modes' share, a floor, and the residual mass of a group."""
         key = id(group)
         if key not in self._known:
             motion, rows = group_motion(group.modes.ports), group.modes.rows
@@ -144,7 +130,7 @@ class Margins:
         return self._known[key]
 
     def assigned(self, x: Array, *, whole: bool = True) -> tuple[float, list[list[Freedom]], list[float]]:
-        """Least margin, and per group its freedoms and margin, for hinges at `x`; not `whole`: up to one that fails."""
+        """Least margin, and per group its freedoms and margin, for hinges at `x`."""
         behind = self.table.behind(x)
         chosen: list[list[Freedom]] = []
         margins: list[float] = []
@@ -163,7 +149,7 @@ class Margins:
         return min(margins), chosen, margins
 
     def _choices(self, group: Wanted, x: Array) -> Iterator[list[Freedom]]:
-        """Hinges that a group may take: those that stand, and of the others some, evenly spread ones first."""
+        """Hinges that a group may take: fixed ones, and others evenly spread first."""
         close = SAME_PLACE * self.table.length
         own: dict[str, list[int]] = {}
         free: dict[str, list[int]] = {}
@@ -187,14 +173,14 @@ class Margins:
                 yield taken({port: pick})
 
     def value(self, x: Array, *, whole: bool = True) -> float:
-        """Least margin of hinges at `x`; -inf where a link is too short. Not `whole`: of the groups up to one that fails."""
+        """Least margin of hinges at `x`; -inf where a link is too short."""
         if shortest_link(x, self.table.length) < SHORTEST or np.any(np.diff(x) <= 0.0):
             return -np.inf
         return self.assigned(x, whole=whole)[0]
 
 
 def _least_share(left: Array, blocks: Sequence[Array]) -> float:
-    """Least eigenvalue of `left` with each diagonal block scaled by the inverse root of its own measure."""
+    """Least eigenvalue of `left`, each diagonal block scaled by its own measure."""
     size = left.shape[0]
     scale = np.zeros((size, size))
     at = 0

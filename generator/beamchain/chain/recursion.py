@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamchain.chain import polar
 from beamchain.chain.chain import Chain, Hinge, Link
+from beamchain.chain.links import polar_inertias, real_polar, with_polar
 from beamchain.errors import RealisationError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
@@ -71,14 +71,7 @@ def realise(target: PortModel) -> Nodes:
 
 
 def _rods(r: Array, phi: Array, lam: Array, count: int) -> tuple[Array, Array, Array]:
-    """Masses `(count + 1,)`, lengths `(count,)` and springs `(count - 1,)` of rods from a node outwards.
-
-    Args:
-        r: displacement of the first node in the modes.
-        phi: rotation of the first rod.
-        lam: squares of the frequencies.
-        count: number of rods.
-    """
+    """Masses `(count + 1,)`, lengths `(count,)`, springs `(count - 1,)` from a node."""
     nodes = [r]
     masses, lengths, springs = [float(1.0 / (r @ r))], list[float](), list[float]()
     shear, moment = np.zeros(r.size), np.zeros(r.size)
@@ -100,12 +93,9 @@ def _rods(r: Array, phi: Array, lam: Array, count: int) -> tuple[Array, Array, A
 
 
 def _with_root_hinge(target: PortModel, rows: Array, lam: Array) -> Nodes:
-    """The chain of a target whose residual mass is that of a point at `x0`: one mode lies at infinity.
+    """The chain of a target whose residual mass is that of a point at `x0`: the first rod is massless and ends there.
 
-    Turning the root about `x0` then moves no mass at once, so that the first rod is massless and its hinge stands at
-    `x0` (0: at the root itself). In the finite modes the first two rods turn together, as no moment passes a massless
-    rod; the hinge's stiffness is what resists at high frequency, `D -> -sum W_k^2 L_k L_k^T / s^2` along
-    `v = (-x0, 1)`: `c_1 = sum W_k^2 (L_k v)^2`. Beyond the hinge the chain is that of the finite modes seen from `x0`.
+    The hinge's stiffness is what resists at high frequency along `v = (-x0, 1)`: `c_1 = sum W_k^2 (L_k v)^2`.
     """
     residual = target.residual_mass
     reach = abs(float(target.rigid_mass[0, 1] / target.rigid_mass[0, 0]))
@@ -153,18 +143,9 @@ def _check(nodes: Nodes, scale_length: float) -> None:
 
 
 def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, Array, Array]:
-    """Share the inner nodes' masses between their two rods; the port does not notice.
+    """Share the inner nodes' masses between their two rods, each link with the beam's own mass `(N,)` where that can be.
 
-    The natural split gives every link the beam's own mass between its two hinges. Where that would leave a rod with a
-    negative end mass (and so a negative inertia), the nearest split that keeps `share` of the node is taken.
-
-    Args:
-        nodes: the canonical chain with N rods.
-        beam_mass: `(N,)` mass of the beam between the hinges (last: up to the tip) [kg].
-        share: least share of a node's mass on either side.
-
-    Returns:
-        masses `(N,)` [kg], mass centres `(N,)` from each rod's inner end [m], inertias `(N,)` [kg m^2].
+    Returns masses [kg], mass centres from each rod's inner end [m] and inertias [kg m^2], all `(N,)`.
     """
     inner, outer = [nodes.masses[0]], []
     count = nodes.lengths.size
@@ -181,12 +162,7 @@ def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, A
 
 
 def planar_links(nodes: Nodes, beam: MassLine) -> list[Link]:
-    """Links that cover the real beam, without polar inertia; the same inertia stands in both planes.
-
-    Args:
-        nodes: from `realise`.
-        beam: gives the mass between the hinges.
-    """
+    """Links that cover the real beam, without polar inertia, alike in both planes."""
     x = nodes.positions
     edges = [*x[:-1].tolist(), max(beam.length, float(x[-1]))]
     own = [beam.moments(a, b, closed=b >= beam.length).mass for a, b in pairwise(edges)]
@@ -211,23 +187,14 @@ def planar_chain(nodes: Nodes, beam: MassLine, port: str = "xy") -> Chain:
     """
     links = planar_links(nodes, beam)
     cuts = nodes.positions[1:-1]
-    real = polar.real_polar(beam, cuts)
-    _, inertias = polar.place(beam, links, cuts, np.array([real.sum()]), real)
+    real = real_polar(beam, cuts)
+    _, inertias = polar_inertias(beam, links, cuts, np.array([real.sum()]), real)
     hinges = tuple(Hinge(x=float(x), stiffness={port: float(c)}) for x, c in zip(cuts, nodes.stiffness, strict=True))
-    return Chain(links=tuple(polar.with_polar(links, inertias)), hinges=hinges, length=beam.length)
+    return Chain(links=tuple(with_polar(links, inertias)), hinges=hinges, length=beam.length)
 
 
 def realise_scalar(target: PortModel) -> tuple[Array, Array]:
-    """The string of inertias and springs whose port model is a scalar `target` (torsion or axial).
-
-    A Stieltjes string (M. G. Krein): positive for any data.
-
-    Args:
-        target: port model with one motion and n flexible modes.
-
-    Returns:
-        inertias `(n + 1,)` from the root and springs `(n,)` between them.
-    """
+    """Inertias `(n + 1,)` and springs `(n,)` of a scalar target: a Stieltjes string."""
     n = target.modes
     r = np.concatenate([target.rigid_port_values[0], target.free_port_values[:, 0]])
     lam = np.concatenate([[0.0], target.free_frequencies**2])

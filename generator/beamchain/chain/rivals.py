@@ -32,14 +32,7 @@ def rigid_link(beam: MassLine, start: float, end: float) -> Link:
 
 
 def cut(beam: Beam, hinges: Array, stiffness: Array, port: str) -> Chain:
-    """Freeze the beam between the given hinge positions.
-
-    Args:
-        beam: the appendage.
-        hinges: `(h,)` ascending x [m]; 0 gives a hinge at the root.
-        stiffness: `(h,)` [N m/rad].
-        port: "xy" or "xz".
-    """
+    """Freeze the beam between hinges `(h,)` [m], 0: at the root, with springs `(h,)`."""
     edges = [0.0, *hinges.tolist(), beam.length]
     links = [
         Link(0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)) if b <= a else rigid_link(beam, a, b) for a, b in pairwise(edges)
@@ -75,11 +68,7 @@ def equal_links(beam: Beam, count: int, recipe: str, port: str = "xy") -> Chain:
 
 
 def seed_frequency_factors(k: float) -> tuple[float, float]:
-    """`w1*`, `w2*` of the paper's chain, equation (17): w = w* sqrt(c/m) / l.
-
-    Args:
-        k: length of the middle link over the whole, between 0 and 1.
-    """
+    """`w1*`, `w2*` of the paper's chain, equation (17): w = w* sqrt(c/m) / l."""
     root6 = 4.0 * np.sqrt(6.0)
     w1 = root6 / ((1.0 - k) * np.sqrt(1.0 + 2.0 * k - 3.0 * k**2))
     w2 = root6 / (k * (1.0 - k) * np.sqrt(3.0 - 2.0 * k - k**2))
@@ -92,7 +81,7 @@ def seed_ratio(k: float) -> float:
 
 
 def seed_parameters(mass: float, length: float, omega1: float, omega2: float) -> tuple[float, float]:
-    """The paper's `k` and `c` [N m] for two free frequencies [rad/s] of a beam of `mass` [kg] and `length` [m]."""
+    """The paper's `k` and `c` [N m] for two free frequencies [rad/s] of a beam."""
     ratio = omega1 / omega2
     if not 0.0 < ratio < 1.0:
         raise InputError(f"omega1 / omega2 = {ratio!r} must lie between 0 and 1 for the paper's three links.")
@@ -101,17 +90,7 @@ def seed_parameters(mass: float, length: float, omega1: float, omega2: float) ->
 
 
 def seed_chain(beam: Beam, k: float, c: float, port: str = "xy") -> Chain:
-    """Three uniform links `(1-k)l/2, k l, (1-k)l/2` and two equal springs `c` [N m/rad] (Belonozhko 2008, sec. 3).
-
-    Args:
-        beam: uniform.
-        k: length of the middle link over the whole, between 0 and 1.
-        c: stiffness of each spring [N m/rad].
-        port: "xy" or "xz".
-
-    Raises:
-        InputError: the beam is not uniform.
-    """
+    """Links `(1-k)l/2, k l, (1-k)l/2` and two springs `c` [N m/rad] (Belonozhko 2008)."""
     if not beam.uniform:
         raise InputError('method = "seed" is the paper\'s recipe for a uniform beam; use "exact" for this appendage.')
     ends = np.array([(1.0 - k) / 2.0, (1.0 + k) / 2.0]) * beam.length

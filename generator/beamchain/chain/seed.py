@@ -12,8 +12,7 @@ from beamchain.chain import rivals
 from beamchain.chain.recursion import planar_chain, realise
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam
-from beamchain.structure.material import Material
-from beamchain.structure.section import Round
+from beamchain.structure.section import Material, Round
 from beamchain.structure.segment import Segment
 
 _ENTRIES = {"T0_y0": (0, 0), "M0_y0": (0, 1), "T0_phi1": (1, 0), "M0_phi1": (1, 1)}
@@ -58,7 +57,7 @@ class SeedRow(NamedTuple):
 
 
 class SeedTable(NamedTuple):
-    """`rows`: printed and computed; `exact`: the exact 3-link chain (target free) on the same beam."""
+    """`rows`: printed and computed; `exact`: the exact 3-link chain."""
 
     rows: list[SeedRow]
     exact: list[tuple[str, float]]
@@ -71,7 +70,7 @@ def seed_beam() -> Beam:
 
 
 def port_parameters(model: PortModel) -> dict[str, float]:
-    """Gains and zeros of the four transfer functions in the paper's form (15), two flexible modes."""
+    """Gains and zeros of the four transfer functions in the paper's form (15)."""
     out: dict[str, float] = {}
     for name, (i, j) in _ENTRIES.items():
         out[f"gain.{name}"] = float(model.gains[i, j])

@@ -1,13 +1,7 @@
 """Modal tendons: any modes on any bodies, exactly, by one fixed tendon per mode.
 
-Cut an appendage into rigid bodies with its rigid mass matrix `R` and join them by N hinges. With the root held, the mass
-matrix over (root motions, hinges) is `[[R, P], [P^T, Q]]`. Modes with frequencies `w_k` and participation `L_k` can be
-given to these bodies by stiffness and armature between the hinges if and only if
-
-    sum_k L_k L_k^T <= P Q^-1 P^T    and    N >= n + rank P - rank L,
-
-that is, if the limp chain does not weigh more on the root than the residual mass of the modes. Every mode is then one
-fixed tendon whose length is the modal coordinate. Rows for a further port stack below those of the root.
+With the root held, the mass matrix over (root motions, hinges) is `[[R, P], [P^T, Q]]`; modes with participation `L_k`
+can be given to these bodies if and only if `sum_k L_k L_k^T <= P Q^-1 P^T` and `N >= n + rank P - rank L`.
 
 Theory: docs/theory.md, section 4.
 """
@@ -16,46 +10,42 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.optimize import nnls
 
 from beamchain.chain.chain import Chain, Freedom, Tendon
 from beamchain.errors import RealisationError
+from beamchain.ports.model import Shapes
 from beamchain.ports.motions import PORT_MOTION, Array, shifted
-from beamchain.ports.shapes import Shapes
 
-SINGULAR = 1e-9  # relative singular value of P below which a motion of the root is not reached by the hinges
+SINGULAR = 1e-9  # relative singular value of P: a motion that the hinges do not reach
 TOO_HEAVY = 1e-9  # relative, of what is rounding
 PASSES = 100  # of the projection towards the real mode shapes; each costs some microseconds
 STILL = 1e-9  # change of a pass at which the projection has settled
-RAISED = 0.3  # least singular value on what the root does not see: a smaller one would need heavy armature
+RAISED = 0.3  # least singular value on what the root does not see
 DROPPED = 1e-13  # relative armature that is rounding
-ROOM = 0.9  # of the modes in what the root does not see, where surplus hinges shall move it not at all
+ROOM = 0.9  # of the modes, where surplus hinges shall not move the root
 FAINT = 4e-3  # of a motion that the root would feel
 ABOVE = 2.0  # frequency of such modes over that of the last mode on the hub
 LEAST_ROOM = 0.01  # squared length of such a motion
-FILLER = 60.0  # frequency of filler modes over that of the last mode kept, where the next real one is not known
+FILLER = 60.0  # frequency over that of the last mode kept, where the next is unknown
 LEAST_LEFT = 1e-6  # of the rigid mass, that participation must leave
 SAME_MASS = 1e-10  # relative, of two rigid mass matrices
 WORST_CONDITION = 1e3  # of the modes in hinge coordinates, beyond which digits are lost
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
-    """What a group of ports is given.
+class ModeGroup:
+    """The modes of a group of ports.
 
     Args:
-        ports: that the modes move: one, or several that they couple.
         frequencies: `(n,)` [rad/s].
         rows: `(n, m)` participation in the motions of the root, then the motion of any further port.
-        damping: `(n,)` ratios.
-        shapes: of the real modes along the appendage, for one port; None: not known.
-        momenta: `(n, f)` what the real modes are worth in the hinges' own motions; see `on`.
+        momenta: `(n, f)` of the real modes in the hinges' own motions; see `on`.
         numbers: `(n,)` of the modes, from 1, for their names; 1, 2, ... where left out.
         weights: per port, how many of the modes move it most; every port of the group where left out.
-        rigid: `(m, m)` rigid mass that goes with the participation, in the motions of the root; that of the bodies where
-            left out.
-        beyond: frequency of the first mode left out, where known, for the modes of surplus hinges [rad/s].
-        neutral: last frequency on the one hub on which the modes are exact; with it the modes of surplus hinges do not move
-            the root [rad/s].
+        rigid: `(m, m)` rigid mass that goes with the participation; that of the bodies where left out.
+        beyond: frequency of the first mode left out, where known [rad/s].
+        neutral: last frequency on the one hub [rad/s], where modes of surplus hinges must not move the root.
     """
 
     ports: tuple[str, ...]
@@ -71,21 +61,13 @@ class Modes:
     neutral: float | None = None
 
     def filler_frequency(self, last: float) -> float:
-        """Frequency of the modes of surplus hinges [rad/s].
-
-        Args:
-            last: highest frequency kept in any group [rad/s].
-        """
+        """Frequency of the modes of surplus hinges [rad/s]; `last`: highest kept."""
         if self.neutral is not None:
             return ABOVE * max(self.neutral, last)
         return FILLER * last if self.beyond is None else max(self.beyond, 2.0 * last)
 
-    def fitting(self, rigid: Array) -> "Modes":
-        """The modes with participation that fits bodies of a slightly different rigid mass `(m, m)`.
-
-        A printed rigid mass is a body's to its last digits only. The congruence that takes one into the other takes the
-        residual mass along, which stays positive.
-        """
+    def fitting(self, rigid: Array) -> "ModeGroup":
+        """The modes with participation that fits a slightly different `rigid` `(m, m)`."""
         if self.rigid is None or not np.max(np.abs(self.rigid - rigid)) > SAME_MASS * np.max(np.abs(rigid)):
             return self
         m = rigid.shape[0]
@@ -104,24 +86,15 @@ class Modes:
         """Ports that get hinges: those that a mode moves."""
         return tuple(port for port in self.ports if self.weights.get(port, 0.0) > 0.0 or not self.weights)
 
-    def on(self, hinges: Array) -> "Modes":
+    def on(self, hinges: Array) -> "ModeGroup":
         """The modes seen from hinges at `(f,)` x of their freedoms [m]."""
         return self if self.shapes is None else replace(self, momenta=self.shapes.momenta(hinges))
 
 
-def modal_matrix(kinematics: Array, inertia: Array, modes: Modes) -> tuple[Array, Array]:
-    """The modes in hinge coordinates.
+def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[Array, Array]:
+    """Mass-normalised modes in hinge coordinates `(f, f)`, wanted ones first, and the armature `(f, f)` they need.
 
-    Args:
-        kinematics: `(m, f)` P over the rows of further ports.
-        inertia: `(f, f)` Q.
-        modes: what is wanted.
-
-    Returns:
-        T `(f, f)`: columns are mass-normalised modes, wanted ones first, and the armature `(f, f)` they need.
-
-    Raises:
-        RealisationError: the modes cannot be given to these bodies, or they are too nearly dependent.
+    `kinematics` `(m, f)`: P over the rows of further ports; `inertia` `(f, f)`: Q.
     """
     n, size = modes.frequencies.size, inertia.shape[0]
     root = np.linalg.cholesky(inertia)
@@ -174,13 +147,7 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: Modes) -> tuple[Array
 
 
 def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
-    """`(size, k)` up to `count` motions that the root does not feel, beside modes `u`, all of them within the unit ball.
-
-    Args:
-        u: `(size, n)` modes.
-        seen, unseen: bases of the hinge motions that the root sees, and of those that it does not.
-        count: wanted.
-    """
+    """`(size, k)` motions that the root does not feel, beside modes `u` `(size, n)`."""
     left = np.eye(u.shape[0]) - u @ u.T
     own, across = seen.T @ left @ seen, seen.T @ left @ unseen
     room = unseen.T @ left @ unseen - across.T @ np.linalg.pinv(own, hermitian=True) @ across
@@ -190,13 +157,9 @@ def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
 
 
 def _turned(lift: Array, free: Array, size: int, guide: Array | None) -> Array:
-    """`(size, n)` Z with no singular value above 1: nearest to the real mode shapes, never flat where the root is blind.
+    """`(size, n)` Z with no singular value above 1: nearest to `guide`, the real modes, never flat where the root is blind.
 
-    Args:
-        lift: `(n, n)` square root of what the root leaves open.
-        free: `(n, k)` combinations of modes that the root does not see.
-        size: hinge motions that the root does not see.
-        guide: `(size, n)` the real modes in those motions; None: any will do.
+    `lift` `(n, n)`: square root of what the root leaves open; `free` `(n, k)`: mode combinations that it does not see.
     """
     n = lift.shape[0]
     if guide is None:  # an isometry: first on what the root does not see, then on the rest
@@ -226,15 +189,8 @@ def _clipped(z: Array) -> Array:
     return (left * np.minimum(s, 1.0)) @ right
 
 
-def given_modes(chain: Chain, groups: Sequence[Modes], further: Sequence[float] = (), ratio: float = 0.0) -> Chain:
-    """The chain with tendons that give it the wanted modes, exactly.
-
-    Args:
-        chain: bodies, and hinges without springs in the ports of the groups.
-        groups: what each group of ports is given; ports of different groups must not couple in these bodies.
-        further: x of the further ports whose rows stand below the root's [m].
-        ratio: damping ratio of the modes that surplus hinges have.
-    """
+def given_modes(chain: Chain, groups: Sequence[ModeGroup], further: Sequence[float] = (), ratio: float = 0.0) -> Chain:
+    """The chain with tendons that give it the modes; `further`: x of ports [m]."""
     tendons: list[Tendon] = []
     armatures: list[Tendon] = []
     fillers = 0
@@ -266,13 +222,9 @@ def given_modes(chain: Chain, groups: Sequence[Modes], further: Sequence[float] 
 
 
 def _stiffened(shapes: Array, frequencies: Array, moved: Array, n: int) -> tuple[Array, Array]:
-    """Modes whose last, the attachment modes, are stiffer by what fillers yield, so that a port's flexibility is exact.
+    """Modes whose attachment modes are stiffer by what fillers yield, so that a port's flexibility is exact.
 
-    Args:
-        shapes: `(f, f)` modes in hinge coordinates, fillers last.
-        frequencies: `(f,)` theirs [rad/s].
-        moved: `(p, f)` motion of the further ports in them.
-        n: modes that are no fillers.
+    `shapes` `(f, f)`: in hinge coordinates, fillers last; `moved` `(p, f)`: motion of the further ports in them.
     """
     last = slice(n - moved.shape[0], n)
     own = moved[:, last]
@@ -304,31 +256,21 @@ def group_motion(ports: Sequence[str]) -> Array:
 
 
 def port_rows(chain: Chain, freedoms: Sequence[Freedom], motion: Array, x: float) -> Array:
-    """`(m, f)` motion of the appendage's point at `x` per hinge freedom, root held: what stands before x does not move."""
+    """`(m, f)` motion of the point at `x` [m] per hinge freedom, root held."""
     place = shifted(np.array([x, 0.0, 0.0]))
     columns = [motion.T @ place @ chain.freedom_motion(f) * (chain.hinges[f[0]].x < x) for f in freedoms]
     return np.column_stack([np.zeros((motion.shape[1], 0)), *columns])
 
 
 def springs_as_modes(chain: Chain, damping: Mapping[str, Array]) -> Chain:
-    """A chain with springs on its hinges as the same chain with one tendon per mode, which has the mode's own damping.
-
-    Args:
-        chain: with springs on all its hinges.
-        damping: per port `(n,)` ratios.
-    """
+    """The same chain with one tendon per mode, damped, in place of hinge springs."""
     tendons = [t for port in chain.ports for t in _modes_of(chain, port, damping[port], springs=True)]
     loose = tuple(replace(hinge, stiffness=dict.fromkeys(hinge.stiffness, 0.0)) for hinge in chain.hinges)
     return replace(chain, hinges=loose, tendons=tuple(tendons))
 
 
 def damped_modes(chain: Chain, damping: Mapping[str, Array]) -> Chain:
-    """A chain that keeps its springs on its hinges, with a damping tendon for each of the first modes.
-
-    Args:
-        chain: with springs on all its hinges.
-        damping: per port `(k,)` ratios of its first k modes.
-    """
+    """The chain with a damping tendon for each of the first modes."""
     tendons = [t for port in damping for t in _modes_of(chain, port, damping[port], springs=False) if t.damping > 0.0]
     return replace(chain, tendons=(*chain.tendons, *tendons))
 
@@ -345,3 +287,19 @@ def _modes_of(chain: Chain, port: str, ratios: Array, *, springs: bool) -> list[
         spring, damper = w**2 if springs else 0.0, 2.0 * float(ratios[k]) * w
         out.append(Tendon(f"mode{k + 1}_{port}", freedoms, momenta[k], spring, damper))
     return out
+
+
+def joint_damping(chain: Chain, port: str, ratios: Array) -> Chain:
+    """The chain with hinge dampers, by least squares on the ratios `(n,)`."""
+    modes = chain.port(port)
+    moving = [i for i, hinge in enumerate(chain.hinges) if port in hinge.stiffness]
+    wanted = 2.0 * ratios[: modes.modes] * modes.frequencies
+    damped = wanted > 0.0
+    if not np.any(damped):
+        return chain
+    scale = 1.0 / np.where(damped, wanted, np.max(wanted))
+    values, _ = nnls(chain.shapes(port, modes) ** 2 * scale[:, None], np.where(damped, 1.0, 0.0))
+    hinges = list(chain.hinges)
+    for i, value in zip(moving, values, strict=True):
+        hinges[i] = replace(hinges[i], damping={**hinges[i].damping, port: float(value)})
+    return replace(chain, hinges=tuple(hinges))

@@ -73,8 +73,7 @@ def render(
     chosen = backend.choose()
     import numpy as np
 
-    from beamchain.engine.camera import film
-    from beamchain.engine.slew import simulate
+    from beamchain.engine.slew import film, simulate
     from beamchain.files import write_files
     from beamchain.report import film as files
 
@@ -124,7 +123,7 @@ def render(
 
 def too_far(fit: "Fit", slew: "Slew") -> list[str]:
     """Sentences for a turn beyond what the fit's chain is right for."""
-    from beamchain.steps.run_limits import exceeded, turned
+    from beamchain.steps.driven import exceeded, turned
 
     if fit.space is not None:
         return []

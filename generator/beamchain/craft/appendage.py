@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from beamchain.caution import Caution, at
 from beamchain.craft.assembly import Carried, quiet
 from beamchain.craft.spoilers import TENDON_DAMPING, spoilers
-from beamchain.engine.driven import keyframes
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import Mount
@@ -26,10 +25,10 @@ from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.budget import linear_model, preload
-from beamchain.steps.document import put_time
+from beamchain.steps.driven import exceeded, keyframes
 from beamchain.steps.large_motion import LargeMotion
 from beamchain.steps.limits import step_limits
-from beamchain.steps.run_limits import exceeded
+from beamchain.steps.retime_file import put_time
 from beamchain.structure.modal_data import ModalData
 
 EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for

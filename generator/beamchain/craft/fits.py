@@ -11,8 +11,7 @@ from beamchain.caution import at as said_of
 from beamchain.craft.appendage import Appendage, rigid_mass
 from beamchain.craft.promise import keep_promise
 from beamchain.engine import mount as mounting
-from beamchain.engine.library import mujoco
-from beamchain.engine.threads import one_thread
+from beamchain.engine.library import mujoco, one_thread
 from beamchain.fitting.fit import fit_spec
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import Root, Target

@@ -16,7 +16,7 @@ from beamchain.errors import EngineError
 from beamchain.fitting.result import Fit
 from beamchain.fitting.warnings import turn_warning
 from beamchain.ports.motions import Array
-from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import made_for
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.retime import retime

@@ -15,14 +15,7 @@ _TRY = (
 
 
 def choose() -> str:
-    """Set MUJOCO_GL to a renderer that works without a screen; a setting of the user's is only tried, not changed.
-
-    Returns:
-        Its name.
-
-    Raises:
-        EngineError: none works, with what to install.
-    """
+    """Set MUJOCO_GL, where the user has not, to a renderer that needs no screen."""
     given = os.environ.get("MUJOCO_GL", "").strip().lower()
     if "mujoco" in sys.modules:  # it has looked already
         return given

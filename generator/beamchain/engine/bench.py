@@ -14,25 +14,27 @@ from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import write
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORT_MOTION, Array, body_mass_matrix
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, body_mass_matrix
+from beamchain.structure.planes import into_planes, near_groups
 
-STRAIGHT = 1e-8  # perturbation: a straight chain at rest has no load for rounding to spoil, only curvature, its square
-LEAST_ROW = 1e-9  # of the root of the rigid mass: a mode that moves the root by less does not move it
-DIGITS = 1e-11  # relative: beyond this A and B have lost digits in MuJoCo's solve with the mass matrix
+STRAIGHT = 1e-8  # perturbation: of a straight chain at rest only curvature is lost
+LEAST_ROW = 1e-9  # of the root of the rigid mass: less participation is none
+DIGITS = 1e-11  # relative: beyond this A and B have lost digits
+ROOT = (
+    "root_axial",
+    "root_xy_displacement",
+    "root_xz_displacement",
+    "root_torsion",
+    "root_xz_rotation",
+    "root_xy_rotation",
+)
+SIGNS = np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0])  # the bench turns about -y
+TOGETHER = 1e-6  # relative: frequencies this close are taken together
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What MuJoCo says of an appendage.
-
-    Args:
-        ports: port model per port, from A and B of `mjd_transitionFD`.
-        rigid_mass: `(6, 6)` about the root, from the compiled bodies.
-        couplings: relative, per pair of ports (`"xy, torsion"`).
-        linearisation: of the bench.
-        lost: per port, by how much A and B miss what MuJoCo's mass matrix and springs say, relative; where that is
-            more than rounding the port model stands on those instead.
-    """
+    """What MuJoCo says: port models, rigid mass `(6, 6)`, couplings, digits lost."""
 
     ports: dict[str, PortModel]
     rigid_mass: Array
@@ -47,14 +49,7 @@ class Measured:
 
 
 def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballast: Array | None = None) -> Measured:
-    """Put the appendage on the bench, linearise, and read the port models back.
-
-    Args:
-        appendage: from `mjcf.write.appendage`.
-        ports: the ports that are free on the bench.
-        timestep: [s].
-        ballast: `(4,)` mass and principal inertias at the root; see `mjcf.write.bench`.
-    """
+    """Linearise the appendage on the bench; `ballast` `(4,)`: see `mjcf.write.bench`."""
     model = compile_model(write.text(write.bench(appendage, ports, timestep, ballast)))
     linear = linearise(model, epsilon=STRAIGHT)
     groups: dict[str, tuple[int, ...]] = {}
@@ -88,6 +83,76 @@ def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballas
     return Measured(models, rigid_mass(model, "bench") - extra, pairs, linear, lost)
 
 
+def measure_in_space(
+    appendage: Element, *, timestep: float, ballast: Array | None = None, live: Sequence[int] = tuple(range(6))
+) -> tuple[Measured, PortModel]:
+    """The same with six motions free, and the port model of the `live` ones."""
+    model = compile_model(write.text(write.bench(appendage, PORTS, timestep, ballast)))
+    linear = linearise(model, epsilon=STRAIGHT)
+    extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
+    keep = list(live)
+    space = _direct(model, linear, extra, keep)
+    try:
+        seen = _port(linear, extra, keep)
+        lost = distance(seen, space)
+    except (InputError, EngineError, np.linalg.LinAlgError):
+        seen, lost = space, 1.0
+    space = seen if lost <= DIGITS else space
+    ports: dict[str, PortModel] = {}
+    for port in PORTS:
+        motion = PORT_MOTION[port][keep]
+        if np.all(np.abs(PORT_MOTION[port]).sum(axis=1)[[i for i in range(6) if i not in keep]] == 0.0):
+            ports[port] = block(space, motion)
+    return Measured(ports, rigid_mass(model, "bench") - extra, {}, linear, dict.fromkeys(ports, lost)), space
+
+
+def block(space: PortModel, motion: Array) -> PortModel:
+    """The port model of some motions `(m, k)` of the root, the others held."""
+    return space.replaced(
+        rigid_mass=motion.T @ space.rigid_mass @ motion, participation=space.participation @ motion, tip=None
+    )
+
+
+def _direct(model: "mujoco.MjModel", linear: Linearisation, extra: Array, live: list[int]) -> PortModel:
+    """The same from MuJoCo's own bodies, springs and dampers."""
+    root = [linear.joints.index(joint) for joint in ROOT]
+    inner = [i for i in range(len(linear.joints)) if i not in set(root)]
+    read = readings(model)
+    signed = read._replace(rows=read.rows * _signs(root, len(linear.joints)))
+    own = port_of(signed, root, inner, extra)
+    mass = own.rigid_mass
+    scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
+    rows = into_planes(own.frequencies, own.participation, scale, near_groups(own.frequencies, TOGETHER)).participation
+    return PortModel(mass[np.ix_(live, live)], own.frequencies, rows[:, live], own.damping)
+
+
+def _signs(root: list[int], size: int) -> Array:
+    out = np.ones(size)
+    out[root] = SIGNS
+    return out
+
+
+def _port(linear: Linearisation, extra: Array, live: list[int]) -> PortModel:
+    root = [linear.joints.index(joint) for joint in ROOT]
+    inner = [i for i in range(len(linear.joints)) if i not in set(root)]
+    columns = [linear.driven.index(dof) for dof in root]
+    held = linear.held(root, inner, columns, np.diag(SIGNS))
+    apparent, w = (held.apparent + held.apparent.T) / 2.0, np.sqrt(held.squares)
+    rows = np.zeros((w.size, 6))
+    groups = near_groups(w, TOGETHER)
+    singles = [[k] for k in range(w.size) if not any(k in group for group in groups)]
+    for group in [*singles, *groups]:
+        # the sum over a group of W^2 L L^T is its own, whatever its eigenvectors: the leading eigenpairs are the rows
+        both = (held.reaction[:, group] / held.squares[group]) @ held.drive[group]
+        values, vectors = np.linalg.eigh((both + both.T) / 2.0)
+        top = max(values.size - len(group), 0)  # more modes than motions: those left over move nothing
+        rows[group[: values.size - top]] = (vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))).T[::-1]
+    mass = apparent + rows.T @ rows - extra
+    scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
+    rows = into_planes(w, rows, scale, groups).participation
+    return PortModel(mass[np.ix_(live, live)], w, rows[:, live], held.ratios)
+
+
 def distance(a: PortModel, b: PortModel) -> float:
     """Worst relative difference of frequencies, participation and rigid mass."""
     if a.modes != b.modes:
@@ -103,12 +168,7 @@ def distance(a: PortModel, b: PortModel) -> float:
 
 
 def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
-    """`(6, 6)` mass matrix of a body's frozen subtree in the rest pose, about the body's own frame and in its axes.
-
-    Args:
-        model: compiled.
-        body: name.
-    """
+    """`(6, 6)` mass matrix of a body's frozen subtree at rest, in its own frame."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -117,15 +177,7 @@ def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
 
 
 def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origin: Array, frame: Array) -> Array:
-    """`(6, 6)` mass matrix of a body's frozen subtree about any point, in any axes.
-
-    Args:
-        model: compiled.
-        data: with the kinematics of the pose.
-        root: id of the body.
-        origin: `(3,)` the point, in the world.
-        frame: `(3, 3)` the axes in columns, in the world.
-    """
+    """The same about a point `(3,)` in axes `(3, 3)`, in columns."""
     out = np.zeros((6, 6))
     for i in range(model.nbody):
         top = i
@@ -143,7 +195,7 @@ def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origi
 
 
 def ballast_for(chain: Chain) -> Array | None:
-    """Something to hold where a hinge at the root leaves the bench massless: as much as the chain weighs."""
+    """A root body where a hinge at the root leaves the bench massless."""
     first = chain.links[0]
     if min(first.mass, *first.inertia) >= write.SMALLEST:
         return None
@@ -151,11 +203,7 @@ def ballast_for(chain: Chain) -> Array | None:
 
 
 def root_body(chain: Chain) -> Array:
-    """`(4,)` mass and inertias of a root body as heavy as the chain, to measure with.
-
-    However light the first link is (behind a soft joint at the root it weighs next to nothing), the bench is then well
-    conditioned and no digit is lost in reading A and B.
-    """
+    """`(4,)` mass and inertias of a root body as heavy as the chain."""
     rigid = np.diag(chain.rigid_mass())
     across = max(rigid[4:])
     out = np.array([rigid[0], max(rigid[3], write.SMALLEST), across, across])  # about x its own: torsion is far lighter

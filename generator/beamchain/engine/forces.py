@@ -1,10 +1,6 @@
-"""A second opinion beside A and B: MuJoCo's own bodies, springs and dampers, read one by one.
+"""MuJoCo's own bodies, springs and dampers, read one by one: what A and B hold, where those lose digits.
 
-A and B hold `M^-1 K`. Where the mass matrix is badly conditioned (a light link behind a soft joint, a taper of 1:100),
-MuJoCo's solve with it costs digits that no care in reading A and B brings back. The Jacobians of the bodies, their
-masses and inertias, and the springs of joints and tendons have them all. The mass matrix itself is never formed: its
-square root is what the Jacobians are, so that the slowest and the fastest mode keep nearly the relative precision of
-the rows.
+The mass matrix is never formed; its square root, the bodies' Jacobians, keeps the precision of all modes.
 """
 
 from collections.abc import Sequence
@@ -20,12 +16,8 @@ from beamchain.ports.motions import Array
 class Readings(NamedTuple):
     """What a model is made of, about its rest pose.
 
-    Args:
-        rows: `(6 bodies, nv)` velocities of the bodies' mass centres and their rates about their principal axes, times
-            the square root of mass and inertia, then rates of the tendons times the root of their armature:
-            `rows^T rows = M`.
-        springs: `(s, nv)` hinges' and tendons' springs times the square root of their stiffness: `springs^T springs = K`.
-        damping: `(nv, nv)`.
+    `rows` `(r, nv)`: velocities of bodies and tendons times the root of their inertia, `rows^T rows = M`; `springs`
+    `(s, nv)`: `springs^T springs = K`; `damping` `(nv, nv)`.
     """
 
     rows: Array
@@ -82,14 +74,7 @@ def along(model: "mujoco.MjModel", tendon: int) -> Array:
 
 
 def port_of(read: Readings, root: list[int], inner: list[int], ballast: Array) -> PortModel:
-    """The port model seen at the degrees of freedom `root`, with the sprung ones `inner`.
-
-    Args:
-        read: from `readings`.
-        root: one per motion of the port.
-        inner: sprung hinges and slides.
-        ballast: `(m, m)` mass matrix on the port that is not the appendage's.
-    """
+    """The port model at freedoms `root`, `inner` sprung; `ballast` `(m, m)` is taken off."""
     rigid = read.rows[:, root]
     if not inner:
         return PortModel(rigid.T @ rigid - ballast, np.zeros(0), np.zeros((0, len(root))))

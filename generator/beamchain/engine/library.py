@@ -1,8 +1,16 @@
 """The one place that imports MuJoCo, so that a broken installation is met with its cure."""
 
-from collections.abc import Generator
+import ctypes
+import os
+import platform
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from functools import cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg import cython_blas
 
 from beamchain.errors import EngineError
 
@@ -27,7 +35,7 @@ if tuple(int(part) for part in mujoco.__version__.split(".")[:2]) < OLDEST:
 
 
 def rollout_engine() -> "Rollout":
-    """MuJoCo's rollouts on the calling thread; imported when asked for, a fit does not need them."""
+    """MuJoCo's rollouts on the calling thread, imported when asked for."""
     from mujoco.rollout import Rollout
 
     return Rollout(nthread=0)
@@ -35,7 +43,7 @@ def rollout_engine() -> "Rollout":
 
 @contextmanager
 def quiet() -> Generator[None]:
-    """Keeps MuJoCo's warnings, which are counted in the data, out of MUJOCO_LOG.TXT in the working folder."""
+    """Keeps MuJoCo's warnings out of MUJOCO_LOG.TXT in the working folder."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(_silent)
     try:
@@ -46,3 +54,58 @@ def quiet() -> Generator[None]:
 
 def _silent(message: str) -> None:
     """MuJoCo's warning handler while warnings are expected."""
+
+
+def machine() -> dict[str, Any]:
+    """Where it was measured."""
+    return {
+        "system": platform.platform(terse=True),
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "mujoco": mujoco.__version__,
+    }
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
+STEMS = ("scipy_openblas_{}_num_threads64_", "scipy_openblas_{}_num_threads", "openblas_{}_num_threads64_",
+         "openblas_{}_num_threads")  # fmt: skip
+
+
+@contextmanager
+def one_thread() -> Generator[None]:
+    """Within it OpenBLAS, NumPy's and SciPy's, works on one thread."""
+    before = [(put, int(get())) for get, put in _switches()]
+    try:
+        for put, _ in before:
+            put(1)
+        yield
+    finally:
+        for put, count in before:
+            put(count)
+
+
+@cache
+def _switches() -> tuple[tuple[Callable[[], int], Callable[[int], object]], ...]:
+    """Per OpenBLAS that is loaded: what reads its number of threads, and what sets it."""
+    out: list[tuple[Callable[[], int], Callable[[int], object]]] = []
+    for module in (getattr(np.linalg, "_umath_linalg", None), cython_blas):
+        try:
+            # a symbol is looked for in what the module itself loads
+            library = ctypes.CDLL(str(getattr(module, "__file__", "none")))
+        except (AttributeError, OSError):
+            continue
+        for stem in STEMS:
+            get, put = (getattr(library, stem.format(verb), None) for verb in ("get", "set"))
+            if get is not None and put is not None:
+                out.append((partial(get), partial(put)))
+                break
+    return tuple(out)

@@ -22,28 +22,19 @@ if TYPE_CHECKING:
     import control
 
 EPSILON = 1e-6  # perturbation of the centred differences
-VELOCITY = (
-    1e-3  # perturbation for what depends on velocity: the integrator "discrete" does not see damping forces of 1e-9
-)
+VELOCITY = 1e-3  # the same for velocities: the integrator "discrete" does not see damping forces of 1e-9
 
-INTEGRATORS = {name: int(value) for name, value in (
-    ("Euler", mujoco.mjtIntegrator.mjINT_EULER),
-    ("RK4", mujoco.mjtIntegrator.mjINT_RK4),
-    ("implicit", mujoco.mjtIntegrator.mjINT_IMPLICIT),
-    ("implicitfast", mujoco.mjtIntegrator.mjINT_IMPLICITFAST),
-)}  # fmt: skip
-if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
-    INTEGRATORS["discrete"] = int(mujoco.mjtIntegrator.mjINT_DISCRETE)
+#: Of the installed MuJoCo; "discrete" is not in all versions.
+INTEGRATORS = {
+    name: int(getattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}"))
+    for name in ("Euler", "implicit", "implicitfast", "discrete", "RK4")
+    if hasattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")
+}
 NUMBERS = {number: name for name, number in INTEGRATORS.items()}
 
 
 def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
-    """A compiled model from a model, MJCF text or a path.
-
-    Raises:
-        EngineError: MuJoCo refuses the text or file; its sentence is passed on.
-        InputError: there is no such file.
-    """
+    """A compiled model from a model, MJCF text or a path."""
     if isinstance(source, mujoco.MjModel):
         return source
     if isinstance(source, str) and source.lstrip().startswith("<"):
@@ -63,14 +54,13 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
 
 
 class Held(NamedTuple):
-    """A linearised model with its root held: its modes, and what joins them to the root.
+    """A linearised model with its root held, `n` modes and `m` motions.
 
     Args:
         apparent: `(m, m)` mass of the port with the joints loose.
         squares: `(n,)` frequencies squared, ascending [1/s^2].
         reaction: `(m, n)` wrench of each mode on the root.
-        drive: `(n, m)` what the root's acceleration does to each mode; `reaction x drive` is the sum of `W^2 L L^T`.
-        ratios: `(n,)` of damping.
+        drive: `(n, m)` of the root's acceleration on each mode; `reaction x drive` is the sum of `W^2 L L^T`.
     """
 
     apparent: Array
@@ -129,16 +119,11 @@ class Linearisation:
 
     @property
     def continuous(self) -> "control.StateSpace":
-        """The system behind the step: `q'' = -M^-1 K q - M^-1 D q' + M^-1 B u`, states (q, q'), outputs as discrete."""
+        """The system `q'' = -M^-1 K q - M^-1 D q' + M^-1 B u`, states (q, q')."""
         import control
 
-        a, b = self._continuous()
+        a, b = system_matrix(self.stiffness, self.damping), np.vstack([0.0 * self.inputs, self.inputs])
         return cast("control.StateSpace", control.ss(a, b, self.c, self.d))
-
-    def _continuous(self) -> tuple[Array, Array]:
-        nv = self.stiffness.shape[0]
-        a = np.block([[np.zeros((nv, nv)), np.eye(nv)], [-self.stiffness, -self.damping]])
-        return a, np.vstack([np.zeros((nv, self.inputs.shape[1])), self.inputs])
 
     def frequencies(self) -> Array:
         """Undamped natural frequencies above zero, ascending [rad/s]."""
@@ -147,7 +132,7 @@ class Linearisation:
         return np.sqrt(np.sort(squares[squares > 1e-11 * max(float(np.max(squares, initial=0.0)), 1e-300)]))
 
     def discrete_frequencies(self) -> tuple[Array, Array]:
-        """`|log z| / h` [rad/s] and damping ratios of the oscillating discrete poles of the model's integrator."""
+        """`|log z| / h` [rad/s] and damping ratios of oscillating discrete poles."""
         poles = np.linalg.eigvals(self.a)
         s = np.log(poles[np.imag(poles) > 1e-9].astype(np.complex128)) / self.timestep
         s = s[np.argsort(np.abs(s))]
@@ -182,17 +167,7 @@ class Linearisation:
         return PortModel(rigid + participation.T @ participation, np.sqrt(held.squares), participation, held.ratios)
 
     def held(self, root: list[int], inner: list[int], columns: list[int], turn: Array) -> Held:
-        """The model with its root held.
-
-        Args:
-            root: its degrees of freedom, one per motion of the port.
-            inner: the sprung ones.
-            columns: motors that drive the root.
-            turn: `(m, m)` diagonal, signs of the port's motions against the joints'.
-
-        Raises:
-            EngineError: a joint is not sprung.
-        """
+        """The model with its root held; `turn` `(m, m)`: signs of its motions."""
         apparent: Array = np.asarray(np.linalg.inv(turn @ self.inputs[np.ix_(root, columns)] @ turn), dtype=np.float64)
         follow = self.inputs[np.ix_(inner, columns)] @ turn @ apparent
         pull = turn @ self.stiffness[np.ix_(root, inner)]
@@ -228,7 +203,7 @@ class Linearisation:
         return worst
 
     def _crosstalk(self, groups: "list[tuple[int, ...]]") -> float:
-        """Largest `|X_ij| / sqrt(|X_ii X_jj|)` of the receptance X between driven joints of different groups."""
+        """Largest `|X_ij| / sqrt(|X_ii X_jj|)` of the receptance between groups."""
         member = {dof: k for k, group in enumerate(groups) for dof in group}
         motors = [(i, dof) for i, dof in enumerate(self.driven) if dof in member]
         of = np.array([member[dof] for _, dof in motors])
@@ -274,8 +249,8 @@ def linearise(
         raise EngineError("the model has no degree of freedom to linearise; put it on a joint (the bench does).")
     if data is None:
         data = mujoco.MjData(model)
-    own = int(model.opt.integrator)
-    a, b, c, d = _transition(model, data, epsilon, INTEGRATORS["implicitfast"])
+    name = NUMBERS[int(model.opt.integrator)]
+    a, b, c, d = transition(model, data, epsilon, "implicitfast")
     nv, h = model.nv, float(model.opt.timestep)
     kept = a[nv : 2 * nv, nv : 2 * nv]
     if not np.all(np.isfinite(kept)) or np.linalg.matrix_rank(kept) < nv:
@@ -287,39 +262,42 @@ def linearise(
     stiffness = -x @ a[nv : 2 * nv, :nv] / h
     damping = (x - np.eye(nv)) / h
     inputs = x @ b[nv : 2 * nv] / h
-    name = NUMBERS[own]
-    result = Linearisation(
-        *(locked(v) for v in (stiffness, damping, inputs, a, b, c, d)),
-        timestep=h,
-        integrator=name,
-        joints=_dof_joints(model),
-        driven=_driven(model),
-    )
-    if own == INTEGRATORS["RK4"]:
-        f, g = result._continuous()
-        step, pull, term = np.eye(2 * nv), h * np.eye(2 * nv), np.eye(2 * nv)
-        for k in range(1, 5):
-            term = term @ (h * f) / k
-            step = step + term
-            if k < 4:
-                pull = pull + h / (k + 1) * term
-        a, b = step, pull @ g
-    elif own != INTEGRATORS["implicitfast"]:
-        a, b, c, d = _transition(model, data, epsilon, own)
-    return Linearisation(
-        result.stiffness, result.damping, result.inputs, locked(a), locked(b), locked(c), locked(d),
-        h, name, result.joints, result.driven,
-    )  # fmt: skip
+    if name == "RK4":  # states and held inputs in one matrix
+        both = np.zeros((2 * nv + model.nu, 2 * nv + model.nu))
+        both[: 2 * nv, : 2 * nv], both[nv : 2 * nv, 2 * nv :] = h * system_matrix(stiffness, damping), h * inputs
+        both = runge_kutta_step(both)
+        a, b = both[: 2 * nv, : 2 * nv], both[: 2 * nv, 2 * nv :]
+    elif name != "implicitfast":
+        a, b, c, d = transition(model, data, epsilon, name)
+    matrices = (locked(v) for v in (stiffness, damping, inputs, a, b, c, d))
+    joints = tuple(model.joint(int(j)).name for j in model.dof_jntid)
+    return Linearisation(*matrices, timestep=h, integrator=name, joints=joints, driven=_driven(model))
 
 
-def _transition(
-    model: "mujoco.MjModel", data: "mujoco.MjData", epsilon: float, integrator: int
+def system_matrix(stiffness: Array, damping: Array) -> Array:
+    """`(2 nv, 2 nv)` of `q'' + D q' + K q = 0` in the states (q, q')."""
+    n = stiffness.shape[0]
+    return np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])
+
+
+def runge_kutta_step(f: Array) -> Array:
+    """RK4's step `exp(f)`, to fourth order, for a system matrix times the step."""
+    out = term = np.eye(f.shape[0])
+    for k in range(1, 5):
+        term = term @ f / k
+        out = out + term
+    return out
+
+
+def transition(
+    model: "mujoco.MjModel", data: "mujoco.MjData", epsilon: float, integrator: str
 ) -> tuple[Array, Array, Array, Array]:
+    """A, B, C, D of `mjd_transitionFD`, states (q, v, activations)."""
     n, nu, ns = 2 * model.nv + model.na, model.nu, model.nsensordata
     a, b = np.zeros((n, n)), np.zeros((n, nu))
     c, d = np.zeros((ns, n)), np.zeros((ns, nu))
     before = int(model.opt.integrator)
-    model.opt.integrator = integrator
+    model.opt.integrator = INTEGRATORS[integrator]
     try:
         mujoco.mjd_transitionFD(
             model, data, epsilon, True, a, b if nu else None, c if ns else None, d if ns and nu else None
@@ -334,12 +312,7 @@ def _transition(
 
 
 def mass_matrix(model: "mujoco.MjModel", qpos: Array | None = None) -> Array:
-    """`(nv, nv)` mass matrix, armature included.
-
-    Args:
-        model: compiled.
-        qpos: pose; the model's initial one where left out.
-    """
+    """`(nv, nv)` mass matrix, armature included."""
     data = mujoco.MjData(model)
     if qpos is not None:
         data.qpos[:] = qpos
@@ -348,7 +321,7 @@ def mass_matrix(model: "mujoco.MjModel", qpos: Array | None = None) -> Array:
 
 
 def dense_mass(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
-    """`(nv, nv)` mass matrix of a state that `mj_forward` has seen, through `mj_mulM`, which all versions share."""
+    """`(nv, nv)` mass matrix of a state that `mj_forward` has seen."""
     out, column = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
     for i, unit in enumerate(np.eye(model.nv)):
         mujoco.mj_mulM(model, data, column, unit)
@@ -357,22 +330,10 @@ def dense_mass(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
 
 
 def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: Array) -> Array:
-    """The share of `M^-1 K` that the integrator "discrete" treats implicitly, `(nv, nv)` [1/s^2].
-
-    All of a joint's spring, not a tendon's; read off A, whose velocity block is `(I + h M^-1 D + h^2 M^-1 Ki)^-1`.
-
-    Args:
-        model: compiled.
-        data: the state to linearise about.
-        damping: `(nv, nv)` `M^-1 D` [1/s].
-    """
+    """`(nv, nv)` the share of `M^-1 K` [1/s^2] implicit in "discrete": joints' springs."""
     nv, h = model.nv, float(model.opt.timestep)
-    a, *_ = _transition(model, data, VELOCITY, INTEGRATORS["discrete"])
+    a, *_ = transition(model, data, VELOCITY, "discrete")
     return (np.linalg.inv(a[nv : 2 * nv, nv : 2 * nv]) - np.eye(nv) - h * damping) / h**2
-
-
-def _dof_joints(model: "mujoco.MjModel") -> tuple[str, ...]:
-    return tuple(model.joint(int(j)).name for j in model.dof_jntid)
 
 
 def _driven(model: "mujoco.MjModel") -> tuple[int, ...]:

@@ -18,10 +18,7 @@ RANK = 1e-9  # relative singular value below which a motion of the port is held
 
 
 class Carrier(NamedTuple):
-    """A joint between the port and the world.
-
-    `own`: it carries the spacecraft as a whole, not a part of it. `sprung`: a spring or a position servo holds it.
-    """
+    """A joint between port and world; `own`: it carries the whole spacecraft."""
 
     name: str
     kind: str
@@ -31,17 +28,9 @@ class Carrier(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Mount:
-    """The place of an appendage in a compiled spacecraft at rest.
+    """The place of an appendage in a compiled spacecraft at rest: port in its body, and in the world (axes in columns).
 
-    Args:
-        at: name as given.
-        body: id of the body.
-        position, quaternion: of the port in that body.
-        origin, axes: `(3,)`, `(3, 3)` of the port in the world, axes in columns.
-        top: id of the body on top of what is rigid with `body`.
-        joints: between the port and the world, innermost first.
-        hub: `(6, 6)` what is rigidly behind the port, with all that hangs on it, about the port in its axes.
-        jacobian: `(6, nv)` motion of the port in its axes per degree of freedom.
+    `hub` `(6, 6)`: what is rigidly behind the port; `jacobian` `(6, nv)`: motion of the port; both in its axes.
     """
 
     at: str
@@ -66,7 +55,7 @@ class Mount:
         return out
 
     def from_port(self, other: "Mount") -> Array:
-        """`(6, 6)` motion of another port, in its own axes, per motion of this one, both on one rigid body."""
+        """`(6, 6)` motion of another port of the same body per motion of this one."""
         arm = other.origin - self.origin
         x, y, z = arm
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -75,17 +64,7 @@ class Mount:
 
 
 def mount(model: "mujoco.MjModel", at: str, kind: str, name: str) -> Mount:
-    """Read a mount from a compiled spacecraft.
-
-    Args:
-        model: the spacecraft.
-        at: name as the user gave it.
-        kind: "site" or "body".
-        name: of the site or body.
-
-    Raises:
-        InputError: the body is static.
-    """
+    """Read a mount, a "site" or "body", from a compiled spacecraft."""
     data = rest(model)
     place = int(mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name))
     if place < 0:
@@ -121,7 +100,7 @@ def rest(model: "mujoco.MjModel") -> "mujoco.MjData":
 
 
 def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
-    held = sprung(model)
+    held = held_joints(model)
     out: list[Carrier] = []
     while top:
         parent = int(model.body_weldid[int(model.body_parentid[top])])
@@ -133,7 +112,7 @@ def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
     return tuple(out)
 
 
-def sprung(model: "mujoco.MjModel") -> set[int]:
+def held_joints(model: "mujoco.MjModel") -> set[int]:
     """Joints that a spring or a position servo holds."""
     springs = {j for j in range(model.njnt) if np.any(np.atleast_1d(model.jnt_stiffness[j]) > 0.0)}
     on_joint = int(mujoco.mjtTrn.mjTRN_JOINT)
@@ -146,13 +125,7 @@ def sprung(model: "mujoco.MjModel") -> set[int]:
 
 
 def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
-    """`(6, 6)` what is rigidly behind each port with all that hangs on it, other appendages rigid, by name.
-
-    Args:
-        model: the bare spacecraft.
-        mounts: of all appendages.
-        rigid: `(6, 6)` rigid mass of each appendage about its own port, by name.
-    """
+    """`(6, 6)` what is rigidly behind each port, by name; `rigid`: of appendages."""
     out: dict[str, Array] = {}
     for own in mounts:
         total = own.hub.copy()
@@ -165,13 +138,11 @@ def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[
 
 
 def apparent_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
-    """`(6, 6)` hub that each port feels: wrench per acceleration, by name; arguments as in `rigid_hubs`.
+    """`(6, 6)` hub that each port feels, by name: `(J M^-1 J^T)^-1`, loose joints free, sprung ones locked.
 
-    `(J M^-1 J^T)^-1` over the degrees of freedom that no spring holds: loose joints free, sprung ones locked. On one
-    rigid body this is its mass matrix; behind a solar-array drive it is the rotor about the drive's axis and the whole
-    spacecraft in all else. Motions that the spacecraft's joints hold get 1e9 times the largest mass.
+    Motions that the spacecraft's joints hold get 1e9 times the largest mass.
     """
-    held = sprung(model)
+    held = held_joints(model)
     loose = [i for i in range(model.nv) if int(model.dof_jntid[i]) not in held]
     bare = mass_matrix(model)
     out: dict[str, Array] = {}

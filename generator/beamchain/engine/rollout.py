@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import dataclass
-from importlib import import_module
 from itertools import pairwise
 
 import numpy as np
@@ -11,39 +10,23 @@ from beamchain.engine.library import mujoco, quiet, rollout_engine
 from beamchain.engine.linearise import INTEGRATORS
 from beamchain.ports.motions import Array
 
-rollout = import_module("mujoco.rollout")  # the module beside the bindings that library.py vouches for
-
 STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
-SHORTEST_STRETCH = 5  # steps under one wrench, on average, from which one call per wrench is quicker than a rollout
+SHORTEST_STRETCH = 5  # steps per wrench from which one call per wrench is quicker
 ROUNDING = 1e-9  # relative to the largest: a wrench that changes by less has not changed
 LARGEST = 4_000_000  # numbers held at once; longer simulations go in pieces
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """What a simulation gave.
-
-    Args:
-        motion: `(t, 6)` of the free-flying hub, at the ends of the steps: displacement [m], rotation vector [rad].
-        seconds: time of the calling thread inside the simulation only.
-    """
+    """Motion `(t, 6)` of the hub [m, rotation vector in rad], and run time [s]."""
 
     motion: Array
     seconds: float
 
 
 def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: Array) -> Course:
-    """Simulate from rest with a wrench on the hub, whose free joint is the model's first.
-
-    Args:
-        model: compiled; its integrator and step are set.
-        integrator: MuJoCo's name.
-        timestep: [s].
-        wrench: `(t, 6)` force and moment on the hub's centre, constant over each step.
-
-    A simulation that blows up gives motions that are not finite.
-    """
+    """Simulate from rest with a wrench `(t, 6)` on the hub, constant over a step."""
     model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep
     data = mujoco.MjData(model)
     size, steps = mujoco.mj_stateSize(model, STATE), wrench.shape[0]
@@ -73,14 +56,7 @@ def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: 
 
 
 def seconds_of(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: Array) -> float:
-    """Time of the calling thread to simulate as `simulate` does, nothing recorded [s].
-
-    Steps under one constant wrench go in one call, as they would in a program that only needs the end; where the wrench
-    changes at every few steps, this is `simulate`'s own time.
-
-    Args:
-        model, integrator, timestep, wrench: as for `simulate`.
-    """
+    """Time to simulate as `simulate` does, nothing recorded [s]."""
     moved = np.abs(np.diff(wrench, axis=0)) > ROUNDING * float(np.max(np.abs(wrench)))
     changes = np.flatnonzero(np.any(moved, axis=1)) + 1
     if changes.size * SHORTEST_STRETCH > wrench.shape[0]:

@@ -17,35 +17,13 @@ KINDS = {
 NAMED = {"body": "body", "jnt": "joint", "geom": "geom", "site": "site", "tendon": "tendon", "sensor": "sensor"}
 #: where a thing is stored, what is derived from the whole model, what a weld group shares
 INDEXED = (
-    "id",
-    "adr",
-    "num",
-    "treeid",
-    "sameframe",
-    "simple",
-    "Madr",
-    "bvh",
-    "limited_",
-    "trnid",
-    "obj",
-    "ref",
-    "dim",
+    "id", "adr", "num", "treeid", "sameframe", "simple", "Madr", "bvh", "limited_", "trnid", "obj", "ref", "dim",
     "sizes",
-)
+)  # fmt: skip
 DERIVED = (
-    "subtreemass",
-    "poscom0",
-    "invweight0",
-    "length0",
-    "dof_length",
-    "lengthspring",
-    "lengthrange",
-    "acc0",
-    "M0",
-    "plugin",
-    "pathadr",
-    "cranklength",
-)
+    "subtreemass", "poscom0", "invweight0", "length0", "dof_length", "lengthspring", "lengthrange", "acc0", "M0",
+    "plugin", "pathadr", "cranklength",
+)  # fmt: skip
 
 
 class Difference(NamedTuple):
@@ -58,7 +36,7 @@ class Difference(NamedTuple):
 
 
 def appended(model: "mujoco.MjModel", names: Mapping[str, set[str]]) -> dict[str, list[int]]:
-    """Ids per kind of the elements that bear one of `names[kind]` (bodies, joints, geoms, sites, tendons, sensors)."""
+    """Ids per kind of the elements that bear one of `names[kind]`."""
     out: dict[str, list[int]] = {}
     for kind, word in NAMED.items():
         get = getattr(model, word)
@@ -85,15 +63,7 @@ def differences(
     tolerance: float = 0.0,
     user: bool = True,
 ) -> list[Difference]:
-    """Numbers of `found` that are not those of `wanted`.
-
-    Args:
-        wanted, found: compiled models.
-        pairs: per kind, ids in `wanted` and the same things' ids in `found`.
-        root: name of a body in `found` whose place may differ.
-        tolerance: relative, of the largest number of a row.
-        user: also the user's own data, which moves nothing.
-    """
+    """Numbers of `found` that are not those of `wanted`."""
     out: list[Difference] = []
     for kind, (first, second) in pairs.items():
         if len(first) != len(second):
@@ -116,7 +86,7 @@ def differences(
 
 
 def _same_width(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-    """Two rows as numbers; the shorter one of two models' user data (`<size nuser_...>`) ends in zeros."""
+    """Two rows as numbers; shorter user data end in zeros."""
     a, b = (np.atleast_1d(np.asarray(row, dtype=np.float64)).ravel() for row in (x, y))
     wide = max(a.size, b.size)
     if a.size == b.size:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from msgspec import structs
 
-from beamchain.chain.built import Status
+from beamchain.chain.build import Status
 from beamchain.errors import InputError
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.needs import FAR, MOST, Choice, LeftOut, Promise, Reduce, choose

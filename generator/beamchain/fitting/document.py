@@ -10,9 +10,9 @@ from beamchain.engine.linearise import compile_model
 from beamchain.fitting.options import Scene
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import write
-from beamchain.steps.discrete import SCHEMES
-from beamchain.steps.document import put_hinge_armature, put_time
+from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.retime import retime
+from beamchain.steps.retime_file import put_hinge_armature, put_time
 from beamchain.structure.mass_line import MassLine
 
 if TYPE_CHECKING:

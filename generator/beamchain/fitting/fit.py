@@ -9,17 +9,15 @@ import msgspec
 import numpy as np
 
 from beamchain.caution import Caution
-from beamchain.chain.build import Wishes, build_exact, with_real_polar
-from beamchain.chain.built import Built
+from beamchain.chain.build import Built, Wishes, build_exact, with_real_polar
 from beamchain.chain.chain import Chain
 from beamchain.chain.compared import build_least_squares, build_recipe
 from beamchain.chain.cut import Cut
-from beamchain.chain.damping import joint_damping
-from beamchain.chain.polar import raised
-from beamchain.chain.rods import Payload
-from beamchain.chain.tendons import damped_modes
+from beamchain.chain.least_squares import TipBody
+from beamchain.chain.links import raised
+from beamchain.chain.tendons import damped_modes, joint_damping
 from beamchain.engine.bench import measure, root_body
-from beamchain.engine.threads import one_thread
+from beamchain.engine.library import one_thread
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.choose import Plan, further_columns, make_plan, whole_beam
 from beamchain.fitting.document import appendage_tree
@@ -35,7 +33,7 @@ from beamchain.ports.compare import coupling_error
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
-from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
@@ -243,7 +241,7 @@ def build(
         if payload is not None:
             ix, iy, iz = payload.inertia
             del ix
-            loads = {"xy": Payload(payload.mass, iz), "xz": Payload(payload.mass, iy)}
+            loads = {"xy": TipBody(payload.mass, iz), "xz": TipBody(payload.mass, iy)}
         return build_least_squares(beam, kept, _links(spec, beam, kept), options.free, loads, target_of)
     links = options.links if isinstance(options.links, int) else None
     built = build_recipe(beam, options.method, kept, links, target_of)
@@ -339,7 +337,7 @@ def _coupled(spec: Spec, chain: Chain, models: Mapping[str, PortModel]) -> float
 def needs_time(spec: Spec, plan: Plan) -> bool:
     """Whether a stated step takes a tendon per mode: to be exact in time, or to slow what RK4 could not follow."""
     scheme = SCHEMES[spec.integrator]
-    if scheme.exact or scheme.name != "RK4":
+    if scheme.exact or spec.integrator != "RK4":
         return scheme.exact
     fastest = max(
         (float(np.max(plan.reduce(plan.target, p, n).free_frequencies, initial=0.0)) for p, n in plan.kept.items()),

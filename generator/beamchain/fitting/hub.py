@@ -7,8 +7,8 @@ import numpy as np
 from beamchain.checks import Struct, field, number
 from beamchain.errors import InputError
 from beamchain.ports.motions import PORT_MOTION, Array, body_mass_matrix
-from beamchain.structure.lump import body_inertia
 from beamchain.structure.mass_line import MassLine
+from beamchain.structure.segment import body_inertia
 
 Triple = tuple[float, float, float]
 ROUNDING = (

@@ -5,12 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamchain.chain.build import Wishes, build_exact, cut_chain
-from beamchain.chain.built import Built, Status
-from beamchain.chain.damping import joint_damping
-from beamchain.chain.tendons import Modes, group_motion
-from beamchain.engine.bench import Measured, root_body
-from beamchain.engine.space import measure_in_space
+from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain
+from beamchain.chain.tendons import ModeGroup, group_motion, joint_damping
+from beamchain.engine.bench import Measured, measure_in_space, root_body
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import default_hub, port_hub_mass
@@ -22,7 +19,7 @@ from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import compare, in_band_error
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS
-from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.integrators import SCHEMES
 from beamchain.structure.mass_line import MassLine, SpreadMass
 from beamchain.structure.modal_data import ModalData
 
@@ -165,7 +162,7 @@ def _coupled(case: Case, line: MassLine) -> Built:
         rows[:, live] = reduced.participation
         kept = replace(kept, frequencies=reduced.frequencies, participation=rows, tip=None)
     damping = kept.damping if _per_mode(spec, kept) else np.zeros(kept.modes)
-    groups: list[Modes] = []
+    groups: list[ModeGroup] = []
     for ports in kept.groups:
         parts = kept.parts[:, [PORTS.index(port) for port in ports]]
         own = np.flatnonzero([port in ports for port in kept.belongs])
@@ -174,7 +171,7 @@ def _coupled(case: Case, line: MassLine) -> Built:
         rows = kept.participation[own] @ group_motion(ports)
         mass = group_motion(ports).T @ kept.rigid_mass @ group_motion(ports)
         groups.append(
-            Modes(ports, kept.frequencies[own], rows, damping[own], numbers=numbers, weights=weights, rigid=mass,
+            ModeGroup(ports, kept.frequencies[own], rows, damping[own], numbers=numbers, weights=weights, rigid=mass,
                   neutral=last)
         )  # fmt: skip
     chain, how, cut = cut_chain(line, groups, spec.fit.cuts)

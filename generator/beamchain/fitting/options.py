@@ -11,7 +11,7 @@ from beamchain.checks import Struct, field, not_negative, one_of, positive, whol
 from beamchain.errors import InputError
 from beamchain.fitting.hub import Hub
 from beamchain.ports.motions import PORTS, Array
-from beamchain.structure.lump import body_inertia
+from beamchain.structure.segment import body_inertia
 
 RECIPES = ("classical", "midpoint", "naive", "seed")  # of one bending plane
 DEFAULT_MODES = 2  # of each bending plane, where a specification says nothing

@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 
-from beamchain.chain.built import Built
+from beamchain.chain.build import Built
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
 from beamchain.fitting.choose import ledger, verdict

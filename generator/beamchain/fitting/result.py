@@ -11,7 +11,7 @@ from lxml.etree import _Element as Element
 
 from beamchain import report
 from beamchain.caution import Caution
-from beamchain.chain.built import Status
+from beamchain.chain.build import Status
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
 from beamchain.engine.bench import Measured, ballast_for
@@ -30,10 +30,9 @@ from beamchain.ports.compare import Comparison
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
-from beamchain.steps.accuracy import StepChoice, choose_step
-from beamchain.steps.discrete import SCHEMES
+from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.large_motion import LargeMotion, large_limits
-from beamchain.steps.limits import StepLimits, coupled_limits
+from beamchain.steps.limits import StepChoice, StepLimits, choose_step, coupled_limits
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.mass_line import MassLine

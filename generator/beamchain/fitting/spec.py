@@ -31,9 +31,7 @@ from beamchain.fitting.uncertain import Uncertain
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
-from beamchain.structure.joint import Joint
-from beamchain.structure.lump import Lump, check_carried
-from beamchain.structure.segment import Segment, repeated
+from beamchain.structure.segment import Joint, Lump, Segment, check_carried, repeated
 
 #: Shorthands that `replace` and `fit` accept beside the fields.
 SHORT = ("hub", "target", "timestep")

@@ -8,9 +8,8 @@ from beamchain.engine.bench import Measured
 from beamchain.fitting.options import Scene
 from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
-from beamchain.steps.accuracy import StepChoice
-from beamchain.steps.integrators import numerical_pole
-from beamchain.steps.limits import StepLimits
+from beamchain.steps.integrators import seen, step_pole
+from beamchain.steps.limits import StepChoice, StepLimits
 
 DECOUPLED = 1e-9  # relative: what two independent ports may share
 
@@ -43,11 +42,10 @@ def fit_warnings(
             number, model = int(worst.label.removeprefix("mode").partition("_")[0]), achieved[port]
             k = min(number, model.modes) - 1
             w, zeta = float(model.frequencies[k]), float(model.damping[k])
-            pole = numerical_pole("Euler", w, zeta, scene.step, tendon=True)
-            seen = -pole.real / abs(pole)
+            _, shown = seen(step_pole("Euler", 1.0, 2.0 * zeta * w, w**2, scene.step), scene.step)
             text += (
                 f"; at the scene's step of {scene.step:g} s mode {number} in {port} will show a damping "
-                f"ratio of {seen:.4g} instead of {zeta:.4g}"
+                f"ratio of {shown:.4g} instead of {zeta:.4g}"
             )
         out.append(Caution("tendon-damping", f'{text}. Use implicitfast, or damping.form = "hinge".'))
     if spec.damping is not None and spec.damping.form == "hinge":

@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 from beamchain.chain.chain import Link
 from beamchain.structure.beam import Beam
-from beamchain.structure.lump import Lump
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.section import Rectangle, Round, Tube
-from beamchain.structure.segment import Segment
+from beamchain.structure.segment import Lump, Segment
 
 PANEL = "0.15 0.27 0.62 1"  # the blue of a solar blanket
 TUBE = "0.66 0.67 0.7 1"

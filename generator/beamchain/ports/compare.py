@@ -125,14 +125,7 @@ def in_band_error(
 
 
 def coupling_error(model: PortModel, damping: Array, hub_mass: Array | None, bandwidth: float) -> float:
-    """What dampers that couple the modes do to the hub's motion beyond the modes' own ratios, as an in-band error.
-
-    Args:
-        model: with the damping ratios of `damping`'s diagonal.
-        damping: `(n, n)` modal damping, modes mass-normalised [1/s].
-        hub_mass: `(m, m)`; none: the worst of three hubs.
-        bandwidth: [rad/s].
-    """
+    """In-band error of leaving out couplings in `damping` `(n, n)` [1/s]."""
     if model.modes < 2 or not np.any(damping - np.diag(np.diag(damping))):
         return 0.0
     if hub_mass is None:
@@ -148,13 +141,7 @@ def coupling_error(model: PortModel, damping: Array, hub_mass: Array | None, ban
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Motions that the hub and the appendage couple with no others.
-
-    Args:
-        hub: `(m, m)` mass matrix.
-        exact: the whole appendage in these motions.
-        keep: which of the motions matter.
-    """
+    """Motions that a hub `(m, m)` and `exact` couple; `keep`: those that matter."""
 
     hub: Array
     exact: PortModel
@@ -183,14 +170,9 @@ class Block:
 class Reference:
     """Exact appendages on a hub, against which models are measured: the one in-band error of the package.
 
-    `H(w) = (M_hub + D(w))^-1`, `S = sqrt(diag(M_hub + M_rigid))`. The error is the maximum over 0 < w <= bandwidth of
-    `||S (H_model - H_exact) S||` over the larger of `||S H_exact S||` and `||S H_rigid S||`, all at the same w,
-    spectral norms, on a grid that resolves every peak to a tenth of its damping ratio. Blocks do not couple, so that
-    the norm of the whole is the largest of theirs.
-
-    Args:
-        blocks: independent groups of motions.
-        bandwidth: [rad/s].
+    `H(w) = (M_hub + D(w))^-1`, `S = sqrt(diag(M_hub + M_rigid))`. The error is the maximum over 0 < w <= bandwidth [rad/s]
+    of `||S (H_model - H_exact) S||` over the larger of `||S H_exact S||` and `||S H_rigid S||`, on a grid that resolves
+    every peak to a tenth of its damping ratio. Independent blocks do not couple.
     """
 
     def __init__(self, blocks: Sequence[Block], bandwidth: float) -> None:
@@ -201,7 +183,7 @@ class Reference:
         self._own: dict[int, tuple[Array, NDArray[np.complex128], Array]] = {}
 
     def size(self, omega: Array, number: int = -1, own: NDArray[np.complex128] | None = None) -> Array:
-        """`(k,)` the denominator at `omega`; `own`: the response of block `number`, where it is known."""
+        """`(k,)` the denominator at `omega`; `own`: known response of block `number`."""
         out = np.full(omega.size, self._floor)
         for i, block in enumerate(self.blocks):
             exact = own if i == number and own is not None else block.response(block.exact, omega)
@@ -248,7 +230,7 @@ def small_inverse(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 
 def damped(model: PortModel) -> PortModel:
-    """The model with its own damping, or 0.5 % in every cantilever mode where it has none; no peak is infinite."""
+    """The model with its own damping, or 0.5 % in every mode where it has none."""
     if np.all(model.damping >= NARROWEST):
         return model
     if np.any(model.damping > UNDAMPED):
@@ -257,7 +239,7 @@ def damped(model: PortModel) -> PortModel:
 
 
 def peaks_of(model: PortModel, hub: Array) -> Array:
-    """`(k, 2)` frequency [rad/s] and damping ratio of every peak: coupled with the `hub` `(m, m)`, and held."""
+    """`(k, 2)` frequency [rad/s] and ratio of every peak, coupled and held."""
     loaded = model.with_hub(hub)
     coupled = np.column_stack([loaded.free_frequencies, loaded.free_damping])
     return np.vstack([coupled, np.column_stack([model.frequencies, model.damping])])
@@ -275,7 +257,7 @@ def unlike(peaks: Array, known: Array) -> Array:
 
 
 def clusters(peaks: Array, bandwidth: float) -> Array:
-    """`(k,)` frequencies up to `bandwidth` around `peaks` `(n, 2)`: steps of a tenth of the ratio, wider far away."""
+    """`(k,)` frequencies up to `bandwidth` around `peaks` `(n, 2)`."""
     points = [np.zeros(0)]
     for peak, ratio in peaks[peaks[:, 0] < REACH * bandwidth]:
         width = min(max(float(ratio), NARROWEST), 1.0)
@@ -289,7 +271,7 @@ def clusters(peaks: Array, bandwidth: float) -> Array:
 
 
 def grid_of(peaks: Sequence[Array], bandwidth: float) -> Array:
-    """`(k,)` frequencies up to `bandwidth` that resolve all `peaks` (each `(n, 2)`: frequency, ratio) [rad/s]."""
+    """`(k,)` frequencies up to `bandwidth` that resolve all `peaks` `(n, 2)`."""
     points = [np.linspace(bandwidth / 400.0, bandwidth, 400)]
     seen = np.zeros((0, 2))
     for some in peaks:
@@ -300,17 +282,17 @@ def grid_of(peaks: Sequence[Array], bandwidth: float) -> Array:
 
 
 def band_grid(models: Sequence[PortModel], bandwidth: float) -> Array:
-    """`(k,)` frequencies up to `bandwidth` that resolve every peak of `models`, each with its hub [rad/s]."""
+    """`(k,)` frequencies up to `bandwidth` that resolve every peak of `models`."""
     return grid_of([peaks_of(model, np.zeros_like(model.rigid_mass)) for model in models], bandwidth)
 
 
 def relative(ours: NDArray[np.complex128], exact: NDArray[np.complex128], frozen: float) -> Array:
-    """`(k,)` the in-band error before its maximum is taken, of dimensionless responses `(k, m, m)`."""
+    """`(k,)` the in-band error of responses `(k, m, m)`, before its maximum."""
     return spectral_norms(ours - exact) / np.maximum(spectral_norms(exact), frozen)
 
 
 def largest(matrices: NDArray[np.complex128], below: Array) -> float:
-    """Largest spectral norm of `matrices` `(k, m, m)` over `below` `(k,)`, worked out where Frobenius' norm allows it."""
+    """Largest spectral norm of `matrices` `(k, m, m)` over `below` `(k,)`."""
     rough = np.linalg.norm(matrices, axis=(1, 2)) / below
     near = ~(rough < 0.999 * rough.max() / np.sqrt(matrices.shape[-1]))
     return float(np.max(spectral_norms(matrices[near]) / below[near]))

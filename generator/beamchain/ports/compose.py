@@ -8,18 +8,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beamchain.ports.model import PortModel
+from beamchain.ports.model import PortModel, Shapes
 from beamchain.ports.motions import PORT_MOTION, Array
-from beamchain.ports.shapes import Shapes
 
 
 def in_space(ports: Mapping[str, PortModel], rigid_mass: ArrayLike) -> PortModel:
-    """One model with six motions from independent ports.
-
-    Args:
-        ports: model per port.
-        rigid_mass: `(6, 6)` of the frozen thing about the root.
-    """
+    """One model with six motions from independent ports and the rigid mass `(6, 6)`."""
     rows = [model.participation @ PORT_MOTION[port].T for port, model in ports.items()]
     frequencies = np.concatenate([np.zeros(0), *(model.frequencies for model in ports.values())])
     damping = np.concatenate([np.zeros(0), *(model.damping for model in ports.values())])
@@ -31,16 +25,13 @@ def in_space(ports: Mapping[str, PortModel], rigid_mass: ArrayLike) -> PortModel
 def port_from_rows(
     rigid: Array, elastic: Array, tip: Array | None = None, shapes: Callable[[Array], Shapes] | None = None
 ) -> PortModel:
-    """The port model of a body given by mass-weighted motion rows.
+    """The port model of mass-weighted motion rows, by singular values, so that every frequency keeps its digits.
 
     Args:
-        rigid: `(r, m)`: square root of mass times motion, per unit motion of the port.
-        elastic: `(r, n)`: the same per elastic coordinate, scaled so that the strain energy is `|y|^2 / 2`.
-        tip: `(t, n)`: tip motion per elastic coordinate.
+        rigid: `(r, m)` per unit motion of the port.
+        elastic: `(r, n)` per elastic coordinate, scaled so that the strain energy is `|y|^2 / 2`.
+        tip: `(t, n)` tip motion per elastic coordinate.
         shapes: makes the shapes from the modes' mass-weighted motion `(n, r)`.
-
-    One-sided (singular values of the rows, not eigenvalues of their squares), so that every frequency keeps
-    nearly the relative precision of the rows.
     """
     u, s, vt = np.linalg.svd(elastic, full_matrices=False)
     keep = s > 1e-14 * s.max(initial=0.0)

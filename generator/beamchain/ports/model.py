@@ -15,16 +15,40 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamchain.errors import InputError, RealisationError
 from beamchain.ports.motions import Array, locked, square_root
-from beamchain.ports.shapes import Shapes
 
 if TYPE_CHECKING:
     import control
 
 NORMAL = 1e-7  # part of an attachment mode outside the normal modes below which it is one of them
-RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass than this is none, and its mode lies at infinity
+RESIDUAL_NOISE = 1e-14  # of the rigid mass: less residual mass is none
 LOADED = 8  # models with different hubs that are kept
 SINGULAR = 1e-15  # of a motion not in the others already: below, it is rounding
 DAMPING_NOISE = -1e-6  # a measured ratio may be this far below zero by rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Mode shapes where an appendage has mass, at `x` `(r,)` [m]: `values` `(n, r)` is motion times a square root.
+
+    `moved`, `turned` `(r,)`: those roots of mass and rotary inertia; in a scalar port `moved` only.
+    """
+
+    x: Array
+    moved: Array
+    turned: Array
+    values: Array
+    bending: bool
+
+    def momenta(self, hinges: Array) -> Array:
+        """`(n, h)`: each mode's motion in the unit motion of hinges `(h,)` [m]."""
+        reach = self.x[:, None] - hinges[None, :]
+        behind = reach > 0.0
+        arms = np.where(behind, reach, 0.0) if self.bending else behind
+        return self.values @ (self.moved[:, None] * arms + self.turned[:, None] * behind)
+
+    def combined(self, modes: Array) -> "Shapes":
+        """Those of combinations `(k, n)` of the modes."""
+        return Shapes(self.x, self.moved, self.turned, modes @ self.values, self.bending)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -153,7 +177,7 @@ class PortModel:
 
     # -- free modes ----------------------------------------------------------------------------------------------
     def _rows(self) -> tuple[Array, Array]:
-        """Motion rows weighted by the square root of mass: rigid `(n+m, m)` and elastic `(n+m, n)`."""
+        """Weighted motion rows: rigid `(n+m, m)` and elastic `(n+m, n)`."""
         scale = np.sqrt(np.diag(self.rigid_mass))
         scaled = self.residual_mass / np.outer(scale, scale)
         if np.linalg.eigvalsh(scaled)[0] < RESIDUAL_NOISE:  # a direction without residual mass shall be one exactly
@@ -166,7 +190,7 @@ class PortModel:
 
     @cached_property
     def _free(self) -> tuple[Array, Array, Array, Array]:
-        """Free frequencies, port values, right singular vectors, and rigid port values `P0`, `P0 P0^T = M^-1`."""
+        """Free frequencies, port values, singular vectors, rigid port values `P0`."""
         rigid, elastic = self._rows()
         q, r = np.linalg.qr(rigid)
         along = q.T @ elastic
@@ -201,28 +225,6 @@ class PortModel:
     def rigid_port_values(self) -> Array:
         """`(m, m)` port motion in the rigid modes: column i is mode i; `P0 P0^T = M^-1`."""
         return self._free[3]
-
-    @classmethod
-    def from_free_modes(cls, rigid_mass: ArrayLike, frequencies: ArrayLike, port_values: ArrayLike) -> "PortModel":
-        """The model whose free modes are given: `W(s) = M^-1 + sum_i s^2 p_i p_i^T / (s^2 + w_i^2)`.
-
-        Args:
-            rigid_mass: `(m, m)`.
-            frequencies: `(n,)` free frequencies [rad/s].
-            port_values: `(n, m)` port motion in the mass-normalised free modes.
-        """
-        mass = np.asarray(rigid_mass, dtype=np.float64)
-        w = np.asarray(frequencies, dtype=np.float64)
-        p = np.asarray(port_values, dtype=np.float64)
-        n = w.size
-        if n == 0:
-            return cls(mass, np.zeros(0), np.zeros((0, mass.shape[0])))
-        p0 = np.linalg.inv(np.linalg.cholesky(mass)).T  # p0 p0^T = M^-1
-        # Holding the port: q_rigid = -p0^-1 p^T y / w, with y scaled by the strain energy, q_flexible = y / w.
-        held = -np.linalg.solve(p0, p.T) / w
-        u, s, _ = np.linalg.svd(np.vstack([np.diag(1.0 / w), held]), full_matrices=False)
-        rigid = np.vstack([np.zeros((n, mass.shape[0])), np.linalg.inv(p0)])
-        return cls(mass, 1.0 / s, np.asarray(u.T @ rigid, dtype=np.float64))
 
     # -- responses -----------------------------------------------------------------------------------------------
     def D(self, omega: ArrayLike) -> NDArray[np.complex128]:  # noqa: N802 (the field's letter)
@@ -259,9 +261,13 @@ class PortModel:
         gain = self.gains[output, input]
         residues = self.free_port_values[:, output] * self.free_port_values[:, input]
         w2 = self.free_frequencies**2
-        matrix = np.diag(w2) - np.outer(np.ones(self.modes), residues * w2) / gain
-        squares = np.linalg.eigvals(matrix).astype(np.complex128)
-        return np.sqrt(squares[np.argsort(squares.real)])
+        squares = np.linalg.eigvals(np.diag(w2) - np.outer(np.ones(w2.size), residues * w2) / gain)
+        squares = squares[np.argsort(squares.real)].astype(np.complex128)
+        if output == input:  # all real, the low ones better from the inverse, which keeps their digits
+            static = np.sum(self.rigid_port_values[output] ** 2)
+            slow = 1.0 / np.linalg.eigvals(np.diag(1.0 / w2) + np.outer(1.0 / w2, residues) / static)
+            squares[: w2.size // 2] = slow[np.argsort(slow.real)][: w2.size // 2]
+        return np.sqrt(squares)
 
     def to_control(self) -> "control.StateSpace":
         """The accelerance as `control.StateSpace`, 2n states, exact.
@@ -285,11 +291,7 @@ class PortModel:
 
     # -- made from this one --------------------------------------------------------------------------------------
     def with_hub(self, hub_mass: ArrayLike) -> "PortModel":
-        """The same thing with a rigid hub on its port: its free modes are the coupled modes.
-
-        Args:
-            hub_mass: `(m, m)` mass matrix of the hub about the port [kg, kg m, kg m^2].
-        """
+        """The same thing with a rigid hub `(m, m)` [kg, kg m, kg m^2] on its port: its free modes are the coupled modes."""
         hub = np.asarray(hub_mass, dtype=np.float64)
         if hub.shape != self.rigid_mass.shape:
             raise InputError(f"hub_mass has shape {hub.shape}, but the port needs {self.rigid_mass.shape}.")
@@ -306,11 +308,7 @@ class PortModel:
         return {}
 
     def last_on_hub(self, hub_mass: ArrayLike) -> float:
-        """Last coupled frequency on a rigid hub; 0 without any [rad/s].
-
-        Args:
-            hub_mass: as of `with_hub`.
-        """
+        """Last coupled frequency on a rigid hub; 0 without any [rad/s]."""
         return float(np.max(self.with_hub(hub_mass).free_frequencies, initial=0.0))
 
     def truncated(self, modes: int) -> "PortModel":
@@ -326,10 +324,7 @@ class PortModel:
         )
 
     def condensed(self, above: float) -> "PortModel":
-        """The modes above a frequency gathered into as many as the port has motions, at that frequency.
-
-        Their static flexibility is kept, so that far below `above` [rad/s] the model is the same with fewer modes.
-        """
+        """The modes above a frequency [rad/s] gathered into as many as the port has motions, with their static flexibility."""
         low = self.frequencies <= above
         if np.sum(~low) <= self.motions:
             return self
@@ -346,9 +341,8 @@ class PortModel:
         )
 
     def reduced(self, modes: int, hub_mass: ArrayLike) -> "PortModel":
-        """Galerkin reduction on the first `modes` modes of the model with `hub_mass` `(m, m)` on its port.
+        """Galerkin reduction on the first `modes` modes with `hub_mass` `(m, m)` on the port, zeros for the free target.
 
-        Zeros give the free target (the paper's); the reduction for an infinite hub is `truncated`.
         Damping is left out: it belongs to the cantilever modes of the full model.
         """
         if modes == 0:
@@ -358,12 +352,7 @@ class PortModel:
         return self._projected(self.with_hub(hub_mass)._free[2][:, :modes])
 
     def for_target(self, target: str, modes: int, hub_mass: Array | None = None) -> "PortModel":
-        """The lowest cantilever modes ("clamped"), or those with nothing ("free") or a hub ("hub") attached.
-
-        Args:
-            target, modes: which, and how many.
-            hub_mass: `(m, m)`; needed for "hub" only.
-        """
+        """The lowest cantilever modes ("clamped"), or those with nothing ("free") or a hub `(m, m)` ("hub") attached."""
         if target == "clamped":
             return self.truncated(modes)
         attached = np.zeros_like(self.rigid_mass) if target == "free" else hub_mass
@@ -371,7 +360,7 @@ class PortModel:
         return self.reduced(modes, attached)
 
     def _projected(self, basis: Array) -> "PortModel":
-        """Galerkin reduction on an orthonormal `basis` `(n, k)` of modal coordinates scaled by their strain energy."""
+        """Galerkin reduction on an orthonormal `basis` `(n, k)` of scaled modes."""
         rigid, elastic = self._rows()
         u, s, wt = np.linalg.svd(elastic @ basis, full_matrices=False)
         modes = (basis @ wt.T / s).T / self.frequencies  # (k, n): in terms of this model's mass-normalised modes
@@ -381,14 +370,9 @@ class PortModel:
         )  # fmt: skip
 
     def attached(self, modes: int, columns: Sequence[int]) -> "PortModel":
-        """The first `modes` modes and the static response to a unit load at points whose motion `tip` holds.
+        """The first `modes` modes and the static response to a unit load at the points of some columns of `tip`.
 
-        The static flexibility of those points is then exact (attachment modes; R. R. Craig, Structural Dynamics,
-        1981), so that what hangs there may be heavy. The first frequencies stay; pseudo-modes follow them.
-
-        Args:
-            modes: lowest cantilever modes.
-            columns: of `tip`.
+        The static flexibility of those points is then exact (attachment modes; R. R. Craig, Structural Dynamics, 1981).
         """
         assert self.tip is not None
         loads = self.tip[:, list(columns)] / self.frequencies[:, None]
@@ -399,10 +383,6 @@ class PortModel:
         return self._projected(np.column_stack([np.eye(self.modes)[:, :modes], u[:, s > NORMAL]]))
 
     def replaced(self, **changes: Any) -> "PortModel":
-        """A copy with some fields changed.
-
-        Args:
-            changes: new values by field name.
-        """
+        """A copy with some fields changed."""
         names = ("rigid_mass", "frequencies", "participation", "damping", "tip", "shapes")
         return PortModel(**{name: changes.get(name, getattr(self, name)) for name in names})

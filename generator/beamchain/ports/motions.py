@@ -7,22 +7,6 @@ Array = NDArray[np.float64]
 
 PORTS = ("xy", "xz", "torsion", "axial")
 
-#: Motion of the root in space (x, y, z, rotations about x, y, z) per unit of each port's own motion.
-#: Plane xz uses the rotation about -y, so that a round beam has the same numbers in both planes.
-PORT_MOTION: dict[str, Array] = {}
-for _name, _columns in {
-    "xy": (((1, 1.0),), ((5, 1.0),)),
-    "xz": (((2, 1.0),), ((4, -1.0),)),
-    "torsion": (((3, 1.0),),),
-    "axial": (((0, 1.0),),),
-}.items():
-    _motion = np.zeros((6, len(_columns)))
-    for _column, _entries in enumerate(_columns):
-        for _row, _value in _entries:
-            _motion[_row, _column] = _value
-    _motion.setflags(write=False)
-    PORT_MOTION[_name] = _motion
-
 
 def locked(values: ArrayLike) -> Array:
     """A read-only copy as float64, so that frozen objects really are."""
@@ -31,21 +15,31 @@ def locked(values: ArrayLike) -> Array:
     return result
 
 
+#: Motion of the root in space (x, y, z, rotations about x, y, z) per unit of each port's own motion.
+#: Plane xz uses the rotation about -y, so that a round beam has the same numbers in both planes.
+PORT_MOTION: dict[str, Array] = {
+    "xy": locked(np.eye(6)[:, [1, 5]]),
+    "xz": locked(np.eye(6)[:, [2, 4]] @ np.diag([1.0, -1.0]) + 0.0),
+    "torsion": locked(np.eye(6)[:, [3]]),
+    "axial": locked(np.eye(6)[:, [0]]),
+}
+
+
 def square_root(matrix: Array, noise: float = 0.0) -> Array:
-    """`R` with `R^T R = matrix` for a symmetric positive semidefinite matrix; eigenvalues below `noise` become zero."""
+    """`R`, `R^T R = matrix`; eigenvalues below `noise` become zero."""
     values, vectors = np.linalg.eigh(matrix)
     return np.sqrt(np.where(values > noise, values, 0.0))[:, None] * vectors.T
 
 
 def body_mass_matrix(mass: float, centre: Array, inertia: Array) -> Array:
-    """`(6, 6)` mass matrix about the origin of a rigid body: `centre` `(3,)`, `inertia` `(3, 3)` about the centre."""
+    """`(6, 6)` about the origin; `inertia` `(3, 3)` is about the `centre` `(3,)`."""
     x, y, z = centre
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.block([[mass * np.eye(3), -mass * cross], [mass * cross, inertia - mass * cross @ cross]])
 
 
 def shifted(point: Array) -> Array:
-    """`(6, 6)` motion of a point `(3,)` of a rigid body per motion of the body's origin (x, y, z, rotations)."""
+    """`(6, 6)` motion of a body's point `(3,)` per motion of its origin."""
     x, y, z = point
     out = np.eye(6)
     out[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]

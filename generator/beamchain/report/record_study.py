@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def study_record(study: "Study") -> dict[str, Any]:
     """What study.json holds; `points`, `rigid_hub` and `to_reach` are the contract, the rest is added."""
     import beamchain
-    from beamchain.engine.machine import machine
+    from beamchain.engine.library import machine
 
     scenario = study.scenario
     return {

@@ -11,9 +11,7 @@ from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array
-from beamchain.steps.integrators import INTEGRATORS
-from beamchain.steps.limits import oscillating, step_limits
-from beamchain.steps.one_step import LinearModel
+from beamchain.steps.limits import LinearModel, oscillating, step_limits
 
 HOST = "host RK4"  # a host that drives MuJoCo with its own explicit Runge-Kutta of order 4
 
@@ -22,15 +20,13 @@ AT_REST = 1e-9  # rad/s^2 or m/s^2: what balances to rounding does not accelerat
 
 @dataclass(frozen=True, eq=False)
 class Budget:
-    """What steps a model takes.
+    """Steps that a model allows; per integrator of the installed MuJoCo and for a host with RK4.
 
     Args:
-        name: of the model.
         frequencies, ratios: `(n,)` of its oscillating modes [rad/s], damping ratios.
-        largest_step: per integrator of the installed MuJoCo, and for a host with RK4 [s]; infinity: no limit.
-        accuracy: per integrator, steps for 1 % and 0.1 % error of the lowest frequency [s].
-        timestep: at which `shown` holds [s].
-        shown: per integrator `(n, 2)`: frequency [rad/s] and damping ratio that the simulation shows; NaN: unstable.
+        largest_step: [s]; infinity: no limit.
+        accuracy: steps for 1 % and 0.1 % error of the lowest frequency [s].
+        shown: `(n, 2)` frequency [rad/s] and damping ratio that the simulation shows at `timestep`; NaN: unstable.
     """
 
     name: str
@@ -64,18 +60,8 @@ class Budget:
         }
 
 
-def available() -> tuple[str, ...]:
-    """The integrators of the installed MuJoCo."""
-    return tuple(name for name in INTEGRATORS if name in engine.INTEGRATORS)
-
-
 def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> LinearModel:
-    """The linear model behind a MuJoCo model, with what its integrators treat implicitly.
-
-    Args:
-        model: compiled.
-        data: the state to linearise about; the initial one where left out.
-    """
+    """The linear model behind a MuJoCo model about a state, the initial one where left out."""
     nv = model.nv
     if nv and _holds_nothing(model):  # differences would show nothing but their own rounding
         nothing = np.zeros((nv, nv))
@@ -94,12 +80,12 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
     held = np.zeros((nv, nv))
     for i in range(model.ntendon):
         held += float(np.atleast_1d(model.tendon_stiffness[i])[0]) * np.outer(along(model, i), along(model, i))
-    tendons = np.asarray(np.linalg.solve(own, held), dtype=np.float64) if np.any(held) else None
+    tendons = np.asarray(np.linalg.solve(own, held), dtype=np.float64)
     return LinearModel(linear.stiffness, linear.damping, euler, spring, tendons, preloaded(model, data))
 
 
 def preloaded(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
-    """A sentence where springs pull in the pose that is linearised about: it is no pose of rest then."""
+    """A sentence where springs pull in the pose that is linearised about."""
     pull = preload(model, data)
     return pull and (
         f"{pull} in the pose that is linearised about, which therefore is no pose of rest; write its "
@@ -108,7 +94,7 @@ def preloaded(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
 
 
 def preload(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
-    """The joint whose spring pulls hardest in a pose, and how hard, where nothing balances it; else nothing."""
+    """The joint whose spring pulls hardest where nothing balances it, and how hard."""
     force = np.asarray(data.qfrc_spring)
     worst = int(np.argmax(np.abs(force))) if force.size else 0
     if not force.size or force[worst] == 0.0 or not np.any(np.abs(np.asarray(data.qacc)) > AT_REST):
@@ -153,11 +139,10 @@ def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = No
     h = float(model.opt.timestep) if timestep is None else timestep
     frequencies, ratios = np.abs(wanted), np.clip(-wanted.real / np.abs(wanted), 0.0, None)
     ratios = np.where(ratios < 1e-9, 0.0, ratios)
-    names = available()
-    largest = {integrator: limits.largest_step[integrator] for integrator in names}
-    accuracy = {integrator: limits.accuracy[integrator] for integrator in names}
+    largest = {integrator: limits.largest_step[integrator] for integrator in engine.INTEGRATORS}
+    accuracy = {integrator: limits.accuracy[integrator] for integrator in engine.INTEGRATORS}
     shown: dict[str, Array] = {}
-    for integrator in names:
+    for integrator in engine.INTEGRATORS:
         s = linear.shown(integrator, h, wanted)
         seen = np.column_stack([np.abs(s), -s.real / np.abs(s)])
         shown[integrator] = seen if h < largest[integrator] else np.full_like(seen, np.nan)

@@ -1,57 +1,47 @@
-"""What each form writes on the modal tendons: stiffness, damping, armature, and the phase up to which modes keep their frequency.
-
-The forms are described in `beamchain.steps.retime`.
+"""The numbers that each form of `beamchain.steps.retime` gives the modal tendons.
 
 Theory: docs/theory.md, section 5.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.optimize import linear_sum_assignment
+from scipy.optimize import linear_sum_assignment, lsq_linear
 
 from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import system_matrix
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.steps import discrete
-from beamchain.steps.modal import (
-    Modal,
+from beamchain.steps.integrators import (
+    SCHEMES,
+    Complex,
+    Timed,
+    continuous_poles,
+    placed,
+    runge_kutta_limit,
+    step_pole,
+    timed,
 )
-from beamchain.steps.tune import tune
+from beamchain.steps.modal import Modal
 
 T = TypeVar("T")
 
-
 MARGIN = {"RK4": 7.6}  #: `h^2 lambda_max` allowed; of 8
-
-
 SEMI_IMPLICIT_MARGIN = 3.8  #: the same for the others; of 4
-
-
 EXACT = 1e-6  # pole error below which tuning is taken to have succeeded
-
-
 LOWEST = 0.05  # [rad] phase below which the limit is not lowered
+ITERATIONS = 12  # of Newton's method
+CLOSE = 1e-13  # relative pole error at which to stop
+STEADY = 1e-7  # weight that keeps unknowns where the poles do not ask for a change
 
 
 @dataclass(frozen=True)
 class ModeTime:
-    """One mode made exact in time.
-
-    Args:
-        name: of its tendon; `coupled<k>` where form 3 laid no mode on one tendon alone.
-        frequency: [rad/s] that it should show; form 2: of the held appendage, form 3: of the craft.
-        ratio: of damping.
-        mass: `m'`, its tendon's armature and 1.
-        damping: `c'` of its tendon [1/s].
-        pole: that its mass and damping place [1/s], `log(z)/h`; of several appendages' blocks only nearly that of the craft.
-        slowed: it is beyond the phase limit.
-        clamped: the integrator would need negative armature; its pole is only near.
-    """
+    """One mode made exact in time; frequency [rad/s], pole [1/s]."""
 
     name: str
     frequency: float
@@ -64,8 +54,8 @@ class ModeTime:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
-    """Numbers for the tendons; `turn` `(n, n)`: new coefficients are `turn @ rows`, None: as they are."""
+class TendonValues:
+    """Numbers for the tendons; new coefficients are `turn @ rows`."""
 
     stiffness: Array
     damping: Array
@@ -78,65 +68,55 @@ class Plan:
 
 
 def stability(integrator: str, c: Array, stiffness: Array, damping: Array, armature: Array, timestep: float) -> float:
-    """`h^2 lambda_max` of modal springs and dampers on a craft: the step is stable below 4, RK4's below 8.
+    """`h^2 lambda_max` of modal springs and dampers `(n, n)` on a craft: stable below 4, RK4's below 8.
 
-    The pencil is `(h^2 K + 2 h D, C + mu)` where tendon damping is explicit, `(h^2 K - 2 h D, C + mu)` where it is
-    implicit (a pole leaves the unit circle at z = -1). For RK4 it is `(h^2 K, C + mu)` undamped; damped, 8 times the squared
-    ratio of the step to the largest one that its polynomial takes.
-
-    Args:
-        integrator: MuJoCo's name.
-        c: `(n, n)` condensed mass of the modal coordinates.
-        stiffness: `(n, n)` K in modal coordinates.
-        damping: `(n, n)` D.
-        armature: `(n, n)` mu.
-        timestep: h [s].
+    `c`: condensed mass of the modal coordinates; the pencil is `(h^2 K +- 2 h D, C + mu)`, minus where tendon damping is
+    implicit. Damped RK4: 8 times the squared ratio of the step to its largest one.
     """
     h = float(timestep)
     if integrator == "RK4" and np.any(damping):
         return _explicit(c + armature, stiffness, damping, h)
-    sign = 0.0 if integrator == "RK4" else -1.0 if discrete.SCHEMES[integrator].implicit_damping else 1.0
+    sign = 0.0 if integrator == "RK4" else -1.0 if SCHEMES[integrator].implicit_damping else 1.0
     return float(np.max(eigh(h**2 * stiffness + 2.0 * sign * h * damping, c + armature, eigvals_only=True)))
 
 
 def _explicit(mass: Array, stiffness: Array, damping: Array, h: float) -> float:
-    n = mass.shape[0]
     root = np.linalg.inv(np.linalg.cholesky(mass))
     k, d = root @ stiffness @ root.T, root @ damping @ root.T
-    poles = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-(h**2) * k, -h * d]])).astype(np.complex128)
-    return 8.0 * max(1.0 / discrete.runge_kutta_limit(complex(p)) ** 2 for p in poles if p.imag >= 0.0)
+    poles = np.linalg.eigvals(system_matrix(h**2 * k, h * d)).astype(np.complex128)
+    return 8.0 * max(1.0 / runge_kutta_limit(complex(p)) ** 2 for p in poles if p.imag >= 0.0)
 
 
 def _limit(integrator: str) -> float:
     return MARGIN.get(integrator, SEMI_IMPLICIT_MARGIN)
 
 
-def form2(modal: Modal, c: Array, integrator: str, h: float) -> Plan:
+def form2(modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
     """Every mode of the held appendage exact; the phase limit lowered until the craft is stable."""
     w = modal.frequency
     zeta = modal.damping / (2.0 * w)
 
-    def at(phase: float) -> tuple[discrete.Timed, float]:
-        t = discrete.timed(integrator, w, zeta, h, phase=phase)
+    def at(phase: float) -> tuple[Timed, float]:
+        t = timed(integrator, w, zeta, h, phase=phase)
         return t, stability(
             integrator, c, np.diag(modal.stiffness), np.diag(t.damping), np.diag(t.mass - 1.0), h
         )  # fmt: skip
 
     (t, largest), phase = _lowered(integrator, at)
-    return Plan(
+    return TendonValues(
         modal.stiffness, t.damping, t.mass - 1.0, None, phase, largest, 0.0,
         _modes(modal.names, integrator, w, zeta, modal.stiffness, t, h),
     )  # fmt: skip
 
 
-def form4(modal: Modal, c: Array, integrator: str, h: float, plan: Plan) -> Plan:
-    """Form 2's plan, tuned; or itself where the integrator cannot be exact or tuning would cost stability."""
-    if not discrete.SCHEMES[integrator].exact:
+def form4(modal: Modal, c: Array, integrator: str, h: float, plan: TendonValues) -> TendonValues:
+    """Form 2's plan, tuned; or itself where that cannot be or would cost stability."""
+    if not SCHEMES[integrator].exact:
         return plan
     _, _, poles = coupled_modes(c, modal.stiffness, modal.damping)
     first, second = poles.T
     turn = np.maximum(np.abs(first), np.abs(second)) * h
-    for phase in dict.fromkeys((discrete.SCHEMES[integrator].phase, plan.phase)):
+    for phase in dict.fromkeys((SCHEMES[integrator].phase, plan.phase)):
         # tuned to the craft's own poles, the usual limit may do where form 2 had to lower it
         wanted = np.exp(first * h * np.where(turn > phase, phase / turn, 1.0))
         if np.any(np.imag(wanted) <= 0.0):  # overdamped
@@ -144,7 +124,7 @@ def form4(modal: Modal, c: Array, integrator: str, h: float, plan: Plan) -> Plan
         found = tune(integrator, c, modal.stiffness, plan.armature, plan.damping, wanted, h)
         largest = stability(integrator, c, np.diag(modal.stiffness), np.diag(found.damping), np.diag(found.armature), h)
         if largest <= _limit(integrator) and (found.error < EXACT or phase == plan.phase):
-            t = discrete.Timed(
+            t = Timed(
                 1.0 + found.armature,
                 found.damping,
                 np.array([mode.slowed for mode in plan.modes]),
@@ -160,7 +140,7 @@ def form4(modal: Modal, c: Array, integrator: str, h: float, plan: Plan) -> Plan
 
 def _lowered(integrator: str, at: Callable[[float], tuple[T, float]]) -> tuple[tuple[T, float], float]:
     """What `at` gives at the largest phase limit at which the craft is stable."""
-    phase = discrete.SCHEMES[integrator].phase
+    phase = SCHEMES[integrator].phase
     best = at(phase)
     if not np.isfinite(phase) or best[1] <= _limit(integrator):
         return best, phase
@@ -177,9 +157,9 @@ def _lowered(integrator: str, at: Callable[[float], tuple[T, float]]) -> tuple[t
 
 
 def _modes(
-    names: tuple[str, ...], integrator: str, w: Array, zeta: Array, stiffness: Array, t: discrete.Timed, h: float
+    names: tuple[str, ...], integrator: str, w: Array, zeta: Array, stiffness: Array, t: Timed, h: float
 ) -> tuple[ModeTime, ...]:
-    z = discrete.step_pole(integrator, t.mass, t.damping, stiffness, h)
+    z = step_pole(integrator, t.mass, t.damping, stiffness, h)
     s = np.log(z) / h
     return tuple(
         ModeTime(n, float(a), float(b), float(m), float(c), complex(p), bool(slow), bool(clamp))
@@ -187,24 +167,15 @@ def _modes(
     )
 
 
-def coupled_modes(c: Array, stiffness: Array, damping: Array) -> tuple[Array, Array, "discrete.Complex"]:
-    """Undamped coupled modes, and the pole of each with all of the damping.
-
-    Args:
-        c: `(n, n)` condensed mass of the modal coordinates.
-        stiffness: `(n,)` of the tendons.
-        damping: `(n,)` of the tendons.
-
-    Returns:
-        `(n,)` frequencies [rad/s], `(n, n)` modes in columns, `y^T C y = 1`, and `(n, 2)` both poles [1/s].
-    """
+def coupled_modes(c: Array, stiffness: Array, damping: Array) -> tuple[Array, Array, Complex]:
+    """`(n,)` coupled frequencies [rad/s], `(n, n)` modes, `(n, 2)` damped poles [1/s]."""
     n = stiffness.size
     # for 1/w^2: the slow modes keep all their digits beside very fast ones
     inverse, shapes = eigh(c, np.diag(stiffness))
     w = 1.0 / np.sqrt(inverse[::-1])
     y = shapes[:, ::-1] * w
     own = np.einsum("ki,k,ki->i", y, damping, y)
-    first, second = discrete.continuous_poles(w, own / (2.0 * w))
+    first, second = continuous_poles(w, own / (2.0 * w))
     poles = np.stack([first, second], axis=1)
     if np.any(damping > 0.0):
         d = y.T @ (damping[:, None] * y)
@@ -217,7 +188,7 @@ def coupled_modes(c: Array, stiffness: Array, damping: Array) -> tuple[Array, Ar
     return w, y, poles
 
 
-def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: float) -> Plan:
+def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
     """The tendons become the coupled modes of one craft."""
     groups = modal.groups()
     _check_groups(model, modal, groups)
@@ -230,8 +201,8 @@ def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: f
     left_out = float(np.max(np.abs(couples - np.diag(np.diag(couples))) / np.outer(own, own), initial=0.0))
     flexible = np.linalg.inv(c)
 
-    def at(phase: float) -> tuple[tuple[discrete.Timed, Array, Array, Array, Array], float]:
-        t = discrete.placed(
+    def at(phase: float) -> tuple[tuple[Timed, Array, Array, Array, Array], float]:
+        t = placed(
             integrator, w**2, poles[:, 0], poles[:, 1], h, phase=phase, damping=np.diag(couples)
         )  # fmt: skip
         mu, d = (a * (t.mass - 1.0)) @ a.T, (a * t.damping) @ a.T
@@ -270,11 +241,11 @@ def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: f
         else tuple(f"coupled{i + 1}" for i in range(n))
     )
     modes = _modes(names, integrator, np.abs(poles[:, 0]), zeta + 0.0, w**2, t, h)
-    return Plan(stiffness, damping, armature, turn, phase, largest, left_out, modes)
+    return TendonValues(stiffness, damping, armature, turn, phase, largest, left_out, modes)
 
 
 def _check_groups(model: "mujoco.MjModel", modal: Modal, groups: "list[NDArray[np.intp]]") -> None:
-    """Tendons may exchange coefficients where they hold the same joints, each once, and groups share none."""
+    """Tendons of a group hold the same joints, each once; groups share none."""
     seen = np.zeros(model.nv, dtype=np.intp)
     for group in groups:
         seen += modal.rows[group[0]] != 0.0
@@ -288,3 +259,69 @@ def _check_groups(model: "mujoco.MjModel", modal: Modal, groups: "list[NDArray[n
             "form 3 needs tendons that hold either the same joints or none in common; those of "
             f"{modal.names[0]!r} and others overlap. Take form 2."
         )
+
+
+class Tuned(NamedTuple):
+    """Armature and damping `(n,)`, and the worst relative error of a pole."""
+
+    armature: Array
+    damping: Array
+    error: float
+
+
+def tune(
+    integrator: str, c: Array, stiffness: Array, armature: Array, damping: Array, wanted: Complex, timestep: float
+) -> Tuned:
+    """Armature and damping `(n,)` for which the craft's step has the poles `wanted` `(n,)`, by Newton's method.
+
+    In modal coordinates the poles obey `P(z) y = 0` with all of P symmetric, so that a change of P moves a pole by
+    `dz = -y^T dP y/(y^T P'(z) y)`. Like appendages get the least-squares answer; no damping stays none.
+    """
+    implicit, h, n = SCHEMES[integrator].implicit_damping, float(timestep), stiffness.size
+    damped = bool(np.any(damping > 0.0))
+    size = np.abs(wanted - 1.0)
+    best: tuple[float, Array, Array] | None = None
+    mu, d = np.array(armature), np.array(damping)
+    for _ in range(ITERATIONS):
+        z, y = _step_poles(implicit, c + np.diag(mu), np.diag(stiffness), np.diag(d), h)
+        if z.size < n:
+            break
+        pick = linear_sum_assignment(np.abs(z[None, :] - wanted[:, None]) / size[:, None])[1]
+        z, y = z[pick], y[:, pick]
+        miss = (wanted - z) / size
+        error = float(np.max(np.abs(miss)))
+        if best is None or error < best[0]:
+            best = (error, mu, d)
+        if error < CLOSE or error > 2.0 * best[0]:
+            break
+        step = z - 1.0
+        slope = 2.0 * step[None, :] * ((c + np.diag(mu)) @ y) + h**2 * stiffness[:, None] * y
+        slope += h * d[:, None] * y * (2.0 * z - 1.0 if implicit else np.ones(n))[None, :]
+        lever = -(y**2) / np.sum(y * slope, axis=0)[None, :] / size[None, :]  # (tendon, pole)
+        by_mass = (lever * step[None, :] ** 2).T
+        by_drag = (lever * h * step[None, :] * (z if implicit else np.ones(n))[None, :]).T
+        unit = (1.0 - np.exp(-h * np.sqrt(stiffness))) / h  # scale of the dampers
+        jacobian = np.hstack([by_mass, by_drag * unit[None, :]]) if damped else by_mass
+        rows = np.vstack([np.real(jacobian), np.imag(jacobian), STEADY * np.eye(jacobian.shape[1])])
+        right = np.concatenate([np.real(miss), np.imag(miss), np.zeros(jacobian.shape[1])])
+        lowest = -np.concatenate([mu, d / unit]) if damped else -mu
+        change = lsq_linear(rows, right, (np.minimum(lowest, -1e-300), np.full(lowest.size, np.inf)), method="bvls").x
+        mu = np.maximum(mu + change[:n], 0.0)
+        if damped:
+            d = np.maximum(d + change[n:] * unit, 0.0)
+    if best is None:
+        return Tuned(armature, damping, float("inf"))
+    return Tuned(best[1], best[2], best[0])
+
+
+def _step_poles(implicit: bool, mass: Array, stiffness: Array, damping: Array, h: float) -> tuple[Complex, Complex]:
+    """Oscillating poles of the step, upper half plane, and the modes in columns."""
+    n = mass.shape[0]
+    solved = np.linalg.solve(
+        mass + (h * damping if implicit else 0.0),
+        np.hstack([h**2 * stiffness, mass if implicit else mass - h * damping]),
+    )
+    pull, keep = solved[:, :n], solved[:, n:]
+    z, vectors = np.linalg.eig(np.block([[np.eye(n) - pull, keep], [-pull, keep]]))
+    upper = np.imag(z) > 1e-12
+    return z[upper].astype(np.complex128), vectors[:n, upper].astype(np.complex128)

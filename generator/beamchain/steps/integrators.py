@@ -1,68 +1,227 @@
-"""What a time step does to an oscillation, per integrator: stability limits, frequency shift, numerical damping.
+"""What one step of MuJoCo's integrators makes of an oscillation, and the mass and damping that make it exact.
+
+A mode `m q'' + c q' + k q = 0` sits on a tendon or on a joint; MuJoCo treats their springs and dampers differently.
 
 Theory: docs/theory.md, section 5.
 """
+
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from beamchain.checks import one_of
+from beamchain.ports.motions import Array
 
-Poles = NDArray[np.complex128]
+Complex = NDArray[np.complex128]
 
-INTEGRATORS = ("Euler", "implicit", "implicitfast", "discrete", "RK4")
+PHASE = 2.6  #: [rad] per step, to which semi-implicit integrators slow faster modes
+NEVER = float("inf")
+
+
+class Scheme(NamedTuple):
+    """What an integrator does with springs and dampers; the damping of joints is implicit in all but RK4."""
+
+    exact: bool  #: modes on tendons can be made exact in time (the armature needed is not negative)
+    phase: float  #: [rad] per step beyond which modes are slowed
+    implicit_damping: bool  #: of tendons
+    implicit_springs: bool = False  #: those of tendons for the force of the position alone
+
+
+#: By MuJoCo's name.
+SCHEMES = {
+    "Euler": Scheme(exact=True, phase=PHASE, implicit_damping=False),
+    "implicit": Scheme(exact=True, phase=PHASE, implicit_damping=True),
+    "implicitfast": Scheme(exact=True, phase=PHASE, implicit_damping=True),
+    "discrete": Scheme(exact=False, phase=NEVER, implicit_damping=True, implicit_springs=True),
+    "RK4": Scheme(exact=False, phase=2.0, implicit_damping=False),  # its own limit is 2.828
+}
+INTEGRATORS = tuple(SCHEMES)
+
+
+class Timed(NamedTuple):
+    """Modes as they are written for a step; every field has the modes' shape."""
+
+    mass: Array  #: `m'` in units of the modal mass; the tendon's armature is `m' - 1`
+    damping: Array  #: `c'` of the tendon [1/s]
+    slowed: NDArray[np.bool_]  #: faster than the phase limit
+    clamped: NDArray[np.bool_]  #: a negative armature would be needed; the mass is 1 and the pole only near
+
+
+def continuous_poles(frequency: ArrayLike, ratio: ArrayLike = 0.0) -> tuple[Complex, Complex]:
+    """Both poles `s` [1/s] of modes at `w` [rad/s]; the first has the positive imaginary part, or is the slower.
+
+    Example:
+        >>> continuous_poles(2.0)[0]
+        np.complex128(2j)
+    """
+    w, zeta = np.broadcast_arrays(np.asarray(frequency, dtype=np.float64), np.asarray(ratio, dtype=np.float64))
+    root = np.sqrt((zeta**2 - 1.0).astype(np.complex128))
+    return w * (root - zeta), w * (-root - zeta)
+
+
+def seen(pole: ArrayLike, timestep: float) -> tuple[Array, Array]:
+    """Frequency [rad/s] and damping ratio that a pole `z` of the step shows: `s = log(z)/h`."""
+    s = np.log(np.asarray(pole, dtype=np.complex128)) / timestep
+    w = np.abs(s)
+    return w, -s.real / np.where(w > 0.0, w, 1.0)
+
+
+def polynomial(s: NDArray[Any]) -> Complex:
+    """RK4's `exp(s)` of poles times the step."""
+    return np.asarray(1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0))), dtype=np.complex128)
 
 
 def step_pole(
-    integrator: str, angle: ArrayLike, ratio: ArrayLike = 0.0, *, tendon: bool = False, sprung: bool = False
-) -> Poles:
-    """Pole z of one step of `q'' + 2 ratio w q' + w^2 q = 0` with `angle = w h`, the one with the larger modulus.
+    integrator: str,
+    mass: ArrayLike,
+    damping: ArrayLike,
+    stiffness: ArrayLike,
+    timestep: float,
+    *,
+    tendon: bool = True,
+    sprung: bool = True,
+) -> Complex:
+    """Pole `z` of one step of `m q'' + c q' + k q = 0`: upper half plane, or the larger modulus if real.
 
     Args:
-        integrator: MuJoCo's name. Euler, implicit, implicitfast: stiffness explicit, joint damping implicit;
-            "discrete": both implicit; "RK4": the classical Runge-Kutta polynomial.
-        angle: w h, any shape.
-        ratio: damping ratio, below 1.
-        tendon: the damping sits on a tendon, which Euler integrates explicitly.
-        sprung: so does the spring, which "discrete" takes implicitly for the force of the position alone.
+        integrator: MuJoCo's name.
+        mass, damping, stiffness: in units that go together.
+        timestep: `h` [s].
+        tendon: the damping sits on a tendon, not on a joint.
+        sprung: so does the spring.
     """
     one_of("integrator", integrator, INTEGRATORS)
-    angle, ratio = np.asarray(angle, dtype=np.float64), np.asarray(ratio, dtype=np.float64)
-    spring, damper = angle**2, 2.0 * ratio * angle
+    scheme, h = SCHEMES[integrator], float(timestep)
+    m, c, k = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in (mass, damping, stiffness)))
     if integrator == "RK4":
-        s = angle * (-ratio + 1j * np.sqrt(1.0 - ratio**2))
-        return 1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0)))
-    # v+ = (keep v - spring q / h) , q+ = q + h v+: z^2 - (1 + keep - pull) z + keep = 0
-    if integrator == "discrete":
-        keep = 1.0 / (1.0 + damper + (0.0 if sprung else spring))
-        pull = spring / (1.0 + damper + spring)
-    elif integrator == "Euler" and tendon:
-        keep, pull = 1.0 - damper, spring
+        s = (-c + np.sqrt((c**2 - 4.0 * m * k).astype(np.complex128))) / (2.0 * m) * h
+        z, twin = polynomial(s), polynomial(-c / m * h - s)
+        return np.where(np.abs(twin) > np.abs(z) * (1.0 + 1e-12), twin, z)
+    spring = h**2 * k * scheme.implicit_springs
+    if scheme.implicit_damping or not tendon:
+        held = m + h * c
+        a, b = m / (held + spring * (not sprung)), h**2 * k / (held + spring)
     else:
-        keep, pull = 1.0 / (1.0 + damper), spring / (1.0 + damper)
-    half = (1.0 + keep - pull) / 2.0
-    root = np.sqrt((half**2 - keep).astype(np.complex128))
-    outward: Poles = np.where(half < 0.0, -root, root)
-    return half + outward
+        a, b = 1.0 - h * c / m, h**2 * k / m
+    half = (1.0 + a - b) / 2.0
+    square = ((1.0 - a) ** 2 + b**2 - 2.0 * b * (1.0 + a)) / 4.0  # half^2 - a without the loss at small steps
+    root = np.sqrt(square.astype(np.complex128))
+    return np.where((square > 0.0) & (half < 0.0), half - root, half + root)
 
 
 def largest_angle(integrator: str, ratio: float = 0.0, *, tendon: bool = False) -> float:
-    """Largest stable `w h`; infinity for "discrete".
-
-    Closed forms for the semi-implicit steps, the root of the Runge-Kutta polynomial for RK4.
-    """
+    """Largest stable `w h` of a mode; infinity for "discrete"."""
     one_of("integrator", integrator, INTEGRATORS)
     if integrator == "discrete":
-        return float("inf")
+        return NEVER
     if integrator == "RK4":
-        grid = np.linspace(1.0, 4.0, 301)  # the polynomial's region is left once, between 2 and 3.3
-        inside = int(np.flatnonzero(np.abs(step_pole("RK4", grid, ratio)) <= 1.0 + 1e-12)[-1])
-        return float(brentq(lambda x: abs(complex(step_pole("RK4", x, ratio))) - 1.0, grid[inside], grid[inside + 1]))
+        return runge_kutta_limit(complex(-ratio, np.sqrt(1.0 - ratio**2)))
     root = 2.0 * np.sqrt(1.0 + ratio**2)
     return float(root - 2.0 * ratio if integrator == "Euler" and tendon else root + 2.0 * ratio)
 
 
-def numerical_pole(integrator: str, omega: float, ratio: float, timestep: float, *, tendon: bool = False) -> complex:
-    """`log(z) / h` of the oscillating pole of one step [rad/s]: what the simulation shows instead of the structure."""
-    return complex(np.log(step_pole(integrator, omega * timestep, ratio, tendon=tendon)) / timestep)
+def runge_kutta_limit(pole: complex) -> float:
+    """Largest step [s] at which RK4 does not let a continuous pole [1/s] grow."""
+    size = abs(pole)
+    direction = pole / size if pole.real < 0.0 else 1j  # a pole right of the axis by rounding counts as undamped
+
+    def excess(x: Any) -> Any:
+        return np.abs(polynomial(x * direction)) - 1.0
+
+    grid = np.linspace(0.5, 4.0, 351)
+    first = int(np.flatnonzero(excess(grid) > 1e-12)[0])
+    return float(brentq(excess, float(grid[first - 1]), float(grid[first]), xtol=1e-14)) / size
+
+
+def placed(
+    integrator: str,
+    stiffness: ArrayLike,
+    first: ArrayLike,
+    second: ArrayLike,
+    timestep: float,
+    *,
+    phase: float | None = None,
+    damping: ArrayLike | None = None,
+) -> Timed:
+    """Mass and damping with which a step has the poles `exp(s h)` and each mode its own static response.
+
+    Beyond the phase limit both poles are scaled back to it. A clamped mode gets the damping with which the residual of
+    the step's characteristic equation at the wanted pole is least.
+
+    Args:
+        integrator: MuJoCo's name; under RK4 and "discrete" the modes stay, RK4's beyond the limit are slowed.
+        stiffness: `k` per unit modal mass [1/s^2].
+        first, second: poles `s` of the mode [1/s], which need not belong to `stiffness` alone.
+        timestep: `h` [s].
+        phase: [rad] limit per step; the scheme's own where left out.
+        damping: of the untouched mode [1/s]; `-(s1 + s2)` where left out.
+    """
+    one_of("integrator", integrator, INTEGRATORS)
+    scheme, h = SCHEMES[integrator], float(timestep)
+    limit = scheme.phase if phase is None else float(phase)
+    s1, s2 = np.asarray(first, dtype=np.complex128), np.asarray(second, dtype=np.complex128)
+    k, s1, s2 = np.broadcast_arrays(np.asarray(stiffness, dtype=np.float64), s1, s2)
+    turn = np.maximum(np.abs(s1), np.abs(s2)) * h
+    slowed = turn > limit
+    if not scheme.exact:
+        own = -np.real(s1 + s2) if damping is None else np.broadcast_to(np.asarray(damping, dtype=np.float64), k.shape)
+        factor = np.where(slowed, turn / limit, 1.0)
+        return Timed(factor**2, own * factor, slowed, np.zeros(k.shape, dtype=np.bool_))
+    back = np.where(slowed, limit / np.maximum(turn, 1e-300), 1.0) * h
+    # z^2 - (1 + a - b) z + a = 0 with a = z1 z2, b = (1 - z1)(1 - z2)
+    total = np.real((s1 + s2) * back)
+    mass = h**2 * k / np.real(np.expm1(s1 * back) * np.expm1(s2 * back))
+    drag = -mass * np.expm1(total) / h
+    if scheme.implicit_damping:
+        mass = np.exp(total) * mass
+    clamped = mass < 1.0 - 1e-12
+    if scheme.implicit_damping and np.any(clamped):
+        z = np.exp(s1 * back)
+        slope = z * (1.0 - h**2 * k) - 1.0  # residual: z^2 - z - a slope
+        keep = np.real(np.conj(slope) * (z**2 - z)) / np.abs(slope) ** 2
+        drag = np.where(clamped, (1.0 / np.clip(keep, 1e-6, 1.0) - 1.0) / h, drag)
+    return Timed(np.maximum(mass, 1.0), np.maximum(drag, 0.0) + 0.0, slowed, clamped)
+
+
+def timed(
+    integrator: str, frequency: ArrayLike, ratio: ArrayLike, timestep: float, *, phase: float | None = None
+) -> Timed:
+    """`placed` for modes at `w` [rad/s] with damping ratios.
+
+    Example:
+        >>> timed("Euler", 2.0, 0.0, 0.5).mass  # 1/(4 sin^2(1/2))
+        array(1.08768...)
+    """
+    w, zeta = np.broadcast_arrays(np.asarray(frequency, dtype=np.float64), np.asarray(ratio, dtype=np.float64))
+    return placed(integrator, w**2, *continuous_poles(w, zeta), timestep, phase=phase, damping=2.0 * zeta * w)
+
+
+def hinge_armature(stiffness: ArrayLike, timestep: float) -> Array:
+    """`k h^2/12` for hinge springs [N m/rad]: Euler's step is right to fourth order."""
+    return np.asarray(stiffness, dtype=np.float64) * timestep**2 / 12.0
+
+
+def start_rate(position: ArrayLike, rate: ArrayLike, frequency: ArrayLike, ratio: ArrayLike, timestep: float) -> Array:
+    """The rate to start a mode with, so that all later positions are the exact ones: its mean over the step before.
+
+    Args:
+        position, rate: modal displacement and its true rate [1/s] at the start.
+        frequency: `w` [rad/s]; of a slowed mode the slowed one.
+        timestep: `h` [s].
+
+    Example:
+        >>> start_rate(1.0, 0.0, 0.1, 0.0, 1.0)  # released at its largest displacement: it was on its way out
+        array(0.00499583...)
+    """
+    q, v = np.asarray(position, dtype=np.float64), np.asarray(rate, dtype=np.float64)
+    w, zeta = np.asarray(frequency, dtype=np.float64), np.asarray(ratio, dtype=np.float64)
+    h, x = float(timestep), w * timestep
+    y = x * np.sqrt((1.0 - zeta**2).astype(np.complex128))
+    small = np.abs(y) < 1e-6
+    sinc = np.real(np.where(small, 1.0 - y**2 / 6.0, np.sin(y) / np.where(small, 1.0, y)))
+    grown = np.exp(zeta * x)
+    # q(-h) = exp(zeta x) (q0 cos y - h (v0 + zeta w q0) sin(y)/y)
+    gone = 2.0 * np.real(np.sin(y / 2.0) ** 2)  # 1 - cos y
+    return (q * (gone * grown - np.expm1(zeta * x)) + grown * h * (v + zeta * w * q) * sinc) / h

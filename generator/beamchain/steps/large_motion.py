@@ -1,15 +1,12 @@
 """Where the linear equivalence ends: spin, slew and acceleration at which a chain leaves 1 % of a fine one.
 
-A chain keeps its geometry in large motion, but has few links. It is held against a chain of 60 equal links of the same
-beam under the same load: in spin by its frequencies (centrifugal stiffening), under acceleration and slew by the static
-displacement of its mass centre and the moment at its root. Each is first divided by what it is in small motion, so that
-only the effect of large motion is compared.
+Each quantity is compared with that of 60 equal links, both divided by their value in small motion.
 
 Theory: docs/theory.md, section 7.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from scipy.optimize import brentq, fsolve
@@ -29,12 +26,9 @@ FASTEST = 30.0  # spin, in first frequencies, up to which is looked
 
 @dataclass(frozen=True, eq=False)
 class _Plane:
-    """A chain in one bending plane, as arrays over its moving links.
+    """A chain in one bending plane: `h` hinges, `h + 1` links, stiffness and armature `(h, h)` over the hinge angles.
 
-    Args:
-        hinges: `(h,)` [m].
-        stiffness, armature: `(h, h)` over the hinge angles [N m/rad], [kg m^2].
-        mass, com, inertia, along: `(h + 1,)` per link: mass, mass centre, inertia in the plane, second moment along x.
+    `along`: second moment of each link along x [kg m^2].
     """
 
     hinges: Array
@@ -46,13 +40,7 @@ class _Plane:
     along: Array
 
     def frequencies(self, rate: float, radius: float, *, flap: bool) -> Array:
-        """Frequencies [rad/s] at a spin [rad/s] about an axis across the root's radius.
-
-        Args:
-            rate: [rad/s].
-            radius: from the axis to the root [m].
-            flap: bending out of the plane of spin; False: in it (lag).
-        """
+        """Frequencies [rad/s] at a spin `rate` [rad/s] about an axis at `radius` [m] from the root."""
         h = self.hinges.size
         turned = np.tril(np.ones((h, h)))  # angle of link j + 1 from the hinge angles
         arms = np.where(np.tri(h, h, dtype=bool), self.com[1:, None] - self.hinges[None, :], 0.0)
@@ -66,24 +54,14 @@ class _Plane:
         return 1.0 / np.sqrt(np.sort(squares[squares > 0.0])[::-1])
 
     def _spans(self) -> Array:
-        """`(h, h)`: length along x of link j that lies before the mass centre of link k, entry (k, j)."""
-        h = self.hinges.size
-        ends = np.append(self.hinges[1:], 0.0)
-        span = np.zeros((h, h))
-        for k in range(h):
-            span[k, :k] = ends[:k] - self.hinges[:k]
-            span[k, k] = self.com[k + 1] - self.hinges[k]
-        return span
+        """`(h, h)`: length along x of link j before the mass centre of link k, entry (k, j)."""
+        between = np.append(np.diff(self.hinges), 0.0)
+        return np.tril(np.tile(between, (between.size, 1)), -1) + np.diag(self.com[1:] - self.hinges)
 
     def bent(self, acceleration: float, slew: float) -> tuple[float, float]:
-        """Displacement of the mass centre and moment at the root under inertia loads, both over the load's own size.
-
-        Args:
-            acceleration: of the root, across the chain [m/s^2].
-            slew: angular acceleration of the root [rad/s^2].
-        """
+        """Displacement of the mass centre and moment at the root under acceleration or slew."""
         span = self._spans()
-        angles = fsolve(lambda a: self._unbalance(a, acceleration, slew, span), self._linear(acceleration, slew, span))
+        angles = fsolve(lambda a: self._unbalance(a, acceleration, slew, span), self._linear(acceleration, slew))
         x, y = self._places(angles, span)
         force_x, force_y = self._forces(x, y, acceleration, slew)
         moment = float(np.sum(force_y * x - force_x * y) - slew * np.sum(self.inertia))
@@ -107,9 +85,8 @@ class _Plane:
         moment = turning - at_x * (outer @ force_y[1:]) + at_y * (outer @ force_x[1:])
         return np.linalg.solve(self.stiffness, moment) - np.diff(angles, prepend=0.0)
 
-    def _linear(self, acceleration: float, slew: float, span: Array) -> Array:
+    def _linear(self, acceleration: float, slew: float) -> Array:
         """Angles of the links in small motion."""
-        del span
         force = -self.mass[1:] * (acceleration + slew * self.com[1:])
         arms = np.maximum(self.com[1:, None] - self.hinges[None, :], 0.0) * np.tri(self.hinges.size)
         turn = np.triu(np.ones((self.hinges.size, self.hinges.size))) @ (slew * self.inertia[1:])
@@ -144,12 +121,10 @@ class LargeMotion:
 
     Args:
         port: the plane.
-        spin: rate [rad/s].
+        spin: rate [rad/s]; infinity: beyond 30 first frequencies.
         acceleration: of the root, across the chain [m/s^2].
         slew: angular acceleration of the root [rad/s^2].
         bent: displacement of the mass centre over the length at the acceleration limit.
-
-    Infinity: beyond what was looked at (spin 30 first frequencies, mass centre displaced by half the length).
     """
 
     port: str
@@ -159,13 +134,7 @@ class LargeMotion:
     bent: float
 
     def exceeded(self, *, spin: float = 0.0, acceleration: float = 0.0, slew: float = 0.0) -> list[str]:
-        """Sentences for what a run exceeded; empty where the chain is still within 1 %.
-
-        Args:
-            spin: largest rate of the hub across the appendage in the run [rad/s].
-            acceleration: largest acceleration of the root across the appendage [m/s^2].
-            slew: largest angular acceleration across the appendage [rad/s^2].
-        """
+        """Sentences for what a run exceeded; empty where the chain is within 1 %."""
         given = {
             "spin": (spin, self.spin, "rad/s"),
             "acceleration": (acceleration, self.acceleration, "m/s^2"),
@@ -183,13 +152,7 @@ class LargeMotion:
 
     def as_dict(self) -> dict[str, float | str]:
         """For stability.json."""
-        return {
-            "port": self.port,
-            "spin": self.spin,
-            "acceleration": self.acceleration,
-            "slew": self.slew,
-            "bent": self.bent,
-        }
+        return asdict(self)
 
 
 def large_motion(
@@ -244,7 +207,7 @@ def large_motion(
 
 
 def _leaves(error: Callable[[float], float], start: float, end: float) -> float:
-    """First x between `start` and `end` at which the error passes 1 %; infinity where it does not."""
+    """First x at which the error passes 1 %; infinity where it does not."""
     grid = np.geomspace(start, end, 16)
     values = [error(float(x)) - LEFT for x in grid]
     if values[0] > 0.0:
@@ -255,33 +218,10 @@ def _leaves(error: Callable[[float], float], start: float, end: float) -> float:
     return float("inf")
 
 
-def exceeded(
-    limits: Mapping[str, LargeMotion], rates: Mapping[str, float], accelerations: Mapping[str, float]
-) -> list[str]:
-    """Warnings for a run: what it exceeded, over all planes.
-
-    Args:
-        limits: per plane.
-        rates: largest rate of the hub per plane of bending it swings the appendage in [rad/s].
-        accelerations: largest acceleration of the root per plane [m/s^2].
-    """
-    out: list[str] = []
-    for port, limit in limits.items():
-        out += limit.exceeded(spin=rates.get(port, 0.0), acceleration=accelerations.get(port, 0.0))
-    return out
-
-
 def large_limits(
     chain: Chain, beam: Beam, modes: Mapping[str, int], radius: float = 0.0
 ) -> tuple[dict[str, LargeMotion], tuple[str, ...]]:
-    """Large-motion limits of a chain per bending plane, and why one could not be had.
-
-    Args:
-        chain: fitted.
-        beam: that it was fitted to.
-        modes: kept, per port.
-        radius: of the root from the hub's centre [m].
-    """
+    """Large-motion limits per bending plane, the root at `radius` [m], and what failed."""
     out: dict[str, LargeMotion] = {}
     reasons: list[str] = []
     for port in ("xy", "xz"):

@@ -1,45 +1,174 @@
-"""Step limits of a model: where each integrator blows up, and which step gives 1 % and 0.1 % of the first frequency.
+"""Step limits of a linear model: stability and accuracy per integrator, and the cheapest step for a scene.
 
 Theory: docs/theory.md, sections 5 and 6.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq, linear_sum_assignment
 
+from beamchain.checks import one_of
+from beamchain.engine.library import one_thread
+from beamchain.engine.linearise import runge_kutta_step, system_matrix
+from beamchain.errors import EngineError
+from beamchain.ports.compare import NARROWEST, band_grid, clusters, damped, largest, spectral_norms
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
-from beamchain.steps.integrators import INTEGRATORS
-from beamchain.steps.one_step import LinearModel, Poles
+from beamchain.steps.integrators import INTEGRATORS, Complex, polynomial, runge_kutta_limit, step_pole
 
-AT_REST = 1e-5  # of the fastest pole: what is slower is rigid motion, at rounding level for a free joint
+AT_REST = 1e-5  # nearer to 1, or slower than this share of the fastest: rigid motion
+MOST_CONFIRMED = 40  # times a step is shortened until the poles of the whole step confirm it
+CONFIRMED = 0.98  # by as much
 ERRORS = (1e-2, 1e-3)  # of the lowest frequency, for which the step is stated
 UNDAMPED = 1e-10  # ratios below it are rounding
+MARGIN = 0.8  # of the stability limit
+NEARLY = 0.99  # ratio that an overdamped mode is given: it has no frequency to keep
+
+#: Cost of a step against Euler's, measured on hub and 3 links (`tests/benchmarks/fit_time.py` prints them).
+RELATIVE_COST = {"Euler": 1.0, "implicitfast": 1.1, "implicit": 2.0, "discrete": 1.15, "RK4": 3.8}
 
 
-@dataclass(frozen=True)
-class StepLimits:
-    """Step limits of a model.
+class StepLimits(NamedTuple):
+    """Step limits of a model."""
+
+    omega_max: float  #: fastest coupled frequency, or rate of an overdamped mode [rad/s]
+    ratio: float  #: its damping ratio; 1 where it is overdamped
+    largest_step: dict[str, float]  #: per integrator [s]; infinity: no limit
+    accuracy: dict[str, tuple[float, float]]  #: per integrator, steps [s] for the `ERRORS`; empty where nothing rings
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """A linear model in units of its own mass matrix, all matrices `(nv, nv)`.
 
     Args:
-        omega_max: fastest coupled frequency, or rate of an overdamped mode [rad/s].
-        ratio: its damping ratio; 1 where it is overdamped.
-        largest_step: per integrator [s]; infinity: no limit.
-        accuracy: per integrator, steps for 1 % and 0.1 % error of the slowest frequency [s]; empty where none rings.
+        stiffness: `M^-1 K` [1/s^2].
+        damping: `M^-1 D`, all of it [1/s].
+        euler_damping: the share of `damping` that Euler integrates implicitly (that of joints).
+        discrete_stiffness: the share of `stiffness` that "discrete" integrates implicitly.
+        discrete_tendons: the share of fixed tendons, whose springs "discrete" takes implicitly for the force of the
+            position alone.
+        preload: what pulls at the rest pose, as a sentence; empty: nothing.
     """
 
-    omega_max: float
-    ratio: float
-    largest_step: dict[str, float]
-    accuracy: dict[str, tuple[float, float]]
+    stiffness: Array
+    damping: Array
+    euler_damping: Array
+    discrete_stiffness: Array
+    discrete_tendons: Array | float = 0.0
+    preload: str = ""
+
+    def poles(self) -> Complex:
+        """`(2 nv,)` poles of the continuous system [1/s]."""
+        return np.linalg.eigvals(system_matrix(self.stiffness, self.damping)).astype(np.complex128)
+
+    def _parts(self, integrator: str) -> tuple[Array, Array, Array, Array]:
+        """Implicit and explicit damping, implicit stiffness, and the tendons' share of it."""
+        nothing = np.zeros_like(self.stiffness)
+        if integrator == "Euler":
+            return self.euler_damping, self.damping - self.euler_damping, nothing, nothing
+        if integrator != "discrete":
+            return self.damping, nothing, nothing, nothing
+        return self.damping, nothing, self.discrete_stiffness + self.discrete_tendons, nothing + self.discrete_tendons
+
+    def step(self, integrator: str, timestep: float) -> Array:
+        """`(2 nv, 2 nv)` one step in the states (q, h v), so that all entries are pure numbers."""
+        one_of("integrator", integrator, INTEGRATORS)
+        h, n = timestep, self.stiffness.shape[0]
+        if integrator == "RK4":
+            return runge_kutta_step(system_matrix(h**2 * self.stiffness, h * self.damping))
+        eye = np.eye(n)
+        implicit, explicit, spring, held = self._parts(integrator)
+        left = eye + h * implicit + h**2 * spring
+        solved = np.linalg.solve(left, np.hstack([h**2 * self.stiffness, eye - h * explicit]))
+        pull, keep = solved[:, :n], solved[:, n:]
+        if np.any(held):
+            keep = np.linalg.solve(left - h**2 * held, eye - h * explicit)
+        return np.asarray(np.block([[eye - pull, keep], [-pull, keep]]), dtype=np.float64)
+
+    def largest_step(self, integrator: str) -> float:
+        """Largest stable step [s]; infinity where there is none."""
+        one_of("integrator", integrator, INTEGRATORS)
+        poles = self.poles()
+        fastest = float(np.max(np.abs(poles), initial=0.0))
+        if np.any(poles.real > 1e-5 * fastest):
+            raise EngineError(
+                self.preload
+                or f"the model is unstable about its rest pose at any step (a pole at {np.max(poles.real):.3g} 1/s): "
+                "a spring or damper is negative, or gravity tips it over; linearise it about a stable pose."
+            )
+        if integrator == "RK4":
+            return min((runge_kutta_limit(p) for p in poles[np.abs(poles) > 1e-5 * fastest]), default=float("inf"))
+        implicit, explicit, spring, _ = self._parts(integrator)
+        inverse = np.linalg.eigvals(system_matrix((2.0 * spring - self.stiffness) / 4.0, (implicit - explicit) / 2.0))
+        real = inverse.real[(np.abs(inverse.imag) <= 1e-6 * np.abs(inverse)) & (inverse.real > 1e-9 * fastest)]
+        return 1.0 / float(np.max(real)) if real.size else float("inf")
+
+    def step_for_error(self, integrator: str, pole: complex, error: float, limit: float) -> float:
+        """Largest step [s], up to `limit`, below which the simulated frequency of a mode keeps within a relative `error`.
+
+        The step of that mode alone, at `pole` [1/s] above the real axis, proposes it; the whole model's confirms it.
+        """
+        limit = min(limit, 3.0 / abs(pole))
+        shown = self._frequency(integrator, pole)
+
+        def miss(h: ArrayLike) -> Array:
+            return np.abs(shown(np.asarray(h, dtype=np.float64)) / abs(pole) - 1.0) - error
+
+        steps = limit * np.geomspace(1e-4, 1.0, 400)
+        over = np.flatnonzero(miss(steps) > 0.0)
+        step = limit
+        if over.size:
+            low, high = float(steps[max(over[0] - 1, 0)]), float(steps[over[0]])
+            step = float(brentq(lambda h: float(miss(h)), low, high, rtol=1e-10)) if low < high else low
+        for _ in range(MOST_CONFIRMED):
+            found = abs(complex(self.shown(integrator, step, np.array([pole]))[0]))
+            if abs(found / abs(pole) - 1.0) <= error * (1.0 + 1e-6):
+                break
+            step *= CONFIRMED
+        return step
+
+    def _frequency(self, integrator: str, pole: complex) -> Callable[[Array], Array]:
+        """What steps [s], any shape, show of the mode at `pole`, alone: `|log(z)| / h` [1/s]."""
+        if integrator == "RK4":
+            return lambda h: np.abs(np.log(polynomial(pole * h))) / h
+        values, shapes = np.linalg.eig(self.stiffness)
+        k = int(np.argmin(np.abs(values - abs(pole) ** 2)))
+        x, y = shapes[:, k], np.linalg.inv(shapes)[k]  # y x = 1
+        implicit, explicit, spring, held = (float(np.real(y @ part @ x)) for part in self._parts(integrator))
+        own, total = max(-2.0 * pole.real, 0.0), implicit + explicit  # the mode's damping, as the pole has it
+        share = min(max(implicit / total, 0.0), 1.0) if total > 1e-12 * abs(pole) else 1.0
+        implicit = own * share
+
+        def frequency(h: Array) -> Array:  # z^2 - (2 - lost - pull) z + 1 - lost: no difference of nearly equal numbers
+            lost = (h * own + h**2 * (spring - held)) / (1.0 + h * implicit + h**2 * (spring - held))
+            pull = h**2 * abs(pole) ** 2 / (1.0 + h * implicit + h**2 * spring)
+            half = (lost + pull) / 2.0
+            turn = np.sqrt(np.maximum(pull - half**2, 0.0))
+            slow = 0.5 * np.log1p(-np.minimum(lost, 1.0 - 1e-15))
+            size = np.where(turn > 0.0, slow, np.log(np.abs(1.0 - half) + 1e-300))
+            return np.hypot(size, np.arctan2(turn, 1.0 - half)) / h
+
+        return frequency
+
+    def shown(self, integrator: str, timestep: float, wanted: Complex) -> Complex:
+        """`(k,)` `log(z) / h` [1/s] that the simulation shows for `wanted` poles `(k,)`."""
+        z = np.linalg.eigvals(self.step(integrator, timestep)).astype(np.complex128)
+        s = np.log(z[np.abs(z) > 1e-14]) / timestep
+        s = s[s.imag >= -1e-9 * np.abs(s)]
+        cost = np.abs(np.log(np.maximum(np.abs(s[None, :]), 1e-300) / np.abs(wanted)[:, None]))
+        rows, columns = linear_sum_assignment(np.minimum(cost, 1e3))
+        out = np.full(wanted.size, np.nan + 0j)
+        out[rows] = s[columns]
+        return out
 
 
 def step_limits(model: LinearModel) -> StepLimits:
-    """Step limits from one step's own matrices, overdamped modes included.
-
-    Raises:
-        EngineError: the model falls over by itself; no step is stable.
-    """
+    """Step limits from one step's own matrices, overdamped modes included."""
     poles = model.poles()
     moving = poles[np.abs(poles) > AT_REST * float(np.max(np.abs(poles), initial=0.0))]
     if moving.size == 0:
@@ -49,45 +178,123 @@ def step_limits(model: LinearModel) -> StepLimits:
     limits = {name: model.largest_step(name) for name in INTEGRATORS}
     accuracy: dict[str, tuple[float, float]] = {}
     ringing = oscillating(poles)
-    if ringing.size:
-        for name in INTEGRATORS:
-            one, tenth = (model.step_for_error(name, complex(ringing[0]), e, limits[name]) for e in ERRORS)
-            accuracy[name] = one, tenth
+    for name in INTEGRATORS if ringing.size else ():
+        one, tenth = (model.step_for_error(name, complex(ringing[0]), e, limits[name]) for e in ERRORS)
+        accuracy[name] = one, tenth
     return StepLimits(float(abs(fastest)), 0.0 if ratio < UNDAMPED else ratio, limits, accuracy)
 
 
-def oscillating(poles: Poles) -> Poles:
+def oscillating(poles: Complex) -> Complex:
     """Poles with positive imaginary part, slowest first, rigid motion left out [1/s]."""
     ringing = poles[poles.imag > AT_REST * float(np.max(np.abs(poles), initial=0.0))]
     return ringing[np.argsort(np.abs(ringing))]
 
 
-def oscillations(poles: Poles) -> tuple[Array, Array]:
-    """Frequencies `(n,)` [rad/s], ascending, and damping ratios of what oscillates among continuous poles [1/s]."""
+def oscillations(poles: Complex) -> tuple[Array, Array]:
+    """Frequencies `(n,)` [rad/s], ascending, and damping ratios of what oscillates."""
     ringing = oscillating(poles)
     ratios = np.clip(-ringing.real / np.abs(ringing), 0.0, None)
     return np.abs(ringing), np.where(ratios < UNDAMPED, 0.0, ratios)
 
 
 def coupled_limits(model: PortModel, hub: Array | None, *, tendon: bool, sprung: bool = False) -> StepLimits:
-    """Step limits of a port model on a hub `(m, m)`, or alone.
-
-    Args:
-        model: the appendage.
-        hub: mass matrix about the port; None: nothing but the appendage.
-        tendon: the damping sits on tendons, which Euler integrates explicitly.
-        sprung: so do the springs, which "discrete" takes otherwise.
-    """
+    """Step limits of a port model on a hub `(m, m)`; `tendon`, `sprung`: see `step_pole`."""
     stiffness, damping = normalised(model if hub is None else model.with_hub(hub))
     nothing = np.zeros_like(damping)
-    springs = (nothing, stiffness) if sprung else (stiffness, None)
+    springs = (nothing, stiffness) if sprung else (stiffness, 0.0)
     return step_limits(LinearModel(stiffness, damping, nothing if tendon else damping, *springs))
 
 
 def normalised(model: PortModel) -> tuple[Array, Array]:
-    """Stiffness and damping `(n, n)` of a free port model in coordinates with a unit mass matrix: both symmetric."""
+    """Stiffness and damping `(n, n)` of a free port model, its mass matrix the unit one."""
     compliance = np.eye(model.modes) + model.participation @ model.gains @ model.participation.T
     values, vectors = np.linalg.eigh((compliance + compliance.T) / 2.0)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     spring, damper = model.frequencies[:, None] ** 2, (2.0 * model.damping * model.frequencies)[:, None]
     return root.T @ (spring * root), root.T @ (damper * root)
+
+
+@dataclass(frozen=True)
+class StepChoice:
+    """One integrator: its largest step [s], the bound, "tolerance" or "stability", and its relative cost."""
+
+    integrator: str
+    step: float
+    bound: str
+    cost: float
+
+
+@one_thread()
+def choose_step(
+    model: PortModel,
+    hub_mass: Array,
+    keep: Sequence[int],
+    bandwidth: float,
+    tolerance: float,
+    *,
+    tendon: bool = False,
+    sprung: bool = False,
+) -> tuple[StepChoice, ...]:
+    """Every integrator's largest step for a model with six motions on a hub `(6, 6)`, cheapest first.
+
+    The in-band error up to `bandwidth` [rad/s] of the response with the poles moved as the step moves them stays below
+    `tolerance`; `keep`: hub motions that count; `tendon`, `sprung`: as of `integrators.step_pole`.
+    """
+    coupled = damped(model).with_hub(hub_mass)
+    w, p = coupled.free_frequencies, coupled.free_port_values[:, keep]
+    if w.size == 0:
+        return ()
+    ratios = _coupled_ratios(coupled)
+    s = np.sqrt(np.diag(coupled.rigid_mass))[list(keep)]
+    grid = band_grid([coupled], bandwidth)
+    rigid = (coupled.rigid_port_values @ coupled.rigid_port_values.T)[np.ix_(keep, keep)] * np.outer(s, s)
+    stable = coupled_limits(coupled, None, tendon=tendon, sprung=sprung).largest_step
+    frozen = float(np.linalg.norm(rigid, 2))
+    known = rigid + _flexible(grid, w, ratios, p, s)
+    below = np.maximum(spectral_norms(known), frozen)
+    out: list[StepChoice] = []
+    for name in INTEGRATORS:
+        limit = MARGIN * min(stable[name], 3.0 / float(w[0]))
+
+        def over(h: float, name: str = name) -> bool:
+            x = w * h
+            z = step_pole(name, 1.0, 2.0 * ratios * x, x**2, 1.0, tendon=tendon, sprung=sprung)
+            pole = np.log(z) / h
+            moved, lost = np.abs(pole), -pole.real / np.maximum(np.abs(pole), 1e-300)
+            new = clusters(np.column_stack([moved, lost]), bandwidth)
+            if new.size:
+                ours, exact = (rigid + _flexible(new, *poles, p, s) for poles in ((moved, lost), (w, ratios)))
+                if largest(ours - exact, np.maximum(spectral_norms(exact), frozen)) > tolerance:
+                    return True
+            return largest(rigid + _flexible(grid, moved, lost, p, s) - known, below) > tolerance
+
+        bound, step = "stability", limit
+        if over(limit):
+            bound = "tolerance"
+            low, high = 1e-6 * limit, limit
+            for _ in range(11):  # to 1 %
+                middle = float(np.sqrt(low * high))
+                low, high = (low, middle) if over(middle) else (middle, high)
+            step = low
+        out.append(StepChoice(name, step, bound, RELATIVE_COST[name] / step))
+    cheapest = min(c.cost for c in out)
+    return tuple(
+        sorted((StepChoice(c.integrator, c.step, c.bound, c.cost / cheapest) for c in out), key=lambda c: c.cost)
+    )
+
+
+def _flexible(omega: Array, w: Array, ratios: Array, p: Array, s: Array) -> Complex:
+    """`(f, m, m)` flexible part of the scaled accelerance."""
+    x, ratios = 1j * omega[:, None], np.maximum(ratios, NARROWEST)
+    weight = x**2 / (x**2 + 2.0 * ratios * w * x + w**2)
+    rows = p * s
+    outer = (rows[:, :, None] * rows[:, None, :]).reshape(len(rows), -1)
+    return np.asarray(weight @ outer, dtype=np.complex128).reshape(-1, rows.shape[1], rows.shape[1])
+
+
+def _coupled_ratios(coupled: PortModel) -> Array:
+    """Damping ratios of the free modes, below 1, in order of frequency."""
+    stiffness, damping = normalised(coupled)
+    squares, shapes = np.linalg.eigh(stiffness)
+    ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (2.0 * np.sqrt(np.maximum(squares, 1e-300)))
+    return np.clip(ratios[-coupled.free_frequencies.size :], 0.0, NEARLY)

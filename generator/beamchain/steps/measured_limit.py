@@ -85,7 +85,7 @@ def _bisect(model: "mujoco.MjModel", integrator: str, guess: float, velocity: Ar
 
 
 def _perturbation(model: "mujoco.MjModel", guess: float, seed: int) -> Array:
-    """Velocities of all hinges and slides that move them by some `SMALL` per step; a free base stays."""
+    """Velocities that move all hinges and slides by some `SMALL` per step."""
     scale = np.zeros(model.nv)
     for j in range(model.njnt):
         if int(model.jnt_type[j]) in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):

@@ -1,17 +1,11 @@
-"""The modal tendons of a compiled model: which they are, their numbers, and the step they were written for.
+"""The modal tendons of a compiled model, and the step they were written for.
 
-An appendage's modes are fixed tendons `PREFIX_mode<k>_<port>` (`PREFIX_mode<k>` where modes couple ports) and
-`PREFIX_filler<k>`, each as long as its mode's amplitude: stiffness `w^2`, damping `2 zeta w`, modal mass 1.
-
-**The mark.** A tendon that was made exact in time says so in its `solimplimit`, which MuJoCo reads for limited tendons
-only; these have `limited="false"`. Its five numbers are
+Modes are fixed tendons `PREFIX_mode<k>_<port>` and `PREFIX_filler<k>`, as long as the mode's amplitude, of modal mass
+1. One that was made exact in time says so in `solimplimit`, which MuJoCo reads for limited tendons only:
 
     solimplimit = "timestep  integrator  form  damping  stiffness"
 
-the step [s], MuJoCo's number of the integrator, the form (2, 3 or 4), and the tendon's damping and stiffness as they were.
-It travels with the element: `<attach>`, `MjSpec.attach`, `<include>`, pasted text, `<replicate>`, MJX and Warp keep all
-five, to the last bit, and no default class reaches a number that is written out (measured with MuJoCo 3.13, 3.17 and 4.0; only
-`to_xml`, which writes every number so, rounds them to 6 digits).
+damping and stiffness as they were. Attaching, including, replicating, MJX and Warp keep all five to the last bit.
 """
 
 import re
@@ -21,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.engine.forces import wraps
+from beamchain.engine.forces import along, wraps
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import INTEGRATORS, NUMBERS
+from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked
 
@@ -37,13 +31,7 @@ FORMS = (2, 3, 4)
 
 
 class MadeFor(NamedTuple):
-    """What a model was made exact for.
-
-    Args:
-        timestep: [s].
-        integrator: MuJoCo's name.
-        form: 2: each mode of the held appendage; 3: the coupled modes of the craft; 4: as 2, tuned for the craft.
-    """
+    """Step [s], integrator and form that a model was made exact for."""
 
     timestep: float
     integrator: str
@@ -52,16 +40,7 @@ class MadeFor(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Modal:
-    """The modal tendons of a model, as they are now.
-
-    Args:
-        index: `(n,)` tendon numbers.
-        names: of the tendons.
-        rows: `(n, nv)` coefficients over the model's degrees of freedom.
-        stiffness: `(n,)` [1/s^2].
-        damping: `(n,)` as it was before the model was made exact in time [1/s].
-        made_for: per tendon; None: for no step.
-    """
+    """The modal tendons of a model; `damping` [1/s] is that before they were retimed."""
 
     index: Ints
     names: tuple[str, ...]
@@ -84,78 +63,34 @@ class Modal:
 
 
 def modal_tendons(model: "mujoco.MjModel") -> Modal:
-    """The modal tendons of a model, found by name; none where it has none.
-
-    A tendon that has the name, but is limited, runs through sites, has no spring or holds an unnamed sort of joint, is not one.
-
-    Args:
-        model: compiled.
-    """
-    index: list[int] = []
-    names: list[str] = []
-    rows: list[Array] = []
-    made_for: list[MadeFor | None] = []
-    damping: list[float] = []
-    for i in range(model.ntendon):
-        name = str(model.tendon(i).name)
-        if not PATTERN.fullmatch(name) or bool(model.tendon_limited[i]) or not float(model.tendon_stiffness[i]) > 0.0:
-            continue
-        row = _row(model, i)
-        if row is None:
-            continue
-        mark = _mark(model, i)
-        index.append(i)
-        names.append(name)
-        rows.append(row)
-        made_for.append(mark)
-        damping.append(float(model.tendon_damping[i] if mark is None else model.tendon_solimp_lim[i, 3]))
+    """Unlimited tendons with such a name and a spring, over hinges and slides only."""
+    own = [
+        i
+        for i in range(model.ntendon)
+        if PATTERN.fullmatch(model.tendon(i).name) and not model.tendon_limited[i] and model.tendon_stiffness[i] > 0.0
+    ]
+    own = [i for i in own if _plain(model, i)]
+    made_for = tuple(_mark(model, i) for i in own)
+    before = [
+        None if mark is None else float(model.tendon_solimp_lim[i, 3]) for i, mark in zip(own, made_for, strict=True)
+    ]
     return Modal(
-        np.array(index, dtype=np.intp),
-        tuple(names),
-        locked(np.array(rows).reshape(len(rows), model.nv)),
-        locked(np.array([float(model.tendon_stiffness[i]) for i in index])),
-        locked(damping),
-        tuple(made_for),
+        np.array(own, dtype=np.intp),
+        tuple(str(model.tendon(i).name) for i in own),
+        locked(np.array([along(model, i) for i in own]).reshape(len(own), model.nv)),
+        locked([float(model.tendon_stiffness[i]) for i in own]),
+        locked([float(model.tendon_damping[i]) if c is None else c for i, c in zip(own, before, strict=True)]),
+        made_for,
     )
 
 
-def made_for(model: "mujoco.MjModel") -> "list[MadeFor | None]":
-    """What the modal tendons of a model were made exact for, each answer once; empty where it has no modal tendons.
-
-    Args:
-        model: compiled.
-    """
-    out: list[MadeFor | None] = []
-    for mark in modal_tendons(model).made_for:
-        if mark not in out:
-            out.append(mark)
-    return out
-
-
-def mark_text(timestep: float, integrator: str, form: int, damping: float, stiffness: float) -> str:
-    """The `solimplimit` attribute of a tendon made exact in time, 17 digits.
-
-    Args:
-        timestep: [s].
-        integrator: MuJoCo's name.
-        form: 2, 3 or 4.
-        damping: of the tendon as it was [1/s].
-        stiffness: of the tendon as it was [1/s^2].
-    """
-    return " ".join(repr(float(v)) for v in (timestep, INTEGRATORS[integrator], form, damping, stiffness))
+def made_for(model: "mujoco.MjModel") -> list[MadeFor | None]:
+    """What the modal tendons were made exact for, each answer once."""
+    return list(dict.fromkeys(modal_tendons(model).made_for))
 
 
 def condensed(mass: Array, rows: Array) -> tuple[Array, Array]:
-    """The mass matrix that modal coordinates feel while the rest of the craft follows freely, and how it follows.
-
-    Args:
-        mass: `(nv, nv)`.
-        rows: `(n, nv)` tendon coefficients, independent.
-
-    Returns:
-        `(n, n)` `C = (B M^-1 B^T)^-1`, and `(nv, n)` the motion `M^-1 B^T C` of all degrees of freedom per unit of
-        each modal coordinate, so that `y^T C y` is twice the kinetic energy of the modal rates y.
-    """
+    """`C = (B M^-1 B^T)^-1` `(n, n)`, and `M^-1 B^T C` `(nv, n)`, the motion per mode."""
     spread = np.linalg.solve(mass, rows.T)
     flexible = rows @ spread
     c = np.linalg.inv((flexible + flexible.T) / 2.0)
@@ -164,11 +99,7 @@ def condensed(mass: Array, rows: Array) -> tuple[Array, Array]:
 
 
 def foreign(what: str) -> InputError:
-    """The answer to a model without modal tendons.
-
-    Args:
-        what: was asked for.
-    """
+    """The answer to a model without modal tendons."""
     return InputError(
         f"the model has no modal tendons (NAME_mode1_xy, ...), so that {what} is not possible; only appendages written "
         "by beamchain with springs on modal tendons can be made exact in time."
@@ -182,14 +113,7 @@ def _mark(model: "mujoco.MjModel", i: int) -> MadeFor | None:
     return MadeFor(step, NUMBERS[int(number)], int(form))
 
 
-def _row(model: "mujoco.MjModel", i: int) -> Array | None:
-    """Coefficients of a fixed tendon over the degrees of freedom; None for a spatial one."""
-    out = np.zeros(model.nv)
-    for w in wraps(model, i):
-        if int(model.wrap_type[w]) != JOINT:
-            return None
-        joint = int(model.wrap_objid[w])
-        if int(model.jnt_type[joint]) <= FREE_BALL:
-            return None
-        out[int(model.jnt_dofadr[joint])] += float(model.wrap_prm[w])
-    return out
+def _plain(model: "mujoco.MjModel", i: int) -> bool:
+    """Whether a tendon is a fixed one over hinges and slides."""
+    on = wraps(model, i)
+    return all(model.wrap_type[w] == JOINT and model.jnt_type[model.wrap_objid[w]] > FREE_BALL for w in on)

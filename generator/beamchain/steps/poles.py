@@ -8,10 +8,9 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain.caution import Caution
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import EPSILON, INTEGRATORS, NUMBERS
-from beamchain.errors import EngineError
+from beamchain.engine.linearise import EPSILON, NUMBERS, runge_kutta_step, system_matrix, transition
 from beamchain.ports.motions import Array
-from beamchain.steps import discrete
+from beamchain.steps.integrators import SCHEMES, Complex, seen, step_pole
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.retime import retime
 
@@ -56,8 +55,6 @@ class PoleRow:
 def pole_rows(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> list[PoleRow]:
     """Every oscillating mode of a craft at its own step and integrator, against the same craft without timing.
 
-    Through `mjd_transitionFD` of the whole model (RK4's, which it refuses, by its polynomial).
-
     Args:
         model: compiled.
         data: the state to linearise about; the initial one where left out. It is not changed.
@@ -90,23 +87,18 @@ def pole_rows(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> l
 
 
 def phase_limit(model: "mujoco.MjModel") -> float:
-    """[rad] per step beyond which the modes of a model were slowed: the lowest phase that a slowed tendon shows.
-
-    The integrator's usual limit where none was slowed; infinity where the model was not made exact in time.
-    """
+    """[rad] per step beyond which modes were slowed; infinity where none is retimed."""
     modal = modal_tendons(model)
     marks = [mark for mark in modal.made_for if mark is not None]
     if not marks:
         return float("inf")
-    limits = [discrete.SCHEMES[mark.integrator].phase for mark in marks]
+    limits = [SCHEMES[mark.integrator].phase for mark in marks]
     for j, i in enumerate(modal.index):
         mark = modal.made_for[j]
         if mark is None:
             continue
         w, h = float(np.sqrt(modal.stiffness[j])), mark.timestep
-        z = discrete.step_pole(
-            mark.integrator, 1.0 + float(model.tendon_armature[i]), float(model.tendon_damping[i]), w**2, h
-        )
+        z = step_pole(mark.integrator, 1.0 + model.tendon_armature[i], model.tendon_damping[i], w**2, h)
         shown = float(np.abs(np.log(z)))
         if w * h > 1.2 * shown:  # nothing but slowing shifts a mode so far
             limits.append(shown)
@@ -114,51 +106,26 @@ def phase_limit(model: "mujoco.MjModel") -> float:
 
 
 def step_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> Array:
-    """`(2 nv, 2 nv)` one step of the model's own integrator, states (position, velocity).
-
-    Raises:
-        EngineError: MuJoCo cannot linearise the model.
-    """
+    """`(2 nv, 2 nv)` one step of the model's own integrator, states (position, velocity)."""
     name = NUMBERS[int(model.opt.integrator)]
     if name != "RK4":
         return _transition(model, data, name)
-    f = continuous_matrix(model, data) * float(model.opt.timestep)
-    out, term = np.eye(f.shape[0]), np.eye(f.shape[0])
-    for k in range(1, 5):
-        term = term @ f / k
-        out = out + term
-    return np.asarray(out, dtype=np.float64)
+    return runge_kutta_step(continuous_matrix(model, data) * float(model.opt.timestep))
 
 
 def continuous_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> Array:
-    """`(2 nv, 2 nv)` the continuous system behind the model as it stands (its armature included).
-
-    Raises:
-        EngineError: MuJoCo cannot linearise the model.
-    """
+    """`(2 nv, 2 nv)` the continuous system behind the model as it stands."""
     a, nv, h = _transition(model, data, "implicitfast"), model.nv, float(model.opt.timestep)
     x = np.linalg.inv(a[nv:, nv:])
-    return np.asarray(
-        np.block([[np.zeros((nv, nv)), np.eye(nv)], [x @ a[nv:, :nv] / h, -(x - np.eye(nv)) / h]]), dtype=np.float64
-    )
+    return system_matrix(-x @ a[nv:, :nv] / h, (x - np.eye(nv)) / h)
 
 
 def _transition(model: "mujoco.MjModel", data: "mujoco.MjData | None", integrator: str) -> Array:
-    nv = model.nv
-    a = np.zeros((2 * nv + model.na, 2 * nv + model.na))
     mine = mujoco.MjData(model) if data is None else copy.copy(data)
-    before = int(model.opt.integrator)
-    model.opt.integrator = INTEGRATORS[integrator]
-    try:
-        mujoco.mjd_transitionFD(model, mine, EPSILON, True, a, None, None, None)
-    except (mujoco.FatalError, ValueError) as error:
-        raise EngineError(f"MuJoCo could not linearise the model: {error}") from None
-    finally:
-        model.opt.integrator = before
-    return a[: 2 * nv, : 2 * nv]
+    return transition(model, mine, EPSILON, integrator)[0][: 2 * model.nv, : 2 * model.nv]
 
 
-def _oscillating(f: Array) -> discrete.Complex:
+def _oscillating(f: Array) -> Complex:
     s = np.linalg.eigvals(f).astype(np.complex128)
     fastest = float(np.max(np.abs(s), initial=0.0))
     # rigid motion is a double pole at 0, which moves by the root of the rounding
@@ -167,25 +134,19 @@ def _oscillating(f: Array) -> discrete.Complex:
 
 
 def mismatch(model: "mujoco.MjModel") -> list[str]:
-    """Sentences where a model runs at another step or integrator than it was made for; empty where it fits.
-
-    The error stated is the worst of its modes' frequencies, of modes that were not slowed.
-
-    Args:
-        model: compiled; its own `opt` is what it is held against.
-    """
+    """Sentences where a model runs at another step or integrator than it was made for."""
     modal = modal_tendons(model)
     h, name = float(model.opt.timestep), NUMBERS[int(model.opt.integrator)]
     out: list[str] = []
     for mark in dict.fromkeys(mark for mark in modal.made_for if mark is not None):
-        if mark.timestep == h and _same(mark.integrator, name):
+        pair = {mark.integrator, name}
+        if mark.timestep == h and (len(pair) == 1 or pair == {"implicit", "implicitfast"}):
             continue
         mine = [j for j, other in enumerate(modal.made_for) if other == mark]
         index = modal.index[mine]
         m, c, k = 1.0 + model.tendon_armature[index], model.tendon_damping[index], modal.stiffness[mine]
-        made = discrete.step_pole(mark.integrator, m, c, k, mark.timestep)
-        w, _ = discrete.seen(made, mark.timestep)
-        z = discrete.step_pole(name, m, c, k, h)
+        w, _ = seen(step_pole(mark.integrator, m, c, k, mark.timestep), mark.timestep)
+        z = step_pole(name, m, c, k, h)
         sentence = (
             f"the appendage of tendon {modal.names[mine[0]]!r} was made exact for {mark.integrator} at {mark.timestep:g} s, "
             f"but the model runs {name} at {h:g} s: "
@@ -194,13 +155,8 @@ def mismatch(model: "mujoco.MjModel") -> list[str]:
             sentence += "that is unstable"
         else:
             kept = w >= np.sqrt(k) / 1.2
-            shown, _ = discrete.seen(z, h)
+            shown, _ = seen(z, h)
             worst = np.max(np.abs(shown / np.sqrt(k) - 1.0)[kept], initial=0.0)
             sentence += f"its frequencies are off by up to {worst:.2g}"
         out.append(Caution("other-step", f"{sentence}; retime it for this step, or run it at its own."))
     return out
-
-
-def _same(one: str, other: str) -> bool:
-    pair = {"implicit", "implicitfast"}
-    return one == other or {one, other} <= pair

@@ -1,24 +1,12 @@
 """Making a compiled model exact in time for a step, in place: armature and damping on its modal tendons.
 
-**Form 2** gives every mode of the held appendage the mass and damping of `beamchain.steps.discrete`. Coefficients stay,
-nothing is asked of the hub. The modes of the whole craft are then exact to fourth order in the step, and the nearer to
-exact the heavier the hub.
+* Form 2: every mode of the held appendage is exact; coefficients stay, and no hub is needed.
+* Form 3: the tendons become the coupled modes of one craft. Exact for one appendage; damping that couples two modes is
+  left out and stated.
+* Form 4: form 2 with armature and damping tuned until the craft's own poles are exact.
 
-**Form 3** is for one craft: with its coupled modes `v_i`, `a_i = K v_i/w_i^2`, stiffness and added inertia are
-`K = sum w_i^2 a_i a_i^T` and `sum (m'_i - 1) a_i a_i^T`: diagonal in the same vectors. So every tendon becomes a coupled mode
-of the craft, with coefficients `a_i`, and every one is exact. Damping becomes modal in the coupled modes: each has its
-true pole, what couples two of them is left out and stated. Several appendages: tendons cannot reach from one
-to the next (MuJoCo drops armature between branches), so that each keeps its own block, and the poles are near.
-
-**Form 4** is form 2, tuned for one craft: armature and damping of the tendons are changed further until the craft's own
-poles are exact (`beamchain.steps.tune`). Coefficients, stiffness and all of the damping stay, several appendages are exact too
-unless two are alike, and taking it out is exact to the bit.
-
-**Any step is stable**: modes beyond the phase limit are slowed. Where appendages couple through a light hub the limit is
-lowered until `h^2 lambda_max` of the tendons' springs and dampers on the craft is below 3.8 (RK4: 7.6), of 4 (8) allowed.
-
-Only `tendon_armature`, `tendon_damping`, `tendon_solimp_lim` (the mark) change, for form 3 `tendon_stiffness`,
-`wrap_prm`, `tendon_length0` and `tendon_lengthspring` too; the model's own step and integrator (`opt`) are the caller's.
+Modes beyond the phase limit are slowed, so that any step is stable; on a light hub the limit is lowered. The model's
+own step and integrator (`opt`) are the caller's.
 
 Theory: docs/theory.md, section 5.
 """
@@ -36,8 +24,8 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
-from beamchain.steps import discrete
-from beamchain.steps.forms import ModeTime, Plan, form2, form3, form4
+from beamchain.steps.forms import ModeTime, TendonValues, form2, form3, form4
+from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import (
     FORMS,
     JOINT,
@@ -49,16 +37,11 @@ from beamchain.steps.modal import (
     modal_tendons,
 )
 
-UNIT_MASS = 1e-4  # by which the modal mass of a held appendage's mode may miss 1 before the tendon is not ours
+UNIT_MASS = 1e-4  # by which the modal mass of a tendon of ours may miss 1
 ARRAYS = (
-    "tendon_armature",
-    "tendon_damping",
-    "tendon_solimp_lim",
-    "tendon_stiffness",
-    "tendon_length0",
-    "tendon_lengthspring",
-    "wrap_prm",
-)
+    "tendon_armature", "tendon_damping", "tendon_solimp_lim", "tendon_stiffness", "tendon_length0",
+    "tendon_lengthspring", "wrap_prm",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +72,10 @@ class Retimed:
     @property
     def lowered(self) -> bool:
         """The phase limit had to be lowered for this craft."""
-        return self.phase < discrete.SCHEMES[self.integrator].phase
+        return self.phase < SCHEMES[self.integrator].phase
 
     def undo(self, model: "mujoco.MjModel") -> None:
-        """Every array back as it was before the call, bit for bit.
-
-        Args:
-            model: the one that was given, or one with the same tendons.
-        """
+        """Every array back as it was before the call, bit for bit."""
         for name, values in self.before.items():
             getattr(model, name)[:] = values
 
@@ -122,22 +101,25 @@ def retime(
         InputError: the model has no modal tendons, or they do not allow form 3.
 
     Example:
-        >>> model.opt.timestep = 0.25
-        >>> done = retime(model, model.opt.timestep)
+        >>> import beamchain as bc, mujoco
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),), fit=bc.FitOptions(springs="modes"))
+        >>> model = mujoco.MjModel.from_xml_string(bc.fit(spec).scene_mjcf())
+        >>> done = bc.retime(model, 0.05, "Euler")
         >>> [mode.slowed for mode in done.modes]
-        [False, False, False]
+        [False, False, False, False]
     """
     h = not_negative("timestep", float(timestep), "s")
     one_of("form", str(form), [str(f) for f in FORMS])
     name = NUMBERS[int(model.opt.integrator)] if integrator is None else integrator
-    one_of("integrator", name, tuple(discrete.SCHEMES))
+    one_of("integrator", name, tuple(SCHEMES))
     modal = modal_tendons(model)
     if not modal.names:
         raise foreign("retiming")
     before = {array: np.array(getattr(model, array), dtype=np.float64) for array in ARRAYS}
     _take_out(model, modal, qpos)
     if h == 0.0:
-        return Retimed(0.0, name, form, discrete.SCHEMES[name].phase, 0.0, 0.0, (), MappingProxyType(before))
+        return Retimed(0.0, name, form, SCHEMES[name].phase, 0.0, 0.0, (), MappingProxyType(before))
     if name not in INTEGRATORS:
         raise InputError(f"this MuJoCo has no integrator {name!r}.")
     modal = modal_tendons(model)
@@ -157,7 +139,7 @@ def retime(
 
 
 def _coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> Array:
-    """`(n, n)` what the modal coordinates weigh with the craft following; the tendons' names are checked by their masses."""
+    """`(n, n)` condensed mass; a tendon whose own modal mass is not 1 is refused."""
     mass = mass_matrix(model, qpos)
     for i, name in enumerate(modal.names):
         span = np.flatnonzero(modal.rows[i])
@@ -224,7 +206,7 @@ def _coefficients(model: "mujoco.MjModel", tendon: int, dofs: "NDArray[np.intp]"
     model.tendon_lengthspring[tendon] = length
 
 
-def _write(model: "mujoco.MjModel", modal: Modal, plan: Plan, mark: MadeFor) -> None:
+def _write(model: "mujoco.MjModel", modal: Modal, plan: TendonValues, mark: MadeFor) -> None:
     for j, i in enumerate(modal.index):
         model.tendon_solimp_lim[i] = (
             mark.timestep, INTEGRATORS[mark.integrator], mark.form, modal.damping[j], modal.stiffness[j],

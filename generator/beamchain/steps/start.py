@@ -1,24 +1,24 @@
-"""Starting a model that is exact in time from a given state: `qvel` holds the mean rate of the step before.
+"""The initial rates and the input that go with models exact in time.
 
 Theory: docs/theory.md, section 5.
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS, mass_matrix
 from beamchain.ports.motions import Array
-from beamchain.steps import discrete
-from beamchain.steps.modal import condensed, foreign, modal_tendons
+from beamchain.steps.integrators import SCHEMES, seen, start_rate, step_pole
+from beamchain.steps.modal import FREE_BALL, condensed, foreign, modal_tendons
 
 
 def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
     """`(nv,)` what to write into `qvel` for a craft that is at `qpos` with the true rates `qvel` at t = 0.
 
-    MuJoCo's semi-implicit step leaves in `qvel` the mean rate over the step just taken. Told the true rate instead, a mode
-    that starts in motion is out by half a step. The appendages' modes are followed back by one undriven step; rigid
-    motion keeps its rate. Under RK4, and where the model was not made exact in time, `qvel` is returned as it is.
+    MuJoCo's semi-implicit step leaves in `qvel` the mean rate over the step just taken, so the modes are followed back by
+    one undriven step. Under RK4, and where the model was not made exact in time, `qvel` is returned as it is.
 
     Args:
         model: compiled and retimed; its own step and integrator.
@@ -45,43 +45,52 @@ def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
         raise foreign("a start in motion that is exact in time")
     name, h = NUMBERS[int(model.opt.integrator)], float(model.opt.timestep)
     out = np.array(qvel, dtype=np.float64)
-    if not discrete.SCHEMES[name].exact or all(mark is None for mark in modal.made_for):
+    if not SCHEMES[name].exact or all(mark is None for mark in modal.made_for):
         return out
     c, follow = condensed(mass_matrix(model, np.asarray(qpos, dtype=np.float64)), modal.rows)
     inverse, shapes = eigh(c, np.diag(modal.stiffness))
     square = 1.0 / inverse
     y = shapes * np.sqrt(square)  # modes of the step itself, y^T C y = 1
     drag = np.einsum("ki,k,ki->i", y, np.asarray(model.tendon_damping[modal.index]), y)
-    w, zeta = discrete.seen(discrete.step_pole(name, 1.0, drag, square, h), h)
-    lengths = np.array(
-        [
-            row @ _by_dof(model, qpos) - model.tendon_lengthspring[i, 0]
-            for row, i in zip(modal.rows, modal.index, strict=True)
-        ]
-    )
+    w, zeta = seen(step_pole(name, 1.0, drag, square, h), h)
+    places = np.zeros(model.nv)
+    for joint in range(model.njnt):
+        if int(model.jnt_type[joint]) > FREE_BALL:
+            places[int(model.jnt_dofadr[joint])] = qpos[int(model.jnt_qposadr[joint])]
+    lengths = modal.rows @ places - model.tendon_lengthspring[modal.index, 0]
     position = (y.T @ (modal.stiffness * lengths)) / square
     rate = (y.T @ (modal.stiffness * (modal.rows @ out))) / square
-    mean = discrete.start_rate(position, rate, w, np.minimum(zeta, 1.0), h)
+    mean = start_rate(position, rate, w, np.minimum(zeta, 1.0), h)
     return out + follow @ (y @ (mean - rate))
 
 
-def keyframe_velocities(model: "mujoco.MjModel") -> Array:
-    """`(nkey, nv)` what the keyframes' `qvel` must be for the motion that they give as true rates.
+class HeldInput:
+    """Mean of the current and the previous input, `ctrl = (u_k + u_(k-1))/2`.
 
-    To be written once, with the retimed model; asking twice of a model whose keyframes were changed converts them twice.
+    Fed with this mean, every sampled position of a model made exact in time is the exact one for an input held over each
+    step. One object per model and per simulated world; `(worlds, nu)` arrays work as well.
 
     Args:
-        model: compiled and retimed.
+        before: input held before t = 0; zero where left out.
+
+    Example:
+        >>> import beamchain as bc
+        >>> held = bc.HeldInput()
+        >>> [float(held(value)) for value in (2.0, 2.0, 0.0, 0.0)]
+        [1.0, 2.0, 1.0, 0.0]
     """
-    return np.array([start_velocity(model, model.key_qpos[i], model.key_qvel[i]) for i in range(model.nkey)]).reshape(
-        -1, model.nv
-    )
 
+    def __init__(self, before: ArrayLike | None = None) -> None:
+        self._first = None if before is None else np.array(before, dtype=np.float64)
+        self._previous = self._first
 
-def _by_dof(model: "mujoco.MjModel", qpos: Array) -> Array:
-    """Positions of hinges and slides in the places of their degrees of freedom; others 0."""
-    out = np.zeros(model.nv)
-    for joint in range(model.njnt):
-        if int(model.jnt_type[joint]) >= 2:
-            out[int(model.jnt_dofadr[joint])] = qpos[int(model.jnt_qposadr[joint])]
-    return out
+    def __call__(self, now: ArrayLike) -> Array:
+        """Values for `data.ctrl` (or `qfrc_applied`) in the step over which `now`, of any shape, is held."""
+        value = np.array(now, dtype=np.float64)
+        before = np.zeros_like(value) if self._previous is None else self._previous
+        self._previous = value
+        return (value + before) / 2.0
+
+    def reset(self) -> None:
+        """Back to the input before t = 0."""
+        self._previous = self._first

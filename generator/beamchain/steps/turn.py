@@ -1,8 +1,5 @@
 """What an integrator's step costs where the rigid spacecraft turns: its gyroscopic moment is half a step old.
 
-Exactness in time is of linear motion. A spacecraft that turns about several axes at once has a gyroscopic moment, which
-semi-implicit Euler takes from the step before; the error falls with the step only. RK4 has none to speak of.
-
 Theory: docs/theory.md, section 5.
 """
 
@@ -46,7 +43,7 @@ def turn_error(inertia: Array, rates: Sequence[float], timestep: float, integrat
 
 
 def central_inertia(mass: Array) -> Array:
-    """`(3, 3)` inertia about the mass centre [kg m^2] of a rigid body's mass matrix `(6, 6)` about any point."""
+    """`(3, 3)` inertia about the mass centre [kg m^2] of a mass matrix `(6, 6)`."""
     arm = mass[3:, :3] / mass[0, 0]
     return np.asarray(mass[3:, 3:] - mass[0, 0] * arm @ arm.T, dtype=np.float64)
 

@@ -15,17 +15,15 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.structure import elements
 from beamchain.structure.discretise import Parts, converged
-from beamchain.structure.joint import Joint
-from beamchain.structure.lump import Lump, check_carried
-from beamchain.structure.lump import body_inertia as body_inertia
-from beamchain.structure.segment import Segment, repeated
+from beamchain.structure.segment import Joint, Lump, Segment, check_carried, repeated
+from beamchain.structure.segment import body_inertia as body_inertia
 
 MOST_SEGMENTS = 1000
 MOST_LUMPS = 1000
 
 
 class Moments(NamedTuple):
-    """Mass, first and second moment about the root and polar inertia of a stretch [kg, kg m, kg m^2, kg m^2]."""
+    """Mass, first and second moment about the root, polar and rotary inertia, SI."""
 
     mass: float
     first: float
@@ -41,7 +39,7 @@ def straight_mass_matrix(m: Moments) -> Array:
 
 
 def straight_mass_matrices(moments: Array) -> Array:
-    """`(k, 6, 6)` mass matrices about the root of stretches with their mass on the x axis; `(k, 6)` as in `Moments`."""
+    """`(k, 6, 6)` mass matrices about the root from `(k, 6)` as in `Moments`."""
     mass, first, second, polar, rotary_xy, rotary_xz = moments.T
     out = np.zeros((len(moments), 6, 6))
     for i, values in enumerate((mass, mass, mass, polar, second + rotary_xz, second + rotary_xy)):
@@ -226,7 +224,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
         return straight_mass_matrices(total)
 
     def density(self, x: float, port: str) -> Array:
-        """`(3,)` derivative of mass, first and second moment (rotary inertia in it) at `x` [m] in a `port`, without lumps."""
+        """`(3,)` derivative of mass, first and second moment at `x` [m], without lumps."""
         index = max(bisect_right(self._starts, x) - 1, 0)
         segment = self.segments[index]
         at = segment.at(np.array([(x - self._starts[index]) / segment.length]))

@@ -14,15 +14,13 @@ import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
-from beamchain.structure import elements, many_pieces
-from beamchain.structure.joint import Joint
-from beamchain.structure.lump import Lump
-from beamchain.structure.segment import Segment, Stations
+from beamchain.structure import elements
+from beamchain.structure.segment import Joint, Lump, Segment, Stations
 
 STEEPEST = 1e100  # ratio of a dimension between the ends of a segment
-FEW = 12  # pieces up to which the degree of each is chosen by the number of segments alone
-MANY = 100  # pieces beyond which each needs a degree so low that it is raised by two at a time
-FAR = 1e-3  # relative change of a frequency from which the degree is raised faster, and below which rounding may lie
+FEW = 12  # pieces up to which segments alone choose the degree
+MANY = 100  # pieces beyond which the degree is raised by two at a time
+FAR = 1e-3  # relative change from which the degree is raised faster
 WRITTEN = 400  # coordinates beyond which the rows are not written down
 
 
@@ -41,14 +39,7 @@ class Parts(NamedTuple):
 
 @lru_cache(maxsize=256)
 def converged(parts: Parts, port: str, modes: int, stations: tuple[float, ...] = ()) -> PortModel:
-    """Raise the polynomial degree until the lowest `modes` held and free frequencies stand still.
-
-    Args:
-        parts: of the beam.
-        port: one of the four.
-        modes: how many.
-        stations: further points whose motion is wanted, ascending [m].
-    """
+    """Raise the degree until the lowest held and free frequencies stand still."""
     parts = _joined(parts)
     wanted = max(modes, 1)
     count = len(_edges(parts))
@@ -74,7 +65,7 @@ def converged(parts: Parts, port: str, modes: int, stations: tuple[float, ...] =
 
 
 def _joined(parts: Parts) -> Parts:
-    """The same beam with equal neighbours made one: a hundred like bays need no hundred elements."""
+    """The same beam with equal neighbours made one."""
     hinged = {joint.after_segment for joint in parts.joints}
     out: list[Segment] = []
     place = {0: 0}  # of each segment's far end, before and after
@@ -110,7 +101,7 @@ def _discretised(parts: Parts, port: str, functions: int, wanted: int, stations:
             'port "torsion": the appendage has no polar inertia; give polar_inertia or set modes.torsion = 0.'
         )
     ends = parts.ends
-    hinges = [elements.Hinge(ends[j.after_segment], c) for j in parts.joints if (c := j.stiffness(port)) is not None]
+    hinges = [elements.Spring(ends[j.after_segment], c) for j in parts.joints if (c := j.stiffness(port)) is not None]
     about = {"xy": 2, "xz": 1, "torsion": 0}
     bodies = [
         elements.Body(
@@ -120,14 +111,13 @@ def _discretised(parts: Parts, port: str, functions: int, wanted: int, stations:
         )
         for lump in parts.lumps
     ]
+    rows = elements.MotionRows(pieces, hinges, bodies, functions, bending=bending, stations=stations)
     large = functions * (len(pieces) + sum(p.shear_stiffness is not None for p in pieces)) > WRITTEN
-    if large:
-        return many_pieces.assemble(pieces, hinges, bodies, functions, wanted, bending=bending, stations=stations)
-    return elements.assemble(pieces, hinges, bodies, functions, bending=bending, stations=stations)
+    return elements.assemble_lowest(rows, wanted) if large else elements.assemble(rows)
 
 
 def _edges(parts: Parts, stations: tuple[float, ...] = ()) -> list[tuple[Segment, float, float, float]]:
-    """The segments, cut at lumps and stations and cut again where they taper strongly: segment, its start, from, to [m]."""
+    """Segment, its start, from, to [m]: cut at lumps, stations and strong tapers."""
     out: list[tuple[Segment, float, float, float]] = []
     cuts = sorted([*(lump.x for lump in parts.lumps), *stations])
     ends = parts.ends
@@ -152,7 +142,7 @@ def _edges(parts: Parts, stations: tuple[float, ...] = ()) -> list[tuple[Segment
 
 @lru_cache(maxsize=8)
 def _sampled(parts: Parts, functions: int, stations: tuple[float, ...]) -> list[tuple[Segment, float, float, Stations]]:
-    """The stretches of `_edges`, sampled for all ports: segment, from, to, what it has at the Gauss points."""
+    """The stretches of `_edges`, sampled at the Gauss points for all ports."""
     xi, _ = elements.gauss(functions + 5)
     return [
         (segment, a, b, segment.at((a + (b - a) * (1.0 + xi) / 2.0 - x0) / segment.length))

@@ -58,11 +58,7 @@ class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return self if path.is_absolute() else msgspec.structs.replace(self, file=str(folder / path))
 
     def read(self) -> ModalData:
-        """All modes of the file, in SI, appendage axes, about the port; `modes` is not applied yet.
-
-        Raises:
-            InputError: see `read_modes`.
-        """
+        """All modes of the file, in SI, appendage axes, about the port; `modes` is not applied yet."""
         data = read_modes(
             self.file, reference=self.reference, axes=np.array(self.axes),
             units={"length": self.units.length, "mass": self.units.mass}, subcase=self.subcase,

@@ -1,8 +1,5 @@
 """How an appendage's mass lies along its axis: what the links of a chain are cut from.
 
-A `Beam` knows it from its segments. Imported modes come with a rigid mass matrix only; `spread` then makes the plainest
-positive distribution with those moments. The port does not notice the difference; the links' shares do.
-
 Theory: docs/theory.md, section 4.
 """
 
@@ -15,13 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, body_mass_matrix, locked
-from beamchain.structure.beam import Beam, Moments, straight_mass_matrix
+from beamchain.structure.beam import Moments, straight_mass_matrix
 from beamchain.structure.elements import gauss
-from beamchain.structure.lump import Lump
+from beamchain.structure.segment import Lump
 
 FLAT = 1e-9  # of the second moment along x: a spread across it that is negative by less is none
 INNER = 0.2  # of the length: nearer to the root no point stands, unless the moments leave nothing else
-STATIONS = 5  # a linear taper's mass per length is quadratic, its polar inertia quartic: five stations are exact
 
 
 class MassLine(Protocol):
@@ -73,14 +69,11 @@ class MassLine(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
-    """A stretch with smooth densities.
+class MassPiece:
+    """A stretch `[start, start + length]` [m] with smooth densities.
 
-    Args:
-        start: [m].
-        length: [m].
-        densities: `(k, 4)` mass [kg/m], polar inertia and rotary inertia in xy and xz [kg m] at k equally spaced
-            stations, both ends included; in between the polynomial through them.
+    `densities` `(k, 4)`: mass [kg/m], polar and rotary inertia in xy and xz [kg m] at k equally spaced stations, both ends
+    included; in between the polynomial through them.
     """
 
     start: float
@@ -106,15 +99,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """Mass beside the x axis: mean and spread of y and z at every x.
-
-    With x distributed as the mass line says, y and z have a mean that is linear in x and a constant covariance. That
-    reproduces any second moments, and every stretch of it is a physical body.
-
-    Args:
-        lean: `(2, 2)` rows y and z: value at the root [m] and slope.
-        spread: `(2, 2)` covariance about that mean [m^2].
-    """
+    """Mass beside the x axis: a mean of y and z linear in x (`lean`, rows: value [m], slope), constant covariance [m^2]."""
 
     lean: Array
     spread: Array
@@ -132,20 +117,14 @@ class Beside:
 
 @dataclass(frozen=True, eq=False)
 class SpreadMass:
-    """A mass line from pieces and points: a `MassLine` without a beam.
+    """A mass line without a beam: smooth pieces, and points `(p, 5)` with the columns of `Moments`, x first.
 
-    Args:
-        length: root to tip [m].
-        rigid: `(6, 6)` mass matrix about the root.
-        pieces: smooth stretches.
-        points: `(p, 5)` x [m], mass [kg], polar and rotary inertia in xy and xz [kg m^2].
-        stiffness: per port an average bending or torsion stiffness [N m^2], where a search starts.
-        beside: where its mass lies beside the x axis; None: on it.
+    `stiffness`: per port an average bending or torsion stiffness [N m^2], where a search starts.
     """
 
     length: float
     rigid: Array
-    pieces: tuple[Piece, ...]
+    pieces: tuple[MassPiece, ...]
     points: Array
     stiffness: Mapping[str, float] = field(default_factory=dict)
     beside: "Beside | None" = None
@@ -217,21 +196,8 @@ class SpreadMass:
         return 0.0
 
 
-def line_of(beam: Beam) -> tuple[tuple[Piece, ...], Array]:
-    """Pieces and points of a beam, exact for linear tapers."""
-    pieces: list[Piece] = []
-    for x0, segment in zip(beam.starts, beam.segments, strict=True):
-        at = segment.at(np.linspace(0.0, 1.0, STATIONS))
-        turn = 1.0 if segment.theory == "timoshenko" else 0.0
-        pieces.append(
-            Piece(x0, segment.length, np.column_stack([at.mass, at.polar, turn * at.rotary_xy, turn * at.rotary_xz]))
-        )
-    points = [[b.x, b.mass, b.inertia[0], b.inertia[2], b.inertia[1]] for b in beam.lumps]
-    return tuple(pieces), np.array(points, dtype=np.float64).reshape(-1, 5)
-
-
 def default_length(rigid_mass: Array) -> float:
-    """Length of the uniform piece with the same centre and radius of gyration along x: a proposal, to be reported."""
+    """Length [m] of the uniform piece with the same centre and radius of gyration."""
     mass, first, second, *_ = _along(rigid_mass)
     beside = _beside(rigid_mass)
     second = second if beside is None else beside[0]
@@ -249,7 +215,7 @@ def _along(rigid_mass: Array) -> tuple[float, float, float, float, float, float]
 
 
 def _beside(rigid_mass: Array) -> tuple[float, Beside] | None:
-    """Second moment along x [kg m^2] and where the mass lies beside the axis; None where no body has that mass matrix."""
+    """Second moment along x [kg m^2] and mass beside it; None: no such body."""
     mass = float(np.trace(rigid_mass[:3, :3])) / 3.0
     coupling = (rigid_mass[3:, :3] + rigid_mass[:3, 3:].T) / 2.0 / mass
     centre = (
@@ -275,19 +241,9 @@ def _beside(rigid_mass: Array) -> tuple[float, Beside] | None:
 def spread(
     rigid_mass: ArrayLike, length: float, stiffness: Mapping[str, float] | None = None, power: int = 0
 ) -> SpreadMass:
-    """The plainest positive mass distribution over `[0, length]` with the moments of a `(6, 6)` mass matrix.
+    """The plainest positive mass distribution over `[0, length]` [m] with the moments of a `(6, 6)` mass matrix.
 
-    As much of it as possible is uniform, or grows from the root with a power of x; what is left sits at the tip and at
-    one place before it.
-
-    Args:
-        rigid_mass: about the root, x along the appendage.
-        length: [m].
-        stiffness: see `SpreadMass`.
-        power: of x with which the smooth part grows, 0 to 4: the more, the less mass stands near the root.
-
-    Raises:
-        InputError: no such distribution exists, so that length, reference point, axes or units are wrong.
+    The smooth part grows with a power of x; what is left sits at the tip and at one place before it.
     """
     rigid = np.asarray(rigid_mass, dtype=np.float64)
     mass, first, second, polar, rotary_xy, rotary_xz = _along(rigid)
@@ -312,7 +268,7 @@ def spread(
         )
 
     def near(share: float) -> float:
-        """Where the inner of two points stands that carry the rest with the tip; the root's own mass moves with no mode."""
+        """Where the inner of two points stands that carry the rest with the tip."""
         m, s, j = 1.0 - share, c - share * smooth_first, q - share * smooth_second
         return (s - j) / (m - s) if m > s else 1.0
 
@@ -333,7 +289,7 @@ def spread(
     shares = np.array([polar, rotary_xy, rotary_xz]) / mass
     grown = (power + 1.0) * np.linspace(0.0, 1.0, power + 1) ** power if power else np.ones(1)
     density = low * mass / length * grown[:, None] * np.array([1.0, *shares])
-    pieces = (Piece(0.0, length, density),) if low > 0.0 else ()
+    pieces = (MassPiece(0.0, length, density),) if low > 0.0 else ()
     placed = np.array([[x, w, *(w * shares)] for x, w in points]).reshape(-1, 5)
     return SpreadMass(
         length, locked(rigid), pieces, locked(placed), dict(stiffness or {}), None if beside is None else beside[1]
@@ -341,21 +297,16 @@ def spread(
 
 
 def of_line(
-    length: float, rigid_mass: Array, pieces: Sequence[Piece], points: Array, stiffness: Mapping[str, float]
+    length: float, rigid_mass: Array, pieces: Sequence[MassPiece], points: Array, stiffness: Mapping[str, float]
 ) -> SpreadMass:
-    """The mass line that a file states.
-
-    Raises:
-        InputError: it disagrees with the rigid mass matrix.
-    """
+    """The mass line that a file states."""
     line = SpreadMass(length, locked(rigid_mass), tuple(pieces), locked(points), dict(stiffness))
     have = line.moments(0.0, length, closed=True)
-    mass, first, second, *_ = _along(rigid_mass)
+    mass, first, *_ = _along(rigid_mass)
     for name, ours, theirs in (("mass", have.mass, mass), ("first moment", have.first, first)):
         if abs(ours / theirs - 1.0) > 1e-6:
             raise InputError(
                 f"line: its {name} is {ours:.8g}, but the rigid mass matrix has {theirs:.8g}; leave line out or make "
                 "both agree."
             )
-    del second
     return line

@@ -1,7 +1,4 @@
-"""Modes somebody else computed: cantilever frequencies, participation and rigid mass about the port, from any program.
-
-Everything is checked here once, whatever file it came from, and every change is written down in `steps`.
-"""
+"""Modes somebody else computed: cantilever frequencies, participation and rigid mass about the port, from any program."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -10,15 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain.errors import InputError
-from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, locked
-from beamchain.structure.beam import Beam
-from beamchain.structure.mass_line import MassLine, Piece, default_length, line_of, of_line, spread
-from beamchain.structure.planes import into_planes, near_groups
-from beamchain.structure.rounding import MOTIONS, PRINTED, ROUNDING, settled
+from beamchain.structure.mass_line import MassLine, MassPiece, default_length, of_line, spread
+from beamchain.structure.planes import MOTIONS, PRINTED, ROUNDING, into_planes, near_groups, settled
 
-SLIGHT = 1e-9  # part of a mode in a port, or of the rigid mass between two, that is rounding of whoever computed it
+SLIGHT = 1e-9  # part of a mode or of the rigid mass in a port that is rounding
 EXACT = 1e-13  # relative precision of numbers that were not printed
 
 
@@ -60,7 +54,7 @@ class ModalData:
     damping: Array = field(default_factory=lambda: np.zeros(0))
     tip: Array | None = None
     length: float | None = None
-    pieces: tuple[Piece, ...] = ()
+    pieces: tuple[MassPiece, ...] = ()
     points: Array = field(default_factory=lambda: np.zeros((0, 5)))
     precision: float = EXACT
     source: str = "modes"
@@ -181,7 +175,7 @@ class ModalData:
 
     @property
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Ports that modes or the rigid mass couple, those that a mode moves: one, or several that belong together."""
+        """Ports that modes or the rigid mass couple, those that a mode moves."""
         parts = self.parts
         linked = (parts.T @ parts) > 0.0
         across = np.abs(self.rigid_mass / np.outer(self.scale, self.scale)) > max(self.tolerance, SLIGHT)
@@ -198,15 +192,6 @@ class ModalData:
             if np.any(parts[:, sorted(group)] > 0.0):
                 out.append(tuple(PORTS[i] for i in sorted(group)))
         return tuple(out)
-
-    @property
-    def mass_leak(self) -> float:
-        """Largest coupling between ports in the rigid mass, relative: mass beside the x axis."""
-        across = self.rigid_mass / np.outer(self.scale, self.scale)
-        for port in PORTS:
-            inside = np.sum(PORT_MOTION[port] ** 2, axis=1) > 0.0
-            across = np.where(np.outer(inside, inside), 0.0, across)
-        return float(np.max(np.abs(across)))
 
     # -- port models -----------------------------------------------------------------------------------------------
     def space(self) -> PortModel:
@@ -245,7 +230,7 @@ class ModalData:
         turn = np.array([1.0, 1.0, 1.0, length, length, length])
         points = self.points * np.array([length, mass, *([mass * length**2] * 3)])
         pieces = [
-            Piece(
+            MassPiece(
                 p.start * length, p.length * length, p.densities * mass * np.array([1 / length, length, length, length])
             )
             for p in self.pieces
@@ -364,29 +349,6 @@ class ModalData:
         if self.length is not None and (self.pieces or self.points.size) and power == 0:
             return of_line(length, self.rigid_mass, self.pieces, self.points, stiffness)
         return spread(self.rigid_mass, length, stiffness, power)
-
-    @classmethod
-    def from_beam(cls, beam: Beam, modes: dict[str, int], *, every: bool = False) -> "ModalData":
-        """A beam's modes as a program would deliver them.
-
-        Args:
-            beam: the appendage.
-            modes: lowest modes per port.
-            every: keep all modes of the discretisation, of which those are the converged ones.
-        """
-        ports = {port: beam.port(port, 2 * count + 4) for port, count in modes.items()}
-        if not every:
-            ports = {port: model.truncated(modes[port]) for port, model in ports.items()}
-        whole = in_space(
-            ports, beam.rigid_mass() + np.diag([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]) * (beam.rigid_mass()[3, 3] <= 0)
-        )
-        tip = np.vstack([m.tip @ PORT_MOTION[p].T for p, m in ports.items() if m.tip is not None])
-        order = np.argsort(np.concatenate([m.frequencies for m in ports.values()]), kind="stable")
-        pieces, points = line_of(beam)
-        return cls(
-            beam.rigid_mass(), whole.frequencies, whole.participation, tip=tip[order], length=beam.length,
-            pieces=pieces, points=points, source="a beam",
-        )  # fmt: skip
 
 
 def _words(values: Array) -> str:

@@ -1,24 +1,24 @@
-"""Modes of equal frequency, turned so that each moves in one port where that is possible."""
+"""Imported modes put in order: equal frequencies turned into the planes, rounding of printed digits cleared away."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from beamchain.errors import InputError
 from beamchain.ports.motions import PORT_MOTION, Array
 
 WEIGHTS = {"xy": 1.0, "xz": 0.618, "torsion": 0.382, "axial": 0.236}  # unequal, so that ports do not mix by accident
 GAIN = 1e-12  # least improvement of the largest port share for which a group is turned
+MOTIONS = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
+ROUNDING = 20.0  # precision of a residual over that of its numbers
+PRINTED = 1e-5  # most that counts as rounding, however few digits were printed
+WRONG = 0.1  # a residual this far below zero is no rounding, however few digits were printed
+NOISE = 1e-9  # a residual may be this far below zero whatever the print
 
 
 class Turned(NamedTuple):
-    """Modes after `into_planes`.
-
-    Args:
-        frequencies, participation: `(n,)`, `(n, m)`.
-        turn: `(n, n)` orthogonal, new modes in terms of old.
-        changed: groups that were turned, mode numbers from 0.
-    """
+    """Modes after `into_planes`; `turn` `(n, n)`: new ones in terms of old."""
 
     frequencies: Array
     participation: Array
@@ -27,7 +27,7 @@ class Turned(NamedTuple):
 
 
 def near_groups(frequencies: Array, tolerance: float) -> list[list[int]]:
-    """Runs of ascending frequencies in which each follows the last within `tolerance`, relative; two modes or more."""
+    """Runs of two or more ascending frequencies within a relative `tolerance`."""
     groups: list[list[int]] = [[0]] if frequencies.size else []
     for k in range(1, frequencies.size):
         if frequencies[k] - frequencies[k - 1] <= tolerance * frequencies[k]:
@@ -38,16 +38,9 @@ def near_groups(frequencies: Array, tolerance: float) -> list[list[int]]:
 
 
 def into_planes(frequencies: Array, participation: Array, scale: Array, groups: Sequence[Sequence[int]]) -> Turned:
-    """Turn each group so that its modes diagonalise the ports' effective masses.
+    """Turn each group of equal frequency so that its modes diagonalise the ports' effective masses.
 
-    Any orthogonal combination of modes with one frequency is again a set of modes. In a decoupled structure the
-    effective masses of different ports have different eigenvectors in the group; a weighted sum of them finds all.
-
-    Args:
-        frequencies: `(n,)` ascending.
-        participation: `(n, 6)`.
-        scale: `(6,)` that makes the motions comparable.
-        groups: mode numbers from 0.
+    `participation` `(n, 6)`; `scale` `(6,)` makes the motions comparable.
     """
     turn = np.eye(frequencies.size)
     changed: list[list[int]] = []
@@ -68,3 +61,44 @@ def into_planes(frequencies: Array, participation: Array, scale: Array, groups: 
 def _best(rows: Array) -> Array:
     """`(g,)` participation squared of each row in its largest port."""
     return np.max([np.sum((rows @ np.abs(m)) ** 2, axis=1) for m in PORT_MOTION.values()], axis=0)
+
+
+def settled(rigid_mass: Array, participation: Array, precision: float) -> tuple[Array, float]:
+    """The rigid mass `(m, m)` whose residual is nowhere negative, and how far it was moved, relative.
+
+    Entries that the last printed digits decide become zero; eigenvalues negative by rounding are clipped.
+    """
+    diagonal = np.diag(rigid_mass)
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    effective = participation.T @ participation
+    residual = (rigid_mass - effective) / np.outer(scale, scale)
+    least = min(ROUNDING * precision, PRINTED)
+    noise = np.maximum(last_digits(rigid_mass, participation, precision) / np.outer(scale, scale), least)
+    kept = np.where(np.abs(residual) <= noise, 0.0, residual)
+    values, vectors = np.linalg.eigh(kept)
+    if values[0] < -max(min(ROUNDING * precision, WRONG), NOISE):
+        worst = int(np.argmax(np.abs(vectors[:, 0])))
+        names = MOTIONS if scale.size == 6 else ("displacement", "rotation")
+        raise InputError(
+            "the residual mass (rigid mass minus the effective masses of all modes) has the eigenvalue "
+            f"{values[0]:.3g} relative to the rigid mass, mainly in {names[worst]}; it must not be negative. Likely "
+            "causes: participation and mass about different reference points, different units, modes that are not "
+            "mass-normalised, or a rigid mass without that of the clamped nodes."
+        )
+    if values[0] < 0.0 or np.any((values > 0.0) & (values <= least)):
+        clipped = np.where(values <= least, 0.0, values)
+        kept = (vectors * clipped) @ vectors.T
+    present = np.where(diagonal > 0.0, scale, 0.0)  # a motion without inertia has none afterwards
+    out = effective * np.outer(diagonal > 0.0, diagonal > 0.0) + kept * np.outer(present, present)
+    return out, float(np.max(np.abs(kept - residual)))
+
+
+def last_digits(rigid_mass: Array, participation: Array, precision: float) -> Array:
+    """`(m, m)` what half a last printed digit can do to the residual mass."""
+
+    def half(values: Array) -> Array:
+        size = np.abs(values)
+        return precision * 10.0 ** np.floor(np.log10(np.where(size > 0.0, size, 1.0))) * (size > 0.0)
+
+    across = np.abs(participation).T @ half(participation)
+    return half(rigid_mass) + across + across.T

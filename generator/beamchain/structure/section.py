@@ -1,4 +1,4 @@
-"""Cross-sections. Bending in plane xy uses the second moment about z, bending in plane xz the one about y.
+"""Cross-sections and materials. Bending in plane xy uses the second moment about z, bending in plane xz the one about y.
 
 Only sections whose y and z axes are principal and whose shear centre lies on the axis are represented: these shapes
 have both by symmetry, and `custom` asks the user for principal values.
@@ -13,6 +13,59 @@ from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 
 ZETA_5 = 1.03692775514337  # Riemann's zeta at 5
+
+
+class Material(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Isotropic linear elastic material.
+
+    Raises:
+        InputError: a value is out of range, or poissons_ratio and shear_modulus are given and disagree.
+
+    Example:
+        >>> import beamchain as bc
+        >>> round(bc.Material(youngs_modulus=7e10, density=2700.0, poissons_ratio=0.33).g / 1e9, 2)
+        26.32
+    """
+
+    youngs_modulus: Annotated[float, field("modulus of elasticity E", "N/m^2", above=0.0)]
+    density: Annotated[float, field("density", "kg/m^3", above=0.0)]
+    poissons_ratio: Annotated[
+        float | None,
+        field(
+            "ratio of Poisson, which gives the shear modulus; 0.3 where neither is given",
+            "",
+            above=-1.0,
+            most=0.5,
+            cure="Metals have 0.3.",
+        ),
+    ] = None
+    shear_modulus: Annotated[float | None, field("shear modulus G", "N/m^2", above=0.0)] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.shear_modulus is not None and self.poissons_ratio is not None:
+            from_ratio = self.youngs_modulus / (2.0 * (1.0 + self.poissons_ratio))
+            if abs(from_ratio / self.shear_modulus - 1.0) > 1e-6:
+                raise InputError(
+                    f"shear_modulus = {self.shear_modulus!r} and poissons_ratio = {self.poissons_ratio!r} disagree "
+                    f"(the ratio gives {from_ratio:.6g} N/m^2); give one of them."
+                )
+
+    @property
+    def nu(self) -> float:
+        """Poisson's ratio, 0.3 where nothing is given [-]."""
+        if self.poissons_ratio is not None:
+            return self.poissons_ratio
+        if self.shear_modulus is not None:
+            return self.youngs_modulus / (2.0 * self.shear_modulus) - 1.0
+        return 0.3
+
+    @property
+    def g(self) -> float:
+        """Shear modulus [N/m^2]."""
+        if self.shear_modulus is not None:
+            return self.shear_modulus
+        return self.youngs_modulus / (2.0 * (1.0 + self.nu))
 
 
 class Geometry(NamedTuple):
@@ -38,7 +91,7 @@ class _Section(Struct, frozen=True, kw_only=True):
         return {name: float(getattr(self, name)) for name in self.__struct_fields__}
 
     def ratio(self, end: "_Section") -> float:
-        """Largest ratio of a dimension between the two ends (at least 1): how strongly the segment tapers."""
+        """Largest ratio of a dimension between the two ends, at least 1."""
         pairs = [(getattr(self, name), getattr(end, name)) for name in self.__struct_fields__]
         return max([1.0, *(max(a / b, b / a) for a, b in pairs if a > 0.0 and b > 0.0)])
 
@@ -47,12 +100,7 @@ class _Section(Struct, frozen=True, kw_only=True):
         return 0.0
 
     def cowper(self, nu: float, plane: str) -> float:
-        """Shear factor of G. R. Cowper, J. Appl. Mech. 33 (1966) 335, for the shape.
-
-        Args:
-            nu: Poisson's ratio.
-            plane: of bending, "xy" or "xz".
-        """
+        """Shear factor of G. R. Cowper, J. Appl. Mech. 33 (1966) 335."""
         return 1.0
 
 
@@ -264,7 +312,7 @@ Section = Round | Tube | Rectangle | Box | Custom | Equivalent
 
 
 def rectangle_torsion(b: Array, h: Array) -> Array:
-    """Saint-Venant torsion constant of solid rectangles `b` x `h`, the exact series (Timoshenko, Goodier, art. 109)."""
+    """Saint-Venant constant of `b` x `h` (Timoshenko, Goodier, art. 109)."""
     long, short = np.maximum(b, h), np.minimum(b, h)
     odd = np.arange(1, 16, 2)[:, None]
     # tanh - 1 dies out at once; what it leaves is the sum of 1 / n^5 over odd n

@@ -1,15 +1,14 @@
-"""A stretch of the appendage with one section, or a linear taper between two."""
+"""What a beam is made of: segments, compliant joints between them, rigid bodies carried along the way."""
 
 from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
 
-from beamchain.checks import Struct, field
+from beamchain.checks import Struct, field, not_negative
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.structure.material import Material
-from beamchain.structure.section import Equivalent, Section
+from beamchain.structure.section import Equivalent, Material, Section
 
 Theory = Literal["euler", "timoshenko"]
 
@@ -137,3 +136,86 @@ def repeated(segments: Any) -> Any:
 
 def _shape(section: Any) -> str:
     return type(section).__name__.lower()
+
+
+class Joint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A compliant hinge line between segments; a stiffness left out is rigid.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Joint(after_segment=1, stiffness_xy=600.0).stiffness("xy")
+        600.0
+    """
+
+    after_segment: Annotated[
+        int, field("number of the segment at whose tip end it stands; 0 is the root", "", least=0, most=10000)
+    ]
+    stiffness_xy: Annotated[
+        float | None,
+        field("rotational stiffness in plane xy", "N m/rad", above=0.0, cure="Leave it out for a rigid joint."),
+    ] = None
+    stiffness_xz: Annotated[
+        float | None,
+        field("rotational stiffness in plane xz", "N m/rad", above=0.0, cure="Leave it out for a rigid joint."),
+    ] = None
+    stiffness_torsion: Annotated[
+        float | None,
+        field("rotational stiffness about x", "N m/rad", above=0.0, cure="Leave it out for a rigid joint."),
+    ] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.stiffness_xy is None and self.stiffness_xz is None and self.stiffness_torsion is None:
+            raise InputError(
+                "the joint gives no stiffness; give stiffness_xy, stiffness_xz or stiffness_torsion, or remove it."
+            )
+
+    def stiffness(self, port: str) -> float | None:
+        """Stiffness in a port [N m/rad]; None: rigid."""
+        return getattr(self, f"stiffness_{port}", None)
+
+
+class Lump(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A rigid body carried along the appendage.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Lump(x=8.0, mass=0.5, inertia=(1e-3, 1e-3, 1e-3)).mass
+        0.5
+    """
+
+    x: Annotated[float, field("distance from the root", "m", least=0.0)]
+    mass: Annotated[float, field("mass", "kg", above=0.0)]
+    inertia: Annotated[
+        tuple[float, float, float], field("principal moments of inertia about its own centre", "kg m^2", least=0.0)
+    ] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        body_inertia("inertia", self.inertia)
+
+
+HEAVIEST = 1e12  # a carried mass over what bends, which keeps four digits of the beam
+
+
+def check_carried(place: str, mass: float, inertia: tuple[float, float, float], own: float, length: float) -> None:
+    """A body [kg], [kg m^2] that leaves the beam its digits."""
+    for name, value, least, unit in (("mass", mass, own, "kg"), ("inertia", max(inertia), own * length**2, "kg m^2")):
+        if value > HEAVIEST * least:
+            raise InputError(
+                f"{place}.{name} = {value!r} {unit} is {value / least:.1e} times that of the segments themselves "
+                f"({least:.4g} {unit}), at most {HEAVIEST:g} times is taken, or no digit of the beam is left; check the "
+                f"unit ({unit})."
+            )
+
+
+def body_inertia(name: str, values: tuple[float, float, float]) -> None:
+    """Three principal inertias that a rigid body can have."""
+    if not hasattr(values, "__len__") or len(values) != 3:
+        raise InputError(f"{name} = {values!r} must hold three numbers [Ixx, Iyy, Izz] in kg m^2.")
+    a, b, c = sorted(not_negative(f"{name}[{i}]", v, "kg m^2") for i, v in enumerate(values))
+    if c > (a + b) * (1.0 + 1e-9):
+        raise InputError(
+            f"{name} = {list(values)!r} belongs to no rigid body: the largest exceeds the sum of the other two; "
+            "check the order [Ixx, Iyy, Izz] and the units (kg m^2)."
+        )

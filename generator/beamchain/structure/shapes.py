@@ -1,9 +1,6 @@
-"""Shapes of a beam's cantilever modes, marched outwards from what the root feels.
+"""Shapes of a beam's cantilever modes, for pictures: marched outwards from what the root feels.
 
-A mode's participation is its root force and moment per W^2, so that with the root held all four quantities at the root
-are known, and the equations of the beam carry them to the tip. What is left there (force and moment on a free end) says
-how well frequency and participation belong together. Good for as many modes as a picture shows: the march amplifies an
-error by exp(W-dependent wave number x length), 1e7 for the sixth bending mode.
+Good for some six modes: the march amplifies an error by exp(wave number x length).
 """
 
 from bisect import bisect_left, bisect_right
@@ -14,8 +11,7 @@ import numpy as np
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
-from beamchain.structure.lump import Lump
-from beamchain.structure.segment import Stations
+from beamchain.structure.segment import Lump, Stations
 
 T = TypeVar("T")
 Place = tuple[float, T]
@@ -24,16 +20,7 @@ STEPS = 240  # of fourth order, over the whole appendage
 
 
 def mode_shapes(beam: Beam, port: str, model: PortModel) -> tuple[Array, Array]:
-    """Displacement (or angle) along the beam in its mass-normalised cantilever modes.
-
-    Args:
-        beam: the appendage.
-        port: "xy", "xz", "torsion" or "axial".
-        model: of that beam in that port; all its modes are drawn, so truncate it first.
-
-    Returns:
-        `x` `(k,)` [m] and the shapes `(n, k)` [1/sqrt(kg)], in torsion [1/(sqrt(kg) m)].
-    """
+    """`x` `(k,)` [m] and displacement (or angle) `(n, k)` in the modes of `model`."""
     bending = port in ("xy", "xz")
     square = model.frequencies**2
     state = np.zeros(
@@ -111,7 +98,7 @@ def _near(things: list[Place[T]], x: float, close: float) -> list[T]:
 
 
 def _stop(lumps: list[Lump], hinges: list[float], port: str, state: Array, square: Array) -> Array:
-    """Across the bodies and then the joints' stiffnesses at one place: a body at a joint hangs before it."""
+    """Across bodies and then joints at one place: a body hangs before a joint."""
     state = state.copy()
     bending = port in ("xy", "xz")
     for lump in lumps:

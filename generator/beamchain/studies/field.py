@@ -10,12 +10,10 @@ from lxml import etree
 from lxml.etree import _Element as Element
 
 from beamchain.chain import rivals
-from beamchain.chain.build import Wishes, build_exact, with_real_polar
-from beamchain.chain.built import Built
+from beamchain.chain.build import Built, Wishes, build_exact, with_real_polar
 from beamchain.chain.chain import Chain
 from beamchain.chain.compared import build_least_squares
-from beamchain.chain.damping import joint_damping
-from beamchain.chain.tendons import damped_modes
+from beamchain.chain.tendons import damped_modes, joint_damping
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import RealisationError
@@ -23,10 +21,9 @@ from beamchain.mjcf import write
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
-from beamchain.steps.discrete import PHASE
-from beamchain.steps.inputs import HeldInput
-from beamchain.steps.integrators import largest_angle
+from beamchain.steps.integrators import PHASE, largest_angle
 from beamchain.steps.retime import retime
+from beamchain.steps.start import HeldInput
 from beamchain.structure.beam import Beam
 from beamchain.studies import soft_rods
 from beamchain.studies.scenario import Rigid

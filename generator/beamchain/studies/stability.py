@@ -7,12 +7,12 @@ from typing import Any
 
 from beamchain.caution import Caution, warnings_record
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import compile_model
+from beamchain.engine.linearise import INTEGRATORS, compile_model
 from beamchain.errors import EngineError
 from beamchain.fitting.fit import fit
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
-from beamchain.steps.budget import HOST, Budget, available, budget, preloaded
+from beamchain.steps.budget import HOST, Budget, budget, preloaded
 from beamchain.steps.large_motion import LargeMotion
 from beamchain.steps.measured_limit import measured_limit
 
@@ -77,7 +77,7 @@ def step_rows(model: "mujoco.MjModel", limits: Budget, say: Callable[[str], None
         say: told what is being measured.
     """
     out: list[StepRow] = []
-    for integrator in available():
+    for integrator in INTEGRATORS:
         say(f"measuring {limits.name} with {integrator}")
         predicted = limits.largest_step[integrator]
         measured = measured_limit(model, integrator, min(predicted, LONGEST / float(limits.frequencies[0])))

@@ -25,8 +25,8 @@ from beamchain.fitting.hub import default_hub
 from beamchain.fitting.options import FitOptions, Modes, Root, Scene, Target
 from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
+from beamchain.steps.driven import driven, exceeded
 from beamchain.steps.large_motion import large_motion
-from beamchain.steps.run_limits import driven, exceeded
 from beamchain.studies import field, front
 from beamchain.studies.field import Entry, Task
 from beamchain.studies.fine_chain import LINEAR, large_reference, nonlinear

@@ -14,24 +14,19 @@ from scipy import io, linalg
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
-from beamchain.structure.readers import stored
-from beamchain.structure.readers.bounded import check_size
+from beamchain.structure.readers.bounded import check_size, mat_arrays, npz_arrays
 
 LARGEST = 4000  # freedoms; beyond that reduce in the program that made the model
 MOST = 200  # modes handed on, the lowest
 LARGEST_FILE = 300_000_000
-DETERMINATE = 1e-6  # stiffness that may be left at the port, relative to the largest there before condensation
-LOOSE = 1e-13  # pivot over diagonal entry below which a freedom is not held; 600 elements in a row leave 1e-9
+DETERMINATE = 1e-6  # relative stiffness that may be left at the port
+LOOSE = 1e-13  # pivot over diagonal entry below which a freedom is not held
 NAMES = {"mass": ("mass", "M", "m", "MAA", "maa"), "stiffness": ("stiffness", "K", "k", "KAA", "kaa")}
 BOUNDARY = ("boundary", "b", "bset")
 
 
 def read(path: Path, subcase: int | None = None) -> ModalData:
-    """Modal data of a .npz (freedoms counted from 0) or .mat file (from 1) with mass, stiffness and boundary.
-
-    Raises:
-        InputError: a matrix is missing, not symmetric, too large or not finite, or the boundary does not hold it.
-    """
+    """Modal data of a .npz (freedoms from 0) or .mat file (from 1)."""
     if subcase is not None:
         raise InputError(
             f"subcase = {subcase} is given, but {path.name!r} holds one set of matrices; leave subcase out."
@@ -40,7 +35,7 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
     first = 0 if path.suffix.lower() == ".npz" else 1
     wanted = {*BOUNDARY, *(name for names in NAMES.values() for name in names)}
     try:
-        held = stored.numpy(path, wanted) if first == 0 else stored.matlab(path, wanted)
+        held = npz_arrays(path, wanted) if first == 0 else mat_arrays(path, wanted)
     except InputError:
         raise
     except Exception as error:  # zip, MATLAB and NumPy each raise their own kind
@@ -60,11 +55,7 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
 
 
 def read_matrix_market(mass: Path, stiffness: Path, boundary: Sequence[int], name: str) -> ModalData:
-    """The same from two Matrix Market files; boundary freedoms counted from 1, as those files count.
-
-    Raises:
-        InputError: see `read`.
-    """
+    """The same from two Matrix Market files; freedoms from 1."""
     matrices: list[Array] = []
     for path in (mass, stiffness):
         if not path.is_file():
@@ -99,17 +90,7 @@ def _dense(matrix: Any, name: str) -> Array:
 
 
 def from_matrices(mass: Array, stiffness: Array, boundary: Sequence[int], name: str = "matrices") -> ModalData:
-    """Modal data from mass and stiffness.
-
-    Args:
-        mass: `(d, d)`.
-        stiffness: `(d, d)`.
-        boundary: the port's six freedoms (x, y, z, rotations about x, y, z), from 0.
-        name: shown in messages.
-
-    Raises:
-        InputError: see `read`.
-    """
+    """Modal data from mass and stiffness `(d, d)`; `boundary`: the port's six freedoms, from 0."""
     d = mass.shape[0]
     if stiffness.shape != (d, d):
         raise InputError(

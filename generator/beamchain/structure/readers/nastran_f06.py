@@ -1,8 +1,6 @@
 """The print of a Nastran normal-modes run (.f06): eigenvalues, participation factors, rigid mass.
 
-Reads what MSC Nastran and NX / Simcenter Nastran print for `MEFFMASS` and `PARAM,GRDPNT`: page headers may break a
-table anywhere, headings may be spaced out, numbers may lack the E of their exponent, tables may come in any order and
-for several subcases.
+Page headers may break a table anywhere, headings may be spaced out, numbers may lack the E of their exponent.
 """
 
 import re
@@ -14,8 +12,8 @@ import numpy as np
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
+from beamchain.structure.planes import settled
 from beamchain.structure.readers.bounded import lines
-from beamchain.structure.rounding import settled
 
 PRECISION = 5e-7  # seven printed digits
 AGREE = 1e-4  # relative: how far tables that say the same may be apart
@@ -51,7 +49,7 @@ _COLUMNS = {"eigenvalues": 6, "participation": 7, "effective mass": 7}
 
 
 @dataclass
-class _Case:
+class _Subcase:
     """What the print holds for one subcase; rows by mode number."""
 
     tables: dict[str, dict[int, list[float]]] = field(default_factory=dict)
@@ -62,15 +60,7 @@ class _Case:
 
 
 def read(path: Path, subcase: int | None = None) -> ModalData:
-    """Modal data of a print, in its units, about its reference point.
-
-    Args:
-        path: the .f06 file.
-        subcase: which one, where several hold modes.
-
-    Raises:
-        InputError: tables are missing, cut or contradict each other; the sentence says what to ask Nastran for.
-    """
+    """Modal data of a print, in its units, about its reference point."""
     cases, shared = _scan(path)
     number, case = _choose(path, cases, subcase)
     return _assemble(path, number, case, shared)
@@ -92,10 +82,10 @@ def _real(token: str, path: Path, line: int) -> float:
     return value
 
 
-def _scan(path: Path) -> tuple[dict[int, _Case], _Case]:
+def _scan(path: Path) -> tuple[dict[int, _Subcase], _Subcase]:
     """All tables by subcase, and what belongs to no subcase (the grid point weight generator)."""
-    cases: dict[int, _Case] = {}
-    shared = _Case()
+    cases: dict[int, _Subcase] = {}
+    shared = _Subcase()
     current, table = 0, ""
     for number, line in enumerate(lines(path), 1):
         if _SUPERELEMENT.search(line):
@@ -109,7 +99,7 @@ def _scan(path: Path) -> tuple[dict[int, _Case], _Case]:
         if found:
             current = int(found[1])
             continue
-        case = cases.setdefault(current, _Case())
+        case = cases.setdefault(current, _Subcase())
         squeezed = re.sub(r"[\s]", "", line.lstrip("0"))
         heading = next((h for h in _HEADINGS if squeezed == h or (len(h) > 2 and squeezed.startswith(h))), None)
         if heading is not None and not (heading == "MO" and table != "weight"):
@@ -164,7 +154,7 @@ def _scan(path: Path) -> tuple[dict[int, _Case], _Case]:
     return cases, shared
 
 
-def _choose(path: Path, cases: dict[int, _Case], subcase: int | None) -> tuple[int, _Case]:
+def _choose(path: Path, cases: dict[int, _Subcase], subcase: int | None) -> tuple[int, _Subcase]:
     """The subcase whose modes are read."""
     full = [n for n, c in cases.items() if "participation" in c.tables and "eigenvalues" in c.tables]
     if subcase is not None:
@@ -199,7 +189,7 @@ def _choose(path: Path, cases: dict[int, _Case], subcase: int | None) -> tuple[i
     raise InputError(f"file {str(path)!r} holds eigenvalues but no MODAL PARTICIPATION FACTORS; {ASK}.")
 
 
-def _assemble(path: Path, number: int, case: _Case, shared: _Case) -> ModalData:
+def _assemble(path: Path, number: int, case: _Subcase, shared: _Subcase) -> ModalData:
     eigen, factors = case.tables["eigenvalues"], case.tables["participation"]
     if set(eigen) != set(factors) or sorted(eigen) != list(range(1, len(eigen) + 1)):
         missing = sorted(set(range(1, max([*eigen, *factors]) + 1)) - (set(eigen) & set(factors)))
@@ -262,8 +252,8 @@ def _compare(path: Path, participation: Array, effective: dict[int, list[float]]
             )
 
 
-def _mass(path: Path, case: _Case, shared: _Case, participation: Array) -> tuple[Array, list[str]]:
-    """The rigid mass matrix: with the clamped nodes' own mass where the print has it about the same point."""
+def _mass(path: Path, case: _Subcase, shared: _Subcase, participation: Array) -> tuple[Array, list[str]]:
+    """The rigid mass matrix, with that of clamped nodes where it is printed."""
     found: dict[str, Array] = {}
     for name, holder in (("grid point mass", shared), ("a-set mass", case)):
         rows = holder.matrices.get(name, [])

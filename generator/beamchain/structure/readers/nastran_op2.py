@@ -11,19 +11,11 @@ from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.bounded import check_size
 
-PRECISION = 6e-7  # single precision, as op2 files usually are: 6e-8 of a number, which may start with a 9
+PRECISION = 6e-7  # single precision, as op2 files usually have
 
 
 def read(path: Path, subcase: int | None = None) -> ModalData:
-    """Modal data of an op2 file, in its units, about its reference point.
-
-    Args:
-        path: the .op2 file; the run must have written the matrices MPFACS and RBMASS into it.
-        subcase: which one, where several hold modes.
-
-    Raises:
-        InputError: pyNastran is missing, or the file holds no participation (then the .f06 does).
-    """
+    """Modal data of an op2 file, in its units, about its reference point."""
     check_size(path)
     try:
         from pyNastran.op2.op2 import OP2  # pyright: ignore[reportMissingImports]
@@ -46,11 +38,7 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
 def from_tables(
     name: str, eigenvalues: Mapping[Any, Any], matrices: Mapping[str, Any], subcase: int | None = None
 ) -> ModalData:
-    """Modal data from pyNastran's tables: eigenvalues by title, matrices by name.
-
-    Raises:
-        InputError: the participation matrix MPFACS or the rigid mass matrix RBMASS is missing, or sizes disagree.
-    """
+    """Modal data from pyNastran's tables: eigenvalues by title, matrices by name."""
     if not eigenvalues:
         raise InputError(f"file {name!r} holds no eigenvalues; it is no result of a normal-modes run: give the .f06.")
     titles = list(eigenvalues)

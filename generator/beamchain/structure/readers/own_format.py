@@ -1,4 +1,4 @@
-"""beamchain's own file of modes (.toml, .json): what people type in, and what `modes_text` writes."""
+"""beamchain's own file of modes (.toml, .json): what people type in."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,7 @@ import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.files import LARGEST_TOML, tables
-from beamchain.structure.mass_line import Piece
+from beamchain.structure.mass_line import MassPiece
 from beamchain.structure.modal_data import EXACT, ModalData
 from beamchain.structure.readers import craig_bampton
 from beamchain.structure.readers.bounded import LARGEST_JSON, text
@@ -39,7 +39,7 @@ class LinePoint(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Matrices(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Craig-Bampton or full matrices in Matrix Market files beside this one, and the port's freedoms, from 1."""
+    """Matrix Market files beside this one, and the port's freedoms, from 1."""
 
     mass: str
     stiffness: str
@@ -53,13 +53,10 @@ class ModesFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         frequencies: with the port held [rad/s]; or frequencies_hz.
         participation: six rows (x, y, z, rotations about x, y, z), one column per mode.
         mass: 6 x 6 rigid mass matrix.
-        generalized_mass: where the modes are not mass-normalised.
         damping: ratio, one or per mode.
         tip: six rows, one column per mode: motion of the tip in each mode.
-        length: root to tip.
         digits: of the printed numbers; counted where left out.
         line, points: how the mass lies along x.
-        matrices: instead of modes.
     """
 
     frequencies: tuple[float, ...] = ()
@@ -78,11 +75,7 @@ class ModesFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read(path: Path, subcase: int | None = None) -> ModalData:
-    """Modal data of a .toml or .json file, in its units.
-
-    Raises:
-        InputError: it does not parse, a key is unknown or missing, or sizes disagree.
-    """
+    """Modal data of a .toml or .json file, in its units."""
     if subcase is not None:
         raise InputError(f"subcase = {subcase} is given, but {path.name!r} holds one set of modes; leave subcase out.")
     as_json = path.suffix.lower() == ".json"
@@ -152,37 +145,9 @@ def _digits(rows: list[tuple[float, ...]]) -> int:
     return most
 
 
-def _piece(name: str, piece: LinePiece) -> Piece:
+def _piece(name: str, piece: LinePiece) -> MassPiece:
     k = len(piece.mass)
     columns = [piece.mass, *(values or (0.0,) * k for values in (piece.polar, piece.rotary_xy, piece.rotary_xz))]
     if k == 0 or k > 9 or any(len(c) != k for c in columns):
         raise InputError(f"file {name!r}: a piece of line needs 1 to 9 masses, and as many polar and rotary inertias.")
-    return Piece(piece.start, piece.length, np.array(columns, dtype=np.float64).T)
-
-
-def modes_text(data: ModalData) -> str:
-    """The data as a .toml file that reads back as the same numbers."""
-
-    def listed(values: Any) -> str:
-        return "[" + ", ".join(repr(float(v)) for v in values) + "]"
-
-    def table(key: str, rows: Any) -> list[str]:
-        return [f"{key} = [", *(f"  {listed(row)}," for row in rows), "]"]
-
-    out = [f"note = {json.dumps(f'{data.source}; SI, about the port')}", f"frequencies = {listed(data.frequencies)}"]
-    out += table("participation", data.participation.T) + table("mass", data.rigid_mass)
-    out.append(f"damping = {listed(data.damping)}")
-    out.append(f"digits = {FULL_DIGITS if data.precision <= EXACT else round(-np.log10(data.precision / 5.0))}")
-    if data.tip is not None:
-        out += table("tip", data.tip.T)
-    if data.length is not None:
-        out.append(f"length = {float(data.length)!r}")
-    for piece in data.pieces:
-        out += ["", "[[line]]", f"start = {float(piece.start)!r}", f"length = {float(piece.length)!r}"]
-        names = ("mass", "polar", "rotary_xy", "rotary_xz")
-        out += [f"{name} = {listed(piece.densities[:, i])}" for i, name in enumerate(names)]
-    for point in data.points:
-        out += ["", "[[points]]"]
-        names = ("x", "mass", "polar", "rotary_xy", "rotary_xz")
-        out += [f"{name} = {float(value)!r}" for name, value in zip(names, point, strict=True)]
-    return "\n".join(out) + "\n"
+    return MassPiece(piece.start, piece.length, np.array(columns, dtype=np.float64).T)

@@ -1,0 +1,80 @@
+"""What a run puts an appendage's root through, against how far its chain may be driven."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from beamchain.engine.library import mujoco
+from beamchain.ports.motions import Array
+from beamchain.steps.large_motion import LargeMotion
+
+PLANES = {"xy": (2, 1), "xz": (1, 2)}  # per bending plane: axis it turns about, axis it moves along
+
+
+class Driven(NamedTuple):
+    """Largest spin across x [rad/s]; per bending plane acceleration and slew of a root."""
+
+    spin: float
+    acceleration: dict[str, float]
+    slew: dict[str, float]
+
+
+def keyframes(model: "mujoco.MjModel", body: str) -> dict[str, Driven]:
+    """What each keyframe that moves or pushes does to a body, by name or number."""
+    out: dict[str, Driven] = {}
+    data, ident = mujoco.MjData(model), model.body(body).id
+    for k in range(model.nkey):
+        if not np.any(model.key_qvel[k]) and not np.any(model.key_ctrl[k]):
+            continue
+        mujoco.mj_resetDataKeyframe(model, data, k)
+        mujoco.mj_forward(model, data)
+        mujoco.mj_rnePostConstraint(model, data)
+        rate, change = np.zeros(6), np.zeros(6)
+        kind = mujoco.mjtObj.mjOBJ_XBODY
+        mujoco.mj_objectVelocity(model, data, kind, ident, rate, 1)
+        mujoco.mj_objectAcceleration(model, data, kind, ident, change, 1)
+        out[model.key(k).name or f"number {k}"] = Driven(
+            float(np.hypot(rate[1], rate[2])),
+            {port: abs(float(change[3 + along])) for port, (_, along) in PLANES.items()},
+            {port: abs(float(change[about])) for port, (about, _) in PLANES.items()},
+        )
+    return out
+
+
+def driven(motion: Array, spacing: float, offset: Array) -> Driven:
+    """Largest rates and accelerations of a root at `offset` `(3,)` [m] from the hub's centre.
+
+    `motion` `(t, 6)`: of the hub's centre, displacement [m] and rotation vector [rad], every `spacing` [s].
+    """
+    attitude = Rotation.from_rotvec(motion[:, 3:])
+    rate = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / spacing  # in the hub's axes
+    turning = np.diff(rate, axis=0) / spacing
+    moved = attitude[1:-1].inv().apply(np.diff(motion[:, :3], n=2, axis=0)) / spacing**2
+    mean = (rate[:-1] + rate[1:]) / 2.0
+    root = moved + np.cross(turning, offset) + np.cross(mean, np.cross(mean, offset))
+    return Driven(
+        float(np.max(np.hypot(rate[:, 1], rate[:, 2]))),
+        {port: float(np.max(np.abs(root[:, along]))) for port, (_, along) in PLANES.items()},
+        {port: float(np.max(np.abs(turning[:, about]))) for port, (about, _) in PLANES.items()},
+    )
+
+
+def turned(rate: float, acceleration: float, axis: int, offset: Sequence[float]) -> Driven:
+    """The same for a turn of the hub about an axis, by its rate and acceleration."""
+    about = acceleration * np.eye(3)[axis]
+    across = np.cross(about, offset)
+    return Driven(
+        0.0 if axis == 0 else rate,
+        {port: abs(float(across[along])) for port, (_, along) in PLANES.items()},
+        {port: abs(float(about[turns])) for port, (turns, _) in PLANES.items()},
+    )
+
+
+def exceeded(limits: Mapping[str, LargeMotion], run: Driven) -> list[str]:
+    """Sentences for what a run exceeded, over all planes."""
+    out: list[str] = []
+    for port, limit in limits.items():
+        out += limit.exceeded(spin=run.spin, acceleration=run.acceleration[port], slew=run.slew[port])
+    return out
