@@ -1,4 +1,4 @@
-"""`beamchain render` and `beamchain view`: looked at in MuJoCo."""
+"""`beamchain render` and `beamchain view`: pictures and MuJoCo's viewer."""
 
 from importlib import import_module
 from pathlib import Path
@@ -123,7 +123,7 @@ def render(
 
 
 def too_far(fit: "Fit", slew: "Slew") -> list[str]:
-    """Sentences for a turn beyond what the fit's chain is right for."""
+    """Warnings for a turn beyond the large-motion limits of the fit's chain."""
     from beamchain.steps.run_limits import exceeded, turned
 
     if fit.space is not None:
