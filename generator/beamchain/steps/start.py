@@ -14,7 +14,7 @@ from beamchain.steps.modal import condensed, foreign, modal_tendons
 
 
 def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
-    """`(nv,)` what to write into `qvel` for a craft that is at `qpos` with the true rates `qvel` at t = 0.
+    """`(nv,)` values for `data.qvel` of a craft that is at `qpos` with the true rates `qvel` at t = 0.
 
     MuJoCo's semi-implicit step leaves in `qvel` the mean rate over the step just taken. Told the true rate instead, a mode
     that starts in motion is out by half a step. The appendages' modes are followed back by one undriven step; rigid
