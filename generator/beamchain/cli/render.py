@@ -123,7 +123,7 @@ def render(
 
 
 def too_far(fit: "Fit", slew: "Slew") -> list[str]:
-    """Warnings for a turn beyond the large-motion limits of the fit's chain."""
+    """Sentences for a turn beyond what the fit's chain is right for."""
     from beamchain.steps.run_limits import exceeded, turned
 
     if fit.space is not None:

@@ -86,7 +86,7 @@ def step_rows(model: "mujoco.MjModel", limits: Budget, say: Callable[[str], None
 
 
 def stability(source: Spec | str | Path, say: Callable[[str], None] = lambda _: None) -> StabilityStudy:
-    """Find step limits (predicted and measured), numerical damping and large-motion limits, as `beamchain stability`.
+    """Step limits predicted and measured, damping that steps add, large motion, as `beamchain stability` does.
 
     Args:
         source: a specification, or the path of a SPEC.toml or of any MuJoCo model (.xml).

@@ -154,7 +154,7 @@ def sweep(
         samples that could not be made and why (`left_out`), files (`write`).
 
     Raises:
-        EngineError: a worker process died repeatedly.
+        EngineError: a worker process died; finished fits are kept in `folder`.
         InputError: the spec has no [uncertain], or every sample was left out.
 
     Example:
