@@ -84,7 +84,7 @@ class Embedded:
         return craft_error(self.craft, self.untimed, exact, found)
 
     def modes_at(self, key: str) -> tuple[Mode, ...]:
-        """Coupled modes in the band at a keyframe ("rest": the rest pose), exact and from MuJoCo.
+        """Coupled modes in the band at the keyframe `key` ("rest": the rest pose), exact and from MuJoCo.
 
         Raises:
             InputError: the spacecraft has no such keyframe.
