@@ -1,8 +1,8 @@
-"""What beamchain raises. Every message names the field, the value, what is allowed and the cure."""
+"""The errors that beamchain raises. Every message names the field, the value, what is allowed and the remedy."""
 
 
 class BeamchainError(Exception):
-    """Base of every error beamchain raises on purpose; the command line prints it and exits with status 2.
+    """Base class of every error that beamchain raises deliberately; the command line prints it and exits with status 2.
 
     Example:
         >>> import beamchain as bc
@@ -56,7 +56,7 @@ class RealisationError(BeamchainError, ArithmeticError):
 
 
 class EngineError(BeamchainError, RuntimeError):
-    """MuJoCo refused a model, or what it computed cannot be used.
+    """MuJoCo rejected a model, or its results cannot be used.
 
     Example:
         >>> import beamchain as bc

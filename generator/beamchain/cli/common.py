@@ -48,7 +48,7 @@ def console() -> "Console":
 
 
 def print_written(files: Iterable[Path]) -> None:
-    """Where the results are; brackets in a path are no markup."""
+    """Print the paths of the results; brackets in a path are not markup."""
     out = console()
     for file in files:
         out.print(f"wrote {file}", markup=False)

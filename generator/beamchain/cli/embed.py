@@ -54,19 +54,19 @@ def embed(
         bool | None,
         typer.Option(
             "--retime/--no-retime",
-            help="Make the appendages exact in time for the spacecraft's own step, or not. Default: only if the step's "
-            "error matters.",
+            help="Make the appendages exact in time for the spacecraft's own step, or not. Default: only if the "
+            "step's error exceeds a tenth of the tolerance.",
             show_default=False,
         ),
     ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write OUT_report.html as well.")] = True,
     max_modes: Annotated[
         int,
-        typer.Option("--max-modes", help="Most modes of an appendage when modes are added to meet the tolerance."),
+        typer.Option("--max-modes", help="Largest number of modes per appendage if modes are added."),
     ] = 12,
     rigid: Annotated[
         bool,
-        typer.Option("--rigid", help="Write the rigid twin: the same bodies, sites and keyframes, without joints."),
+        typer.Option("--rigid", help="Write the rigid twin: the same model with rigid appendages."),
     ] = False,
     key: Annotated[
         str | None,

@@ -26,7 +26,7 @@ def init(
         str | None,
         typer.Argument(
             metavar="[boom|array|mast|craft|EXAMPLE]",
-            help="What to write: a specification, a spacecraft (craft), or an example that --list names.",
+            help="What to write: a specification, a spacecraft (craft), or an example shown by --list.",
             autocompletion=_kinds,
             show_default=False,
         ),
@@ -81,7 +81,7 @@ def init(
 
 
 def examples(run: Annotated[str | None, typer.Option("--run")] = None, as_json: Json = False) -> None:
-    """Say where the list of examples is now."""
+    """Refuse, and name the command that replaced this one."""
     raise InputError(
         f"`beamchain examples` is part of `beamchain init` now; run `beamchain init --list`, or `beamchain init "
         f"{run or 'seed_boom'}` and `beamchain fit` for one of them."
@@ -89,7 +89,7 @@ def examples(run: Annotated[str | None, typer.Option("--run")] = None, as_json: 
 
 
 def commented(template: str) -> str:
-    """The template with the schema's text behind every key that has no comment of its own."""
+    """The template, with the schema's text after every key that has no comment of its own."""
     from beamchain.checks import descriptions
     from beamchain.fitting.sentences import structs_of
     from beamchain.fitting.spec import Spec

@@ -1,4 +1,4 @@
-"""`beamchain inspect`: what MuJoCo makes of a model."""
+"""`beamchain inspect`: modes, masses and step limits of a MuJoCo model."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""`beamchain render` and `beamchain view`: looked at in MuJoCo."""
+"""`beamchain render` and `beamchain view`: pictures and MuJoCo's viewer."""
 
 from importlib import import_module
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`beamchain retime`: a model with appendages made exact in time for another step."""
+"""`beamchain retime`: make a model with appendages exact in time for another step."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,11 +15,11 @@ def retime(
     ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT.xml", help="Output file.", show_default=False)],
     timestep: Annotated[
-        float, typer.Option("--timestep", metavar="H", help="Step in s; 0 removes the timing.", show_default=False)
+        float, typer.Option("--timestep", metavar="H", help="Step in s; 0 undoes the timing.", show_default=False)
     ],
     integrator: Annotated[
         str | None,
-        typer.Option("--integrator", metavar="NAME", help="MuJoCo's name; default: the model's own."),
+        typer.Option("--integrator", metavar="NAME", help="Integrator, by MuJoCo's name; default: the model's own."),
     ] = None,
     as_json: Json = False,
     force: Force = False,
@@ -28,8 +28,8 @@ def retime(
     """Make the appendages of a model exact in time for a step and integrator, and set both in its <option>.
 
     The discrete poles of the modes are then those of the exact motion.
-    Modes of appendages that are too fast for the step are slowed, so that only the spacecraft's own
-    springs limit the step; a step beyond those is refused.
+    Appendage modes that are too fast for the step are slowed, so that only the spacecraft's own
+    springs limit the step; a step beyond that limit is refused.
     Give actuators the mean of this and the previous input (`bc.HeldInput`).
 
     Example: beamchain retime flexible.xml --timestep 0.1 --integrator Euler -o flexible_0.1.xml

@@ -4,7 +4,7 @@ from beamchain.cli.common import Json, Quiet, console, print_json
 
 
 def seed(as_json: Json = False, quiet: Quiet = False) -> None:
-    """Recompute the example of the 2008 paper and compare with the printed values; then the exact chain of the same beam.
+    """Recompute the example of the 2008 paper, compare it with the printed values, and compute the beam's exact chain.
 
     Example: beamchain seed
     """

@@ -13,8 +13,8 @@ class Shipped(NamedTuple):
     """A spec file of the package.
 
     Args:
-        name: what it is asked for by.
-        path: of the file.
+        name: the name given on the command line.
+        path: path of the file.
         about: its first line, without the comment sign.
     """
 

@@ -1,4 +1,4 @@
-"""`beamchain stability`: the step at which a model blows up, before it is simulated."""
+"""`beamchain stability`: the largest stable steps of a model, predicted and measured."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any

@@ -23,7 +23,7 @@ Amplitude = Annotated[
 ]
 Budget = Annotated[float, typer.Option(metavar="SECONDS", help="Computing time per model and integrator.")]
 Only = Annotated[list[str] | None, typer.Option("--model", metavar="NAME", help="Measure this model only. Repeatable.")]
-Workers = Annotated[int, typer.Option(min=1, max=256, help="Local processes; with several, times are less exact.")]
+Workers = Annotated[int, typer.Option(min=1, max=256, help="Local processes; with several, timings are less accurate.")]
 
 LARGEST_PROFILE = 10_000_000  # bytes
 
@@ -43,7 +43,7 @@ def study(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Measure error against run time of many models of an appendage on its hub, equal links among them.
+    """Measure error against run time for many models of an appendage on its hub, including chains of equal links.
 
     Writes study.html, study.json, a picture and the recommended specs into DIR.
 

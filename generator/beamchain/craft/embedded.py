@@ -1,4 +1,4 @@
-"""A spacecraft with its appendages: what `embed` hands out, and its promise."""
+"""A spacecraft with its appendages: the result of `embed`, and its error."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -32,10 +32,10 @@ class Embedded:
         appendages: in the order given.
         craft: the bare spacecraft, compiled.
         model: with its appendages, compiled.
-        warnings: what would spoil the motion, and what was decided on the way.
+        warnings: conditions that would falsify the motion, and decisions that were taken.
         document: the bare spacecraft's document; None for an `MjSpec`.
         form: "inline" or "attach".
-        steps: modes that were added for the craft's promise, a line each.
+        steps: modes that were added to meet the tolerance of the whole craft, one line each.
 
     Example:
         >>> import beamchain as bc
@@ -69,22 +69,22 @@ class Embedded:
 
     @cached_property
     def assembly(self) -> Assembly:
-        """Coupled modes and hub accelerance against the exact assembly, at rest: of what the scenes ask for, or all."""
+        """Coupled modes and hub accelerance against the exact assembly, at rest, for what the scenes require or all."""
         want = self._asked
         return prove(self.craft, self.untimed, carried(self.model, self.appendages), want.band, want.motions)
 
     @cached_property
     def promise(self) -> CraftError:
-        """The coupled spacecraft against exact appendages, pose by pose: up to the largest band that a scene asks for.
+        """Error of the coupled spacecraft against exact appendages, pose by pose, up to the scenes' largest bandwidth.
 
-        Without a scene's band: all motions, up to where every appendage keeps every mode of its ports.
+        If no scene states a bandwidth: in all motions, up to where every appendage keeps all modes of its ports.
         """
         want, exact = self._asked, carried(self.model, self.appendages)
         found = craft_poses(self.craft, exact, want.band or kept_band(self.appendages), want.motions)
         return craft_error(self.craft, self.untimed, exact, found)
 
     def modes_at(self, key: str) -> tuple[Mode, ...]:
-        """Coupled modes in the band at a keyframe ("rest": the pose of rest), exact and through MuJoCo.
+        """Coupled modes in the band at the keyframe `key` ("rest": the rest pose), exact and from MuJoCo.
 
         Raises:
             InputError: the spacecraft has no such keyframe.
@@ -93,7 +93,7 @@ class Embedded:
 
     @cached_property
     def composite(self) -> Composite:
-        """Mass, centre of mass and inertia of the base body with all that it carries, in the pose of rest."""
+        """Mass, centre of mass and inertia of the base body with all that it carries, in the rest pose."""
         body = base_body(self.craft, self.appendages[0].mount.body)
         name = self.craft.body(body).name
         return composite(self.model, int(self.model.body(name).id) if name else body)
@@ -105,22 +105,22 @@ class Embedded:
 
     @property
     def band(self) -> float:
-        """Upper end of the craft's error [rad/s]."""
+        """Upper end of the band of `craft_error` [rad/s]."""
         return self.promise.band
 
     @property
     def tolerance(self) -> float | None:
-        """The smallest that a scene with a band asks for; None without one."""
+        """Smallest tolerance of the scenes that state a bandwidth; None if there is none."""
         return self._asked.tolerance
 
     @property
     def met(self) -> bool | None:
-        """Whether the craft's error stays within the tolerance; None without one."""
+        """Whether `craft_error` is within the tolerance; None without a tolerance."""
         return None if self.tolerance is None else self.craft_error <= self.tolerance
 
     @property
     def headline(self) -> str:
-        """The craft's promise in a sentence."""
+        """The craft's error in a sentence."""
         found, tolerance = self.promise, self.tolerance
         names = [name for name, i in AXES.items() if i in found.motions]
         twin = "rigid twin: " if self.appendages[0].rigid else ""
@@ -136,14 +136,14 @@ class Embedded:
 
     @cached_property
     def untimed(self) -> "mujoco.MjModel":
-        """The model with timing taken out, which is what is compared with the exact spacecraft."""
+        """The model without timing, which is compared with the exact spacecraft."""
         return without_time(self.model) if any(a.timed is not None for a in self.appendages) else self.model
 
     def to_mjcf(self, folder: str | Path | None = None) -> str:
-        """The file's text, its relative paths right in `folder`; absolute where left out.
+        """The file's text, with paths relative to `folder`, or absolute paths if it is omitted.
 
         Raises:
-            InputError: made from an `MjSpec`, which has its own `to_xml`.
+            InputError: the spacecraft was given as an `MjSpec`, which has its own `to_xml`.
         """
         return self._files(None if folder is None else Path(folder), "craft")[0].to_bytes().decode("utf-8")
 
@@ -151,9 +151,9 @@ class Embedded:
         """Write the file (and, for "attach", the appendages' files beside it); all or none.
 
         Args:
-            path: of the MJCF file.
+            path: path of the MJCF file.
             force: replace files that exist.
-            also: further files to appear with it.
+            also: further files to write with it, content by path.
 
         Raises:
             OutputError: a file exists and `force` is False, or cannot be written.
@@ -171,11 +171,11 @@ class Embedded:
         return report.embed_record(self)
 
     def plot(self, ax: "Axes | None" = None, motion: str | None = None) -> "Axes":
-        """Accelerance of the hub in one motion: exact, and through MuJoCo. Returns the axes; shows nothing.
+        """Plot the accelerance of the hub in one motion, exact and from MuJoCo. Returns the axes; shows nothing.
 
         Args:
-            ax: drawn into; those of a new figure where left out.
-            motion: "tx", "ty", "tz", "x", "y" or "z"; the first that matters where left out.
+            ax: axes to draw into; default: a new figure.
+            motion: "tx", "ty", "tz", "x", "y" or "z"; default: the first that matters.
 
         Raises:
             InputError: the hub does not have that motion, or it does not matter.
@@ -183,7 +183,7 @@ class Embedded:
         return report.plot_assembly(self.assembly, ax=ax, motion=motion)
 
     def picture(self) -> str:
-        """The hub's accelerance in all motions that matter, exact and through MuJoCo, as SVG text."""
+        """The hub's accelerance in all motions that matter, exact and from MuJoCo, as SVG text."""
         return report.assembly_svg(self.assembly)
 
     def report(self, craft: str = "craft.xml", output: str = "flexible.xml") -> str:

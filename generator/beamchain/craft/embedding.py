@@ -1,4 +1,4 @@
-"""`embed`: appendages into an existing spacecraft, and what the assembled model then proves of itself."""
+"""`embed`: attach appendages to an existing spacecraft and verify the assembled model."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -51,26 +51,27 @@ def embed(
     max_modes: int = MOST_MODES,
     rigid: bool = False,
 ) -> Embedded:
-    """Put appendages into a spacecraft and prove the assembled model.
+    """Attach appendages to a spacecraft and verify the assembled model.
 
-    A file that holds appendages of an earlier run keeps them; those at a place that `at` names are replaced.
+    Appendages of an earlier run are kept, except that those at a place named in `at` are replaced.
 
     Args:
         craft: path or text of an MJCF file, or an `MjSpec`, which is then changed in place.
-        at: by name of a site or body of the spacecraft (x of its frame outwards): a spec, the path of a SPEC.toml, a
-            beam, imported modes, or a fit, which is used as it is where its hub is the one it meets, else fitted anew.
-            Where a site and a body share a name: `site:NAME`, `body:NAME`. Modes that no file holds cannot be found
-            when the written file is given to `embed` again.
-        form: "inline": one self-contained file; "attach": appendage files beside it, brought in by `<attach>`.
-        prefixes: one per entry of `at`; where left out, `NAME_` of the appendage, or `NAME_PLACE_` where two would have
-            the same.
-        retime: make the appendages exact in time for the spacecraft's own step and integrator, or do not; where left
-            out, they are where the step's error would exceed a tenth of the scenes' tolerance (1e-4 without one).
-        max_modes: of an appendage, up to which modes are added where the whole craft misses the scenes' tolerance.
+        at: the appendage for each named site or body of the spacecraft (x axis of its frame outwards): a spec, the
+            path of a SPEC.toml, a beam, imported modes, or a fit. A fit is used as it is if its hub is that of the
+            spacecraft, and otherwise repeated. If a site and a body share a name, write `site:NAME` or `body:NAME`.
+            Imported modes without a file are not available when the written file is given to `embed` again.
+        form: "inline": one self-contained file; "attach": separate appendage files beside it, included by `<attach>`.
+        prefixes: one per entry of `at`; default: `NAME_` of the appendage, or `NAME_PLACE_` if two would have the
+            same.
+        retime: whether to make the appendages exact in time for the spacecraft's own step and integrator; default:
+            only if the step's error would exceed a tenth of the scenes' tolerance (1e-4 without one).
+        max_modes: largest number of modes per appendage if modes are added to meet the scenes' tolerance.
         rigid: make the rigid twin: the same bodies, sites, masses and keyframes, without joints and tendons.
 
     Raises:
-        InputError: no such place, a frame that is none, a static body, clashing names, switches that would spoil it.
+        InputError: a place does not exist, is static or has no orthonormal frame, names clash, or a setting of the
+            spacecraft would change the appendage.
         EngineError: MuJoCo refuses the spacecraft.
         RealisationError: no chain exists.
 
@@ -144,10 +145,10 @@ def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
 
     Args:
         craft: path or text of a file that `embed` wrote.
-        at: which to take out; all where empty.
+        at: places whose appendages are removed; all if empty.
 
     Returns:
-        The original document, or what `embed` gives where some appendages stay.
+        The original document, or the result of `embed` if some appendages remain.
 
     Raises:
         InputError: there is no such appendage.

@@ -1,4 +1,4 @@
-"""`fit`: the whole walk from a beam to a verified drop-in file, and its result."""
+"""`fit`: from a specification to a verified drop-in file."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -56,27 +56,28 @@ def fit(
     root: Root | None = None,
     options: FitOptions | None = None,
 ) -> Fit:
-    """Fit a hinge chain to an appendage and prove it through MuJoCo's own linearisation.
+    """Fit a hinge chain to an appendage and verify it through MuJoCo's own linearisation.
 
     Args:
-        appendage: a specification or its path, a beam, or imported modes. What is given beside it replaces what it says.
+        appendage: a specification or its path, a beam, or imported modes. The other arguments override its values.
         name: prefix of bodies, joints and sites.
-        modes: flexible modes: a number for both bending planes, or by port; two in both planes where nothing is said.
-        hub: what the appendage stands on.
-        target: in which state the modes are exact: "clamped", "free", "hub", or "auto" with a scene.
-        damping: ratio of the cantilever modes, or lists by port.
-        scene: what the simulation needs; with a bandwidth it chooses the modes.
-        timestep: the files are made exact in time for it [s].
+        modes: number of flexible modes, for both bending planes or by port; default: two in both bending planes.
+        hub: the rigid spacecraft that carries the appendage.
+        target: boundary condition of the root at which the modes are exact: "clamped", "free", "hub", or "auto" with a
+            scene.
+        damping: damping ratio of the cantilever modes, or lists of ratios by port.
+        scene: requirements of the simulation; if they include a bandwidth, the modes are chosen for it.
+        timestep: step for which the files are made exact in time [s].
         root: hub and target in one.
         options: method and its settings.
 
     Returns:
-        The fit; `status.ok` is False where less came out than was asked for, with the reason.
+        The fit; if a requirement is not met, `status.ok` is False and `status.message` states the reason.
 
     Raises:
-        InputError: what is asked for contradicts itself or is not available.
+        InputError: the requirements contradict each other or are not supported.
         RealisationError: no chain exists even with one mode.
-        EngineError: MuJoCo refuses the model (sizes beyond its limits).
+        EngineError: MuJoCo rejects the model (sizes beyond its limits).
 
     Example:
         >>> import beamchain as bc
@@ -119,9 +120,10 @@ def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
 
 
 def _with_integrator(spec: Spec, rigid: Array) -> Spec:
-    """The spec with the integrator that `integrator = "auto"` leaves open.
+    """The spec with the integrator that is chosen for `integrator = "auto"`.
 
-    Euler, exact in time, where it turns the rigid spacecraft at the scene's rates within the tolerance; else RK4.
+    Euler, exact in time, if its error in the rotation of the rigid spacecraft at the scene's rates is within the
+    tolerance; otherwise RK4.
 
     Args:
         spec: what was asked for.
@@ -142,7 +144,7 @@ def _with_integrator(spec: Spec, rigid: Array) -> Spec:
 
 
 def as_spec(appendage: Beam | Spec | ModalData | str | Path) -> Spec:
-    """What `fit` and `embed` are given, as a specification.
+    """The appendage given to `fit` or `embed`, as a specification.
 
     Args:
         appendage: a specification or its path, a beam, or imported modes.

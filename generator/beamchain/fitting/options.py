@@ -169,7 +169,7 @@ class Root(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 class FitOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How the chain is found.
 
-    The recipes are there to compare with: "classical" (EI N/L, 2 EI N/L at the root), "midpoint" (hinges at segment
+    These recipes are for comparison: "classical" (EI N/L, 2 EI N/L at the root), "midpoint" (hinges at segment
     middles), "naive" (EI N/L everywhere), "seed" (the three links of the 2008 paper).
 
     Example:
@@ -224,7 +224,7 @@ class FitOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the scene needs; modes and sites it does not need are left out.
+    """Requirements of the scene; modes and sites that it does not need are left out.
 
     Example:
         >>> import beamchain as bc
@@ -272,7 +272,7 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     @property
     def step(self) -> float:
-        """Of scene.xml and of the bench [s]."""
+        """Step of scene.xml and of the test bench [s]."""
         return DEFAULT_STEP if self.timestep is None else self.timestep
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""What a fit is: the chain, its proof through MuJoCo, and the files it writes."""
+"""The result of a fit: the chain, its verification through MuJoCo, and its files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ TIP_TOLD = 0.01  # error of the tip's motion that is told beside the model's
 
 
 class ModeRow(NamedTuple):
-    """A kept mode: as it was asked for, and as MuJoCo reads it back. Errors are relative."""
+    """A kept mode: its target values, and the values read back from MuJoCo. Errors are relative."""
 
     port: str
     number: int
@@ -58,13 +58,13 @@ class ModeRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InSpace:
-    """A fit seen with all six motions of the root at once, which shows what ports do to each other.
+    """A fit in all six motions of the root at once, including the coupling between ports.
 
     Args:
-        data: the imported modes, about the port, in SI; what was done to them stands in its `steps`.
-        form: "chain", and `why` it has the hinges it has.
+        data: the imported modes, about the port, in SI; its `steps` list the changes made to them.
+        form: "chain"; `why`: the reason for its hinges.
         full: all imported modes.
-        target: the modes that were asked for.
+        target: the required modes.
         achieved: read back through `mjd_transitionFD`.
         error: achieved against target; in band, against all modes.
         live: motions in which the appendage has inertia; the models hold these only.
@@ -84,28 +84,28 @@ class InSpace:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fit:
-    """An appendage as a hinge chain, proved through MuJoCo.
+    """An appendage as a hinge chain, verified through MuJoCo.
 
     Args:
-        spec: what was asked for.
-        chain: what came out.
-        full: per port, all modes of the beam's discretisation: the truth.
+        spec: the specification.
+        chain: the fitted chain.
+        full: per port, all modes of the beam's discretisation, which are the reference.
         target: per port, the reduced model the chain was made for.
         achieved: per port, read back through `mjd_transitionFD`.
         error: per port, achieved against target; in band, against the whole beam.
-        measured: the bench.
-        limits: step limits on the hub of the spec, or alone.
+        measured: results of the test bench.
+        limits: step limits on the hub of the spec, or without a hub.
         status: ok, message, history.
-        seconds: model, realise, write, verify.
+        seconds: times to model, realise, write and verify [s].
         bandwidth: per port, of the in-band error [rad/s].
         kept_for: the target whose modes are kept: "clamped", "free" or "hub".
         choice: how the modes were chosen for the scene; None where the spec states them.
-        promise: in-band error on the hub in space of what was achieved, where the scene has a bandwidth.
-        left_out: what the chain does without, why, and at what cost.
-        cautions: what to know before the drop-in file is used; `warnings` adds what concerns scene.xml.
-        cut: where the hinges stand, where they were chosen for modal tendons.
-        line: how the mass lies along x, where that is not the spec's beam.
-        space: all six motions at once, where the modes were imported.
+        promise: in-band error of the achieved model on the hub, in the motions of the scene; None without a bandwidth.
+        left_out: what the chain leaves out, why, and the error that this causes.
+        cautions: warnings about the drop-in file; `warnings` adds those about scene.xml.
+        cut: the hinge positions, if they were chosen for modal tendons.
+        line: the mass distribution along x, if it is not that of the spec's beam.
+        space: the fit in all six motions at once, if the modes were imported.
 
     Example:
         >>> import beamchain as bc
@@ -146,27 +146,27 @@ class Fit:
 
     @property
     def mass_line(self) -> MassLine:
-        """How the appendage's mass lies along x: its beam, or what imported modes say of it."""
+        """Mass distribution of the appendage along x: its beam, or the distribution for imported modes."""
         return self.spec.beam if self.line is None else self.line
 
     @property
     def tendon_damped(self) -> bool:
-        """Whether tendons damp its modes, which Euler takes explicitly."""
+        """Whether its modes are damped by tendons, whose damping Euler treats explicitly."""
         return any(tendon.damping > 0.0 for tendon in self.chain.tendons)
 
     @property
     def tendon_sprung(self) -> bool:
-        """Whether its modes stand on tendons."""
+        """Whether its modes have their stiffness on tendons."""
         return any(tendon.stiffness > 0.0 for tendon in self.chain.tendons)
 
     @property
     def hub(self) -> Hub:
-        """That of scene.xml: the spec's, or ten times the appendage."""
+        """The hub of scene.xml: that of the spec, or one of ten times the appendage's mass."""
         return self.spec.root.hub or default_hub(self.mass_line)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What to know before the files are used; shown by `beamchain fit` and in the report."""
+        """Warnings about the files, as shown by `beamchain fit` and in the report."""
         scene = self.spec.scene
         if scene is None or not self.achieved:
             return self.cautions
@@ -189,7 +189,7 @@ class Fit:
 
     @cached_property
     def large_motion(self) -> tuple[dict[str, LargeMotion], tuple[str, ...]]:
-        """Large-motion limits per bending plane, and why one could not be had."""
+        """Large-motion limits per bending plane, and the reasons if one could not be computed."""
         if self.spec.imported is not None:
             why = "large motion is compared with a chain of 60 links of the beam, which imported modes do not have."
             return {}, (Caution("large-motion-unknown", why),)
@@ -199,9 +199,9 @@ class Fit:
 
     @cached_property
     def turn_error(self) -> float | None:
-        """What the scene's step does to the rigid spacecraft's rates in a free turn of one radian, relative.
+        """Relative error of the rigid spacecraft's rates after a free rotation of one radian at the scene's step.
 
-        None where the scene states no `rates` or the spec no hub.
+        None if the scene states no `rates` or the spec no hub.
         """
         scene = self.spec.scene
         if scene is None or scene.rates is None or self.hub_mass is None:
@@ -216,7 +216,7 @@ class Fit:
 
     @property
     def readback_error(self) -> dict[str, Comparison]:
-        """Per port, MuJoCo against the reduced target it was made for: how exact the file is, not how good the model."""
+        """Per port, the values read back from MuJoCo against their target: the error of the file, not of the model."""
         return self.error
 
     @property
@@ -239,13 +239,13 @@ class Fit:
 
     @property
     def in_band_error(self) -> float | None:
-        """The model's error in band: of all that a scene asks for; without one of the worst port by itself."""
+        """In-band error of the model for what the scene requires; without a scene, that of the worst port by itself."""
         port = self.worst_port
         return self.promise if self.promise is not None or port is None else self.error[port].accelerance_in_band
 
     @property
     def headline(self) -> str:
-        """The model's error in a sentence, and the tip's where that is above 1 %."""
+        """The model's error in a sentence, and the tip's if that is above 1 %."""
         port, error = self.worst_port, self.in_band_error
         if error is None:
             return "rigid: no in-band error is known without scene.bandwidth"
@@ -260,7 +260,7 @@ class Fit:
 
     @property
     def tip_told(self) -> str | None:
-        """The tip's error and what to do, where it is above 1 %."""
+        """The tip's error and the remedy, if it is above 1 %."""
         off = {(p, k + 1): float(e) for p, errors in self.tip_error.items() for k, e in enumerate(errors)}
         worst = max(off, key=lambda k: abs(off[k]), default=None)
         if worst is None or abs(off[worst]) <= TIP_TOLD:
@@ -302,7 +302,7 @@ class Fit:
         """The drop-in MJCF as an lxml tree.
 
         Args:
-            timed: exact in time for the spec's step, if it states one; False: with timing taken out.
+            timed: exact in time for the spec's step, if it states one; False: without timing.
         """
         tree = appendage_tree(self.spec, self.chain, self.mass_line)
         if timed:
@@ -311,7 +311,7 @@ class Fit:
 
     @cached_property
     def time(self) -> list[PoleRow]:
-        """Modes of scene.xml with timing taken out, and what its integrator shows of them at its step."""
+        """Modes of scene.xml without timing, and their poles under its integrator at its step."""
         return pole_rows(compile_model(self.scene_mjcf())) if self.achieved else []
 
     def to_mjcf(self) -> str:
@@ -319,7 +319,7 @@ class Fit:
         return write.text(self.appendage())
 
     def scene_mjcf(self) -> str:
-        """A free-flying hub with the appendage on it, as text. Without a hub in the spec: ten times the appendage."""
+        """A free-flying hub with the appendage on it, as text; default hub: ten times the appendage's mass."""
         scene = self.spec.scene or Scene()
         hub = self.hub
         timestep = self.spec.exact_step or (
@@ -338,14 +338,14 @@ class Fit:
         return write.text(write.bench(self.appendage(timed=False), ports, 0.01, ballast_for(self.chain)))
 
     def attach(self, spec: "mujoco.MjSpec", site: str) -> None:
-        """Attach the appendage, names unprefixed.
+        """Attach the appendage; its names get no prefix.
 
         Args:
             spec: the spacecraft, an `mujoco.MjSpec`; changed in place.
-            site: name of one of its sites, x of its frame outwards.
+            site: name of one of its sites, whose x axis points outwards.
 
         Raises:
-            InputError: `spec` is no `MjSpec`, has no such site, or has the appendage already.
+            InputError: `spec` is not an `MjSpec`, has no such site, or already has the appendage.
         """
         if not isinstance(spec, mujoco.MjSpec):
             raise InputError(
@@ -366,16 +366,16 @@ class Fit:
         spec.attach(child, site=place, prefix=prefix)
 
     def plot(self, ax: "Axes | None" = None, port: str | None = None) -> "Axes":
-        """Accelerance of a port: beam, chain through MuJoCo. Returns the axes; shows nothing.
+        """Plot the accelerance of a port: beam, and chain read back from MuJoCo. Returns the axes; shows nothing.
 
         Args:
-            ax: drawn into; those of a new figure where left out.
-            port: the first kept one where left out.
+            ax: axes to draw into; default: a new figure.
+            port: default: the first kept one.
         """
         return report.plot_accelerance(self, ax=ax, port=port)
 
     def as_dict(self) -> dict[str, Any]:
-        """What fit.json holds."""
+        """The content of fit.json."""
         return report.fit_record(self)
 
     def write(self, folder: str | Path, *, force: bool = False) -> list[Path]:

@@ -38,7 +38,7 @@ SHORT = ("hub", "target", "timestep")
 
 
 class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A whole SPEC.toml.
+    """The content of a SPEC.toml.
 
     Example:
         >>> import beamchain as bc

@@ -1,4 +1,4 @@
-"""How far one port model is from another: one comparison and one in-band error for the whole package.
+"""Comparison of two port models: one comparison and one in-band error for the whole package.
 
 Theory: docs/theory.md, section 6.
 """
@@ -36,7 +36,7 @@ class Comparison:
         participation_errors: `(k,)` relative: norm of the difference over the norm, each motion scaled by the
             rigid mass.
         mass_error: relative, of the rigid mass matrix.
-        accelerance_in_band: the in-band error; None where it was not asked for.
+        accelerance_in_band: the in-band error; None if it was not requested.
     """
 
     matches: NDArray[np.int64]

@@ -1,4 +1,4 @@
-"""The port: how a thing pushes back at its root. The common language of the package.
+"""The port: the dynamics of a structure at its root, in the form that the whole package uses.
 
 A beam, a hinge chain, imported finite-element modes and a linearised MuJoCo model all become a `PortModel`.
 
@@ -53,7 +53,7 @@ class Shapes:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PortModel:
-    """An elastic thing seen from its root: rigid mass, cantilever modes, damping.
+    """An elastic structure seen from its root: rigid mass, cantilever modes, damping.
 
     `D(s) = M - s^2 sum_k L_k L_k^T / (s^2 + 2 zeta_k W_k s + W_k^2)` is the wrench the root needs per unit
     acceleration; `W(s) = D(s)^-1` is the accelerance. `m` is the number of motions of the port: 2 in a bending plane
@@ -63,10 +63,10 @@ class PortModel:
     D. Alazard, F. Sanfedino, the TITOP model, for the cantilever form.
 
     Args:
-        rigid_mass: `(m, m)` mass matrix of the frozen thing about the port, `D(0)` [kg, kg m, kg m^2].
+        rigid_mass: `(m, m)` mass matrix of the frozen structure about the port, `D(0)` [kg, kg m, kg m^2].
         frequencies: `(n,)` cantilever frequencies (port held), ascending [rad/s].
         participation: `(n, m)` rows `L_k` of the mass-normalised cantilever modes.
-        damping: `(n,)` damping ratios of the cantilever modes; zero when left out.
+        damping: `(n,)` damping ratios of the cantilever modes; default: zero.
         tip: `(n, m)` or more columns: tip motion in each mass-normalised cantilever mode, where known, then that of
             further points.
         shapes: the modes along the appendage, where known.
@@ -167,7 +167,7 @@ class PortModel:
 
     @property
     def residual_mass(self) -> Array:
-        """`(m, m)` rigid mass minus the effective masses: what the root feels at infinite frequency."""
+        """`(m, m)` rigid mass minus the effective masses: the mass at the root at infinite frequency."""
         return self.rigid_mass - self.participation.T @ self.participation
 
     @property

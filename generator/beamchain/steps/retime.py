@@ -85,17 +85,17 @@ def retime(
 ) -> Retimed:
     """Make the appendages of a model exact in time for a step, in place.
 
-    Whatever it was made for before is taken out first, so that calls do not add up. `model.opt` is not touched: run the model
-    at this step, and give the input as `HeldInput` does.
+    Any earlier timing is removed first, so that repeated calls do not accumulate. `model.opt` is not changed: run the
+    model at this step, and give the input as `HeldInput` does.
 
     Args:
         model: compiled; arrays change, its topology does not.
-        timestep: [s]; 0 takes the timing out: the model is as before, bit for bit (after form 3: to rounding; its
+        timestep: [s]; 0 removes the timing: the model is restored bit for bit (after form 3: to rounding; its
             `Retimed.undo` is exact).
-        integrator: MuJoCo's name; the model's own where left out. RK4: only modes beyond its limit are slowed;
-            "discrete": nothing is changed, it is stable at every step and cannot be made exact.
+        integrator: MuJoCo's name; default: the model's own. RK4: only modes beyond its limit are slowed; "discrete":
+            nothing is changed, it is stable at every step and cannot be made exact.
         form: 2, 3 or 4, see above. 4 needs Euler, implicit or implicitfast; otherwise it is 2.
-        qpos: pose in which the craft's coupling is looked at; the initial one where left out.
+        qpos: pose at which the craft's coupling is computed; default: the initial one.
 
     Raises:
         InputError: the model has no modal tendons, or they do not allow form 3.

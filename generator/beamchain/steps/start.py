@@ -15,7 +15,7 @@ from beamchain.steps.modal import FREE_BALL, condensed, foreign, modal_tendons
 
 
 def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
-    """`(nv,)` what to write into `qvel` for a craft that is at `qpos` with the true rates `qvel` at t = 0.
+    """`(nv,)` values for `data.qvel` of a craft that is at `qpos` with the true rates `qvel` at t = 0.
 
     MuJoCo's semi-implicit step leaves in `qvel` the mean rate over the step just taken, so the modes are followed back by
     one undriven step. Under RK4, and where the model was not made exact in time, `qvel` is returned as it is.

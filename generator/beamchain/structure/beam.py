@@ -144,12 +144,12 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
         )
 
     def port(self, port: str = "xy", modes: int = 8, stations: Sequence[float] = ()) -> PortModel:
-        """How the appendage pushes back at its root.
+        """The port model of the appendage at its root.
 
         Args:
             port: "xy", "xz", "torsion" or "axial".
             modes: lowest modes (free, held or on any hub) converged to 1e-11 relative, or to rounding.
-            stations: further points whose motion in the modes stands behind the tip's in `tip` [m].
+            stations: x of further points [m]; their motion in the modes follows that of the tip in `tip`.
 
         Returns:
             All modes of the discretisation, more than `modes`, so that its residual mass is the beam's own to the

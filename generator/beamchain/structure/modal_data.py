@@ -27,11 +27,11 @@ class ModalData:
         damping: `(n,)` ratios; zeros where left out.
         tip: `(n, 6)` motion of the tip in each mass-normalised mode, where known.
         length: root to tip [m], where known.
-        pieces, points: how the mass lies along x, where known; see `SpreadMass`.
+        pieces, points: the mass distribution along x, where known; see `SpreadMass`.
         precision: relative, of the printed numbers.
-        source: where it came from.
-        steps: what was done to the numbers, in order.
-        printed: the numbers stand as they were printed; False once rounding has been cleared away.
+        source: origin of the data.
+        steps: changes made to the numbers, in order.
+        printed: the numbers are as printed; False once the effects of rounding have been removed.
 
     Raises:
         InputError: shapes disagree, a number is not finite, or the numbers contradict each other.
@@ -308,13 +308,13 @@ class ModalData:
         )
 
     def frozen(self) -> "ModalData":
-        """The data with no mode: the appendage where a scene needs none."""
+        """The data without modes: a rigid appendage."""
         none = np.zeros(0)
         tip = None if self.tip is None else self.tip[:0]
         return replace(self, frequencies=none, participation=self.participation[:0], damping=none, tip=tip)
 
     def untangled(self) -> "ModalData":
-        """Modes of equal frequency turned into the planes: in a round boom the program picks any two directions."""
+        """The data with modes of equal frequency, whose directions are arbitrary, rotated into the bending planes."""
         groups = near_groups(self.frequencies, max(self.tolerance, 1e-9))
         turned = into_planes(self.frequencies, self.participation, self.scale, groups)
         if not turned.changed:
@@ -330,13 +330,13 @@ class ModalData:
         )
 
     def line(self, power: int = 0) -> MassLine:
-        """How the mass lies along x: as the file says, else the plainest that the rigid mass allows.
+        """Mass distribution along x: that of the file, otherwise the simplest that the rigid mass allows.
 
         Args:
             power: of x with which mass grows from the root; see `spread`.
 
         Raises:
-            InputError: the length does not hold the mass.
+            InputError: the mass cannot be distributed over the length.
         """
         length = default_length(self.rigid_mass) if self.length is None else self.length
         stiffness: dict[str, float] = {}

@@ -247,7 +247,7 @@ class Box(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_fie
 
 
 class Custom(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="custom"):
-    """Any section by its numbers, about principal axes through the centroid.
+    """Any section, given by its properties about principal axes through the centroid.
 
     Example:
         >>> import beamchain as bc
@@ -284,7 +284,7 @@ class Custom(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_
 
 
 class Equivalent(_Section, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="equivalent"):
-    """A truss or array by its measured stiffness and mass per length; takes no material.
+    """A truss or array, given by its measured stiffness and mass per length; needs no material.
 
     Example:
         >>> import beamchain as bc

@@ -123,11 +123,11 @@ class Study:
         return found[-1][1] if found else None
 
     def rivals(self, target: float, metric: Metric) -> dict[str, Reach]:
-        """The rivals' cheapest settings, extrapolated where they did not get there."""
+        """The rivals' cheapest settings, extrapolated where they did not reach the target."""
         return {model: r for model, r in self.reach(target, metric).items() if model not in field.OURS}
 
     def short_of(self, target: float, metric: Metric) -> dict[str, float]:
-        """Rivals that do not get there, and show no slope to follow: the best error of each."""
+        """Rivals that do not reach the target and cannot be extrapolated, with the best error of each."""
         reached = self.reach(target, metric)
         fronts = {m: front.front([x for x in self.ladders if x.entry.model == m], metric) for m in self.models}
         return {m: f[-1][0] for m, f in fronts.items() if f and m not in reached and m not in field.OURS}
@@ -193,21 +193,20 @@ def study(
     resume: bool = False,
     progress: Progress | None = None,
 ) -> Study:
-    """Measure error against run time of models of an appendage on its hub, as `beamchain study` does.
+    """Measure error against run time for models of an appendage on its hub, as `beamchain study` does.
 
     Args:
         spec: the appendage and hub, or the path of a SPEC.toml; without a hub, one of ten times the appendage's mass.
         models: names of the models to run, such as "exact, hub", "exact, clamped" or "equal links, classical"; all where
             empty, which takes minutes.
-        duration: what is simulated [s]; four slow periods where left out.
+        duration: simulated time [s]; default: four periods of the slowest mode.
         budget: simulation time spent per model, size and integrator [s].
-        profile: CSV text of the wrench on the hub, columns time [s], fx fy fz [N], mx my mz [N m]; a doublet where left
-            out.
+        profile: CSV text of the wrench on the hub, columns time [s], fx fy fz [N], mx my mz [N m]; default: a doublet.
         amplitude: of the doublet [N, N m]; small enough to stay linear where left out.
-        executor: where the entries run; one after the other in this process where left out.
-        folder: keeps what is measured until `Study.write` is done, for `resume`.
-        resume: take up what `folder` holds.
-        progress: told after every entry how many are done, and of how many.
+        executor: runs the entries; default: one after the other in this process.
+        folder: folder in which measurements are kept until `Study.write` is done, for `resume`.
+        resume: continue from the measurements in `folder`.
+        progress: called after every entry with the number of finished entries and the total.
 
     Returns:
         The study: every point measured (`points`), the cheapest setting for an error (`best`), its rivals (`rivals`),
@@ -215,7 +214,7 @@ def study(
 
     Raises:
         InputError: a model's name is unknown, the profile cannot be used, or profile and amplitude are both given.
-        EngineError: the load throws the appendage about so that no chain can be simulated, or a worker died.
+        EngineError: no chain can be simulated under the load, or a worker process died.
 
     Example:
         >>> import beamchain as bc

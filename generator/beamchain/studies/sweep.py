@@ -140,21 +140,21 @@ def sweep(
     """Draw variants of an appendage from its [uncertain] and fit each, as `beamchain sweep` does.
 
     Args:
-        spec: with [uncertain], or the path of such a SPEC.toml; where its scene chooses the modes, the nominal choice
-            stands for all.
-        samples: how many are drawn.
+        spec: with [uncertain], or the path of such a SPEC.toml; if its modes are chosen for a scene, all variants use
+            the nominal choice.
+        samples: number of samples.
         seed: of the draws; the same seed gives the same variants.
-        executor: where they are fitted; one after the other in this process where left out.
-        folder: keeps what is done until `Sweep.write`, for `resume`.
-        resume: take up what `folder` holds.
-        progress: told after every ten.
+        executor: runs the fits; default: one after the other in this process.
+        folder: folder in which finished fits are kept until `Sweep.write`, for `resume`.
+        resume: continue from the fits in `folder`.
+        progress: called after every ten samples.
 
     Returns:
         The variants as fields of one compiled MuJoCo model (`fields`), their coupled frequencies [rad/s] (`coupled`),
         samples that could not be made and why (`left_out`), files (`write`).
 
     Raises:
-        EngineError: a worker died for good.
+        EngineError: a worker process died; finished fits are kept in `folder`.
         InputError: the spec has no [uncertain], or every sample was left out.
 
     Example:

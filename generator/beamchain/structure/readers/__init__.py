@@ -35,16 +35,17 @@ def read_modes(
     Args:
         path: .f06, .op2 (needs pyNastran), .toml or .json, .npz or .mat (mass, stiffness, boundary).
         reference: the port, from the file's reference point, in the file's axes and units.
-        axes: rows: appendage x, y, z in the file's axes; the file's own where left out.
-        units: `{"length": metres per unit, "mass": kilograms per unit}`; SI where left out.
-        modes: numbers from 1, by ascending frequency; all where left out.
-        subcase: which one, where a file holds several.
+        axes: rows: appendage x, y, z in the file's axes; default: the file's own.
+        units: `{"length": metres per unit, "mass": kilograms per unit}`; default: SI.
+        modes: numbers from 1, by ascending frequency; default: all.
+        subcase: number of the subcase, if the file holds several.
 
     Returns:
-        Checked data in SI about the port, modes of equal frequency turned into the planes; `steps` tells what was done.
+        Checked data in SI about the port, modes of equal frequency rotated into the bending planes; `steps` lists the
+        changes made.
 
     Raises:
-        InputError: the file is missing, cut, mangled or contradicts itself; the sentence says what to ask for.
+        InputError: the file is missing, truncated, corrupt or contradictory; the message states what is needed.
 
     Example:
         >>> import beamchain as bc
