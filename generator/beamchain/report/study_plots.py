@@ -13,7 +13,7 @@ from beamchain.studies.front import Metric, front
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from beamchain.studies.growth import Growth
+    from beamchain.studies.run_time import Growth
     from beamchain.studies.study import Study
 
 #: Ours in colours that differ in lightness, rivals in grey, each told by its mark too.

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from lxml import etree
-from lxml.etree import _Element as Element
 
 from beamchain.chain import rivals
 from beamchain.chain.build import Wishes, build_exact, with_real_polar
@@ -32,13 +31,7 @@ from beamchain.studies import soft_rods
 from beamchain.studies.scenario import Rigid
 
 TIMED = "exact in time"
-OURS = {
-    TIMED: 6,
-    "exact, hub": 6,
-    "exact, clamped": 6,
-    "exact, free": 6,
-    "least squares": 4,
-}
+OURS = {TIMED: 6, "exact, hub": 6, "exact, clamped": 6, "exact, free": 6, "least squares": 4}  # largest n
 EQUAL = {"equal links, midpoint": "midpoint", "equal links, classical": "classical"}
 EQUAL_COUNTS = (3, 5, 7, 10, 14, 20, 24, 27, 30, 40, 57, 80, 95, 113)
 SOFT_COUNTS = (5, 7, 10, 14)
@@ -68,34 +61,19 @@ class Entry(NamedTuple):
         return self.model == TIMED
 
     def fed(self, wrench: Array) -> Array:
-        """`(t, 6)` what the model is given in each step.
-
-        Args:
-            wrench: `(t, 6)` on the hub, constant over each step.
-        """
-        if not self.timed:
-            return wrench
-        held = HeldInput()
-        return np.array([held(row) for row in wrench]).reshape(wrench.shape)
+        """What the model is given in each step of a wrench `(t, 6)` that is constant over each."""
+        return np.array(list(map(HeldInput(), wrench))).reshape(wrench.shape) if self.timed else wrench
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What every model is made from.
-
-    Args:
-        beam: the appendage.
-        full: all its modes per kept port, with damping ratios.
-        kept: modes per port in the spec; the planes' numbers are what a study varies.
-        hub: the hub.
-        tendons: damping as tendons, not in the hinges.
-    """
+    """What every model is made from."""
 
     beam: Beam
-    full: dict[str, PortModel]
-    kept: dict[str, int]
+    full: dict[str, PortModel]  # all its modes per kept port, with damping ratios
+    kept: dict[str, int]  # modes per port in the spec; the planes' numbers are what a study varies
     hub: Rigid
-    tendons: bool = True
+    tendons: bool = True  # damping as tendons, not in the hinges
 
     @property
     def planes(self) -> list[str]:
@@ -138,22 +116,15 @@ def largest_step(task: Task, entry: Entry) -> float:
     ports = {port: chain.port(port) for port in chain.ports}
     coupled = in_space(ports, chain.rigid_mass()).with_hub(task.hub.matrix)
     ratio = max((float(np.max(task.full[p].damping, initial=0.0)) for p in ports), default=0.0)
-    return (
-        MARGIN
-        * largest_angle(entry.integrator, ratio, tendon=any(t.damping > 0.0 for t in chain.tendons))
-        / float(coupled.free_frequencies[-1])
-    )
+    angle = largest_angle(entry.integrator, ratio, tendon=any(t.damping > 0.0 for t in chain.tendons))
+    return MARGIN * angle / float(coupled.free_frequencies[-1])
 
 
 def model_of(task: Task, entry: Entry, timestep: float = 0.0) -> "mujoco.MjModel":
     """The compiled scene of an entry: a free-flying hub with the appendage, nothing drawn.
 
-    The link welded to the hub becomes part of it when compiled (`fusestatic`), for rivals too.
-
-    Args:
-        task: appendage and hub.
-        entry: which model.
-        timestep: for which a model is made exact in time [s]; 0: for none. Other models are the same at every step.
+    The link welded to the hub becomes part of it when compiled (`fusestatic`), for rivals too. A model exact in time is
+    made for the timestep [s]; the others are the same at every step.
     """
     if entry.model in soft_rods.INTEGRATORS:
         return soft_rods.scene_model(entry.model, task.beam, task.hub, entry.n)
@@ -166,24 +137,16 @@ def model_of(task: Task, entry: Entry, timestep: float = 0.0) -> "mujoco.MjModel
 
 
 def scene_text(hub: Rigid, chain: Chain) -> str:
-    """The scene of a chain on the hub as MJCF text."""
-    return _scene_of(hub, write.appendage(chain, "appendage", visuals=False, sites={}))
-
-
-def _scene_of(hub: Rigid, tree: Element) -> str:
-    root = write.scene(
+    """The scene of a chain on the hub as MJCF text, without what costs time and moves nothing."""
+    tree = write.appendage(chain, "appendage", visuals=False, sites={})
+    root: Any = write.scene(
         tree, "appendage", mass=hub.mass, inertia=hub.inertia, offset=hub.offset, timestep=0.01, integrator="Euler"
     )
-    strip(root)
-    return write.text(root)
-
-
-def strip(root: Any) -> None:
-    """Take out of a scene what costs time and moves nothing: geoms, sites, lights, bodies welded to others."""
     for tag in ("geom", "site", "light"):
         for element in root.findall(f".//worldbody//{tag}"):
             element.getparent().remove(element)
     root.insert(0, etree.Element("compiler", fusestatic="true"))
+    return write.text(root)
 
 
 def frozen(beam: Beam) -> Chain:
@@ -194,11 +157,7 @@ def frozen(beam: Beam) -> Chain:
 
 @lru_cache(maxsize=8)
 def chain_of(task: Task, entry: Entry) -> Chain:
-    """The chain of an entry, damped; kept, because every step of a ladder asks for it.
-
-    Raises:
-        RealisationError: there is no such chain.
-    """
+    """The chain of an entry, damped; kept, because every step of a ladder asks for it."""
     chain, targets = _built(task, entry)
     if any(t.stiffness > 0.0 for t in chain.tendons):
         return chain  # each mode has its damping already
@@ -213,15 +172,9 @@ def chain_of(task: Task, entry: Entry) -> Chain:
     return chain
 
 
-def _counts(task: Task, n: int) -> dict[str, int]:
-    """Modes per port of a model of size n."""
-    if not task.planes:
-        return dict.fromkeys(task.kept, n)
-    return {port: n if port in task.planes else count for port, count in task.kept.items()}
-
-
 def _built(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
-    beam, kept = task.beam, _counts(task, entry.n)
+    beam, varied = task.beam, task.planes or task.kept
+    kept = {port: entry.n if port in varied else count for port, count in task.kept.items()}
     if entry.model in OURS:
         built = _ours(task, entry, kept)
         short = {port: target.modes for port, target in built.targets.items() if target.modes < kept[port]}
@@ -241,10 +194,9 @@ def _built(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
     )
     # a short piece of a wide panel, frozen, has more polar inertia than a thin body can have: it gets what it can
     links = tuple(
-        replace(
-            link, inertia=(min(link.inertia[0], (1.0 - 1e-9) * (link.inertia[1] + link.inertia[2])), *link.inertia[1:])
-        )
+        replace(link, inertia=(min(x, (1.0 - 1e-9) * (y + z)), y, z))
         for link in chains[0].links
+        for x, y, z in (link.inertia,)
     )
     return with_real_polar(replace(chains[0], hinges=hinges, links=links)), {}
 

@@ -1,6 +1,7 @@
 """What the points say: the Pareto front, and the cheapest setting for a target error."""
 
 import math
+import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -16,21 +17,13 @@ STEEPEST = 3.0  # decades of time per decade of error that an extrapolation beli
 
 @dataclass(frozen=True)
 class Reach:
-    """The cheapest way to a target error with one model.
-
-    Args:
-        model: its name.
-        seconds: time for the scenario [s].
-        point: the setting; the last measured one where extrapolated.
-        extrapolated: the target lies beyond what was measured; time follows the front's measured slope.
-        slope: decades of time per decade of error, where extrapolated.
-    """
+    """The cheapest way to a target error with one model."""
 
     model: str
-    seconds: float
-    point: Point
-    extrapolated: bool
-    slope: float | None = None
+    seconds: float  # time for the scenario
+    point: Point  # the setting; the last measured one where extrapolated
+    extrapolated: bool  # the target lies beyond what was measured; time follows the front's measured slope
+    slope: float | None = None  # decades of time per decade of error, where extrapolated
 
 
 def honest(ladder: Ladder, metric: Metric) -> list[tuple[float, Point]]:
@@ -84,12 +77,9 @@ def _slope(points: Sequence[tuple[float, Point]]) -> float | None:
     if len(points) < 2:
         return None
     x = [-math.log(error) for error, _ in points]
-    y = [math.log(point.seconds) for _, point in points]
-    mean_x, mean_y = sum(x) / len(x), sum(y) / len(y)
-    across = sum((a - mean_x) ** 2 for a in x)
-    if across < 0.25:  # less than half a natural unit of error gained: no slope to speak of
+    if statistics.pvariance(x) * len(x) < 0.25:  # less than half a natural unit of error gained: no slope to speak of
         return None
-    slope = sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True)) / across
+    slope = statistics.linear_regression(x, [math.log(point.seconds) for _, point in points]).slope
     return slope if 0.0 < slope <= STEEPEST else None
 
 

@@ -1,7 +1,5 @@
 """`study`: error against run time of every sensible model of an appendage on its hub, measured on the spot."""
 
-import hashlib
-import json
 import statistics
 import time
 import tomllib
@@ -17,7 +15,6 @@ import numpy as np
 
 from beamchain import report
 from beamchain.caution import at
-from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
 from beamchain.fitting.choose import make_plan, whole_beam
@@ -31,9 +28,8 @@ from beamchain.studies import field, front
 from beamchain.studies.field import Entry, Task
 from beamchain.studies.fine_chain import LINEAR, large_reference, nonlinear
 from beamchain.studies.front import TARGETS, Metric, Reach, recommended_name
-from beamchain.studies.growth import Growth, growth
-from beamchain.studies.jobs import Progress, run_jobs
-from beamchain.studies.run_time import Ladder, Point, Run, climb, in_turns
+from beamchain.studies.jobs import Progress, run_jobs, stamp
+from beamchain.studies.run_time import Growth, Ladder, Point, Run, climb, growth, in_turns
 from beamchain.studies.scenario import Rigid, Scenario, make_scenario, parse_profile
 
 FULL_MODES = 30  # of the beam on the hub: one mode fewer changes the reference by less than 1e-9
@@ -45,15 +41,7 @@ STORE = ".study_points.jsonl"
 
 
 class Options(NamedTuple):
-    """What a study may be told.
-
-    Args:
-        profile: CSV text of the wrench on the hub; a doublet where left out.
-        duration: [s]; found from the first coupled mode where left out.
-        budget: time for the errors of one entry [s].
-        models: names of the models to run; all where empty.
-        amplitude: of the doublet [N, N m]; small enough to stay linear where left out.
-    """
+    """What a study may be told; see `study`."""
 
     profile: str | None = None
     duration: float | None = None
@@ -94,11 +82,7 @@ class Study:
     @cached_property
     def rigid_hub(self) -> dict[str, float]:
         """Per integrator, time per step of the rigid hub alone [s]."""
-        return {
-            ladder.entry.integrator: statistics.median(p.seconds_per_step for p in ladder.points)
-            for ladder in self.ladders
-            if ladder.entry.model == field.RIGID_HUB and ladder.points
-        }
+        return _rigid_hub(self.ladders)
 
     @property
     def models(self) -> list[str]:
@@ -112,14 +96,12 @@ class Study:
 
     def best(self, target: float, metric: Metric) -> Reach | None:
         """The cheapest measured setting among our own chains, which keep their geometry in large motion."""
-        found = self.reach(target, metric)
-        ours = [r for m, r in found.items() if m in field.OURS and not r.extrapolated]
+        ours = [r for r in self.reach(target, metric).values() if r.model in field.OURS and not r.extrapolated]
         return min(ours, key=lambda r: r.seconds, default=None)
 
     def nearest(self, metric: Metric) -> Point | None:
         """The most accurate of our own chains, whatever it takes."""
-        ours = [x for x in self.ladders if x.entry.ours]
-        found = front.front(ours, metric)
+        found = front.front([x for x in self.ladders if x.entry.ours], metric)
         return found[-1][1] if found else None
 
     def rivals(self, target: float, metric: Metric) -> dict[str, Reach]:
@@ -231,8 +213,8 @@ def study(
             raise InputError(f"model {name!r} is not in the field; choose from {', '.join(map(repr, known))}.")
     if options.models:
         wanted = [e for e in wanted if e.model in (*options.models, field.RIGID_HUB)]
-    stamp = hashlib.sha256(json.dumps([text, options, mujoco.__version__]).encode()).hexdigest()[:12]
-    jobs = {f"{stamp} {e.model} {e.n} {e.integrator}": (text, scenario, options.budget, tuple(e)) for e in wanted}
+    own = stamp(text, options)
+    jobs = {f"{own} {e.model} {e.n} {e.integrator}": (text, scenario, options.budget, tuple(e)) for e in wanted}
     store = None if folder is None else folder / STORE
     results = run_jobs(measure_entry, jobs, executor=executor, store=store, resume=resume, progress=progress)
     ladders = [
@@ -310,27 +292,27 @@ def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
     return task, replace(scenario, nonlinear=changed)
 
 
+def _rigid_hub(ladders: Sequence[Ladder]) -> dict[str, float]:
+    return {
+        ladder.entry.integrator: statistics.median(p.seconds_per_step for p in ladder.points)
+        for ladder in ladders
+        if ladder.entry.model == field.RIGID_HUB and ladder.points
+    }
+
+
 def _one_clock(ladders: Sequence[Ladder]) -> list[Ladder]:
     """Times of several machines on one clock: the ratio to the rigid hub beside each, times the hub's own median."""
-    hub: dict[str, float] = {}
-    for ladder in ladders:
-        if ladder.entry.model == field.RIGID_HUB and ladder.points:
-            hub[ladder.entry.integrator] = statistics.median(p.seconds_per_step for p in ladder.points)
-    out: list[Ladder] = []
-    for ladder in ladders:
-        points = [
-            p._replace(
-                seconds=p.seconds / p.seconds_per_step * p.over_rigid_hub * hub[p.integrator],
-                seconds_per_step=p.over_rigid_hub * hub[p.integrator],
-            )
-            for p in ladder.points
-        ]
-        out.append(ladder if ladder.entry.model == field.RIGID_HUB else ladder._replace(points=points))
-    return out
+    hub = _rigid_hub(ladders)
+
+    def moved(p: Point) -> Point:
+        each = p.over_rigid_hub * hub[p.integrator]
+        return p._replace(seconds=p.seconds / p.seconds_per_step * each, seconds_per_step=each)
+
+    return [x if x.entry.model == field.RIGID_HUB else x._replace(points=[moved(p) for p in x.points]) for x in ladders]
 
 
 def _duel(task: Task, scenario: Scenario, found: Study) -> list[Ladder]:
-    """Every setting that the table names, and ours that are nearly as quick, timed once more in turns in this process."""
+    """Every setting that the table names, and ours nearly as quick, timed once more in turns in this process."""
     named: dict[tuple[Any, ...], Point] = {}
     for target in TARGETS:
         for reach in found.reach(target, "error").values():
@@ -343,20 +325,14 @@ def _duel(task: Task, scenario: Scenario, found: Study) -> list[Ladder]:
                 named[near[:4]] = near
     points = [p for p in named.values() if p.seconds < DUEL_LONGEST]
     fresh: dict[tuple[Any, ...], Point] = {}
-    for integrator in field.INTEGRATORS:
+    for integrator in dict.fromkeys(p.integrator for p in points):
         group = [p for p in points if p.integrator == integrator]
-        if not group:
-            continue
-        runs = [
-            Run(field.model_of(task, Entry(*p[:3]), p.timestep), integrator, p.timestep,
-                Entry(*p[:3]).fed(scenario.profile.mean(p.timestep, round(p.seconds / p.seconds_per_step))))
-            for p in group
-        ]  # fmt: skip
+        runs: list[Run] = []
+        for p in group:
+            entry, h = Entry(*p[:3]), p.timestep
+            wrench = entry.fed(scenario.profile.mean(h, round(p.seconds / p.seconds_per_step)))
+            runs.append(Run(field.model_of(task, entry, h), integrator, h, wrench))
         hub = field.model_of(task, Entry(field.RIGID_HUB, 0, integrator))
-        for p, t in zip(group, in_turns(runs, hub, DUEL_ROUNDS, [[] for _ in runs]), strict=True):
-            per_step = t.seconds / round(p.seconds / p.seconds_per_step)
-            fresh[p[:4]] = p._replace(
-                seconds=t.seconds, seconds_per_step=per_step, spread=t.spread, over_rigid_hub=t.over_rigid_hub,
-                repeats=t.repeats,
-            )  # fmt: skip
+        for p, run, t in zip(group, runs, in_turns(runs, hub, DUEL_ROUNDS, [[] for _ in runs]), strict=True):
+            fresh[p[:4]] = p._replace(seconds_per_step=t.seconds / run.wrench.shape[0], **t._asdict())
     return [ladder._replace(points=[fresh.get(p[:4], p) for p in ladder.points]) for ladder in found.ladders]
