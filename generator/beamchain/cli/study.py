@@ -100,10 +100,10 @@ def read_text(path: Path) -> str:
 
 def show(result: "Study") -> None:
     """The answer as tables."""
-    from beamchain.report.study_html import commands, how_to_feed, scenario_sentence, table, verdict
+    from beamchain.report.study_html import answer, commands, how_to_feed, scenario_sentence, table
 
     out = console()
-    out.print(f"[bold]{result.spec.name}[/bold]: {verdict(result)}")
+    out.print(f"[bold]{result.spec.name}[/bold]: {answer(result)}")
     out.print(scenario_sentence(result))
     found = table(result, "error")
     print_table(found.caption, found.head, found.rows, left=(0, 1, 3))

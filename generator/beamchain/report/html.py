@@ -2,31 +2,287 @@
 
 from typing import TYPE_CHECKING
 
-from beamchain.report import imported, plots, sections
-from beamchain.report.page import page_text, versions
-from beamchain.report.verdict import rival_errors, verdict
+import numpy as np
+
+from beamchain.fitting.hub import port_hub_mass
+from beamchain.ports.compare import in_band_error
+from beamchain.ports.motions import Array
+from beamchain.report import plots
+from beamchain.report.curves import METHODS, beam_model, chain_label, count, rival_chains, rival_model
+from beamchain.report.page import Table, Verdict, number, page_text, vector
+from beamchain.report.plots import percent, short
+from beamchain.report.record import mass_record
+from beamchain.report.shapes import all_shapes, kept_modes
+from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:
-    from beamchain.fitting.result import Fit
+    from beamchain.fitting.result import Fit, InSpace
+
+TARGETS = {
+    "clamped": "clamped: the first cantilever modes, the better the heavier the hub",
+    "free": "free: the first modes with nothing attached (the 2008 paper's)",
+    "hub": "hub: the first modes of hub and appendage together",
+    "auto": "auto: whichever needs fewest modes",
+}
+_EXACT = {
+    "clamped": "The chain is exact with the root held; the heavier the hub, the closer the modes on it.",
+    "free": "The chain is exact with nothing attached; the lighter the hub, the closer the modes on it.",
+    "hub": "The chain is exact on the hub.",
+}
 
 
 def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
-    """The report and its pictures.
-
-    Returns:
-        The text of report.html, and the text of the SVG files to stand beside it, by name.
-    """
-    pictures: dict[str, str] = {}
-    for port in fit.target:
-        pictures[f"accelerance_{port}.svg"] = plots.to_svg(plots.accelerance_figure(fit, port), f"accelerance_{port}")
-        pictures[f"error_{port}.svg"] = plots.to_svg(plots.error_figure(fit, port), f"error_{port}")
+    """The text of report.html, and that of the SVG files to stand beside it, by name."""
+    figures = {f"accelerance_{port}": plots.accelerance_figure(fit, port) for port in fit.target}
+    figures |= {f"error_{port}": plots.error_figure(fit, port) for port in fit.target}
+    pictures = {f"{name}.svg": plots.to_svg(figure, name) for name, figure in figures.items()}
     pictures["chain.svg"] = plots.to_svg(plots.chain_figure(fit), "chain")
-    record, rivals = fit.as_dict(), rival_errors(fit)
+    rivals, bench = rival_errors(fit), fit.measured.linearisation
+    continuous, (discrete, ratios) = bench.frequencies(), bench.discrete_frequencies()
     page = page_text(
         "report.html",
         name=fit.spec.name,
-        sections=imported.with_imported(fit, sections.all_sections(fit, pictures, rivals, record["left_out"])),
-        verdict=verdict(fit, rivals),
-        versions=versions(),
+        verdict=_verdict(fit, rivals),
+        fit=fit,
+        pictures=pictures,
+        asked=_asked(fit),
+        imported=None if fit.space is None else _imported(fit.space),
+        mode_tables=[mode_table(fit, port) for port in fit.target],
+        drawn_shapes=all_shapes(fit),
+        in_band=_in_band(fit, rivals),
+        model_errors=[_frequencies(fit, port) for port in fit.target],
+        mass=_mass(fit),
+        hinges=_hinges(fit),
+        bench=bench,
+        bench_modes=list(zip(continuous, discrete, ratios, strict=True)) if continuous.size == discrete.size else (),
     )
     return page, pictures
+
+
+# -- the sentence at the head ----------------------------------------------------------------------------------------
+def _kept(fit: "Fit") -> str:
+    """`first 2 modes in xy and 1 in torsion`."""
+    (port, modes), *more = [(port, kept_modes(fit, port)) for port in fit.target]
+    first = f"first {'mode' if modes == 1 else f'{modes} modes'} in {port}"
+    parts = [first, *(f"{n} in {other}" for other, n in more)]
+    return first if not more else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+RivalErrors = dict[str, dict[str, float]]
+
+
+def rival_errors(fit: "Fit") -> RivalErrors:
+    """Per port and rival its in-band error, computed as the chain's own."""
+    out: RivalErrors = {}
+    for port in fit.target:
+        beam, hub = beam_model(fit, port), None if fit.hub_mass is None else port_hub_mass(fit.hub_mass, port)
+        out[port] = {
+            label: in_band_error(rival_model(fit, port, chain), beam, hub, fit.bandwidth[port])
+            for label, chain in rival_chains(fit, port).items()
+        }
+    return out
+
+
+def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
+    """What to tell somebody who reads one sentence."""
+    if not fit.error:
+        return _rigid_verdict(fit)
+    frequency = max(error.frequency for error in fit.error.values())
+    errors = {port: error.accelerance_in_band or 0.0 for port, error in fit.error.items()}
+    worst = max(errors, key=lambda port: errors[port])
+    links = sum(link.mass > 0.0 for link in fit.chain.links)
+    what = f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for the beam's {_kept(fit)}"
+    if fit.space is not None:
+        what = what.replace("the beam's", "the imported modes:")
+    hub = "the hub of the spec" if fit.hub_mass is not None else "a hub of 0.1, 1 or 10 times the appendage's mass"
+    scene = fit.spec.scene
+    promised = fit.promise is not None and scene is not None and scene.bandwidth is not None
+    error = fit.promise if promised and fit.promise is not None else errors[worst]
+    band = scene.bandwidth if promised and scene is not None and scene.bandwidth else fit.bandwidth[worst]
+    text = f"{what}: the motion of {hub} is off by at most {percent(error)} up to {short(band)} rad/s"
+    classical = None if promised else rivals[worst].get(METHODS["classical"])
+    if classical is not None:
+        text += f" (classical chain with as many hinges: {percent(classical)})"
+    missed = scene is not None and error > scene.tolerance
+    if scene is not None and missed:
+        text += f", more than the tolerance of {percent(scene.tolerance)}"
+    if (tip := fit.tip_told) is not None:
+        text += f"; {tip}"
+    text += f". Read back through MuJoCo the kept frequencies are within {percent(frequency)} of what was asked for"
+    if not fit.status.ok:
+        return Verdict(False, f"Less than was asked for: {fit.status.message.rstrip('.')}. {text}.")
+    return Verdict(not missed, f"{text}.")
+
+
+def _rigid_verdict(fit: "Fit") -> Verdict:
+    """The sentence of an appendage that the scene needs no mode of."""
+    scene = fit.spec.scene
+    text = "One rigid body stands for the appendage"
+    if scene is not None and scene.bandwidth is not None and fit.promise is not None:
+        text += f": the motion of the hub is off by at most {percent(fit.promise)} up to {short(scene.bandwidth)} rad/s"
+    less = "" if fit.status.ok else f"Less than was asked for: {fit.status.message.rstrip('.')}. "
+    return Verdict(fit.status.ok, f"{less}{text}.")
+
+
+# -- the tables ------------------------------------------------------------------------------------------------------
+def _asked(fit: "Fit") -> Table:
+    spec, beam = fit.spec, fit.mass_line
+    if isinstance(beam, Beam):
+        carried = [count(len(beam.segments), "segment")]
+        carried += [count(len(beam.joints), "compliant joint")] if beam.joints else []
+        carried += [count(len(beam.lumps), "lumped body").replace("bodys", "bodies")] if beam.lumps else []
+    else:
+        carried = [f"imported from {spec.imported.file}" if spec.imported is not None else "imported"]
+    asked = ", ".join(f"{n} in {port}" for port, n in spec.kept.items()) or "as imported"
+    if fit.choice is not None:
+        asked = "as few as the scene needs"
+        if spec.modes is not None and spec.modes.given():
+            asked += "; " + ", ".join(f"{n} in {port}" for port, n in spec.modes.given().items()) + " as given"
+    rows = [
+        ("appendage", f"{short(beam.length)} m long, {short(float(beam.rigid_mass()[0, 0]))} kg: {', '.join(carried)}"),
+        ("modes to keep", asked),
+        ("method", spec.fit.method),
+        ("target", TARGETS[fit.kept_for]),
+        ("hub", "none given" if spec.root.hub is None else _hub(fit)),
+        ("band", "; ".join(f"{port} up to {number(band)} rad/s" for port, band in fit.bandwidth.items())),
+    ]
+    if spec.damping is not None:
+        form = "a tendon per mode" if spec.damping.form == "modal" else "plain joint damping"
+        given = spec.damping.ratio
+        ratios = "; ".join(f"{k} {vector(v)}" for k, v in given.items()) if isinstance(given, dict) else f"{given:g}"
+        rows.append(("damping", f"ratio {ratios}, as {form}"))
+    if spec.payload is not None:
+        rows.append(("payload", f"{short(spec.payload.mass)} kg at the tip, attached by the scene"))
+    if spec.scene is not None:
+        scene = spec.scene
+        rows.append(("scene", f"{scene.integrator}, step {scene.step:g} s, tolerance {scene.tolerance:g}"))
+    return Table(rows, style="words")
+
+
+def _hub(fit: "Fit") -> str:
+    hub = fit.spec.root.hub
+    assert hub is not None
+    text = f"{short(hub.mass)} kg, inertia {vector(hub.inertia)} kg m² about its centre"
+    return text if not any(hub.offset) else f"{text}, root at {vector(hub.offset)} m from it"
+
+
+def mode_table(fit: "Fit", port: str) -> Table:
+    """Modes of a port: asked for, read back through MuJoCo, how far off."""
+    target, achieved, error = fit.target[port], fit.achieved[port], fit.error[port]
+    ratios, tip = bool(np.any(target.damping > 0.0) or np.any(achieved.damping > 0.0)), fit.tip_error.get(port)
+    head = ["mode", "target, rad/s", "target, Hz", "through MuJoCo, rad/s", "relative error"]
+    head += ["participation, target", "participation, through MuJoCo", "relative error"]
+    head += ["damping ratio, asked", "damping ratio, through MuJoCo"] if ratios else []
+    head += ["tip motion, relative error"] if tip is not None else []
+    rows: list[list[str]] = []
+    order = np.argsort(error.matches[:, 1])
+    for (i, j), df, dp in zip(
+        error.matches[order], error.frequency_errors[order], error.participation_errors[order], strict=True
+    ):
+        want, have = float(target.frequencies[j]), float(achieved.frequencies[i])
+        row = [str(int(j) + 1), number(want), number(want / (2.0 * np.pi)), number(have), percent(df)]
+        row += [vector(target.participation[j]), vector(achieved.participation[i]), percent(dp)]
+        row += [f"{target.damping[j]:.4g}", f"{achieved.damping[i]:.4g}"] if ratios else []
+        row += [percent(float(tip[j])) if j < tip.size else ""] if tip is not None else []
+        rows.append(row)
+    unit = {"torsion": "√(kg m²)", "axial": "√kg"}.get(port, "force √kg, moment √kg m")
+    note = f"Cantilever modes, root held. Participation in {unit}."
+    if fit.kept_for in ("free", "hub"):
+        note += " The target keeps other modes exactly (next section); its own cantilever modes differ from the beam's."
+    return Table(rows, head, caption=f"Port {port}", note=note)
+
+
+def _in_band(fit: "Fit", rivals: RivalErrors) -> Table:
+    labels = list(dict.fromkeys(label for found in rivals.values() for label in found))
+    rows: list[list[str]] = []
+    for port, error in fit.error.items():
+        own = percent(error.accelerance_in_band or 0.0)
+        others = [percent(rivals[port][label]) if label in rivals[port] else "" for label in labels]
+        rows.append([port, f"0 to {number(fit.bandwidth[port])}", own, *others])
+    place = "On the hub of the spec." if fit.hub_mass is not None else (
+        "No hub is given: the worst of three, 0.1, 1 and 10 times the appendage's rigid mass."
+    )  # fmt: skip
+    names = [f"{label}, as many hinges" if label == METHODS["classical"] else label for label in labels]
+    if fit.promise is not None:
+        place += " Each port by itself; what the scene asks of the hub counts all ports together."
+    head = ["port", "band, rad/s", chain_label(fit), *names]
+    return Table(rows, head, caption="In-band error", note=place)
+
+
+def _frequencies(fit: "Fit", port: str) -> Table:
+    """Model error: frequencies held, free and on the hub, of the beam and of the chain in continuous time."""
+    full, achieved = fit.full[port], fit.achieved[port]
+    kept = min(fit.target[port].modes, achieved.modes, achieved.free_frequencies.size)
+    cases = [("root held", full.frequencies, achieved.frequencies)]
+    cases.append(("nothing attached", full.free_frequencies, achieved.free_frequencies))
+    if fit.hub_mass is not None:
+        hub = port_hub_mass(fit.hub_mass, port)
+        cases.append(("on the hub", full.with_hub(hub).free_frequencies, achieved.with_hub(hub).free_frequencies))
+    rows = [
+        [f"{name}, mode {k + 1}", number(exact[k]), number(ours[k]), percent(ours[k] / exact[k] - 1.0)]
+        for name, exact, ours in cases
+        for k in range(min(kept, exact.size, ours.size))
+    ]
+    head = ["frequencies, rad/s", "beam", "chain, through MuJoCo", "model error"]
+    note = "Continuous time: no integrator is in these numbers."
+    if fit.spec.fit.method == "exact":
+        note += " " + _EXACT.get(fit.kept_for, "")
+    return Table(rows, head, caption=f"Model error in {port}", note=note)
+
+
+def _mass(fit: "Fit") -> Table:
+    want, have = fit.mass_line.rigid_mass(), fit.measured.rigid_mass
+    target, got = mass_record(want), mass_record(have)
+
+    def row(name: str, a: float, b: float) -> list[str]:
+        return [name, number(a), number(b), percent(b / a - 1.0) if a else "0" if b == a else "–"]
+
+    rows = [row("mass, kg", target["mass"], got["mass"])]
+    rows += [
+        row(f"centre of mass {axis}, m", a, b) for axis, a, b in zip("xyz", target["com"], got["com"], strict=True)
+    ]
+    inertia: tuple[Array, Array] = target["inertia"], got["inertia"]
+    pairs = [(0, 0), (1, 1), (2, 2)] + [
+        (i, j) for i, j in ((0, 1), (0, 2), (1, 2)) if inertia[0][i, j] or inertia[1][i, j]
+    ]
+    rows += [row(f"inertia {'xyz'[i]}{'xyz'[j]}, kg m²", inertia[0][i, j], inertia[1][i, j]) for i, j in pairs]
+    note = "Frozen, inertia about the root; the chain's from MuJoCo's compiled bodies."
+    return Table(rows, ["", "beam", "chain", "relative difference"], note=note)
+
+
+def _hinges(fit: "Fit") -> Table:
+    ports = fit.chain.ports
+    damped = [port for port in ports if any(port in hinge.damping for hinge in fit.chain.hinges)]
+    rows = [
+        [
+            str(i), number(hinge.x),
+            *(_spring(hinge.stiffness.get(port)) for port in ports),
+            *(number(hinge.damping[port]) if port in hinge.damping else "" for port in damped),
+        ]
+        for i, hinge in enumerate(fit.chain.hinges, 1)
+    ]  # fmt: skip
+    head = ["hinge", "x, m", *(f"stiffness {port}, {'N/m' if port == 'axial' else 'N m/rad'}" for port in ports)]
+    head += [f"damping {port}, {'N s/m' if port == 'axial' else 'N m s/rad'}" for port in damped]
+    return Table(rows, head, caption="Hinges")
+
+
+def _spring(stiffness: float | None) -> str:
+    return "rigid" if stiffness is None else "free" if stiffness == 0.0 else number(stiffness)
+
+
+def _imported(space: "InSpace") -> Table:
+    data = space.data
+    rows = [
+        [
+            str(k + 1), f"{w:.6g}", f"{w / (2.0 * np.pi):.6g}",
+            *(f"{value + 0.0:.5g}" for value in data.participation[k]), data.belongs[k], percent(float(data.leaks[k])),
+            f"{data.damping[k]:.4g}",
+        ]
+        for k, w in enumerate(data.frequencies)
+    ]  # fmt: skip
+    head = ["mode", "rad/s", "Hz", "x", "y", "z", "rot. x", "rot. y", "rot. z", "port", "outside it", "damping ratio"]
+    note = (
+        "Participation of the mass-normalised modes about the port, in appendage axes: √kg and √kg m. “Outside it”: "
+        "part of the participation that lies in other ports, every motion scaled by its rigid mass."
+    )
+    return Table(rows, head, note=note)

@@ -4,23 +4,14 @@ import math
 from typing import TYPE_CHECKING
 
 from beamchain.report import study_plots
-from beamchain.report.page import Lines, Picture, Section, Table, Text, inline, page_text
+from beamchain.report.page import Table, Verdict, page_text
 from beamchain.report.plots import short, to_svg
-from beamchain.report.verdict import Verdict
-from beamchain.studies.front import Metric, Reach
+from beamchain.studies.field import TIMED
+from beamchain.studies.front import TARGETS, Metric, Reach, power, recommended_name
 
 if TYPE_CHECKING:
     from beamchain.studies.study import Study
 
-RULES = (
-    "Times are of one thread, simulation only, warm. A setting counts for an error only if every finer step that was "
-    "measured meets it too."
-)
-PARETO = (
-    "Lower left is better. Blue, green: chains of this package; grey: others. Marks are the settings that no other of the same "
-    "model beats; finer steps that miss count against coarser ones."
-)
-GROWTH = "Growth: time per step of equal links, and time to find and compile an exact chain."
 HEAD = ("to reach", "model", "n", "integrator", "step, s", "time, ms", "per step over the rigid hub")
 
 
@@ -30,29 +21,18 @@ def study_page(study: "Study") -> tuple[str, dict[str, str]]:
         "error_against_run_time.svg": to_svg(study_plots.pareto_figure(study), "pareto"),
         "growth.svg": to_svg(study_plots.growth_figure(study.growth), "growth"),
     }
-    record = study.as_dict()
-    machine = ", ".join(f"{key} {value}" for key, value in record["machine"].items())
-    answer = [Text(scenario_sentence(study)), table(study, "error"), Text(RULES)]
-    every_model = [
-        Picture(
-            inline(pictures["error_against_run_time.svg"], "Error against run time of every model."), PARETO, "zoom"
-        ),
-        Picture(inline(pictures["growth.svg"], "Time per step and time to fit against the number of links."), GROWTH),
-    ]
-    parts = [
-        Section("What it takes", answer),
-        Section("To use it", [Text("\n".join(commands(study)), "code"), *map(Text, how_to_feed(study))]),
-        Section("Every model", every_model),
-        Section("Every point", [_every(study)]),
-    ]
-    if study.warnings:
-        parts.insert(0, Section("Before you use it", [Lines(study.warnings)]))
+    machine = ", ".join(f"{key} {value}" for key, value in study.as_dict()["machine"].items())
     page = page_text(
         "study.html",
         name=study.spec.name,
-        verdict=Verdict(study.best(1e-3, "error") is not None and not study.warnings, verdict(study)),
-        sections=parts,
+        verdict=Verdict(study.best(1e-3, "error") is not None and not study.warnings, answer(study)),
         versions=f"Measured in {study.seconds:.0f} s. {machine}",
+        study=study,
+        pictures=pictures,
+        scenario=scenario_sentence(study),
+        to_reach=table(study, "error"),
+        commands=commands(study),
+        feeding=how_to_feed(study),
     )
     return page, pictures
 
@@ -91,7 +71,7 @@ def reference_sentence(study: "Study") -> str:
     return text
 
 
-def verdict(study: "Study") -> str:
+def answer(study: "Study") -> str:
     """The answer in one sentence."""
     best = study.best(1e-3, "error") or study.best(1e-2, "error")
     if best is None:
@@ -118,25 +98,14 @@ def row(reach: Reach, label: str, best: float) -> list[str]:
     ratio = reach.seconds / best
     slower = "" if ratio == 1.0 else f" ({short(ratio)} x)"
     if reach.extrapolated:
-        return [
-            label,
-            p.model,
-            "more",
-            p.integrator,
-            "less",
-            f"{short(1e3 * reach.seconds)}{slower}, extrapolated",
-            "-",
-        ]
-    return [
-        label, p.model, str(p.n), p.integrator, f"{p.timestep:.4g}", f"{1e3 * reach.seconds:.4g}{slower}",
-        f"{p.over_rigid_hub:.2f}",
-    ]  # fmt: skip
+        time = f"{short(1e3 * reach.seconds)}{slower}, extrapolated"
+        return [label, p.model, "more", p.integrator, "less", time, "-"]
+    time = f"{1e3 * reach.seconds:.4g}{slower}"
+    return [label, p.model, str(p.n), p.integrator, f"{p.timestep:.4g}", time, f"{p.over_rigid_hub:.2f}"]
 
 
 def table(study: "Study", metric: Metric) -> Table:
     """What it takes to reach each target: our best, then the rivals."""
-    from beamchain.studies.front import TARGETS, power
-
     rows: list[list[str]] = []
     for target in TARGETS:
         best = study.best(target, metric)
@@ -150,13 +119,11 @@ def table(study: "Study", metric: Metric) -> Table:
             rows.append(row(reach, "", best.seconds))
         for model, floor in study.short_of(target, metric).items():
             rows.append(["", model, "any", "any", "any", f"never: {floor:.2g} at best", "-"])
-    return Table(rows, HEAD, caption=study_plots.TITLES[metric], named=True)
+    return Table(rows, HEAD, caption=study_plots.TITLES[metric], style="named")
 
 
 def commands(study: "Study") -> list[str]:
     """Command lines that make the recommended chains from the specs written beside the report."""
-    from beamchain.studies.front import TARGETS, power, recommended_name
-
     return [
         f"beamchain fit {recommended_name(target)} -o {study.spec.name}_{power(target)}"
         for target in TARGETS
@@ -166,9 +133,6 @@ def commands(study: "Study") -> list[str]:
 
 def how_to_feed(study: "Study") -> list[str]:
     """What to know before a recommended chain is run: one that is exact in time is so for its step and its input."""
-    from beamchain.studies.field import TIMED
-    from beamchain.studies.front import TARGETS
-
     bests = [study.best(target, "error") for target in TARGETS]
     if not any(best is not None and best.point.model == TIMED for best in bests):
         return []
@@ -176,13 +140,3 @@ def how_to_feed(study: "Study") -> list[str]:
         "A chain exact in time is made for one step and Euler, and measured under the mean of each step's wrench and the "
         "one before (beamchain.HeldInput); give it its inputs so, or its whole motion is half a step early."
     ]
-
-
-def _every(study: "Study") -> Table:
-    rows = [
-        [p.model, str(p.n), p.integrator, f"{p.timestep:.4g}", f"{p.error:.2e}", f"{1e3 * p.seconds:.4g}",
-         f"{1e6 * p.seconds_per_step:.3g}", f"{100 * p.spread:.1f}"]
-        for p in study.points
-    ]  # fmt: skip
-    head = ("model", "n", "integrator", "step, s", "error", "time, ms", "µs per step", "spread, %")
-    return Table(rows, head, folded="All settings measured")
