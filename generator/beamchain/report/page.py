@@ -67,7 +67,8 @@ def step_words(value: float | str) -> str:
 
 def page_text(template: str, **values: Any) -> str:
     """The text of a page, made from a template and what it asks for by name."""
-    return _environment().get_template(template).render(titles=[], **{"versions": _versions(), **values})
+    common = {"titles": [], "zip": zip, "infinity": math.inf, "spec_toml": spec_toml, "versions": _versions()}
+    return _environment().get_template(template).render({**common, **values})
 
 
 def _versions() -> str:
@@ -88,5 +89,4 @@ def _environment() -> jinja2.Environment:
     made.filters.update(
         begun=begun, inline=inline, number=number, percent=percent, short=short, step=step_words, vector=vector
     )
-    made.globals.update(infinity=math.inf, spec_toml=spec_toml, zip=zip)
     return made

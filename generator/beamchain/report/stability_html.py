@@ -8,7 +8,7 @@ from beamchain.fitting.spec import read_spec
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.plots import percent, short, to_svg
-from beamchain.report.stability_plots import damping_figure, steps_figure
+from beamchain.report.study_plots import damping_figure, steps_figure
 
 if TYPE_CHECKING:
     from beamchain.studies.stability import StabilityStudy
