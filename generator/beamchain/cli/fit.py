@@ -4,17 +4,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import (
-    Folder,
-    Force,
-    Json,
-    Quiet,
-    SpecPath,
-    console,
-    print_table,
-    print_warnings,
-    tell,
-)  # fmt: skip
+from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console
+from beamchain.cli.output import print_table, print_warnings, tell
 from beamchain.cli.progress import spinner
 
 if TYPE_CHECKING:

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Json, Quiet, print_table, tell
+from beamchain.cli.common import Force, Json, Quiet
+from beamchain.cli.output import print_table, tell
 from beamchain.errors import InputError
 
 

@@ -5,19 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import (
-    Dask,
-    Folder,
-    Force,
-    Json,
-    Quiet,
-    Resume,
-    SpecPath,
-    console,
-    print_table,
-    print_warnings,
-    tell,
-)  # fmt: skip
+from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecPath, console
+from beamchain.cli.output import print_table, print_warnings, tell
 from beamchain.cli.progress import job_bar
 
 if TYPE_CHECKING:

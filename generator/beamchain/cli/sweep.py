@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecPath, console, print_table, tell
+from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecPath, console
+from beamchain.cli.output import print_table, tell
 from beamchain.cli.progress import job_bar
 
 if TYPE_CHECKING:

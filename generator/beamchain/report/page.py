@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jinja2
 import numpy as np
@@ -86,7 +86,6 @@ def _versions() -> str:
 def _environment() -> jinja2.Environment:
     loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
     made = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
-    made.filters.update(
-        begun=begun, inline=inline, number=number, percent=percent, short=short, step=step_words, vector=vector
-    )
+    words = {"begun": begun, "inline": inline, "number": number, "percent": percent, "short": short, "vector": vector}
+    cast("dict[str, Any]", made.filters).update(words, step=step_words)
     return made
