@@ -14,7 +14,6 @@ from beamchain.report.shapes import all_shapes, kept_modes
 from beamchain.steps.budget import budget
 
 if TYPE_CHECKING:
-    from beamchain.craft.appendage import Appendage
     from beamchain.craft.embedded import Embedded
 
 
@@ -38,7 +37,7 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         craft=craft,
         before=embedded.craft,
         model=model,
-        placed=[_placed(a) for a in appendages],
+        kept_modes=kept_modes,
         kept_word=kept_word,
         drawn={name: to_svg(figure, name) for name, figure in figures.items()},
         names={name for a in appendages for name in (a.at, a.at.partition(":")[2], a.fit.spec.name)},
@@ -66,20 +65,6 @@ def _verdict(embedded: "Embedded") -> Verdict:
     if short_of:
         return Verdict(False, f"Less than was asked for at {', '.join(short_of)}. {text}")
     return Verdict(True, text)
-
-
-def _placed(a: "Appendage") -> list[str]:
-    """A row: where an appendage is, what it is, what was kept of it, what carries it."""
-    fit = a.fit
-    return [
-        a.at,
-        f"{fit.spec.name}: {short(fit.mass_line.length)} m, {short(float(fit.measured.rigid_mass[0, 0]))} kg",
-        ", ".join(f"{kept_modes(fit, port)} in {port}" for port in fit.target) or "as imported",
-        fit.kept_for,
-        f"{a.hub.mass:.6g}",
-        ", ".join(f"{joint.kind} joint {joint.name}".strip() for joint in a.mount.joints) or "nothing that moves",
-        "as asked" if fit.status.ok else fit.status.message,
-    ]
 
 
 def _command(embedded: "Embedded", craft: str, output: str, files: list[str]) -> str:

@@ -6,7 +6,6 @@ import numpy as np
 
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.ports.compare import in_band_error
-from beamchain.ports.motions import Array
 from beamchain.report import plots
 from beamchain.report.curves import METHODS, beam_model, chain_label, count, rival_chains, rival_model
 from beamchain.report.page import Table, Verdict, number, page_text, vector
@@ -16,7 +15,7 @@ from beamchain.report.shapes import all_shapes, kept_modes
 from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:
-    from beamchain.fitting.result import Fit, InSpace
+    from beamchain.fitting.result import Fit
 
 TARGETS = {
     "clamped": "clamped: the first cantilever modes, the better the heavier the hub",
@@ -46,13 +45,13 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         fit=fit,
         pictures=pictures,
         asked=_asked(fit),
-        imported=None if fit.space is None else _imported(fit.space),
         mode_tables=[mode_table(fit, port) for port in fit.target],
         drawn_shapes=all_shapes(fit),
         in_band=_in_band(fit, rivals),
-        model_errors=[_frequencies(fit, port) for port in fit.target],
-        mass=_mass(fit),
-        hinges=_hinges(fit),
+        model_errors={port: _frequencies(fit, port) for port in fit.target},
+        exact_for=_EXACT.get(fit.kept_for, "") if fit.spec.fit.method == "exact" else "",
+        masses=_masses(fit),
+        damped=[port for port in fit.chain.ports if any(port in hinge.damping for hinge in fit.chain.hinges)],
         bench=bench,
         bench_modes=list(zip(continuous, discrete, ratios, strict=True)) if continuous.size == discrete.size else (),
     )
@@ -85,8 +84,17 @@ def rival_errors(fit: "Fit") -> RivalErrors:
 
 def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     """What to tell somebody who reads one sentence."""
-    if not fit.error:
-        return _rigid_verdict(fit)
+    scene = fit.spec.scene
+    promised: tuple[float, float] | None = None
+    if fit.promise is not None and scene is not None and scene.bandwidth is not None:
+        promised = fit.promise, scene.bandwidth
+    less = "" if fit.status.ok else f"Less than was asked for: {fit.status.message.rstrip('.')}. "
+    if not fit.error:  # the scene needs no mode
+        text = "One rigid body stands for the appendage"
+        if promised:
+            error, band = promised
+            text += f": the motion of the hub is off by at most {percent(error)} up to {short(band)} rad/s"
+        return Verdict(fit.status.ok, f"{less}{text}.")
     frequency = max(error.frequency for error in fit.error.values())
     errors = {port: error.accelerance_in_band or 0.0 for port, error in fit.error.items()}
     worst = max(errors, key=lambda port: errors[port])
@@ -95,10 +103,7 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     if fit.space is not None:
         what = what.replace("the beam's", "the imported modes:")
     hub = "the hub of the spec" if fit.hub_mass is not None else "a hub of 0.1, 1 or 10 times the appendage's mass"
-    scene = fit.spec.scene
-    promised = fit.promise is not None and scene is not None and scene.bandwidth is not None
-    error = fit.promise if promised and fit.promise is not None else errors[worst]
-    band = scene.bandwidth if promised and scene is not None and scene.bandwidth else fit.bandwidth[worst]
+    error, band = promised or (errors[worst], fit.bandwidth[worst])
     text = f"{what}: the motion of {hub} is off by at most {percent(error)} up to {short(band)} rad/s"
     classical = None if promised else rivals[worst].get(METHODS["classical"])
     if classical is not None:
@@ -109,28 +114,15 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     if (tip := fit.tip_told) is not None:
         text += f"; {tip}"
     text += f". Read back through MuJoCo the kept frequencies are within {percent(frequency)} of what was asked for"
-    if not fit.status.ok:
-        return Verdict(False, f"Less than was asked for: {fit.status.message.rstrip('.')}. {text}.")
-    return Verdict(not missed, f"{text}.")
-
-
-def _rigid_verdict(fit: "Fit") -> Verdict:
-    """The sentence of an appendage that the scene needs no mode of."""
-    scene = fit.spec.scene
-    text = "One rigid body stands for the appendage"
-    if scene is not None and scene.bandwidth is not None and fit.promise is not None:
-        text += f": the motion of the hub is off by at most {percent(fit.promise)} up to {short(scene.bandwidth)} rad/s"
-    less = "" if fit.status.ok else f"Less than was asked for: {fit.status.message.rstrip('.')}. "
-    return Verdict(fit.status.ok, f"{less}{text}.")
+    return Verdict(fit.status.ok and not missed, f"{less}{text}.")
 
 
 # -- the tables ------------------------------------------------------------------------------------------------------
 def _asked(fit: "Fit") -> Table:
     spec, beam = fit.spec, fit.mass_line
     if isinstance(beam, Beam):
-        carried = [count(len(beam.segments), "segment")]
-        carried += [count(len(beam.joints), "compliant joint")] if beam.joints else []
-        carried += [count(len(beam.lumps), "lumped body").replace("bodys", "bodies")] if beam.lumps else []
+        parts = (("segment", beam.segments), ("compliant joint", beam.joints), ("lumped body", beam.lumps))
+        carried = [count(len(those), what).replace("bodys", "bodies") for what, those in parts if those]
     else:
         carried = [f"imported from {spec.imported.file}" if spec.imported is not None else "imported"]
     asked = ", ".join(f"{n} in {port}" for port, n in spec.kept.items()) or "as imported"
@@ -209,8 +201,8 @@ def _in_band(fit: "Fit", rivals: RivalErrors) -> Table:
     return Table(rows, head, caption="In-band error", note=place)
 
 
-def _frequencies(fit: "Fit", port: str) -> Table:
-    """Model error: frequencies held, free and on the hub, of the beam and of the chain in continuous time."""
+def _frequencies(fit: "Fit", port: str) -> list[tuple[str, float, float]]:
+    """Held, free and on the hub, of the beam and of the chain in continuous time."""
     full, achieved = fit.full[port], fit.achieved[port]
     kept = min(fit.target[port].modes, achieved.modes, achieved.free_frequencies.size)
     cases = [("root held", full.frequencies, achieved.frequencies)]
@@ -218,71 +210,20 @@ def _frequencies(fit: "Fit", port: str) -> Table:
     if fit.hub_mass is not None:
         hub = port_hub_mass(fit.hub_mass, port)
         cases.append(("on the hub", full.with_hub(hub).free_frequencies, achieved.with_hub(hub).free_frequencies))
-    rows = [
-        [f"{name}, mode {k + 1}", number(exact[k]), number(ours[k]), percent(ours[k] / exact[k] - 1.0)]
+    return [
+        (f"{name}, mode {k}", float(a), float(b))
         for name, exact, ours in cases
-        for k in range(min(kept, exact.size, ours.size))
+        for k, (a, b) in enumerate(zip(exact[:kept], ours[:kept], strict=False), 1)
     ]
-    head = ["frequencies, rad/s", "beam", "chain, through MuJoCo", "model error"]
-    note = "Continuous time: no integrator is in these numbers."
-    if fit.spec.fit.method == "exact":
-        note += " " + _EXACT.get(fit.kept_for, "")
-    return Table(rows, head, caption=f"Model error in {port}", note=note)
 
 
-def _mass(fit: "Fit") -> Table:
-    want, have = fit.mass_line.rigid_mass(), fit.measured.rigid_mass
-    target, got = mass_record(want), mass_record(have)
-
-    def row(name: str, a: float, b: float) -> list[str]:
-        return [name, number(a), number(b), percent(b / a - 1.0) if a else "0" if b == a else "–"]
-
-    rows = [row("mass, kg", target["mass"], got["mass"])]
-    rows += [
-        row(f"centre of mass {axis}, m", a, b) for axis, a, b in zip("xyz", target["com"], got["com"], strict=True)
-    ]
-    inertia: tuple[Array, Array] = target["inertia"], got["inertia"]
-    pairs = [(0, 0), (1, 1), (2, 2)] + [
-        (i, j) for i, j in ((0, 1), (0, 2), (1, 2)) if inertia[0][i, j] or inertia[1][i, j]
-    ]
-    rows += [row(f"inertia {'xyz'[i]}{'xyz'[j]}, kg m²", inertia[0][i, j], inertia[1][i, j]) for i, j in pairs]
-    note = "Frozen, inertia about the root; the chain's from MuJoCo's compiled bodies."
-    return Table(rows, ["", "beam", "chain", "relative difference"], note=note)
-
-
-def _hinges(fit: "Fit") -> Table:
-    ports = fit.chain.ports
-    damped = [port for port in ports if any(port in hinge.damping for hinge in fit.chain.hinges)]
-    rows = [
-        [
-            str(i), number(hinge.x),
-            *(_spring(hinge.stiffness.get(port)) for port in ports),
-            *(number(hinge.damping[port]) if port in hinge.damping else "" for port in damped),
-        ]
-        for i, hinge in enumerate(fit.chain.hinges, 1)
-    ]  # fmt: skip
-    head = ["hinge", "x, m", *(f"stiffness {port}, {'N/m' if port == 'axial' else 'N m/rad'}" for port in ports)]
-    head += [f"damping {port}, {'N s/m' if port == 'axial' else 'N m s/rad'}" for port in damped]
-    return Table(rows, head, caption="Hinges")
-
-
-def _spring(stiffness: float | None) -> str:
-    return "rigid" if stiffness is None else "free" if stiffness == 0.0 else number(stiffness)
-
-
-def _imported(space: "InSpace") -> Table:
-    data = space.data
-    rows = [
-        [
-            str(k + 1), f"{w:.6g}", f"{w / (2.0 * np.pi):.6g}",
-            *(f"{value + 0.0:.5g}" for value in data.participation[k]), data.belongs[k], percent(float(data.leaks[k])),
-            f"{data.damping[k]:.4g}",
-        ]
-        for k, w in enumerate(data.frequencies)
-    ]  # fmt: skip
-    head = ["mode", "rad/s", "Hz", "x", "y", "z", "rot. x", "rot. y", "rot. z", "port", "outside it", "damping ratio"]
-    note = (
-        "Participation of the mass-normalised modes about the port, in appendage axes: √kg and √kg m. “Outside it”: "
-        "part of the participation that lies in other ports, every motion scaled by its rigid mass."
-    )
-    return Table(rows, head, note=note)
+def _masses(fit: "Fit") -> list[tuple[str, float, float]]:
+    """Mass, centre and inertia about the root, of the beam and of the chain."""
+    beam, chain = mass_record(fit.mass_line.rigid_mass()), mass_record(fit.measured.rigid_mass)
+    rows = [("mass, kg", beam["mass"], chain["mass"])]
+    rows += [(f"centre of mass {x}, m", a, b) for x, a, b in zip("xyz", beam["com"], chain["com"], strict=True)]
+    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+        a, b = float(beam["inertia"][i, j]), float(chain["inertia"][i, j])
+        if i == j or a or b:
+            rows.append((f"inertia {'xyz'[i]}{'xyz'[j]}, kg m²", a, b))
+    return rows

@@ -67,8 +67,8 @@ def step_words(value: float | str) -> str:
 
 def page_text(template: str, **values: Any) -> str:
     """The text of a page, made from a template and what it asks for by name."""
-    common = {"titles": [], "zip": zip, "infinity": math.inf, "spec_toml": spec_toml, "versions": _versions()}
-    return _environment().get_template(template).render({**common, **values})
+    common = {"titles": [], "zip": zip, "infinity": math.inf, "turn": math.tau, "spec_toml": spec_toml}
+    return _environment().get_template(template).render({**common, "versions": _versions(), **values})
 
 
 def _versions() -> str:

@@ -79,13 +79,7 @@ def percent(value: float) -> str:
 
 # -- accelerance -----------------------------------------------------------------------------------------------------
 def plot_accelerance(fit: "Fit", ax: "Axes | None" = None, port: str | None = None) -> "Axes":
-    """Draw the first accelerance of a port: the beam, and the chain read back through MuJoCo.
-
-    Args:
-        fit: from `beamchain.fit`.
-        ax: drawn into; those of a new figure where left out.
-        port: the first port of the fit where left out.
-    """
+    """Draw the first accelerance of a port: the beam, and the chain read back through MuJoCo."""
     port = next(iter(fit.target)) if port is None else port
     ax = Figure(figsize=(6.4, 3.6), layout="constrained").add_subplot() if ax is None else ax
     _panel(ax, fit, port, 0, responses(fit, port, with_rivals=False))
@@ -237,10 +231,8 @@ def _legend(figure: Figure, ax: "Axes", first: Sequence[str]) -> None:
     handles, labels = ax.get_legend_handles_labels()
     entries = dict(zip(labels, handles, strict=True))
     order = [*first, *(label for label in labels if label not in first)]
-    figure.legend(
-        [entries[label] for label in order], order, loc="upper left", ncols=2, bbox_to_anchor=(0.0, 1.0),
-        handlelength=2.2, columnspacing=1.4, borderaxespad=0.2,
-    )  # fmt: skip
+    style: Any = {"handlelength": 2.2, "columnspacing": 1.4, "borderaxespad": 0.2, "bbox_to_anchor": (0.0, 1.0)}
+    figure.legend([entries[label] for label in order], order, loc="upper left", ncols=2, **style)
     inches = 0.42 + 0.192 * ((len(order) + 1) // 2)
     figure.subplots_adjust(top=1.0 - inches / figure.get_figheight())
 
@@ -298,17 +290,17 @@ def _draw_chain(ax: "Axes", chain: Chain, beam: MassLine, plane: str, title: str
         style: Any = {"marker": _MARKERS[port], "markersize": 6.5 if port == "xy" else 5.5, "linestyle": "none"}
         style |= {"markerfacecolor": "white", "markeredgecolor": color, "markeredgewidth": 1.8}
         ax.plot(at, np.zeros(len(at)), label="hinge" if len(chain.ports) == 1 else f"hinge {port}", **style)
-    masses = [(link.com, f"{short(link.mass)} kg") for link in real]
-    springs = [(hinge.x, _springs(hinge.stiffness)) for hinge in chain.hinges]
-    rows = [_rows(ax, masses), _rows(ax, springs)]
-    told = all(placed or not labels for placed, labels in zip(rows, (masses, springs), strict=True))
-    if told:
-        _write(ax, rows[0], 1.0, color)
-        _write(ax, rows[1], -1.0, "#222222")
+    masses = _rows(ax, [(link.com, f"{short(link.mass)} kg") for link in real])
+    springs = _rows(ax, [(hinge.x, _springs(hinge.stiffness)) for hinge in chain.hinges])
     what = f"{title}: {count(len(real), 'link')}, {count(len(chain.hinges), 'hinge')}"
     if len(chain.ports) > 1:
         what += "; stiffness in N m/rad" + (", axial N/m" if "axial" in chain.ports else "")
-    ax.set_title(what if told else f"{what} (too many to label; see the table)", pad=3.0, color=color)
+    if masses is None or springs is None:
+        what += " (too many to label; see the table)"
+    else:
+        _write(ax, masses, 1.0, color)
+        _write(ax, springs, -1.0, "#222222")
+    ax.set_title(what, pad=3.0, color=color)
 
 
 def short(value: float) -> str:
@@ -338,8 +330,8 @@ class _Label(NamedTuple):
     text: str
 
 
-def _rows(ax: "Axes", labels: Sequence[tuple[float, str]]) -> list[_Label]:
-    """Places for labels in rows, so that none overlap; none where they do not all fit."""
+def _rows(ax: "Axes", labels: Sequence[tuple[float, str]]) -> list[_Label] | None:
+    """Places for labels in rows, so that none overlap; None where they do not all fit."""
     left, right = ax.get_xlim()
     figure = ax.get_figure()
     width = 72.0 * ax.get_position().width * (figure.get_size_inches()[0] if isinstance(figure, Figure) else 6.4)
@@ -350,7 +342,7 @@ def _rows(ax: "Axes", labels: Sequence[tuple[float, str]]) -> list[_Label]:
         centre = min(max(x, left + half), right - half)
         row = next((i for i, end in enumerate(ends) if centre - half >= end), None)
         if row is None:
-            return []
+            return None
         ends[row] = centre + half
         placed.append(_Label(x, centre, row, text))
     return placed

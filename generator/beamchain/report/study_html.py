@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 from beamchain.report import study_plots
 from beamchain.report.page import Table, Verdict, page_text
 from beamchain.report.plots import short, to_svg
-from beamchain.studies.field import TIMED
 from beamchain.studies.front import TARGETS, Metric, Reach, power, recommended_name
 
 if TYPE_CHECKING:
@@ -52,12 +51,12 @@ def scenario_sentence(study: "Study") -> str:
 def reference_sentence(study: "Study") -> str:
     """What the motions are compared with, and how good that is."""
     scenario = study.scenario
-    if scenario.large is None and not math.isfinite(scenario.nonlinear):
-        return "the exact linear motion of hub and beam; how much large motion changes could not be simulated."
     if scenario.large is None:
+        text, share = "the exact linear motion of hub and beam", scenario.nonlinear
+        if not math.isfinite(share):
+            return f"{text}; how much large motion changes could not be simulated."
         return (
-            "the exact linear motion of hub and beam, from which large motion differs by less than "
-            f"{max(scenario.nonlinear, 1e-12):.1g} of the largest elastic part."
+            f"{text}, from which large motion differs by less than {max(share, 1e-12):.1g} of the largest elastic part."
         )
     figures = scenario.large.figures
     text = (
@@ -109,14 +108,13 @@ def table(study: "Study", metric: Metric) -> Table:
     rows: list[list[str]] = []
     for target in TARGETS:
         best = study.best(target, metric)
+        rivals = sorted(study.rivals(target, metric).values(), key=lambda r: r.seconds)
         if best is None:
             rows.append([power(target), "none of ours within the budget", "", "", "", "", ""])
-            rivals = study.rivals(target, metric).values()
-            rows += [row(r, "", r.seconds) for r in sorted(rivals, key=lambda r: r.seconds) if not r.extrapolated]
+            rows += [row(r, "", r.seconds) for r in rivals if not r.extrapolated]
             continue
         rows.append(row(best, power(target), best.seconds))
-        for reach in sorted(study.rivals(target, metric).values(), key=lambda r: r.seconds):
-            rows.append(row(reach, "", best.seconds))
+        rows += [row(r, "", best.seconds) for r in rivals]
         for model, floor in study.short_of(target, metric).items():
             rows.append(["", model, "any", "any", "any", f"never: {floor:.2g} at best", "-"])
     return Table(rows, HEAD, caption=study_plots.TITLES[metric], style="named")
@@ -134,7 +132,7 @@ def commands(study: "Study") -> list[str]:
 def how_to_feed(study: "Study") -> list[str]:
     """What to know before a recommended chain is run: one that is exact in time is so for its step and its input."""
     bests = [study.best(target, "error") for target in TARGETS]
-    if not any(best is not None and best.point.model == TIMED for best in bests):
+    if not any(best is not None and best.entry.timed for best in bests):
         return []
     return [
         "A chain exact in time is made for one step and Euler, and measured under the mean of each step's wrench and the "

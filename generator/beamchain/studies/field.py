@@ -18,6 +18,7 @@ from beamchain.chain.tendons import damped_modes
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import RealisationError
+from beamchain.fitting.options import Target
 from beamchain.mjcf import write
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
@@ -172,9 +173,20 @@ def chain_of(task: Task, entry: Entry) -> Chain:
     return chain
 
 
+def sizes(kept: Mapping[str, int], n: int) -> dict[str, int]:
+    """Modes per port of a model of size n: in the planes, where any is kept."""
+    varied = {"xy", "xz"} & kept.keys() or kept.keys()
+    return {port: n if port in varied else count for port, count in kept.items()}
+
+
+def target_of(model: str) -> Target:
+    """The modes that one of our models keeps."""
+    words: dict[str, Target] = {TIMED: "hub", "exact, hub": "hub", "exact, free": "free"}
+    return words.get(model, "clamped")
+
+
 def _built(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
-    beam, varied = task.beam, task.planes or task.kept
-    kept = {port: entry.n if port in varied else count for port, count in task.kept.items()}
+    beam, kept = task.beam, sizes(task.kept, entry.n)
     if entry.model in OURS:
         built = _ours(task, entry, kept)
         short = {port: target.modes for port, target in built.targets.items() if target.modes < kept[port]}
@@ -207,16 +219,15 @@ def _hub_of(task: Task, port: str) -> Array:
 
 
 def _ours(task: Task, entry: Entry, kept: dict[str, int]) -> Built:
-    def target_of(port: str, count: int) -> PortModel:
+    def target(port: str, count: int) -> PortModel:
         full = task.full[port]
-        target = {"exact, free": "free", "exact, hub": "hub", TIMED: "hub"}.get(entry.model, "clamped")
-        out = full.for_target(target, count, _hub_of(task, port))
+        out = full.for_target(target_of(entry.model), count, _hub_of(task, port))
         return out.replaced(damping=full.damping[: out.modes])
 
     if entry.model == "least squares":
         links = np.full(entry.n + 1, task.beam.length / (entry.n + 1))
-        return build_least_squares(task.beam, kept, links, ("stiffness", "lengths", "masses"), None, target_of)
+        return build_least_squares(task.beam, kept, links, ("stiffness", "lengths", "masses"), None, target)
     damped = any(np.any(task.full[port].damping > 0.0) for port in kept)
     if entry.timed:  # armature and damping of the modes stand on their tendons
-        return build_exact(task.beam, kept, target_of, Wishes(springs="modes", per_mode=damped))
-    return build_exact(task.beam, kept, target_of, Wishes(per_mode=damped and task.tendons))
+        return build_exact(task.beam, kept, target, Wishes(springs="modes", per_mode=damped))
+    return build_exact(task.beam, kept, target, Wishes(per_mode=damped and task.tendons))

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from beamchain.studies.field import Entry
 from beamchain.studies.run_time import Ladder, Point
 
 Metric = Literal["error", "error_appendage"]
@@ -24,6 +25,11 @@ class Reach:
     point: Point  # the setting; the last measured one where extrapolated
     extrapolated: bool  # the target lies beyond what was measured; time follows the front's measured slope
     slope: float | None = None  # decades of time per decade of error, where extrapolated
+
+    @property
+    def entry(self) -> Entry:
+        """The competitor."""
+        return self.point.entry
 
 
 def honest(ladder: Ladder, metric: Metric) -> list[tuple[float, Point]]:

@@ -51,6 +51,11 @@ class Point(NamedTuple):
     over_rigid_hub: float  # time per step relative to the rigid hub's, measured in turns with it
     repeats: int
 
+    @property
+    def entry(self) -> Entry:
+        """What was measured, at whatever step."""
+        return Entry(*self[:3])
+
 
 class Ladder(NamedTuple):
     """All points of an entry, largest step first, and why it ended."""

@@ -10,8 +10,8 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
+from msgspec import structs
 
 from beamchain import report
 from beamchain.caution import at
@@ -19,7 +19,7 @@ from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
 from beamchain.fitting.choose import make_plan, whole_beam
 from beamchain.fitting.hub import default_hub
-from beamchain.fitting.options import FitOptions, Modes, Root, Scene, Target
+from beamchain.fitting.options import FitOptions, Modes, Root, Scene
 from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.steps.large_motion import large_motion
@@ -52,27 +52,16 @@ class Options(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Everything measured.
-
-    Args:
-        spec: the appendage and hub.
-        options: what was asked.
-        kept: modes per port of the spec; the planes' numbers were varied.
-        scenario: what was simulated.
-        ladders: per entry, its points.
-        growth: time against n.
-        seconds: what the study took [s].
-        warnings: where the load drives a recommended chain beyond what it is right for.
-    """
+    """Everything measured."""
 
     spec: Spec
     options: Options
-    kept: dict[str, int]
+    kept: dict[str, int]  # modes per port of the spec; the planes' numbers were varied
     scenario: Scenario
-    ladders: tuple[Ladder, ...]
-    growth: Growth
+    ladders: tuple[Ladder, ...]  # per entry, its points
+    growth: Growth  # time against n
     seconds: float
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  # where the load drives a recommended chain beyond what it is right for
 
     @property
     def points(self) -> list[Point]:
@@ -119,25 +108,20 @@ class Study:
         best = self.best(target, metric)
         if best is None:
             return None
-        point = best.point
-        timed = Entry(*point[:3]).timed
-        words: dict[str, Target] = {field.TIMED: "hub", "exact, hub": "hub", "exact, free": "free"}
-        planes = [p for p in ("xy", "xz") if p in self.kept] or list(self.kept)
-        counts = {port: point.n if port in planes else n for port, n in self.kept.items()}
-        scene = self.spec.scene or Scene()
-        changes: dict[str, Any] = {
-            "modes": Modes(**counts),
-            "root": Root(target=words.get(point.model, "clamped"), hub=self.spec.root.hub),
-            "scene": msgspec.structs.replace(scene, integrator=point.integrator, timestep=point.timestep),
-            "fit": FitOptions(
-                method="least_squares" if point.model == "least squares" else "exact",
-                springs="modes" if timed else "auto",
-                timestep=point.timestep if timed else 0.0,
-            ),
-        }
-        if timed and self.spec.damping is not None:
-            changes["damping"] = msgspec.structs.replace(self.spec.damping, form="modal")
-        return msgspec.structs.replace(self.spec, **changes)
+        entry, timestep = best.entry, best.point.timestep
+        fit = FitOptions(method="least_squares" if entry.model == "least squares" else "exact")
+        damping = self.spec.damping
+        if entry.timed:
+            fit = FitOptions(springs="modes", timestep=timestep)
+            damping = None if damping is None else structs.replace(damping, form="modal")
+        return structs.replace(
+            self.spec,
+            modes=Modes(**field.sizes(self.kept, entry.n)),
+            root=Root(target=field.target_of(entry.model), hub=self.spec.root.hub),
+            scene=structs.replace(self.spec.scene or Scene(), integrator=entry.integrator, timestep=timestep),
+            fit=fit,
+            damping=damping,
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """What study.json holds."""
@@ -239,7 +223,7 @@ def _too_far(task: Task, found: Study) -> tuple[str, ...]:
         best = {nearest[:2]: nearest}
     out: list[str] = []
     for point in best.values():
-        chain = field.chain_of(task, Entry(*point[:3]))
+        chain = field.chain_of(task, point.entry)
         radius = max(float(task.hub.offset[0]), 0.0)
         limits = {port: large_motion(chain, task.beam, port, modes=point.n, radius=radius) for port in task.planes}
         out += [at(f"{point.model}, n = {point.n}", sentence) for sentence in exceeded(limits, run)]
@@ -272,7 +256,7 @@ def make_task(text: str) -> Task:
 
 @lru_cache(maxsize=4)
 def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
-    """Task and scenario of a spec, given as the text of its TOML.
+    """Task and scenario of a spec's TOML text.
 
     A default doublet that moves the appendage so far that it shows is made smaller; a profile or amplitude of the
     user's is compared with fine chains in large motion instead.
@@ -329,7 +313,7 @@ def _duel(task: Task, scenario: Scenario, found: Study) -> list[Ladder]:
         group = [p for p in points if p.integrator == integrator]
         runs: list[Run] = []
         for p in group:
-            entry, h = Entry(*p[:3]), p.timestep
+            entry, h = p.entry, p.timestep
             wrench = entry.fed(scenario.profile.mean(h, round(p.seconds / p.seconds_per_step)))
             runs.append(Run(field.model_of(task, entry, h), integrator, h, wrench))
         hub = field.model_of(task, Entry(field.RIGID_HUB, 0, integrator))
