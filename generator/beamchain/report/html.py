@@ -17,18 +17,6 @@ from beamchain.structure.beam import Beam
 if TYPE_CHECKING:
     from beamchain.fitting.result import Fit
 
-TARGETS = {
-    "clamped": "clamped: the first cantilever modes, the better the heavier the hub",
-    "free": "free: the first modes with nothing attached (the 2008 paper's)",
-    "hub": "hub: the first modes of hub and appendage together",
-    "auto": "auto: whichever needs fewest modes",
-}
-_EXACT = {
-    "clamped": "The chain is exact with the root held; the heavier the hub, the closer the modes on it.",
-    "free": "The chain is exact with nothing attached; the lighter the hub, the closer the modes on it.",
-    "hub": "The chain is exact on the hub.",
-}
-
 
 def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
     """The text of report.html, and that of the SVG files to stand beside it, by name."""
@@ -45,11 +33,11 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         fit=fit,
         pictures=pictures,
         asked=_asked(fit),
+        carried=_carried(fit),
         mode_tables=[mode_table(fit, port) for port in fit.target],
         drawn_shapes=all_shapes(fit),
         in_band=_in_band(fit, rivals),
         model_errors={port: _frequencies(fit, port) for port in fit.target},
-        exact_for=_EXACT.get(fit.kept_for, "") if fit.spec.fit.method == "exact" else "",
         masses=_masses(fit),
         damped=[port for port in fit.chain.ports if any(port in hinge.damping for hinge in fit.chain.hinges)],
         bench=bench,
@@ -118,44 +106,23 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
 
 
 # -- the tables ------------------------------------------------------------------------------------------------------
-def _asked(fit: "Fit") -> Table:
-    spec, beam = fit.spec, fit.mass_line
-    if isinstance(beam, Beam):
-        parts = (("segment", beam.segments), ("compliant joint", beam.joints), ("lumped body", beam.lumps))
-        carried = [count(len(those), what).replace("bodys", "bodies") for what, those in parts if those]
-    else:
-        carried = [f"imported from {spec.imported.file}" if spec.imported is not None else "imported"]
-    asked = ", ".join(f"{n} in {port}" for port, n in spec.kept.items()) or "as imported"
-    if fit.choice is not None:
-        asked = "as few as the scene needs"
-        if spec.modes is not None and spec.modes.given():
-            asked += "; " + ", ".join(f"{n} in {port}" for port, n in spec.modes.given().items()) + " as given"
-    rows = [
-        ("appendage", f"{short(beam.length)} m long, {short(float(beam.rigid_mass()[0, 0]))} kg: {', '.join(carried)}"),
-        ("modes to keep", asked),
-        ("method", spec.fit.method),
-        ("target", TARGETS[fit.kept_for]),
-        ("hub", "none given" if spec.root.hub is None else _hub(fit)),
-        ("band", "; ".join(f"{port} up to {number(band)} rad/s" for port, band in fit.bandwidth.items())),
-    ]
-    if spec.damping is not None:
-        form = "a tendon per mode" if spec.damping.form == "modal" else "plain joint damping"
-        given = spec.damping.ratio
-        ratios = "; ".join(f"{k} {vector(v)}" for k, v in given.items()) if isinstance(given, dict) else f"{given:g}"
-        rows.append(("damping", f"ratio {ratios}, as {form}"))
-    if spec.payload is not None:
-        rows.append(("payload", f"{short(spec.payload.mass)} kg at the tip, attached by the scene"))
-    if spec.scene is not None:
-        scene = spec.scene
-        rows.append(("scene", f"{scene.integrator}, step {scene.step:g} s, tolerance {scene.tolerance:g}"))
-    return Table(rows, style="words")
+def _carried(fit: "Fit") -> str:
+    """What the appendage is made of."""
+    beam, imported = fit.mass_line, fit.spec.imported
+    if not isinstance(beam, Beam):
+        return f"imported from {imported.file}" if imported is not None else "imported"
+    parts = (("segment", beam.segments), ("compliant joint", beam.joints), ("lumped body", beam.lumps))
+    return ", ".join(count(len(those), what).replace("bodys", "bodies") for what, those in parts if those)
 
 
-def _hub(fit: "Fit") -> str:
-    hub = fit.spec.root.hub
-    assert hub is not None
-    text = f"{short(hub.mass)} kg, inertia {vector(hub.inertia)} kg m² about its centre"
-    return text if not any(hub.offset) else f"{text}, root at {vector(hub.offset)} m from it"
+def _asked(fit: "Fit") -> str:
+    """The modes that the spec asks for."""
+    given = fit.spec.kept if fit.choice is None or fit.spec.modes is None else fit.spec.modes.given()
+    counts = ", ".join(f"{n} in {port}" for port, n in given.items())
+    if fit.choice is None:
+        return counts or "as imported"
+    chosen = "as few as the scene needs"
+    return f"{chosen}; {counts} as given" if fit.spec.modes is not None and given else chosen
 
 
 def mode_table(fit: "Fit", port: str) -> Table:

@@ -19,13 +19,8 @@ if TYPE_CHECKING:
     from beamchain.studies.sweep import Sweep
 
 #: Ours in colours that differ in lightness, rivals in grey, each told by its mark too.
-COLOURS = {
-    field.TIMED: "#082f5c",
-    "exact, hub": OURS,
-    "exact, clamped": "#3d8fd6",
-    "exact, free": "#8dbbe6",
-    "least squares": "#2b7a6f",
-}
+COLOURS = dict(zip(field.OURS, ("#082f5c", OURS, "#3d8fd6", "#8dbbe6", "#2b7a6f"), strict=True))
+GREYS = ("#9a9a9a", "#707070", "#b4b4b4", "#555555", "#c4c4c4")
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
 TITLES: dict[Metric, str] = {
     "error": "Error of the hub's motion as simulated",
@@ -38,21 +33,21 @@ WORST = 2.0  # errors above are left out of the picture: nothing of the appendag
 
 
 @mpl.rc_context(STYLE)
-def pareto_figure(study: "Study", metric: Metric = "error") -> Figure:
+def pareto_figure(study: "Study") -> Figure:
     """Error against run time, log-log: each model's front."""
     figure = Figure(figsize=(7.2, 5.8))
     ax = figure.add_subplot()
-    order = [m for m in study.models if m not in field.OURS] + [m for m in study.models if m in field.OURS]
-    grey = 0
-    for model in order:
+    rivals = [m for m in study.models if m not in field.OURS]
+    for model in (*rivals, *(m for m in study.models if m in field.OURS)):
         ours = model in field.OURS
-        mark = MARKS[list(field.OURS).index(model) if ours else grey]
-        colour = COLOURS[model] if ours else ("#9a9a9a", "#707070", "#b4b4b4", "#555555", "#c4c4c4")[grey % 5]
-        grey += not ours
-        line = [pair for pair in front([x for x in study.ladders if x.entry.model == model], metric) if pair[0] < WORST]
-        style: Any = {"color": colour, "marker": mark, "markersize": 4.5, "linewidth": 1.8 if ours else 1.1}
-        ax.plot([1e3 * p.seconds for _, p in line], [e for e, _ in line], label=model, zorder=3 if ours else 2, **style)
-    ax.set(xscale="log", yscale="log", title=TITLES[metric], ylabel="error / largest elastic motion")
+        place = list(field.OURS).index(model) if ours else rivals.index(model)
+        line = [
+            pair for pair in front([x for x in study.ladders if x.entry.model == model], "error") if pair[0] < WORST
+        ]
+        style: Any = {"color": COLOURS[model] if ours else GREYS[place % 5], "marker": MARKS[place], "markersize": 4.5}
+        style |= {"linewidth": 1.8, "zorder": 3} if ours else {"linewidth": 1.1, "zorder": 2}
+        ax.plot([1e3 * p.seconds for _, p in line], [e for e, _ in line], label=model, **style)
+    ax.set(xscale="log", yscale="log", title=TITLES["error"], ylabel="error / largest elastic motion")
     ax.set_xlabel(f"time to simulate {study.scenario.duration:g} s, ms")
     ax.grid(which="major", color="#e6e6e6", linewidth=0.6)
     legend = figure.legend(loc="upper left", ncols=2, bbox_to_anchor=(0.09, 1.0))
@@ -65,21 +60,18 @@ def pareto_figure(study: "Study", metric: Metric = "error") -> Figure:
 def growth_figure(growth: "Growth") -> Figure:
     """Time per step against links, and time to find a chain against modes."""
     figure = Figure(figsize=(7.2, 3.0), layout="constrained")
-    for i, (title, points, exponent, unit, factor) in enumerate(
-        (
-            ("Euler step against hinges", growth.step, growth.exponent, "µs", 1e6),
-            ("exact chain, found and compiled", growth.fit, growth.fit_exponent, "ms", 1e3),
-        )
-    ):
-        ax = figure.add_subplot(1, 2, i + 1)
+    panels = (
+        ("Euler step against hinges", growth.step, growth.exponent, "µs", 1e6),
+        ("exact chain, found and compiled", growth.fit, growth.fit_exponent, "ms", 1e3),
+    )
+    for i, (title, points, exponent, unit, factor) in enumerate(panels, 1):
+        ax = figure.add_subplot(1, 2, i)
         n, times = [float(n) for n, _ in points], [factor * t for _, t in points]
         ax.loglog(n, times, color=OURS, marker="o", markersize=4.0)
         if points:  # a study restricted to one model measures no growth
             log_axis(ax.xaxis, (n[0], n[-1]), plain)
             log_axis(ax.yaxis, (min(times), max(times)), plain)
-        ax.set_title(title if exponent is None else f"{title}: n^{exponent:.2f}")
-        ax.set_xlabel("n")
-        ax.set_ylabel(unit)
+        ax.set(title=title if exponent is None else f"{title}: n^{exponent:.2f}", xlabel="n", ylabel=unit)
         ax.grid(which="major", color="#ececec", linewidth=0.5)
     return figure
 
@@ -137,9 +129,8 @@ def damping_figure(limits: "Budget") -> Figure:
     shown = [float(z) for v in (own[:, None], *limits.shown.values()) for z in v[:, -1] if z > SMALLEST]
     upwards = 0.3 * min(shown, default=SMALLEST), 3.0 * max(shown, default=1.0)
     frame(ax, (float(w[0]) / 1.6, 1.6 * float(w[-1])), upwards)
-    ax.set_xlabel("frequency of the mode, rad/s")
-    ax.set_ylabel("damping ratio")
-    ax.set_title(f"at a step of {short(limits.timestep)} s")
+    title = f"at a step of {short(limits.timestep)} s"
+    ax.set(xlabel="frequency of the mode, rad/s", ylabel="damping ratio", title=title)
     figure.legend(loc="outside upper left", ncols=3, columnspacing=1.2)
     return figure
 

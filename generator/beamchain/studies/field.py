@@ -18,6 +18,7 @@ from beamchain.chain.tendons import damped_modes
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import RealisationError
+from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import Target
 from beamchain.mjcf import write
 from beamchain.ports.compose import in_space
@@ -29,7 +30,6 @@ from beamchain.steps.integrators import largest_angle
 from beamchain.steps.retime import retime
 from beamchain.structure.beam import Beam
 from beamchain.studies import soft_rods
-from beamchain.studies.scenario import Rigid
 
 TIMED = "exact in time"
 OURS = {TIMED: 6, "exact, hub": 6, "exact, clamped": 6, "exact, free": 6, "least squares": 4}  # largest n
@@ -73,7 +73,7 @@ class Task:
     beam: Beam
     full: dict[str, PortModel]  # all its modes per kept port, with damping ratios
     kept: dict[str, int]  # modes per port in the spec; the planes' numbers are what a study varies
-    hub: Rigid
+    hub: Hub
     tendons: bool = True  # damping as tendons, not in the hinges
 
     @property
@@ -115,7 +115,7 @@ def largest_step(task: Task, entry: Entry) -> float:
         return MARGIN * largest_angle(entry.integrator) / fastest
     chain = chain_of(task, entry)
     ports = {port: chain.port(port) for port in chain.ports}
-    coupled = in_space(ports, chain.rigid_mass()).with_hub(task.hub.matrix)
+    coupled = in_space(ports, chain.rigid_mass()).with_hub(task.hub.mass_matrix())
     ratio = max((float(np.max(task.full[p].damping, initial=0.0)) for p in ports), default=0.0)
     angle = largest_angle(entry.integrator, ratio, tendon=any(t.damping > 0.0 for t in chain.tendons))
     return MARGIN * angle / float(coupled.free_frequencies[-1])
@@ -137,7 +137,7 @@ def model_of(task: Task, entry: Entry, timestep: float = 0.0) -> "mujoco.MjModel
     return model
 
 
-def scene_text(hub: Rigid, chain: Chain) -> str:
+def scene_text(hub: Hub, chain: Chain) -> str:
     """The scene of a chain on the hub as MJCF text, without what costs time and moves nothing."""
     tree = write.appendage(chain, "appendage", visuals=False, sites={})
     root: Any = write.scene(
@@ -215,7 +215,7 @@ def _built(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
 
 def _hub_of(task: Task, port: str) -> Array:
     """The hub's mass matrix in the motions of a port."""
-    return PORT_MOTION[port].T @ task.hub.matrix @ PORT_MOTION[port]
+    return PORT_MOTION[port].T @ task.hub.mass_matrix() @ PORT_MOTION[port]
 
 
 def _ours(task: Task, entry: Entry, kept: dict[str, int]) -> Built:

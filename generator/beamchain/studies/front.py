@@ -4,6 +4,7 @@ import math
 import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Literal
 
 from beamchain.studies.field import Entry
@@ -34,12 +35,8 @@ class Reach:
 
 def honest(ladder: Ladder, metric: Metric) -> list[tuple[float, Point]]:
     """Each point with the error it can be trusted for: the worst of its own and of every finer step."""
-    out: list[tuple[float, Point]] = []
-    worst = 0.0
-    for point in sorted(ladder.points, key=lambda p: p.timestep):
-        worst = max(worst, float(getattr(point, metric)))
-        out.append((worst, point))
-    return out
+    points = sorted(ladder.points, key=lambda p: p.timestep)
+    return list(zip(accumulate((float(getattr(p, metric)) for p in points), max), points, strict=True))
 
 
 def front(ladders: Iterable[Ladder], metric: Metric) -> list[tuple[float, Point]]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamchain.errors import InputError
+from beamchain.fitting.hub import Hub
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array, locked
 from beamchain.studies.reference import HubResponse, LargeReference, Profile, hub_response
@@ -23,16 +24,6 @@ PERIODS = 4.0  # of the first coupled mode, at least
 PULSE = 15.0  # the default doublet is a fifteenth of the duration
 SMALL = 1e-5  # elastic hub motion of the default doublet at most [rad, or share of the appendage's length]
 LONGEST_CSV = 1_000_000
-
-
-@dataclass(frozen=True, eq=False)
-class Rigid:
-    """A rigid hub: mass [kg], principal inertia `(3,)` [kg m^2], offset `(3,)` from its centre to the root [m]."""
-
-    mass: float
-    inertia: Array
-    offset: Array
-    matrix: Array  # (6, 6) about the root
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +82,7 @@ class Scenario:
 def make_scenario(
     full: Mapping[str, PortModel],
     rigid_mass: Array,
-    hub: Rigid,
+    hub: Hub,
     length: float,
     *,
     profile: Profile | None = None,
@@ -103,7 +94,7 @@ def make_scenario(
     Left out, the profile is a doublet about the first kept port's axis, its amplitude [N, N m] is small enough to stay
     linear, and the duration [s] is four periods of the first coupled mode, rounded up.
     """
-    response = hub_response(full, rigid_mass, hub.matrix, hub.offset)
+    response = hub_response(full, rigid_mass, hub.mass_matrix(), np.asarray(hub.offset))
     if duration is None:
         longest = 0.0 if profile is None else float(profile.times[-1])
         duration = rounded_up(max(PERIODS * response.slowest, longest))

@@ -9,9 +9,9 @@ import numpy as np
 
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
+from beamchain.fitting.hub import Hub
 from beamchain.mjcf.write import number
 from beamchain.structure.beam import Beam
-from beamchain.studies.scenario import Rigid
 
 FLEXCOMP, CABLE = "flexcomp rod", "composite cable"
 
@@ -56,7 +56,7 @@ _CABLE = """
 def available(beam: Beam) -> list[str]:
     """The rods that can stand for this appendage in the installed MuJoCo: uniform ones only."""
     out: list[str] = []
-    hub = Rigid(1.0, np.ones(3), np.zeros(3), np.eye(6))
+    hub = Hub(mass=1.0, inertia=(1.0, 1.0, 1.0))
     for name in (FLEXCOMP, CABLE) if beam.uniform else ():
         with suppress(RuntimeError, ValueError):
             scene_model(name, beam, hub, 3)
@@ -71,7 +71,7 @@ def fastest(beam: Beam, count: int) -> float:
     return 2.0 * float(np.sqrt(stations.axial[0] / stations.mass[0])) / spacing
 
 
-def scene_model(name: str, beam: Beam, hub: Rigid, count: int) -> "mujoco.MjModel":
+def scene_model(name: str, beam: Beam, hub: Hub, count: int) -> "mujoco.MjModel":
     """The compiled scene of a rod with `count` segments on the hub.
 
     The round section has the beam's own stretching and bending stiffness in plane xy.

@@ -30,7 +30,7 @@ from beamchain.studies.fine_chain import LINEAR, large_reference, nonlinear
 from beamchain.studies.front import TARGETS, Metric, Reach, recommended_name
 from beamchain.studies.jobs import Progress, run_jobs, stamp
 from beamchain.studies.run_time import Growth, Ladder, Point, Run, climb, growth, in_turns
-from beamchain.studies.scenario import Rigid, Scenario, make_scenario, parse_profile
+from beamchain.studies.scenario import Scenario, make_scenario, parse_profile
 
 FULL_MODES = 30  # of the beam on the hub: one mode fewer changes the reference by less than 1e-9
 BUDGET = 0.1  # [s] for the errors of one entry
@@ -216,7 +216,7 @@ def _too_far(task: Task, found: Study) -> tuple[str, ...]:
     """What the load drives the recommended chains through, beyond where they stay near a fine one."""
     scenario = found.scenario
     moments = np.linspace(0.0, scenario.duration, 4001)
-    run = driven(scenario.motion(moments), float(moments[1]), task.hub.offset)
+    run = driven(scenario.motion(moments), float(moments[1]), np.asarray(task.hub.offset))
     best = {r.point[:2]: r.point for target in TARGETS if (r := found.best(target, "error")) is not None}
     nearest = found.nearest("error")
     if not best and nearest is not None:
@@ -250,8 +250,7 @@ def make_task(text: str) -> Task:
             "give a wider scene.bandwidth or a smaller scene.tolerance."
         )
     full = {port: spec.with_ratios(port, beam.port(port, FULL_MODES)) for port in kept}
-    rigid = Rigid(hub.mass, np.array(hub.inertia), np.array(hub.offset), hub.mass_matrix())
-    return Task(beam, full, kept, rigid, spec.damping is None or spec.damping.form == "modal")
+    return Task(beam, full, kept, hub, spec.damping is None or spec.damping.form == "modal")
 
 
 @lru_cache(maxsize=4)
