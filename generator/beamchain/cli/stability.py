@@ -35,7 +35,7 @@ def stability(
     """
     from beamchain.errors import InputError
     from beamchain.files import check_free, to_json, write_files
-    from beamchain.report.stability_html import stability_report
+    from beamchain.report.study_html import stability_report
     from beamchain.studies.stability import stability as measure
 
     if extremes_map:

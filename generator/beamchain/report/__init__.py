@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from beamchain.report.assembly_plot import assembly_svg as assembly_svg
     from beamchain.report.assembly_plot import plot_assembly as plot_assembly
-    from beamchain.report.embed_html import embed_report as embed_report
+    from beamchain.report.html import embed_report as embed_report
     from beamchain.report.html import fit_report as fit_report
     from beamchain.report.notebook import embedded_html as embedded_html
     from beamchain.report.notebook import embedded_text as embedded_text
@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "assembly_plot": ("assembly_svg", "plot_assembly"),
-    "embed_html": ("embed_report",),
-    "html": ("fit_report",),
+    "html": ("embed_report", "fit_report"),
     "notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text"),
     "plots": ("plot_accelerance",),
     "record": ("embed_record", "fit_record", "study_record"),

@@ -1,16 +1,21 @@
-"""study.html: what each second of computing buys; one file, nothing fetched."""
+"""The pages of studies: what each second of computing buys; steps that hold, and how far a chain may be driven."""
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from beamchain.fitting.spec import read_spec
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import study_plots
 from beamchain.report.page import Table, Verdict, page_text
-from beamchain.report.plots import short, to_svg
+from beamchain.report.plots import percent, short, to_svg
 from beamchain.studies.front import TARGETS, Metric, Reach, power, recommended_name
 
 if TYPE_CHECKING:
+    from beamchain.studies.stability import StabilityStudy
     from beamchain.studies.study import Study
 
+AGREE = 0.01  # predicted and measured limits; the command's own bound
 HEAD = ("to reach", "model", "n", "integrator", "step, s", "time, ms", "per step over the rigid hub")
 
 
@@ -138,3 +143,36 @@ def how_to_feed(study: "Study") -> list[str]:
         "A chain exact in time is made for one step and Euler, and measured under the mean of each step's wrench and the "
         "one before (beamchain.HeldInput); give it its inputs so, or its whole motion is half a step early."
     ]
+
+
+def stability_report(study: "StabilityStudy", source: Path) -> str:
+    """The text of the page; `source` is the SPEC.toml or MODEL.xml."""
+    drawn: dict[str, str] = {}
+    for i, limits in enumerate(study.budgets):
+        rows = [row for row in study.rows if row.name == limits.name]
+        drawn[f"steps{i}"] = to_svg(study_plots.steps_figure(limits, rows), f"steps{i}")
+        drawn[f"damping{i}"] = to_svg(study_plots.damping_figure(limits), f"damping{i}")
+    return page_text(
+        "stability.html",
+        name=source.stem,
+        verdict=_steps_hold(study),
+        study=study,
+        source=source,
+        drawn=drawn,
+        names={limits.name.split()[0] for limits in study.budgets if limits.name},
+        spec="" if source.suffix.lower() == ".xml" else spec_toml(read_spec(source)),
+    )
+
+
+def _steps_hold(study: "StabilityStudy") -> Verdict:
+    limits = study.budgets[0]
+    largest = {k: v for k, v in limits.largest_step.items() if math.isfinite(v)}
+    safest = min(largest, key=lambda name: largest[name])
+    text = f"{limits.name}: every integrator is stable up to a step of {short(largest[safest])} s"
+    others = [
+        f"{name} up to {short(v)} s" for name, v in largest.items() if v > 1.05 * largest[safest] and name == "RK4"
+    ]
+    text += f" ({', '.join(others)})" if others else ""
+    worst = max((abs(row.difference) for row in study.rows), default=0.0)
+    text += f"; simulations agree with the prediction within {percent(worst)}."
+    return Verdict(worst <= AGREE and not study.warnings, text)

@@ -2,15 +2,13 @@
 
 import csv
 import io
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from beamchain.errors import InputError
-from beamchain.fitting.hub import Hub
-from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array, locked
+from beamchain.studies.field import Task
 from beamchain.studies.reference import HubResponse, LargeReference, Profile, hub_response
 
 COLUMNS = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -80,26 +78,20 @@ class Scenario:
 
 
 def make_scenario(
-    full: Mapping[str, PortModel],
-    rigid_mass: Array,
-    hub: Hub,
-    length: float,
-    *,
-    profile: Profile | None = None,
-    duration: float | None = None,
-    amplitude: float | None = None,
+    task: Task, profile: Profile | None = None, duration: float | None = None, amplitude: float | None = None
 ) -> Scenario:
-    """The task for an appendage of `length` [m] on a hub; `full` holds all its modes per port, with damping.
+    """What is asked of the models of a task.
 
     Left out, the profile is a doublet about the first kept port's axis, its amplitude [N, N m] is small enough to stay
     linear, and the duration [s] is four periods of the first coupled mode, rounded up.
     """
-    response = hub_response(full, rigid_mass, hub.mass_matrix(), np.asarray(hub.offset))
+    full, hub, beam = task.full, task.hub, task.beam
+    response = hub_response(full, beam.rigid_mass(), hub.mass_matrix(), np.asarray(hub.offset))
     if duration is None:
         longest = 0.0 if profile is None else float(profile.times[-1])
         duration = rounded_up(max(PERIODS * response.slowest, longest))
     if profile is None:
-        profile = _doublet(response, next(port for port in DRIVEN if port in full), duration, length, amplitude)
+        profile = _doublet(response, next(port for port in DRIVEN if port in full), duration, beam.length, amplitude)
     fine = np.linspace(0.0, duration, 4001)
     largest = np.max(np.abs(response.elastic(profile, fine)), axis=0)
     watched = tuple(int(i) for i in np.flatnonzero(np.any(profile.wrench != 0.0, axis=0)) if largest[i] > 0.0)

@@ -262,10 +262,7 @@ def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
     """
     task = make_task(text)
     profile = None if options.profile is None else parse_profile(options.profile, "--profile")
-    scenario = make_scenario(
-        task.full, task.beam.rigid_mass(), task.hub, task.beam.length, profile=profile, duration=options.duration,
-        amplitude=options.amplitude,
-    )  # fmt: skip
+    scenario = make_scenario(task, profile, options.duration, options.amplitude)
     changed = nonlinear(task, scenario)
     while profile is None and options.amplitude is None and changed > LINEAR:
         scenario = scenario.scaled(0.1)  # a heavy hub hardly moves while its appendage bends far
