@@ -3,7 +3,7 @@
 import io
 import json
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -323,20 +323,13 @@ def _springs(stiffness: Mapping[str, float]) -> str:
     return ", ".join(f"{port} {prefixed(value, '').strip()}" for port, value in stiffness.items())
 
 
-class _Label(NamedTuple):
-    x: float
-    centre: float
-    row: int
-    text: str
-
-
-def _rows(ax: "Axes", labels: Sequence[tuple[float, str]]) -> list[_Label] | None:
-    """Places for labels in rows, so that none overlap; None where they do not all fit."""
+def _rows(ax: "Axes", labels: Sequence[tuple[float, str]]) -> "list[tuple[float, float, int, str]] | None":
+    """Labels in rows, so that none overlap: x, where the text is centred, row, text; None where they do not all fit."""
     left, right = ax.get_xlim()
     figure = ax.get_figure()
     width = 72.0 * ax.get_position().width * (figure.get_size_inches()[0] if isinstance(figure, Figure) else 6.4)
     ends: list[float] = [-np.inf] * _ROWS
-    placed: list[_Label] = []
+    placed: list[tuple[float, float, int, str]] = []
     for x, text in sorted(labels):
         half = 0.5 * (right - left) / width * (0.62 * _LABEL * len(text) + 5.0)
         centre = min(max(x, left + half), right - half)
@@ -344,11 +337,11 @@ def _rows(ax: "Axes", labels: Sequence[tuple[float, str]]) -> list[_Label] | Non
         if row is None:
             return None
         ends[row] = centre + half
-        placed.append(_Label(x, centre, row, text))
+        placed.append((x, centre, row, text))
     return placed
 
 
-def _write(ax: "Axes", labels: Sequence[_Label], side: float, color: str) -> None:
+def _write(ax: "Axes", labels: Sequence[tuple[float, float, int, str]], side: float, color: str) -> None:
     """Labels above (`side` 1) or below (-1) the chain, each with a thin line to its place."""
     for x, centre, row, text in labels:
         y = side * (0.47 + 0.21 * row)

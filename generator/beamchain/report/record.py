@@ -8,7 +8,7 @@ from beamchain.caution import warnings_record
 from beamchain.mjcf.write import joint_name
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
-from beamchain.studies.front import TARGETS, Metric, power
+from beamchain.studies.front import TARGETS, Metric, Reach, power
 from beamchain.studies.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -39,28 +39,24 @@ def port_record(model: PortModel) -> dict[str, Any]:
 
 def space_record(fit: "Fit") -> dict[str, Any]:
     """What is known of all six motions at once, for imported modes."""
-    if fit.space is None:
+    if (space := fit.space) is None:
         return {}
-    space = fit.space
     names = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
-    return {
-        "form": space.form,
-        "space": {
-            "why": space.why,
-            "motions": [names[i] for i in space.live],
-            "target": port_record(space.target),
-            "achieved": port_record(space.achieved),
-            "error": _picked(space.error, "frequency", "participation", "accelerance_in_band"),
-            "modes": [
-                {"belongs": port, "leak": leak} for port, leak in zip(space.data.belongs, space.data.leaks, strict=True)
-            ],
-            "steps": space.data.steps,
-        },
+    modes = zip(space.data.belongs, space.data.leaks, strict=True)
+    record = {
+        "why": space.why,
+        "motions": [names[i] for i in space.live],
+        "target": port_record(space.target),
+        "achieved": port_record(space.achieved),
+        "error": _picked(space.error, "frequency", "participation", "accelerance_in_band"),
+        "modes": [{"belongs": port, "leak": leak} for port, leak in modes],
+        "steps": space.data.steps,
     }
+    return {"form": space.form, "space": record}
 
 
 def fit_record(fit: "Fit") -> dict[str, Any]:
-    """What fit.json holds; see the contract in README."""
+    """What fit.json holds."""
     import beamchain
     from beamchain.engine.library import mujoco
 
@@ -79,8 +75,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         "chain": {
             "links": _each(fit.chain.links, "length", "mass", "com", "inertia", "start", "beside", "products"),
             "hinges": [
-                {"x": hinge.x, "stiffness": dict(hinge.stiffness), "damping": dict(hinge.damping)}
-                for hinge in fit.chain.hinges
+                {"x": h.x, "stiffness": dict(h.stiffness), "damping": dict(h.damping)} for h in fit.chain.hinges
             ],
         },
         "tip": fit.tip_error,
@@ -199,12 +194,7 @@ def study_record(study: "Study") -> dict[str, Any]:
         "rigid_hub": study.rigid_hub,
         "to_reach": _to_reach(study, "error"),
         "to_reach_appendage": _to_reach(study, "error_appendage"),
-        "growth": {
-            "step": study.growth.step,
-            "step_exponent": study.growth.exponent,
-            "fit": study.growth.fit,
-            "fit_exponent": study.growth.fit_exponent,
-        },
+        "growth": {**_picked(study.growth, "step", "fit", "fit_exponent"), "step_exponent": study.growth.exponent},
         **warnings_record(study.warnings),
         "seconds": study.seconds,
     }
@@ -227,12 +217,11 @@ def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
         out[power(target)] = {
             **best.point._asdict(),
             "rivals": {model: reach.seconds / best.seconds for model, reach in rivals.items()},
-            "rival_points": {
-                model: {
-                    **_picked(reach.point, "n", "integrator", "timestep"),
-                    **_picked(reach, "seconds", "extrapolated", "slope"),
-                }
-                for model, reach in rivals.items()
-            },
+            "rival_points": {model: _reached(reach) for model, reach in rivals.items()},
         }
     return out
+
+
+def _reached(reach: Reach) -> dict[str, Any]:
+    setting = _picked(reach.point, "n", "integrator", "timestep")
+    return {**setting, **_picked(reach, "seconds", "extrapolated", "slope")}

@@ -1,6 +1,6 @@
 """Fine chains converged in links and step: the reference of a study in large motion, and where it is needed."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -26,8 +26,7 @@ SHRINK = 0.1  # a small motion is at most this share of the real one: what chang
 GROWTH = 4.0  # time to simulate grows as links to this power: step by its square, time per step up to its square
 
 
-@dataclass(frozen=True, eq=False)
-class _Grid:
+class _Grid(NamedTuple):
     """Moments at which chains are read: every few steps where a chain needs shorter ones."""
 
     spacing: float  # [s]
@@ -40,8 +39,7 @@ class _Grid:
         return self.spacing * np.arange(1.0, self.number + 1.0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Read:
+class _Read(NamedTuple):
     """One chain's motion, large and small."""
 
     moved: Array  # (t, 6) what large motion adds to its own small one

@@ -131,9 +131,6 @@ def parse_profile(content: str, source: str) -> Profile:
     """A profile from CSV text: a column `time` [s] and any of fx fy fz [N], mx my mz [N m]; a row holds until the next.
 
     The last row only ends the profile.
-
-    Raises:
-        InputError: a column is unknown, a number is missing, or the times do not ascend from 0.
     """
     try:
         rows = [row for row in csv.reader(io.StringIO(content)) if row and not row[0].lstrip().startswith("#")]
@@ -154,7 +151,6 @@ def parse_profile(content: str, source: str) -> Profile:
     if not np.all(np.isfinite(values)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
         raise InputError(f"profile {source!r}: times must start at 0 and ascend, and every number must be finite.")
     wrench = np.zeros((times.size - 1, 6))
-    for name in head:
-        if name != "time":
-            wrench[:, COLUMNS.index(name)] = values[:-1, head.index(name)]
+    for name in {*head} - {"time"}:
+        wrench[:, COLUMNS.index(name)] = values[:-1, head.index(name)]
     return Profile(locked(times), locked(wrench))

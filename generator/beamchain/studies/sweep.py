@@ -21,7 +21,7 @@ from beamchain.files import to_json, write_files
 from beamchain.fitting.choose import make_plan, whole_beam
 from beamchain.fitting.fit import damped, fit
 from beamchain.fitting.hub import default_hub
-from beamchain.fitting.options import Damping, Modes
+from beamchain.fitting.options import Modes
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
@@ -224,22 +224,13 @@ def _names(model: "mujoco.MjModel", kind: str) -> list[str]:
 
 
 def varied(spec: Spec, seed: int, index: int) -> Spec:
-    """The spec of one sample.
-
-    Raises:
-        InputError: a drawn value is not allowed (a mass below zero).
-    """
+    """The spec of one sample; refused where a drawn value is not allowed, such as a mass below zero."""
     given = spec.uncertain
     assert given is not None
     ratios = spec.damping.ratio if spec.damping is not None else 0.0
-    counts = {
-        "stiffness": len(spec.segment),
-        "density": len(spec.segment),
-        "damping": sum(map(len, ratios.values())) if isinstance(ratios, dict) else 1,
-        "payload": 1,
-        "lump": len(spec.lump),
-        "joint_stiffness": len(spec.joint),
-    }
+    counts = {"payload": 1, "lump": len(spec.lump), "joint_stiffness": len(spec.joint)}
+    counts |= dict.fromkeys(("stiffness", "density"), len(spec.segment))
+    counts["damping"] = sum(map(len, ratios.values())) if isinstance(ratios, dict) else 1
     scores = given.scores(seed, index, counts)
     changes: dict[str, Any] = {}
     if given.stiffness is not None or given.density is not None:
@@ -249,11 +240,9 @@ def varied(spec: Spec, seed: int, index: int) -> Spec:
         )
         changes["segment"] = tuple(map(_segment, spec.segment, stiff, dense))
     if given.joint_stiffness is not None:
-        names = ("stiffness_xy", "stiffness_xz", "stiffness_torsion")
+        names, value = ("stiffness_xy", "stiffness_xz", "stiffness_torsion"), given.joint_stiffness.value
         changes["joint"] = tuple(
-            structs.replace(
-                joint, **{n: given.joint_stiffness.value(c, z) for n in names if (c := getattr(joint, n)) is not None}
-            )
+            structs.replace(joint, **{n: value(c, z) for n in names if (c := getattr(joint, n)) is not None})
             for joint, z in zip(spec.joint, scores["joint_stiffness"], strict=True)
         )
     if given.lump is not None:
@@ -263,13 +252,12 @@ def varied(spec: Spec, seed: int, index: int) -> Spec:
     if given.payload is not None and spec.payload is not None:
         changes["payload"] = _heavier(spec.payload, given.payload.value(spec.payload.mass, scores["payload"][0]))
     if given.damping is not None and spec.damping is not None:
-        drawn = iter(scores["damping"])
-        ratio = (
-            {port: tuple(given.damping.value(z, next(drawn)) for z in values) for port, values in ratios.items()}
-            if isinstance(ratios, dict)
-            else given.damping.value(ratios, next(drawn))
-        )
-        changes["damping"] = Damping(ratio=ratio, form=spec.damping.form)
+        drawn, value = iter(scores["damping"]), given.damping.value
+        if isinstance(ratios, dict):
+            ratio = {port: tuple(value(z, next(drawn)) for z in values) for port, values in ratios.items()}
+        else:
+            ratio = value(ratios, next(drawn))
+        changes["damping"] = structs.replace(spec.damping, ratio=ratio)
     return structs.replace(spec, **changes)
 
 
