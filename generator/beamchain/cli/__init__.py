@@ -38,7 +38,7 @@ for _command in (
     fit.fit, embed.embed, seed.seed, study.study, sweep.sweep, stability.stability, inspect.inspect, retime.retime,
     schema.schema, render.render, render.view, init.init, examples.examples,
 ):  # fmt: skip
-    app.command()(_command)
+    app.command(name=_command.__name__)(_command)
 
 
 def main() -> None:
