@@ -135,7 +135,9 @@ def test_rigid_hub_turns_as_the_integrator_must(prepared, integrator):
     wrench = np.zeros((steps, 6))
     wrench[:, 5] = moment
     angle = rigid_motion(task, integrator, h, wrench)[:, 5]
-    inertia = 1.0 / hub_response(task.full, task.beam.rigid_mass(), task.hub.mass_matrix(), task.hub.offset).mobility[5, 5]
+    inertia = (
+        1.0 / hub_response(task.full, task.beam.rigid_mass(), task.hub.mass_matrix(), task.hub.offset).mobility[5, 5]
+    )
     t = h * np.arange(1, steps + 1)
     exact = 0.5 * moment / inertia * (t**2 if integrator == "RK4" else t * (t + h))
     np.testing.assert_allclose(angle, exact, rtol=EXACT)
