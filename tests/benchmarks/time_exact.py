@@ -118,7 +118,7 @@ def field_of_all() -> dict[str, list[list[Setting]]]:
         return out
     from exudyn_peers import floating, modal
 
-    w = TASK.full["xy"].with_hub(TASK.hub.matrix[np.ix_([1, 5], [1, 5])]).free_frequencies
+    w = TASK.full["xy"].with_hub(TASK.hub.mass_matrix()[np.ix_([1, 5], [1, 5])]).free_frequencies
     for make in (modal, floating):
         ladders = [peer_ladder(make(n), float(w[n - 1])) for n in SIZES]
         out[next(s.kind for ladder in ladders for s in ladder)] = ladders

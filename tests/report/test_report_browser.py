@@ -16,7 +16,7 @@ import beamchain as bc
 from appendages import panels, seed_boom
 from beamchain.cli import shipped
 from beamchain.report.html import fit_report
-from beamchain.report.stability_html import stability_report
+from beamchain.report.study_html import stability_report
 from spacecraft import CRAFTS, spec
 
 CHROMIUM = next(

@@ -13,7 +13,7 @@ from lxml import html
 import beamchain as bc
 from beamchain.cli import main, shipped
 from beamchain.report.page import begun
-from beamchain.report.stability_html import stability_report
+from beamchain.report.study_html import stability_report
 from spacecraft import CRAFTS, frequencies, spec
 
 SAME = 1e-12  # the same computation once more

@@ -12,7 +12,7 @@ import beamchain as bc
 from beamchain.cli.render import too_far
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.slew import Slew
-from beamchain.report.study_html import study_page, table, verdict
+from beamchain.report.study_html import answer, study_page, table
 from beamchain.steps.driven import Driven, driven, exceeded, keyframes, turned
 from beamchain.steps.large_motion import LargeMotion
 from beamchain.studies import study as studies
@@ -151,7 +151,7 @@ def test_study_warns_where_no_chain_reaches_a_target():
     found = studies.Study(spec, studies.Options(), task.kept, loud, ladders, growth, 0.0)
     assert found.best(1e-2, "error") is None
     assert any(s.startswith("exact, hub, n = 2: slew") for s in studies._too_far(task, found))
-    assert "exact, hub with n = 2 comes to 0.2" in verdict(found)
+    assert "exact, hub with n = 2 comes to 0.2" in answer(found)
     rows = table(found, "error").rows
     assert [r[1] for r in rows[:2]] == ["none of ours within the budget", "equal links, midpoint"]
 

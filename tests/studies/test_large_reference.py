@@ -18,7 +18,7 @@ from beamchain.studies import field
 from beamchain.studies import study as studies
 from beamchain.studies.field import Entry
 from beamchain.studies.fine_chain import LINEAR, WANTED, nonlinear
-from beamchain.studies.large_reference import Figures, added, at_zero, between
+from beamchain.studies.reference import Figures, added, at_zero, between
 from beamchain.studies.run_time import rigid_motion
 from elastica import Elastica
 

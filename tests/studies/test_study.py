@@ -20,9 +20,8 @@ from beamchain.fitting.spec_text import spec_toml
 from beamchain.studies import field, front, soft_rods
 from beamchain.studies import study as studies
 from beamchain.studies.field import Entry
-from beamchain.studies.growth import Growth
-from beamchain.studies.hub_response import Profile, hub_response
-from beamchain.studies.run_time import CLOCK, Ladder, Point, climb, rigid_motion, steps_below
+from beamchain.studies.reference import Profile, hub_response
+from beamchain.studies.run_time import CLOCK, Growth, Ladder, Point, climb, rigid_motion, steps_below
 from beamchain.studies.scenario import parse_profile, rounded_up
 
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
@@ -84,7 +83,7 @@ def test_reference_has_enough_modes(prepared):
     task, scenario = prepared
     at = np.linspace(0.0, 60.0, 301)
     fewer = {"xy": task.beam.port("xy", studies.FULL_MODES - 1)}
-    other = hub_response(fewer, task.beam.rigid_mass(), task.hub.matrix, task.hub.offset)
+    other = hub_response(fewer, task.beam.rigid_mass(), task.hub.mass_matrix(), task.hub.offset)
     change = scenario.response.elastic(scenario.profile, at) - other.elastic(scenario.profile, at)
     assert np.max(np.abs(change[:, 5])) < NEXT_MODE * scenario.largest[0]
 
@@ -136,7 +135,9 @@ def test_rigid_hub_turns_as_the_integrator_must(prepared, integrator):
     wrench = np.zeros((steps, 6))
     wrench[:, 5] = moment
     angle = rigid_motion(task, integrator, h, wrench)[:, 5]
-    inertia = 1.0 / hub_response(task.full, task.beam.rigid_mass(), task.hub.matrix, task.hub.offset).mobility[5, 5]
+    inertia = (
+        1.0 / hub_response(task.full, task.beam.rigid_mass(), task.hub.mass_matrix(), task.hub.offset).mobility[5, 5]
+    )
     t = h * np.arange(1, steps + 1)
     exact = 0.5 * moment / inertia * (t**2 if integrator == "RK4" else t * (t + h))
     np.testing.assert_allclose(angle, exact, rtol=EXACT)

@@ -16,8 +16,7 @@ from beamchain.steps.start import HeldInput
 from beamchain.studies import field
 from beamchain.studies import study as studies
 from beamchain.studies.field import TIMED, Entry, Task
-from beamchain.studies.growth import Growth
-from beamchain.studies.run_time import Ladder, Point, climb, clock, rigid_motion, steps_below
+from beamchain.studies.run_time import Growth, Ladder, Point, climb, clock, rigid_motion, steps_below
 from beamchain.studies.scenario import Scenario
 
 EXAMPLES = Path(str(files("beamchain"))) / "examples"

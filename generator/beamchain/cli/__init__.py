@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from typing import Any
+from typing import Any, NoReturn
 
 import typer
 
@@ -34,18 +34,11 @@ def beamchain(
     """Model flexible spacecraft appendages in MuJoCo as hinge chains with the modes of the elastic beam."""
 
 
-app.command(name="fit")(fit.fit)
-app.command(name="embed")(embed.embed)
-app.command(name="seed")(seed.seed)
-app.command(name="study")(study.study)
-app.command(name="sweep")(sweep.sweep)
-app.command(name="stability")(stability.stability)
-app.command(name="inspect")(inspect.inspect)
-app.command(name="retime")(retime.retime)
-app.command(name="schema")(schema.schema)
-app.command(name="render")(render.render)
-app.command(name="view")(render.view)
-app.command(name="init")(init.init)
+for _command in (
+    fit.fit, embed.embed, seed.seed, study.study, sweep.sweep, stability.stability, inspect.inspect, retime.retime,
+    schema.schema, render.render, render.view, init.init,
+):  # fmt: skip
+    app.command(name=_command.__name__)(_command)
 app.command(name="examples", hidden=True)(init.examples)
 
 
@@ -57,9 +50,7 @@ def main() -> None:
             _run_for_a_script()
         app()
     except BeamchainError as error:
-        explain(str(error))
-        _as_json(str(error), type(error).__name__)
-        sys.exit(2)
+        _refuse(str(error), error)
     except KeyboardInterrupt:
         explain("stopped; nothing was left half written.")
         sys.exit(130)
@@ -70,10 +61,13 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the rest of it, at exit
         sys.exit(2)
     except (MemoryError, RecursionError) as error:
-        sentence = f"the input is too large ({type(error).__name__}); make it smaller."
-        explain(sentence)
-        _as_json(sentence, type(error).__name__)
-        sys.exit(2)
+        _refuse(f"the input is too large ({type(error).__name__}); make it smaller.", error)
+
+
+def _refuse(sentence: str, error: BaseException) -> NoReturn:
+    explain(sentence)
+    _as_json(sentence, error)
+    sys.exit(2)
 
 
 def _run_for_a_script() -> None:
@@ -82,11 +76,13 @@ def _run_for_a_script() -> None:
         sys.exit(app(standalone_mode=False) or 0)
     except USAGE as error:
         error.show()
-        _as_json(error.format_message(), type(error).__name__)
+        _as_json(error.format_message(), error)
         sys.exit(error.exit_code)
 
 
-def _as_json(message: str, kind: str) -> None:
+def _as_json(message: str, error: BaseException) -> None:
     """An error on stdout where a script asked for JSON; the sentence stands on stderr in any case."""
     if "--json" in sys.argv:
-        sys.stdout.write(json.dumps({"error": {"message": " ".join(message.split()), "type": kind}}) + "\n")
+        sys.stdout.write(
+            json.dumps({"error": {"message": " ".join(message.split()), "type": type(error).__name__}}) + "\n"
+        )

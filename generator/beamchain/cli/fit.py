@@ -4,12 +4,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console, print_json, print_written
+from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console
+from beamchain.cli.output import print_table, print_warnings, tell
 from beamchain.cli.progress import spinner
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from beamchain.fitting.result import Fit
 
 
@@ -50,66 +49,48 @@ def fit(
         result = fit_chain(read)
         say("drawing and writing")
         files = result.write(output, force=force)
-    if as_json:
-        print_json(result.as_dict())
-    elif not quiet:
-        _show(result, files)
-        if explain:
-            _explain(result)
+    tell(result.as_dict, lambda: _show(result), files, as_json, quiet)
+    if explain and not as_json and not quiet:
+        _explain(result)
     if not result.status.ok:
         raise typer.Exit(3)
 
 
-def _show(result: "Fit", files: "list[Path]") -> None:
+def _show(result: "Fit") -> None:
     from rich.markup import escape
-    from rich.table import Table
 
-    out = console()
+    out, chain, damping = console(), result.chain, result.spec.damping
     out.print(f"[bold]{result.spec.name}[/bold]: {escape(result.status.message)}")
     out.print(escape(result.headline))
-    table = Table(title="modes, read back from MuJoCo (mjd_transitionFD)", title_justify="left")
-    headings = (
-        "port",
-        "mode",
-        "cantilever rad/s",
-        "free rad/s",
-        "participation",
-        "readback, frequency",
-        "readback, participation",
-    )
-    damping = result.spec.damping
-    headings += ("damping wanted", "achieved") if damping is not None else ()
-    for column in headings:
-        table.add_column(column, justify="left" if column == "port" else "right")
+    head = ("port", "mode", "cantilever rad/s", "free rad/s", "participation")
+    head += ("readback, frequency", "readback, participation")
+    head += ("damping wanted", "achieved") if damping is not None else ()
+    rows: list[list[str]] = []
     for port, achieved in result.achieved.items():
-        error = result.error[port]
+        error, free = result.error[port], achieved.free_frequencies
         for (i, j), df, dp in zip(error.matches, error.frequency_errors, error.participation_errors, strict=True):
-            free = achieved.free_frequencies
-            row = ", ".join(f"{v:.5g}" for v in achieved.participation[i])
+            participation = ", ".join(f"{v:.5g}" for v in achieved.participation[i])
             loose = f"{free[i]:.6g}" if i < free.size else "none"
-            cells = [port, str(j + 1), f"{achieved.frequencies[i]:.6g}", loose, row, f"{df:+.1e}", f"{dp:.1e}"]
+            rows.append([port, str(j + 1), f"{achieved.frequencies[i]:.6g}", loose, participation])
+            rows[-1] += [f"{df:+.1e}", f"{dp:.1e}"]
             if damping is not None:
-                cells += [f"{damping.ratios(port, j + 1)[j]:.6g}", f"{achieved.damping[i]:.6g}"]
-            table.add_row(*cells)
-    out.print(table)
-    chain = Table(title="chain", title_justify="left")
-    for column in ("link", "from m", "length m", "mass kg", "inertia kg m2", "hinge behind it N m/rad"):
-        chain.add_column(column, justify="right")
-    for i, link in enumerate(result.chain.links):
-        hinge = result.chain.hinges[i] if i < len(result.chain.hinges) else None
-        springs = ", ".join(f"{p} {f'{c:.5g}' if c else 'free'}" for p, c in hinge.stiffness.items()) if hinge else "-"
-        chain.add_row(
-            str(i + 1), f"{link.start:.5g}", f"{link.length:.5g}", f"{link.mass:.5g}", f"{link.inertia[2]:.5g}", springs
-        )
-    out.print(chain)
-    if result.chain.tendons:
-        tendons = Table(title="tendons", title_justify="left")
-        for column in ("tendon", "frequency rad/s", "damping 1/s", "armature"):
-            tendons.add_column(column, justify="left" if column == "tendon" else "right")
-        for tendon in result.chain.tendons:
-            w = f"{tendon.stiffness**0.5:.6g}" if tendon.stiffness else "-"
-            tendons.add_row(f"{result.spec.name}_{tendon.label}", w, f"{tendon.damping:.4g}", f"{tendon.armature:.4g}")
-        out.print(tendons)
+                rows[-1] += [f"{damping.ratios(port, j + 1)[j]:.6g}", f"{achieved.damping[i]:.6g}"]
+    print_table("modes, read back from MuJoCo (mjd_transitionFD)", head, rows)
+    springs = [", ".join(f"{p} {f'{c:.5g}' if c else 'free'}" for p, c in h.stiffness.items()) for h in chain.hinges]
+    springs += ["-"] * (len(chain.links) - len(springs))
+    links = [
+        [str(i), *(f"{v:.5g}" for v in (link.start, link.length, link.mass, link.inertia[2])), spring]
+        for i, (link, spring) in enumerate(zip(chain.links, springs, strict=True), 1)
+    ]
+    head = ("link", "from m", "length m", "mass kg", "inertia kg m2", "hinge behind it N m/rad")
+    print_table("chain", head, links, left=())
+    if chain.tendons:
+        tendons = [
+            (f"{result.spec.name}_{t.label}", f"{t.stiffness**0.5:.6g}" if t.stiffness else "-", f"{t.damping:.4g}",
+             f"{t.armature:.4g}")
+            for t in chain.tendons
+        ]  # fmt: skip
+        print_table("tendons", ("tendon", "frequency rad/s", "damping 1/s", "armature"), tendons)
     if result.kept_for in ("free", "hub"):
         what = "free modes" if result.kept_for == "free" else "coupled modes on the hub given"
         out.print(
@@ -134,39 +115,25 @@ def _show(result: "Fit", files: "list[Path]") -> None:
         )
     steps = ", ".join(f"{k} {v:.4g} s" if v < 1e9 else f"{k} no limit" for k, v in result.limits.largest_step.items())
     out.print(f"largest stable step: {steps}")
-    took = sum(result.seconds.values())
-    out.print(f"spec to verified chain: {took * 1e3:.1f} ms")
-    for text in result.warnings:
-        out.print(f"[bold yellow]warning[/bold yellow]: {escape(text)}")
-    print_written(files)
+    out.print(f"spec to verified chain: {sum(result.seconds.values()) * 1e3:.1f} ms")
+    print_warnings(result.warnings)
 
 
 def _explain(result: "Fit") -> None:
     """How the modes were chosen, what was left out, what the model cannot answer, which step to take."""
-    from rich.table import Table
-
     out = console()
     if result.choice is None:
         out.print(
-            "The spec states the modes itself; give [scene] a bandwidth and leave [modes] out to have them chosen.",
-            markup=False,
+            "The spec states the modes itself; give \\[scene] a bandwidth and leave \\[modes] out to have them chosen."
         )
         return
     for line in result.choice.reasoning:
         out.print(line, markup=False)
-    left = Table(title="left out", title_justify="left")
-    for column in ("what", "why", "cost"):
-        left.add_column(column, justify="right" if column == "cost" else "left")
-    for item in result.left_out:
-        left.add_row(item.what, item.why, f"{item.cost:.1e}" if item.cost else "0")
-    out.print(left)
+    costs = [(item.what, item.why, f"{item.cost:.1e}" if item.cost else "0") for item in result.left_out]
+    print_table("left out", ("what", "why", "cost"), costs, left=(0, 1))
     for line in result.choice.cannot:
         out.print(f"cannot answer: {line}", markup=False)
-    if not result.steps:  # a rigid body takes any
-        return
-    steps = Table(title="steps that keep the tolerance", title_justify="left")
-    for column in ("integrator", "largest step s", "bounded by", "cost"):
-        steps.add_column(column, justify="left" if column in ("integrator", "bounded by") else "right")
-    for choice in result.steps:
-        steps.add_row(choice.integrator, f"{choice.step:.3g}", choice.bound, f"{choice.cost:.2f}")
-    out.print(steps)
+    if result.steps:  # a rigid body takes any
+        head = ("integrator", "largest step s", "bounded by", "cost")
+        steps = [(s.integrator, f"{s.step:.3g}", s.bound, f"{s.cost:.2f}") for s in result.steps]
+        print_table("steps that keep the tolerance", head, steps, left=(0, 2))

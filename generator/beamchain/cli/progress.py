@@ -2,55 +2,36 @@
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-
-from beamchain.studies.jobs import Progress
+from functools import partial
+from typing import Any
 
 
 @contextmanager
-def job_bar(what: str, silent: bool) -> Generator[Progress]:
-    """A bar over jobs; gone when done.
-
-    Args:
-        what: shown before the bar.
-        silent: show nothing.
-    """
-    from rich.console import Console
+def job_bar(what: str, silent: bool) -> Generator[Callable[[int, int], None]]:
+    """A bar over jobs, and the function that is told how many are done, and of how many."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bar
 
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-        TextColumn("left"), TimeRemainingColumn(),
-    )  # fmt: skip
-    console = Console(stderr=True)
-    with Bar(*columns, transient=True, disable=silent or not console.is_terminal, console=console) as bar:
-        task = bar.add_task(what, total=None)
-
-        def tell(done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total)
-
-        yield tell
+    text = TextColumn("{task.description}")
+    columns = text, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
+    with _live(what, silent, *columns) as update:
+        yield lambda done, total: update(completed=done, total=total)
 
 
 @contextmanager
 def spinner(what: str, silent: bool) -> Generator[Callable[[str], None]]:
-    """What is being done, while it is; the function it hands out says what is done next.
-
-    Args:
-        what: shown first.
-        silent: show nothing.
-    """
-    from rich.console import Console
-    from rich.progress import Progress as Bar
+    """What is being done, while it is; the function it hands out says what is done next."""
     from rich.progress import SpinnerColumn, TextColumn
 
-    columns = SpinnerColumn(), TextColumn("{task.description}")
+    with _live(what, silent, SpinnerColumn(), TextColumn("{task.description}")) as update:
+        yield lambda text: update(description=text)
+
+
+@contextmanager
+def _live(what: str, silent: bool, *columns: Any) -> Generator[Callable[..., None]]:
+    from rich.console import Console
+    from rich.progress import Progress
+
     console = Console(stderr=True)
-    silent = silent or not console.is_terminal
-    with Bar(*columns, transient=True, disable=silent, redirect_stdout=False, console=console) as bar:
-        task = bar.add_task(what)
-
-        def say(text: str) -> None:
-            bar.update(task, description=text)
-
-        yield say
+    hidden = silent or not console.is_terminal
+    with Progress(*columns, transient=True, disable=hidden, redirect_stdout=False, console=console) as bar:
+        yield partial(bar.update, bar.add_task(what, total=None))

@@ -1,5 +1,6 @@
 """`beamchain render` and `beamchain view`: pictures and MuJoCo's viewer."""
 
+import math
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -7,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamchain.caution import warnings_record
-from beamchain.cli.common import Folder, Force, Json, Quiet, console, explain, print_json
+from beamchain.cli.common import Folder, Force, Json, Quiet, console, explain
+from beamchain.cli.output import print_warnings, tell
 from beamchain.errors import EngineError, InputError
 
 if TYPE_CHECKING:
@@ -62,32 +64,25 @@ def render(
 
     Example: beamchain render boom/scene.xml -o pictures --exaggerate 5
     """
-    for name, value, low, high in (
-        ("exaggerate", exaggerate, 0.0, 1e6), ("angle", angle, -360.0, 360.0),
-        ("width", width, 64, 4096), ("height", height, 64, 4096),
-    ):  # fmt: skip
+    sizes = (("width", width, 64, 4096), ("height", height, 64, 4096))
+    for name, value, low, high in (("exaggerate", exaggerate, 0.0, 1e6), ("angle", angle, -360.0, 360.0), *sizes):
         if not low <= value <= high:
             raise InputError(f"render: --{name} = {value:g} is out of range; give a value from {low:g} to {high:g}.")
     from beamchain.engine import backend
 
     chosen = backend.choose()
-    import numpy as np
-
     from beamchain.engine.slew import film, simulate
     from beamchain.files import write_files
     from beamchain.report import film as files
 
     name, model, fit = load(scene)
-    slew = simulate(model, angle=float(np.radians(angle)), frames=FRAMES)
+    slew = simulate(model, angle=math.radians(angle), frames=FRAMES)
     warnings = [] if fit is None else too_far(fit, slew)
     faster = slew.times[-1] / (FRAMES - 1) * RATE
     note = f"time x {faster:.3g}" + ("" if exaggerate == 1.0 else f", elastic motion x {exaggerate:g}")
-    frames = [
-        files.written(frame, f"{time:.{0 if slew.times[-1] >= 100 else 1}f} s   {note}")
-        for time, frame in zip(
-            slew.times, film(model, slew, exaggerate=exaggerate, width=width, height=height), strict=True
-        )
-    ]
+    digits = 0 if slew.times[-1] >= 100 else 1
+    drawn = film(model, slew, exaggerate=exaggerate, width=width, height=height)
+    frames = [files.written(f, f"{t:.{digits}f} s   {note}") for t, f in zip(slew.times, drawn, strict=True)]
     out: dict[Path, str | bytes] = {
         output / f"{name}.png": files.png(frames[slew.loudest]),
         output / f"{name}.gif": files.gif(frames, RATE),
@@ -96,24 +91,18 @@ def render(
     if moving is not None:
         out[output / f"{name}.mp4"] = moving
     write_files(out, force=force)
-    if as_json:
-        print_json({
-            "files": [str(path) for path in out], "renderer": chosen, "exaggerate": exaggerate,
-            "slew": {
-                "body": slew.body, "axis": "xyz"[slew.axis], "angle": slew.angle, "seconds": slew.duration,
-                "omega": slew.omega,
-            },
-            **warnings_record(warnings),
-        })  # fmt: skip
-    elif not quiet:
+    axis = "xyz"[slew.axis]
+    turn = {"body": slew.body, "axis": axis, "angle": slew.angle, "seconds": slew.duration, "omega": slew.omega}
+    record = {"files": list(map(str, out)), "renderer": chosen, "exaggerate": exaggerate, "slew": turn}
+
+    def show() -> None:
         console().print(
-            f"{slew.body} turned by {angle:g} degrees about {'xyz'[slew.axis]} in {slew.duration:.4g} s, ringing at "
+            f"{slew.body} turned by {angle:g} degrees about {axis} in {slew.duration:.4g} s, ringing at "
             f"{slew.omega:.4g} rad/s; {note}"
         )
-        for warning in warnings:
-            console().print(f"[bold]warning[/bold]: {warning}")
-        for path in out:
-            console().print(f"wrote {path}", soft_wrap=True)
+        print_warnings(warnings)
+
+    tell(lambda: {**record, **warnings_record(warnings)}, show, out, as_json, quiet)
     if want_mp4 and moving is None:
         explain(
             f"no {name}.mp4 was made, as there is no ffmpeg on the PATH; install ffmpeg, or use the GIF and give --no-mp4."

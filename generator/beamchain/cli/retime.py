@@ -1,11 +1,13 @@
 """`beamchain retime`: make a model with appendages exact in time for another step."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Json, Quiet, console, print_json, print_written
+from beamchain.cli.common import Force, Json, Quiet
+from beamchain.cli.output import print_table, tell
 from beamchain.errors import InputError
 
 
@@ -41,26 +43,15 @@ def retime(
         raise InputError(f"--timestep {timestep!r} must be zero or a positive number of seconds.")
     text, rows = retimed_file(model, timestep, integrator, output.parent)
     write_files({output: text}, force=force)
-    record = [
-        {
-            "frequency": row.frequency, "ratio": row.ratio, "achieved_frequency": row.achieved_frequency,
-            "achieved_ratio": row.achieved_ratio, "slowed": row.slowed,
-        }
-        for row in rows
-    ]  # fmt: skip
-    if as_json:
-        print_json({"timestep": timestep, "integrator": integrator, "modes": record})
-    elif not quiet:
-        from rich.table import Table
 
-        out = console()
-        table = Table(title="modes of the whole model at this step", title_justify="left")
-        for column in ("rad/s", "achieved rad/s", "damping ratio", "achieved", "slowed"):
-            table.add_column(column, justify="right")
-        for row in rows:
-            table.add_row(
-                f"{row.frequency:.8g}", f"{row.achieved_frequency:.8g}", f"{row.ratio:.4g}", f"{row.achieved_ratio:.4g}",
-                "yes" if row.slowed else "",
-            )  # fmt: skip
-        out.print(table)
-        print_written([output])
+    def show() -> None:
+        modes = [
+            (f"{r.frequency:.8g}", f"{r.achieved_frequency:.8g}", f"{r.ratio:.4g}", f"{r.achieved_ratio:.4g}",
+             "yes" if r.slowed else "")
+            for r in rows
+        ]  # fmt: skip
+        head = ("rad/s", "achieved rad/s", "damping ratio", "achieved", "slowed")
+        print_table("modes of the whole model at this step", head, modes, left=())
+
+    record = {"timestep": timestep, "integrator": integrator, "modes": [asdict(row) for row in rows]}
+    tell(lambda: record, show, [output], as_json, quiet)

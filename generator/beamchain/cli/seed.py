@@ -1,6 +1,7 @@
 """`beamchain seed`: the 2008 paper's example."""
 
 from beamchain.cli.common import Json, Quiet, console, print_json
+from beamchain.cli.output import print_table
 
 
 def seed(as_json: Json = False, quiet: Quiet = False) -> None:
@@ -14,22 +15,10 @@ def seed(as_json: Json = False, quiet: Quiet = False) -> None:
     if as_json:
         rows = [{"name": r.name, "printed": r.printed, "computed": r.computed} for r in table.rows]
         print_json({"rows": rows, "exact": [{"name": name, "computed": value} for name, value in table.exact]})
-        return
-    if quiet:
-        return
-    from rich.table import Table
-
-    out = console()
-    shown = Table(title="P. Belonozhko (2008), equation (20) ff.", title_justify="left")
-    for column in ("name", "printed", "computed", "relative difference"):
-        shown.add_column(column, justify="left" if column == "name" else "right")
-    for row in table.rows:
-        shown.add_row(row.name, f"{row.printed:g}", f"{row.computed:.7g}", f"{row.difference:+.1e}")
-    out.print(shown)
-    out.print("The paper rounded on the way: its k and c follow from frequencies rounded to five digits.")
-    exact = Table(title="the exact 3-link chain on the same beam (free target)", title_justify="left")
-    exact.add_column("name")
-    exact.add_column("computed", justify="right")
-    for name, value in table.exact:
-        exact.add_row(name, f"{value:.9g}")
-    out.print(exact)
+    elif not quiet:
+        printed = [(r.name, f"{r.printed:g}", f"{r.computed:.7g}", f"{r.difference:+.1e}") for r in table.rows]
+        head = ("name", "printed", "computed", "relative difference")
+        print_table("P. Belonozhko (2008), equation (20) ff.", head, printed)
+        console().print("The paper rounded on the way: its k and c follow from frequencies rounded to five digits.")
+        title = "the exact 3-link chain on the same beam (free target)"
+        print_table(title, ("name", "computed"), [(name, f"{value:.9g}") for name, value in table.exact])

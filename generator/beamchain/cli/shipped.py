@@ -10,17 +10,11 @@ _EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 class Shipped(NamedTuple):
-    """A spec file of the package.
-
-    Args:
-        name: the name given on the command line.
-        path: path of the file.
-        about: its first line, without the comment sign.
-    """
+    """A spec file of the package."""
 
     name: str
     path: Path
-    about: str
+    about: str  # its first line, without the comment sign
 
 
 def examples() -> list[Shipped]:
@@ -35,15 +29,10 @@ def spacecraft() -> Shipped:
 
 
 def pick(choices: list[Shipped], name: str, field: str) -> Shipped:
-    """The one that is called `name`.
-
-    Raises:
-        InputError: none is.
-    """
-    for one in choices:
-        if one.name == name:
-            return one
+    """The one that is called `name`."""
     names = [one.name for one in choices]
+    if name in names:
+        return choices[names.index(name)]
     near = difflib.get_close_matches(name, names, n=1)
     guess = f"did you mean {near[0]!r}? Choose" if near else "choose"
     raise InputError(f"{field} {name!r} is not known; {guess} from {', '.join(names)}.")

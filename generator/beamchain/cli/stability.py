@@ -1,11 +1,12 @@
 """`beamchain stability`: the largest stable steps of a model, predicted and measured."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Folder, Force, Json, Quiet, console, print_json, print_written
+from beamchain.cli.common import Folder, Force, Json, Quiet, console
+from beamchain.cli.output import print_table, print_warnings, tell
 from beamchain.cli.progress import spinner
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def stability(
     """
     from beamchain.errors import InputError
     from beamchain.files import check_free, to_json, write_files
-    from beamchain.report.stability_html import stability_report
+    from beamchain.report.study_html import stability_report
     from beamchain.studies.stability import stability as measure
 
     if extremes_map:
@@ -48,58 +49,41 @@ def stability(
         files: dict[Path, str | bytes] = {output / "report.html": stability_report(result, source)}
         files[output / "stability.json"] = to_json(record)
         write_files(files, force=force)
-    if as_json:
-        print_json(record)
-    elif not quiet:
-        _show(result)
-        print_written(files)
+    tell(lambda: record, lambda: _show(result), files, as_json, quiet)
     if any(abs(r.difference) > 0.01 for r in result.rows):
         raise typer.Exit(3)
 
 
 def _show(result: "StabilityStudy") -> None:
-    from rich.markup import escape
-    from rich.table import Table
-
-    out = console()
-    limits = Table(title="largest stable step, predicted and measured", title_justify="left")
-    for column in ("model", "integrator", "predicted s", "measured s", "difference"):
-        limits.add_column(column, justify="left" if column in ("model", "integrator") else "right")
-    for row in result.rows:
-        if row.predicted == row.measured:
-            limits.add_row(row.name, row.integrator, "no limit", "no limit", "-")
-        else:
-            limits.add_row(
-                row.name, row.integrator, f"{row.predicted:.5g}", f"{row.measured:.5g}", f"{row.difference:+.1e}"
-            )
-    out.print(limits)
+    limits = [
+        (row.name, row.integrator, "no limit", "no limit", "-")
+        if row.predicted == row.measured
+        else (row.name, row.integrator, f"{row.predicted:.5g}", f"{row.measured:.5g}", f"{row.difference:+.1e}")
+        for row in result.rows
+    ]
+    head = ("model", "integrator", "predicted s", "measured s", "difference")
+    print_table("largest stable step, predicted and measured", head, limits, left=(0, 1))
     for budget in result.budgets:
-        out.print(_budget_table(budget))
+        _show_budget(budget)
     for limit in result.large.values():
         spin, acceleration, slew = (
             "no limit found" if v == float("inf") else f"{v:.4g} {unit}"
             for v, unit in ((limit.spin, "rad/s"), (limit.acceleration, "m/s^2"), (limit.slew, "rad/s^2"))
         )
-        out.print(
+        console().print(
             f"large motion in {limit.port}, within 1 % of 60 links up to: spin {spin}, "
             f"acceleration {acceleration}, slew {slew}"
         )
-    for warning in result.warnings:
-        out.print(f"[yellow]note[/yellow]: {escape(warning)}")
+    print_warnings(result.warnings, "note")
 
 
-def _budget_table(budget: "Budget") -> Any:
-    from rich.table import Table
-
-    table = Table(title=f"{budget.name}: damping ratio shown at {budget.timestep:g} s", title_justify="left")
-    for column in ("rad/s", "structure", *budget.shown):
-        table.add_column(column, justify="right")
+def _show_budget(budget: "Budget") -> None:
+    rows: list[list[str]] = []
     for i, (w, z) in enumerate(zip(budget.frequencies, budget.ratios, strict=True)):
-        shown = [
-            "unstable" if v[i, 0] != v[i, 0] else f"{v[i, 1] if abs(v[i, 1]) > NOISE else 0.0:.4g}"
-            for v in budget.shown.values()
-        ]
-        table.add_row(f"{w:.6g}", f"{z:.4g}", *shown)
+        shown = [(v[i, 0] == v[i, 0], float(v[i, 1])) for v in budget.shown.values()]
+        ratios = [f"{v if abs(v) > NOISE else 0.0:.4g}" if stable else "unstable" for stable, v in shown]
+        rows.append([f"{w:.6g}", f"{z:.4g}", *ratios])
     steps = [f"{name} {one:.4g} / {tenth:.4g}" for name, (one, tenth) in budget.accuracy.items()]
-    table.caption = f"steps for 1 % / 0.1 % of the first frequency, in seconds: {', '.join(steps)}"
-    return table
+    caption = f"steps for 1 % / 0.1 % of the first frequency, in seconds: {', '.join(steps)}"
+    title = f"{budget.name}: damping ratio shown at {budget.timestep:g} s"
+    print_table(title, ("rad/s", "structure", *budget.shown), rows, left=(), caption=caption)

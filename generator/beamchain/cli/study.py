@@ -1,11 +1,12 @@
 """`beamchain study`: error against run time."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecPath, console, print_json, print_written
+from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecPath, console
+from beamchain.cli.output import print_table, print_warnings, tell
 from beamchain.cli.progress import job_bar
 
 if TYPE_CHECKING:
@@ -56,11 +57,13 @@ def study(
     from beamchain.studies.study import study as measure
 
     read = read_spec(spec)
-    if duration is not None:
-        positive("--duration", duration, "s")
-    if amplitude is not None:
-        positive("--amplitude", amplitude, "N or N m")
-    positive("--budget", budget, "s")
+    for name, value, unit in (
+        ("duration", duration, "s"),
+        ("amplitude", amplitude, "N or N m"),
+        ("budget", budget, "s"),
+    ):
+        if value is not None:
+            positive(f"--{name}", value, unit)
     check_free(output / "study.json", force=force)
     text = None if profile is None else read_text(profile)
     with pool(workers, dask) as executor, job_bar("measuring", quiet or as_json) as progress:
@@ -69,11 +72,7 @@ def study(
             executor=executor, folder=output, resume=resume, progress=progress,
         )  # fmt: skip
     files = result.write(output, force=force)
-    if as_json:
-        print_json(result.as_dict())
-    elif not quiet:
-        show(result)
-        print_written(files)
+    tell(result.as_dict, lambda: show(result), files, as_json, quiet)
 
 
 def read_text(path: Path) -> str:
@@ -90,21 +89,13 @@ def read_text(path: Path) -> str:
 
 def show(result: "Study") -> None:
     """The answer as tables."""
-    from rich.markup import escape
-    from rich.table import Table
-
-    from beamchain.report.study_html import commands, how_to_feed, scenario_sentence, table, verdict
+    from beamchain.report.study_html import answer, commands, how_to_feed, scenario_sentence, table
 
     out = console()
-    out.print(f"[bold]{result.spec.name}[/bold]: {verdict(result)}")
+    out.print(f"[bold]{result.spec.name}[/bold]: {answer(result)}")
     out.print(scenario_sentence(result))
-    found: Any = table(result, "error")
-    shown = Table(title=found.caption, title_justify="left")
-    for i, name in enumerate(found.head):
-        shown.add_column(name, justify="left" if i < 2 or i == 3 else "right")
-    for row in found.rows:
-        shown.add_row(*row)
-    out.print(shown)
+    found = table(result, "error")
+    print_table(found.caption, found.head, found.rows, left=(0, 1, 3))
     hub = ", ".join(f"{name} {1e6 * seconds:.2f} us" for name, seconds in result.rigid_hub.items())
     out.print(f"a step of the rigid hub alone: {hub}")
     growth = result.growth
@@ -113,9 +104,6 @@ def show(result: "Study") -> None:
             f"time per step grows as n^{growth.exponent:.2f} (n 10..100), "
             f"time to fit as n^{growth.fit_exponent:.2f} (n 1..6)"
         )
-    for warning in result.warnings:
-        out.print(f"[bold]warning[/bold]: {escape(warning)}")
-    for command in commands(result):
-        out.print(command)
-    for sentence in how_to_feed(result):
+    print_warnings(result.warnings)
+    for sentence in (*commands(result), *how_to_feed(result)):
         out.print(sentence)

@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecPath, console, print_json, print_written
+from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecPath, console
+from beamchain.cli.output import print_table, tell
 from beamchain.cli.progress import job_bar
 
 if TYPE_CHECKING:
@@ -43,28 +44,18 @@ def sweep(
     with pool(workers, dask) as executor, job_bar("fitting variants", quiet or as_json) as progress:
         result = draw(read, samples, seed=seed, executor=executor, folder=output, resume=resume, progress=progress)
     files = result.write(output, force=force)
-    if as_json:
-        print_json(result.as_dict())
-    elif not quiet:
-        _show(result)
-        print_written(files)
+    tell(result.as_dict, lambda: _show(result), files, as_json, quiet)
 
 
 def _show(result: "Sweep") -> None:
-    from rich.table import Table
-
-    out = console()
     record = result.as_dict()
-    out.print(
+    console().print(
         f"[bold]{result.spec.name}[/bold]: {record['variants']} variants of {record['samples']} samples in "
         f"{result.seconds:.1f} s"
     )
-    table = Table(title="frequencies on the hub, rad/s", title_justify="left")
-    for name in ("mode", "mean", "deviation", *(f"{100 * q:g} %" for q in record["quantiles"])):
-        table.add_column(name, justify="right")
-    for k, spread in enumerate(record["coupled_frequencies"]):
-        numbers = [spread["mean"], spread["deviation"], *spread["quantiles"]]
-        table.add_row(str(k + 1), *(f"{value:.5g}" for value in numbers))
-    out.print(table)
+    spreads = enumerate(record["coupled_frequencies"], 1)
+    rows = [[str(k), *(f"{v:.5g}" for v in (s["mean"], s["deviation"], *s["quantiles"]))] for k, s in spreads]
+    head = ("mode", "mean", "deviation", *(f"{100 * q:g} %" for q in record["quantiles"]))
+    print_table("frequencies on the hub, rad/s", head, rows, left=())
     for entry in record["left_out"][:10]:
-        out.print(f"left out: sample {entry['sample']}: {entry['why']}")
+        console().print(f"left out: sample {entry['sample']}: {entry['why']}")

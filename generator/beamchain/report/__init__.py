@@ -10,35 +10,29 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from beamchain.report.assembly_plot import assembly_svg as assembly_svg
     from beamchain.report.assembly_plot import plot_assembly as plot_assembly
-    from beamchain.report.embed_html import embed_report as embed_report
+    from beamchain.report.html import embed_report as embed_report
     from beamchain.report.html import fit_report as fit_report
     from beamchain.report.notebook import embedded_html as embedded_html
     from beamchain.report.notebook import embedded_text as embedded_text
     from beamchain.report.notebook import fit_html as fit_html
     from beamchain.report.notebook import fit_text as fit_text
     from beamchain.report.plots import plot_accelerance as plot_accelerance
+    from beamchain.report.record import embed_record as embed_record
     from beamchain.report.record import fit_record as fit_record
-    from beamchain.report.record_craft import embed_record as embed_record
-    from beamchain.report.record_study import study_record as study_record
+    from beamchain.report.record import study_record as study_record
     from beamchain.report.study_html import study_page as study_page
-    from beamchain.report.sweep_plots import sweep_picture as sweep_picture
+    from beamchain.report.study_plots import sweep_picture as sweep_picture
 
-_HOME = {
-    "assembly_svg": "assembly_plot",
-    "plot_assembly": "assembly_plot",
-    "embed_report": "embed_html",
-    "embed_record": "record_craft",
-    "fit_report": "html",
-    "embedded_html": "notebook",
-    "embedded_text": "notebook",
-    "fit_html": "notebook",
-    "fit_text": "notebook",
-    "plot_accelerance": "plots",
-    "fit_record": "record",
-    "study_page": "study_html",
-    "study_record": "record_study",
-    "sweep_picture": "sweep_plots",
+_PLACES = {
+    "assembly_plot": ("assembly_svg", "plot_assembly"),
+    "html": ("embed_report", "fit_report"),
+    "notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text"),
+    "plots": ("plot_accelerance",),
+    "record": ("embed_record", "fit_record", "study_record"),
+    "study_html": ("study_page",),
+    "study_plots": ("sweep_picture",),
 }
+_HOME = {name: module for module, names in _PLACES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:

@@ -16,32 +16,23 @@ if TYPE_CHECKING:
     from beamchain.craft.assembly import Assembly
 
 MOTIONS = (
-    ("x: force → acceleration", "(m/s²)/N"),
-    ("y: force → acceleration", "(m/s²)/N"),
-    ("z: force → acceleration", "(m/s²)/N"),
-    ("about x: torque → angular acceleration", "(rad/s²)/(N m)"),
-    ("about y: torque → angular acceleration", "(rad/s²)/(N m)"),
-    ("about z: torque → angular acceleration", "(rad/s²)/(N m)"),
+    *((f"{axis}: force → acceleration", "(m/s²)/N") for axis in "xyz"),
+    *((f"about {axis}: torque → angular acceleration", "(rad/s²)/(N m)") for axis in "xyz"),
 )
 
 
+@mpl.rc_context(STYLE)
 def assembly_figure(assembly: "Assembly", columns: int = 2) -> Figure:
-    """Diagonal of the hub's accelerance over frequency, one panel per motion that matters.
-
-    Args:
-        assembly: what was proved.
-        columns: of panels.
-    """
+    """Diagonal of the hub's accelerance over frequency, one panel per motion that matters."""
     rows = -(-len(assembly.motions) // columns)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4 if columns == 1 else 9.0, 0.9 + 1.9 * rows), layout="constrained")
-        for place in range(len(assembly.motions)):
-            ax = figure.add_subplot(rows, columns, place + 1)
-            _panel(ax, assembly, place)
-            if place >= len(assembly.motions) - columns:
-                ax.set_xlabel("frequency, rad/s")
-        handles, labels = figure.axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=2)
+    figure = Figure(figsize=(6.4 if columns == 1 else 9.0, 0.9 + 1.9 * rows), layout="constrained")
+    for place in range(len(assembly.motions)):
+        ax = figure.add_subplot(rows, columns, place + 1)
+        _panel(ax, assembly, place)
+        if place >= len(assembly.motions) - columns:
+            ax.set_xlabel("frequency, rad/s")
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=2)
     return figure
 
 
@@ -71,31 +62,28 @@ def plot_assembly(assembly: "Assembly", ax: "Axes | None" = None, motion: str | 
     known = {name: assembly.motions.index(i) for name, i in AXES.items() if i in assembly.motions}
     motion = next(iter(known)) if motion is None else motion
     one_of("motion", motion, known)
-    if ax is None:
-        ax = Figure(figsize=(6.4, 3.6), layout="constrained").add_subplot()
+    ax = Figure(figsize=(6.4, 3.6), layout="constrained").add_subplot() if ax is None else ax
     _panel(ax, assembly, known[motion])
     ax.set_xlabel("frequency, rad/s")
     ax.legend(loc="best")
     return ax
 
 
+@mpl.rc_context(STYLE)
 def difference_figure(assembly: "Assembly") -> Figure:
     """Error of the hub's motion over frequency, the band shaded and its largest error marked."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 3.4), layout="constrained")
-        ax = figure.add_subplot()
-        error = np.maximum(assembly.error, 1e-9 * float(assembly.error.max()))
-        limits = float(assembly.omega[0]), float(assembly.omega[-1])
-        frame(ax, limits, (float(error.min()) / 2.0, 3.0 * float(error.max())), assembly.common)
-        ax.plot(assembly.omega, error, color=OURS, linewidth=2.0, label="MuJoCo")
-        at = int(np.argmax(np.where(assembly.omega <= assembly.common, error, -1.0)))
-        ax.plot(
-            assembly.omega[at], error[at], marker="o", markersize=5.5, color=OURS, linestyle="none",
-            label=f"largest drawn in the band: {percent(assembly.in_band)}",
-        )  # fmt: skip
-        ax.set_xlabel("frequency, rad/s")
-        ax.set_ylabel("error of the hub's motion, relative")
-        figure.legend(loc="outside upper left", ncols=3)
+    figure = Figure(figsize=(6.4, 3.4), layout="constrained")
+    ax = figure.add_subplot()
+    error = np.maximum(assembly.error, 1e-9 * float(assembly.error.max()))
+    limits = float(assembly.omega[0]), float(assembly.omega[-1])
+    frame(ax, limits, (float(error.min()) / 2.0, 3.0 * float(error.max())), assembly.common)
+    ax.plot(assembly.omega, error, color=OURS, linewidth=2.0, label="MuJoCo")
+    at = int(np.argmax(np.where(assembly.omega <= assembly.common, error, -1.0)))
+    label = f"largest drawn in the band: {percent(assembly.in_band)}"
+    ax.plot(assembly.omega[at], error[at], marker="o", markersize=5.5, color=OURS, linestyle="none", label=label)
+    ax.set_xlabel("frequency, rad/s")
+    ax.set_ylabel("error of the hub's motion, relative")
+    figure.legend(loc="outside upper left", ncols=3)
     return figure
 
 

@@ -26,15 +26,10 @@ Accelerance = Callable[[Array], Array]
 
 
 class Response(NamedTuple):
-    """An undamped accelerance.
+    """An undamped accelerance."""
 
-    Args:
-        omega: `(k,)`, dense at every pole and zero [rad/s].
-        values: `(m, m, k)`, real.
-    """
-
-    omega: Array
-    values: Array
+    omega: Array  # (k,) dense at every pole and zero [rad/s]
+    values: Array  # (m, m, k) real
 
     def crossings(self, i: int, j: int) -> tuple[Array, Array]:
         """Poles and zeros of one entry within the range [rad/s]: where its sign changes."""
@@ -81,16 +76,13 @@ def moving(chain: Chain, port: str) -> int:
 
 
 def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
-    """Recipes to hold the fitted chain against, by name.
+    """Recipes to hold the fitted chain against, by name; none that the fit itself is, and none but in bending.
 
-    The classical chain with as many hinges and, for a uniform beam, the paper's three links; none that the fit itself
-    is, and none in torsion and axial motion.
+    The classical chain with as many hinges and, for a uniform beam, the paper's three links.
     """
-    if port not in PLANES:
-        return {}
     beam, hinges, method = fit.mass_line, moving(fit.chain, port), fit.spec.fit.method
-    if not isinstance(beam, Beam):
-        return {}  # no beam, no recipe
+    if port not in PLANES or not isinstance(beam, Beam):
+        return {}
     out: dict[str, Chain] = {}
     if method != "classical" and hinges:
         out[METHODS["classical"]] = rivals.equal_links(beam, hinges, "classical", port)
@@ -112,18 +104,9 @@ def rival_model(fit: "Fit", port: str, chain: Chain) -> PortModel:
 
 
 def undamped(model: PortModel) -> Accelerance:
-    """Accelerance of a port model without damping, as the inverse of its dynamic mass.
-
-    A hinge at the root makes the residual mass singular, so that no finite gain exists; the inverse at each frequency
-    does.
-    """
+    """Accelerance of a port model without damping: the inverse of its dynamic mass, which a hinge at the root leaves."""
     bare = model.replaced(damping=np.zeros(model.modes))
-
-    def accelerance(omega: Array) -> Array:
-        inverse: Array = np.linalg.inv(np.moveaxis(bare.D(omega).real, -1, 0)).astype(np.float64)
-        return np.moveaxis(inverse, 0, -1)
-
-    return accelerance
+    return lambda omega: np.linalg.inv(bare.D(omega).real.T).T.astype(np.float64)
 
 
 def exact_accelerance(fit: "Fit", port: str) -> Accelerance:
@@ -163,13 +146,10 @@ def response(accelerance: Accelerance, limits: tuple[float, float], points: int 
 
 def responses(fit: "Fit", port: str, *, with_rivals: bool) -> dict[str, Response]:
     """Undamped accelerances by name: the beam, the chain through MuJoCo, then the rivals."""
-    limits = span(fit, port)
-    out = {"beam": response(exact_accelerance(fit, port), limits)}
-    out[f"{chain_label(fit)}, through MuJoCo"] = response(undamped(fit.achieved[port]), limits)
-    if with_rivals:
-        for label, chain in rival_chains(fit, port).items():
-            out[f"{label}, {count(moving(chain, port), 'hinge')}"] = response(undamped(chain.port(port)), limits)
-    return out
+    drawn = {"beam": exact_accelerance(fit, port), f"{chain_label(fit)}, through MuJoCo": undamped(fit.achieved[port])}
+    for label, chain in rival_chains(fit, port).items() if with_rivals else ():
+        drawn[f"{label}, {count(moving(chain, port), 'hinge')}"] = undamped(chain.port(port))
+    return {label: response(accelerance, span(fit, port)) for label, accelerance in drawn.items()}
 
 
 def worst_hub(fit: "Fit", port: str) -> tuple[Array, str]:
@@ -188,15 +168,7 @@ def worst_hub(fit: "Fit", port: str) -> tuple[Array, str]:
 def error_curves(
     fit: "Fit", port: str, models: Sequence[PortModel], hub: Array, limits: tuple[float, float]
 ) -> list[ErrorCurve]:
-    """Errors of `models` against the beam, all on the hub; a curve's largest in the band is the in-band error.
-
-    Args:
-        fit: gives the beam and the band.
-        port: of the fit.
-        models: chains'.
-        hub: `(m, m)` mass matrix.
-        limits: frequencies evaluated [rad/s].
-    """
+    """Errors of `models` against the beam, all on the hub; a curve's largest in the band is the in-band error."""
     beam, band = beam_model(fit, port), fit.bandwidth[port]
     reference = Reference([Block(hub, beam, tuple(range(beam.motions)))], band)
     peaks = np.concatenate([thing.with_hub(hub).free_frequencies for thing in (beam, *models)])

@@ -10,51 +10,37 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from beamchain.errors import EngineError
 
-Frame = NDArray[np.uint8]
+Frame = NDArray[np.uint8]  # (height, width, 3)
 
 COLOURS = 96  # in a GIF
 
 
 def png(frame: Frame) -> bytes:
     """One frame as PNG."""
-    from PIL import Image
-
-    stream = io.BytesIO()
-    Image.fromarray(frame).save(stream, format="PNG", optimize=True)
-    return stream.getvalue()
+    return _saved(Image.fromarray(frame), format="PNG", optimize=True)
 
 
 def gif(frames: Sequence[Frame], rate: float) -> bytes:
-    """All frames as a GIF that repeats for ever.
-
-    Args:
-        frames: `(height, width, 3)` each.
-        rate: frames per second.
-    """
-    from PIL import Image
-
-    pictures = [Image.fromarray(frame) for frame in frames]
+    """All frames, `rate` per second, as a GIF that repeats for ever."""
     # one palette for all, from a strip of them: else colours flicker and nothing stays the same between frames
-    strip = Image.fromarray(np.concatenate(frames[:: max(len(frames) // 8, 1)], axis=0))
-    palette = strip.quantize(COLOURS)
-    plain = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    palette = Image.fromarray(np.concatenate(frames[:: max(len(frames) // 8, 1)], axis=0)).quantize(COLOURS)
+    first, *rest = [Image.fromarray(f).quantize(palette=palette, dither=Image.Dither.NONE) for f in frames]
+    each = round(1000.0 / rate)
+    return _saved(first, format="GIF", save_all=True, append_images=rest, duration=each, loop=0, optimize=True)
+
+
+def _saved(picture: Image.Image, **options: Any) -> bytes:
     stream = io.BytesIO()
-    plain[0].save(
-        stream, format="GIF", save_all=True, append_images=plain[1:], duration=round(1000.0 / rate), loop=0,
-        optimize=True,
-    )  # fmt: skip
+    picture.save(stream, **options)
     return stream.getvalue()
 
 
 def mp4(frames: Sequence[Frame], rate: float) -> bytes | None:
-    """All frames as H.264 in MP4; None where there is no ffmpeg.
-
-    Raises:
-        EngineError: ffmpeg refuses.
-    """
+    """All frames as H.264 in MP4; None where there is no ffmpeg."""
     program = shutil.which("ffmpeg")
     if program is None:
         return None
@@ -74,8 +60,6 @@ def mp4(frames: Sequence[Frame], rate: float) -> bytes | None:
 
 def written(frame: Frame, text: str) -> Frame:
     """The frame with a line of text at its lower left."""
-    from PIL import Image, ImageDraw, ImageFont
-
     picture = Image.fromarray(frame)
     size = max(frame.shape[0] // 26, 11)
     font: Any = ImageFont.load_default(size)

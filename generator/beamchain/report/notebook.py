@@ -17,11 +17,8 @@ COUPLED = ("mode", "exact, rad/s", "through MuJoCo", "error", "kept")
 
 def fit_text(fit: "Fit") -> str:
     """One line per fact."""
-    lines = [f"<Fit {fit.spec.name!r}: {fit.status.message}>", f"  {fit.headline}"]
-    lines += [
-        f"  {row[0]} {row[1]}: {row[2]} rad/s, readback error {row[4]}, participation {row[5]}" for row in _modes(fit)
-    ]
-    return "\n".join(lines)
+    rows = [f"{port} {k}: {w} rad/s, readback error {dw}, participation {dl}" for port, k, w, _, dw, dl in _modes(fit)]
+    return "\n  ".join([f"<Fit {fit.spec.name!r}: {fit.status.message}>", fit.headline, *rows])
 
 
 def fit_html(fit: "Fit") -> str:
@@ -36,8 +33,8 @@ def fit_html(fit: "Fit") -> str:
 def embedded_text(done: "Embedded") -> str:
     """One line per fact."""
     places = ", ".join(f"{a.spec.name} at {a.at}" for a in done.appendages)
-    lines = [f"<Embedded {places}; {done.headline} Worst kept coupled mode off by {done.assembly.worst:.1e}>"]
-    return "\n".join([*lines, *(f"  note: {text}" for text in done.warnings)])
+    line = f"<Embedded {places}; {done.headline} Worst kept coupled mode off by {done.assembly.worst:.1e}>"
+    return "\n  note: ".join([line, *done.warnings])
 
 
 def embedded_html(done: "Embedded") -> str:

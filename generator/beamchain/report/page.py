@@ -1,66 +1,36 @@
-"""What a page is made of: tables, pictures, sentences and lists in sections; and the page itself from a template."""
+"""Pages from the templates beside this module, and the words and numbers that they are filled with."""
 
+import math
 import platform
 import re
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jinja2
 import numpy as np
 
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.motions import PORTS
+from beamchain.report.plots import percent, short
+
+
+class Verdict(NamedTuple):
+    """The report in one sentence, and whether all that was asked for was reached."""
+
+    good: bool
+    sentence: str
 
 
 class Table(NamedTuple):
-    """A table; its first column names the row.
-
-    `words`: cells are text, not numbers; `named`: the second column is; `folded`: what to open to see it.
-    """
+    """A table; its first column names the row. `style`: "words" where cells are text, "named" where the second is."""
 
     rows: Sequence[Sequence[str]]
     head: Sequence[str] = ()
     caption: str = ""
     note: str = ""
-    words: bool = False
-    named: bool = False
-    folded: str = ""
-    kind: str = "table"
-
-
-class Picture(NamedTuple):
-    """An inline SVG; `moves`: "zoom" (a plot that the page's script zooms) or "ring" (mode shapes)."""
-
-    svg: str
-    caption: str
-    moves: str = ""
-    kind: str = "figure"
-
-
-class Text(NamedTuple):
-    """A paragraph, heading or code."""
-
-    text: str
-    kind: str = "paragraph"
-
-
-class Lines(NamedTuple):
-    """A list."""
-
-    lines: Sequence[str]
-    kind: str = "list"
-
-
-Block = Table | Picture | Text | Lines
-Pictures = dict[str, str]
-
-
-class Section(NamedTuple):
-    """A part of the page."""
-
-    title: str
-    blocks: Sequence[Block]
+    style: str = ""
 
 
 def inline(svg: str, label: str) -> str:
@@ -80,17 +50,28 @@ def begun(text: str, names: Iterable[str] = ()) -> str:
     return text if own else text[:1].upper() + text[1:]
 
 
+def number(value: float) -> str:
+    """Six digits, and no minus before a zero."""
+    return f"{value + 0.0:.6g}"
+
+
+def vector(values: Iterable[float]) -> str:
+    """Five digits each."""
+    return ", ".join(f"{value:.5g}" for value in values)
+
+
+def step_words(value: float | str) -> str:
+    """A step, or that there is no limit; text as it is."""
+    return value if isinstance(value, str) else "no limit" if math.isinf(value) else f"{value:.4g}"
+
+
 def page_text(template: str, **values: Any) -> str:
-    """The text of a page, made from one of the templates beside this module.
-
-    Args:
-        template: file name.
-        values: what it asks for by name.
-    """
-    return _environment().get_template(template).render(**values)
+    """The text of a page, made from a template and what it asks for by name."""
+    common = {"titles": [], "zip": zip, "infinity": math.inf, "turn": math.tau, "spec_toml": spec_toml}
+    return _environment().get_template(template).render({**common, "versions": _versions(), **values})
 
 
-def versions() -> str:
+def _versions() -> str:
     """What made the page, for its foot."""
     import beamchain
     from beamchain.engine.library import mujoco
@@ -104,4 +85,7 @@ def versions() -> str:
 @cache
 def _environment() -> jinja2.Environment:
     loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
-    return jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
+    made = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
+    words = {"begun": begun, "inline": inline, "number": number, "percent": percent, "short": short, "vector": vector}
+    cast("dict[str, Any]", made.filters).update(words, step=step_words)
+    return made

@@ -3,7 +3,7 @@
 import io
 import json
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from beamchain.chain.chain import Chain
+from beamchain.ports.motions import Array
 from beamchain.report.curves import (
     PLANES,
     Response,
@@ -24,7 +25,6 @@ from beamchain.report.curves import (
     span,
     worst_hub,
 )
-from beamchain.report.zoom import described
 from beamchain.structure.mass_line import MassLine
 
 if TYPE_CHECKING:
@@ -79,80 +79,67 @@ def percent(value: float) -> str:
 
 # -- accelerance -----------------------------------------------------------------------------------------------------
 def plot_accelerance(fit: "Fit", ax: "Axes | None" = None, port: str | None = None) -> "Axes":
-    """Draw the first accelerance of a port: the beam, and the chain read back through MuJoCo.
-
-    Args:
-        fit: from `beamchain.fit`.
-        ax: drawn into; those of a new figure where left out.
-        port: the first port of the fit where left out.
-    """
+    """Draw the first accelerance of a port: the beam, and the chain read back through MuJoCo."""
     port = next(iter(fit.target)) if port is None else port
-    if ax is None:
-        ax = Figure(figsize=(6.4, 3.6), layout="constrained").add_subplot()
+    ax = Figure(figsize=(6.4, 3.6), layout="constrained").add_subplot() if ax is None else ax
     _panel(ax, fit, port, 0, responses(fit, port, with_rivals=False))
     ax.set_xlabel("frequency, rad/s")
     ax.legend(loc="best")
     return ax
 
 
+@mpl.rc_context(STYLE)
 def accelerance_figure(fit: "Fit", port: str) -> Figure:
     """The port's accelerances over frequency, magnitude and phase: beam, chain through MuJoCo, rivals; undamped."""
     panels = len(ENTRIES[port])
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 1.6 + 2.7 * panels))
-        curves = responses(fit, port, with_rivals=True)
-        grid = figure.add_gridspec(3 * panels - 1, 1, height_ratios=[3.2, 0.62, 0.72] * (panels - 1) + [3.2, 0.62])
-        for i in range(panels):
-            ax, below = (figure.add_subplot(grid[3 * i + k]) for k in (0, 1))
-            _panel(ax, fit, port, i, curves)
-            ax.tick_params(labelbottom=False)
-            ax.xaxis.set_minor_locator(NullLocator())
-            _phase(below, fit, port, i, curves)
-            if i < panels - 1:  # ticks are most of what drawing costs
-                below.tick_params(labelbottom=False)
-                below.xaxis.set_minor_locator(NullLocator())
-        figure.axes[-1].set_xlabel("frequency, rad/s")
-        figure.subplots_adjust(left=0.125, right=0.98, bottom=0.48 / figure.get_figheight(), hspace=0.16)
-        _legend(figure, figure.axes[0], list(curves)[:2])
+    figure = Figure(figsize=(6.4, 1.6 + 2.7 * panels))
+    curves = responses(fit, port, with_rivals=True)
+    grid = figure.add_gridspec(3 * panels - 1, 1, height_ratios=[3.2, 0.62, 0.72] * (panels - 1) + [3.2, 0.62])
+    for i in range(panels):
+        ax, below = (figure.add_subplot(grid[3 * i + k]) for k in (0, 1))
+        _panel(ax, fit, port, i, curves)
+        ax.tick_params(labelbottom=False)
+        ax.xaxis.set_minor_locator(NullLocator())
+        _phase(below, fit, port, i, curves)
+        if i < panels - 1:  # ticks are most of what drawing costs
+            below.tick_params(labelbottom=False)
+            below.xaxis.set_minor_locator(NullLocator())
+    figure.axes[-1].set_xlabel("frequency, rad/s")
+    figure.subplots_adjust(left=0.125, right=0.98, bottom=0.48 / figure.get_figheight(), hspace=0.16)
+    _legend(figure, figure.axes[0], list(curves)[:2])
     return figure
 
 
 def _phase(ax: "Axes", fit: "Fit", port: str, panel: int, curves: Mapping[str, Response]) -> None:
     """Without damping the phase is 0 or 180 degrees and turns over at each pole and zero."""
     i, j, *_ = ENTRIES[port][panel]
-    beam, ours, *others = curves
     frame(ax, span(fit, port), (-50.0, 230.0), fit.bandwidth[port], decades=False)
-
-    def draw(label: str, **style: Any) -> None:
-        ax.plot(*curves[label].phase(i, j), **style)
-
-    for order, label in enumerate(others):
-        draw(label, color=RIVAL, linestyle=DASHES[order % 3], linewidth=1.2)
-    draw(ours, color=OURS, linewidth=3.4)
-    draw(beam, color=BEAM, linewidth=1.1)
+    _draw(ax, {label: curve.phase(i, j) for label, curve in curves.items()})
     ax.set_yticks([0.0, 180.0])
     ax.set_ylabel("phase, °", fontsize=8.5)
 
 
 def _panel(ax: "Axes", fit: "Fit", port: str, panel: int, curves: Mapping[str, Response]) -> None:
     i, j, title, unit = ENTRIES[port][panel]
-    beam, ours, *others = curves
-    frame(ax, span(fit, port), _heights(curves[beam], i, j), fit.bandwidth[port])
-
-    def draw(label: str, **style: Any) -> None:
-        ax.plot(curves[label].omega, np.abs(curves[label].values[i, j]), label=label, **style)
-
-    for order, label in enumerate(others):
-        draw(label, color=RIVAL, linestyle=DASHES[order % 3], linewidth=1.2)
-    draw(ours, color=OURS, linewidth=3.4, solid_joinstyle="round")
-    draw(beam, color=BEAM, linewidth=1.1)
-    poles, zeros = curves[beam].crossings(i, j)
+    beam = next(iter(curves.values()))
+    frame(ax, span(fit, port), _heights(beam, i, j), fit.bandwidth[port])
+    _draw(ax, {label: (curve.omega, np.abs(curve.values[i, j])) for label, curve in curves.items()})
+    poles, zeros = beam.crossings(i, j)
     edge: Any = {"transform": ax.get_xaxis_transform(), "color": BEAM, "linestyle": "none", "clip_on": False}
     ax.plot(poles, np.ones(poles.size), marker="x", markersize=5.5, label="beam's poles", **edge)
     edge["markerfacecolor"] = "white"
     ax.plot(zeros, np.zeros(zeros.size), marker="o", markersize=5.0, label="beam's zeros", **edge)
     ax.set_title(title, pad=8.0)
     ax.set_ylabel(f"|W|, {unit}")
+
+
+def _draw(ax: "Axes", curves: Mapping[str, tuple[Array, Array]]) -> None:
+    """The beam over the chain over its rivals."""
+    beam, ours, *others = curves
+    for order, label in enumerate(others):
+        ax.plot(*curves[label], color=RIVAL, linestyle=DASHES[order % 3], linewidth=1.2, label=label)
+    ax.plot(*curves[ours], color=OURS, linewidth=3.4, solid_joinstyle="round", label=ours)
+    ax.plot(*curves[beam], color=BEAM, linewidth=1.1, label=beam)
 
 
 def _heights(curve: Response, i: int, j: int) -> tuple[float, float]:
@@ -164,41 +151,39 @@ def _heights(curve: Response, i: int, j: int) -> tuple[float, float]:
 
 
 # -- error -----------------------------------------------------------------------------------------------------------
+@mpl.rc_context(STYLE)
 def error_figure(fit: "Fit", port: str) -> Figure:
     """Error of the hub's motion over frequency; its largest in the band is the in-band error."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 4.0))
-        ax = figure.add_subplot()
-        hub, place = worst_hub(fit, port)
-        limits, band = span(fit, port), fit.bandwidth[port]
-        rivals = rival_chains(fit, port)
-        models = [fit.achieved[port], *(rival_model(fit, port, chain) for chain in rivals.values())]
-        ours, *curves = error_curves(fit, port, models, hub, limits)
-        labels = [f"{label}, {count(moving(chain, port), 'hinge')}" for label, chain in rivals.items()]
-        others = dict(zip(labels, curves, strict=True))
-        top = max(float(curve.error.max()) for curve in (ours, *others.values()))
-        bottom = float(np.clip(ours.error.min(), 1e-7 * top, 0.1 * top))
-        frame(ax, limits, (bottom / 2.0, 3.0 * top), band)
-        for order, (rival, curve) in enumerate(others.items()):
-            ax.plot(curve.omega, curve.error, color=RIVAL, linestyle=DASHES[order % 3], linewidth=1.2, label=rival)
-        name = f"{chain_label(fit)}, through MuJoCo"
-        ax.plot(ours.omega, ours.error, color=OURS, linewidth=2.0, label=name)
-        at = ours.peak(band)
-        x, y = float(ours.omega[at]), float(ours.error[at])
-        ax.plot(x, y, marker="o", markersize=5.5, color=OURS, linestyle="none", label="largest in band")
-        stated = fit.error[port].accelerance_in_band
-        box: Any = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
-        place_right = x < limits[0] * (limits[1] / limits[0]) ** 0.85
-        note = ax.annotate(
-            percent(y if stated is None else stated), (x, y), xytext=(7 if place_right else -7, 4),
-            textcoords="offset points", ha="left" if place_right else "right", color=OURS, fontweight="bold", bbox=box,
-        )  # fmt: skip
-        note.set_gid("follows")  # the mark, where the page zooms
-        ax.set_xlabel("frequency, rad/s")
-        ax.set_ylabel("error of the hub's motion, relative")
-        ax.set_title(place, pad=6.0)
-        figure.subplots_adjust(left=0.125, right=0.98, bottom=0.125)
-        _legend(figure, ax, [name])
+    figure = Figure(figsize=(6.4, 4.0))
+    ax = figure.add_subplot()
+    hub, place = worst_hub(fit, port)
+    limits, band = span(fit, port), fit.bandwidth[port]
+    rivals = rival_chains(fit, port)
+    models = [fit.achieved[port], *(rival_model(fit, port, chain) for chain in rivals.values())]
+    ours, *others = error_curves(fit, port, models, hub, limits)
+    top = max(float(curve.error.max()) for curve in (ours, *others))
+    bottom = float(np.clip(ours.error.min(), 1e-7 * top, 0.1 * top))
+    frame(ax, limits, (bottom / 2.0, 3.0 * top), band)
+    for dash, curve, (label, chain) in zip(DASHES, others, rivals.items(), strict=False):
+        label = f"{label}, {count(moving(chain, port), 'hinge')}"
+        ax.plot(curve.omega, curve.error, color=RIVAL, linestyle=dash, linewidth=1.2, label=label)
+    name = f"{chain_label(fit)}, through MuJoCo"
+    ax.plot(ours.omega, ours.error, color=OURS, linewidth=2.0, label=name)
+    at = ours.peak(band)
+    x, y = float(ours.omega[at]), float(ours.error[at])
+    ax.plot(x, y, marker="o", markersize=5.5, color=OURS, linestyle="none", label="largest in band")
+    stated = fit.error[port].accelerance_in_band
+    box: Any = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+    left = x < limits[0] * (limits[1] / limits[0]) ** 0.85
+    style: Any = {"textcoords": "offset points", "color": OURS, "fontweight": "bold", "bbox": box}
+    text = percent(y if stated is None else stated)
+    note = ax.annotate(text, (x, y), xytext=(7 if left else -7, 4), ha="left" if left else "right", **style)
+    note.set_gid("follows")  # the mark, where the page zooms
+    ax.set_xlabel("frequency, rad/s")
+    ax.set_ylabel("error of the hub's motion, relative")
+    ax.set_title(place, pad=6.0)
+    figure.subplots_adjust(left=0.125, right=0.98, bottom=0.125)
+    _legend(figure, ax, [name])
     return figure
 
 
@@ -225,9 +210,9 @@ def log_axis(axis: Any, limits: tuple[float, float], text: Callable[[float, floa
 
 
 def frame(
-    ax: "Axes", limits: tuple[float, float], heights: tuple[float, float], band: float, *, decades: bool = True
+    ax: "Axes", limits: tuple[float, float], heights: tuple[float, float], band: float = 0.0, *, decades: bool = True
 ) -> None:
-    """Logarithmic axes (upwards only with `decades`) with the kept band shaded."""
+    """Logarithmic axes (upwards only with `decades`) with the kept band, if any, shaded."""
     ax.set_xscale("log")
     ax.set_yscale("log" if decades else "linear")
     ax.set_xlim(*limits)
@@ -237,7 +222,8 @@ def frame(
         log_axis(ax.yaxis, heights, power)
     ax.grid(visible=True, color="#e3e3e3", linewidth=0.6)
     ax.set_axisbelow(True)
-    ax.axvspan(limits[0], min(band, limits[1]), color=SHADE, linewidth=0, zorder=0, label="kept band")
+    if band:
+        ax.axvspan(limits[0], min(band, limits[1]), color=SHADE, linewidth=0, zorder=0, label="kept band")
 
 
 def _legend(figure: Figure, ax: "Axes", first: Sequence[str]) -> None:
@@ -245,10 +231,8 @@ def _legend(figure: Figure, ax: "Axes", first: Sequence[str]) -> None:
     handles, labels = ax.get_legend_handles_labels()
     entries = dict(zip(labels, handles, strict=True))
     order = [*first, *(label for label in labels if label not in first)]
-    figure.legend(
-        [entries[label] for label in order], order, loc="upper left", ncols=2, bbox_to_anchor=(0.0, 1.0),
-        handlelength=2.2, columnspacing=1.4, borderaxespad=0.2,
-    )  # fmt: skip
+    style: Any = {"handlelength": 2.2, "columnspacing": 1.4, "borderaxespad": 0.2, "bbox_to_anchor": (0.0, 1.0)}
+    figure.legend([entries[label] for label in order], order, loc="upper left", ncols=2, **style)
     inches = 0.42 + 0.192 * ((len(order) + 1) // 2)
     figure.subplots_adjust(top=1.0 - inches / figure.get_figheight())
 
@@ -259,6 +243,7 @@ _LABEL, _ROWS = 8.5, 3  # size of a label [pt]; rows of labels above and below t
 _CENTRE: Any = {"marker": r"$\oplus$", "markersize": 9.0, "color": "black", "markeredgewidth": 0.3, "linestyle": "none"}
 
 
+@mpl.rc_context(STYLE)
 def chain_figure(fit: "Fit") -> Figure:
     """The chain to scale along x, and below it the classical chain with as many hinges."""
     plane = next((port for port in fit.target if port in PLANES), next(iter(fit.target), PLANES[0]))
@@ -266,19 +251,16 @@ def chain_figure(fit: "Fit") -> Figure:
     classical = rival_chains(fit, plane).get("classical chain") if fit.target else None
     if classical is not None:
         chains["classical chain"] = classical
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 1.05 + 1.5 * len(chains)))
-        height = figure.get_figheight()
-        figure.subplots_adjust(left=0.02, right=0.98, top=1.0 - 0.28 / height, bottom=0.77 / height, hspace=0.22)
-        for i, (label, chain) in enumerate(chains.items()):
-            ax = figure.add_subplot(len(chains), 1, i + 1)
-            _draw_chain(ax, chain, fit.mass_line, plane, label, OURS if i == 0 else "#6f6f6f")
-            ax.tick_params(labelbottom=i == len(chains) - 1)
-        figure.axes[-1].set_xlabel("x from the root, m")
-        handles, labels = figure.axes[0].get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="lower center", ncols=6, handlelength=1.2, columnspacing=1.0, borderaxespad=0.2
-        )
+    figure = Figure(figsize=(6.4, 1.05 + 1.5 * len(chains)))
+    height = figure.get_figheight()
+    figure.subplots_adjust(left=0.02, right=0.98, top=1.0 - 0.28 / height, bottom=0.77 / height, hspace=0.22)
+    for i, (label, chain) in enumerate(chains.items()):
+        ax = figure.add_subplot(len(chains), 1, i + 1)
+        _draw_chain(ax, chain, fit.mass_line, plane, label, OURS if i == 0 else "#6f6f6f")
+        ax.tick_params(labelbottom=i == len(chains) - 1)
+    figure.axes[-1].set_xlabel("x from the root, m")
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=6, handlelength=1.2, columnspacing=1.0, borderaxespad=0.2)
     return figure
 
 
@@ -306,22 +288,19 @@ def _draw_chain(ax: "Axes", chain: Chain, beam: MassLine, plane: str, title: str
     for port in chain.ports:
         at = [hinge.x for hinge in chain.hinges if port in hinge.stiffness]
         style: Any = {"marker": _MARKERS[port], "markersize": 6.5 if port == "xy" else 5.5, "linestyle": "none"}
-        label = "hinge" if len(chain.ports) == 1 else f"hinge {port}"
-        ax.plot(
-            at, np.zeros(len(at)), markerfacecolor="white", markeredgecolor=color, markeredgewidth=1.8, label=label,
-            **style,
-        )  # fmt: skip
-    masses = [(link.com, f"{short(link.mass)} kg") for link in real]
-    springs = [(hinge.x, _springs(hinge.stiffness)) for hinge in chain.hinges]
-    rows = [_rows(ax, masses), _rows(ax, springs)]
-    told = all(placed or not labels for placed, labels in zip(rows, (masses, springs), strict=True))
-    if told:
-        _write(ax, rows[0], 1.0, color)
-        _write(ax, rows[1], -1.0, "#222222")
+        style |= {"markerfacecolor": "white", "markeredgecolor": color, "markeredgewidth": 1.8}
+        ax.plot(at, np.zeros(len(at)), label="hinge" if len(chain.ports) == 1 else f"hinge {port}", **style)
+    masses = _rows(ax, [(link.com, f"{short(link.mass)} kg") for link in real])
+    springs = _rows(ax, [(hinge.x, _springs(hinge.stiffness)) for hinge in chain.hinges])
     what = f"{title}: {count(len(real), 'link')}, {count(len(chain.hinges), 'hinge')}"
     if len(chain.ports) > 1:
         what += "; stiffness in N m/rad" + (", axial N/m" if "axial" in chain.ports else "")
-    ax.set_title(what if told else f"{what} (too many to label; see the table)", pad=3.0, color=color)
+    if masses is None or springs is None:
+        what += " (too many to label; see the table)"
+    else:
+        _write(ax, masses, 1.0, color)
+        _write(ax, springs, -1.0, "#222222")
+    ax.set_title(what, pad=3.0, color=color)
 
 
 def short(value: float) -> str:
@@ -344,32 +323,25 @@ def _springs(stiffness: Mapping[str, float]) -> str:
     return ", ".join(f"{port} {prefixed(value, '').strip()}" for port, value in stiffness.items())
 
 
-class _Label(NamedTuple):
-    x: float
-    centre: float
-    row: int
-    text: str
-
-
-def _rows(ax: "Axes", labels: Sequence[tuple[float, str]]) -> list[_Label]:
-    """Places for labels in rows, so that none overlap; none where they do not all fit."""
+def _rows(ax: "Axes", labels: Sequence[tuple[float, str]]) -> "list[tuple[float, float, int, str]] | None":
+    """Labels in rows, so that none overlap: x, where the text is centred, row, text; None where they do not all fit."""
     left, right = ax.get_xlim()
     figure = ax.get_figure()
     width = 72.0 * ax.get_position().width * (figure.get_size_inches()[0] if isinstance(figure, Figure) else 6.4)
     ends: list[float] = [-np.inf] * _ROWS
-    placed: list[_Label] = []
+    placed: list[tuple[float, float, int, str]] = []
     for x, text in sorted(labels):
         half = 0.5 * (right - left) / width * (0.62 * _LABEL * len(text) + 5.0)
         centre = min(max(x, left + half), right - half)
         row = next((i for i, end in enumerate(ends) if centre - half >= end), None)
         if row is None:
-            return []
+            return None
         ends[row] = centre + half
-        placed.append(_Label(x, centre, row, text))
+        placed.append((x, centre, row, text))
     return placed
 
 
-def _write(ax: "Axes", labels: Sequence[_Label], side: float, color: str) -> None:
+def _write(ax: "Axes", labels: Sequence[tuple[float, float, int, str]], side: float, color: str) -> None:
     """Labels above (`side` 1) or below (-1) the chain, each with a thin line to its place."""
     for x, centre, row, text in labels:
         y = side * (0.47 + 0.21 * row)
@@ -382,17 +354,30 @@ def to_svg(figure: Figure, name: str) -> str:
     """SVG text of a figure, the same for the same fit; ids carry `name`, so that several can stand in one page.
 
     Axes with logarithmic frequency (or time) are described in `data-plot`, for the page's script to zoom into them.
-
-    Args:
-        figure: any figure of this package.
-        name: unique within the page.
     """
     stream = io.StringIO()
-    style: Any = {**STYLE, "svg.hashsalt": name}
-    with mpl.rc_context(style):
+    with mpl.rc_context({**STYLE, "svg.hashsalt": name}):
         figure.savefig(stream, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     text = stream.getvalue().replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
     for before in ('id="', "url(#", 'href="#'):
         text = text.replace(before, f"{before}{name}-")
-    told = json.dumps(described(figure, name), separators=(",", ":"))
+    told = json.dumps(_described(figure, name), separators=(",", ":"))
     return text.replace("<svg ", f"<svg data-plot='{told}' ", 1) if told != "[]" else text
+
+
+def _described(figure: Figure, name: str) -> list[dict[str, Any]]:
+    """Where each axes with a logarithmic x stands in the SVG [pt], and the limits it shows."""
+    width, height = 72.0 * figure.get_size_inches()
+    out: list[dict[str, Any]] = []
+    for i, ax in enumerate(figure.axes, 1):
+        if ax.get_xscale() != "log":
+            continue
+        at = ax.get_position()
+        out.append({
+            "id": f"{name}-axes_{i}",
+            "box": [round(v, 3) for v in (at.x0 * width, (1.0 - at.y1) * height, at.width * width, at.height * height)],
+            "x": [float(f"{v:.9g}") for v in ax.get_xlim()],
+            "y": [float(f"{v:.9g}") for v in ax.get_ylim()],
+            "log": ax.get_yscale() == "log",
+        })  # fmt: skip
+    return out

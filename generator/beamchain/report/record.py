@@ -1,14 +1,28 @@
-"""fit.json: everything a script may want of a fit, as plain numbers."""
+"""What scripts may want of results, as plain numbers: fit.json, study.json, and what `embed --json` prints."""
 
+from collections.abc import Iterable
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from beamchain.caution import warnings_record
 from beamchain.mjcf.write import joint_name
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
+from beamchain.studies.front import TARGETS, Metric, Reach, power
+from beamchain.studies.scenario import Scenario
 
 if TYPE_CHECKING:
+    from beamchain.craft.embedded import Embedded
     from beamchain.fitting.result import Fit
+    from beamchain.studies.study import Study
+
+
+def _picked(thing: Any, *names: str) -> dict[str, Any]:
+    return {name: getattr(thing, name) for name in names}
+
+
+def _each(things: Iterable[Any], *names: str) -> list[dict[str, Any]]:
+    return [_picked(thing, *names) for thing in things]
 
 
 def mass_record(rigid: Array) -> dict[str, Any]:
@@ -20,43 +34,29 @@ def mass_record(rigid: Array) -> dict[str, Any]:
 
 def port_record(model: PortModel) -> dict[str, Any]:
     """Cantilever frequencies, participation, free frequencies [rad/s], damping ratios."""
-    return {
-        "frequencies": model.frequencies,
-        "participation": model.participation,
-        "free_frequencies": model.free_frequencies,
-        "damping": model.damping,
-    }
+    return _picked(model, "frequencies", "participation", "free_frequencies", "damping")
 
 
 def space_record(fit: "Fit") -> dict[str, Any]:
     """What is known of all six motions at once, for imported modes."""
-    if fit.space is None:
+    if (space := fit.space) is None:
         return {}
-    space = fit.space
     names = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
-    out: dict[str, Any] = {
-        "form": space.form,
-        "space": {
-            "why": space.why,
-            "motions": [names[i] for i in space.live],
-            "target": port_record(space.target),
-            "achieved": port_record(space.achieved),
-            "error": {
-                "frequency": space.error.frequency,
-                "participation": space.error.participation,
-                "accelerance_in_band": space.error.accelerance_in_band,
-            },
-            "modes": [
-                {"belongs": port, "leak": leak} for port, leak in zip(space.data.belongs, space.data.leaks, strict=True)
-            ],
-            "steps": space.data.steps,
-        },
+    modes = zip(space.data.belongs, space.data.leaks, strict=True)
+    record = {
+        "why": space.why,
+        "motions": [names[i] for i in space.live],
+        "target": port_record(space.target),
+        "achieved": port_record(space.achieved),
+        "error": _picked(space.error, "frequency", "participation", "accelerance_in_band"),
+        "modes": [{"belongs": port, "leak": leak} for port, leak in modes],
+        "steps": space.data.steps,
     }
-    return out
+    return {"form": space.form, "space": record}
 
 
 def fit_record(fit: "Fit") -> dict[str, Any]:
-    """What fit.json holds; see the contract in README."""
+    """What fit.json holds."""
     import beamchain
     from beamchain.engine.library import mujoco
 
@@ -70,57 +70,24 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         "target": fit.kept_for,
         "in_band_error": fit.in_band_error,
         "mass": {**mass_record(fit.measured.rigid_mass), "target": mass_record(fit.mass_line.rigid_mass())},
-        "ports": {
-            port: {
-                "target": port_record(target),
-                "achieved": port_record(fit.achieved[port]),
-                "error": {
-                    "frequency": fit.error[port].frequency,
-                    "participation": fit.error[port].participation,
-                    "accelerance_in_band": fit.error[port].accelerance_in_band,
-                    "in_band": fit.error[port].accelerance_in_band,
-                    "band": fit.bandwidth[port],
-                },
-                "readback": {
-                    "frequency": fit.error[port].frequency,
-                    "participation": fit.error[port].participation,
-                },
-                "bandwidth": fit.bandwidth[port],
-            }
-            for port, target in fit.target.items()
-        },
+        "ports": {port: _port(fit, port) for port in fit.target},
         "coupling": fit.measured.coupling,
         "chain": {
-            "links": [
-                {
-                    "length": link.length,
-                    "mass": link.mass,
-                    "com": link.com,
-                    "inertia": link.inertia,
-                    "start": link.start,
-                    "beside": link.beside,
-                    "products": link.products,
-                }
-                for link in fit.chain.links
-            ],
+            "links": _each(fit.chain.links, "length", "mass", "com", "inertia", "start", "beside", "products"),
             "hinges": [
-                {"x": hinge.x, "stiffness": dict(hinge.stiffness), "damping": dict(hinge.damping)}
-                for hinge in fit.chain.hinges
+                {"x": h.x, "stiffness": dict(h.stiffness), "damping": dict(h.damping)} for h in fit.chain.hinges
             ],
         },
         "tip": fit.tip_error,
         "stability": {
             "hub": mass_record(fit.hub_mass) if fit.hub_mass is not None else None,
-            "omega_max": limits.omega_max,
-            "largest_step": limits.largest_step,
+            **_picked(limits, "omega_max", "largest_step"),
         },
         "accuracy": {name: {"1%": steps[0], "0.1%": steps[1]} for name, steps in limits.accuracy.items()},
         "tendons": [
             {
                 "name": f"{fit.spec.name}_{tendon.label}",
-                "stiffness": tendon.stiffness,
-                "damping": tendon.damping,
-                "armature": tendon.armature,
+                **_picked(tendon, "stiffness", "damping", "armature"),
                 "coefficients": {
                     joint_name(fit.spec.name, hinge + 1, port): value
                     for (hinge, port), value in zip(tendon.freedoms, tendon.coefficients.tolist(), strict=True)
@@ -132,22 +99,26 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
             "timestep": fit.spec.exact_step or None,
             "integrator": fit.spec.integrator,
             "turn_error": fit.turn_error,
-            "modes": [
-                {
-                    "frequency": row.frequency,
-                    "ratio": row.ratio,
-                    "achieved_frequency": row.achieved_frequency,
-                    "achieved_ratio": row.achieved_ratio,
-                    "slowed": row.slowed,
-                }
-                for row in (fit.time if fit.spec.exact_step else ())
-            ],
+            "modes": [asdict(row) for row in (fit.time if fit.spec.exact_step else ())],
         },
-        "left_out": [{"what": item.what, "why": item.why, "cost": item.cost} for item in fit.left_out],
+        "left_out": _each(fit.left_out, "what", "why", "cost"),
         "scene": _scene_record(fit),
         **warnings_record(fit.warnings),
-        "status": {"ok": fit.status.ok, "message": fit.status.message, "history": fit.status.history},
+        "status": _picked(fit.status, "ok", "message", "history"),
         "seconds": fit.seconds,
+    }
+
+
+def _port(fit: "Fit", port: str) -> dict[str, Any]:
+    error, band = fit.error[port], fit.bandwidth[port]
+    readback = _picked(error, "frequency", "participation")
+    in_band = error.accelerance_in_band
+    return {
+        "target": port_record(fit.target[port]),
+        "achieved": port_record(fit.achieved[port]),
+        "error": {**readback, "accelerance_in_band": in_band, "in_band": in_band, "band": band},
+        "readback": readback,
+        "bandwidth": band,
     }
 
 
@@ -156,16 +127,104 @@ def _scene_record(fit: "Fit") -> dict[str, Any] | None:
     scene = fit.spec.scene
     if scene is None or scene.bandwidth is None:
         return None
+    choice = fit.choice
     return {
-        "bandwidth": scene.bandwidth,
-        "tolerance": scene.tolerance,
-        "axes": scene.axes,
+        **_picked(scene, "bandwidth", "tolerance", "axes"),
         "error": fit.promise,
-        "modes": None if fit.choice is None else fit.choice.modes,
-        "cannot_answer": () if fit.choice is None else fit.choice.cannot,
-        "reasoning": () if fit.choice is None else fit.choice.reasoning,
-        "steps": [
-            {"integrator": step.integrator, "step": step.step, "bound": step.bound, "cost": step.cost}
-            for step in fit.steps
-        ],
+        "modes": None if choice is None else choice.modes,
+        "cannot_answer": () if choice is None else choice.cannot,
+        "reasoning": () if choice is None else choice.reasoning,
+        "steps": _each(fit.steps, "integrator", "step", "bound", "cost"),
     }
+
+
+def embed_record(embedded: "Embedded") -> dict[str, Any]:
+    """What was embedded, the coupled modes, what would spoil them."""
+    assembly = embedded.assembly
+    return {
+        "appendages": [
+            {
+                "at": a.at,
+                "prefix": a.prefix,
+                "hub": {
+                    "mass": a.hub.mass,
+                    "inertia": a.hub.inertia_matrix(),
+                    "com": [-v for v in a.hub.offset],
+                    "apparent": a.hub.apparent,
+                    "joints": [{"name": j.name, "type": j.kind, "sprung": j.sprung} for j in a.mount.joints],
+                },
+                "target": a.fit.kept_for,
+                "ports": {port: {"frequencies": target.frequencies} for port, target in a.fit.target.items()},
+                "large_motion": [limit.as_dict() for limit in a.large_motion.values()],
+                "status": _picked(a.fit.status, "ok", "message"),
+            }
+            for a in embedded.appendages
+        ],
+        **_picked(embedded, "form", "craft_error", "band", "tolerance", "met"),
+        "composite": embedded.composite.as_dict(),
+        "modes": [
+            {**_picked(mode, "exact", "mujoco", "error", "kept"), "moving": mode.words} for mode in assembly.modes
+        ],
+        "poses": embedded.promise.poses,
+        "kept_band": assembly.band,
+        "steps": list(embedded.steps),
+        "worst": assembly.worst,
+        "accelerance": {"hub": assembly.hub, "band": assembly.common, "error": assembly.in_band},
+        **warnings_record(embedded.warnings),
+    }
+
+
+def study_record(study: "Study") -> dict[str, Any]:
+    """What study.json holds; `points`, `rigid_hub` and `to_reach` are the contract, the rest is added."""
+    import beamchain
+    from beamchain.engine.library import machine
+
+    scenario = study.scenario
+    return {
+        "name": study.spec.name,
+        "beamchain": beamchain.__version__,
+        "machine": machine(),
+        "scenario": {
+            **_picked(scenario, "duration", "watched"),
+            **_picked(scenario.profile, "times", "wrench"),
+            "largest_elastic_motion": scenario.largest,
+        },
+        "reference": _reference(scenario),
+        "points": [point._asdict() for point in study.points],
+        "notes": [
+            {**_picked(ladder.entry, "model", "n", "integrator"), "note": ladder.note} for ladder in study.ladders
+        ],
+        "rigid_hub": study.rigid_hub,
+        "to_reach": _to_reach(study, "error"),
+        "to_reach_appendage": _to_reach(study, "error_appendage"),
+        "growth": {**_picked(study.growth, "step", "fit", "fit_exponent"), "step_exponent": study.growth.exponent},
+        **warnings_record(study.warnings),
+        "seconds": study.seconds,
+    }
+
+
+def _reference(scenario: Scenario) -> dict[str, Any]:
+    """What the motions were compared with, and how good it is."""
+    if scenario.large is None:
+        return {"kind": "linear", "nonlinear": scenario.nonlinear}
+    figures = scenario.large.figures
+    return {"kind": "large motion", **asdict(figures), "error": figures.error}
+
+
+def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
+    out: dict[str, Any] = {power(target): None for target in TARGETS}
+    for target in TARGETS:
+        if (best := study.best(target, metric)) is None:
+            continue
+        rivals = study.rivals(target, metric)
+        out[power(target)] = {
+            **best.point._asdict(),
+            "rivals": {model: reach.seconds / best.seconds for model, reach in rivals.items()},
+            "rival_points": {model: _reached(reach) for model, reach in rivals.items()},
+        }
+    return out
+
+
+def _reached(reach: Reach) -> dict[str, Any]:
+    setting = _picked(reach.point, "n", "integrator", "timestep")
+    return {**setting, **_picked(reach, "seconds", "extrapolated", "slope")}

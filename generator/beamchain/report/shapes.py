@@ -1,11 +1,12 @@
 """Mode shapes of the beam and of its chain, laid over each other; the drawing rings by style sheet alone."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
+from beamchain.report.page import page_text
 from beamchain.report.plots import BEAM, OURS, percent
 from beamchain.structure.beam import Beam
 from beamchain.structure.shapes import mode_shapes
@@ -23,13 +24,7 @@ MOST = 6  # modes drawn
 def chain_shapes(chain: "Chain", port: str, model: PortModel) -> tuple[Array, Array]:
     """Displacement (or angle) at the ends of the links in the chain's mass-normalised cantilever modes.
 
-    Args:
-        chain: whose hinges move in `port`.
-        port: any.
-        model: `chain.port(port)`.
-
-    Returns:
-        `x` `(k,)` [m] and the shapes `(n, k)`; in torsion and axial motion each hinge stands twice, before and after.
+    `x` `(k,)` [m] and the shapes `(n, k)`; in torsion and axial motion each hinge stands twice, before and after.
     """
     at = np.array([hinge.x for hinge in chain.hinges if port in hinge.stiffness])
     angles = chain.shapes(port, model)
@@ -48,6 +43,12 @@ def kept_modes(fit: "Fit", port: str) -> int:
     return min(fit.target[port].modes, len(fit.error[port].matches)) if port in fit.error else fit.target[port].modes
 
 
+def all_shapes(fit: "Fit") -> dict[str, str]:
+    """Inline SVGs by port, where there are shapes."""
+    drawn = {port: shapes_svg(fit, port) for port in fit.target}
+    return {port: svg for port, svg in drawn.items() if svg}
+
+
 def shapes_svg(fit: "Fit", port: str) -> str:
     """Inline SVG of the kept modes of a port, beam under chain; empty where the beam or the chain has no shape."""
     beam = fit.mass_line
@@ -58,51 +59,21 @@ def shapes_svg(fit: "Fit", port: str) -> str:
     full = fit.full[port].truncated(count)
     x, exact = mode_shapes(beam, port, full)
     nodes, bent = chain_shapes(fit.chain, port, ours)
-    first = float(full.frequencies[0])
-    strips = [
-        _strip(k, beam.length, (x, exact[k]), (nodes, bent[k]), _told(full, ours, k), _seconds(full, k, first))
-        for k in range(count)
-    ]
-    label = f"Shapes of the first {count} cantilever modes in {port}: the beam's and the chain's, over each other."
-    return (
-        f'<svg class="shapes" role="img" aria-label="{label}" viewBox="0 0 {WIDTH:g} {HEIGHT * count:g}">'
-        + "".join(strips)
-        + "</svg>"
-    )
+    keep = np.unique([*range(0, x.size, max(x.size // 80, 1)), x.size - 1])
 
+    def points(at: Array, shape: Array, size: float) -> list[str]:
+        scale = (WIDTH - 2.0 * LEFT) / beam.length
+        return [f"{LEFT + scale * a:.1f} {-size * b:.1f}" for a, b in zip(at, shape, strict=True)]
 
-def _told(full: PortModel, ours: PortModel, k: int) -> str:
-    a, b = float(full.frequencies[k]), float(ours.frequencies[k])
-    return f"mode {k + 1}: {a:.5g} rad/s, chain {percent(b / a - 1.0)} off"
-
-
-def _seconds(full: PortModel, k: int, first: float) -> float:
-    return max(SLOWEST * first / float(full.frequencies[k]), FASTEST)
-
-
-def _strip(
-    k: int, length: float, beam: tuple[Array, Array], chain: tuple[Array, Array], told: str, seconds: float
-) -> str:
-    size = SWING / float(np.abs(beam[1]).max())
-    scale = (WIDTH - 2.0 * LEFT) / length
-
-    def path(x: Array, y: Array) -> str:
-        return "M" + "L".join(f"{LEFT + scale * a:.1f} {-size * b:.1f}" for a, b in zip(x, y, strict=True))
-
-    dots = "".join(
-        f"M{LEFT + scale * a:.1f} {-size * b:.1f}h0" for a, b in zip(chain[0][1:-1], chain[1][1:-1], strict=True)
-    )
-    every = max(beam[0].size // 80, 1)
-    keep = np.unique([*range(0, beam[0].size, every), beam[0].size - 1])
-    end = WIDTH - LEFT
-    return (
-        f'<g transform="translate(0 {HEIGHT * (k + 0.57):g})">'
-        f'<text x="{LEFT:g}" y="{-HEIGHT * 0.43:g}">{told}</text>'
-        f'<path class="rest" d="M{LEFT:g} 0H{end:g}M{LEFT:g} -14V14"/>'
-        f'<g class="ring" style="animation-duration:{seconds / 2.0:.2f}s">'
-        f'<path d="{path(*chain)}" stroke="{OURS}" stroke-width="4" opacity="0.85"/>'
-        f'<path d="{path(beam[0][keep], beam[1][keep])}" stroke="{BEAM}" stroke-width="1.4"/>'
-        f'<path d="{dots}" stroke="{OURS}" stroke-width="11" class="dot"/>'
-        f'<path d="{dots}" stroke="#fff" stroke-width="6" class="dot"/>'
-        "</g></g>"
+    strips: list[dict[str, Any]] = []
+    for k, (a, b) in enumerate(zip(full.frequencies, ours.frequencies[:count], strict=True)):
+        size = SWING / float(np.abs(exact[k]).max())
+        strips.append({
+            "told": f"{a:.5g} rad/s, chain {percent(float(b / a) - 1.0)}",
+            "seconds": max(SLOWEST * float(full.frequencies[0] / a), FASTEST),
+            "beam": points(x[keep], exact[k][keep], size),
+            "chain": points(nodes, bent[k], size),
+        })  # fmt: skip
+    return page_text(
+        "shapes.svg", port=port, strips=strips, width=WIDTH, height=HEIGHT, left=LEFT, ours=OURS, beam=BEAM
     )

@@ -1,26 +1,21 @@
-"""study.html: what each second of computing buys; one file, nothing fetched."""
+"""The pages of studies: what each second of computing buys; steps that hold, and how far a chain may be driven."""
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from beamchain.fitting.spec import read_spec
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import study_plots
-from beamchain.report.page import Lines, Picture, Section, Table, Text, inline, page_text
-from beamchain.report.plots import short, to_svg
-from beamchain.report.verdict import Verdict
-from beamchain.studies.front import Metric, Reach
+from beamchain.report.page import Table, Verdict, page_text
+from beamchain.report.plots import percent, short, to_svg
+from beamchain.studies.front import TARGETS, Metric, Reach, power, recommended_name
 
 if TYPE_CHECKING:
+    from beamchain.studies.stability import StabilityStudy
     from beamchain.studies.study import Study
 
-RULES = (
-    "Times are of one thread, simulation only, warm. A setting counts for an error only if every finer step that was "
-    "measured meets it too."
-)
-PARETO = (
-    "Lower left is better. Blue, green: chains of this package; grey: others. Marks are the settings that no other of the same "
-    "model beats; finer steps that miss count against coarser ones."
-)
-GROWTH = "Growth: time per step of equal links, and time to find and compile an exact chain."
+AGREE = 0.01  # predicted and measured limits; the command's own bound
 HEAD = ("to reach", "model", "n", "integrator", "step, s", "time, ms", "per step over the rigid hub")
 
 
@@ -30,29 +25,18 @@ def study_page(study: "Study") -> tuple[str, dict[str, str]]:
         "error_against_run_time.svg": to_svg(study_plots.pareto_figure(study), "pareto"),
         "growth.svg": to_svg(study_plots.growth_figure(study.growth), "growth"),
     }
-    record = study.as_dict()
-    machine = ", ".join(f"{key} {value}" for key, value in record["machine"].items())
-    answer = [Text(scenario_sentence(study)), table(study, "error"), Text(RULES)]
-    every_model = [
-        Picture(
-            inline(pictures["error_against_run_time.svg"], "Error against run time of every model."), PARETO, "zoom"
-        ),
-        Picture(inline(pictures["growth.svg"], "Time per step and time to fit against the number of links."), GROWTH),
-    ]
-    parts = [
-        Section("What it takes", answer),
-        Section("To use it", [Text("\n".join(commands(study)), "code"), *map(Text, how_to_feed(study))]),
-        Section("Every model", every_model),
-        Section("Every point", [_every(study)]),
-    ]
-    if study.warnings:
-        parts.insert(0, Section("Before you use it", [Lines(study.warnings)]))
+    machine = ", ".join(f"{key} {value}" for key, value in study.as_dict()["machine"].items())
     page = page_text(
         "study.html",
         name=study.spec.name,
-        verdict=Verdict(study.best(1e-3, "error") is not None and not study.warnings, verdict(study)),
-        sections=parts,
+        verdict=Verdict(study.best(1e-3, "error") is not None and not study.warnings, answer(study)),
         versions=f"Measured in {study.seconds:.0f} s. {machine}",
+        study=study,
+        pictures=pictures,
+        scenario=scenario_sentence(study),
+        to_reach=table(study, "error"),
+        commands=commands(study),
+        feeding=how_to_feed(study),
     )
     return page, pictures
 
@@ -72,12 +56,12 @@ def scenario_sentence(study: "Study") -> str:
 def reference_sentence(study: "Study") -> str:
     """What the motions are compared with, and how good that is."""
     scenario = study.scenario
-    if scenario.large is None and not math.isfinite(scenario.nonlinear):
-        return "the exact linear motion of hub and beam; how much large motion changes could not be simulated."
     if scenario.large is None:
+        text, share = "the exact linear motion of hub and beam", scenario.nonlinear
+        if not math.isfinite(share):
+            return f"{text}; how much large motion changes could not be simulated."
         return (
-            "the exact linear motion of hub and beam, from which large motion differs by less than "
-            f"{max(scenario.nonlinear, 1e-12):.1g} of the largest elastic part."
+            f"{text}, from which large motion differs by less than {max(share, 1e-12):.1g} of the largest elastic part."
         )
     figures = scenario.large.figures
     text = (
@@ -91,7 +75,7 @@ def reference_sentence(study: "Study") -> str:
     return text
 
 
-def verdict(study: "Study") -> str:
+def answer(study: "Study") -> str:
     """The answer in one sentence."""
     best = study.best(1e-3, "error") or study.best(1e-2, "error")
     if best is None:
@@ -118,45 +102,31 @@ def row(reach: Reach, label: str, best: float) -> list[str]:
     ratio = reach.seconds / best
     slower = "" if ratio == 1.0 else f" ({short(ratio)} x)"
     if reach.extrapolated:
-        return [
-            label,
-            p.model,
-            "more",
-            p.integrator,
-            "less",
-            f"{short(1e3 * reach.seconds)}{slower}, extrapolated",
-            "-",
-        ]
-    return [
-        label, p.model, str(p.n), p.integrator, f"{p.timestep:.4g}", f"{1e3 * reach.seconds:.4g}{slower}",
-        f"{p.over_rigid_hub:.2f}",
-    ]  # fmt: skip
+        time = f"{short(1e3 * reach.seconds)}{slower}, extrapolated"
+        return [label, p.model, "more", p.integrator, "less", time, "-"]
+    time = f"{1e3 * reach.seconds:.4g}{slower}"
+    return [label, p.model, str(p.n), p.integrator, f"{p.timestep:.4g}", time, f"{p.over_rigid_hub:.2f}"]
 
 
 def table(study: "Study", metric: Metric) -> Table:
     """What it takes to reach each target: our best, then the rivals."""
-    from beamchain.studies.front import TARGETS, power
-
     rows: list[list[str]] = []
     for target in TARGETS:
         best = study.best(target, metric)
+        rivals = sorted(study.rivals(target, metric).values(), key=lambda r: r.seconds)
         if best is None:
             rows.append([power(target), "none of ours within the budget", "", "", "", "", ""])
-            rivals = study.rivals(target, metric).values()
-            rows += [row(r, "", r.seconds) for r in sorted(rivals, key=lambda r: r.seconds) if not r.extrapolated]
+            rows += [row(r, "", r.seconds) for r in rivals if not r.extrapolated]
             continue
         rows.append(row(best, power(target), best.seconds))
-        for reach in sorted(study.rivals(target, metric).values(), key=lambda r: r.seconds):
-            rows.append(row(reach, "", best.seconds))
+        rows += [row(r, "", best.seconds) for r in rivals]
         for model, floor in study.short_of(target, metric).items():
             rows.append(["", model, "any", "any", "any", f"never: {floor:.2g} at best", "-"])
-    return Table(rows, HEAD, caption=study_plots.TITLES[metric], named=True)
+    return Table(rows, HEAD, caption=study_plots.TITLES[metric], style="named")
 
 
 def commands(study: "Study") -> list[str]:
     """Command lines that make the recommended chains from the specs written beside the report."""
-    from beamchain.studies.front import TARGETS, power, recommended_name
-
     return [
         f"beamchain fit {recommended_name(target)} -o {study.spec.name}_{power(target)}"
         for target in TARGETS
@@ -166,11 +136,8 @@ def commands(study: "Study") -> list[str]:
 
 def how_to_feed(study: "Study") -> list[str]:
     """What to know before a recommended chain is run: one that is exact in time is so for its step and its input."""
-    from beamchain.studies.field import TIMED
-    from beamchain.studies.front import TARGETS
-
     bests = [study.best(target, "error") for target in TARGETS]
-    if not any(best is not None and best.point.model == TIMED for best in bests):
+    if not any(best is not None and best.entry.timed for best in bests):
         return []
     return [
         "A chain exact in time is made for one step and Euler, and measured under the mean of each step's wrench and the "
@@ -178,11 +145,34 @@ def how_to_feed(study: "Study") -> list[str]:
     ]
 
 
-def _every(study: "Study") -> Table:
-    rows = [
-        [p.model, str(p.n), p.integrator, f"{p.timestep:.4g}", f"{p.error:.2e}", f"{1e3 * p.seconds:.4g}",
-         f"{1e6 * p.seconds_per_step:.3g}", f"{100 * p.spread:.1f}"]
-        for p in study.points
-    ]  # fmt: skip
-    head = ("model", "n", "integrator", "step, s", "error", "time, ms", "µs per step", "spread, %")
-    return Table(rows, head, folded="All settings measured")
+def stability_report(study: "StabilityStudy", source: Path) -> str:
+    """The text of the page; `source` is the SPEC.toml or MODEL.xml."""
+    drawn: dict[str, str] = {}
+    for i, limits in enumerate(study.budgets):
+        rows = [row for row in study.rows if row.name == limits.name]
+        drawn[f"steps{i}"] = to_svg(study_plots.steps_figure(limits, rows), f"steps{i}")
+        drawn[f"damping{i}"] = to_svg(study_plots.damping_figure(limits), f"damping{i}")
+    return page_text(
+        "stability.html",
+        name=source.stem,
+        verdict=_steps_hold(study),
+        study=study,
+        source=source,
+        drawn=drawn,
+        names={limits.name.split()[0] for limits in study.budgets if limits.name},
+        spec="" if source.suffix.lower() == ".xml" else spec_toml(read_spec(source)),
+    )
+
+
+def _steps_hold(study: "StabilityStudy") -> Verdict:
+    limits = study.budgets[0]
+    largest = {k: v for k, v in limits.largest_step.items() if math.isfinite(v)}
+    safest = min(largest, key=lambda name: largest[name])
+    text = f"{limits.name}: every integrator is stable up to a step of {short(largest[safest])} s"
+    others = [
+        f"{name} up to {short(v)} s" for name, v in largest.items() if v > 1.05 * largest[safest] and name == "RK4"
+    ]
+    text += f" ({', '.join(others)})" if others else ""
+    worst = max((abs(row.difference) for row in study.rows), default=0.0)
+    text += f"; simulations agree with the prediction within {percent(worst)}."
+    return Verdict(worst <= AGREE and not study.warnings, text)

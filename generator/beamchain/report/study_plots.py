@@ -1,115 +1,150 @@
-"""Pictures of a study: error against run time, and time against the number of links."""
+"""Pictures of studies: error against run time, times against links, steps and their damping, spread of a sweep."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
 
-from beamchain.report.plots import OURS, STYLE, log_axis, plain
+from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, frame, log_axis, plain, short, to_svg
 from beamchain.studies import field
 from beamchain.studies.front import Metric, front
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from beamchain.studies.growth import Growth
+    from beamchain.steps.budget import Budget
+    from beamchain.studies.run_time import Growth
+    from beamchain.studies.stability import StepRow
     from beamchain.studies.study import Study
+    from beamchain.studies.sweep import Sweep
 
 #: Ours in colours that differ in lightness, rivals in grey, each told by its mark too.
-COLOURS = {
-    field.TIMED: "#082f5c",
-    "exact, hub": OURS,
-    "exact, clamped": "#3d8fd6",
-    "exact, free": "#8dbbe6",
-    "least squares": "#2b7a6f",
-}
+COLOURS = dict(zip(field.OURS, ("#082f5c", OURS, "#3d8fd6", "#8dbbe6", "#2b7a6f"), strict=True))
+GREYS = ("#9a9a9a", "#707070", "#b4b4b4", "#555555", "#c4c4c4")
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
 TITLES: dict[Metric, str] = {
     "error": "Error of the hub's motion as simulated",
     "error_appendage": "Error with the integrator's own rigid-hub error taken off, on its clock",
 }
+#: Marks differ in shape, not in colour alone.
+STEP_MARKS = {"Euler": "v", "implicit": "s", "implicitfast": "o", "discrete": "D", "RK4": "^"}
+SMALLEST = 1e-7  # damping ratio: below it an integrator adds none to speak of
 WORST = 2.0  # errors above are left out of the picture: nothing of the appendage is right there
 
 
+@mpl.rc_context(STYLE)
 def pareto_figure(study: "Study") -> Figure:
-    """Error against run time, log-log: each model's front.
-
-    Args:
-        study: what was measured.
-    """
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 5.8))
-        _panel(figure.add_subplot(), study, "error")
-        figure.axes[-1].set_xlabel(f"time to simulate {study.scenario.duration:g} s, ms")
-        handles, labels = figure.axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="upper left", ncols=2, bbox_to_anchor=(0.09, 1.0))
-        rows = (len(labels) + 1) // 2
-        figure.subplots_adjust(left=0.11, right=0.98, bottom=0.085, top=0.93 - 0.035 * rows)
+    """Error against run time, log-log: each model's front."""
+    figure = Figure(figsize=(7.2, 5.8))
+    ax = figure.add_subplot()
+    rivals = [m for m in study.models if m not in field.OURS]
+    for model in (*rivals, *(m for m in study.models if m in field.OURS)):
+        ours = model in field.OURS
+        place = list(field.OURS).index(model) if ours else rivals.index(model)
+        line = [
+            pair for pair in front([x for x in study.ladders if x.entry.model == model], "error") if pair[0] < WORST
+        ]
+        style: Any = {"color": COLOURS[model] if ours else GREYS[place % 5], "marker": MARKS[place], "markersize": 4.5}
+        style |= {"linewidth": 1.8, "zorder": 3} if ours else {"linewidth": 1.1, "zorder": 2}
+        ax.plot([1e3 * p.seconds for _, p in line], [e for e, _ in line], label=model, **style)
+    ax.set(xscale="log", yscale="log", title=TITLES["error"], ylabel="error / largest elastic motion")
+    ax.set_xlabel(f"time to simulate {study.scenario.duration:g} s, ms")
+    ax.grid(which="major", color="#e6e6e6", linewidth=0.6)
+    legend = figure.legend(loc="upper left", ncols=2, bbox_to_anchor=(0.09, 1.0))
+    rows = (len(legend.get_texts()) + 1) // 2
+    figure.subplots_adjust(left=0.11, right=0.98, bottom=0.085, top=0.93 - 0.035 * rows)
     return figure
 
 
-def _frame(ax: "Axes", metric: Metric) -> None:
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_title(TITLES[metric])
-    ax.set_ylabel("error / largest elastic motion")
-    ax.grid(which="major", color="#e6e6e6", linewidth=0.6)
-
-
-def _panel(ax: "Axes", study: "Study", metric: Metric) -> None:
-    _frame(ax, metric)
-    order = [m for m in study.models if m not in field.OURS] + [m for m in study.models if m in field.OURS]
-    grey = 0
-    for model in order:
-        ours = model in field.OURS
-        mark = MARKS[list(field.OURS).index(model) if ours else grey]
-        colour = COLOURS[model] if ours else ("#9a9a9a", "#707070", "#b4b4b4", "#555555", "#c4c4c4")[grey % 5]
-        grey += not ours
-        line = [pair for pair in front([x for x in study.ladders if x.entry.model == model], metric) if pair[0] < WORST]
-        style: Any = {"color": colour, "marker": mark, "markersize": 4.5, "linewidth": 1.8 if ours else 1.1}
-        ax.plot([1e3 * p.seconds for _, p in line], [e for e, _ in line], label=model, zorder=3 if ours else 2, **style)
-
-
-Points = Sequence[Mapping[str, Any]]
-
-
-def peer_panel(ax: "Axes", own: Points, peers: Mapping[str, Points], metric: Metric) -> None:
-    """Fronts of the points of study.json and of other simulators' points by name, in one set of axes."""
-    _frame(ax, metric)
-    ax.set_xlabel("time, ms")
-    models = list(dict.fromkeys(str(p["model"]) for p in own))
-    curves = [(m, [p for p in own if p["model"] == m]) for m in models] + list(peers.items())
-    for i, (name, points) in enumerate(curves):
-        lower: list[tuple[float, float]] = []
-        for seconds, error in sorted((1e3 * p["seconds"], p[metric]) for p in points if p[metric] < WORST):
-            if not lower or error < lower[-1][1]:
-                lower.append((seconds, error))
-        colour = COLOURS.get(name, "#9a9a9a" if name in models else "#a5641e")
-        style: Any = {"linestyle": "solid" if name in models else (0, (4, 2)), "markersize": 4.0}
-        ax.plot(
-            *zip(*lower, strict=True), color=colour, marker=MARKS[i % len(MARKS)], label=name, **style
-        ) if lower else None
-
-
+@mpl.rc_context(STYLE)
 def growth_figure(growth: "Growth") -> Figure:
     """Time per step against links, and time to find a chain against modes."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 3.0), layout="constrained")
-        for i, (title, points, exponent, unit, factor) in enumerate(
-            (
-                ("Euler step against hinges", growth.step, growth.exponent, "µs", 1e6),
-                ("exact chain, found and compiled", growth.fit, growth.fit_exponent, "ms", 1e3),
-            )
-        ):
-            ax = figure.add_subplot(1, 2, i + 1)
-            n, times = [float(n) for n, _ in points], [factor * t for _, t in points]
-            ax.loglog(n, times, color=OURS, marker="o", markersize=4.0)
-            if points:  # a study restricted to one model measures no growth
-                log_axis(ax.xaxis, (n[0], n[-1]), plain)
-                log_axis(ax.yaxis, (min(times), max(times)), plain)
-            ax.set_title(title if exponent is None else f"{title}: n^{exponent:.2f}")
-            ax.set_xlabel("n")
-            ax.set_ylabel(unit)
-            ax.grid(which="major", color="#ececec", linewidth=0.5)
+    figure = Figure(figsize=(7.2, 3.0), layout="constrained")
+    panels = (
+        ("Euler step against hinges", growth.step, growth.exponent, "µs", 1e6),
+        ("exact chain, found and compiled", growth.fit, growth.fit_exponent, "ms", 1e3),
+    )
+    for i, (title, points, exponent, unit, factor) in enumerate(panels, 1):
+        ax = figure.add_subplot(1, 2, i)
+        n, times = [float(n) for n, _ in points], [factor * t for _, t in points]
+        ax.loglog(n, times, color=OURS, marker="o", markersize=4.0)
+        if points:  # a study restricted to one model measures no growth
+            log_axis(ax.xaxis, (n[0], n[-1]), plain)
+            log_axis(ax.yaxis, (min(times), max(times)), plain)
+        ax.set(title=title if exponent is None else f"{title}: n^{exponent:.2f}", xlabel="n", ylabel=unit)
+        ax.grid(which="major", color="#ececec", linewidth=0.5)
     return figure
+
+
+@mpl.rc_context(STYLE)
+def steps_figure(limits: "Budget", rows: Sequence["StepRow"]) -> Figure:
+    """Per integrator the range of stable steps, the measured limit, the steps for 1 % and 0.1 %."""
+    names = list(limits.largest_step)
+    finite = [v for v in limits.largest_step.values() if np.isfinite(v)]
+    tenths = [tenth for _, tenth in limits.accuracy.values()]
+    low, high = 0.5 * min(tenths), 2.5 * max([*finite, *(one for one, _ in limits.accuracy.values())])
+    figure = Figure(figsize=(6.4, 1.15 + 0.34 * len(names)), layout="constrained")
+    ax = figure.add_subplot()
+    for y, name in enumerate(names):
+        largest = limits.largest_step[name]
+        ax.barh(y, min(largest, high), color="#e9f1fa", edgecolor=OURS, linewidth=0.8, height=0.62,
+                label="stable, predicted" if y == 0 else None)  # fmt: skip
+        if not np.isfinite(largest):
+            ax.text(high / 1.06, y, "no limit", ha="right", va="center", fontsize=8.5, color=OURS)
+        one, tenth = limits.accuracy[name]
+        style: Any = {"linestyle": "none", "color": BEAM, "markersize": 9.0}
+        ax.plot(tenth, y, marker="|", markeredgewidth=2.2, label="first mode within 0.1 %" if y == 0 else None, **style)
+        ax.plot(one, y, marker="|", markeredgewidth=1.0, label="within 1 %" if y == 0 else None, **style)
+    measured = [(names.index(r.integrator), r.measured) for r in rows if np.isfinite(r.measured)]
+    ax.plot([m for _, m in measured], [y for y, _ in measured], "o", color=OURS, markersize=5.0, label="measured limit")
+    ax.set_xscale("log")
+    ax.set_xlim(low, high)
+    log_axis(ax.xaxis, (low, high), plain)
+    ax.set_yticks(range(len(names)), names)
+    ax.invert_yaxis()
+    ax.tick_params(axis="y", length=0.0)
+    ax.set_xlabel("time step, s")
+    figure.legend(loc="outside upper left", ncols=2, columnspacing=1.6)
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def damping_figure(limits: "Budget") -> Figure:
+    """Damping ratio of every mode, the structure's own and as each integrator shows it; over frequency."""
+    figure = Figure(figsize=(6.4, 3.5), layout="constrained")
+    ax = figure.add_subplot()
+    w = limits.frequencies
+    own = limits.ratios
+    if np.any(own > 0.0):
+        ax.plot(w[own > 0.0], own[own > 0.0], color=BEAM, linestyle="none", marker="_", markersize=16.0,
+                markeredgewidth=2.0, label="the structure's own")  # fmt: skip
+    for name, values in limits.shown.items():
+        ratio = values[:, 1]
+        seen = ratio > SMALLEST
+        colour = RIVAL if name == "discrete" else OURS
+        ax.plot(
+            w[seen], ratio[seen], marker=STEP_MARKS.get(name, "x"), markersize=6.0, linestyle="none", color=colour,
+            fillstyle="none", markeredgewidth=1.4, label=name if np.any(seen) else f"{name}: none, or unstable",
+        )  # fmt: skip
+    shown = [float(z) for v in (own[:, None], *limits.shown.values()) for z in v[:, -1] if z > SMALLEST]
+    upwards = 0.3 * min(shown, default=SMALLEST), 3.0 * max(shown, default=1.0)
+    frame(ax, (float(w[0]) / 1.6, 1.6 * float(w[-1])), upwards)
+    title = f"at a step of {short(limits.timestep)} s"
+    ax.set(xlabel="frequency of the mode, rad/s", ylabel="damping ratio", title=title)
+    figure.legend(loc="outside upper left", ncols=3, columnspacing=1.2)
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def sweep_picture(sweep: "Sweep") -> str:
+    """Histograms of the coupled frequencies relative to their means, SVG text."""
+    count = min(sweep.coupled.shape[1], 6)
+    figure = Figure(figsize=(6.4, 1.0 + 1.1 * count), layout="constrained")
+    for k in range(count):
+        ax = figure.add_subplot(count, 1, k + 1)
+        values = sweep.coupled[:, k]
+        ax.hist(values, bins=min(40, max(5, values.size // 10)), color=OURS)
+        ax.set_title(f"mode {k + 1}: {values.mean():.4g} rad/s, deviation {100 * values.std() / values.mean():.2g} %")
+        ax.set_yticks([])
+    figure.axes[-1].set_xlabel("frequency on the hub, rad/s")
+    return to_svg(figure, "sweep")

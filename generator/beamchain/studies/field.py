@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from lxml import etree
-from lxml.etree import _Element as Element
 
 from beamchain.chain import rivals
 from beamchain.chain.build import Built, Wishes, build_exact, with_real_polar
@@ -17,6 +16,8 @@ from beamchain.chain.tendons import damped_modes, joint_damping
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import RealisationError
+from beamchain.fitting.hub import Hub
+from beamchain.fitting.options import Target
 from beamchain.mjcf import write
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
@@ -26,16 +27,9 @@ from beamchain.steps.retime import retime
 from beamchain.steps.start import HeldInput
 from beamchain.structure.beam import Beam
 from beamchain.studies import soft_rods
-from beamchain.studies.scenario import Rigid
 
 TIMED = "exact in time"
-OURS = {
-    TIMED: 6,
-    "exact, hub": 6,
-    "exact, clamped": 6,
-    "exact, free": 6,
-    "least squares": 4,
-}
+OURS = {TIMED: 6, "exact, hub": 6, "exact, clamped": 6, "exact, free": 6, "least squares": 4}  # largest n
 EQUAL = {"equal links, midpoint": "midpoint", "equal links, classical": "classical"}
 EQUAL_COUNTS = (3, 5, 7, 10, 14, 20, 24, 27, 30, 40, 57, 80, 95, 113)
 SOFT_COUNTS = (5, 7, 10, 14)
@@ -65,34 +59,19 @@ class Entry(NamedTuple):
         return self.model == TIMED
 
     def fed(self, wrench: Array) -> Array:
-        """`(t, 6)` what the model is given in each step.
-
-        Args:
-            wrench: `(t, 6)` on the hub, constant over each step.
-        """
-        if not self.timed:
-            return wrench
-        held = HeldInput()
-        return np.array([held(row) for row in wrench]).reshape(wrench.shape)
+        """What the model is given in each step of a wrench `(t, 6)` that is constant over each."""
+        return np.array(list(map(HeldInput(), wrench))).reshape(wrench.shape) if self.timed else wrench
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What every model is made from.
-
-    Args:
-        beam: the appendage.
-        full: all its modes per kept port, with damping ratios.
-        kept: modes per port in the spec; the planes' numbers are what a study varies.
-        hub: the hub.
-        tendons: damping as tendons, not in the hinges.
-    """
+    """What every model is made from."""
 
     beam: Beam
-    full: dict[str, PortModel]
-    kept: dict[str, int]
-    hub: Rigid
-    tendons: bool = True
+    full: dict[str, PortModel]  # all its modes per kept port, with damping ratios
+    kept: dict[str, int]  # modes per port in the spec; the planes' numbers are what a study varies
+    hub: Hub
+    tendons: bool = True  # damping as tendons, not in the hinges
 
     @property
     def planes(self) -> list[str]:
@@ -133,24 +112,17 @@ def largest_step(task: Task, entry: Entry) -> float:
         return MARGIN * largest_angle(entry.integrator) / fastest
     chain = chain_of(task, entry)
     ports = {port: chain.port(port) for port in chain.ports}
-    coupled = in_space(ports, chain.rigid_mass()).with_hub(task.hub.matrix)
+    coupled = in_space(ports, chain.rigid_mass()).with_hub(task.hub.mass_matrix())
     ratio = max((float(np.max(task.full[p].damping, initial=0.0)) for p in ports), default=0.0)
-    return (
-        MARGIN
-        * largest_angle(entry.integrator, ratio, tendon=any(t.damping > 0.0 for t in chain.tendons))
-        / float(coupled.free_frequencies[-1])
-    )
+    angle = largest_angle(entry.integrator, ratio, tendon=any(t.damping > 0.0 for t in chain.tendons))
+    return MARGIN * angle / float(coupled.free_frequencies[-1])
 
 
 def model_of(task: Task, entry: Entry, timestep: float = 0.0) -> "mujoco.MjModel":
     """The compiled scene of an entry: a free-flying hub with the appendage, nothing drawn.
 
-    The link welded to the hub becomes part of it when compiled (`fusestatic`), for rivals too.
-
-    Args:
-        task: appendage and hub.
-        entry: which model.
-        timestep: for which a model is made exact in time [s]; 0: for none. Other models are the same at every step.
+    The link welded to the hub becomes part of it when compiled (`fusestatic`), for rivals too. A model exact in time is
+    made for the timestep [s]; the others are the same at every step.
     """
     if entry.model in soft_rods.INTEGRATORS:
         return soft_rods.scene_model(entry.model, task.beam, task.hub, entry.n)
@@ -162,25 +134,17 @@ def model_of(task: Task, entry: Entry, timestep: float = 0.0) -> "mujoco.MjModel
     return model
 
 
-def scene_text(hub: Rigid, chain: Chain) -> str:
-    """The scene of a chain on the hub as MJCF text."""
-    return _scene_of(hub, write.appendage(chain, "appendage", visuals=False, sites={}))
-
-
-def _scene_of(hub: Rigid, tree: Element) -> str:
-    root = write.scene(
+def scene_text(hub: Hub, chain: Chain) -> str:
+    """The scene of a chain on the hub as MJCF text, without what costs time and moves nothing."""
+    tree = write.appendage(chain, "appendage", visuals=False, sites={})
+    root: Any = write.scene(
         tree, "appendage", mass=hub.mass, inertia=hub.inertia, offset=hub.offset, timestep=0.01, integrator="Euler"
     )
-    strip(root)
-    return write.text(root)
-
-
-def strip(root: Any) -> None:
-    """Take out of a scene what costs time and moves nothing: geoms, sites, lights, bodies welded to others."""
     for tag in ("geom", "site", "light"):
         for element in root.findall(f".//worldbody//{tag}"):
             element.getparent().remove(element)
     root.insert(0, etree.Element("compiler", fusestatic="true"))
+    return write.text(root)
 
 
 def frozen(beam: Beam) -> Chain:
@@ -191,11 +155,7 @@ def frozen(beam: Beam) -> Chain:
 
 @lru_cache(maxsize=8)
 def chain_of(task: Task, entry: Entry) -> Chain:
-    """The chain of an entry, damped; kept, because every step of a ladder asks for it.
-
-    Raises:
-        RealisationError: there is no such chain.
-    """
+    """The chain of an entry, damped; kept, because every step of a ladder asks for it."""
     chain, targets = _built(task, entry)
     if any(t.stiffness > 0.0 for t in chain.tendons):
         return chain  # each mode has its damping already
@@ -210,15 +170,20 @@ def chain_of(task: Task, entry: Entry) -> Chain:
     return chain
 
 
-def _counts(task: Task, n: int) -> dict[str, int]:
-    """Modes per port of a model of size n."""
-    if not task.planes:
-        return dict.fromkeys(task.kept, n)
-    return {port: n if port in task.planes else count for port, count in task.kept.items()}
+def sizes(kept: Mapping[str, int], n: int) -> dict[str, int]:
+    """Modes per port of a model of size n: in the planes, where any is kept."""
+    varied = {"xy", "xz"} & kept.keys() or kept.keys()
+    return {port: n if port in varied else count for port, count in kept.items()}
+
+
+def target_of(model: str) -> Target:
+    """The modes that one of our models keeps."""
+    words: dict[str, Target] = {TIMED: "hub", "exact, hub": "hub", "exact, free": "free"}
+    return words.get(model, "clamped")
 
 
 def _built(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
-    beam, kept = task.beam, _counts(task, entry.n)
+    beam, kept = task.beam, sizes(task.kept, entry.n)
     if entry.model in OURS:
         built = _ours(task, entry, kept)
         short = {port: target.modes for port, target in built.targets.items() if target.modes < kept[port]}
@@ -238,30 +203,28 @@ def _built(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
     )
     # a short piece of a wide panel, frozen, has more polar inertia than a thin body can have: it gets what it can
     links = tuple(
-        replace(
-            link, inertia=(min(link.inertia[0], (1.0 - 1e-9) * (link.inertia[1] + link.inertia[2])), *link.inertia[1:])
-        )
+        replace(link, inertia=(min(x, (1.0 - 1e-9) * (y + z)), y, z))
         for link in chains[0].links
+        for x, y, z in (link.inertia,)
     )
     return with_real_polar(replace(chains[0], hinges=hinges, links=links)), {}
 
 
 def _hub_of(task: Task, port: str) -> Array:
     """The hub's mass matrix in the motions of a port."""
-    return PORT_MOTION[port].T @ task.hub.matrix @ PORT_MOTION[port]
+    return PORT_MOTION[port].T @ task.hub.mass_matrix() @ PORT_MOTION[port]
 
 
 def _ours(task: Task, entry: Entry, kept: dict[str, int]) -> Built:
-    def target_of(port: str, count: int) -> PortModel:
+    def target(port: str, count: int) -> PortModel:
         full = task.full[port]
-        target = {"exact, free": "free", "exact, hub": "hub", TIMED: "hub"}.get(entry.model, "clamped")
-        out = full.for_target(target, count, _hub_of(task, port))
+        out = full.for_target(target_of(entry.model), count, _hub_of(task, port))
         return out.replaced(damping=full.damping[: out.modes])
 
     if entry.model == "least squares":
         links = np.full(entry.n + 1, task.beam.length / (entry.n + 1))
-        return build_least_squares(task.beam, kept, links, ("stiffness", "lengths", "masses"), None, target_of)
+        return build_least_squares(task.beam, kept, links, ("stiffness", "lengths", "masses"), None, target)
     damped = any(np.any(task.full[port].damping > 0.0) for port in kept)
     if entry.timed:  # armature and damping of the modes stand on their tendons
-        return build_exact(task.beam, kept, target_of, Wishes(springs="modes", per_mode=damped))
-    return build_exact(task.beam, kept, target_of, Wishes(per_mode=damped and task.tendons))
+        return build_exact(task.beam, kept, target, Wishes(springs="modes", per_mode=damped))
+    return build_exact(task.beam, kept, target, Wishes(per_mode=damped and task.tendons))

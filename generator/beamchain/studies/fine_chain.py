@@ -1,6 +1,6 @@
 """Fine chains converged in links and step: the reference of a study in large motion, and where it is needed."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -11,7 +11,7 @@ from beamchain.ports.motions import Array
 from beamchain.studies import field
 from beamchain.studies.field import Entry, Task
 from beamchain.studies.front import TARGETS
-from beamchain.studies.large_reference import Figures, LargeReference, at_zero, between
+from beamchain.studies.reference import Figures, LargeReference, at_zero, between
 from beamchain.studies.scenario import SMALL, Scenario
 
 COARSE = 7  # links of the chain that tells whether the motion is large
@@ -26,19 +26,12 @@ SHRINK = 0.1  # a small motion is at most this share of the real one: what chang
 GROWTH = 4.0  # time to simulate grows as links to this power: step by its square, time per step up to its square
 
 
-@dataclass(frozen=True, eq=False)
-class _Grid:
-    """Moments at which chains are read: every `count` steps where a chain needs shorter ones.
+class _Grid(NamedTuple):
+    """Moments at which chains are read: every few steps where a chain needs shorter ones."""
 
-    Args:
-        spacing: [s].
-        number: of moments.
-        shrink: the wrench of a small motion, relative.
-    """
-
-    spacing: float
+    spacing: float  # [s]
     number: int
-    shrink: float
+    shrink: float  # the wrench of a small motion, relative
 
     @property
     def at(self) -> Array:
@@ -46,29 +39,18 @@ class _Grid:
         return self.spacing * np.arange(1.0, self.number + 1.0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Read:
-    """One chain's motion, large and small.
+class _Read(NamedTuple):
+    """One chain's motion, large and small."""
 
-    Args:
-        moved: `(t, 6)` what large motion adds to its own small one.
-        small: `(t, 6)` the small one, scaled up.
-        seconds: both took [s].
-    """
-
-    moved: Array
-    small: Array
-    seconds: float
+    moved: Array  # (t, 6) what large motion adds to its own small one
+    small: Array  # (t, 6) the small one, scaled up
+    seconds: float  # both took
 
 
 def nonlinear(task: Task, scenario: Scenario) -> float:
     """What large motion changes, relative to the largest elastic motion, as a coarse chain shows it.
 
-    Raises:
-        EngineError: the load is so large that it cannot be simulated.
-
-    Returns:
-        the share; 0 where nothing bends, not a number where no such chain can be simulated in a sensible time.
+    0 where nothing bends, not a number where no such chain can be simulated in a sensible time.
     """
     if not task.planes:
         return 0.0
@@ -81,19 +63,11 @@ def nonlinear(task: Task, scenario: Scenario) -> float:
         return float("nan")  # there is no chain of so many links
     if grid.number * steps > MOST_STEPS:
         return float("nan")
-    return _size(scenario, _pair(task, scenario, grid, coarse, steps).moved)
+    return scenario.size(_pair(task, scenario, grid, coarse, steps).moved)
 
 
 def large_reference(task: Task, scenario: Scenario) -> LargeReference:
-    """The reference in large motion: links refined and steps halved until little changes.
-
-    Args:
-        task: appendage and hub.
-        scenario: with the linear response.
-
-    Raises:
-        EngineError: the load is so large that a fine chain cannot be simulated, or there are no fine chains.
-    """
+    """The reference in large motion: links refined and steps halved until little changes."""
     grid = _grid(task, scenario, _chain(LINKS[0]))
     reads: dict[int, _Read] = {}
     best: Array | None = None
@@ -106,7 +80,7 @@ def large_reference(task: Task, scenario: Scenario) -> LargeReference:
         if len(reads) < TOGETHER:
             continue
         now = _extrapolated(reads, "moved", TOGETHER)
-        change = _size(scenario, now - (_extrapolated(reads, "moved", TOGETHER - 1) if best is None else best))
+        change = scenario.size(now - (_extrapolated(reads, "moved", TOGETHER - 1) if best is None else best))
         best = now
         if change <= WANTED:
             break
@@ -115,16 +89,16 @@ def large_reference(task: Task, scenario: Scenario) -> LargeReference:
     halved = _pair(task, scenario, grid, _chain(first), 2 * _steps(task, grid, _chain(first)))
     exact = scenario.motion(grid.at)
     figures = Figures(
-        nonlinear=_size(scenario, best), links=tuple(reads)[-TOGETHER:], change=change,
-        step_change=_size(scenario, halved.moved - reads[first].moved),
-        small_motion=_size(scenario, _extrapolated(reads, "small", TOGETHER) - exact), wanted=WANTED,
+        nonlinear=scenario.size(best), links=tuple(reads)[-TOGETHER:], change=change,
+        step_change=scenario.size(halved.moved - reads[first].moved),
+        small_motion=scenario.size(_extrapolated(reads, "small", TOGETHER) - exact), wanted=WANTED,
     )  # fmt: skip
     rigid = _pair(task, scenario, grid, Entry(field.RIGID_HUB, 0, "RK4"), 1)
     return LargeReference(scenario.response, scenario.profile, _spline(grid, best), _spline(grid, rigid.moved), figures)
 
 
 def _grid(task: Task, scenario: Scenario, entry: Entry) -> _Grid:
-    slowest = 2.0 * np.pi / float(np.min(np.abs(scenario.response.poles)))
+    slowest = scenario.response.slowest
     spacing = max(field.largest_step(task, entry) / 2.0, slowest / MOMENTS)
     if scenario.beat > spacing:
         spacing = scenario.beat / np.ceil(scenario.beat / spacing)
@@ -132,9 +106,8 @@ def _grid(task: Task, scenario: Scenario, entry: Entry) -> _Grid:
     moments = np.arange(1.0, 401.0) / 400.0 * scenario.duration
     motion = scenario.motion(moments)
     motion[:, :3] /= task.beam.length
-    return _Grid(
-        float(spacing), int(np.ceil((scenario.duration + beyond) / spacing)), min(SMALL / float(np.max(abs(motion))), SHRINK)
-    )  # fmt: skip
+    number = int(np.ceil((scenario.duration + beyond) / spacing))
+    return _Grid(float(spacing), number, min(SMALL / float(np.max(abs(motion))), SHRINK))
 
 
 def _chain(links: int) -> Entry:
@@ -166,10 +139,6 @@ def _extrapolated(reads: dict[int, _Read], what: str, count: int) -> Array:
     """To infinitely many links, from the last `count` chains."""
     used = list(reads)[-count:]
     return at_zero([1.0 / n**2 for n in used], [getattr(reads[n], what) for n in used])
-
-
-def _size(scenario: Scenario, motion: Array) -> float:
-    return float(np.max(np.max(np.abs(motion[:, list(scenario.watched)]), axis=0) / scenario.largest))
 
 
 def _spline(grid: _Grid, moved: Array) -> CubicSpline:

@@ -1,10 +1,13 @@
 """What the points say: the Pareto front, and the cheapest setting for a target error."""
 
 import math
+import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Literal
 
+from beamchain.studies.field import Entry
 from beamchain.studies.run_time import Ladder, Point
 
 Metric = Literal["error", "error_appendage"]
@@ -16,31 +19,24 @@ STEEPEST = 3.0  # decades of time per decade of error that an extrapolation beli
 
 @dataclass(frozen=True)
 class Reach:
-    """The cheapest way to a target error with one model.
-
-    Args:
-        model: its name.
-        seconds: time for the scenario [s].
-        point: the setting; the last measured one where extrapolated.
-        extrapolated: the target lies beyond what was measured; time follows the front's measured slope.
-        slope: decades of time per decade of error, where extrapolated.
-    """
+    """The cheapest way to a target error with one model."""
 
     model: str
-    seconds: float
-    point: Point
-    extrapolated: bool
-    slope: float | None = None
+    seconds: float  # time for the scenario
+    point: Point  # the setting; the last measured one where extrapolated
+    extrapolated: bool  # the target lies beyond what was measured; time follows the front's measured slope
+    slope: float | None = None  # decades of time per decade of error, where extrapolated
+
+    @property
+    def entry(self) -> Entry:
+        """The competitor."""
+        return self.point.entry
 
 
 def honest(ladder: Ladder, metric: Metric) -> list[tuple[float, Point]]:
     """Each point with the error it can be trusted for: the worst of its own and of every finer step."""
-    out: list[tuple[float, Point]] = []
-    worst = 0.0
-    for point in sorted(ladder.points, key=lambda p: p.timestep):
-        worst = max(worst, float(getattr(point, metric)))
-        out.append((worst, point))
-    return out
+    points = sorted(ladder.points, key=lambda p: p.timestep)
+    return list(zip(accumulate((float(getattr(p, metric)) for p in points), max), points, strict=True))
 
 
 def front(ladders: Iterable[Ladder], metric: Metric) -> list[tuple[float, Point]]:
@@ -84,12 +80,9 @@ def _slope(points: Sequence[tuple[float, Point]]) -> float | None:
     if len(points) < 2:
         return None
     x = [-math.log(error) for error, _ in points]
-    y = [math.log(point.seconds) for _, point in points]
-    mean_x, mean_y = sum(x) / len(x), sum(y) / len(y)
-    across = sum((a - mean_x) ** 2 for a in x)
-    if across < 0.25:  # less than half a natural unit of error gained: no slope to speak of
+    if statistics.pvariance(x) * len(x) < 0.25:  # less than half a natural unit of error gained: no slope to speak of
         return None
-    slope = sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True)) / across
+    slope = statistics.linear_regression(x, [math.log(point.seconds) for _, point in points]).slope
     return slope if 0.0 < slope <= STEEPEST else None
 
 

@@ -1,15 +1,17 @@
-"""Many independent jobs over any `concurrent.futures.Executor`: stored as they come, resumed where they stopped."""
+"""Many independent jobs over any `concurrent.futures.Executor`, stored as they come; spec texts as their inputs."""
 
 import hashlib
+import io
 import json
 import os
 from collections.abc import Callable, Generator, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError, InputError, OutputError
 from beamchain.files import check_regular
 
@@ -17,7 +19,6 @@ from beamchain.files import check_regular
 Progress = Callable[[int, int], None]
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-AHEAD = 4  # jobs handed out per worker before the first comes back
 
 
 def run_jobs(
@@ -29,64 +30,50 @@ def run_jobs(
     resume: bool = False,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Run `function(*arguments)` for every job.
+    """Run `function(*arguments)` for every job; the results by key, in the order of the jobs.
 
     Args:
         function: importable; returns plain lists, dicts, numbers and text.
         jobs: arguments by a key that says all that matters for the result.
         executor: where they run; in this process, one after the other, where left out.
-        store: file of JSON lines that holds what is done.
+        store: file of JSON lines that holds what is done, also after a worker died for good.
         resume: take what `store` already holds; else it starts anew.
         progress: told after every job.
-
-    Returns:
-        results by key, in the order of the jobs.
-
-    Raises:
-        EngineError: a worker died for good; what is done stays in `store`.
-        OutputError: `store` is no file, or cannot be written.
     """
     if store is not None:
         check_regular(store)
-    done = _read(store) if store is not None and resume else {}
-    done = {key: value for key, value in done.items() if key in jobs}
+    before = _read(store) if store is not None and resume else {}
     if store is not None:  # begun anew with what is whole: a line cut off while it was written would spoil the next
         store.unlink(missing_ok=True)
-        for key, value in done.items():
-            _append(store, key, value)
-    tell = progress or _silent
-    tell(len(done), len(jobs))
-    for key, value in _results(function, {k: a for k, a in jobs.items() if k not in done}, executor):
+    done: dict[str, Any] = {}
+    if progress is not None:
+        progress(sum(key in before for key in jobs), len(jobs))
+    for key, value in _results(function, jobs, before, executor):
         done[key] = value
         if store is not None:
             _append(store, key, value)
-        tell(len(done), len(jobs))
+        if progress is not None and key not in before:
+            progress(len(done), len(jobs))
     return {key: done[key] for key in jobs}
 
 
-def _silent(_done: int, _all: int) -> None:
-    return None
-
-
 def _results(
-    function: Callable[..., Any], jobs: Mapping[str, tuple[Any, ...]], executor: Executor | None
+    function: Callable[..., Any],
+    jobs: Mapping[str, tuple[Any, ...]],
+    done: Mapping[str, Any],
+    executor: Executor | None,
 ) -> Iterator[tuple[str, Any]]:
+    """What is done already, then the rest as it comes."""
+    yield from ((key, done[key]) for key in jobs if key in done)
+    waiting = {key: arguments for key, arguments in jobs.items() if key not in done}
     if executor is None:
-        for key, arguments in jobs.items():
-            yield key, function(*arguments)
+        yield from ((key, function(*arguments)) for key, arguments in waiting.items())
         return
-    waiting = iter(jobs.items())
     running: dict[Future[Any], str] = {}
-    limit = AHEAD * int(getattr(executor, "_max_workers", 0) or 16)
     try:
-        while True:
-            while len(running) < limit and (job := next(waiting, None)) is not None:
-                running[executor.submit(function, *job[1])] = job[0]
-            if not running:
-                return
-            finished, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in finished:
-                yield running.pop(future), future.result()
+        running = {executor.submit(function, *arguments): key for key, arguments in waiting.items()}
+        for future in as_completed(running):
+            yield running[future], future.result()
     except BrokenExecutor as error:
         raise EngineError(
             f"a worker process died ({error}); what is done is kept: run the same command again with --resume."
@@ -98,15 +85,7 @@ def _results(
 
 @contextmanager
 def workers(count: int, dask: str | None = None) -> Generator[Executor | None]:
-    """An executor: `count` local processes, or a Dask cluster; None for a single local worker.
-
-    Args:
-        count: local processes.
-        dask: address of a Dask scheduler, for example "tcp://host:8786".
-
-    Raises:
-        InputError: Dask is not installed, or no scheduler answers.
-    """
+    """`count` local processes, or the Dask cluster of a scheduler ("tcp://host:8786"); None for one local worker."""
     if dask is not None:
         try:
             from distributed import Client  # pyright: ignore[reportMissingImports]
@@ -128,29 +107,29 @@ def workers(count: int, dask: str | None = None) -> Generator[Executor | None]:
 @contextmanager
 def _one_thread_each() -> Generator[None]:
     """Processes started meanwhile keep their linear algebra to one thread: matrices are small, cores shared."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update({name: "1" for name in THREADS if before[name] is None})
+    missing = [name for name in THREADS if name not in os.environ]
+    os.environ.update(dict.fromkeys(missing, "1"))
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
+        for name in missing:
+            del os.environ[name]
 
 
 def _read(store: Path) -> dict[str, Any]:
-    if not store.is_file():
-        return {}
     out: dict[str, Any] = {}
-    with store.open(encoding="utf-8", errors="replace") as stream:
+    with store.open(encoding="utf-8", errors="replace") if store.is_file() else io.StringIO() as stream:
         for line in stream:
-            try:
+            with suppress(ValueError, KeyError, TypeError, RecursionError):  # damaged, or cut off: it is done again
                 entry = json.loads(line)
                 if entry["check"] == _check(entry["key"], entry["value"]):
                     out[entry["key"]] = entry["value"]
-            except (ValueError, KeyError, TypeError, RecursionError):
-                continue  # damaged, or the line that was being written when it stopped: it is done again
     return out
+
+
+def stamp(*inputs: Any) -> str:
+    """Twelve letters that change with any of the inputs and with MuJoCo: the beginning of a job's key."""
+    return hashlib.sha256(json.dumps([*inputs, mujoco.__version__]).encode()).hexdigest()[:12]
 
 
 def _check(key: str, value: Any) -> str:

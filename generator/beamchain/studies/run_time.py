@@ -1,7 +1,9 @@
-"""Error and run time of one entry of the field over a ladder of steps."""
+"""Error and run time of one entry of the field over a ladder of steps; how time grows with the number of links."""
 
 import statistics
+import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,39 +16,7 @@ from beamchain.studies.field import RIGID_HUB, Entry, Task
 from beamchain.studies.scenario import Scenario
 
 #: Divisors of the beat (the common measure of all switching times): the ladder of steps, the next octaves alike.
-LADDER = (
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-    8,
-    9,
-    10,
-    11,
-    12,
-    13,
-    14,
-    15,
-    16,
-    17,
-    18,
-    19,
-    20,
-    22,
-    24,
-    26,
-    28,
-    32,
-    36,
-    40,
-    44,
-    48,
-    52,
-    56,
-)
+LADDER = (*range(1, 21), *range(22, 29, 2), *range(32, 57, 4))
 OFTEN = 40.0  # switching times per slowest period beyond which steps no longer divide them
 RUNGS = 28  # steps tried below the stability limit, at most
 FLOOR = 0.01  # two steps whose errors differ by less, relative, stand on the model's floor
@@ -56,37 +26,35 @@ SHORT = 0.02  # simulations shorter than this are repeated [s]
 FIRST = 30.0  # a single step of the ladder may take this many budgets, so that slow rivals show one point
 HUB_STEPS = 2000  # of the rigid hub beside each simulation, at most
 PROBE = 300  # steps simulated to foresee the cost of the first
+GROWTH_LINKS = (1, 2, 3, 5, 10, 20, 50, 100)
+GROWTH_MODES = (1, 2, 3, 4, 5, 6)
+LONG = 10  # exponents are fitted from here on: below it MuJoCo's own overhead rules
+GROWTH_STEPS = 200
+GROWTH_ROUNDS = 5
 
 #: Where an integrator's own clock stands after a step: the semi-implicit steps show motion half a step early.
 CLOCK = {"Euler": 0.5, "implicit": 0.5, "implicitfast": 0.5, "discrete": 0.5, "RK4": 0.0}
 
 
 class Point(NamedTuple):
-    """One setting, measured.
-
-    Args:
-        model, n, integrator, timestep: the setting.
-        error: of the hub's motion, relative to its largest elastic part.
-        error_appendage: the same with the integrator's rigid-hub error taken off, on its own clock; kept for readers of
-            study.json, asked no more.
-        seconds: median time to simulate the scenario [s].
-        seconds_per_step: the same over the number of steps.
-        spread: half the range of the middle half of the repetitions, relative.
-        over_rigid_hub: time per step relative to the rigid hub alone, measured in turns with it.
-        repeats: simulations timed.
-    """
+    """One setting, measured."""
 
     model: str
     n: int
     integrator: str
-    timestep: float
-    error: float
-    error_appendage: float
-    seconds: float
+    timestep: float  # [s]
+    error: float  # of the hub's motion, relative to its largest elastic part
+    error_appendage: float  # the same without the integrator's rigid-hub error, on its own clock; in study.json only
+    seconds: float  # median time to simulate the scenario
     seconds_per_step: float
-    spread: float
-    over_rigid_hub: float
+    spread: float  # half the range of the middle half of the repetitions, relative
+    over_rigid_hub: float  # time per step relative to the rigid hub's, measured in turns with it
     repeats: int
+
+    @property
+    def entry(self) -> Entry:
+        """What was measured, at whatever step."""
+        return Entry(*self[:3])
 
 
 class Ladder(NamedTuple):
@@ -97,10 +65,26 @@ class Ladder(NamedTuple):
     note: str
 
 
+class Run(NamedTuple):
+    """One simulation to be timed: model, integrator, step and `(t, 6)` wrench on the hub."""
+
+    model: Any
+    integrator: str
+    timestep: float
+    wrench: Array
+
+
+class _Rung(NamedTuple):
+    run: Run
+    error: float
+    own: float  # with the integrator's rigid-hub error taken off
+    seconds: float
+
+
 def steps_below(scenario: Scenario, limit: float) -> list[tuple[float, int]]:
     """Steps and their number, largest first: the beat over whole numbers, the scenario in whole steps."""
     beat = scenario.beat
-    period = 2.0 * np.pi / float(np.min(np.abs(scenario.response.poles)))
+    period = scenario.response.slowest
     if beat < period / OFTEN:  # switching too often to step by: the mean wrench of each step is applied instead
         beat = scenario.duration / np.ceil(scenario.duration / (period / 4.0))
     first = max(int(np.ceil(beat / limit * (1.0 - 1e-9))), 1)  # the largest stable step is tried, whatever the ladder
@@ -111,18 +95,14 @@ def steps_below(scenario: Scenario, limit: float) -> list[tuple[float, int]]:
 def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder:
     """Errors and times of an entry, step by step downwards until its floor, or until `budget` seconds are spent.
 
-    Args:
-        task: appendage and hub.
-        scenario: what is simulated.
-        entry: which model and integrator.
-        budget: time for the errors of this entry [s]; timing takes about as long again.
+    Timing takes about as long again.
     """
     try:
         limit = field.largest_step(task, entry)
         steps = steps_below(scenario, limit)
     except (BeamchainError, np.linalg.LinAlgError) as error:
         return Ladder(entry, [], str(error))
-    found: list[tuple[float, int, float, float, float, Any]] = []
+    found: list[_Rung] = []
     spent, still, note = 0.0, 0, "every step of the ladder measured"
     for h, count in steps:
         try:
@@ -132,11 +112,10 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
             continue
         wrench = entry.fed(scenario.profile.mean(h, count))
         probe = min(PROBE, count)
-        cost = (
-            found[-1][4] * count / found[-1][1]
-            if found
-            else simulate(model, entry.integrator, h, wrench[:probe]).seconds * count / probe
-        )
+        if found:
+            cost = found[-1].seconds * count / len(found[-1].run.wrench)
+        else:
+            cost = simulate(model, entry.integrator, h, wrench[:probe]).seconds * count / probe
         if spent + cost > (budget if found else FIRST * budget):
             note = f"stopped before a step of {h:.3g} s, which would take {cost:.2g} s"
             break
@@ -147,15 +126,15 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
         own = scenario.error(course.motion, h, rigid, clock(entry))
         if not np.isfinite(error):
             continue  # this step was beyond the stability limit after all
-        found.append((h, count, error, own, course.seconds, model))
+        found.append(_Rung(Run(model, entry.integrator, h, wrench), error, own, course.seconds))
         if len(found) > 1:
             before = found[-2]
-            same = max(abs(error / before[2] - 1.0), abs(own / before[3] - 1.0)) < FLOOR
+            same = max(abs(error / before.error - 1.0), abs(own / before.own - 1.0)) < FLOOR
             still = still + 1 if same or error < FINE_ENOUGH else 0
             if still == 2:
                 note = "finer steps change nothing: the model's own floor"
                 break
-    return Ladder(entry, _timed(task, scenario, entry, found), note)
+    return Ladder(entry, _timed(task, entry, found), note)
 
 
 def clock(entry: Entry) -> float:
@@ -169,29 +148,15 @@ def rigid_motion(task: Task, integrator: str, timestep: float, wrench: Array) ->
     return simulate(model, integrator, timestep, wrench).motion
 
 
-def _timed(
-    task: Task, scenario: Scenario, entry: Entry, found: list[tuple[float, int, float, float, float, Any]]
-) -> list[Point]:
+def _timed(task: Task, entry: Entry, found: Sequence["_Rung"]) -> list[Point]:
     """Repetitions of all short simulations in turns, each with the rigid hub beside it."""
-    runs = [
-        Run(model, entry.integrator, h, entry.fed(scenario.profile.mean(h, count))) for h, count, *_, model in found
-    ]
-    known = [[] if seconds < SHORT else [seconds] for *_, seconds, _ in found]
+    known = [[] if rung.seconds < SHORT else [rung.seconds] for rung in found]
     hub = field.model_of(task, Entry(RIGID_HUB, 0, entry.integrator))
-    times = in_turns(runs, hub, REPEATS, known)
+    times = in_turns([rung.run for rung in found], hub, REPEATS, known)
     return [
-        Point(*entry, h, error, own, t.seconds, t.seconds / count, t.spread, t.over_rigid_hub, t.repeats)
-        for (h, count, error, own, *_), t in zip(found, times, strict=True)
+        Point(*entry, r.run.timestep, r.error, r.own, t.seconds, t.seconds / len(r.run.wrench), *t[1:])
+        for r, t in zip(found, times, strict=True)
     ]
-
-
-class Run(NamedTuple):
-    """One simulation to be timed: model, integrator, step and `(t, 6)` wrench on the hub."""
-
-    model: Any
-    integrator: str
-    timestep: float
-    wrench: Array
 
 
 class Time(NamedTuple):
@@ -206,11 +171,7 @@ class Time(NamedTuple):
 def in_turns(runs: Sequence[Run], hub: Any, repeats: int, known: Sequence[Sequence[float]]) -> list[Time]:
     """Time simulations in turns, `repeats` rounds, the rigid hub alone before each.
 
-    Args:
-        runs: what to time.
-        hub: the rigid hub's model.
-        repeats: rounds.
-        known: per run, times already taken; a run with one is not timed again.
+    A run with times that are `known` is not timed again.
     """
     times = [list(t) for t in known]
     ratios: list[list[float]] = [[] for _ in runs]
@@ -230,3 +191,43 @@ def in_turns(runs: Sequence[Run], hub: Any, repeats: int, known: Sequence[Sequen
         low, high = np.quantile(taken, [0.25, 0.75])
         out.append(Time(middle, float(high - low) / 2.0 / middle, statistics.median(ratio), len(taken)))
     return out
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Times against n, and their exponents in n."""
+
+    step: tuple[tuple[int, float], ...]  # n and seconds per Euler step of equal links
+    exponent: float | None  # from n = 10 on
+    fit: tuple[tuple[int, float], ...]  # n and seconds to find and compile an exact chain of n modes
+    fit_exponent: float | None
+
+
+def growth(task: Task) -> Growth:
+    """Measure both, in turns."""
+    if not task.planes:
+        return Growth((), None, (), None)
+    models = {n: field.model_of(task, Entry("equal links, midpoint", n, "Euler")) for n in GROWTH_LINKS}
+    wrench = np.zeros((GROWTH_STEPS, 6))
+    times: dict[int, list[float]] = {n: [] for n in GROWTH_LINKS}
+    for _ in range(GROWTH_ROUNDS):
+        for n, model in models.items():
+            times[n].append(simulate(model, "Euler", 1e-5, wrench).seconds / GROWTH_STEPS)
+    fits: dict[int, list[float]] = {}
+    for _ in range(GROWTH_ROUNDS):
+        for n in GROWTH_MODES:
+            start = time.thread_time()
+            try:
+                field.model_of(task, Entry("exact, clamped", n, "Euler"))
+            except BeamchainError:
+                continue
+            fits.setdefault(n, []).append(time.thread_time() - start)
+    step = [(n, statistics.median(t)) for n, t in times.items()]
+    fit = [(n, statistics.median(t)) for n, t in fits.items()]
+    return Growth(tuple(step), _exponent([p for p in step if p[0] >= LONG]), tuple(fit), _exponent(fit))
+
+
+def _exponent(points: Sequence[tuple[int, float]]) -> float | None:
+    if len(points) < 2:
+        return None
+    return statistics.linear_regression(*np.log(points).T).slope

@@ -2,16 +2,14 @@
 
 import csv
 import io
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from beamchain.errors import InputError
-from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array, locked
-from beamchain.studies.hub_response import HubResponse, Profile, hub_response
-from beamchain.studies.large_reference import LargeReference
+from beamchain.studies.field import Task
+from beamchain.studies.reference import HubResponse, LargeReference, Profile, hub_response
 
 COLUMNS = ("fx", "fy", "fz", "mx", "my", "mz")
 MOTIONS = ("tx", "ty", "tz", "x", "y", "z")  # names of hub motions as in [scene] axes
@@ -27,38 +25,17 @@ LONGEST_CSV = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Rigid:
-    """A rigid hub: mass [kg], principal inertia `(3,)` [kg m^2], offset `(3,)` from its centre to the root [m]."""
-
-    mass: float
-    inertia: Array
-    offset: Array
-    matrix: Array  # (6, 6) about the root
-
-
-@dataclass(frozen=True, eq=False)
 class Scenario:
-    """The task.
-
-    Args:
-        profile: wrench on the hub's centre.
-        duration: [s].
-        watched: hub motions (0..5) that are compared: those the profile drives.
-        response: exact linear motion.
-        largest: `(w,)` largest elastic part of each watched motion, over the whole duration.
-        beat: the switching times are multiples of it [s].
-        nonlinear: what large motion changes in the motion, relative to the largest elastic part.
-        large: the motion where that is too much for the linear one.
-    """
+    """A wrench on the hub, how long it is followed, and the reference motion."""
 
     profile: Profile
-    duration: float
-    watched: tuple[int, ...]
+    duration: float  # [s]
+    watched: tuple[int, ...]  # hub motions (0..5) that are compared: those the profile drives
     response: HubResponse
-    largest: Array
-    beat: float
-    nonlinear: float = 0.0
-    large: LargeReference | None = None
+    largest: Array  # (w,) largest elastic part of each watched motion
+    beat: float  # the switching times are multiples of it [s]
+    nonlinear: float = 0.0  # what large motion changes, relative to the largest elastic part
+    large: LargeReference | None = None  # where that is too much for the linear motion
 
     def in_large_motion(self, reference: LargeReference) -> "Scenario":
         """The same task, compared with what happens in large motion."""
@@ -73,18 +50,15 @@ class Scenario:
 
     def motion(self, at: Array) -> Array:
         """`(t, 6)` the hub's reference motion."""
-        if self.large is not None:
-            return self.large.motion(at)
-        return self.response.elastic(self.profile, at) + self.response.rigid(self.profile, at)
+        return self.response.motion(self.profile, at) if self.large is None else self.large.motion(at)
 
     def error(self, motion: Array, timestep: float, rigid: Array | None = None, shift: float = 0.0) -> float:
-        """Largest error of the hub's motion over the largest elastic part of it.
+        """Largest error of the hub's simulated motion `(t, 6)` over the largest elastic part of it.
 
         Args:
-            motion: `(t, 6)` simulated, at the ends of the steps.
+            motion: at the ends of the steps.
             timestep: [s].
-            rigid: `(t, 6)` the frozen appendage by the same integrator, taken off first; then only the elastic parts
-                are compared.
+            rigid: of the frozen appendage by the same integrator; with it only the elastic parts are compared.
             shift: the simulated time after step k is `(k + shift) timestep`: the integrator's own clock.
         """
         at = timestep * (np.arange(1, motion.shape[0] + 1) + shift)
@@ -94,39 +68,30 @@ class Scenario:
             gap = self.large.gap(motion, at, rigid)
         else:
             exact = self.response.elastic(self.profile, at)
-            gap = motion - exact - self.response.rigid(self.profile, at) if rigid is None else motion - rigid - exact
-        watched = list(self.watched)
-        worst = np.max(np.abs(gap[:, watched]), axis=0) / self.largest
-        return float(np.max(worst)) if np.all(np.isfinite(worst)) else float("inf")
+            gap = motion - exact - (self.response.rigid(self.profile, at) if rigid is None else rigid)
+        worst = self.size(gap)
+        return worst if np.isfinite(worst) else float("inf")
+
+    def size(self, motion: Array) -> float:
+        """The largest of the watched motions, relative to their elastic parts."""
+        return float(np.max(np.max(np.abs(motion[:, list(self.watched)]), axis=0) / self.largest))
 
 
 def make_scenario(
-    full: Mapping[str, PortModel],
-    rigid_mass: Array,
-    hub: Rigid,
-    length: float,
-    *,
-    profile: Profile | None = None,
-    duration: float | None = None,
-    amplitude: float | None = None,
+    task: Task, profile: Profile | None = None, duration: float | None = None, amplitude: float | None = None
 ) -> Scenario:
-    """The task for an appendage on a hub.
+    """What is asked of the models of a task.
 
-    Args:
-        full: all modes per port, with damping.
-        rigid_mass: `(6, 6)` of the appendage about its root.
-        hub: the hub.
-        length: of the appendage [m].
-        profile: wrench; a doublet about the first kept port's axis where left out.
-        duration: [s]; four periods of the first coupled mode, rounded up, where left out.
-        amplitude: of the doublet [N, N m]; small enough to stay linear where left out.
+    Left out, the profile is a doublet about the first kept port's axis, its amplitude [N, N m] is small enough to stay
+    linear, and the duration [s] is four periods of the first coupled mode, rounded up.
     """
-    response = hub_response(full, rigid_mass, hub.matrix, hub.offset)
+    full, hub, beam = task.full, task.hub, task.beam
+    response = hub_response(full, beam.rigid_mass(), hub.mass_matrix(), np.asarray(hub.offset))
     if duration is None:
         longest = 0.0 if profile is None else float(profile.times[-1])
-        duration = rounded_up(max(PERIODS * 2.0 * np.pi / float(np.min(np.abs(response.poles))), longest))
+        duration = rounded_up(max(PERIODS * response.slowest, longest))
     if profile is None:
-        profile = _doublet(response, next(port for port in DRIVEN if port in full), duration, length, amplitude)
+        profile = _doublet(response, next(port for port in DRIVEN if port in full), duration, beam.length, amplitude)
     fine = np.linspace(0.0, duration, 4001)
     largest = np.max(np.abs(response.elastic(profile, fine)), axis=0)
     watched = tuple(int(i) for i in np.flatnonzero(np.any(profile.wrench != 0.0, axis=0)) if largest[i] > 0.0)
@@ -166,9 +131,6 @@ def parse_profile(content: str, source: str) -> Profile:
     """A profile from CSV text: a column `time` [s] and any of fx fy fz [N], mx my mz [N m]; a row holds until the next.
 
     The last row only ends the profile.
-
-    Raises:
-        InputError: a column is unknown, a number is missing, or the times do not ascend from 0.
     """
     try:
         rows = [row for row in csv.reader(io.StringIO(content)) if row and not row[0].lstrip().startswith("#")]
@@ -189,7 +151,6 @@ def parse_profile(content: str, source: str) -> Profile:
     if not np.all(np.isfinite(values)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
         raise InputError(f"profile {source!r}: times must start at 0 and ascend, and every number must be finite.")
     wrench = np.zeros((times.size - 1, 6))
-    for name in head:
-        if name != "time":
-            wrench[:, COLUMNS.index(name)] = values[:-1, head.index(name)]
+    for name in {*head} - {"time"}:
+        wrench[:, COLUMNS.index(name)] = values[:-1, head.index(name)]
     return Profile(locked(times), locked(wrench))

@@ -1,16 +1,17 @@
 """MuJoCo's own elastic rods as rivals: `flexcomp` rods and, where the installed version still has it, the cable.
 
-Both clamp at the middle of their first segment; to be fair to them that point is put at the root, and the last vertex
-of a rod weighs half.
+Both clamp at the middle of their first segment: that point is put at the root, and the last vertex of a rod weighs half.
 """
+
+from contextlib import suppress
 
 import numpy as np
 
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
+from beamchain.fitting.hub import Hub
 from beamchain.mjcf.write import number
 from beamchain.structure.beam import Beam
-from beamchain.studies.scenario import Rigid
 
 FLEXCOMP, CABLE = "flexcomp rod", "composite cable"
 
@@ -54,16 +55,12 @@ _CABLE = """
 
 def available(beam: Beam) -> list[str]:
     """The rods that can stand for this appendage in the installed MuJoCo: uniform ones only."""
-    if not beam.uniform:
-        return []
     out: list[str] = []
-    hub = Rigid(1.0, np.ones(3), np.zeros(3), np.eye(6))
-    for name in (FLEXCOMP, CABLE):
-        try:
+    hub = Hub(mass=1.0, inertia=(1.0, 1.0, 1.0))
+    for name in (FLEXCOMP, CABLE) if beam.uniform else ():
+        with suppress(RuntimeError, ValueError):
             scene_model(name, beam, hub, 3)
             out.append(name)
-        except (RuntimeError, ValueError):
-            continue
     return out
 
 
@@ -74,13 +71,10 @@ def fastest(beam: Beam, count: int) -> float:
     return 2.0 * float(np.sqrt(stations.axial[0] / stations.mass[0])) / spacing
 
 
-def scene_model(name: str, beam: Beam, hub: Rigid, count: int) -> "mujoco.MjModel":
+def scene_model(name: str, beam: Beam, hub: Hub, count: int) -> "mujoco.MjModel":
     """The compiled scene of a rod with `count` segments on the hub.
 
     The round section has the beam's own stretching and bending stiffness in plane xy.
-
-    Raises:
-        EngineError: the installed MuJoCo does not have it.
     """
     at = beam.segments[0].at(np.array([0.5]))
     bending, axial, density = float(at.bending_xy[0]), float(at.axial[0]), float(at.mass[0])

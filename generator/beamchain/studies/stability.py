@@ -1,7 +1,7 @@
 """`beamchain stability`: step limits predicted and measured, large motion, and their record."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,12 @@ from beamchain.steps.budget import HOST, Budget, budget, preloaded
 from beamchain.steps.large_motion import LargeMotion
 from beamchain.steps.measured_limit import measured_limit
 
+Say = Callable[[str], None]
 LONGEST = 10.0  # slowest periods: where the search for a limit of "discrete" starts
+
+
+def silent(_: str) -> None:
+    """Say nothing."""
 
 
 @dataclass(frozen=True)
@@ -36,18 +41,11 @@ class StepRow:
 
 @dataclass(frozen=True, eq=False)
 class StabilityStudy:
-    """Everything `stability.json` holds.
+    """Everything `stability.json` holds."""
 
-    Args:
-        rows: limits predicted and measured.
-        budgets: step budget per model.
-        large: large-motion limits per plane; empty for a foreign model.
-        warnings: what could not be done, and why.
-    """
-
-    rows: list[StepRow]
-    budgets: list[Budget]
-    large: dict[str, LargeMotion]
+    rows: list[StepRow]  # limits predicted and measured
+    budgets: list[Budget]  # per model
+    large: dict[str, LargeMotion]  # per plane; empty for a foreign model
     warnings: list[str]
 
     def as_dict(self) -> dict[str, Any]:
@@ -57,10 +55,7 @@ class StabilityStudy:
         return {
             "beamchain": beamchain.__version__,
             "mujoco": mujoco.__version__,
-            "models": [
-                {"name": r.name, "integrator": r.integrator, "predicted": r.predicted, "measured": r.measured}
-                for r in self.rows
-            ],
+            "models": [asdict(row) for row in self.rows],
             "budgets": [b.as_dict() for b in self.budgets],
             "large_motion": [limit.as_dict() for limit in self.large.values()],
             **warnings_record(self.warnings),
@@ -68,14 +63,8 @@ class StabilityStudy:
         }
 
 
-def step_rows(model: "mujoco.MjModel", limits: Budget, say: Callable[[str], None] = lambda _: None) -> list[StepRow]:
-    """Predicted and measured limits of a compiled model, one row per integrator.
-
-    Args:
-        model: compiled.
-        limits: its budget.
-        say: told what is being measured.
-    """
+def step_rows(model: "mujoco.MjModel", limits: Budget, say: Say = silent) -> list[StepRow]:
+    """Predicted and measured limits of a compiled model, one row per integrator; `say` is told what is measured."""
     out: list[StepRow] = []
     for integrator in INTEGRATORS:
         say(f"measuring {limits.name} with {integrator}")
@@ -85,7 +74,7 @@ def step_rows(model: "mujoco.MjModel", limits: Budget, say: Callable[[str], None
     return out
 
 
-def stability(source: Spec | str | Path, say: Callable[[str], None] = lambda _: None) -> StabilityStudy:
+def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
     """Step limits predicted and measured, damping that steps add, large motion, as `beamchain stability` does.
 
     Args:
@@ -117,18 +106,17 @@ def stability(source: Spec | str | Path, say: Callable[[str], None] = lambda _: 
         if said := preloaded(model, data):  # it would be simulated as it moves off
             raise EngineError(said)
         limits = budget(model)
-        return StabilityStudy(
-            step_rows(model, limits, say), [limits], {}, _warnings([limits], float(model.opt.timestep))
-        )
+        warnings = _warnings(limits, float(model.opt.timestep))
+        return StabilityStudy(step_rows(model, limits, say), [limits], {}, warnings)
     say("fitting the chain")
     return study_fit(fit(read_spec(source)), say)
 
 
-def study_fit(result: Fit, say: Callable[[str], None] = lambda _: None) -> StabilityStudy:
+def study_fit(result: Fit, say: Say = silent) -> StabilityStudy:
     """Step limits of a fit, on its hub and on the bench, and its large-motion limits."""
     rows: list[StepRow] = []
     budgets: list[Budget] = []
-    silent: list[str] = []
+    overdamped: list[str] = []
     name = result.spec.name
     for label, text in ((f"{name} on its hub", result.scene_mjcf()), (f"{name} alone", result.bench_mjcf())):
         model = compile_model(text)
@@ -137,24 +125,22 @@ def study_fit(result: Fit, say: Callable[[str], None] = lambda _: None) -> Stabi
         except EngineError as error:
             if not budgets:
                 raise
-            silent.append(Caution("overdamped", f"{label}: {error}"))  # overdamped without its hub
+            overdamped.append(Caution("overdamped", f"{label}: {error}"))  # without its hub
             continue
         budgets.append(limits)
         rows += step_rows(model, limits, say)
     say("comparing with a chain of 60 links in large motion")
     large, reasons = result.large_motion
-    warnings = [*reasons, *silent]
     scene = result.spec.scene
-    warnings += _warnings(budgets[:1], 0.0 if scene is None else scene.step, scene.integrator if scene else None)
-    return StabilityStudy(rows, budgets, large, warnings)
+    unstable = [] if scene is None else _warnings(budgets[0], scene.step, scene.integrator)
+    return StabilityStudy(rows, budgets, large, [*reasons, *overdamped, *unstable])
 
 
-def _warnings(budgets: list[Budget], timestep: float, integrator: str | None = None) -> list[str]:
+def _warnings(limits: Budget, timestep: float, integrator: str | None = None) -> list[str]:
     """Steps that the model asks for and cannot take."""
-    out: list[str] = []
-    for limits in budgets:
-        for name, step in limits.largest_step.items():
-            if name != HOST and timestep >= step and integrator in (None, name):
-                text = f"{limits.name}: the step asked for, {timestep:g} s, is beyond {name}'s limit of {step:.4g} s."
-                out.append(Caution("unstable-step", text))
-    return out
+    text = f"{limits.name}: the step asked for, {timestep:g} s, is beyond {{}}'s limit of {{:.4g}} s."
+    return [
+        Caution("unstable-step", text.format(name, step))
+        for name, step in limits.largest_step.items()
+        if name != HOST and timestep >= step and integrator in (None, name)
+    ]

@@ -1,7 +1,5 @@
 """`study`: error against run time of every sensible model of an appendage on its hub, measured on the spot."""
 
-import hashlib
-import json
 import statistics
 import time
 import tomllib
@@ -12,17 +10,16 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
+from msgspec import structs
 
 from beamchain import report
 from beamchain.caution import at
-from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
 from beamchain.fitting.choose import make_plan, whole_beam
 from beamchain.fitting.hub import default_hub
-from beamchain.fitting.options import FitOptions, Modes, Root, Scene, Target
+from beamchain.fitting.options import FitOptions, Modes, Root, Scene
 from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.steps.driven import driven, exceeded
@@ -31,10 +28,9 @@ from beamchain.studies import field, front
 from beamchain.studies.field import Entry, Task
 from beamchain.studies.fine_chain import LINEAR, large_reference, nonlinear
 from beamchain.studies.front import TARGETS, Metric, Reach, recommended_name
-from beamchain.studies.growth import Growth, growth
-from beamchain.studies.jobs import Progress, run_jobs
-from beamchain.studies.run_time import Ladder, Point, Run, climb, in_turns
-from beamchain.studies.scenario import Rigid, Scenario, make_scenario, parse_profile
+from beamchain.studies.jobs import Progress, run_jobs, stamp
+from beamchain.studies.run_time import Growth, Ladder, Point, Run, climb, growth, in_turns
+from beamchain.studies.scenario import Scenario, make_scenario, parse_profile
 
 FULL_MODES = 30  # of the beam on the hub: one mode fewer changes the reference by less than 1e-9
 BUDGET = 0.1  # [s] for the errors of one entry
@@ -45,15 +41,7 @@ STORE = ".study_points.jsonl"
 
 
 class Options(NamedTuple):
-    """What a study may be told.
-
-    Args:
-        profile: CSV text of the wrench on the hub; a doublet where left out.
-        duration: [s]; found from the first coupled mode where left out.
-        budget: time for the errors of one entry [s].
-        models: names of the models to run; all where empty.
-        amplitude: of the doublet [N, N m]; small enough to stay linear where left out.
-    """
+    """What a study may be told; see `study`."""
 
     profile: str | None = None
     duration: float | None = None
@@ -64,27 +52,16 @@ class Options(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Everything measured.
-
-    Args:
-        spec: the appendage and hub.
-        options: what was asked.
-        kept: modes per port of the spec; the planes' numbers were varied.
-        scenario: what was simulated.
-        ladders: per entry, its points.
-        growth: time against n.
-        seconds: what the study took [s].
-        warnings: where the load drives a recommended chain beyond what it is right for.
-    """
+    """Everything measured."""
 
     spec: Spec
     options: Options
-    kept: dict[str, int]
+    kept: dict[str, int]  # modes per port of the spec; the planes' numbers were varied
     scenario: Scenario
-    ladders: tuple[Ladder, ...]
-    growth: Growth
+    ladders: tuple[Ladder, ...]  # per entry, its points
+    growth: Growth  # time against n
     seconds: float
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  # where the load drives a recommended chain beyond what it is right for
 
     @property
     def points(self) -> list[Point]:
@@ -94,11 +71,7 @@ class Study:
     @cached_property
     def rigid_hub(self) -> dict[str, float]:
         """Per integrator, time per step of the rigid hub alone [s]."""
-        return {
-            ladder.entry.integrator: statistics.median(p.seconds_per_step for p in ladder.points)
-            for ladder in self.ladders
-            if ladder.entry.model == field.RIGID_HUB and ladder.points
-        }
+        return _rigid_hub(self.ladders)
 
     @property
     def models(self) -> list[str]:
@@ -112,14 +85,12 @@ class Study:
 
     def best(self, target: float, metric: Metric) -> Reach | None:
         """The cheapest measured setting among our own chains, which keep their geometry in large motion."""
-        found = self.reach(target, metric)
-        ours = [r for m, r in found.items() if m in field.OURS and not r.extrapolated]
+        ours = [r for r in self.reach(target, metric).values() if r.model in field.OURS and not r.extrapolated]
         return min(ours, key=lambda r: r.seconds, default=None)
 
     def nearest(self, metric: Metric) -> Point | None:
         """The most accurate of our own chains, whatever it takes."""
-        ours = [x for x in self.ladders if x.entry.ours]
-        found = front.front(ours, metric)
+        found = front.front([x for x in self.ladders if x.entry.ours], metric)
         return found[-1][1] if found else None
 
     def rivals(self, target: float, metric: Metric) -> dict[str, Reach]:
@@ -137,25 +108,20 @@ class Study:
         best = self.best(target, metric)
         if best is None:
             return None
-        point = best.point
-        timed = Entry(*point[:3]).timed
-        words: dict[str, Target] = {field.TIMED: "hub", "exact, hub": "hub", "exact, free": "free"}
-        planes = [p for p in ("xy", "xz") if p in self.kept] or list(self.kept)
-        counts = {port: point.n if port in planes else n for port, n in self.kept.items()}
-        scene = self.spec.scene or Scene()
-        changes: dict[str, Any] = {
-            "modes": Modes(**counts),
-            "root": Root(target=words.get(point.model, "clamped"), hub=self.spec.root.hub),
-            "scene": msgspec.structs.replace(scene, integrator=point.integrator, timestep=point.timestep),
-            "fit": FitOptions(
-                method="least_squares" if point.model == "least squares" else "exact",
-                springs="modes" if timed else "auto",
-                timestep=point.timestep if timed else 0.0,
-            ),
-        }
-        if timed and self.spec.damping is not None:
-            changes["damping"] = msgspec.structs.replace(self.spec.damping, form="modal")
-        return msgspec.structs.replace(self.spec, **changes)
+        entry, timestep = best.entry, best.point.timestep
+        fit = FitOptions(method="least_squares" if entry.model == "least squares" else "exact")
+        damping = self.spec.damping
+        if entry.timed:
+            fit = FitOptions(springs="modes", timestep=timestep)
+            damping = None if damping is None else structs.replace(damping, form="modal")
+        return structs.replace(
+            self.spec,
+            modes=Modes(**field.sizes(self.kept, entry.n)),
+            root=Root(target=field.target_of(entry.model), hub=self.spec.root.hub),
+            scene=structs.replace(self.spec.scene or Scene(), integrator=entry.integrator, timestep=timestep),
+            fit=fit,
+            damping=damping,
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """What study.json holds."""
@@ -238,8 +204,8 @@ def study(
             raise InputError(f"model {name!r} is not in the field; choose from {', '.join(map(repr, known))}.")
     if options.models:
         wanted = [e for e in wanted if e.model in (*options.models, field.RIGID_HUB)]
-    stamp = hashlib.sha256(json.dumps([text, options, mujoco.__version__]).encode()).hexdigest()[:12]
-    jobs = {f"{stamp} {e.model} {e.n} {e.integrator}": (text, scenario, options.budget, tuple(e)) for e in wanted}
+    own = stamp(text, options)
+    jobs = {f"{own} {e.model} {e.n} {e.integrator}": (text, scenario, options.budget, tuple(e)) for e in wanted}
     store = None if folder is None else folder / STORE
     results = run_jobs(measure_entry, jobs, executor=executor, store=store, resume=resume, progress=progress)
     ladders = [
@@ -257,14 +223,14 @@ def _too_far(task: Task, found: Study) -> tuple[str, ...]:
     """What the load drives the recommended chains through, beyond where they stay near a fine one."""
     scenario = found.scenario
     moments = np.linspace(0.0, scenario.duration, 4001)
-    run = driven(scenario.motion(moments), float(moments[1]), task.hub.offset)
+    run = driven(scenario.motion(moments), float(moments[1]), np.asarray(task.hub.offset))
     best = {r.point[:2]: r.point for target in TARGETS if (r := found.best(target, "error")) is not None}
     nearest = found.nearest("error")
     if not best and nearest is not None:
         best = {nearest[:2]: nearest}
     out: list[str] = []
     for point in best.values():
-        chain = field.chain_of(task, Entry(*point[:3]))
+        chain = field.chain_of(task, point.entry)
         radius = max(float(task.hub.offset[0]), 0.0)
         limits = {port: large_motion(chain, task.beam, port, modes=point.n, radius=radius) for port in task.planes}
         out += [at(f"{point.model}, n = {point.n}", sentence) for sentence in exceeded(limits, run)]
@@ -291,23 +257,19 @@ def make_task(text: str) -> Task:
             "give a wider scene.bandwidth or a smaller scene.tolerance."
         )
     full = {port: spec.with_ratios(port, beam.port(port, FULL_MODES)) for port in kept}
-    rigid = Rigid(hub.mass, np.array(hub.inertia), np.array(hub.offset), hub.mass_matrix())
-    return Task(beam, full, kept, rigid, spec.damping is None or spec.damping.form == "modal")
+    return Task(beam, full, kept, hub, spec.damping is None or spec.damping.form == "modal")
 
 
 @lru_cache(maxsize=4)
 def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
-    """Task and scenario of a spec, given as the text of its TOML.
+    """Task and scenario of a spec's TOML text.
 
     A default doublet that moves the appendage so far that it shows is made smaller; a profile or amplitude of the
     user's is compared with fine chains in large motion instead.
     """
     task = make_task(text)
     profile = None if options.profile is None else parse_profile(options.profile, "--profile")
-    scenario = make_scenario(
-        task.full, task.beam.rigid_mass(), task.hub, task.beam.length, profile=profile, duration=options.duration,
-        amplitude=options.amplitude,
-    )  # fmt: skip
+    scenario = make_scenario(task, profile, options.duration, options.amplitude)
     changed = nonlinear(task, scenario)
     while profile is None and options.amplitude is None and changed > LINEAR:
         scenario = scenario.scaled(0.1)  # a heavy hub hardly moves while its appendage bends far
@@ -317,27 +279,27 @@ def prepare(text: str, options: Options) -> tuple[Task, Scenario]:
     return task, replace(scenario, nonlinear=changed)
 
 
+def _rigid_hub(ladders: Sequence[Ladder]) -> dict[str, float]:
+    return {
+        ladder.entry.integrator: statistics.median(p.seconds_per_step for p in ladder.points)
+        for ladder in ladders
+        if ladder.entry.model == field.RIGID_HUB and ladder.points
+    }
+
+
 def _one_clock(ladders: Sequence[Ladder]) -> list[Ladder]:
     """Times of several machines on one clock: the ratio to the rigid hub beside each, times the hub's own median."""
-    hub: dict[str, float] = {}
-    for ladder in ladders:
-        if ladder.entry.model == field.RIGID_HUB and ladder.points:
-            hub[ladder.entry.integrator] = statistics.median(p.seconds_per_step for p in ladder.points)
-    out: list[Ladder] = []
-    for ladder in ladders:
-        points = [
-            p._replace(
-                seconds=p.seconds / p.seconds_per_step * p.over_rigid_hub * hub[p.integrator],
-                seconds_per_step=p.over_rigid_hub * hub[p.integrator],
-            )
-            for p in ladder.points
-        ]
-        out.append(ladder if ladder.entry.model == field.RIGID_HUB else ladder._replace(points=points))
-    return out
+    hub = _rigid_hub(ladders)
+
+    def moved(p: Point) -> Point:
+        each = p.over_rigid_hub * hub[p.integrator]
+        return p._replace(seconds=p.seconds / p.seconds_per_step * each, seconds_per_step=each)
+
+    return [x if x.entry.model == field.RIGID_HUB else x._replace(points=[moved(p) for p in x.points]) for x in ladders]
 
 
 def _duel(task: Task, scenario: Scenario, found: Study) -> list[Ladder]:
-    """Every setting that the table names, and ours that are nearly as quick, timed once more in turns in this process."""
+    """Every setting that the table names, and ours nearly as quick, timed once more in turns in this process."""
     named: dict[tuple[Any, ...], Point] = {}
     for target in TARGETS:
         for reach in found.reach(target, "error").values():
@@ -350,20 +312,14 @@ def _duel(task: Task, scenario: Scenario, found: Study) -> list[Ladder]:
                 named[near[:4]] = near
     points = [p for p in named.values() if p.seconds < DUEL_LONGEST]
     fresh: dict[tuple[Any, ...], Point] = {}
-    for integrator in field.INTEGRATORS:
+    for integrator in dict.fromkeys(p.integrator for p in points):
         group = [p for p in points if p.integrator == integrator]
-        if not group:
-            continue
-        runs = [
-            Run(field.model_of(task, Entry(*p[:3]), p.timestep), integrator, p.timestep,
-                Entry(*p[:3]).fed(scenario.profile.mean(p.timestep, round(p.seconds / p.seconds_per_step))))
-            for p in group
-        ]  # fmt: skip
+        runs: list[Run] = []
+        for p in group:
+            entry, h = p.entry, p.timestep
+            wrench = entry.fed(scenario.profile.mean(h, round(p.seconds / p.seconds_per_step)))
+            runs.append(Run(field.model_of(task, entry, h), integrator, h, wrench))
         hub = field.model_of(task, Entry(field.RIGID_HUB, 0, integrator))
-        for p, t in zip(group, in_turns(runs, hub, DUEL_ROUNDS, [[] for _ in runs]), strict=True):
-            per_step = t.seconds / round(p.seconds / p.seconds_per_step)
-            fresh[p[:4]] = p._replace(
-                seconds=t.seconds, seconds_per_step=per_step, spread=t.spread, over_rigid_hub=t.over_rigid_hub,
-                repeats=t.repeats,
-            )  # fmt: skip
+        for p, run, t in zip(group, runs, in_turns(runs, hub, DUEL_ROUNDS, [[] for _ in runs]), strict=True):
+            fresh[p[:4]] = p._replace(seconds_per_step=t.seconds / run.wrench.shape[0], **t._asdict())
     return [ladder._replace(points=[fresh.get(p[:4], p) for p in ladder.points]) for ladder in found.ladders]

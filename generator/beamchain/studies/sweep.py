@@ -1,11 +1,8 @@
 """`sweep`: variants of an appendage drawn from [uncertain], as arrays for one compiled MuJoCo model."""
 
-import hashlib
 import io
-import json
 import time
 import tomllib
-from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -19,19 +16,18 @@ from msgspec import structs
 from beamchain import report
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
-from beamchain.errors import BeamchainError, InputError
+from beamchain.errors import BeamchainError, InputError, RealisationError
 from beamchain.files import to_json, write_files
 from beamchain.fitting.choose import make_plan, whole_beam
 from beamchain.fitting.fit import damped, fit
 from beamchain.fitting.hub import default_hub
-from beamchain.fitting.options import Damping, Modes
+from beamchain.fitting.options import Modes
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.compose import in_space
 from beamchain.ports.motions import Array
-from beamchain.structure.section import Equivalent
-from beamchain.studies.jobs import Progress, run_jobs
+from beamchain.studies.jobs import Progress, run_jobs, stamp
 
 #: Fields of MuJoCo's model that differ between variants; they hold for the scene.xml written beside them.
 FIELDS = (
@@ -46,28 +42,16 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """All variants.
+    """All variants."""
 
-    Args:
-        spec: with [uncertain].
-        nominal: the fit of the spec itself.
-        seed: of the draws.
-        indices: `(k,)` samples that became variants.
-        fields: per field of MuJoCo's model, `(k, ...)`.
-        coupled: `(k, n)` frequencies of hub and appendage, kept modes [rad/s].
-        participation: per port `(k, n, m)`.
-        left_out: samples without a variant and why.
-        seconds: what it took [s].
-    """
-
-    spec: Spec
-    nominal: Fit
+    spec: Spec  # with [uncertain]
+    nominal: Fit  # of the spec itself
     seed: int
-    indices: Array
-    fields: dict[str, Array]
-    coupled: Array
-    participation: dict[str, Array]
-    left_out: dict[int, str]
+    indices: Array  # (k,) samples that became variants
+    fields: dict[str, Array]  # per field of MuJoCo's model, (k, ...)
+    coupled: Array  # (k, n) frequencies of hub and appendage, kept modes [rad/s]
+    participation: dict[str, Array]  # per port (k, n, m)
+    left_out: dict[int, str]  # samples without a variant and why
     seconds: float
 
     def as_dict(self) -> dict[str, Any]:
@@ -120,11 +104,8 @@ class Sweep:
 
 
 def _spread(values: Array) -> dict[str, Any]:
-    return {
-        "mean": float(np.mean(values)),
-        "deviation": float(np.std(values)),
-        "quantiles": np.quantile(values, QUANTILES),
-    }
+    quantiles = np.quantile(values, QUANTILES)
+    return {"mean": float(np.mean(values)), "deviation": float(np.std(values)), "quantiles": quantiles}
 
 
 def sweep(
@@ -174,11 +155,9 @@ def sweep(
             "it as [[segment]], or vary the frequencies in copies of the file."
         )
     text = spec_toml(spec)
-    stamp = hashlib.sha256(json.dumps([text, seed, mujoco.__version__]).encode()).hexdigest()[:12]
-    jobs = {
-        f"{stamp} {i} {min(i + CHUNK, samples)}": (text, seed, i, min(i + CHUNK, samples))
-        for i in range(0, samples, CHUNK)
-    }
+    own = stamp(text, seed)
+    chunks = [(i, min(i + CHUNK, samples)) for i in range(0, samples, CHUNK)]
+    jobs = {f"{own} {first} {end}": (text, seed, first, end) for first, end in chunks}
     store = None if folder is None else folder / STORE
     results = run_jobs(vary, jobs, executor=executor, store=store, resume=resume, progress=progress)
     rows = [row for chunk in results.values() for row in chunk]
@@ -192,17 +171,10 @@ def sweep(
         for name in FIELDS
         if getattr(model, name).size
     }
-    return Sweep(
-        spec,
-        nominal,
-        seed,
-        np.array([row["sample"] for row in good]),
-        fields,
-        np.array([row["coupled"] for row in good]),
-        {port: np.array([row["participation"][port] for row in good]) for port in nominal.target},
-        left_out,
-        time.perf_counter() - start,
-    )
+    participation = {port: np.array([row["participation"][port] for row in good]) for port in nominal.target}
+    indices, coupled = (np.array([row[what] for row in good]) for what in ("sample", "coupled"))
+    seconds = time.perf_counter() - start
+    return Sweep(spec, nominal, seed, indices, fields, coupled, participation, left_out, seconds)
 
 
 def vary(text: str, seed: int, first: int, end: int) -> list[dict[str, Any]]:
@@ -233,16 +205,15 @@ def _sample(nominal: Fit, model: "mujoco.MjModel", seed: int, index: int) -> dic
         full = whole_beam(spec, beam)
         plan = make_plan(spec, full, beam.rigid_mass(), hub)
         built = damped(spec, plan, beam, nominal.cut)
-        fewer = [port for port, target in built.targets.items() if target.modes < nominal.target[port].modes]
-        if fewer:
-            return {"sample": index, "why": f"fewer modes in {fewer[0]}: {built.status.message}"}
+        for port, target in built.targets.items():
+            if target.modes < nominal.target[port].modes:
+                raise RealisationError(f"fewer modes in {port}: {built.status.message}")
         chain = built.chain
-        variant = replace(nominal, spec=spec, chain=chain)
-        own = compile_model(variant.scene_mjcf())
+        own = compile_model(replace(nominal, spec=spec, chain=chain).scene_mjcf())
+        if any(_names(own, kind) != _names(model, kind) for kind in NAMES):
+            raise RealisationError("its hinges or bodies come in another order than the nominal model's")
     except BeamchainError as error:
         return {"sample": index, "why": str(error)}
-    if any(_names(own, kind) != _names(model, kind) for kind in NAMES):
-        return {"sample": index, "why": "its hinges or bodies come in another order than the nominal model's"}
     ports = {port: chain.port(port) for port in built.targets}
     carried = (spec.root.hub or default_hub(beam)).mass_matrix()
     modes = sum(target.modes for target in built.targets.values())
@@ -256,42 +227,29 @@ def _sample(nominal: Fit, model: "mujoco.MjModel", seed: int, index: int) -> dic
 
 
 def _names(model: "mujoco.MjModel", kind: str) -> list[str]:
-    get = {"body": model.body, "jnt": model.joint, "site": model.site, "tendon": model.tendon}[kind]
-    count = {"body": model.nbody, "jnt": model.njnt, "site": model.nsite, "tendon": model.ntendon}[kind]
-    return [get(i).name for i in range(count)]
+    return [getattr(model, kind)(i).name for i in range(getattr(model, f"n{kind}"))]
 
 
 def varied(spec: Spec, seed: int, index: int) -> Spec:
-    """The spec of one sample.
-
-    Raises:
-        InputError: a drawn value is not allowed (a mass below zero).
-    """
+    """The spec of one sample; refused where a drawn value is not allowed, such as a mass below zero."""
     given = spec.uncertain
     assert given is not None
     ratios = spec.damping.ratio if spec.damping is not None else 0.0
-    counts = {
-        "stiffness": len(spec.segment),
-        "density": len(spec.segment),
-        "damping": sum(map(len, ratios.values())) if isinstance(ratios, dict) else 1,
-        "payload": 1,
-        "lump": len(spec.lump),
-        "joint_stiffness": len(spec.joint),
-    }
+    counts = {"payload": 1, "lump": len(spec.lump), "joint_stiffness": len(spec.joint)}
+    counts |= dict.fromkeys(("stiffness", "density"), len(spec.segment))
+    counts["damping"] = sum(map(len, ratios.values())) if isinstance(ratios, dict) else 1
     scores = given.scores(seed, index, counts)
     changes: dict[str, Any] = {}
     if given.stiffness is not None or given.density is not None:
-        stiff = [given.stiffness.value(1.0, s) for s in scores["stiffness"]] if given.stiffness else None
-        dense = [given.density.value(1.0, s) for s in scores["density"]] if given.density else None
-        changes["segment"] = tuple(
-            _segment(s, stiff[i] if stiff else 1.0, dense[i] if dense else 1.0) for i, s in enumerate(spec.segment)
+        stiff, dense = (
+            [each.value(1.0, z) for z in scores[name]] if each else [1.0] * len(spec.segment)
+            for name, each in (("stiffness", given.stiffness), ("density", given.density))
         )
+        changes["segment"] = tuple(map(_segment, spec.segment, stiff, dense))
     if given.joint_stiffness is not None:
-        names = ("stiffness_xy", "stiffness_xz", "stiffness_torsion")
+        names, value = ("stiffness_xy", "stiffness_xz", "stiffness_torsion"), given.joint_stiffness.value
         changes["joint"] = tuple(
-            structs.replace(
-                joint, **{n: given.joint_stiffness.value(c, z) for n in names if (c := getattr(joint, n)) is not None}
-            )
+            structs.replace(joint, **{n: value(c, z) for n in names if (c := getattr(joint, n)) is not None})
             for joint, z in zip(spec.joint, scores["joint_stiffness"], strict=True)
         )
     if given.lump is not None:
@@ -301,13 +259,12 @@ def varied(spec: Spec, seed: int, index: int) -> Spec:
     if given.payload is not None and spec.payload is not None:
         changes["payload"] = _heavier(spec.payload, given.payload.value(spec.payload.mass, scores["payload"][0]))
     if given.damping is not None and spec.damping is not None:
-        drawn = iter(scores["damping"])
-        ratio = (
-            {port: tuple(given.damping.value(z, next(drawn)) for z in values) for port, values in ratios.items()}
-            if isinstance(ratios, dict)
-            else given.damping.value(ratios, next(drawn))
-        )
-        changes["damping"] = Damping(ratio=ratio, form=spec.damping.form)
+        drawn, value = iter(scores["damping"]), given.damping.value
+        if isinstance(ratios, dict):
+            ratio = {port: tuple(value(z, next(drawn)) for z in values) for port, values in ratios.items()}
+        else:
+            ratio = value(ratios, next(drawn))
+        changes["damping"] = structs.replace(spec.damping, ratio=ratio)
     return structs.replace(spec, **changes)
 
 
@@ -319,22 +276,17 @@ def _heavier(body: Any, mass: float) -> Any:
 def _segment(segment: Any, stiff: float, dense: float) -> Any:
     """A segment with its stiffness and mass per length multiplied."""
     changes: dict[str, Any] = {"nonstructural_mass": segment.nonstructural_mass * dense}
-    if isinstance(segment.section, Equivalent):
-        for name in ("section", "section_end"):
-            section = getattr(segment, name)
-            if section is not None:
-                both = {**_scaled(section, _STIFF, stiff), **_scaled(section, _HEAVY, dense)}
-                changes[name] = structs.replace(section, **both)
-    else:
-        material = segment.material
-        moduli = _scaled(material, ("youngs_modulus", "shear_modulus"), stiff)
-        changes["material"] = structs.replace(material, density=material.density * dense, **moduli)
+    factors = {**dict.fromkeys(_STIFF, stiff), **dict.fromkeys(_HEAVY, dense)}
+    for name in ("section", "section_end", "material"):
+        part = getattr(segment, name)
+        if part is not None:
+            held = {n: getattr(part, n) for n in factors if n in part.__struct_fields__}
+            changes[name] = structs.replace(part, **{n: v * factors[n] for n, v in held.items() if v is not None})
     return structs.replace(segment, **changes)
 
 
-_STIFF = ("bending_stiffness_xy", "bending_stiffness_xz", "torsion_stiffness", "axial_stiffness")
-_HEAVY = ("linear_mass", "polar_inertia")
-
-
-def _scaled(struct: Any, names: Sequence[str], factor: float) -> dict[str, float]:
-    return {name: getattr(struct, name) * factor for name in names if getattr(struct, name) is not None}
+_STIFF = (
+    "bending_stiffness_xy", "bending_stiffness_xz", "torsion_stiffness", "axial_stiffness", "youngs_modulus",
+    "shear_modulus",
+)  # fmt: skip
+_HEAVY = ("linear_mass", "polar_inertia", "density")

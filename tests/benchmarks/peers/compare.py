@@ -54,14 +54,31 @@ def figure(record: dict, peers: dict[str, list[dict]], path: Path) -> None:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    from beamchain.report.study_plots import peer_panel
-
     with mpl.rc_context({"font.size": 9.0, "svg.fonttype": "none"}):
         drawn = Figure(figsize=(7.2, 4.8), layout="constrained")
         peer_panel(drawn.add_subplot(), record["points"], peers, "error")
         drawn.axes[0].legend(fontsize=7.5)
         drawn.savefig(path)
     print(f"wrote {path}")
+
+
+def peer_panel(ax, own: list[dict], peers: dict[str, list[dict]], metric: str) -> None:
+    """Fronts of the points of study.json and of other simulators' points by name, in one set of axes."""
+    from beamchain.report.study_plots import COLOURS, MARKS, TITLES, WORST
+
+    ax.set(xscale="log", yscale="log", title=TITLES[metric], ylabel="error / largest elastic motion", xlabel="time, ms")
+    ax.grid(which="major", color="#e6e6e6", linewidth=0.6)
+    models = list(dict.fromkeys(str(p["model"]) for p in own))
+    curves = [(m, [p for p in own if p["model"] == m]) for m in models] + list(peers.items())
+    for i, (name, points) in enumerate(curves):
+        lower: list[tuple[float, float]] = []
+        for seconds, error in sorted((1e3 * p["seconds"], p[metric]) for p in points if p[metric] < WORST):
+            if not lower or error < lower[-1][1]:
+                lower.append((seconds, error))
+        colour = COLOURS.get(name, "#9a9a9a" if name in models else "#a5641e")
+        style = {"linestyle": "solid" if name in models else (0, (4, 2)), "markersize": 4.0}
+        if lower:
+            ax.plot(*zip(*lower, strict=True), color=colour, marker=MARKS[i % len(MARKS)], label=name, **style)
 
 
 if __name__ == "__main__":

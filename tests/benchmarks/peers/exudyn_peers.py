@@ -93,7 +93,7 @@ class Implicit(Explicit):
 
 def modal(n: int) -> Peer:
     """The first coupled modes as one linear object: no large motion."""
-    response = TASK.full["xy"].with_hub(TASK.hub.matrix[np.ix_([1, 5], [1, 5])])
+    response = TASK.full["xy"].with_hub(TASK.hub.mass_matrix()[np.ix_([1, 5], [1, 5])])
     rigid = np.linalg.inv(response.rigid_mass)[1, 1]
     w = response.free_frequencies[:n]
     values = np.concatenate([[np.sqrt(rigid)], response.free_port_values[:n, 1]])
@@ -194,7 +194,7 @@ def main(path: Path) -> None:
     peers += [make(n) for make in (modal, floating) for n in (1, 2, 3, 4, 5)]
     limits = {
         f"{p.model} {p.n}": 2.7
-        / float(TASK.full["xy"].with_hub(TASK.hub.matrix[np.ix_([1, 5], [1, 5])]).free_frequencies[p.n - 1])
+        / float(TASK.full["xy"].with_hub(TASK.hub.mass_matrix()[np.ix_([1, 5], [1, 5])]).free_frequencies[p.n - 1])
         for p in peers
         if "ANCF" not in p.model
     }
