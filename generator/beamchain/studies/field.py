@@ -112,7 +112,7 @@ def largest_step(task: Task, entry: Entry) -> float:
         return MARGIN * largest_angle(entry.integrator) / fastest
     chain = chain_of(task, entry)
     ports = {port: chain.port(port) for port in chain.ports}
-    coupled = in_space(ports, chain.rigid_mass()).with_hub(task.hub.mass_matrix())
+    coupled = in_space(ports, chain.rigid_mass() + task.hub.mass_matrix())
     ratio = max((float(np.max(task.full[p].damping, initial=0.0)) for p in ports), default=0.0)
     angle = largest_angle(entry.integrator, ratio, tendon=any(t.damping > 0.0 for t in chain.tendons))
     return MARGIN * angle / float(coupled.free_frequencies[-1])
@@ -138,7 +138,7 @@ def scene_text(hub: Hub, chain: Chain) -> str:
     """The scene of a chain on the hub as MJCF text, without what costs time and moves nothing."""
     tree = write.appendage(chain, "appendage", visuals=False, sites={})
     root: Any = write.scene(
-        tree, "appendage", mass=hub.mass, inertia=hub.inertia, offset=hub.offset, timestep=0.01, integrator="Euler"
+        tree, "appendage", mass=hub.mass, inertia=hub.inertia_matrix(), offset=hub.offset, timestep=0.01, integrator="Euler"
     )
     for tag in ("geom", "site", "light"):
         for element in root.findall(f".//worldbody//{tag}"):

@@ -83,7 +83,7 @@ class HubResponse:
 
 def hub_response(full: Mapping[str, PortModel], rigid_mass: Array, hub_mass: Array, offset: Array) -> HubResponse:
     """The response of a hub that carries an appendage; mass matrices about the root, `offset` from centre to root [m]."""
-    model = in_space(full, rigid_mass).with_hub(hub_mass)
+    model = in_space(full, rigid_mass + hub_mass)
     x, y, z = offset
     centre = np.eye(6)  # motion of the centre from that of the root: u - rotation x offset
     centre[:3, 3:] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]

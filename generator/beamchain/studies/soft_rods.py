@@ -25,7 +25,7 @@ _SCENE = """<mujoco>
   <worldbody>
     <body name="hub">
       <freejoint/>
-      <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia}"/>{appendage}
+      <inertial pos="0 0 0" mass="{mass}" fullinertia="{inertia}"/>{appendage}
     </body>
   </worldbody>
 </mujoco>"""
@@ -54,10 +54,11 @@ _CABLE = """
 
 
 def available(beam: Beam) -> list[str]:
-    """The rods that can stand for this appendage in the installed MuJoCo: uniform ones only."""
+    """The rods that can stand for this appendage in the installed MuJoCo: uniform ones that stretch only."""
     out: list[str] = []
     hub = Hub(mass=1.0, inertia=(1.0, 1.0, 1.0))
-    for name in (FLEXCOMP, CABLE) if beam.uniform else ():
+    stretches = beam.uniform and float(beam.segments[0].at(np.array([0.5])).axial[0]) > 0.0
+    for name in (FLEXCOMP, CABLE) if stretches else ():
         with suppress(RuntimeError, ValueError):
             scene_model(name, beam, hub, 3)
             out.append(name)
@@ -97,7 +98,7 @@ def scene_model(name: str, beam: Beam, hub: Hub, count: int) -> "mujoco.MjModel"
         )  # fmt: skip
         extension = '<extension><plugin plugin="mujoco.elasticity.cable"/></extension>'
     model = compile_model(
-        _SCENE.format(mass=hub.mass, inertia=number(hub.inertia), extension=extension, appendage=text)
+        _SCENE.format(mass=hub.mass, inertia=number((*hub.inertia, *hub.products)), extension=extension, appendage=text)
     )
     if name == FLEXCOMP:
         model.body_mass[model.body(f"rod_{count}").id] *= 0.5
