@@ -122,7 +122,9 @@ def test_commands_that_the_page_names_exist(page):
 
 
 # -- help ------------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("command", app.registered_commands, ids=lambda command: command.name)
+@pytest.mark.parametrize(
+    "command", [c for c in app.registered_commands if not c.hidden], ids=lambda command: command.name
+)
 def test_examples_in_help_use_options_there_are(command, capsys, monkeypatch):
     lines = re.findall(r"^Example: (beamchain .*)$", inspect.getdoc(command.callback) or "", re.M)
     assert lines, command.name

@@ -291,7 +291,7 @@ class PortModel:
 
     # -- made from this one --------------------------------------------------------------------------------------
     def with_hub(self, hub_mass: ArrayLike) -> "PortModel":
-        """The same thing with a rigid hub `(m, m)` [kg, kg m, kg m^2] on its port: its free modes are the coupled modes."""
+        """The same with a rigid hub, `hub_mass` `(m, m)` [kg, kg m, kg m^2], on its port: free modes are the coupled modes."""
         hub = np.asarray(hub_mass, dtype=np.float64)
         if hub.shape != self.rigid_mass.shape:
             raise InputError(f"hub_mass has shape {hub.shape}, but the port needs {self.rigid_mass.shape}.")
@@ -308,7 +308,7 @@ class PortModel:
         return {}
 
     def last_on_hub(self, hub_mass: ArrayLike) -> float:
-        """Last coupled frequency on a rigid hub; 0 without any [rad/s]."""
+        """Last coupled frequency on a rigid hub, `hub_mass` `(m, m)`; 0 without any [rad/s]."""
         return float(np.max(self.with_hub(hub_mass).free_frequencies, initial=0.0))
 
     def truncated(self, modes: int) -> "PortModel":
@@ -352,7 +352,7 @@ class PortModel:
         return self._projected(self.with_hub(hub_mass)._free[2][:, :modes])
 
     def for_target(self, target: str, modes: int, hub_mass: Array | None = None) -> "PortModel":
-        """The lowest cantilever modes ("clamped"), or those with nothing ("free") or a hub `(m, m)` ("hub") attached."""
+        """The lowest `modes` for a `target`: cantilever ("clamped"), or with nothing ("free") or `hub_mass` ("hub") attached."""
         if target == "clamped":
             return self.truncated(modes)
         attached = np.zeros_like(self.rigid_mass) if target == "free" else hub_mass
@@ -383,6 +383,6 @@ class PortModel:
         return self._projected(np.column_stack([np.eye(self.modes)[:, :modes], u[:, s > NORMAL]]))
 
     def replaced(self, **changes: Any) -> "PortModel":
-        """A copy with some fields changed."""
+        """A copy with some fields changed, `changes` by name."""
         names = ("rigid_mass", "frequencies", "participation", "damping", "tip", "shapes")
         return PortModel(**{name: changes.get(name, getattr(self, name)) for name in names})

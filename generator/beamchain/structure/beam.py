@@ -224,7 +224,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
         return straight_mass_matrices(total)
 
     def density(self, x: float, port: str) -> Array:
-        """`(3,)` derivative of mass, first and second moment at `x` [m], without lumps."""
+        """`(3,)` derivative of mass, first and second moment of a `port` at `x` [m], without lumps."""
         index = max(bisect_right(self._starts, x) - 1, 0)
         segment = self.segments[index]
         at = segment.at(np.array([(x - self._starts[index]) / segment.length]))

@@ -100,7 +100,7 @@ class _Section(Struct, frozen=True, kw_only=True):
         return 0.0
 
     def cowper(self, nu: float, plane: str) -> float:
-        """Shear factor of G. R. Cowper, J. Appl. Mech. 33 (1966) 335."""
+        """Shear factor for Poisson's ratio `nu` in a `plane`, after G. R. Cowper, J. Appl. Mech. 33 (1966) 335."""
         return 1.0
 
 

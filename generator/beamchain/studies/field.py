@@ -138,7 +138,13 @@ def scene_text(hub: Hub, chain: Chain) -> str:
     """The scene of a chain on the hub as MJCF text, without what costs time and moves nothing."""
     tree = write.appendage(chain, "appendage", visuals=False, sites={})
     root: Any = write.scene(
-        tree, "appendage", mass=hub.mass, inertia=hub.inertia_matrix(), offset=hub.offset, timestep=0.01, integrator="Euler"
+        tree,
+        "appendage",
+        mass=hub.mass,
+        inertia=hub.inertia_matrix(),
+        offset=hub.offset,
+        timestep=0.01,
+        integrator="Euler",
     )
     for tag in ("geom", "site", "light"):
         for element in root.findall(f".//worldbody//{tag}"):
