@@ -62,7 +62,7 @@ class InSpace:
 
     Args:
         data: the imported modes, about the port, in SI; its `steps` list the changes made to them.
-        form: "chain"; `why`: the reason for its hinges.
+        form, why: "chain", and the reason for its hinges.
         full: all imported modes.
         target: the required modes.
         achieved: read back through `mjd_transitionFD`.
@@ -160,6 +160,13 @@ class Fit:
         return any(tendon.stiffness > 0.0 for tendon in self.chain.tendons)
 
     @property
+    def _motion(self) -> tuple[PortModel, tuple[int, ...]]:
+        """What was achieved in all motions at once, and which motions those are."""
+        if self.space is not None:
+            return self.space.achieved, self.space.live
+        return in_space(self.achieved, self.measured.rigid_mass), tuple(range(6))
+
+    @property
     def hub(self) -> Hub:
         """The hub of scene.xml: that of the spec, or one of ten times the appendage's mass."""
         return self.spec.root.hub or default_hub(self.mass_line)
@@ -180,11 +187,8 @@ class Fit:
         """Step limits on the hub of scene.xml."""
         if self.spec.root.hub is not None:
             return self.limits
-        hub = self.hub.mass_matrix()
-        if self.space is None:
-            model = in_space(self.achieved, self.measured.rigid_mass)
-        else:
-            model, hub = self.space.achieved, hub[np.ix_(self.space.live, self.space.live)]
+        model, live = self._motion
+        hub = self.hub.mass_matrix()[np.ix_(live, live)]
         return coupled_limits(model, hub, tendon=self.tendon_damped, sprung=self.tendon_sprung)
 
     @cached_property
@@ -199,15 +203,11 @@ class Fit:
 
     @cached_property
     def turn_error(self) -> float | None:
-        """Relative error of the rigid spacecraft's rates after a free rotation of one radian at the scene's step.
-
-        None if the scene states no `rates` or the spec no hub.
-        """
-        scene = self.spec.scene
-        if scene is None or scene.rates is None or self.hub_mass is None:
+        """Relative error of the rigid craft's rates after one radian of free rotation; None without rates or hub."""
+        scene, hub = self.spec.scene, self.hub_mass
+        if scene is None or scene.rates is None or hub is None:
             return None
-        inertia = central_inertia(self.hub_mass + self.measured.rigid_mass)
-        return turn_error(inertia, scene.rates, scene.step, scene.integrator)
+        return turn_error(central_inertia(hub + self.measured.rigid_mass), scene.rates, scene.step, scene.integrator)
 
     @cached_property
     def hub_mass(self) -> Array | None:
@@ -287,11 +287,7 @@ class Fit:
         scene = self.spec.scene
         if scene is None or scene.bandwidth is None or not self.achieved:
             return ()
-        live = tuple(range(6))
-        if self.space is None:
-            model = in_space(self.achieved, self.measured.rigid_mass)
-        else:  # modes in several ports at once
-            model, live = self.space.achieved, self.space.live
+        model, live = self._motion
         hub = self.hub_mass[np.ix_(live, live)] if self.hub_mass is not None else model.rigid_mass
         keep = [i for i, motion in enumerate(live) if motion in {AXES[axis] for axis in scene.axes}]
         return choose_step(
@@ -320,8 +316,7 @@ class Fit:
 
     def scene_mjcf(self) -> str:
         """A free-flying hub with the appendage on it, as text; default hub: ten times the appendage's mass."""
-        scene = self.spec.scene or Scene()
-        hub = self.hub
+        scene, hub = self.spec.scene or Scene(), self.hub
         timestep = self.spec.exact_step or (
             scene.step if self.spec.scene else safe_step(self.limits.largest_step[scene.integrator])
         )
