@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from beamchain.report.notebook import embedded_text as embedded_text
     from beamchain.report.notebook import fit_html as fit_html
     from beamchain.report.notebook import fit_text as fit_text
+    from beamchain.report.plant_plots import plot_scheduled as plot_scheduled
     from beamchain.report.plots import plot_accelerance as plot_accelerance
     from beamchain.report.record import fit_record as fit_record
     from beamchain.report.record_craft import embed_record as embed_record
@@ -33,6 +34,7 @@ _HOME = {
     "embedded_text": "notebook",
     "fit_html": "notebook",
     "fit_text": "notebook",
+    "plot_scheduled": "plant_plots",
     "plot_accelerance": "plots",
     "fit_record": "record",
     "study_page": "study_html",
