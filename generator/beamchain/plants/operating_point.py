@@ -39,9 +39,11 @@ class OperatingPoint:
     qvel: Array
 
     def data(self) -> "mujoco.MjData":
-        """Data at the point, `mj_forward` done."""
+        """Data at the point, in balance (what drags on turning wheels is made up for), `mj_forward` done."""
         data = mujoco.MjData(self.model)
         data.qpos[:], data.qvel[:] = self.qpos, self.qvel
+        mujoco.mj_forward(self.model, data)
+        data.qfrc_applied[:] = -data.qfrc_smooth
         mujoco.mj_forward(self.model, data)
         return data
 

@@ -88,12 +88,12 @@ class Plant(control.StateSpace):
 
     @property
     def exact(self) -> "Plant":
-        """The same plant with all modes of the appendages, continuous; up to ten times the highest kept frequency.
+        """The same plant with all modes of the appendages, continuous; those far above the kept ones gathered.
 
         Raises:
             InputError: the plant was made from a file, or a signal belongs to an appendage.
         """
-        return self._beyond(10.0 * float(np.max(self.frequency, initial=1.0)))
+        return self._beyond(float(np.max(self.frequency, initial=0.0)))
 
     def _beyond(self, omega: float) -> "Plant":
         if isinstance(self._exact, str):

@@ -50,7 +50,7 @@ def step_slopes(point: OperatingPoint, linear: SecondOrder, inputs: "list[Input]
     """
     model = point.model
     nv, na, h = model.nv, model.na, float(model.opt.timestep)
-    data = mujoco.MjData(model)
+    data, balance = mujoco.MjData(model), np.array(point.data().qfrc_applied)
 
     def ends() -> Array:
         mujoco.mj_step(model, data)
@@ -58,7 +58,7 @@ def step_slopes(point: OperatingPoint, linear: SecondOrder, inputs: "list[Input]
 
     def reset() -> None:
         mujoco.mj_resetData(model, data)
-        data.qpos[:], data.qvel[:], data.ctrl[:] = point.qpos, point.qvel, 0.0
+        data.qpos[:], data.qvel[:], data.qfrc_applied[:] = point.qpos, point.qvel, balance
 
     reset()
     nominal = ends()

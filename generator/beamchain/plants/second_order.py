@@ -5,7 +5,7 @@ comes out to rounding, small rotations to 1e-13. `mjd_transitionFD` is the proof
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,15 +25,14 @@ STENCIL = ((1.0, 8.0 / 12.0), (-1.0, -8.0 / 12.0), (2.0, -1.0 / 12.0), (-2.0, 1.
 class SecondOrder:
     """A linear craft; `a` are the actuators' activations.
 
-    `M q'' + C q' + K q = F a + B u`, `a' = L a + E u`, `y = Yq q + Yv q' + Ya a + Yu u`.
+    `M q'' + C q' + K q = F a + B u`, `a' = L a + E u`, `y = Y0 q + Y1 q' + Y2 q'' + Ya a + Yu u`.
 
     Args:
         mass, damping, stiffness: `(nv, nv)`; the damping holds the gyroscopic moments of the wheels.
-        activation: `(nv, na)` F.
-        force: `(nv, m)` B.
+        activation, force: `(nv, na)` F, `(nv, m)` B.
         lag, feed: `(na, na)` L and `(na, m)` E.
-        of_position, of_rate, of_activation, of_input: `(p, ...)` Yq, Yv, Ya, Yu.
-        of_acceleration: `(p, nv)` what the outputs read of an acceleration (Yq, Yv and Yu hold it already).
+        of_position, of_rate, of_acceleration: `(p, nv)` Y0, Y1, Y2.
+        of_activation, of_input: `(p, na)` Ya, `(p, m)` Yu.
     """
 
     mass: Array
@@ -45,22 +44,22 @@ class SecondOrder:
     feed: Array
     of_position: Array
     of_rate: Array
+    of_acceleration: Array
     of_activation: Array
     of_input: Array
-    of_acceleration: Array
 
     @cached_property
     def first_order(self) -> tuple[Array, Array, Array, Array]:
         """A, B, C, D over the states (q, q', a)."""
         nv, na = self.activation.shape
-        m = self.force.shape[1]
-        solved = np.linalg.solve(self.mass, np.hstack([-self.stiffness, -self.damping, self.activation, self.force]))
-        a = np.zeros((2 * nv + na, 2 * nv + na))
-        a[:nv, nv : 2 * nv] = np.eye(nv)
-        a[nv : 2 * nv] = solved[:, :-m]
-        a[2 * nv :, 2 * nv :] = self.lag
-        b = np.vstack([np.zeros((nv, m)), solved[:, -m:], self.feed])
-        return a, b, np.hstack([self.of_position, self.of_rate, self.of_activation]), self.of_input
+        sides = np.hstack([-self.stiffness, -self.damping, self.activation, self.force])
+        solved = np.asarray(np.linalg.solve(self.mass, sides), dtype=np.float64)
+        states = 2 * nv + na
+        a = np.zeros((states, states))
+        a[:nv, nv : 2 * nv], a[nv : 2 * nv], a[2 * nv :, 2 * nv :] = np.eye(nv), solved[:, :states], self.lag
+        b = np.vstack([np.zeros((nv, self.force.shape[1])), solved[:, states:], self.feed])
+        y = np.hstack([self.of_position, self.of_rate, self.of_activation, self.of_input]) + self.of_acceleration @ solved
+        return a, b, y[:, :states], y[:, states:]
 
     def with_appendages(self, jacobians: Sequence[Array], models: Sequence[PortModel]) -> "SecondOrder":
         """This bare craft with appendages as port models, their modal coordinates behind its own degrees of freedom.
@@ -70,13 +69,7 @@ class SecondOrder:
             models: with six motions.
         """
         nv, extra = self.mass.shape[0], sum(model.modes for model in models)
-        size = nv + extra
-
-        def grown(matrix: Array, rows: int, columns: int) -> Array:
-            return np.pad(matrix, ((0, rows), (0, columns)))
-
-        mass, damping = grown(self.mass, extra, extra), grown(self.damping, extra, extra)
-        stiffness = grown(self.stiffness, extra, extra)
+        mass, damping, stiffness = (np.pad(m, (0, extra)) for m in (self.mass, self.damping, self.stiffness))
         start = nv
         for jacobian, model in zip(jacobians, models, strict=True):
             mine = slice(start, start + model.modes)
@@ -87,27 +80,11 @@ class SecondOrder:
             stiffness[mine, mine] = np.diag(model.frequencies**2)
             damping[mine, mine] = np.diag(2.0 * model.damping * model.frequencies)
             start += model.modes
-        out = replace(
-            self, mass=mass, damping=damping, stiffness=stiffness, activation=grown(self.activation, extra, 0),
-            force=grown(self.force, extra, 0),
-        )  # fmt: skip
-        own, all_ = self._accelerations(), out._accelerations()
-        seen = grown(self.of_acceleration, 0, extra)
-        parts = [self.of_position, self.of_rate, self.of_activation, self.of_input]
-        new = [
-            grown(part - self.of_acceleration @ mine, 0, width - part.shape[1]) + seen @ whole
-            for part, mine, whole, width in zip(
-                parts, own, all_, (size, size, self.lag.shape[0], self.of_input.shape[1]), strict=True
-            )
-        ]
-        return replace(
-            out, of_position=new[0], of_rate=new[1], of_activation=new[2], of_input=new[3], of_acceleration=seen
+        activation, force = (np.pad(m, ((0, extra), (0, 0))) for m in (self.activation, self.force))
+        rows = [np.pad(m, ((0, 0), (0, extra))) for m in (self.of_position, self.of_rate, self.of_acceleration)]
+        return SecondOrder(
+            mass, damping, stiffness, activation, force, self.lag, self.feed, *rows, self.of_activation, self.of_input
         )
-
-    def _accelerations(self) -> list[Array]:
-        """q'' by q, q', a and u."""
-        sides = (-self.stiffness, -self.damping, self.activation, self.force)
-        return [np.asarray(np.linalg.solve(self.mass, side), dtype=np.float64) for side in sides]
 
 
 def slopes(function: "Callable[[int, float], Array]", size: int, step: float) -> Array:
@@ -125,55 +102,45 @@ def second_order(point: OperatingPoint, inputs: Sequence[Input], outputs: Sequen
     """
     model, data = point.model, point.data()
     nv, na = model.nv, model.na
-    mass = dense_mass(model, data)
+    mass, start = dense_mass(model, data), point.data()
     count = sum(len(output.labels) for output in outputs)
 
-    def seen() -> Array:
-        mujoco.mj_forward(model, data)
+    def seen(i: int = -1, by: float = 0.0) -> Array:
+        """Forces and outputs of the state in data, with `by` for the acceleration of one degree of freedom, else none."""
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_sensorPos(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        mujoco.mj_sensorVel(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        data.qacc[:] = 0.0
+        if i >= 0:
+            data.qacc[i] = by
+        mujoco.mj_rnePostConstraint(model, data)
+        mujoco.mj_sensorAcc(model, data)
         read = [output.read(data) for output in outputs]
         return np.concatenate([data.qfrc_passive + data.qfrc_actuator, data.qfrc_bias, data.act_dot, *read])
 
-    def reset() -> None:
-        data.qpos[:], data.qvel[:] = point.qpos, point.qvel
-        data.act[:], data.ctrl[:], data.xfrc_applied[:], data.qfrc_applied[:] = 0.0, 0.0, 0.0, 0.0
+    def table(change: "Callable[[int, float], int | None]", size: int, step: float) -> Array:
+        def value(i: int, by: float) -> Array:
+            data.qpos[:], data.qvel[:] = point.qpos, point.qvel
+            data.act[:], data.ctrl[:], data.xfrc_applied[:] = 0.0, 0.0, 0.0
+            accelerated = change(i, by)
+            return seen() if accelerated is None else seen(accelerated, by)
 
-    def position(i: int, by: float) -> Array:
-        reset()
-        mujoco.mj_integratePos(model, data.qpos, np.eye(nv)[i], by)
-        return seen()
+        return slopes(value, size, step).reshape(2 * nv + na + count, size)
 
-    def rate(i: int, by: float) -> Array:
-        reset()
-        data.qvel[i] += by
-        return seen()
-
-    def activation(i: int, by: float) -> Array:
-        reset()
-        data.act[i] = by
-        return seen()
-
-    def control(i: int, by: float) -> Array:
-        reset()
-        inputs[i].apply(data, by)
-        return seen()
-
-    def acceleration(i: int, by: float) -> Array:
-        reset()
-        data.qfrc_applied[:] = by * mass[:, i]
-        return seen()
-
-    def table(function: "Callable[[int, float], Array]", size: int, step: float) -> Array:
-        return slopes(function, size, step).reshape(2 * nv + na + count, size)
-
-    by_q, by_v = table(position, nv, POSITION), table(rate, nv, RATE)
-    by_a, by_u, by_acc = table(activation, na, RATE), table(control, len(inputs), RATE), table(acceleration, nv, RATE)
-    force = by_u[:nv] + np.column_stack([_applied(model, point.data(), item) for item in inputs])
+    by_q = table(lambda i, by: mujoco.mj_integratePos(model, data.qpos, np.eye(nv)[i], by), nv, POSITION)
+    by_v = table(lambda i, by: data.qvel.__setitem__(i, point.qvel[i] + by), nv, RATE)
+    by_a = table(lambda i, by: data.act.__setitem__(i, by), na, RATE)
+    by_u = table(lambda i, by: inputs[i].apply(data, by), len(inputs), RATE)
+    by_acceleration = table(lambda i, by: i, nv, RATE)
+    force = by_u[:nv] + np.column_stack([_applied(model, start, item) for item in inputs])
     stiffness, damping = -by_q[:nv], -by_v[:nv]
-    rest = slice(2 * nv, 2 * nv + na)
-    y = slice(2 * nv + na, None)
+    rest, y = slice(2 * nv, 2 * nv + na), slice(2 * nv + na, None)
     return SecondOrder(
         mass, (damping + damping.T) / 2.0 + by_v[nv : 2 * nv], (stiffness + stiffness.T) / 2.0, by_a[:nv], force,
-        by_a[rest], by_u[rest], by_q[y], by_v[y], by_a[y], by_u[y], by_acc[y],
+        by_a[rest], by_u[rest], by_q[y], by_v[y], by_acceleration[y], by_a[y], by_u[y],
     )  # fmt: skip
 
 
