@@ -219,8 +219,8 @@ ARRAY = {"xy": 2, "xz": 3, "torsion": 2}
 BOOM = {"xy": 3, "xz": 3}
 
 
-def hub(mass=400.0, com=(0.01, 0.02, -0.03), inertia=(180.0, 150.0, 120.0)):
-    full = np.diag(inertia) + np.array([[0.0, 1.5, -2.0], [1.5, 0.0, 0.7], [-2.0, 0.7, 0.0]])
+def hub(mass=400.0, com=(0.01, 0.02, -0.03), inertia=(180.0, 150.0, 120.0), skew=1.0):
+    full = np.diag(inertia) + skew * np.array([[0.0, 1.5, -2.0], [1.5, 0.0, 0.7], [-2.0, 0.7, 0.0]])
     return {"mass": mass, "com": np.array(com), "inertia": full}
 
 
@@ -248,7 +248,7 @@ CRAFTS = {
         },
     },
     "one undamped boom": {
-        "hub": hub(60.0, (0.0, 0.0, 0.0), (20.0, 25.0, 30.0)), "unit": UNIT,
+        "hub": hub(60.0, (0.0, 0.0, 0.0), (20.0, 25.0, 30.0), 0.0), "unit": UNIT,  # its planes do not couple
         "appendages": {"mount": boom("boom", (0.4, 0.0, 0.0), EYE, ratio=0.0)},
     },
     "a tilted bus with two booms": {
