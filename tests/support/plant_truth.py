@@ -1,16 +1,21 @@
-"""Whole spacecraft assembled by hand: hub, wheels, drives, and appendages in finite elements. Nothing of the package.
+"""Whole spacecraft assembled by hand: hub, wheels, drives, and appendages in finite elements. `Truth` knows no package.
 
 A craft is a dict; `text` writes it as MJCF for MuJoCo, `Truth` assembles `M q'' + C q' + K q` in numpy. Freedoms: six of the
 hub (in its own axes), one per wheel, one per drive, then the cantilever modes of the appendages.
 """
 
 import contextlib
+import tempfile
+from functools import cache
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+import beamchain as bc
 import finite_elements as fe
+from random_appendages import toml
 
 EYE = np.eye(3)
 
@@ -275,3 +280,34 @@ CRAFTS = {
         "appendages": {"arm": boom("arm", (0.1, 0.0, 0.1), turned(0.0, -0.8, 0.0), on="drive")},
     },
 }  # fmt: skip
+
+
+# -- what the tests share ----------------------------------------------------------------------------------------------
+@cache
+def embedded(name, step=0.01, retime=None):
+    """The craft with its appendages as the package embeds them."""
+    craft = CRAFTS[name]
+    with tempfile.TemporaryDirectory() as folder:
+        for place, a in craft["appendages"].items():
+            (Path(folder) / f"{place}.toml").write_text(toml(a["spec"]))
+        (Path(folder) / "craft.xml").write_text(text(craft, step))
+        return bc.embed(
+            Path(folder) / "craft.xml", {n: Path(folder) / f"{n}.toml" for n in craft["appendages"]}, retime=retime
+        )
+
+
+def motors(craft):
+    return [f"{name}_motor" for name in [*craft.get("wheels", {}), *craft.get("drives", {})]]
+
+
+def wheel_rates(craft):
+    return {name: wheel.get("rate", 0.0) for name, wheel in craft.get("wheels", {}).items()}
+
+
+def kept(appendage):
+    return appendage["spec"]["modes"]
+
+
+def band(craft):
+    """Lowest of the last kept frequencies of the appendages [rad/s]."""
+    return min(Truth.modes(a["spec"], kept(a))[0].max() for a in craft["appendages"].values())

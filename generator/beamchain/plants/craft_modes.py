@@ -12,7 +12,7 @@ from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import port_motion
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
-from beamchain.plants.modal_form import ModalForm, modal_form
+from beamchain.plants.modal_form import SAMPLED, ModalForm, modal_form
 from beamchain.plants.normal_modes import NormalModes, cantilever_names, dof_names, mode_names, normal_modes
 from beamchain.plants.operating_point import At, OperatingPoint, operating_point
 from beamchain.plants.sampled import step_slopes
@@ -71,7 +71,7 @@ class LinearCraft:
             a, b = step_slopes(self.point, self.linear, self.inputs)
             h = float(self.point.model.opt.timestep)
             system = (a - np.eye(a.shape[0])) / h, b / h, *system[2:]
-        return modal_form(modes or self.modes, system, self.labels, names or self.mode_names, self.lags)
+        return modal_form(modes or self.modes, system, self.labels, names or self.mode_names, self.lags, SAMPLED if sampled else 1.0)
 
 
 def linear_craft(

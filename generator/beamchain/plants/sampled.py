@@ -52,6 +52,8 @@ def step_slopes(point: OperatingPoint, linear: SecondOrder, inputs: "list[Input]
     nv, na, h = model.nv, model.na, float(model.opt.timestep)
     data, balance = mujoco.MjData(model), np.array(point.data().qfrc_applied)
 
+    fast = max(1.0, min(1.0 / h, 1.0 / POSITION))  # rates are moved by as much as moves positions alike
+
     def ends() -> Array:
         mujoco.mj_step(model, data)
         return np.array(data.qpos)
@@ -73,10 +75,10 @@ def step_slopes(point: OperatingPoint, linear: SecondOrder, inputs: "list[Input]
         if i < nv:
             mujoco.mj_integratePos(model, data.qpos, np.eye(nv)[i], by)
         elif i < 2 * nv:
-            data.qvel[i - nv] += by
+            data.qvel[i - nv] += by * fast
         else:
-            data.act[i - 2 * nv] = by
-        return after()
+            data.act[i - 2 * nv] = by * fast
+        return after() / (1.0 if i < nv else fast)
 
     def driven(i: int, by: float) -> Array:
         reset()
