@@ -11,12 +11,14 @@ from beamchain.caution import Caution
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.plants.operating_point import OperatingPoint
-from beamchain.plants.second_order import POSITION, SecondOrder, slopes
+from beamchain.plants.second_order import SecondOrder, slopes
 from beamchain.plants.signals import Input
 from beamchain.ports.motions import Array
 from beamchain.steps.discrete import SCHEMES
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.retime import retime
+
+MOVED = 2e-4  # perturbation of positions: chains of hinges are far less linear than what is read off them
 
 
 def at_step(model: "mujoco.MjModel", timestep: float, qpos: Array) -> "tuple[mujoco.MjModel, list[str]]":
@@ -52,7 +54,7 @@ def step_slopes(point: OperatingPoint, linear: SecondOrder, inputs: "list[Input]
     nv, na, h = model.nv, model.na, float(model.opt.timestep)
     data, balance = mujoco.MjData(model), np.array(point.data().qfrc_applied)
 
-    fast = max(1.0, min(1.0 / h, 1.0 / POSITION))  # rates are moved by as much as moves positions alike
+    fast = max(1.0, min(1.0 / h, 1.0 / MOVED))  # rates are moved by as much as moves positions alike
 
     def ends() -> Array:
         mujoco.mj_step(model, data)
@@ -87,7 +89,7 @@ def step_slopes(point: OperatingPoint, linear: SecondOrder, inputs: "list[Input]
 
     pushed = np.vstack([h * np.linalg.solve(linear.mass, linear.force), linear.feed * h])
     size = 1.0 / np.maximum(np.abs(pushed).max(axis=0), 1e-300)  # so that the rates change by no more than the step
-    return slopes(state, 2 * nv + na, POSITION), slopes(driven, len(inputs), POSITION)
+    return slopes(state, 2 * nv + na, MOVED), slopes(driven, len(inputs), MOVED)
 
 
 def held_input(system: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
