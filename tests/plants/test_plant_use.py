@@ -34,10 +34,10 @@ def bare(**changes):
 
 # -- what it is --------------------------------------------------------------------------------------------------------
 def test_it_is_a_state_space_with_names_and_units():
-    plant = bc.plant(embedded(NAME), ["wheel1_motor", "torque:hub", "wrench:unit"], ["attitude", "star", "left_drive_angle"])
+    plant = bc.plant(embedded(NAME), ["left_drive_motor", "torque:hub", "wrench:unit"], ["attitude", "star", "left_drive_angle"])
     assert isinstance(plant, control.StateSpace)
     assert plant.input_labels == [
-        "wheel1_motor", "torque_x_hub", "torque_y_hub", "torque_z_hub", "force_x", "force_y", "force_z", "torque_x_unit",
+        "left_drive_motor", "torque_x_hub", "torque_y_hub", "torque_z_hub", "force_x", "force_y", "force_z", "torque_x_unit",
         "torque_y_unit", "torque_z_unit",
     ]  # fmt: skip
     assert plant.output_labels == [f"{n}_{a}" for n in ("attitude", "star") for a in "xyz"] + ["left_drive_angle"]
@@ -61,8 +61,8 @@ def test_defaults_are_all_actuators_and_attitude_with_rate():
 def test_control_works_on_it():
     plant = bc.plant(embedded(NAME), ["torque:hub"])
     one = plant["attitude_z", "torque_z"]
-    assert control.frequency_response(plant, [1.0, 2.0]).magnitude.shape == (6, 3, 2)
-    assert np.ravel(control.bode(one, [1.0, 2.0], plot=False)[0]).size == 2
+    assert control.frequency_response(plant, [1.0, 2.0, 3.0]).magnitude.shape == (6, 3, 3)
+    assert control.bode(one, [1.0, 2.0, 3.0]).lines.shape == (2, 1)
     loop = control.feedback(one, control.tf([40.0, 20.0], [0.1, 1.0]))
     assert loop.nstates == plant.nstates + 1
     assert control.margin(one * control.tf([40.0, 20.0], [0.1, 1.0]))[1] > 0.0
@@ -108,7 +108,8 @@ def test_keyframes_bring_angles_and_speeds():
     by_key, by_hand = bc.plant(made, at="run"), bc.plant(made, at={}, rates=rates)
     assert error(by_key(S, squeeze=False), by_hand(S, squeeze=False)) < SAME
     assert bc.plant(made, at=0).state_labels == by_key.state_labels
-    assert bc.plant(made, at=np.array(made.model.key_qpos[0])).nstates < by_key.nstates
+    still = bc.plant(made, at=np.array(made.model.key_qpos[0]))  # positions bring no speeds
+    assert ["nutation" in " ".join(p.state_labels) for p in (still, by_key)] == [False, True]
 
 
 def test_specs_models_and_files_are_taken(tmp_path):
@@ -195,7 +196,6 @@ LIMITED = ('<joint name="drive" ', '<joint name="drive" limited="true" range="-1
         ({"at": {"driv": 0.1}}, "did you mean 'drive'"),
         ({"at": {"drive": 45.0}}, r"joint 'drive' = 45 is outside its range \[-1, 1\]; angles are in rad"),
         ({"at": {"drive": [0.1], "spin": [0.2]}}, "only one joint can have a list of angles"),
-        ({"rates": {"drive": 1.0}}, "only balanced wheels may turn"),
         ({"discrete": 0.0}, "discrete = 0.0 must be above zero"),
     ],
 )
@@ -204,6 +204,11 @@ def test_mistakes_are_named(arguments, sentence):
     with pytest.raises(bc.InputError, match=sentence) as found:
         bc.plant(model, **arguments)
     assert len(re.findall(r"\.(?:\s|$)", str(found.value))) <= 2
+
+
+def test_a_drive_with_an_array_may_not_turn():
+    with pytest.raises(bc.InputError, match=r"'drive' moves at 1 in this state.*only balanced wheels may turn"):
+        bc.plant(embedded(SPRUNG), rates={"drive": 1.0})
 
 
 def test_a_muscle_is_not_linear():

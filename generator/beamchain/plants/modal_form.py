@@ -23,7 +23,7 @@ Flags = NDArray[np.bool_]
 APART = 1e-12  # relative: a smaller coupling is none
 ZERO = 1e-11  # relative: smaller singular values are zero
 SKEW = 1e7  # condition of eigenvectors beyond which blocks stay together
-UNSEEN = 1e-9  # relative: less than this is driven or seen by nothing
+UNSEEN = 1e-12  # relative: less than this is driven or seen by nothing
 SAMPLED = 100.0  # noise of a step's differences beside that of continuous time: the limits above are so much higher
 MODAL = ("kg^0.5 m", "kg^0.5 m/s")  # units of the amplitude of a mode of unit mass, and of its rate
 
@@ -140,7 +140,9 @@ def modal_form(
     there, back = modes.transformation(len(lags))
     a, b, c = back @ system[0] @ there, back @ system[1], system[2] @ there
     size: Array = np.sqrt(np.diag(modes.rigid.T @ modes.mass @ modes.rigid))
-    weights = np.concatenate([np.ones(nf), 1.0 / size, np.ones(nf + len(lags))])
+    weights = np.concatenate([np.ones(nf), 1.0 / size, np.ones(nf)])
+    push = np.abs(a[nr : nr + weights.size, nr + weights.size :] / weights[:, None]).max(axis=0, initial=1e-300)
+    weights = np.append(weights, 1.0 / push)  # an actuator's state weighs what it accelerates
     words = [
         *((name, MODAL[0]) for name in names), *((f"rigid_{name}_rate", f"{unit}/s") for name, unit in own),
         *((f"{name}_rate", MODAL[1]) for name in names), *((name, "") for name in lags),
@@ -174,7 +176,7 @@ def modal_form(
     said = [name if said.index(name) == i else f"{name}_{said[:i].count(name) + 1}" for i, name in enumerate(said)]
     b = np.asarray(np.linalg.solve(basis * weight, b), dtype=np.float64) * weight[:, None]
     units = tuple(unit for _, unit in states)
-    return ModalForm(matrix, b, c @ basis, system[3], tuple(said), units, weight, (nr, rates), UNSEEN * noise)
+    return ModalForm(matrix, b, c @ basis, system[3], tuple(said), units, weight, (nr, rates), UNSEEN * noise**1.5)
 
 
 def _separated(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 ALIKE = 0.9  # least modal assurance between neighbouring angles; below it the angle between is looked at
-FINEST = 0.02  # rad between angles, below which modes are taken as they are
+WIDEST, FINEST = 0.1, 0.02  # rad between angles: never more, and below which modes are taken as they are
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,7 +117,8 @@ def _followed(
     new = there.modes
     overlap = known.shapes.T @ ((known.mass + new.mass) / 2.0) @ new.shapes
     rows, columns = linear_sum_assignment(-np.abs(overlap))
-    if np.min(np.abs(overlap[rows, columns]) ** 2, initial=1.0) < ALIKE and abs(after - before) > FINEST:
+    alike = float(np.min(np.abs(overlap[rows, columns]) ** 2, initial=1.0)) >= ALIKE
+    if abs(after - before) > (WIDEST if alike else FINEST):
         middle = (before + after) / 2.0
         between = craft(middle)
         halfway = _followed(craft, known, between, before, middle)
