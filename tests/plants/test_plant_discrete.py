@@ -1,6 +1,7 @@
 """`bc.plant(discrete=h)` against the sampled continuous plant, and against MuJoCo itself."""
 
 import copy
+import sys
 
 import control
 import mujoco
@@ -53,7 +54,7 @@ def test_one_undamped_appendage_is_sampled_exactly(phase):
     assert distance(true, held(truth, h, z, ["torque:hub"]), s, rigid) < ALONE
     found, mean = plant(z, squeeze=False), (1.0 - 1.0 / z) / h  # rate: the mean over the step
     said = distance(found[:3], true, s, rigid), distance(found[3:] / mean, true, s, rigid)
-    print(f"phase {phase:g}: {said[0]:.1e}, {said[1]:.1e}")
+    sys.stdout.write(f"phase {phase:g}: {said[0]:.1e}, {said[1]:.1e}" + "\n")
     assert max(said) < ALONE
 
 
@@ -71,7 +72,7 @@ def test_embedded_craft_stay_within_the_figures(name, phase):
     rigid = np.linalg.inv(truth.m[:6, :6])[3:, 3:]
     plant = bc.plant(made, inputs, ["attitude"], discrete=h)
     found = distance(plant(z, squeeze=False), held(truth, h, z, inputs), s, rigid)
-    print(f"{name}, phase {phase:g}: {found:.1e}")
+    sys.stdout.write(f"{name}, phase {phase:g}: {found:.1e}" + "\n")
     assert found < FIGURES[phase]
 
 
@@ -99,13 +100,15 @@ def test_it_is_what_mujoco_runs(name):
         mujoco.mj_forward(made.model, data)
     told, seen = np.asarray(control.forced_response(plant, np.arange(300) * h, given).outputs), np.array(seen).T
     size = np.abs(seen).max(1).reshape(2, 3).max(1).repeat(3)  # of the attitude's axes, and of the rate's
-    print(f"{name}: {np.max(np.abs(told - seen).max(1) / size):.1e}")
+    sys.stdout.write(f"{name}: {np.max(np.abs(told - seen).max(1) / size):.1e}" + "\n")
     assert np.all(np.abs(told - seen).max(1) < RUN * size)
 
 
 def test_an_unstable_step_names_the_mode():
     craft = text(CRAFTS["a sprung drive and worn bearings"]).replace('stiffness="4000.0"', 'stiffness="4000000.0"')
-    with pytest.raises(bc.InputError, match=r"discrete = 0\.1 s is unstable: mode 'drive' grows by a factor .* per step"):
+    with pytest.raises(
+        bc.InputError, match=r"discrete = 0\.1 s is unstable: mode 'drive' grows by a factor .* per step"
+    ):
         bc.plant(compile_model(craft), discrete=0.1)
 
 

@@ -181,7 +181,9 @@ class Truth:
     def transfer(self, s, inputs, outputs):
         """`(outputs, inputs, k)` at complex frequencies."""
         b = self.inputs(inputs)
-        return np.stack([self.outputs(outputs, v) @ np.linalg.solve(v**2 * self.m + v * self.c + self.k, b) for v in s], -1)
+        return np.stack(
+            [self.outputs(outputs, v) @ np.linalg.solve(v**2 * self.m + v * self.c + self.k, b) for v in s], -1
+        )
 
     def system(self):
         """A and the inverse mass, over (q, q')."""
@@ -208,7 +210,14 @@ def panel(length, xy=6e4, xz=900.0, torsion=600.0):
 
 
 def spec(name, segments, modes, ratio=0.005, **more):
-    return {"name": name, "segment": segments, "damping": {"ratio": ratio}, "root": {"target": "clamped"}, "modes": modes, **more}
+    return {
+        "name": name,
+        "segment": segments,
+        "damping": {"ratio": ratio},
+        "root": {"target": "clamped"},
+        "modes": modes,
+        **more,
+    }
 
 
 def turned(*vector):
@@ -217,7 +226,13 @@ def turned(*vector):
 
 LEFT, RIGHT = turned(0.0, 0.0, np.pi / 2), turned(0.0, 0.0, -np.pi / 2)
 PYRAMID = {
-    f"wheel{i + 1}": {"at": (0.2 * a, 0.2 * b, -0.3), "axis": (a, b, 1.0), "mass": 5.0, "inertia": (0.05, 0.03), "rate": rate}
+    f"wheel{i + 1}": {
+        "at": (0.2 * a, 0.2 * b, -0.3),
+        "axis": (a, b, 1.0),
+        "mass": 5.0,
+        "inertia": (0.05, 0.03),
+        "rate": rate,
+    }
     for i, ((a, b), rate) in enumerate(zip(product((1, -1), repeat=2), (400.0, 250.0, -120.0, 310.0), strict=True))
 }
 ARRAY = {"xy": 2, "xz": 3, "torsion": 2}

@@ -68,10 +68,12 @@ class LinearCraft:
         """
         system = self.linear.first_order
         if sampled:
-            a, b = step_slopes(self.point, self.linear, self.inputs)
+            a, b = step_slopes(self.point, self.linear, list(self.inputs))
             h = float(self.point.model.opt.timestep)
             system = (a - np.eye(a.shape[0])) / h, b / h, *system[2:]
-        return modal_form(modes or self.modes, system, self.labels, names or self.mode_names, self.lags, SAMPLED if sampled else 1.0)
+        return modal_form(
+            modes or self.modes, system, self.labels, names or self.mode_names, self.lags, SAMPLED if sampled else 1.0
+        )
 
 
 def linear_craft(

@@ -3,7 +3,7 @@
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -37,7 +37,7 @@ def write(path: str | Path, record: Mapping[str, Any], *, force: bool) -> Path:
         else:
             from scipy.io import savemat
 
-            savemat(stream, {name: _matlab(value) for name, value in record.items()})
+            savemat(cast("Any", stream), {name: _matlab(value) for name, value in record.items()})
         content = stream.getvalue()
     write_files({place: content}, force=force)
     return place

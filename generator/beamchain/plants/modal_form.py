@@ -153,7 +153,7 @@ def modal_form(
     blocks: list[Block] = []
     for k in range(int(count)):
         mine = np.flatnonzero(group == k)
-        m = scaled[np.ix_(mine, mine)]
+        m = scaled[mine][:, mine]
         for part in _separated(m, [int(i) for i in mine], ZERO * noise * top, modes.frequency, nr, words, weights):
             basis = np.zeros((weights.size, part.basis.shape[1]))
             basis[mine] = part.basis * weights[mine][:, None]
@@ -193,7 +193,9 @@ def _separated(
     if together or (live < size and np.linalg.cond(left[:, live:].T @ right[live:].T) > SKEW):
         factor = np.array([1.0 / w[i] if i < nf else weights[i] for i in mine])  # eta instead of w eta
         order = (2, mine[flexible[0]]) if flexible else (1, 0)
-        return [Block(order, np.diag(1.0 / factor), m * np.outer(factor, 1.0 / factor), [words[i] for i in mine], factor)]
+        return [
+            Block(order, np.diag(1.0 / factor), m * np.outer(factor, 1.0 / factor), [words[i] for i in mine], factor)
+        ]
     out: list[Block] = []
     if live < size:
         basis, rows = _range(right[live:].T, 0.0)
@@ -202,7 +204,7 @@ def _separated(
             order = (0, i) if nf <= i < nf + nr else (1, i)
             out.append(Block(order, basis[:, [j]] / own[row], np.zeros((1, 1)), [words[i]], own[[row]]))
     swings = [k for k in range(live) if values[k].imag > 0.0]
-    amplitude = np.abs(v[np.ix_(flexible, swings)]) / np.linalg.norm(v[:, swings], axis=0)
+    amplitude = np.abs(v[flexible][:, swings]) / np.linalg.norm(v[:, swings], axis=0)
     chosen = {swings[j]: flexible[i] for i, j in zip(*linear_sum_assignment(-amplitude), strict=True)}
     for k in range(live):
         pole, x, j = complex(values[k]), v[:, k], chosen.get(k, int(np.argmax(np.abs(v[:, k]))))
@@ -219,5 +221,7 @@ def _separated(
         second = x.imag / pole.imag
         basis = np.column_stack([x.real - pole.real * second, second])  # x1' = x2, x = X1 + pole X2
         matrix = np.array([[0.0, 1.0], [-(abs(pole) ** 2), 2.0 * pole.real]])
-        out.append(Block(order, basis, matrix, [(name, unit), (f"{name}_rate", rate)], np.array([1.0, abs(pole)]) * weight))
+        out.append(
+            Block(order, basis, matrix, [(name, unit), (f"{name}_rate", rate)], np.array([1.0, abs(pole)]) * weight)
+        )
     return out

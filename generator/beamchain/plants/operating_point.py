@@ -153,7 +153,7 @@ def operating_point(model: "mujoco.MjModel", at: At = None, rates: Mapping[str, 
         qpos = given.copy()
     for name, value in (rates or {}).items():
         rate = number(f"rates[{name!r}]", value, "rad/s")
-        if rate == 0.0 and mujoco.mj_name2id(model, int(mujoco.mjtObj.mjOBJ_JOINT), str(name)) >= 0:
+        if rate == 0.0 and mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, str(name)) >= 0:
             qvel[np.flatnonzero(model.dof_jntid == model.joint(str(name)).id)] = 0.0
         else:
             qvel[model.jnt_dofadr[single_joint(model, "rates", str(name))]] = rate
@@ -181,7 +181,7 @@ def _keyframe(model: "mujoco.MjModel", at: "str | int | np.integer[Any]") -> int
 
 def single_joint(model: "mujoco.MjModel", field: str, name: str) -> int:
     """Number of a hinge or slide by its name."""
-    joint = int(mujoco.mj_name2id(model, int(mujoco.mjtObj.mjOBJ_JOINT), name))
+    joint = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name))
     if joint < 0 or int(model.jnt_type[joint]) < 2:
         singles = [str(model.joint(j).name) for j in range(model.njnt) if int(model.jnt_type[j]) >= 2]
         raise unknown(f"joint of {field}", name, singles)

@@ -14,7 +14,9 @@ from beamchain.plants.export import write
 from beamchain.plants.modal_form import ModalForm
 from beamchain.ports.motions import Array, locked
 
-NO_EXACT = "the model is only a file, which does not hold the modes that its chains leave out; give what bc.embed returns to bc.plant."
+NO_EXACT = (
+    "the model is only a file, which does not hold the modes that its chains leave out; give what bc.embed returns."
+)
 
 
 class Plant(control.StateSpace):
@@ -55,12 +57,18 @@ class Plant(control.StateSpace):
         few = ", ".join(f"{w:.4g}" for w in self.frequency[:3]) + (", ..." if len(self.modes) > 3 else "")
         return f"<Plant, {self.ninputs} inputs, {self.noutputs} outputs, {self.nstates} states, {when}; modes: {few} rad/s>"
 
+    def _matrix(self, name: str) -> Array:
+        return np.asarray(getattr(self, name), dtype=np.float64)
+
+    def _states(self, mode: str) -> list[int]:
+        return [list(self.state_labels).index(word) for word in (mode, f"{mode}_rate")]
+
     def _poles(self) -> NDArray[np.complex128]:
         """A pole `s` per flexible mode, the one above the real axis."""
         out: list[complex] = []
         for name in self.modes:
-            at = [self.state_labels.index(word) for word in (name, f"{name}_rate")]
-            pole = np.linalg.eigvals(self.A[np.ix_(at, at)]).astype(np.complex128)
+            at = self._states(name)
+            pole = np.linalg.eigvals(self._matrix("A")[np.ix_(at, at)]).astype(np.complex128)
             pole = np.log(pole) / self.dt if self.dt else pole
             out.append(complex(pole[np.argmax(pole.imag)]))
         return np.array(out, dtype=np.complex128)
@@ -80,8 +88,8 @@ class Plant(control.StateSpace):
         """`(modes, outputs, inputs)` modal gains: size of the mode's numerator over `s^2 + 2 zeta w s + w^2`, at `s = jw`."""
         out = np.zeros((len(self.modes), self.noutputs, self.ninputs))
         for k, name in enumerate(self.modes):
-            at = [self.state_labels.index(word) for word in (name, f"{name}_rate")]
-            b, c = self.B[at], self.C[:, at]
+            at = self._states(name)
+            b, c = self._matrix("B")[at], self._matrix("C")[:, at]
             s = 1j * self.frequency[k]
             out[k] = np.abs(np.outer(c[:, 0] + s * c[:, 1], b[1]) + np.outer(c[:, 0] * s + 0.0, b[0]))
         return locked(out)

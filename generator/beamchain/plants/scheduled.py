@@ -123,4 +123,4 @@ def _followed(
         between = craft(middle)
         halfway = _followed(craft, known, between, before, middle)
         return _followed(craft, halfway, there, middle, after)
-    return new.ordered(list(columns), np.where(overlap[rows, columns] < 0.0, -1.0, 1.0))
+    return new.ordered([int(i) for i in columns], np.where(overlap[rows, columns] < 0.0, -1.0, 1.0))

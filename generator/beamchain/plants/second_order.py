@@ -58,7 +58,10 @@ class SecondOrder:
         a = np.zeros((states, states))
         a[:nv, nv : 2 * nv], a[nv : 2 * nv], a[2 * nv :, 2 * nv :] = np.eye(nv), solved[:, :states], self.lag
         b = np.vstack([np.zeros((nv, self.force.shape[1])), solved[:, states:], self.feed])
-        y = np.hstack([self.of_position, self.of_rate, self.of_activation, self.of_input]) + self.of_acceleration @ solved
+        y = (
+            np.hstack([self.of_position, self.of_rate, self.of_activation, self.of_input])
+            + self.of_acceleration @ solved
+        )
         return a, b, y[:, :states], y[:, states:]
 
     def with_appendages(self, jacobians: Sequence[Array], models: Sequence[PortModel]) -> "SecondOrder":
@@ -81,9 +84,20 @@ class SecondOrder:
             damping[mine, mine] = np.diag(2.0 * model.damping * model.frequencies)
             start += model.modes
         activation, force = (np.pad(m, ((0, extra), (0, 0))) for m in (self.activation, self.force))
-        rows = [np.pad(m, ((0, 0), (0, extra))) for m in (self.of_position, self.of_rate, self.of_acceleration)]
+        y0, y1, y2 = (np.pad(m, ((0, 0), (0, extra))) for m in (self.of_position, self.of_rate, self.of_acceleration))
         return SecondOrder(
-            mass, damping, stiffness, activation, force, self.lag, self.feed, *rows, self.of_activation, self.of_input
+            mass,
+            damping,
+            stiffness,
+            activation,
+            force,
+            self.lag,
+            self.feed,
+            y0,
+            y1,
+            y2,
+            self.of_activation,
+            self.of_input,
         )
 
 
@@ -134,7 +148,7 @@ def second_order(point: OperatingPoint, inputs: Sequence[Input], outputs: Sequen
     by_v = table(lambda i, by: data.qvel.__setitem__(i, point.qvel[i] + by), nv, RATE)
     by_a = table(lambda i, by: data.act.__setitem__(i, by), na, RATE)
     by_u = table(lambda i, by: inputs[i].apply(data, by), len(inputs), RATE)
-    by_acceleration = table(lambda i, by: i, nv, RATE)
+    by_acceleration = table(lambda i, _: i, nv, RATE)
     force = by_u[:nv] + np.column_stack([_applied(model, start, item) for item in inputs])
     stiffness, damping = -by_q[:nv], -by_v[:nv]
     rest, y = slice(2 * nv, 2 * nv + na), slice(2 * nv + na, None)

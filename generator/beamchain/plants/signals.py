@@ -39,7 +39,6 @@ class Input:
         actuator: its number; -1: a wrench.
         body: that the wrench acts on.
         wrench: `(6,)` force and torque at the body's mass centre in world axes, as in `xfrc_applied`.
-        inner: it acts on a body by its name (an appendage's bodies have names of their own).
     """
 
     label: str
@@ -127,7 +126,7 @@ def inputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Input]
                 )
             mine, place = [Input(name, "", actuator=number)], name
         groups.append((place, mine))
-    _distinct([[i.label for i in mine] for _, mine in groups], "inputs", names)
+    _distinct("inputs", names)
     said = Counter(i.label for _, mine in groups for i in mine)
     return [
         Input(f"{i.label}_{place}" if said[i.label] > 1 else i.label, i.unit, i.actuator, i.body, i.wrench)
@@ -157,7 +156,7 @@ def outputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Outpu
             cure = "Or give attitude, rate, motion:SITE."
             one, place = _sensor(point, data, named(model, "sensor", name, "sensor of outputs", cure)), name
         out.append((place, one))
-    _distinct([list(one.labels) for _, one in out], "outputs", ["attitude", "rate"] if names is None else names)
+    _distinct("outputs", ["attitude", "rate"] if names is None else names)
     said = Counter(label for _, one in out for label in one.labels)
     return [
         Output(
@@ -174,7 +173,7 @@ def _listed(field: str, names: Sequence[str]) -> list[str]:
     return list(names)
 
 
-def _distinct(labels: list[list[str]], field: str, names: Sequence[str]) -> None:
+def _distinct(field: str, names: Sequence[str]) -> None:
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise InputError(f"{field} names {twice[0]!r} twice; name each signal once.")
