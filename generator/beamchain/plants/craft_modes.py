@@ -17,7 +17,7 @@ from beamchain.plants.normal_modes import NormalModes, cantilever_names, dof_nam
 from beamchain.plants.operating_point import At, OperatingPoint, operating_point
 from beamchain.plants.sampled import step_slopes
 from beamchain.plants.second_order import SecondOrder, second_order
-from beamchain.plants.signals import Input, Output, inputs_of, outputs_of
+from beamchain.plants.signals import Input, Output, actuator_names, inputs_of, outputs_of
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
@@ -151,11 +151,8 @@ def exact_craft(
 
 def _lags(model: "mujoco.MjModel") -> tuple[str, ...]:
     """Names of the actuators with a state, once per state."""
-    return tuple(
-        str(model.actuator(i).name) or f"actuator {i}"
-        for i in range(model.nu)
-        for _ in range(int(model.actuator_actnum[i]))
-    )
+    names = actuator_names(model)
+    return tuple(names[i] for i in range(model.nu) for _ in range(int(model.actuator_actnum[i])))
 
 
 def _names(prefix: str, model: PortModel) -> list[str]:

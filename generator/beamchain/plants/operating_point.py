@@ -2,9 +2,8 @@
 
 import difflib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,8 +12,7 @@ from beamchain.checks import number
 from beamchain.craft.assembly import quiet
 from beamchain.craft.embedded import Embedded
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import compile_model, dense_mass
-from beamchain.engine.mount import JOINT_KINDS
+from beamchain.engine.linearise import compile_model, mass_matrix
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
 
@@ -24,15 +22,8 @@ CYCLIC = 1e-6  # relative change of the mass matrix below which it does not
 At = Any  # str | int | array of positions | Mapping[str, float | array]
 
 
-@dataclass(frozen=True, eq=False)
-class OperatingPoint:
-    """A pose at which a model is linearised.
-
-    Args:
-        model: prepared for linearising (`prepared`).
-        qpos: `(nq,)` pose.
-        qvel: `(nv,)` rates of the wheels [rad/s], zero elsewhere.
-    """
+class OperatingPoint(NamedTuple):
+    """A model prepared for linearising, its pose `(nq,)`, and the rates `(nv,)` of its wheels [rad/s]."""
 
     model: "mujoco.MjModel"
     qpos: Array
@@ -59,12 +50,7 @@ def unknown(field: str, value: object, names: Iterable[str], cure: str = "") -> 
 
 
 def compiled_model(source: "Embedded | mujoco.MjSpec | mujoco.MjModel | str | Path") -> "mujoco.MjModel":
-    """A compiled model from any of the things that `plant` takes; none of them is changed.
-
-    Raises:
-        InputError: there is no such file, or it is none of these things.
-        EngineError: MuJoCo refuses the model.
-    """
+    """A compiled model from any of the things that `plant` takes; none of them is changed."""
     if isinstance(source, Embedded):
         return source.model
     if isinstance(source, mujoco.MjSpec):
@@ -80,36 +66,22 @@ def compiled_model(source: "Embedded | mujoco.MjSpec | mujoco.MjModel | str | Pa
     return compile_model(source)
 
 
-def prepared(model: "mujoco.MjModel") -> "mujoco.MjModel":
-    """A copy without gravity, medium, contacts and constraints, its springs slack at rest and no input clamped."""
-    out = quiet(model)
-    out.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
-    out.actuator_forcelimited[:] = out.actuator_actlimited[:] = out.jnt_actfrclimited[:] = 0
-    out.tendon_actfrclimited[:] = 0
-    return out
-
-
 def left_out(model: "mujoco.MjModel") -> list[str]:
     """Sentences on what the linear plant leaves out of a model."""
-    out: list[str] = []
-    if np.any(np.asarray(model.opt.gravity) != 0.0):
-        out.append(Caution("gravity", "the plant is one in free fall: the model's gravity is left out."))
-    if float(model.opt.density) > 0.0 or float(model.opt.viscosity) > 0.0:
-        out.append(Caution("medium", "the medium's density and viscosity are left out of the plant."))
-    if model.neq:
-        out.append(Caution("equality", f"{model.neq} equality constraint(s) are left out of the plant."))
-    return out
+    gravity = bool(np.any(np.asarray(model.opt.gravity) != 0.0))
+    medium = float(model.opt.density) > 0.0 or float(model.opt.viscosity) > 0.0
+    found = (
+        (gravity, "gravity", "the plant is one in free fall: the model's gravity is left out."),
+        (medium, "medium", "the medium's density and viscosity are left out of the plant."),
+        (bool(model.neq), "equality", f"{model.neq} equality constraint(s) are left out of the plant."),
+    )
+    return [Caution(code, text) for there, code, text in found if there]
 
 
 def grid_of(at: At) -> tuple[str, Array] | None:
-    """The joint and its angles where `at` is a grid; None where it is one point.
-
-    Raises:
-        InputError: several joints have several angles.
-    """
-    if not isinstance(at, Mapping):
-        return None
-    many = {str(name): np.asarray(values, dtype=np.float64) for name, values in at.items() if np.ndim(values) > 0}
+    """The joint and its angles where `at` is a grid; None where it is one point."""
+    given = at.items() if isinstance(at, Mapping) else ()
+    many = {str(name): np.asarray(values, dtype=np.float64) for name, values in given if np.ndim(values) > 0}
     if not many:
         return None
     name, values = next(iter(many.items()))
@@ -118,13 +90,11 @@ def grid_of(at: At) -> tuple[str, Array] | None:
             f"at = {at!r:.80} gives {', '.join(many)} more than one angle; only one joint can have a list of angles, "
             f'at={{"{name}": [0.0, 0.5]}}.'
         )
-    for value in values:
-        number(f"at[{name!r}]", float(value), "rad")
-    return name, values
+    return name, np.array([number(f"at[{name!r}]", float(value), "rad") for value in values])
 
 
 def operating_point(model: "mujoco.MjModel", at: At = None, rates: Mapping[str, float] | None = None) -> OperatingPoint:
-    """The point that `at` and `rates` name in a model, prepared for linearising.
+    """The point that `at` and `rates` name, in a copy of the model without gravity, medium, constraints and clamps.
 
     Args:
         model: compiled.
@@ -141,29 +111,29 @@ def operating_point(model: "mujoco.MjModel", at: At = None, rates: Mapping[str, 
         qpos, qvel = np.array(model.key_qpos[key]), np.array(model.key_qvel[key])
     elif isinstance(at, Mapping):
         for name, value in at.items():
-            joint = single_joint(model, "at", str(name))
-            qpos[model.jnt_qposadr[joint]] = number(f"at[{name!r}]", value, "rad")
+            qpos[model.jnt_qposadr[_joint(model, "at", str(name))]] = number(f"at[{name!r}]", value, "rad")
     elif at is not None:
-        given = np.asarray(at, dtype=np.float64)
-        if given.shape != (model.nq,) or not np.all(np.isfinite(given)):
+        qpos = np.array(at, dtype=np.float64)
+        if qpos.shape != (model.nq,) or not np.all(np.isfinite(qpos)):
             raise InputError(
-                f"at has the shape {given.shape}; give qpos with shape ({model.nq},), finite, a keyframe's name, or angles "
+                f"at has the shape {qpos.shape}; give qpos with shape ({model.nq},), finite, a keyframe's name, or angles "
                 "by joint."
             )
-        qpos = given.copy()
     for name, value in (rates or {}).items():
         rate = number(f"rates[{name!r}]", value, "rad/s")
-        if rate == 0.0 and mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, str(name)) >= 0:
-            qvel[np.flatnonzero(model.dof_jntid == model.joint(str(name)).id)] = 0.0
-        else:
-            qvel[model.jnt_dofadr[single_joint(model, "rates", str(name))]] = rate
+        joint = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, str(name)))
+        joint = joint if rate == 0.0 and joint >= 0 else _joint(model, "rates", str(name))
+        qvel[model.dof_jntid == joint] = rate
     _check_pose(model, qpos)
-    ready = prepared(model)
+    ready = quiet(model)
+    ready.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    for name in ("actuator_forcelimited", "actuator_actlimited", "jnt_actfrclimited", "tendon_actfrclimited"):
+        getattr(ready, name)[:] = 0
     free = np.flatnonzero(ready.jnt_type == 0)
-    if free.size == 1:  # where in space makes no difference, but a far place costs digits
-        qpos[int(ready.jnt_qposadr[free[0]]) : int(ready.jnt_qposadr[free[0]]) + 3] = 0.0
     for joint in free:
-        qvel[int(ready.jnt_dofadr[joint]) : int(ready.jnt_dofadr[joint]) + 3] = 0.0
+        qvel[int(ready.jnt_dofadr[joint]) + np.arange(3)] = 0.0  # a craft that drifts is the same craft
+    if free.size == 1:  # where in space makes no difference, but a far place costs digits
+        qpos[int(ready.jnt_qposadr[free[0]]) + np.arange(3)] = 0.0
     _check_rates(ready, qpos, qvel)
     return OperatingPoint(ready, qpos, qvel)
 
@@ -179,33 +149,27 @@ def _keyframe(model: "mujoco.MjModel", at: "str | int | np.integer[Any]") -> int
     return int(at)
 
 
-def single_joint(model: "mujoco.MjModel", field: str, name: str) -> int:
-    """Number of a hinge or slide by its name."""
-    joint = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name))
-    if joint < 0 or int(model.jnt_type[joint]) < 2:
-        singles = [str(model.joint(j).name) for j in range(model.njnt) if int(model.jnt_type[j]) >= 2]
+def _joint(model: "mujoco.MjModel", field: str, name: str) -> int:
+    singles = {str(model.joint(j).name): j for j in range(model.njnt) if int(model.jnt_type[j]) >= 2}
+    if name not in singles:
         raise unknown(f"joint of {field}", name, singles)
-    return joint
+    return singles[name]
 
 
 def _check_pose(model: "mujoco.MjModel", qpos: Array) -> None:
-    for j in range(model.njnt):
-        kind = JOINT_KINDS[int(model.jnt_type[j])]
-        if bool(model.jnt_limited[j]) and kind in ("slide", "hinge"):
-            value, (low, high) = float(qpos[model.jnt_qposadr[j]]), model.jnt_range[j]
-            if not low <= value <= high:
-                raise InputError(
-                    f"at: joint {model.joint(j).name!r} = {value:g} is outside its range [{low:g}, {high:g}]; angles are "
-                    "in rad; give one within it."
-                )
+    for j in np.flatnonzero(np.asarray(model.jnt_limited, dtype=bool) & (np.asarray(model.jnt_type) >= 2)):
+        value, (low, high) = float(qpos[model.jnt_qposadr[j]]), model.jnt_range[j]
+        if not low <= value <= high:
+            raise InputError(
+                f"at: joint {model.joint(int(j)).name!r} = {value:g} is outside its range [{low:g}, {high:g}]; angles are "
+                "in rad; give one within it."
+            )
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
-    for i in range(data.ncon):
-        if data.contact[i].dist <= 0.0:
-            one, two = (
-                model.geom(int(g)).name or model.body(int(model.geom_bodyid[g])).name for g in data.contact[i].geom
-            )
+    for contact in (data.contact[i] for i in range(data.ncon)):
+        if contact.dist <= 0.0:
+            one, two = (model.geom(int(g)).name or model.body(int(model.geom_bodyid[g])).name for g in contact.geom)
             raise InputError(
                 f"at: {one!r} touches {two!r} in this pose, and a contact has no linear part; give another pose, or exclude "
                 "the pair (<contact><exclude/>)."
@@ -214,22 +178,16 @@ def _check_pose(model: "mujoco.MjModel", qpos: Array) -> None:
 
 def _check_rates(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> None:
     """Only what leaves the mass matrix as it is may turn."""
-    data = mujoco.MjData(model)
-
-    def mass(position: Array) -> Array:
-        data.qpos[:] = position
-        mujoco.mj_forward(model, data)
-        return dense_mass(model, data)
-
-    before = mass(qpos)
     for dof in np.flatnonzero(qvel):
         joint = int(model.dof_jntid[dof])
-        name, turned = model.joint(joint).name or f"joint {joint}", qpos.copy()
         if int(model.jnt_type[joint]) == 3:
+            turned = qpos.copy()
             turned[model.jnt_qposadr[joint]] += TURNED
+            before = mass_matrix(model, qpos)
             size = np.sqrt(np.outer(np.diag(before), np.diag(before)))
-            if np.max(np.abs(mass(turned) - before) / size) < CYCLIC:
+            if np.max(np.abs(mass_matrix(model, turned) - before) / size) < CYCLIC:
                 continue
+        name = model.joint(joint).name or f"joint {joint}"
         raise InputError(
             f"at: joint {name!r} moves at {qvel[dof]:g} in this state, and the plant would change as it moves; only balanced "
             f"wheels may turn; give rates={{{name!r}: 0.0}} to linearise at rest."

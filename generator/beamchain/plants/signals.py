@@ -1,8 +1,8 @@
-"""Inputs and outputs of a plant by name: actuators, torques, forces, wrenches; sensors, attitude, rates, motions."""
+"""Inputs and outputs of a plant by name: actuators, torques, forces, wrenches; sensors, attitude, rate, motions."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,19 +15,16 @@ from beamchain.ports.motions import Array
 AXES = ("x", "y", "z")
 DYNAMICS = ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT")  # of actuators, those that are linear
 NOT_SMOOTH = (
-    "TOUCH", "RANGEFINDER", "JOINTLIMITPOS", "JOINTLIMITVEL", "JOINTLIMITFRC", "TENDONLIMITPOS", "TENDONLIMITVEL",
-    "TENDONLIMITFRC", "GEOMDIST", "GEOMNORMAL", "GEOMFROMTO", "INSIDESITE", "CONTACT", "TACTILE", "CLOCK", "USER", "PLUGIN",
-    "E_POTENTIAL", "E_KINETIC",
-)  # fmt: skip
+    "TOUCH RANGEFINDER JOINTLIMITPOS JOINTLIMITVEL JOINTLIMITFRC TENDONLIMITPOS TENDONLIMITVEL TENDONLIMITFRC GEOMDIST "
+    "GEOMNORMAL GEOMFROMTO INSIDESITE CONTACT TACTILE CLOCK USER PLUGIN E_POTENTIAL E_KINETIC"
+)
 QUATERNIONS = ("FRAMEQUAT", "BALLQUAT")
 OF_CHAINS = ("FORCE", "TORQUE", "SUBTREECOM", "SUBTREELINVEL", "SUBTREEANGMOM", "TENDONPOS", "TENDONVEL")
 UNITS = {
-    "ACCELEROMETER": "m/s^2", "VELOCIMETER": "m/s", "GYRO": "rad/s", "FORCE": "N", "TORQUE": "N m", "MAGNETOMETER": "T",
-    "JOINTPOS": "rad", "JOINTVEL": "rad/s", "ACTUATORFRC": "N m", "JOINTACTFRC": "N m", "BALLANGVEL": "rad/s",
-    "FRAMEPOS": "m", "FRAMELINVEL": "m/s", "FRAMEANGVEL": "rad/s", "FRAMELINACC": "m/s^2", "FRAMEANGACC": "rad/s^2",
-    "SUBTREECOM": "m", "SUBTREELINVEL": "m/s", "SUBTREEANGMOM": "N m s", "FRAMEQUAT": "rad", "BALLQUAT": "rad",
+    "rad": "JOINTPOS FRAMEQUAT BALLQUAT", "rad/s": "GYRO JOINTVEL BALLANGVEL FRAMEANGVEL", "rad/s^2": "FRAMEANGACC",
+    "m": "FRAMEPOS SUBTREECOM", "m/s": "VELOCIMETER FRAMELINVEL SUBTREELINVEL", "m/s^2": "ACCELEROMETER FRAMELINACC",
+    "N": "FORCE", "N m": "TORQUE ACTUATORFRC JOINTACTFRC", "N m s": "SUBTREEANGMOM", "T": "MAGNETOMETER",
 }  # fmt: skip
-WRENCH = [("force", "N"), ("torque", "N m")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +54,12 @@ class Input:
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """One or more outputs: labels, units, and how they are read from data that `mj_forward` has seen.
+    """One or more outputs.
 
     Args:
         labels, units: of the signals.
-        read: from data, as many numbers as labels; only its slope counts.
-        local: what is read does not depend on the bodies that hang on the craft, given the craft's own motion.
+        read: from data that `mj_forward` has seen, as many numbers as labels; only their slopes count.
+        local: what is read does not depend on what hangs on the craft, given the craft's own motion.
     """
 
     labels: tuple[str, ...]
@@ -79,159 +76,146 @@ def base(model: "mujoco.MjModel") -> int:
     return tops.most_common(1)[0][0]
 
 
-def named(model: "mujoco.MjModel", kind: str, name: str, field: str, cure: str = "") -> int:
-    """Number of a body, site, actuator or sensor."""
-    found = int(mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name))
-    if found < 0:
-        count = {"body": model.nbody, "site": model.nsite, "actuator": model.nu, "sensor": model.nsensor}[kind]
-        raise unknown(field, name, [getattr(model, kind)(i).name for i in range(count)], cure)
-    return found
-
-
 def inputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Input]:
-    """The inputs that `names` ask for; all actuators where left out, a torque on the base where there is none.
-
-    Raises:
-        InputError: no such actuator, body or site; an actuator whose activation is not linear.
-    """
+    """The inputs that `names` ask for; all actuators where left out, a torque on the base where there is none."""
     model, data = point.model, point.data()
-    if names is None:
-        names = [model.actuator(i).name or f"actuator {i}" for i in range(model.nu)]
-        names = names or [f"torque:{model.body(base(model)).name}"]
+    actuators = actuator_names(model)
     groups: list[tuple[str, list[Input]]] = []
-    for name in _listed("inputs", names):
+    for name in _listed(
+        "inputs", (actuators or [f"torque:{model.body(base(model)).name}"]) if names is None else names
+    ):
         kind, _, place = name.partition(":")
         if kind in ("torque", "force", "wrench") and place:
             what = "site" if kind == "wrench" else "body"
-            i = named(model, what, place, f"{what} of inputs {kind!r}")
+            i = _named(model, what, place, f"{what} of inputs {kind!r}")
             body = int(model.site_bodyid[i]) if what == "site" else i
             axes = (data.site_xmat if what == "site" else data.xmat)[i].reshape(3, 3)
             arm = (data.site_xpos[i] if what == "site" else data.xipos[i]) - data.xipos[body]
+            parts = [
+                (part, unit, axis, line)
+                for part, unit in (("force", "N"), ("torque", "N m"))
+                if kind in (part, "wrench")
+                for axis, line in zip(AXES, axes.T, strict=True)
+            ]
             mine = [
-                Input(
-                    f"{part}_{axis}", unit, body=body,
-                    wrench=np.concatenate([(part == "force") * line, line if part == "torque" else np.cross(arm, line)]),
-                )
-                for part, unit in WRENCH if kind in (part, "wrench") for axis, line in zip(AXES, axes.T, strict=True)
+                Input(f"{part}_{axis}", unit, -1, body, np.concatenate([line, np.cross(arm, line)] if part == "force" else
+                      [np.zeros(3), line])) for part, unit, axis, line in parts
             ]  # fmt: skip
         else:
-            cure = "Or give torque:BODY, force:BODY, wrench:SITE."
-            at = names.index(name) if name.startswith("actuator ") else -1
-            number = at if at >= 0 else named(model, "actuator", name, "actuator of inputs", cure)
-            kinds = [f"mjDYN_{word}" for word in DYNAMICS]
-            if int(model.actuator_dyntype[number]) not in [int(getattr(mujoco.mjtDyn, kind)) for kind in kinds]:
+            if name not in actuators:
+                raise unknown("actuator of inputs", name, actuators, "Or give torque:BODY, force:BODY, wrench:SITE.")
+            number = actuators.index(name)
+            if int(model.actuator_dyntype[number]) not in [int(getattr(mujoco.mjtDyn, f"mjDYN_{d}")) for d in DYNAMICS]:
                 raise InputError(
                     f"actuator {name!r} of inputs has an activation that is not linear; only dyntype none, integrator, filter "
                     "and filterexact are; leave it out, or change its dyntype."
                 )
-            mine, place = [Input(name, "", actuator=number)], name
+            mine, place = [Input(name, "", number)], name
         groups.append((place, mine))
-    _distinct("inputs", names)
     said = Counter(i.label for _, mine in groups for i in mine)
     return [
-        Input(f"{i.label}_{place}" if said[i.label] > 1 else i.label, i.unit, i.actuator, i.body, i.wrench)
-        for place, mine in groups
-        for i in mine
+        replace(i, label=f"{i.label}_{place}" if said[i.label] > 1 else i.label) for place, mine in groups for i in mine
     ]
 
 
 def outputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Output]:
-    """The outputs that `names` ask for; attitude and rate of the base where left out.
-
-    Raises:
-        InputError: no such sensor or site; a sensor that has no linear part.
-    """
+    """The outputs that `names` ask for; attitude and rate of the base where left out."""
     model, data = point.model, point.data()
-    out: list[tuple[str, Output]] = []
+    hub, out = base(model), list[tuple[str, Output]]()
     for name in _listed("outputs", ["attitude", "rate"] if names is None else names):
         kind, _, place = name.partition(":")
-        if name == "attitude":
-            one = _attitude(base(model), data.xmat[base(model)].reshape(3, 3).copy())
-        elif name == "rate":
-            one = _rate(base(model))
+        if name in ("attitude", "rate"):
+            one = _attitude(data, hub) if name == "attitude" else _rate(hub)
         elif kind == "motion" and place:
-            site = named(model, "site", place, "site of outputs 'motion'")
-            one = _motion(site, data.site_xpos[site].copy(), data.site_xmat[site].reshape(3, 3).copy())
+            one = _motion(data, _named(model, "site", place, "site of outputs 'motion'"))
         else:
-            cure = "Or give attitude, rate, motion:SITE."
-            one, place = _sensor(point, data, named(model, "sensor", name, "sensor of outputs", cure)), name
+            number = _named(model, "sensor", name, "sensor of outputs", "Or give attitude, rate, motion:SITE.")
+            one = _sensor(point, data, number)
         out.append((place, one))
-    _distinct("outputs", ["attitude", "rate"] if names is None else names)
     said = Counter(label for _, one in out for label in one.labels)
     return [
-        Output(
-            tuple(f"{label}_{place}" if said[label] > 1 and place else label for label in one.labels), one.units, one.read,
-            one.local,
-        )
+        replace(one, labels=tuple(f"{label}_{place}" if said[label] > 1 and place else label for label in one.labels))
         for place, one in out
-    ]  # fmt: skip
+    ]
+
+
+def actuator_names(model: "mujoco.MjModel") -> list[str]:
+    """Names of the actuators, numbers where they have none."""
+    return [str(model.actuator(i).name) or f"actuator {i}" for i in range(model.nu)]
+
+
+def _named(model: "mujoco.MjModel", kind: str, name: str, field: str, cure: str = "") -> int:
+    count = {"body": model.nbody, "site": model.nsite, "sensor": model.nsensor}[kind]
+    names = [str(getattr(model, kind)(i).name) for i in range(count)]
+    if name not in names or not name:
+        raise unknown(field, name, names, cure)
+    return names.index(name)
 
 
 def _listed(field: str, names: Sequence[str]) -> list[str]:
     if isinstance(names, str) or not all(isinstance(name, str) for name in names) or not names:
         raise InputError(f'{field} = {names!r:.60} must be a list of names; write {field}=["..."].')
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise InputError(f"{field} names {twice[0]!r} twice; name each signal once.")
     return list(names)
 
 
-def _distinct(field: str, names: Sequence[str]) -> None:
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise InputError(f"{field} names {twice[0]!r} twice; name each signal once.")
+def _turn(axes: Array, now: "Callable[[mujoco.MjData], Array]") -> "Callable[[mujoco.MjData], Array]":
+    """Reads the small rotation vector from `axes`, in them; its slope at none is exact."""
+
+    def read(data: "mujoco.MjData") -> Array:
+        turn = axes.T @ now(data)
+        return np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2.0
+
+    return read
 
 
-def _small(turn: Array) -> Array:
-    """Rotation vector of a small rotation matrix; its slope at none is exact."""
-    return np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2.0
-
-
-def _attitude(body: int, axes: Array) -> Output:
-    labels = tuple(f"attitude_{axis}" for axis in AXES)
-    return Output(labels, ("rad",) * 3, lambda data: _small(axes.T @ data.xmat[body].reshape(3, 3)))
+def _attitude(data: "mujoco.MjData", body: int) -> Output:
+    turn = _turn(data.xmat[body].reshape(3, 3).copy(), lambda data: data.xmat[body].reshape(3, 3))
+    return Output(tuple(f"attitude_{axis}" for axis in AXES), ("rad",) * 3, turn)
 
 
 def _rate(body: int) -> Output:
-    labels = tuple(f"rate_{axis}" for axis in AXES)
-    return Output(labels, ("rad/s",) * 3, lambda data: data.xmat[body].reshape(3, 3).T @ data.cvel[body][:3])
-
-
-def _motion(site: int, start: Array, axes: Array) -> Output:
     def read(data: "mujoco.MjData") -> Array:
-        turn = _small(axes.T @ data.site_xmat[site].reshape(3, 3))
-        return np.concatenate([axes.T @ (data.site_xpos[site] - start), turn])
+        return np.asarray(data.xmat[body].reshape(3, 3).T @ data.cvel[body][:3], dtype=np.float64)
 
+    return Output(tuple(f"rate_{axis}" for axis in AXES), ("rad/s",) * 3, read)
+
+
+def _motion(data: "mujoco.MjData", site: int) -> Output:
+    start, axes = data.site_xpos[site].copy(), data.site_xmat[site].reshape(3, 3).copy()
+    turn = _turn(axes, lambda data: data.site_xmat[site].reshape(3, 3))
     labels = tuple(f"{part}_{axis}" for part in ("displacement", "rotation") for axis in AXES)
-    return Output(labels, ("m",) * 3 + ("rad",) * 3, read)
+    units = ("m",) * 3 + ("rad",) * 3
+    return Output(labels, units, lambda data: np.append(axes.T @ (data.site_xpos[site] - start), turn(data)))
 
 
 def _sensor(point: OperatingPoint, data: "mujoco.MjData", number: int) -> Output:
     model, name = point.model, str(point.model.sensor(number).name)
-    kind = next(
-        (k.removeprefix("mjSENS_") for k in dir(mujoco.mjtSensor) if k.startswith("mjSENS_")
-         and int(getattr(mujoco.mjtSensor, k)) == int(model.sensor_type[number])), "",
-    )  # fmt: skip
-    first, size = int(model.sensor_adr[number]), int(model.sensor_dim[number])
+    kinds = {int(getattr(mujoco.mjtSensor, k)): k[7:] for k in dir(mujoco.mjtSensor) if k.startswith("mjSENS_")}
+    kind, first, size = (
+        kinds[int(model.sensor_type[number])],
+        int(model.sensor_adr[number]),
+        int(model.sensor_dim[number]),
+    )
     start, cutoff = data.sensordata[first : first + size].copy(), float(model.sensor_cutoff[number])
-    why = f"a {kind.lower()} sensor has none" if kind in NOT_SMOOTH else ""
+    why = f"a {kind.lower()} sensor has none" if kind in NOT_SMOOTH.split() else ""
     if not why and cutoff > 0.0 and np.any(np.abs(start) >= cutoff):
         why = f"it is at its cutoff, {cutoff:g}"
     if why:
         raise InputError(f"sensor {name!r} of outputs has no linear part here: {why}; leave it out of outputs.")
     model.sensor_cutoff[number] = 0.0  # of a copy
-    unit = UNITS.get(kind, "")
+    unit = next((unit for unit, those in UNITS.items() if kind in those.split()), "")
     if kind in ("JOINTPOS", "JOINTVEL") and int(model.jnt_type[int(model.sensor_objid[number])]) == 2:
         unit = unit.replace("rad", "m")
-    if kind in QUATERNIONS:
-        size = 3
 
-        def read(data: "mujoco.MjData") -> Array:
-            out = np.zeros(3)
-            mujoco.mju_subQuat(out, data.sensordata[first : first + 4], start)
-            return out
-    else:
-
-        def read(data: "mujoco.MjData") -> Array:
+    def read(data: "mujoco.MjData") -> Array:
+        if kind not in QUATERNIONS:
             return data.sensordata[first : first + size] - start
+        out = np.zeros(3)
+        mujoco.mju_subQuat(out, data.sensordata[first : first + 4], start)
+        return out
 
-    suffixes = AXES if size == 3 else tuple(str(i) for i in range(size))
-    labels = (name,) if size == 1 else tuple(f"{name}_{suffix}" for suffix in suffixes)
-    return Output(labels, (unit,) * size, read, kind not in OF_CHAINS)
+    count = 3 if kind in QUATERNIONS else size
+    labels = [f"{name}_{AXES[i] if count == 3 else i}" for i in range(count)] if count > 1 else [name]
+    return Output(tuple(labels), (unit,) * count, read, kind not in OF_CHAINS)
