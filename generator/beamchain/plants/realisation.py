@@ -122,7 +122,8 @@ class Plant(control.StateSpace):
         at = np.atleast_1d(np.asarray(omega, dtype=np.float64))
         true = self._beyond(float(at.max(initial=0.0)))(1j * at, squeeze=False)
         ours = self(np.exp(1j * at * self.dt) if self.dt else 1j * at, squeeze=False)
-        return locked(np.abs(ours - true) / np.maximum(np.abs(true), 1e-300))
+        size = np.abs(true)
+        return locked(np.abs(ours - true) / np.maximum(size, 1e-12 * size.max(axis=(0, 1))))  # a channel that is none
 
     def record(self) -> dict[str, Any]:
         """What `write` writes: A, B, C, D, Ts (0: continuous), names and units in MATLAB's words."""
