@@ -42,7 +42,7 @@ def plant(
 
     Signs: a torque on a body is in the body's own axes, a positive input of a wheel's or drive's motor accelerates it about
     its joint's axis, so that the hub turns the other way. Attitude is the small rotation vector [rad] from the body's axes at
-    `at` to its axes now (half a rotation's worth per unit of a quaternion's vector part), rate is in the body's axes.
+    `at` to its axes now (twice a quaternion's vector part), rate is in the body's axes.
     Gyroscopic moments of turning wheels are included.
 
     States: rigid motion as integrators (`rigid_attitude_x`, `rigid_attitude_x_rate`: of the whole craft, which the hub follows
