@@ -16,6 +16,7 @@ ROOMS = {
     "steps": "time steps",
     "fitting": "spec to chain",
     "craft": "spacecraft",
+    "plants": "for control",
     "studies": "questions",
     "report": "looked at",
     "cli": "commands",

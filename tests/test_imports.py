@@ -15,7 +15,7 @@ import beamchain
 
 SOURCE = Path(beamchain.__file__).parent
 SENTENCE = (
-    "ports", "structure", "chain", "mjcf", "engine", "steps", "fitting", "craft", "studies", "report", "cli",
+    "ports", "structure", "chain", "mjcf", "engine", "steps", "fitting", "craft", "plants", "studies", "report", "cli",
 )  # fmt: skip
 HEAVY = ("mujoco", "lxml", "matplotlib", "control")
 
@@ -33,9 +33,9 @@ MODULES = set(modules())
 
 PUBLIC = {
     "Beam", "BeamchainError", "Box", "Custom", "Damping", "Embedded", "EngineError", "Equivalent", "Fit",
-    "FitOptions", "HeldInput", "Hub", "InputError", "Joint", "Linearisation", "Lump", "Material", "ModalData",
+    "FitOptions", "HeldInput", "Hub", "InputError", "Joint", "Lump", "Material", "ModalData",
     "Modes", "OutputError", "PortModel", "RealisationError", "Rectangle", "Root", "Round", "Scene", "Segment",
-    "Spec", "Tube", "__version__", "compare", "embed", "fit", "linearise", "read_modes", "read_spec",
+    "Spec", "Tube", "__version__", "compare", "embed", "fit", "linearise", "plant", "read_modes", "read_spec",
     "retime", "stability", "start_velocity", "study", "sweep",
 }  # fmt: skip
 

@@ -149,7 +149,7 @@ class Pose:
         data.qpos[:] = qpos
         mujoco.mj_kinematics(craft, data)
         mujoco.mj_comPos(craft, data)
-        self.jacobians: list[Array] = [_port(craft, data, item) for item in carried]
+        self.jacobians: list[Array] = [port_motion(craft, data, item) for item in carried]
         self.carried: Sequence[Carried] = carried
         self.band: float = band
         rows = np.linalg.norm(self.own.base, axis=1)
@@ -257,7 +257,7 @@ def modes_at(
     return tuple(Mode(float(w), float(ours[pairs[i]]) if i in pairs else None, True) for i, w in enumerate(exact))
 
 
-def _port(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Array:
+def port_motion(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Array:
     """`(6, nv)` motion of an appendage's root, in its axes, at a pose."""
     body, turn = item.mount.body, np.zeros(9)
     mujoco.mju_quat2Mat(turn, item.mount.quaternion / np.linalg.norm(item.mount.quaternion))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from beamchain.report.notebook import embedded_text as embedded_text
     from beamchain.report.notebook import fit_html as fit_html
     from beamchain.report.notebook import fit_text as fit_text
+    from beamchain.report.plant_plots import plot_scheduled as plot_scheduled
     from beamchain.report.plots import plot_accelerance as plot_accelerance
     from beamchain.report.record import embed_record as embed_record
     from beamchain.report.record import fit_record as fit_record
@@ -27,6 +28,7 @@ _PLACES = {
     "assembly_plot": ("assembly_svg", "plot_assembly"),
     "html": ("embed_report", "fit_report"),
     "notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text"),
+    "plant_plots": ("plot_scheduled",),
     "plots": ("plot_accelerance",),
     "record": ("embed_record", "fit_record", "study_record"),
     "study_html": ("study_page",),

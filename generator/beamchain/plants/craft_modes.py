@@ -1,0 +1,179 @@
+"""A craft with its signals, linear at a point: normal modes and modal form, continuous, sampled, or exact."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from beamchain.craft.appendage import Appendage, carried
+from beamchain.craft.assembly import Carried
+from beamchain.craft.embedded import Embedded
+from beamchain.craft.error import port_motion
+from beamchain.engine.library import mujoco
+from beamchain.errors import InputError
+from beamchain.plants.modal_form import SAMPLED, ModalForm, modal_form
+from beamchain.plants.normal_modes import NormalModes, cantilever_names, dof_names, mode_names, normal_modes
+from beamchain.plants.operating_point import At, OperatingPoint, operating_point
+from beamchain.plants.sampled import step_slopes
+from beamchain.plants.second_order import SecondOrder, second_order
+from beamchain.plants.signals import Input, Output, actuator_names, inputs_of, outputs_of
+from beamchain.ports.compose import in_space
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array
+
+MODES = 40  # of every port of a beam, those of the exact plant
+FAR = 25.0  # times the highest kept frequency: modes beyond are gathered with their static response
+
+
+@dataclass(frozen=True, eq=False)
+class LinearCraft:
+    """A craft, linear at an operating point.
+
+    Args:
+        linear: of second order.
+        inputs, outputs: signals.
+        labels: name and unit of every degree of freedom.
+        names: of appendages' modes and sprung joints.
+        rows: what those take of a shape.
+        lags: names of the actuators with a state.
+        point: where; its model holds the step of a sampled plant.
+    """
+
+    linear: SecondOrder
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    labels: tuple[tuple[str, str], ...]
+    names: tuple[str, ...]
+    rows: Array
+    lags: tuple[str, ...]
+    point: OperatingPoint
+
+    @cached_property
+    def modes(self) -> NormalModes:
+        """Rigid motions and normal modes."""
+        return normal_modes(self.linear.mass, self.linear.stiffness)
+
+    @cached_property
+    def mode_names(self) -> tuple[str, ...]:
+        """Names of the normal modes."""
+        return tuple(mode_names(self.modes.shapes, self.names, self.rows))
+
+    def form(self, sampled: bool = False, modes: NormalModes | None = None, names: Sequence[str] = ()) -> ModalForm:
+        """The craft in modal blocks; sampled: of `(A - 1)/h` and `B/h` of one step.
+
+        Args:
+            sampled: one step of MuJoCo instead of continuous time.
+            modes, names: the normal modes in another order; their own where left out.
+        """
+        system = self.linear.first_order
+        if sampled:
+            a, b = step_slopes(self.point, self.linear, list(self.inputs))
+            h = float(self.point.model.opt.timestep)
+            system = (a - np.eye(a.shape[0])) / h, b / h, *system[2:]
+        return modal_form(
+            modes or self.modes, system, self.labels, names or self.mode_names, self.lags, SAMPLED if sampled else 1.0
+        )
+
+
+def linear_craft(
+    model: "mujoco.MjModel",
+    at: At,
+    rates: Mapping[str, float] | None,
+    inputs: Sequence[str] | None,
+    outputs: Sequence[str] | None,
+) -> LinearCraft:
+    """A compiled model with its signals, linear at a point; arguments as in `plant`.
+
+    Raises:
+        InputError: nothing in the model is held by a spring.
+    """
+    point = operating_point(model, at, rates)
+    driven, seen = inputs_of(point, inputs), outputs_of(point, outputs)
+    linear = second_order(point, driven, seen)
+    ready = point.model
+    names, rows = cantilever_names(ready, linear.mass, linear.stiffness)
+    return LinearCraft(
+        linear, tuple(driven), tuple(seen), tuple(dof_names(ready)), tuple(names), rows, _lags(ready), point
+    )
+
+
+def exact_craft(
+    embedded: Embedded,
+    point: OperatingPoint,
+    inputs: Sequence[str] | None,
+    outputs: Sequence[str] | None,
+    omega: float,
+) -> LinearCraft:
+    """The bare spacecraft with all modes of its appendages, at the pose and rates of a point of the whole model.
+
+    Args:
+        embedded: what was embedded.
+        point: of the model with its appendages.
+        inputs, outputs: names, as in `plant`.
+        omega: highest frequency of interest [rad/s].
+
+    Raises:
+        InputError: a signal belongs to an appendage, or reads what hangs on it.
+    """
+    items = carried(embedded.model, embedded.appendages)
+    new = {dof for item in items for dof in item.dofs}
+    old = [i for i in range(embedded.model.nv) if i not in new]
+    joints = [j for j in range(embedded.model.njnt) if int(embedded.model.jnt_dofadr[j]) not in new]
+    places = [
+        int(embedded.model.jnt_qposadr[j]) + i
+        for j in joints
+        for i in range((7, 4, 1, 1)[int(embedded.model.jnt_type[j])])
+    ]
+    bare = operating_point(embedded.craft, point.qpos[places])
+    bare = OperatingPoint(bare.model, bare.qpos, point.qvel[old])
+    try:
+        driven, seen = inputs_of(bare, inputs), outputs_of(bare, outputs)
+    except InputError as error:
+        raise InputError(f"the exact plant has the bare spacecraft's signals only: {error}") from None
+    if far := [output.labels[0] for output in seen if not output.local]:
+        raise InputError(
+            f"output {far[0]!r} reads what hangs on its body, which the exact plant cannot; leave it out of outputs."
+        )
+    data = bare.data()
+    jacobians = [port_motion(bare.model, data, item) for item in items]
+    models = [_whole(a, item, omega) for a, item in zip(embedded.appendages, items, strict=True)]
+    own = second_order(bare, driven, seen)
+    linear = own.with_appendages(jacobians, models)
+    labels = dof_names(bare.model)
+    for a, model in zip(embedded.appendages, models, strict=True):
+        labels += [(name, "") for name in _names(a.prefix, model)]
+    sprung = [i for i in range(linear.mass.shape[0]) if linear.stiffness[i, i] > 0.0]
+    rows = np.sqrt(np.diag(linear.stiffness))[sprung][:, None] * np.eye(linear.mass.shape[0])[sprung]
+    names = tuple(labels[i][0] for i in sprung)
+    return LinearCraft(linear, tuple(driven), tuple(seen), tuple(labels), names, rows, _lags(bare.model), bare)
+
+
+def _lags(model: "mujoco.MjModel") -> tuple[str, ...]:
+    """Names of the actuators with a state, once per state."""
+    names = actuator_names(model)
+    return tuple(names[i] for i in range(model.nu) for _ in range(int(model.actuator_actnum[i])))
+
+
+def _names(prefix: str, model: PortModel) -> list[str]:
+    """Names of cantilever modes by the port that they move most."""
+    size, counts, out = np.sqrt(np.diag(model.rigid_mass)), dict.fromkeys(PORTS, 0), list[str]()
+    for row in np.abs(model.participation / size):
+        port = max(PORTS, key=lambda port: float(np.max(row @ np.abs(PORT_MOTION[port]))))
+        counts[port] += 1
+        out.append(f"{prefix}mode{counts[port]}_{port}")
+    return out
+
+
+def _whole(a: Appendage, item: Carried, omega: float) -> PortModel:
+    """An appendage in six motions; beyond the band its modes are gathered, their static response kept."""
+    top = FAR * max(omega, *item.band.values())
+    if a.fit.space is not None:
+        return item.whole.condensed(top)
+    ports: dict[str, PortModel] = {}
+    for port in PORTS:
+        try:
+            ports[port] = a.fit.spec.with_ratios(port, a.fit.spec.beam.port(port, MODES))
+        except InputError:
+            continue  # rigid there
+    return in_space(ports, item.whole.rigid_mass).condensed(top)

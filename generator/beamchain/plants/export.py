@@ -1,0 +1,53 @@
+"""Plants as files: NumPy's `.npz`, `.json`, and `.mat` for MATLAB's `ss(A, B, C, D)`."""
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from beamchain.errors import InputError
+from beamchain.files import to_json, write_files
+
+SUFFIXES = (".npz", ".json", ".mat")
+
+
+def write(path: str | Path, record: Mapping[str, Any], *, force: bool) -> Path:
+    """Write a record of arrays, numbers and lists of words; whole or not at all.
+
+    Args:
+        path: its ending says the format.
+        record: by name.
+        force: replace a file that exists.
+
+    Raises:
+        InputError: the ending is unknown.
+        OutputError: the file exists and `force` is False, or cannot be written.
+    """
+    place = Path(path)
+    if place.suffix.lower() not in SUFFIXES:
+        raise InputError(f"path = {str(place)!r} ends in {place.suffix!r}; write to a name in {', '.join(SUFFIXES)}.")
+    if place.suffix.lower() == ".json":
+        content: str | bytes = to_json(dict(record))
+    else:
+        stream = io.BytesIO()
+        if place.suffix.lower() == ".npz":
+            np.savez(stream, allow_pickle=False, **{name: np.asarray(value) for name, value in record.items()})
+        else:
+            from scipy.io import savemat
+
+            savemat(cast("Any", stream), {name: _matlab(value) for name, value in record.items()})
+        content = stream.getvalue()
+    write_files({place: content}, force=force)
+    return place
+
+
+def _matlab(value: Any) -> Any:
+    """Lists of words as cell arrays; stacks of matrices with the stack's index last."""
+    if isinstance(value, list | tuple) and all(isinstance(item, str) for item in value):
+        out = np.empty((len(value), 1), dtype=object)
+        out[:, 0] = list(value)
+        return out
+    array = np.asarray(value)
+    return np.moveaxis(array, 0, -1) if array.ndim == 3 else value

@@ -1,0 +1,178 @@
+"""`plant`: the spacecraft as a control engineer's plant, at a pose or over the angles of a drive."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from beamchain.caution import Caution
+from beamchain.checks import positive
+from beamchain.craft.embedded import Embedded
+from beamchain.craft.timing import without_time
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import NUMBERS
+from beamchain.errors import InputError
+from beamchain.plants.craft_modes import LinearCraft, exact_craft, linear_craft
+from beamchain.plants.modal_form import ModalForm
+from beamchain.plants.operating_point import At, compiled_model, grid_of, left_out, operating_point
+from beamchain.plants.realisation import Plant
+from beamchain.plants.sampled import at_step, held_input
+from beamchain.plants.scheduled import ScheduledPlant, follow
+from beamchain.ports.motions import locked
+
+GROWS = 1e-5  # of a mode's discrete pole beyond the unit circle: more than what turning wheels do to it
+ROUNDING = 1e-9
+
+
+def plant(
+    model: "Embedded | mujoco.MjSpec | mujoco.MjModel | str | Path",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    at: At = None,
+    *,
+    rates: Mapping[str, float] | None = None,
+    discrete: float | None = None,
+) -> "Plant | ScheduledPlant":
+    """The spacecraft as a control engineer's plant: a `control.StateSpace` with names and units, in modal form.
+
+    Linear about the pose `at`, in free fall: gravity, contacts and constraints are left out, and what holds the pose
+    (springs' and servos' set points) is taken as in balance. Servos are part of the plant, their inputs are set points.
+    Continuous plants are without the armature that makes appendages exact in time for a step.
+
+    Signs: a torque on a body is in the body's own axes, a positive input of a wheel's or drive's motor accelerates it about
+    its joint's axis, so that the hub turns the other way. Attitude is the small rotation vector [rad] from the body's axes at
+    `at` to its axes now (twice a quaternion's vector part), rate is in the body's axes.
+    Gyroscopic moments of turning wheels are included.
+
+    States: rigid motion as integrators (`rigid_attitude_x`, `rigid_attitude_x_rate`: of the whole craft, which the hub follows
+    but for its modes), then what else there is, then oscillators named by the appendage's mode that holds most of their strain
+    energy (`array_mode1_xy`, `array_mode1_xy_rate`; modal mass 1). What nothing drives or nothing sees is taken out, angles of
+    wheels above all.
+
+    Args:
+        model: path or text of an MJCF file, MjSpec, MjModel, or what `bc.embed` returns (needed for `exact`).
+        inputs: actuators by name, `"torque:BODY"` and `"force:BODY"` (at its mass centre, three signals each),
+            `"wrench:SITE"` (six, in the site's axes). All actuators where left out; without one a torque on the base.
+        outputs: sensors by name (their linear part), `"attitude"`, `"rate"` of the base, `"motion:SITE"` (displacement and
+            rotation of a site, in its axes). Attitude and rate where left out.
+        at: name or number of a keyframe, `qpos`, or `{joint: angle}` [rad]; the pose of rest where left out.
+            `{joint: [angles]}`: a plant per angle, modes followed by their shapes; a `ScheduledPlant`.
+        rates: `{joint: rad/s}` of wheels; those of the keyframe where left out.
+        discrete: a step [s]: the sampled plant that MuJoCo runs at that step with the model's own integrator, exact in time,
+            its input the mean of this and the last one (`bc.HeldInput`), which adds a state per input. None: continuous.
+
+    Returns:
+        A `Plant`: `frequency`, `damping_ratio`, `gain` of its modes, `exact`, `truncation(omega)`, `write(path)`.
+
+    Raises:
+        InputError: an unknown name, a sensor without a linear part, a pose in contact or out of range, a body that moves
+            at `at` and is not a balanced wheel, nothing flexible, a step that is unstable.
+        EngineError: MuJoCo refuses the model.
+
+    Example:
+        >>> import beamchain as bc, control
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
+        >>> plant = bc.plant(bc.embed(craft, {"mount": spec}), inputs=["torque:bus"])
+        >>> plant.input_labels
+        ['torque_x', 'torque_y', 'torque_z']
+        >>> loop = control.feedback(plant["attitude_z", "torque_z"], control.tf([100.0, 20.0], [1.0]))
+    """
+    step = None if discrete is None else positive("discrete", discrete, "s")
+    whole = compiled_model(model)
+    given = _Given(model if isinstance(model, Embedded) else None, whole, rates, inputs, outputs, step)
+    grid = grid_of(at)
+    if grid is None:
+        craft, said = given.craft(at)
+        form = craft.form(step is not None)
+        return given.plant(craft, form.reduced(form.active()).spanned(), craft.mode_names, [*left_out(whole), *said])
+    name, angles = grid
+    crafts = follow(lambda angle: given.craft({**at, name: angle})[0], angles)
+    forms = [craft.form(step is not None, modes, crafts[0][0].mode_names) for craft, modes in crafts]
+    keep = np.any([form.active() for form in forms], axis=0)
+    plants = [
+        given.plant(craft, form.reduced(keep), crafts[0][0].mode_names, left_out(whole))
+        for (craft, _), form in zip(crafts, forms, strict=True)
+    ]
+    return ScheduledPlant(name, locked(angles), tuple(plants))
+
+
+class _Given:
+    """What `plant` was asked for, apart from the pose."""
+
+    def __init__(
+        self,
+        embedded: Embedded | None,
+        model: "mujoco.MjModel",
+        rates: Mapping[str, float] | None,
+        inputs: Sequence[str] | None,
+        outputs: Sequence[str] | None,
+        step: float | None,
+    ) -> None:
+        self.embedded, self.model, self.rates, self.step = embedded, model, rates, step
+        self.inputs, self.outputs = inputs, outputs
+
+    def craft(self, at: At) -> tuple[LinearCraft, list[str]]:
+        """The craft at a pose, without time or at its step, and sentences on that step."""
+        model, said = without_time(self.model), list[str]()
+        if self.step is not None:
+            model, said = at_step(self.model, self.step, operating_point(model, at, self.rates).qpos)
+        craft = linear_craft(model, at, self.rates, self.inputs, self.outputs)
+        if not craft.modes.frequency.size:
+            raise InputError(
+                "the model has no flexible mode, for no spring holds anything in it; put appendages in with bc.embed, or take "
+                "bc.linearise for a rigid craft."
+            )
+        return craft, said
+
+    def plant(self, craft: LinearCraft, form: ModalForm, names: Sequence[str], said: Sequence[str]) -> Plant:
+        """The plant of what is kept of a craft's modal form."""
+        modes = [name for name in names if {name, f"{name}_rate"} <= set(form.names)]
+        if not modes:
+            said = [*said, "no flexible mode is both driven by the inputs and seen by the outputs."]
+        signals = [[i.label for i in craft.inputs], [label for o in craft.outputs for label in o.labels],
+                   [i.unit for i in craft.inputs], [unit for o in craft.outputs for unit in o.units]]  # fmt: skip
+        if self.step is not None:
+            form, grown = self._discrete(form, craft, self.step)
+            said = [*said, *grown]
+        embedded = self.embedded
+        if embedded is None:
+            return Plant(form, signals, modes, said, self.step)
+
+        def exact(omega: float) -> Plant:
+            true = exact_craft(embedded, craft.point, self.inputs, self.outputs, omega)
+            whole = true.form()
+            kept = whole.reduced(whole.active()).spanned()
+            return Plant(kept, signals, [name for name in true.mode_names if {name, f"{name}_rate"} <= set(kept.names)])
+
+        return Plant(form, signals, modes, said, self.step, exact)
+
+    def _discrete(self, form: ModalForm, craft: LinearCraft, step: float) -> tuple[ModalForm, list[str]]:
+        """A step from `(A - 1)/h`, its input averaged where the integrator gives the whole impulse at once."""
+        said: list[str] = []
+        for name in form.names:
+            if f"{name}_rate" not in form.names or name.startswith("rigid_"):
+                continue
+            at = [form.names.index(word) for word in (name, f"{name}_rate")]
+            size = float(np.abs(1.0 + step * np.linalg.eigvals(form.a[np.ix_(at, at)])).max())
+            if size > 1.0 + GROWS and not name.startswith("nutation"):
+                raise InputError(
+                    f"discrete = {step:g} s is unstable: mode {name!r} grows by a factor {size:.6g} per step; give a shorter "
+                    "step, or embed the appendages with retime=True, which makes every step stable."
+                )
+            if size > 1.0 + ROUNDING:
+                text = f"the step makes {name!r} grow by {(size - 1.0) / step:.2g} per second; implicit does not."
+                said.append(Caution("turn-error", text))
+        system = np.eye(form.a.shape[0]) + step * form.a, step * form.b, form.c, form.d
+        if NUMBERS[int(self.model.opt.integrator)] == "RK4":
+            return replace(form, a=system[0], b=system[1]), said
+        a, b, c, d = held_input(system)
+        more = [i.label for i in craft.inputs]
+        more_form = replace(
+            form, a=a, b=b, c=c, d=d, names=(*form.names, *(f"{label}_previous" for label in more)),
+            units=(*form.units, *(i.unit for i in craft.inputs)), weight=np.append(form.weight, np.ones(len(more))),
+        )  # fmt: skip
+        return more_form, said
