@@ -16,7 +16,6 @@ ROOMS = {
     "steps": "time steps",
     "fitting": "spec to chain",
     "craft": "spacecraft",
-    "plants": "for control",
     "studies": "questions",
     "report": "looked at",
     "cli": "commands",

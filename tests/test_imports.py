@@ -15,7 +15,7 @@ import beamchain
 
 SOURCE = Path(beamchain.__file__).parent
 SENTENCE = (
-    "ports", "structure", "chain", "mjcf", "engine", "steps", "fitting", "craft", "plants", "studies", "report", "cli",
+    "ports", "structure", "chain", "mjcf", "engine", "steps", "fitting", "craft", "studies", "report", "cli",
 )  # fmt: skip
 HEAVY = ("mujoco", "lxml", "matplotlib", "control")
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded as Embedded
     from beamchain.craft.embedding import embed as embed
+    from beamchain.craft.plants.plant import plant as plant
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
     from beamchain.errors import EngineError as EngineError
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from beamchain.fitting.result import Fit as Fit
     from beamchain.fitting.spec import Spec as Spec
     from beamchain.fitting.spec import read_spec as read_spec
-    from beamchain.plants.plant import plant as plant
     from beamchain.ports.compare import compare as compare
     from beamchain.ports.model import PortModel as PortModel
     from beamchain.steps.retime import retime as retime
@@ -74,7 +74,7 @@ _PLACES = {
         "Spec",
         "read_spec",
     ),
-    "plants.plant": ("plant",),
+    "craft.plants.plant": ("plant",),
     "ports.compare": ("compare",),
     "ports.model": ("PortModel",),
     "steps.retime": ("retime",),

@@ -10,7 +10,7 @@ from beamchain.report.plots import BEAM, OURS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from beamchain.plants.scheduled import ScheduledPlant
+    from beamchain.craft.plants.scheduled import ScheduledPlant
 
 
 def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Axes":

@@ -10,14 +10,14 @@ from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.assembly import Carried
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import port_motion
+from beamchain.craft.plants.modal_form import SAMPLED, ModalForm, modal_form
+from beamchain.craft.plants.normal_modes import NormalModes, cantilever_names, dof_names, mode_names, normal_modes
+from beamchain.craft.plants.operating_point import At, OperatingPoint, operating_point
+from beamchain.craft.plants.sampled import step_slopes
+from beamchain.craft.plants.second_order import SecondOrder, second_order
+from beamchain.craft.plants.signals import Input, Output, actuator_names, inputs_of, outputs_of
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
-from beamchain.plants.modal_form import SAMPLED, ModalForm, modal_form
-from beamchain.plants.normal_modes import NormalModes, cantilever_names, dof_names, mode_names, normal_modes
-from beamchain.plants.operating_point import At, OperatingPoint, operating_point
-from beamchain.plants.sampled import step_slopes
-from beamchain.plants.second_order import SecondOrder, second_order
-from beamchain.plants.signals import Input, Output, actuator_names, inputs_of, outputs_of
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array

@@ -15,7 +15,7 @@ from scipy.linalg import qr
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse.csgraph import connected_components
 
-from beamchain.plants.normal_modes import NormalModes
+from beamchain.craft.plants.normal_modes import NormalModes
 from beamchain.ports.motions import Array
 
 Flags = NDArray[np.bool_]

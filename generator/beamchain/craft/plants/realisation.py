@@ -9,9 +9,9 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from beamchain.craft.plants.export import write
+from beamchain.craft.plants.modal_form import ModalForm
 from beamchain.errors import InputError
-from beamchain.plants.export import write
-from beamchain.plants.modal_form import ModalForm
 from beamchain.ports.motions import Array, locked
 
 NO_EXACT = (

@@ -8,11 +8,11 @@ import copy
 import numpy as np
 
 from beamchain.caution import Caution
+from beamchain.craft.plants.operating_point import OperatingPoint
+from beamchain.craft.plants.second_order import SecondOrder, slopes
+from beamchain.craft.plants.signals import Input
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
-from beamchain.plants.operating_point import OperatingPoint
-from beamchain.plants.second_order import SecondOrder, slopes
-from beamchain.plants.signals import Input
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import modal_tendons

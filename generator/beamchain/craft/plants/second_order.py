@@ -10,10 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
+from beamchain.craft.plants.operating_point import OperatingPoint
+from beamchain.craft.plants.signals import Input, Output
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import dense_mass
-from beamchain.plants.operating_point import OperatingPoint
-from beamchain.plants.signals import Input, Output
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from beamchain.craft.error import base_body
+from beamchain.craft.plants.operating_point import OperatingPoint, unknown
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
-from beamchain.plants.operating_point import OperatingPoint, unknown
 from beamchain.ports.motions import Array
 
 AXES = ("x", "y", "z")

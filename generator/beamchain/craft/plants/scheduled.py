@@ -9,10 +9,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from beamchain import report
-from beamchain.plants.craft_modes import LinearCraft
-from beamchain.plants.export import write
-from beamchain.plants.normal_modes import NormalModes
-from beamchain.plants.realisation import Plant
+from beamchain.craft.plants.craft_modes import LinearCraft
+from beamchain.craft.plants.export import write
+from beamchain.craft.plants.normal_modes import NormalModes
+from beamchain.craft.plants.realisation import Plant
 from beamchain.ports.motions import Array, locked
 
 if TYPE_CHECKING:

@@ -9,16 +9,16 @@ import numpy as np
 from beamchain.caution import Caution
 from beamchain.checks import positive
 from beamchain.craft.embedded import Embedded
+from beamchain.craft.plants.craft_modes import LinearCraft, exact_craft, linear_craft
+from beamchain.craft.plants.modal_form import ModalForm
+from beamchain.craft.plants.operating_point import At, compiled_model, grid_of, left_out, operating_point
+from beamchain.craft.plants.realisation import Plant
+from beamchain.craft.plants.sampled import at_step, held_input
+from beamchain.craft.plants.scheduled import ScheduledPlant, follow
 from beamchain.craft.timing import without_time
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import InputError
-from beamchain.plants.craft_modes import LinearCraft, exact_craft, linear_craft
-from beamchain.plants.modal_form import ModalForm
-from beamchain.plants.operating_point import At, compiled_model, grid_of, left_out, operating_point
-from beamchain.plants.realisation import Plant
-from beamchain.plants.sampled import at_step, held_input
-from beamchain.plants.scheduled import ScheduledPlant, follow
 from beamchain.ports.motions import locked
 
 GROWS = 1e-5  # of a mode's discrete pole beyond the unit circle: more than what turning wheels do to it
@@ -79,7 +79,7 @@ def plant(
         >>> plant = bc.plant(bc.embed(craft, {"mount": spec}), inputs=["torque:bus"])
         >>> plant.input_labels
         ['torque_x', 'torque_y', 'torque_z']
-        >>> loop = control.feedback(plant["attitude_z", "torque_z"], control.tf([100.0, 20.0], [1.0]))
+        >>> loop = control.feedback(plant["attitude_z", "torque_z"], control.tf([20.0, 100.0], [0.1, 1.0]))
     """
     step = None if discrete is None else positive("discrete", discrete, "s")
     whole = compiled_model(model)
