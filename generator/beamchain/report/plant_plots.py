@@ -1,16 +1,25 @@
 """Pictures of plants."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
+import control
+import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from beamchain.report.plots import BEAM, OURS
+from beamchain.ports.motions import Array
+from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from beamchain.craft.plants.loops import Margins
+    from beamchain.craft.plants.realisation import Plant
     from beamchain.craft.plants.scheduled import ScheduledPlant
+
+PAIRS = 4  # of inputs and outputs that a Bode plot shows
 
 
 def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Axes":
@@ -35,3 +44,124 @@ def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Ax
     ax.set_xlabel(f"{scheduled.joint}, degrees")
     ax.set_ylabel("frequency, rad/s")
     return ax
+
+
+@mpl.rc_context(STYLE)
+def scheduled_figure(scheduled: "ScheduledPlant") -> Figure:
+    """The same as a figure of its own."""
+    figure = Figure(figsize=(6.4, 3.8), layout="constrained")
+    plot_scheduled(scheduled, figure.add_subplot())
+    return figure
+
+
+def _grid(plants: "Sequence[Plant]") -> Array:
+    """`(k,)` frequencies that resolve the modes [rad/s]."""
+    modes = np.concatenate([plant.frequency for plant in plants])
+    modes = modes if modes.size else np.ones(1)
+    near = np.outer(modes, 1.0 + 0.02 * np.sinh(np.linspace(-5.0, 5.0, 61)) / np.sinh(5.0))
+    omega = np.unique(np.concatenate([np.geomspace(0.02 * modes.min(), 5.0 * modes.max(), 400), near.ravel()]))
+    return np.asarray(omega[omega < np.pi / plants[0].dt] if plants[0].dt else omega, dtype=np.float64)
+
+
+def _response(plant: "Plant", omega: Array) -> NDArray[np.complex128]:
+    z = np.exp(1j * omega * plant.dt) if plant.dt else 1j * omega
+    out: NDArray[np.complex128] = np.asarray(plant(z, squeeze=False), dtype=np.complex128)
+    return out
+
+
+def _in_hz(ax: "Axes") -> None:
+    turn: Any = 2.0 * np.pi
+    above = ax.secondary_xaxis("top", functions=(lambda w: np.divide(w, turn), lambda f: np.multiply(f, turn)))
+    above.set_xlabel("Hz")
+
+
+@mpl.rc_context(STYLE)
+def bode_figure(plants: "Sequence[Plant]") -> Figure:
+    """Magnitude and phase of the pairs with the largest modal gains; of the further plants the magnitude, in grey."""
+    plant, omega = plants[0], _grid(plants)
+    pairs = [(i, j) for i in range(plant.noutputs) for j in range(plant.ninputs)]
+    pairs = sorted(pairs, key=lambda at: -float(plant.gain[:, at[0], at[1]].max(initial=0.0)))[:PAIRS]
+    figure = Figure(figsize=(6.4, 2.6 * len(pairs) + 0.6), layout="constrained")
+    responses = [_response(one, omega) for one in plants]
+    for place, (i, j) in enumerate(pairs):
+        ax = figure.add_subplot(len(pairs), 1, place + 1)
+        for other in responses[1:]:
+            ax.loglog(omega, np.abs(other[i, j]), color=RIVAL, linewidth=0.8)
+        ax.loglog(omega, np.abs(responses[0][i, j]), color=OURS, linewidth=1.4)
+        ax.set_title(f"{plant.input_labels[j]} → {plant.output_labels[i]}")
+        ax.set_ylabel(f"{plant.output_units[i]} per {plant.input_units[j]}")
+        angle = ax.twinx()
+        angle.semilogx(
+            omega, np.degrees(np.unwrap(np.angle(responses[0][i, j]))), color=BEAM, linewidth=0.7, linestyle="dotted"
+        )
+        angle.set_ylabel("phase, degrees (dotted)")
+        if place == 0:
+            _in_hz(ax)
+    figure.supxlabel("frequency, rad/s", fontsize=9.5)
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def singular_figure(plants: "Sequence[Plant]") -> Figure:
+    """Singular values of the first plant over frequency."""
+    omega = _grid(plants)
+    figure = Figure(figsize=(6.4, 3.4), layout="constrained")
+    ax = figure.add_subplot()
+    values = np.linalg.svd(np.moveaxis(_response(plants[0], omega), -1, 0), compute_uv=False)
+    ax.loglog(omega, np.maximum(values, 1e-12 * values.max(initial=1e-300)), color=OURS, linewidth=1.0)
+    ax.set_xlabel("frequency, rad/s")
+    ax.set_ylabel("singular values")
+    _in_hz(ax)
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def poles_figure(plants: "Sequence[Plant]") -> Figure:
+    """Poles of every plant, and the zeros of the pair with the largest modal gain of the first."""
+    plant = plants[0]
+    figure = Figure(figsize=(6.4, 3.8), layout="constrained")
+    ax = figure.add_subplot()
+    for other in plants[1:]:
+        poles = np.asarray(other.poles(), dtype=np.complex128)
+        ax.plot(np.real(poles), np.imag(poles), "x", color=RIVAL, markersize=4)
+    poles = np.asarray(plant.poles(), dtype=np.complex128)
+    ax.plot(np.real(poles), np.imag(poles), "x", color=OURS, label="poles")
+    i, j = np.unravel_index(int(np.argmax(plant.gain.max(axis=0, initial=0.0))), (plant.noutputs, plant.ninputs))
+    a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
+    one: Any = control.ss(a, b[:, [j]], c[[i]], d[np.ix_([i], [j])], plant.dt)
+    zeros = np.asarray(one.zeros(), dtype=np.complex128)
+    pair = f"{plant.input_labels[j]} → {plant.output_labels[i]}"
+    reach = 2.0 * float(np.abs(poles).max(initial=1e-12))
+    zeros = zeros[np.abs(zeros) < reach]
+    ax.plot(
+        zeros.real,
+        zeros.imag,
+        "o",
+        color=BEAM,
+        fillstyle="none",
+        label=f"zeros, {pair}",
+    )
+    ax.set_xlabel("real part" + ("" if plant.dt else ", rad/s"))
+    ax.set_ylabel("imaginary part" + ("" if plant.dt else ", rad/s"))
+    ax.legend(loc="best")
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def nichols_figure(loops: "Sequence[Margins]") -> Figure:
+    """Open loops in the Nichols plane."""
+    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+    ax = figure.add_subplot()
+    for loop in loops:
+        phase = np.degrees(np.unwrap(np.angle(loop.response)))
+        phase -= 360.0 * np.round((phase[0] + 180.0) / 360.0)
+        label = f"{loop.loop.input} from {loop.loop.output}"
+        ax.plot(phase, 20.0 * np.log10(np.maximum(np.abs(loop.response), 1e-6)), linewidth=1.0, label=label)
+    ax.plot([-180.0], [0.0], "+", color=BEAM, markersize=10)
+    ax.set_xlim(-540.0, 180.0)
+    ax.set_ylim(-60.0, 60.0)
+    ax.set_xlabel("phase, degrees")
+    ax.set_ylabel("gain, dB")
+    if len(loops) <= 6:
+        ax.legend(loc="best")
+    return figure

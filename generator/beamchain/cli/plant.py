@@ -1,0 +1,161 @@
+"""`beamchain plant`: the spacecraft as a control engineer's plant."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from beamchain.caution import warnings_record
+from beamchain.cli.common import Force, Json, Quiet, console
+from beamchain.cli.output import print_table, print_warnings, tell
+from beamchain.cli.progress import spinner
+from beamchain.errors import InputError
+
+if TYPE_CHECKING:
+    from beamchain.craft.plants.loops import Margins
+    from beamchain.craft.plants.realisation import Plant
+    from beamchain.craft.plants.scheduled import ScheduledPlant
+
+
+def plant(
+    model: Annotated[Path, typer.Argument(metavar="FILE.xml", help="The spacecraft's MJCF file.", show_default=False)],
+    output: Annotated[
+        Path, typer.Option("-o", "--file", metavar="OUT", help="Output file: .npz, .json or .mat.", show_default=False)
+    ],
+    inputs: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--input",
+            metavar="NAME",
+            help="An actuator, torque:BODY, force:BODY or wrench:SITE. Repeatable; default: all actuators.",
+            show_default=False,
+        ),
+    ] = None,
+    outputs: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--output",
+            metavar="NAME",
+            help="A sensor, attitude, rate or motion:SITE. Repeatable; default: attitude and rate.",
+            show_default=False,
+        ),
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option("--at", metavar="KEY", help="Keyframe to linearise at; default: rest.", show_default=False),
+    ] = None,
+    angle: Annotated[
+        str | None,
+        typer.Option(
+            "--angle",
+            metavar="JOINT=0,45,90",
+            help="Angles of a drive in degrees: a plant for each.",
+            show_default=False,
+        ),
+    ] = None,
+    discrete: Annotated[
+        float | None, typer.Option("--discrete", metavar="STEP", help="Sampled at this step in s.", show_default=False)
+    ] = None,
+    controller: Annotated[
+        Path | None,
+        typer.Option(
+            "--controller", metavar="LOOPS.toml", help="Loops whose margins are computed.", show_default=False
+        ),
+    ] = None,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write OUT_report.html as well.")] = True,
+    as_json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Linearise a spacecraft for control design: a state space with names and units, and the margins of a controller.
+
+    Example: beamchain plant flexible.xml --input torque:bus -o plant.mat
+
+    Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml -o plant.npz
+    """
+    from beamchain.craft.plants.loops import margins, read_controller
+    from beamchain.craft.plants.plant import plant as linear
+    from beamchain.craft.plants.realisation import Plant
+    from beamchain.files import check_free, write_files
+    from beamchain.report.plant_html import plant_report
+
+    if at is not None and angle is not None:
+        raise InputError("plant: --at and --angle are both given; leave one out.")
+    loops = None if controller is None else read_controller(controller)
+    page = output.with_name(f"{output.stem}_report.html")
+    for place in (output, *([page] if report else ())):
+        check_free(place, force=force)
+    with spinner("linearising", quiet or as_json):
+        found = linear(model, inputs or None, outputs or None, _angles(angle) if angle else at, discrete=discrete)
+        plants = [found] if isinstance(found, Plant) else list(found.plants)
+        of_loops = [[] if loops is None else margins(one, loops) for one in plants]
+        text = plant_report(found, of_loops, model.name) if report else ""
+    files = [found.write(output, force=force)]
+    if report:
+        write_files({page: text}, force=force)
+        files.append(page)
+    tell(lambda: _record(plants[0], found, of_loops), lambda: _show(plants[0], of_loops), files, as_json, quiet)
+    if any(not one.stable for several in of_loops for one in several):
+        raise typer.Exit(3)
+
+
+def _angles(text: str) -> "dict[str, Any]":
+    import numpy as np
+
+    joint, _, words = text.partition("=")
+    try:
+        return {joint: np.radians([float(word) for word in words.split(",")])}
+    except ValueError:
+        raise InputError(
+            f"--angle {text!r} is not JOINT=ANGLES; for example --angle drive=0,45,90 in degrees."
+        ) from None
+
+
+def _record(first: "Plant", found: "Plant | ScheduledPlant", of_loops: "list[list[Margins]]") -> dict[str, Any]:
+    import numpy as np
+
+    angles = None if found is first else np.degrees(found.angles)  # pyright: ignore[reportAttributeAccessIssue]
+    return {
+        "inputs": [{"name": n, "unit": u} for n, u in zip(first.input_labels, first.input_units, strict=True)],
+        "outputs": [{"name": n, "unit": u} for n, u in zip(first.output_labels, first.output_units, strict=True)],
+        "states": list(first.state_labels),
+        "modes": [
+            {"name": n, "frequency": float(w), "damping": float(z)}
+            for n, w, z in zip(first.modes, first.frequency, first.damping_ratio, strict=True)
+        ],
+        "angles": angles,
+        "margins": [[one.as_dict() for one in several] for several in of_loops],
+        **warnings_record(first.warnings),
+    }
+
+
+def _show(first: "Plant", of_loops: "list[list[Margins]]") -> None:
+    console().print(
+        f"{first.nstates} states, {first.ninputs} inputs ({', '.join(first.input_labels)}), "
+        f"{first.noutputs} outputs ({', '.join(first.output_labels)})", markup=False,
+    )  # fmt: skip
+    rows = [
+        [name, f"{w:.6g}", f"{w / 6.283185307179586:.5g}", f"{z:.3g}", f"{g:.3g}"]
+        for name, w, z, g in zip(
+            first.modes, first.frequency, first.damping_ratio, first.gain.max(axis=(1, 2), initial=0.0), strict=True
+        )
+    ]
+    print_table("flexible modes", ("mode", "rad/s", "Hz", "damping ratio", "largest gain"), rows)
+    rows = [
+        [str(i), f"{m.loop.input} <- {m.loop.output}", "stable" if m.stable else "UNSTABLE", f"{m.gain:.4g}",
+         f"{m.gain_frequency:.4g}", f"{m.phase:.4g}", f"{m.delay:.4g}", f"{m.disk:.3g}"]
+        for i, several in enumerate(of_loops, 1) for m in several
+    ]  # fmt: skip
+    if rows:
+        head = (
+            "plant",
+            "loop",
+            "closed",
+            "gain margin",
+            "at rad/s",
+            "phase margin deg",
+            "delay margin s",
+            "disk margin",
+        )
+        print_table("margins, the other loops closed", head, rows, left=(0, 1, 2))
+    print_warnings(first.warnings, "note")

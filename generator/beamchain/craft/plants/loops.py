@@ -1,0 +1,221 @@
+"""Margins of a controller on a plant: classical, delay and disk margins of every loop with the others closed."""
+
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import control
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.checks import Struct, field
+from beamchain.craft.plants.realisation import Plant
+from beamchain.errors import InputError
+from beamchain.files import tables
+from beamchain.fitting.sentences import sentence
+from beamchain.ports.motions import Array
+
+Response = NDArray[np.complex128]
+ORDER = 6  # of the Pade approximation of a delay, with which the closed loop's poles are judged
+UNSEEN = 1e-9  # relative, below which a state takes no part in a loop
+GROWS = 1e-9  # relative real part of a pole, below which it is rounding
+
+
+class Filter(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A proper transfer function in s."""
+
+    numerator: Annotated[tuple[float, ...], field("coefficients of the numerator, highest power of s first", "")]
+    denominator: Annotated[tuple[float, ...], field("coefficients of the denominator, highest power first", "")]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        top, bottom = (np.trim_zeros(np.asarray(c), "f") for c in (self.numerator, self.denominator))
+        if bottom.size == 0:
+            raise InputError(f"denominator = {list(self.denominator)} is zero; give [1.0] for a plain gain.")
+        if top.size > bottom.size:
+            raise InputError(
+                f"numerator = {list(self.numerator)} has a higher power of s than denominator = {list(self.denominator)}, "
+                "which no controller can realise; add a pole beyond the band, for example denominator = [0.01, 1.0]."
+            )
+
+    def response(self, s: Response) -> Response:
+        """Its value at `s`."""
+        return np.polyval(self.numerator, s) / np.polyval(self.denominator, s)
+
+
+class Loop(Filter, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One loop of a controller, `input = -K(s) output`: negative feedback."""
+
+    input: Annotated[str, field("input of the plant that the loop drives")]
+    output: Annotated[str, field("output of the plant that the loop measures")]
+    delay: Annotated[float, field("dead time of the loop", "s", least=0.0)] = 0.0
+    actuator: Annotated[Filter | None, field("dynamics of the actuator")] = None
+    sensor: Annotated[Filter | None, field("dynamics of the sensor")] = None
+
+    @property
+    def parts(self) -> list[Filter]:
+        """Controller, actuator and sensor."""
+        return [self, *(part for part in (self.actuator, self.sensor) if part is not None)]
+
+
+class Controller(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A file of loops."""
+
+    loop: Annotated[tuple[Loop, ...], field("the loops, one [[loop]] each")]
+
+
+class Margins(NamedTuple):
+    """Margins of a loop at the input of the plant, the other loops closed; infinite where there is no limit.
+
+    Args:
+        loop: the loop.
+        stable: whether the closed loop is stable, all loops together.
+        gain: factor by which the gain may rise, and `gain_frequency` at which the loop then rings [rad/s].
+        lowest_gain: factor below one to which it may fall; 0 where it may vanish.
+        phase: [degrees], at `phase_frequency` [rad/s].
+        delay: further dead time that the loop bears [s].
+        disk: disk margin (balanced, skew 0) at `disk_frequency` [rad/s]: gain and phase may change together by it.
+        omega, response: `(k,)` [rad/s] and the open loop's response.
+    """
+
+    loop: Loop
+    stable: bool
+    gain: float
+    gain_frequency: float
+    lowest_gain: float
+    phase: float
+    phase_frequency: float
+    delay: float
+    disk: float
+    disk_frequency: float
+    omega: Array
+    response: Response
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON, without the curve; None where there is no limit."""
+        values = {"input": self.loop.input, "output": self.loop.output, **self._asdict()}
+        return {
+            key: None if isinstance(value, float) and not np.isfinite(value) else value
+            for key, value in values.items()
+            if key not in ("loop", "omega", "response")
+        }
+
+
+def read_controller(path: str | Path) -> Controller:
+    """Read a controller from TOML.
+
+    Raises:
+        InputError: the file cannot be read, or a value is not allowed.
+    """
+    place = Path(path)
+    try:
+        data = tables(place.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"controller {str(place)!r} cannot be read ({error}); give a TOML file with [[loop]]."
+        ) from None
+    try:
+        return msgspec.convert(data, Controller)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{place}: {sentence(str(error), data, Controller)}") from None
+
+
+def margins(plant: Plant, controller: Controller) -> list[Margins]:
+    """Margins of every loop, the others closed.
+
+    The open loop at an input with the other loops closed is `1/[(1 + K G)^-1]_ii - 1`; dead times are exact in it.
+
+    Args:
+        plant: continuous.
+        controller: its loops.
+
+    Raises:
+        InputError: a loop names no signal of the plant, two drive the same input, or the plant is discrete.
+    """
+    if plant.dt:
+        raise InputError("margins are those of the continuous plant; leave discrete out and give each loop its delay.")
+    rows, columns = (
+        [_place(getattr(loop, kind), labels, kind) for loop in controller.loop]
+        for kind, labels in (("output", list(plant.output_labels)), ("input", list(plant.input_labels)))
+    )
+    if not controller.loop or len(set(columns)) < len(columns):
+        raise InputError(
+            "the controller needs at least one [[loop]], and every input at most one; add them up into one."
+        )
+    stable, poles = _closed(plant, controller, rows, columns)
+    omega = _grid(plant, poles)
+    s = (1j * omega).astype(np.complex128)
+    own = np.array([_response(loop, s) for loop in controller.loop])
+    through = own[:, None, :] * np.asarray(plant(s, squeeze=False))[np.ix_(rows, columns, range(omega.size))]
+    inverse: Any = np.linalg.inv(np.eye(len(rows)) + np.moveaxis(through, -1, 0))
+    return [
+        _margins(loop, stable, omega, (1.0 / inverse[:, i, i] - 1.0).astype(np.complex128))
+        for i, loop in enumerate(controller.loop)
+    ]
+
+
+def _place(name: str, labels: list[str], kind: str) -> int:
+    if name not in labels:
+        raise InputError(f"loop.{kind} = {name!r} is no {kind} of the plant; choose from {', '.join(labels)}.")
+    return labels.index(name)
+
+
+def _response(loop: Loop, s: Response) -> Response:
+    return np.prod([part.response(s) for part in loop.parts], axis=0) * np.exp(-s * loop.delay)
+
+
+def _closed(plant: Plant, controller: Controller, rows: list[int], columns: list[int]) -> tuple[bool, Response]:
+    """Whether the closed loop is stable, and its poles, of the states that take part in it."""
+    a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
+    b, c = b[:, columns], c[rows]
+    link = np.abs(a) > 0.0
+    driven, seen = (np.abs(m).max(axis=1) > UNSEEN * np.abs(m).max(initial=1e-300) for m in (b, c.T))
+    for _ in range(a.shape[0]):
+        driven, seen = driven | (link @ driven), seen | (link.T @ seen)
+    keep = np.flatnonzero(driven & seen).tolist()
+    system = control.ss(a[np.ix_(keep, keep)], b[keep], c[:, keep], d[np.ix_(rows, columns)])
+    whole: Any = None
+    for loop in controller.loop:
+        one: Any = control.tf(*control.pade(loop.delay, ORDER)) if loop.delay else control.tf([1.0], [1.0])
+        for part in loop.parts:
+            one = one * control.tf(list(part.numerator), list(part.denominator))
+        one = control.ss(one)
+        whole = one if whole is None else control.append(whole, one)
+    closed: Any = control.feedback(system, whole)
+    poles = np.asarray(closed.poles(), dtype=np.complex128)
+    return bool(np.all(poles.real < GROWS * np.abs(poles).max(initial=1.0))), poles
+
+
+def _grid(plant: Plant, poles: Response) -> Array:
+    """`(k,)` frequencies that resolve the modes and the closed loop's poles [rad/s]."""
+    size = np.abs(np.concatenate([poles[np.abs(poles) > 0.0], plant.frequency]))
+    ratio = np.abs(
+        np.concatenate([-poles.real[np.abs(poles) > 0.0] / np.abs(poles[np.abs(poles) > 0.0]), plant.damping_ratio])
+    )
+    near = np.sinh(np.linspace(-6.0, 6.0, 121))
+    fine = size[:, None] * (1.0 + np.clip(ratio, 1e-6, 0.02)[:, None] * near)
+    wide = np.geomspace(0.01 * size.min(), 10.0 * size.max(), 3000)
+    grid = np.unique(np.concatenate([fine.ravel(), wide]))
+    return grid[(grid >= wide[0]) & (grid <= wide[-1])]
+
+
+def _margins(loop: Loop, stable: bool, omega: Array, response: Response) -> Margins:
+    """Margins of one open loop, on its grid."""
+    frd = control.FrequencyResponseData(response, omega, smooth=True)
+    gains, phases, _, at_gain, at_phase, _ = control.stability_margins(frd, returnall=True)
+    gains, at_gain, phases, at_phase = (
+        np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (gains, at_gain, phases, at_phase)
+    )
+    up, down = gains > 1.0, (gains < 1.0) & (gains > 0.0)
+    k = int(np.argmin(np.where(up, gains, np.inf))) if np.any(up) else -1
+    p = int(np.argmin(np.abs(phases))) if phases.size else -1
+    later = np.radians(np.mod(phases, 360.0)) / at_phase if phases.size else np.array([np.inf])
+    size = np.abs((1.0 - response) / (1.0 + response))
+    worst = int(np.argmax(size))
+    nothing = float("inf")
+    return Margins(
+        loop, stable, float(gains[k]) if k >= 0 else nothing, float(at_gain[k]) if k >= 0 else nothing,
+        float(np.max(gains[down], initial=0.0)), float(phases[p]) if p >= 0 else nothing,
+        float(at_phase[p]) if p >= 0 else nothing, float(later.min()), float(2.0 / size[worst]), float(omega[worst]),
+        omega, response,
+    )  # fmt: skip
