@@ -263,8 +263,8 @@ def _proved(
         appendages = tuple(replace(a, fit=on_tendons(a.fit)) for a in appendages)
         check_names(craft, appendages)
         model = build(appendages)
-    final = timed(model) if good else model
-    warnings = [*([why] if why else []), *judged(craft, model, appendages, final, found)]
+    final, slowed = timed(model) if good else (model, [])
+    warnings = [*([why] if why else []), *slowed, *judged(craft, model, appendages, final, found)]
     warnings += driven_too_far(model, appendages) + turned(model, appendages)
     if good:
         appendages = tuple(replace(a, timed=final) for a in appendages)

@@ -132,12 +132,12 @@ def _joint_damped(fit: Fit, port: str) -> bool:
     return any(port in hinge.damping for hinge in fit.chain.hinges)
 
 
-def timed(model: "mujoco.MjModel") -> "mujoco.MjModel":
-    """A copy of a model whose appendages are exact in time for its own step and integrator."""
+def timed(model: "mujoco.MjModel") -> "tuple[mujoco.MjModel, list[str]]":
+    """A copy of a model whose appendages are exact in time for its own step and integrator, and what was slowed for it."""
     out = copy.copy(model)
     name = NUMBERS[int(model.opt.integrator)]
-    retime(out, float(model.opt.timestep), name, form=4)
-    return out
+    done = retime(out, float(model.opt.timestep), name, form=4)
+    return out, [] if name == "RK4" else done.slowed  # of RK4 it is said already
 
 
 def without_time(model: "mujoco.MjModel") -> "mujoco.MjModel":

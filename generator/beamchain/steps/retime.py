@@ -18,6 +18,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from beamchain.caution import Caution
 from beamchain.checks import not_negative, one_of
 from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
@@ -68,6 +69,20 @@ class Retimed:
     left_out: float
     modes: tuple[ModeTime, ...]
     before: Mapping[str, Array]
+
+    @property
+    def slowed(self) -> list[str]:
+        """A warning where modes were slowed; empty where none was."""
+        slow = [mode for mode in self.modes if mode.slowed]
+        if not slow:
+            return []
+        first = min(slow, key=lambda mode: mode.frequency)
+        text = (
+            f"{len(slow)} of {len(self.modes)} appendage modes are too fast for {self.integrator} at {self.timestep:g} s on "
+            f"this spacecraft and were slowed, from {first.name} at {first.frequency:.4g} rad/s on; what the spacecraft does "
+            "there and above is not right. Take a shorter step to keep them."
+        )
+        return [Caution("slowed-modes", text)]
 
     @property
     def lowered(self) -> bool:

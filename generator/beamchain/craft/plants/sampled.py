@@ -34,8 +34,8 @@ def at_step(model: "mujoco.MjModel", timestep: float, qpos: Array) -> "tuple[muj
     name, modal = NUMBERS[int(model.opt.integrator)], modal_tendons(model)
     if modal.names and SCHEMES[name].exact:
         made = {None if mark is None else (mark.timestep, mark.integrator) for mark in modal.made_for}
-        if made != {(timestep, name)}:
-            retime(out, timestep, name, form=4, qpos=qpos)
+        right = made == {(timestep, name)}
+        said += retime(copy.copy(out) if right else out, timestep, name, form=4, qpos=qpos).slowed
     else:
         why = f"{name} cannot be made exact in time" if modal.names else "its flexible parts have no modal tendons"
         said.append(Caution("not-exact-in-time", f"the discrete plant has the step's own error: {why}."))
