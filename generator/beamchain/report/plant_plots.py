@@ -32,7 +32,7 @@ def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Ax
     if ax is None:
         ax = Figure(figsize=(6.4, 3.8), layout="constrained").add_subplot()
     degrees, gain = np.degrees(scheduled.angles), scheduled.gain
-    top = np.maximum(gain.max(axis=(0, 1), keepdims=True, initial=0.0), 1e-300)
+    top = np.maximum(gain.max(axis=(0, 1), keepdims=True, initial=0.0), 1e-9 * gain.max(initial=0.0) + 1e-300)
     size = 4.0 + 60.0 * (gain / top).max(axis=(2, 3), initial=0.0)
     for k, name in enumerate(scheduled.modes):
         ax.plot(degrees, scheduled.frequency[:, k], color=BEAM, linewidth=0.8)
