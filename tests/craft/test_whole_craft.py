@@ -112,6 +112,21 @@ def test_mass_properties_of_the_whole(flexible):
     assert found.body == "bus"
 
 
+def slowed(result):
+    return [said for said in result.warnings if said.code == "slowed-modes"]
+
+
+def test_modes_that_the_step_slows_are_told():
+    timed = CRAFT.replace(
+        '<option gravity="0 0 0"/>', '<option gravity="0 0 0" integrator="implicitfast" timestep="{}"/>'
+    )
+    quick, slow = (bc.embed(timed.format(step), {"+y": PANEL}, retime=True) for step in (0.01, 0.4))
+    assert not slowed(quick)
+    assert "too fast for implicitfast at 0.4 s" in slowed(slow)[0]
+    assert not bc.plant(quick, ["torque:bus"], discrete=0.01).warnings
+    assert [said for said in bc.plant(slow, ["torque:bus"], discrete=0.4).warnings if said.code == "slowed-modes"]
+
+
 def run(arguments, capsys, monkeypatch):
     """Exit status, stdout and stderr of one call in this process."""
     monkeypatch.setattr("sys.argv", ["beamchain", *arguments])

@@ -85,7 +85,10 @@ class Plant(control.StateSpace):
 
     @cached_property
     def gain(self) -> Array:
-        """`(modes, outputs, inputs)` modal gains: size of the mode's numerator over `s^2 + 2 zeta w s + w^2`, at `s = jw`."""
+        """`(modes, outputs, inputs)` modal gains: size of the mode's numerator over `s^2 + 2 zeta w s + w^2`, at `s = jw`.
+
+        Of a discrete plant they belong to its own matrices in z, and cannot be compared with those of a continuous one.
+        """
         out = np.zeros((len(self.modes), self.noutputs, self.ninputs))
         for k, name in enumerate(self.modes):
             at = self._states(name)
