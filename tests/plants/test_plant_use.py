@@ -1,6 +1,5 @@
 """What `bc.plant` hands out and how it answers mistakes: names, units, minimality, angles, files, errors."""
 
-import doctest
 import json
 import re
 
@@ -13,7 +12,6 @@ from scipy.io import loadmat
 import beamchain as bc
 from beamchain.engine.linearise import compile_model
 from plant_truth import CRAFTS, Truth, embedded, error, kept, text
-from spacecraft import APPENDAGES
 
 SAME = 1e-12  # numbers that went through a file, or through another way of asking for them
 AGREE = 1e-7  # transfer functions after states were taken out
@@ -141,18 +139,6 @@ def test_a_lag_of_an_actuator_is_a_state():
     plain, slow = bc.plant(bare(), ["drive_motor"]), bc.plant(lagged, ["drive_motor"])
     assert "drive_motor" in slow.state_labels
     assert error(slow(S, squeeze=False), plain(S, squeeze=False) / (0.5 * S + 1.0)) < AGREE
-
-
-def test_the_example_of_the_docstring_runs(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    sites = '<site name="mount" pos="0.5 0 0"/>'
-    craft = RIGID.split("<geom")[0] + sites + "</body></worldbody></mujoco>"
-    (tmp_path / "craft.xml").write_text(craft.replace('mass="9"', 'mass="300"').replace("1 2 2.5", "100 120 150"))
-    (tmp_path / "boom.toml").write_text((APPENDAGES / "boom.toml").read_text())
-    found = doctest.DocTestFinder().find(bc.plant, "plant", globs={"bc": bc})
-    result = doctest.DocTestRunner().run(found[0])
-    assert result.attempted == 4
-    assert result.failed == 0
 
 
 # -- over angles -------------------------------------------------------------------------------------------------------
