@@ -45,6 +45,12 @@ def test_a_second_equal_appendage_leaves_the_first_its_prefix(tmp_path):
     assert {a.at: a.prefix for a in both.appendages} == {"+y": "array_", "-y": "array_-y_"}
 
 
+def test_an_appendage_embedded_again_keeps_its_prefix(flexible, tmp_path):
+    both = flexible.write(tmp_path / "both.xml")[-1]
+    again = bc.embed(both, {"+y": PANEL.replace(modes=1)})
+    assert {a.at: a.prefix for a in again.appendages} == {a.at: a.prefix for a in flexible.appendages}
+
+
 def rigid_inertia(model, qpos):
     """`(6, 6)` of everything about the world's origin, from MuJoCo's own bodies, everything frozen."""
     data = mujoco.MjData(model)

@@ -126,12 +126,17 @@ def embed(
 
 
 def _prefixed(before: dict[str, tuple[Spec, str]], wanted: dict[str, tuple[Spec, str]]) -> dict[str, tuple[Spec, str]]:
-    """All appendages with their prefixes: the name of each, with that of its place where two would have the same."""
+    """All appendages with their prefixes: the name of each, with that of its place where two would have the same.
+
+    An appendage that replaces one of the same name at the same place keeps its prefix.
+    """
     out = {at: entry for at, entry in before.items() if at not in wanted} | wanted
     names = [spec.name for spec, _ in wanted.values()]
     taken = [prefix for _, prefix in out.values()]
     for at, (spec, prefix) in wanted.items():
-        if not prefix:
+        if not prefix and at in before and before[at][0].name == spec.name:
+            out[at] = spec, before[at][1]  # names that other parts of the user's file may refer to
+        elif not prefix:
             alone = names.count(spec.name) == 1 and f"{spec.name}_" not in taken
             place = re.sub(r"[^A-Za-z0-9_.-]", "_", split(at)[1])
             own = f"{spec.name}_" if alone else f"{spec.name}_{place}_"
