@@ -1,16 +1,22 @@
-"""The transcendental solution of the uniform Euler beam, with exponentials where hyperbolic functions lose digits."""
+"""The transcendental solution of the uniform Euler beam: the independent truth the elements are held against.
 
+Initial parameters with Krylov-Duncan functions for short waves, decaying exponentials from both ends for long beams in
+short waves, so that neither cancellation nor overflow costs digits.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from beamchain.checks import positive
 from beamchain.ports.motions import Array
 
 
 def krylov(z: float) -> tuple[float, float, float, float]:
-    """Krylov-Duncan functions `S, T, U, V` of z: `S = (cosh z + cos z) / 2`."""
+    """Krylov-Duncan functions `S, T, U, V` of z: `S = (cosh z + cos z) / 2`, each the integral of the one before."""
     if abs(z) < 1.5:
         out: list[float] = []
         for start in range(4):
@@ -88,3 +94,49 @@ class UniformBeam:
         wrench = np.vstack([moment_shear[1], -moment_shear[0]])
         out = wrench / -(z**4)
         return (out + out.T) / 2.0
+
+    def coupled_frequencies(self, hub_mass: ArrayLike, count: int) -> Array:
+        """`(count,)` frequencies [rad/s] of the beam on a free hub with mass matrix `(2, 2)` at the port.
+
+        Zero gives the free-free beam. Roots of `det(M_hub + D)` by bracketing between the poles of D.
+
+        Args:
+            hub_mass: `(2, 2)` about the port [kg, kg m, kg m^2].
+            count: how many, from the lowest.
+        """
+        m, length = self.linear_mass * self.length, self.length
+        unit = np.array([[m, m * length], [m * length, m * length**2]])
+        hub = np.asarray(hub_mass, dtype=np.float64) / unit
+        if not np.any(hub):
+            return _roots(_loose, count) * self.unit_frequency
+        return (
+            _roots(lambda z: float(np.linalg.det(hub + self._unit_dynamic_mass(z))) * _held(z), count)
+            * self.unit_frequency
+        )
+
+    def cantilever_frequencies(self, count: int) -> Array:
+        """`(count,)` frequencies [rad/s] of the clamped-free beam: `1 + cos cosh = 0`."""
+        return _roots(_held, count) * self.unit_frequency
+
+
+def _held(z: float) -> float:
+    """The cantilever's characteristic function over cosh z."""
+    return float(1.0 / np.cosh(min(z, 700.0)) + np.cos(z))
+
+
+def _loose(z: float) -> float:
+    """The free-free beam's characteristic function over cosh z, its double root at 0 left out."""
+    return float(1.0 / np.cosh(min(z, 700.0)) - np.cos(z)) if z > 1.0 else 1.0
+
+
+def _roots(function: Callable[[float], float], count: int) -> Array:
+    """Squares of the first `count` positive roots in z, none double."""
+    found: list[float] = []
+    grid = np.linspace(0.02, np.pi * (count + 3), 400 * (count + 3))
+    values = [function(float(z)) for z in grid]
+    for a, b, fa, fb in zip(grid[:-1], grid[1:], values[:-1], values[1:], strict=True):
+        if fa * fb < 0.0:
+            found.append(float(brentq(function, a, b, xtol=1e-15, rtol=1e-15)))
+        if len(found) == count:
+            break
+    return np.array(found) ** 2
