@@ -27,7 +27,7 @@ REASONS = (
     ("digits are lost", ("digits",)),
     (
         "exact chain not physical",
-        ("not physical", "before the root", "no physical", "massless", "singular", "no exact chain"),
+        ("not physical", "limp chain", "before the root", "no physical", "massless", "singular", "no exact chain"),
     ),
 )
 OTHER = "other reason"
