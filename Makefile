@@ -7,6 +7,7 @@
 # make fuzz        EXAMPLES hostile specifications, every reader with as many spoilt files, then coverage-guided where atheris installs
 # make extremes    1602 extreme appendages, each checked independently; counts and a map in build/extremes
 # make notebooks   run the notebooks in place, outputs kept small
+# make docs        the documentation site into build/site; warnings are errors, nothing is fetched
 # make docs-pictures  draw the pictures that README shows
 # make wheel       build the distribution into dist/
 # make wheel-newest  its quick tests on the newest Python installed
@@ -16,7 +17,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
 
-.PHONY: demo test test-full hosts bench bench-peers notebooks docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes
+.PHONY: demo test quick test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -31,16 +32,18 @@ lint: $(VENV)/.installed
 	$(BIN)/ruff format --check
 	$(BIN)/basedpyright
 
-test: lint
+test: lint quick
+
+quick: $(VENV)/.installed
 	$(BIN)/pytest -n $(WORKERS) -m "not slow and not host"
 
-HOSTS ?= oldest newest dm_control basilisk nastran
+HOSTS ?= oldest newest dm_control basilisk nastran worlds
 
 hosts:
 	for host in $(HOSTS); do $(PYTHON) tests/hosts/run.py $$host || exit 1; done
 
 # the notebooks have run with the wheel by then
-test-full: $(VENV)/.installed wheel-test hosts
+test-full: $(VENV)/.docs wheel-test hosts
 	$(BIN)/pytest -n $(WORKERS) -m "slow or host" --ignore=tests/test_notebooks.py
 
 bench: $(VENV)/.installed
@@ -72,6 +75,13 @@ extremes: $(VENV)/.installed
 notebooks: $(VENV)/.installed
 	$(BIN)/python notebooks/execute.py
 
+$(VENV)/.docs: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	touch $@
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -q -W --keep-going -d build/doctrees docs build/site
+
 docs-pictures: $(VENV)/.installed
 	$(BIN)/python docs/pictures.py
 	$(BIN)/python docs/house.py
@@ -80,7 +90,7 @@ wheel: $(VENV)/.installed
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
 
-IN_WHEEL := pytest pytest-xdist hypothesis sympy nbclient nbformat ipykernel basedpyright
+IN_WHEEL := pytest pytest-xdist hypothesis sympy gymnasium nbclient nbformat ipykernel basedpyright hatchling twine
 
 # the wheel, built from the sdist, in an environment that has never seen the checkout, tested from outside it:
 # quick tests, notebooks, its contents, its types

@@ -9,7 +9,10 @@ import beamchain as bc
 NAMES = [name for name in bc.__all__ if name != "__version__"]
 
 
-@pytest.mark.parametrize("name", NAMES)
+SLOW = ("study", "stability", "worlds")
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in NAMES])
 def test_its_example_runs(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     found = getattr(bc, name)

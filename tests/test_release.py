@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -106,6 +107,59 @@ def test_what_is_tested_is_the_wheel():
             if name.startswith("beamchain/") and not name.endswith("/"):
                 mine = (PACKAGE.parent / name).read_bytes()
                 assert hashlib.sha256(mine).digest() == hashlib.sha256(archive.read(name)).digest(), name
+
+
+@built
+def test_sdist_builds_without_a_network(tmp_path):
+    pytest.importorskip("hatchling", reason="hatchling is not installed")
+    words = ["wheel", "--no-index", "--no-build-isolation", "--no-deps", "--quiet", "--wheel-dir", str(tmp_path)]
+    done = subprocess.run(
+        [sys.executable, "-m", "pip", *words, str(SDIST)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert WHEEL is not None
+    assert [path.name for path in tmp_path.iterdir()] == [WHEEL.name]
+
+
+@built
+def test_a_package_index_accepts_both():
+    pytest.importorskip("twine", reason="twine is not installed")
+    words = [sys.executable, "-m", "twine", "check", "--strict", str(SDIST), str(WHEEL)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
+# -- files that are read elsewhere -----------------------------------------------------------------------------------
+checkout = pytest.mark.skipif(not (ROOT / ".github").is_dir(), reason="not a checkout")
+
+
+@checkout
+def test_workflow_names_targets_and_versions_there_are():
+    text = (ROOT / ".github/workflows/ci.yml").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
+    asked = re.findall(r"run: make ([a-z-]+)", text)
+    assert {"lint", "quick", "wheel-test", "docs"} == set(asked) <= targets
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    stated = set(re.findall(r"Python :: (3\.\d+)", project))
+    assert stated <= set(re.findall(r'"(3\.\d+)"', text))
+
+
+@checkout
+def test_recipe_has_the_dependencies_of_the_package():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    recipe = (ROOT / "packaging/conda/recipe.yaml").read_text(encoding="utf-8")
+    called = {"mujoco": "mujoco-python", "matplotlib": "matplotlib-base"}
+    for name, floor in (wanted.split(">=") for wanted in project["dependencies"]):
+        assert f"- {called.get(name, name)} >={floor}\n" in recipe
+    assert f'version: "{project["version"]}"' in recipe
+
+
+@checkout
+def test_paper_is_short_and_cites_what_its_list_holds():
+    folder = ROOT / "docs/paper"
+    text, listed = ((folder / name).read_text(encoding="utf-8") for name in ("paper.md", "paper.bib"))
+    assert len(text.split()) < 1000
+    assert set(re.findall(r"@([A-Z]\w+\d{4})", text)) == set(re.findall(r"^@\w+\{(\w+),", listed, re.M))
 
 
 # -- types -----------------------------------------------------------------------------------------------------------

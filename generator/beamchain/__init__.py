@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded as Embedded
     from beamchain.craft.embedding import embed as embed
     from beamchain.craft.plants.plant import plant as plant
+    from beamchain.craft.worlds.worlds import worlds as worlds
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
-    from beamchain.errors import EngineError as EngineError
     from beamchain.errors import InputError as InputError
     from beamchain.errors import OutputError as OutputError
     from beamchain.errors import RealisationError as RealisationError
@@ -55,7 +55,6 @@ _PLACES = {
     "engine.linearise": ("linearise",),
     "errors": (
         "BeamchainError",
-        "EngineError",
         "InputError",
         "OutputError",
         "RealisationError",
@@ -75,6 +74,7 @@ _PLACES = {
         "read_spec",
     ),
     "craft.plants.plant": ("plant",),
+    "craft.worlds.worlds": ("worlds",),
     "ports.compare": ("compare",),
     "ports.model": ("PortModel",),
     "steps.retime": ("retime",),

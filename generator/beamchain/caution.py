@@ -20,6 +20,7 @@ CODES = {
     "held-ports": "the spacecraft's joints hold a port, wholly or in part",
     "large-motion": "a run or a keyframe exceeds a chain's large-motion limits",
     "large-motion-unknown": "the large-motion limits of the chain could not be computed",
+    "left-certain": "structural properties that are uncertain are left certain in an uncertain plant",
     "light-material": "a density below that of foam is stated",
     "medium": "the density or viscosity of a medium causes drag on the links",
     "not-exact-in-time": "the spacecraft's integrator cannot be made exact in time",

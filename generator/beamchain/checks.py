@@ -1,6 +1,7 @@
 """The checks every input goes through on construction, and the sentences they answer with."""
 
 import difflib
+import inspect
 import math
 from collections.abc import Callable, Iterable
 from functools import cache, partial
@@ -61,7 +62,7 @@ class _Answering(msgspec.StructMeta):
         super().__init__(*args, **kwargs)
         if texts := descriptions(cls):
             listed = "\n".join(f"    {name}: {text}." for name, text in texts.items())
-            cls.__doc__ = f"{cls.__doc__ or ''}\n\nArgs:\n{listed}\n"
+            cls.__doc__ = f"{inspect.cleandoc(cls.__doc__ or '')}\n\nArgs:\n{listed}\n"
 
     if not TYPE_CHECKING:  # a type checker that sees it no longer sees the fields
 
@@ -70,10 +71,7 @@ class _Answering(msgspec.StructMeta):
             takes = f"it takes {', '.join(fields)}, each by its name."
             for name in kwargs:
                 if name not in fields:
-                    near = difflib.get_close_matches(name, fields, n=1)
-                    raise InputError(
-                        f"{cls.__name__} has no field {name!r}; {f'did you mean {near[0]}? ' if near else ''}{takes}"
-                    )
+                    raise InputError(f"{cls.__name__} has no field {name!r}; {meant(name, fields)}{takes}")
             if args:
                 raise InputError(f"{cls.__name__}: {args[0]!r:.60} is given without a name; {takes}")
             try:
@@ -195,6 +193,21 @@ def one_of(field: str, value: object, choices: Iterable[str]) -> None:
     words = list(choices)
     if value not in words:
         raise InputError(f"{field} = {value!r} is unknown; choose one of {', '.join(words)}.")
+
+
+def meant(word: object, words: Iterable[str]) -> str:
+    """The question whether the nearest of `words` was meant, with a space behind it; empty where none is near."""
+    near = difflib.get_close_matches(str(word), list(words), n=1)
+    return f"did you mean {near[0]!r}? " if near else ""
+
+
+def unknown(field: str, value: object, names: Iterable[str], cure: str = "") -> InputError:
+    """The answer to a name that is none of those there are."""
+    known = [name for name in names if name]
+    return InputError(
+        f"{field} = {value!r} is unknown; {meant(value, known)}choose from {', '.join(known) or 'none, for there are none'}."
+        f"{f' {cure}' if cure else ''}"
+    )
 
 
 def whole_number(field: str, value: object, least: int, most: int) -> int:

@@ -10,7 +10,7 @@ import beamchain as bc
 from beamchain.chain.chain import Chain
 from beamchain.chain.recursion import planar_chain, realise
 from beamchain.chain.rivals import equal_links
-from uniform_beam import UniformBeam
+from beamchain.structure.exact import UniformBeam
 
 HUBS = (0.1, 1.0, 10.0, 1000.0)  # hub mass over beam mass; hub inertia = hub mass x (L / 3)^2
 HINGES = (1, 2, 3, 4, 5, 7)

@@ -15,7 +15,7 @@ from beamchain.chain.rivals import (
     seed_ratio,
 )
 from beamchain.errors import InputError
-from uniform_beam import UniformBeam
+from beamchain.structure.exact import UniformBeam
 
 PERCENT = 0.5  # the published errors are in whole percent
 CLOSED = 1e-10  # (17), (18) against singular values of a 6 x 2 matrix; c enters by its root

@@ -99,6 +99,10 @@ def whole(path: Path) -> bool:
     return bool(content)
 
 
+#: a study writes them where a model reached the error in the time it had, which differs from run to run on a busy machine
+MEASURED = {"recommended_1e-2.toml", "recommended_1e-3.toml", "recommended_1e-4.toml"}
+
+
 def started(command: str, folder: Path) -> subprocess.Popen:
     recipe = folder / "boom.toml"
     recipe.write_text(BOOM if command == "sweep" else BOOM.split("[uncertain]")[0])
@@ -120,7 +124,7 @@ def test_a_command_killed_at_any_moment(command, tmp_path):
     _, said = done.communicate(timeout=120)
     seconds = time.perf_counter() - start
     assert done.returncode in (0, 3), said
-    everything = set(visible(folder / "out"))
+    everything = set(visible(folder / "out")) - MEASURED
     last = COMMANDS[command][1]
     assert last in everything
     for i in range(MOMENTS):
@@ -135,4 +139,4 @@ def test_a_command_killed_at_any_moment(command, tmp_path):
         found = visible(folder / "out")
         assert all(whole(path) for path in found.values()), found
         if last in found:
-            assert set(found) == everything
+            assert set(found) - MEASURED == everything

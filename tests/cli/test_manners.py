@@ -13,21 +13,13 @@ from pathlib import Path
 import pytest
 
 import beamchain as bc
-from beamchain.cli import app, main
+from beamchain.cli import app
 from beamchain.cli.init import commented
 from beamchain.cli.shipped import examples
+from command import run
 
 COMMANDS = sorted(command.name for command in app.registered_commands if not command.hidden)
 COLOUR = re.compile(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|38;5)[0-9;]*m")
-
-
-def run(arguments, capsys, monkeypatch):
-    """Exit status, stdout and stderr of one call in this process."""
-    monkeypatch.setattr(sys, "argv", ["beamchain", *arguments])
-    with pytest.raises(SystemExit) as stopped:
-        main()
-    told = capsys.readouterr()
-    return int(stopped.value.code or 0), told.out, told.err
 
 
 def outside(arguments, **environment):

@@ -21,6 +21,7 @@ from beamchain.cli import main
 from random_appendages import random_appendage, toml
 
 CRAFTS = 24
+QUICK = 8  # of them in the quick suite
 AGREE = 0.05  # stated and found craft error, relative
 ROUNDING = 1e-7  # of the craft error: what differs below is the last digits of file and finite elements
 MODES = 30  # of every port in finite elements
@@ -174,7 +175,9 @@ def found_error(text, file, specs, exact=None):
     return worst
 
 
-@pytest.mark.parametrize("number", range(CRAFTS))
+@pytest.mark.parametrize(
+    "number", [*range(QUICK), *(pytest.param(n, marks=pytest.mark.slow) for n in range(QUICK, CRAFTS))]
+)
 def test_stated_craft_error_is_what_the_file_has(number, tmp_path):
     seed = SEED * 1000 + number
     print(f"BEAMCHAIN_SEED={SEED}, craft {number}")  # noqa: T201

@@ -21,7 +21,8 @@ from beamchain.craft.embedding import take_out
 from beamchain.errors import BeamchainError
 from beamchain.fitting.spec import read_spec, spec_from_dict
 from beamchain.mjcf.craft import read_craft
-from spacecraft import CRAFTS, STYLES, frequencies, run, spec
+from command import run
+from spacecraft import CRAFTS, STYLES, frequencies, spec
 
 SAME = 1e-12  # two forms of one model: the same numbers through the same code
 COUPLED = 1e-3  # several appendages, each fitted with the others rigid: the bound
@@ -410,7 +411,7 @@ class TestCommand:
         assert record["appendages"][0]["prefix"] == "rod_"
         assert picture.read_text().startswith("<?xml")
         back = tmp_path / "back.xml"
-        code, error = run(["embed", str(out), "--remove", "-o", str(back), "--quiet"], capsys, monkeypatch)
+        code, _, error = run(["embed", str(out), "--remove", "-o", str(back), "--quiet"], capsys, monkeypatch)
         assert (code, error) == (0, "")
         assert canonical(back) == canonical(CRAFTS / "planar.xml")
 
@@ -428,7 +429,7 @@ class TestCommand:
     )
     def test_bad_words(self, words, message, tmp_path, capsys, monkeypatch):
         out = tmp_path / "out.xml"
-        code, error = run(["embed", str(CRAFTS / "planar.xml"), *words, "-o", str(out)], capsys, monkeypatch)
+        code, _, error = run(["embed", str(CRAFTS / "planar.xml"), *words, "-o", str(out)], capsys, monkeypatch)
         assert code == 2
         assert message in error
         assert not out.exists()

@@ -10,7 +10,8 @@ import pytest
 import beamchain as bc
 from beamchain.errors import BeamchainError
 from beamchain.fitting.spec import spec_from_dict
-from spacecraft import frequencies, run, spec
+from command import run
+from spacecraft import frequencies, spec
 
 SAME = 1e-12  # two forms of one model: the same numbers through the same code
 
@@ -75,7 +76,7 @@ class TestRefused:
         text, at, word = REFUSED[name]
         path, out = tmp_path / "craft.xml", tmp_path / "sub" / "out.xml"
         path.write_text(text)
-        code, error = run(["embed", str(path), "--at", f"{at}={spec('rod')}", "-o", str(out)], capsys, monkeypatch)
+        code, _, error = run(["embed", str(path), "--at", f"{at}={spec('rod')}", "-o", str(out)], capsys, monkeypatch)
         assert code == 2
         assert error.startswith("beamchain: ")
         assert error.count("\n") == 1
@@ -225,7 +226,7 @@ class TestHostile:
         )
         path = tmp_path / "pulled.xml"
         pulled.write(path)
-        code, error = run(["stability", str(path), "-o", str(tmp_path / "out"), "-q"], capsys, monkeypatch)
+        code, _, error = run(["stability", str(path), "-o", str(tmp_path / "out"), "-q"], capsys, monkeypatch)
         assert code == 2
         assert "the spring of joint 'drive' is preloaded: it pulls with 523.6 N m in the pose" in error
 

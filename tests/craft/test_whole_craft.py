@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.cli import main
+from command import run
 
 SAME = 1e-12  # relative; two ways to add up the same bodies
 MODE = 2e-3  # relative; chains with two modes per plane on one craft, against all modes of the beams
@@ -131,15 +131,6 @@ def test_modes_that_the_step_slows_are_told():
     assert "too fast for implicitfast at 0.4 s" in slowed(slow)[0]
     assert not bc.plant(quick, ["torque:bus"], discrete=0.01).warnings
     assert [said for said in bc.plant(slow, ["torque:bus"], discrete=0.4).warnings if said.code == "slowed-modes"]
-
-
-def run(arguments, capsys, monkeypatch):
-    """Exit status, stdout and stderr of one call in this process."""
-    monkeypatch.setattr("sys.argv", ["beamchain", *arguments])
-    with pytest.raises(SystemExit) as stopped:
-        main()
-    told = capsys.readouterr()
-    return int(stopped.value.code or 0), told.out, told.err
 
 
 def test_the_command_tells_it(tmp_path, capsys, monkeypatch):

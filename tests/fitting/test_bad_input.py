@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from beamchain.cli import main
 from beamchain.studies.sweep import STORE
+from command import run
 
 SEGMENT = """
 [[segment]]
@@ -130,13 +130,6 @@ CASES = {
 }
 
 
-def run(arguments: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
-    monkeypatch.setattr(sys, "argv", ["beamchain", *arguments])
-    with pytest.raises(SystemExit) as stopped:
-        main()
-    return int(stopped.value.code or 0), capsys.readouterr().err
-
-
 def is_one_sentence(text: str) -> bool:
     return text.startswith("beamchain: ") and text.count("\n") == 1 and "Traceback" not in text
 
@@ -146,7 +139,7 @@ def test_wrong_spec(name, tmp_path, capsys, monkeypatch):
     content, word = CASES[name]
     spec, out = tmp_path / "spec.toml", tmp_path / "out"
     spec.write_text(content)
-    code, error = run(["fit", str(spec), "-o", str(out)], capsys, monkeypatch)
+    code, _, error = run(["fit", str(spec), "-o", str(out)], capsys, monkeypatch)
     assert code == 2
     assert is_one_sentence(error), error
     assert word in error
@@ -160,13 +153,13 @@ def test_enough_cases():
 def test_good_spec_passes(tmp_path, capsys, monkeypatch):
     spec = tmp_path / "spec.toml"
     spec.write_text(GOOD)
-    code, error = run(["fit", str(spec), "-o", str(tmp_path / "out"), "--quiet"], capsys, monkeypatch)
+    code, _, error = run(["fit", str(spec), "-o", str(tmp_path / "out"), "--quiet"], capsys, monkeypatch)
     assert (code, error) == (0, "")
 
 
 class TestFiles:
     def refused(self, arguments, capsys, monkeypatch, word):
-        code, error = run(arguments, capsys, monkeypatch)
+        code, _, error = run(arguments, capsys, monkeypatch)
         assert code == 2
         assert is_one_sentence(error), error
         assert word in error
@@ -193,7 +186,7 @@ class TestFiles:
         self.refused(["fit", str(spec), "-o", str(tmp_path / "o")], capsys, monkeypatch, "UTF-8")
 
     def test_null_in_the_name(self, tmp_path, capsys, monkeypatch):
-        code, error = run(["fit", "a\0b", "-o", str(tmp_path / "o")], capsys, monkeypatch)
+        code, _, error = run(["fit", "a\0b", "-o", str(tmp_path / "o")], capsys, monkeypatch)
         assert code == 2
         assert "Traceback" not in error
 

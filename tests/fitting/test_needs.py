@@ -26,9 +26,9 @@ from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.motions import PORT_MOTION, PORTS
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
+from beamchain.structure.exact import UniformBeam
 from beamchain.structure.section import Material, Rectangle, Tube
 from random_appendages import random_appendage, tube_and_strip
-from uniform_beam import UniformBeam
 
 SCENES = 200
 GRID_SLACK = 1.02  # the independent grid may hit a peak a little nearer its top than the choice's own

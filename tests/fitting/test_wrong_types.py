@@ -121,7 +121,7 @@ def test_a_fit_goes_to_another_process():
     ("call", "words"),
     [
         (lambda: bc.Tube(thickness=0.1), "Tube has no field 'thickness'; it takes outer_diameter, wall"),
-        (lambda: bc.Scene(bandwith=3.0), "Scene has no field 'bandwith'; did you mean bandwidth"),
+        (lambda: bc.Scene(bandwith=3.0), "Scene has no field 'bandwith'; did you mean 'bandwidth'"),
         (lambda: bc.Tube(outer_diameter=0.1), "Tube: wall is missing; it takes outer_diameter, wall"),
         (lambda: bc.Segment(8.0), "Segment: 8.0 is given without a name; it takes length"),
         (lambda: bc.Spec(segment=ROD.segments).replace(mode=2), "a specification has no field 'mode'; it has name"),

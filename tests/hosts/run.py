@@ -10,8 +10,11 @@ import venv
 from pathlib import Path
 
 NOTEBOOK = "tests/test_notebooks.py::test_notebook_runs[07_other_simulators]"  # its cells run where the host is
+PAGE = "tests/test_docs.py::test_everything_on_the_page_runs[docs/howto/{}]"
 KERNEL = ["nbclient", "nbformat", "ipykernel"]
 EMBED = ["tests/hosts/test_mujoco.py", "tests/craft/test_embed.py", "tests/craft/test_embed_refused.py"]
+
+MJX = ["tests/hosts/test_mjx.py", "tests/hosts/test_mjx_worlds.py", "tests/hosts/test_mjx_extremes.py"]
 
 #: what must import, extra of beamchain, what else is installed, what is run
 HOSTS = {
@@ -23,10 +26,16 @@ HOSTS = {
         [],
         ["tests/hosts/test_dm_control.py", "tests/hosts/test_mujoco.py"],
     ),
-    "basilisk": ("Basilisk.simulation.mujoco", "[basilisk]", KERNEL, ["tests/hosts/test_basilisk.py", NOTEBOOK]),
+    "basilisk": (
+        "Basilisk.simulation.mujoco",
+        "[basilisk]",
+        KERNEL,
+        ["tests/hosts/test_basilisk.py", NOTEBOOK, PAGE.format("basilisk")],
+    ),
     "nastran": ("pyNastran", "[nastran]", [], ["tests/hosts/test_pynastran.py", "tests/structure/test_f06.py"]),
-    "mjx": ("mujoco.mjx", "[mjx]", KERNEL, ["tests/hosts/test_mjx.py", "tests/hosts/test_mjx_extremes.py", NOTEBOOK]),
-    "warp": ("mujoco_warp", "[warp]", [], ["tests/hosts/test_warp.py"]),
+    "worlds": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx_worlds.py"]),  # of mjx, what make test-full runs
+    "mjx": ("mujoco.mjx", "[mjx]", KERNEL, [*MJX, NOTEBOOK, PAGE.format("mjx")]),
+    "warp": ("mujoco_warp", "[warp]", [], ["tests/hosts/test_warp.py", PAGE.format("warp")]),
 }
 
 

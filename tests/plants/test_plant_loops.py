@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.cli import main
-from beamchain.craft.plants.loops import Controller, Filter, Loop, margins, read_controller
+from beamchain.craft.plants.controllers import Controller, Filter, Loop, read_controller
+from beamchain.craft.plants.loops import margins
+from command import run
 
 ON_THE_CIRCLE = (
     1e-4  # of det(1 + K G) at the margin's own frequency, relative to its size nearby; interpolated response
@@ -125,15 +126,6 @@ def test_margins_are_of_continuous_plants():
 
 
 # -- the command -------------------------------------------------------------------------------------------------------
-def run(arguments, capsys, monkeypatch):
-    """Exit status, stdout and stderr of one call in this process."""
-    monkeypatch.setattr("sys.argv", ["beamchain", *arguments])
-    with pytest.raises(SystemExit) as stopped:
-        main()
-    told = capsys.readouterr()
-    return int(stopped.value.code or 0), told.out, told.err
-
-
 @pytest.fixture
 def place(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -10,7 +10,7 @@ from beamchain.chain.rivals import equal_links
 from beamchain.ports.compose import port_from_rows
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, locked, square_root
-from uniform_beam import UniformBeam
+from beamchain.structure.exact import UniformBeam
 
 ROUNDING = 1e-12  # one small eigenproblem or solve there and back
 INVERSE = 1e-9  # products and inverses near resonance: the condition number of D there, up to 1e4, times rounding

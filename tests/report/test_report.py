@@ -20,7 +20,7 @@ from beamchain.fitting.spec import spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import curves, plots
 from beamchain.report.html import fit_report
-from uniform_beam import UniformBeam
+from beamchain.structure.exact import UniformBeam
 
 CURVE = 1e-3  # rivals add their own peaks to the grid, so that it is not the in-band error's own
 DRAWN = 1e-4  # coordinates in pt with a few digits

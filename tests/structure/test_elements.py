@@ -29,8 +29,8 @@ from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
 from beamchain.structure import discretise, elements
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
+from beamchain.structure.exact import UniformBeam
 from beamchain.structure.section import Equivalent, Rectangle, Round
-from uniform_beam import UniformBeam
 
 FREQUENCY = 1e-11  # what `Beam.port` promises for the modes asked for, with room for the rounding of ten modes
 PARTICIPATION = 1e-10  # a mode shape converges half as fast as its frequency and carries the SVD's rounding

@@ -9,8 +9,7 @@ from scipy.special import polygamma
 
 from appendages import close
 from beamchain.errors import InputError
-from beamchain.structure.exact import krylov
-from uniform_beam import UniformBeam
+from beamchain.structure.exact import UniformBeam, krylov
 
 DIGITS = 1e-12  # 50-digit reference; the solution cancels terms of cosh^2 z, at z = 6 a factor 1e2..1e3 of rounding
 SERIES = 1e-12  # modal series with its tail: what is left out is below 1e-14 of the sum

@@ -16,6 +16,7 @@ def path(name):
     return shipped.pick(shipped.examples(), name, "example").path
 
 
+@pytest.mark.slow
 def test_stability_of_a_spec_and_of_its_file():
     of_file, of_spec = bc.stability(path("seed_boom")), bc.stability(bc.read_spec(path("seed_boom")))
     for a, b in zip(of_file.rows, of_spec.rows, strict=True):
@@ -55,6 +56,7 @@ def test_sweep_is_reproducible_and_needs_uncertain():
         bc.sweep(msgspec.structs.replace(spec, uncertain=None), 3)
 
 
+@pytest.mark.slow
 def test_study_of_a_rigid_section_on_a_hub_with_products_of_inertia():
     """No torsion, no axial stiffness, no polar inertia; the hub's axes are not principal."""
     section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)

@@ -43,6 +43,7 @@ def small(text):
     return studies.prepare(text, studies.Options(amplitude=SMALL))
 
 
+@pytest.mark.slow
 def test_large_motion_against_the_elastica(large, small):
     """What large motion changes, by Galerkin in the rod's angle: its truncation falls out, as it is there in both."""
     task, scenario = large
@@ -58,6 +59,7 @@ def test_large_motion_against_the_elastica(large, small):
     assert np.max(np.abs(found - expected)) < ORACLE * scenario.largest[0]
 
 
+@pytest.mark.slow
 def test_converged_in_links_and_step(large):
     figures = large[1].large.figures
     assert figures.met
@@ -66,6 +68,7 @@ def test_converged_in_links_and_step(large):
     assert figures.nonlinear > 10.0 * LINEAR
 
 
+@pytest.mark.slow
 def test_small_motion_is_linear(small):
     _, scenario = small
     assert scenario.large is None
@@ -77,12 +80,14 @@ def test_small_motion_is_linear(small):
     )
 
 
+@pytest.mark.slow
 def test_the_limit_of_small_amplitude(text, large):
     """Smaller loads approach the linear reference with their square."""
     _, smaller = studies.prepare(text, studies.Options(amplitude=AMPLITUDE / 3.0))
     assert large[1].nonlinear / smaller.nonlinear == pytest.approx(9.0, rel=SQUARE)
 
 
+@pytest.mark.slow
 def test_a_good_chain_is_judged_by_large_motion(large):
     """A chain of six modes is near the large-motion reference, and far from the linear one."""
     task, scenario = large
@@ -99,11 +104,13 @@ def test_a_good_chain_is_judged_by_large_motion(large):
     assert own == pytest.approx(error, rel=0.05)  # RK4 has no error of its own in turning a rigid body
 
 
+@pytest.mark.slow
 def test_reference_reaches_the_workers_whole(large):
     at = np.linspace(0.0, 60.0, 7)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(large[1])).motion(at), large[1].motion(at))
 
 
+@pytest.mark.slow
 def test_the_reference_is_named(large, small, text):
     spec = bc.read_spec(SEED)
     growth = studies.Growth((), None, (), None)
@@ -159,6 +166,7 @@ def test_default_load_stays_linear_on_a_heavy_hub(text):
     assert unlimited > LINEAR  # a larger power of ten would not do
 
 
+@pytest.mark.slow
 def test_where_no_coarse_chain_exists_the_report_says_so(text, small, monkeypatch):
     def refuse(*_args):
         raise RealisationError("no such chain")

@@ -254,6 +254,7 @@ def test_soft_rods_bend_as_the_beam_does(prepared):
     assert gaps[1] < gaps[0] / 3.0
 
 
+@pytest.mark.slow
 def test_every_entry_exists_or_says_why(prepared):
     task, scenario = prepared
     for entry in field.entries(task):
@@ -397,6 +398,7 @@ def test_unknown_model_is_refused():
         bc.study(SEED, models=("spaghetti",))
 
 
+@pytest.mark.slow
 def test_study_in_space(tmp_path):
     """Two planes, torsion, damping, a hub offset to the side: the exact chain reaches its floor, the field is whole."""
     spec = bc.read_spec(SEED.parent / "array_uncertain.toml")

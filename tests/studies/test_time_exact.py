@@ -134,6 +134,7 @@ def test_measured_like_every_other_model(prepared):
         assert p.error_appendage == pytest.approx(p.error, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_in_space_with_damping():
     """Two planes, torsion, damping, a hub offset to the side: steps three times beyond RK4's limit reach 1e-3."""
     task, scenario = studies.prepare(spec_toml(bc.read_spec(EXAMPLES / "array_uncertain.toml")), studies.Options())

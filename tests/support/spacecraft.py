@@ -1,13 +1,9 @@
 """The fixtures' places and appendages, and small readers that share nothing with the package."""
 
-import sys
 from pathlib import Path
 
 import mujoco
 import numpy as np
-import pytest
-
-from beamchain.cli import main
 
 CRAFTS = Path(__file__).parents[1] / "crafts"
 APPENDAGES = CRAFTS / "appendages"
@@ -74,10 +70,3 @@ def response(model: mujoco.MjModel, seconds: float = 20.0, timestep: float = 2e-
 def kick(data: mujoco.MjData) -> None:
     """Initial velocity of the hub: it shakes every mode."""
     data.qvel[:6] = [0.01, -0.02, 0.015, 0.02, 0.03, -0.01]
-
-
-def run(arguments, capsys, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["beamchain", *arguments])
-    with pytest.raises(SystemExit) as stopped:
-        main()
-    return int(stopped.value.code or 0), capsys.readouterr().err

@@ -13,8 +13,8 @@ from appendages import close, seed_boom, unit_beam
 from beamchain.chain.rivals import seed_chain, seed_parameters
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam, Joint, Lump, Segment
+from beamchain.structure.exact import UniformBeam
 from beamchain.structure.section import Equivalent, Material, Rectangle
-from uniform_beam import UniformBeam
 
 CLOSED = 1e-10  # roots of transcendental equations given here with ten digits or computed
 TEXTBOOK = 1e-7  # beta L and omega as tables print them, eight or nine digits

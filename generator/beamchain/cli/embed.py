@@ -92,10 +92,10 @@ def embed(
     from beamchain.files import check_free, write_files
     from beamchain.mjcf.craft import Craft, relocate
 
-    places = [_split(word, remove) for word in at or []]
+    named = [_split(word, remove) for word in at or []]
     at_key: dict[str, Sequence[Mode]] = {}
     if remove:
-        result = take_out(craft, [name for name, _ in places])
+        result = take_out(craft, [name for name, _ in named])
         if isinstance(result, Craft):
             write_files({output: relocate(result, output.parent).to_bytes()}, force=force)
             if as_json:
@@ -104,14 +104,12 @@ def embed(
                 console().print(f"wrote {output}, without appendages")
             return
     else:
-        named = [name for name, _ in places]
-        if len(set(named)) < len(named):
-            raise InputError(f"--at names {max(named, key=named.count)!r} twice; one place carries one appendage.")
+        wanted = places(at or [])
         for place in (output, *([plot] if plot else ())):
             check_free(place, force=force)
         with spinner("fitting the appendages and proving the whole", quiet or as_json):
             result = embed_all(
-                craft, dict(places), form=form, prefixes=prefix, retime=retime, max_modes=max_modes, rigid=rigid
+                craft, wanted, form=form, prefixes=prefix, retime=retime, max_modes=max_modes, rigid=rigid
             )
             result.assembly  # noqa: B018  (computed here, shown below)
             result.promise  # noqa: B018
@@ -134,6 +132,19 @@ def embed(
         return
     if result.met is False or not all(a.fit.status.ok for a in result.appendages):
         raise typer.Exit(3)
+
+
+def places(at: "Sequence[str]") -> dict[str, str]:
+    """The specification for each place that --at names.
+
+    Raises:
+        InputError: an entry is not NAME=SPEC.toml, or a place is named twice.
+    """
+    found = [_split(word, False) for word in at]
+    named = [name for name, _ in found]
+    if len(set(named)) < len(named):
+        raise InputError(f"--at names {max(named, key=named.count)!r} twice; one place carries one appendage.")
+    return dict(found)
 
 
 def _split(word: str, remove: bool) -> tuple[str, str]:

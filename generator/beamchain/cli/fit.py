@@ -36,11 +36,13 @@ def fit(
 
     Example: beamchain fit boom.toml -o boom
     """
+    from beamchain.files import check_free
     from beamchain.fitting.fit import fit as fit_chain
     from beamchain.fitting.spec import read_spec
 
     with spinner("reading the spec", quiet or as_json) as say:
         read = read_spec(spec)
+        check_free(output / "fit.json", force=force)
         if full:
             from beamchain.fitting.choose import everything
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from beamchain.craft.plants.loops import Margins
     from beamchain.craft.plants.realisation import Plant
     from beamchain.craft.plants.scheduled import ScheduledPlant
+    from beamchain.craft.robust.uncertain_plant import WorstCase
 
 
 def plant(
@@ -62,6 +63,24 @@ def plant(
             "--controller", metavar="LOOPS.toml", help="Loops whose margins are computed.", show_default=False
         ),
     ] = None,
+    uncertain: Annotated[
+        Path | None,
+        typer.Option(
+            "--uncertain",
+            metavar="CRAFT.toml",
+            help="What is uncertain: the worst that the controller meets, confirmed in MuJoCo.",
+            show_default=False,
+        ),
+    ] = None,
+    disturbance: Annotated[
+        str | None,
+        typer.Option(
+            "--worst",
+            metavar="INPUT:OUTPUT",
+            help="Signals of the plant between which the worst gain is sought; default: those of the first loop.",
+            show_default=False,
+        ),
+    ] = None,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write OUT_report.html as well.")] = True,
     as_json: Json = False,
     force: Force = False,
@@ -72,8 +91,11 @@ def plant(
     Example: beamchain plant flexible.xml --input torque:bus -o plant.mat
 
     Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml -o plant.npz
+
+    Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml --uncertain craft.toml -o plant.npz
     """
-    from beamchain.craft.plants.loops import margins, read_controller
+    from beamchain.craft.plants.controllers import read_controller
+    from beamchain.craft.plants.loops import margins
     from beamchain.craft.plants.plant import plant as linear
     from beamchain.craft.plants.realisation import Plant
     from beamchain.files import check_free, write_files
@@ -81,6 +103,15 @@ def plant(
 
     if at is not None and angle is not None:
         raise InputError("plant: --at and --angle are both given; leave one out.")
+    if uncertain is not None and controller is None:
+        raise InputError(
+            "plant: --uncertain needs --controller, whose worst case it seeks; in Python: plant.uncertain."
+        )
+    first, _, last = (disturbance or "").partition(":")
+    if disturbance is not None and not (first and last and uncertain):
+        raise InputError(
+            f"--worst {disturbance!r} is INPUT:OUTPUT of the plant, for example torque_z:attitude_z, and needs --uncertain."
+        )
     loops = None if controller is None else read_controller(controller)
     page = output.with_name(f"{output.stem}_report.html")
     for place in (output, *([page] if report else ())):
@@ -89,13 +120,21 @@ def plant(
         found = linear(model, inputs or None, outputs or None, _angles(angle) if angle else at, discrete=discrete)
         plants = [found] if isinstance(found, Plant) else list(found.plants)
         of_loops = [[] if loops is None else margins(one, loops) for one in plants]
-        text = plant_report(found, of_loops, model.name) if report else ""
+        pulled = [] if uncertain is None else [one.uncertain(uncertain) for one in plants]
+        worst = [one.worst_case(loops, first or None, last or None) for one in pulled if loops is not None]
+        text = plant_report(found, of_loops, model.name, worst) if report else ""
     files = [found.write(output, force=force)]
     if report:
         write_files({page: text}, force=force)
         files.append(page)
-    tell(lambda: _record(plants[0], found, of_loops), lambda: _show(plants[0], of_loops), files, as_json, quiet)
-    if any(not one.stable for several in of_loops for one in several):
+    tell(
+        lambda: _record(plants[0], found, of_loops, worst),
+        lambda: _show(plants[0], of_loops, worst),
+        files,
+        as_json,
+        quiet,
+    )
+    if not all(one.stable for several in (*of_loops, worst) for one in several):
         raise typer.Exit(3)
 
 
@@ -111,7 +150,9 @@ def _angles(text: str) -> "dict[str, Any]":
         ) from None
 
 
-def _record(first: "Plant", found: "Plant | ScheduledPlant", of_loops: "list[list[Margins]]") -> dict[str, Any]:
+def _record(
+    first: "Plant", found: "Plant | ScheduledPlant", of_loops: "list[list[Margins]]", worst: "list[WorstCase]"
+) -> dict[str, Any]:
     import numpy as np
 
     angles = None if found is first else np.degrees(found.angles)  # pyright: ignore[reportAttributeAccessIssue]
@@ -125,11 +166,12 @@ def _record(first: "Plant", found: "Plant | ScheduledPlant", of_loops: "list[lis
         ],
         "angles": angles,
         "margins": [[one.as_dict() for one in several] for several in of_loops],
+        "worst": [one.as_dict() for one in worst],
         **warnings_record(first.warnings),
     }
 
 
-def _show(first: "Plant", of_loops: "list[list[Margins]]") -> None:
+def _show(first: "Plant", of_loops: "list[list[Margins]]", worst: "list[WorstCase]") -> None:
     console().print(
         f"{first.nstates} states, {first.ninputs} inputs ({', '.join(first.input_labels)}), "
         f"{first.noutputs} outputs ({', '.join(first.output_labels)})", markup=False,
@@ -158,4 +200,8 @@ def _show(first: "Plant", of_loops: "list[list[Margins]]") -> None:
             "disk margin",
         )
         print_table("margins, the other loops closed", head, rows, left=(0, 1, 2))
+    for one in worst:
+        console().print(f"worst case, {one.sentence}", markup=False)
+        values = [[name, f"{value:.6g}"] for name, value in one.values.items()]
+        print_table("values of the worst sample", ("quantity", "value"), values)
     print_warnings(first.warnings, "note")

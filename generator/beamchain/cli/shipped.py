@@ -1,10 +1,9 @@
 """Specifications and the spacecraft that come with the package."""
 
-import difflib
 from pathlib import Path
 from typing import NamedTuple
 
-from beamchain.errors import InputError
+from beamchain.checks import unknown
 
 _EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -33,6 +32,4 @@ def pick(choices: list[Shipped], name: str, field: str) -> Shipped:
     names = [one.name for one in choices]
     if name in names:
         return choices[names.index(name)]
-    near = difflib.get_close_matches(name, names, n=1)
-    guess = f"did you mean {near[0]!r}? Choose" if near else "choose"
-    raise InputError(f"{field} {name!r} is not known; {guess} from {', '.join(names)}.")
+    raise unknown(field, name, names)

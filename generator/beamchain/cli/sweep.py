@@ -1,24 +1,67 @@
-"""`beamchain sweep`: variants of an appendage for domain randomisation."""
+"""`beamchain sweep`: variants of an appendage or of a whole craft, as arrays for one compiled model."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecPath, console
-from beamchain.cli.output import print_table, tell
+from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, console
+from beamchain.cli.embed import places
+from beamchain.cli.output import print_table, print_warnings, tell
 from beamchain.cli.progress import job_bar
 
 if TYPE_CHECKING:
     from beamchain.studies.sweep import Sweep
 
+Source = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SPEC.toml|CRAFT.xml",
+        help="An appendage with \\[uncertain], or a spacecraft: bare with --at, or as `beamchain embed` wrote it.",
+        show_default=False,
+    ),
+]
+At = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--at", metavar="NAME=SPEC.toml", help="Site or body of the spacecraft and its appendage, as for `embed`. Repeatable.",
+        show_default=False,
+    ),
+]  # fmt: skip
+Prefixes = Annotated[
+    list[str] | None, typer.Option("--prefix", help="Prefix of the appendage's elements, as for `embed`. One per --at.")
+]
+Retime = Annotated[
+    bool | None,
+    typer.Option("--retime/--no-retime", help="As for `embed`; variants are timed as the nominal craft is."),
+]
+Known = Annotated[
+    Path | None,
+    typer.Option(
+        "--uncertain", metavar="CRAFT.toml", help="What is uncertain of the craft: \\[body.NAME], \\[joint.NAME], "
+        "\\[appendage.PREFIX], \\[\\[correlation]].", show_default=False,
+    ),
+]  # fmt: skip
+Gains = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--gain", metavar="INPUT=OUTPUT", help="Signals, named as for `plant`, whose modal gains are followed. Repeatable. "
+        "Default: torque:BASE=attitude.", show_default=False,
+    ),
+]  # fmt: skip
 Samples = Annotated[int, typer.Option(min=1, max=1_000_000, help="Number of variants.")]
 Seed = Annotated[int, typer.Option(min=0, help="Random seed; the same seed gives the same variants on any machine.")]
 Workers = Annotated[int, typer.Option(min=1, max=256, help="Local processes.")]
 
 
 def sweep(
-    spec: SpecPath,
+    source: Source,
     output: Folder,
+    at: At = None,
+    prefix: Prefixes = None,
+    uncertain: Known = None,
+    retime: Retime = None,
+    gain: Gains = None,
     samples: Samples = 1000,
     seed: Seed = 0,
     workers: Workers = 2,
@@ -28,21 +71,24 @@ def sweep(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw random variants of an appendage, fit each, and write them as arrays for one compiled model.
+    """Draw random variants of an appendage or of a whole spacecraft, and write them as arrays for one compiled model.
 
-    Writes scene.xml, variants.npz, apply_variants.py, a picture and sweep.json into DIR.
+    Writes scene.xml or flexible.xml, variants.npz, apply_variants.py, pictures and sweep.json into DIR.
+    Uncertain modes, masses and drives only change numbers; an uncertain structure is fitted again for every sample.
 
-    Example: beamchain sweep array.toml --samples 1000 -o variants
+    Example: beamchain sweep craft.xml --at mount=array.toml --uncertain craft.toml -o variants
     """
     from beamchain.files import check_free
-    from beamchain.fitting.spec import read_spec
     from beamchain.studies.jobs import workers as pool
     from beamchain.studies.sweep import sweep as draw
 
-    read = read_spec(spec)
+    wanted = places(at) if at else None
     check_free(output / "sweep.json", force=force)
-    with pool(workers, dask) as executor, job_bar("fitting variants", quiet or as_json) as progress:
-        result = draw(read, samples, seed=seed, executor=executor, folder=output, resume=resume, progress=progress)
+    with pool(workers, dask) as executor, job_bar("making variants", quiet or as_json) as progress:
+        result = draw(
+            source, samples, at=wanted, uncertain=uncertain, prefixes=prefix, retime=retime, gains=gain, seed=seed,
+            executor=executor, folder=output, resume=resume, progress=progress,
+        )  # fmt: skip
     files = result.write(output, force=force)
     tell(result.as_dict, lambda: _show(result), files, as_json, quiet)
 
@@ -50,12 +96,17 @@ def sweep(
 def _show(result: "Sweep") -> None:
     record = result.as_dict()
     console().print(
-        f"[bold]{result.spec.name}[/bold]: {record['variants']} variants of {record['samples']} samples in "
-        f"{result.seconds:.1f} s"
+        f"[bold]{result.name}[/bold]: {record['variants']} variants of {record['samples']} samples in {result.seconds:.1f} s"
     )
-    spreads = enumerate(record["coupled_frequencies"], 1)
-    rows = [[str(k), *(f"{v:.5g}" for v in (s["mean"], s["deviation"], *s["quantiles"]))] for k, s in spreads]
-    head = ("mode", "mean", "deviation", *(f"{100 * q:g} %" for q in record["quantiles"]))
-    print_table("frequencies on the hub, rad/s", head, rows, left=())
+    tables = [("coupled frequencies, rad/s", record["coupled_frequencies"])]
+    tables += [(f"modal gain {one['pair']}, {one['unit']}", one["modes"]) for one in record["gains"]]
+    for title, spreads in tables:
+        rows = [
+            [str(k), *(f"{v:.5g}" for v in (s["mean"], s["deviation"], *s["quantiles"]))]
+            for k, s in enumerate(spreads, 1)
+        ]
+        head = ("mode", "mean", "deviation", *(f"{100 * q:g} %" for q in record["quantiles"]))
+        print_table(title, head, rows, left=())
     for entry in record["left_out"][:10]:
-        console().print(f"left out: sample {entry['sample']}: {entry['why']}")
+        console().print(f"left out: sample {entry['sample']}: {entry['why']}", markup=False)
+    print_warnings(result.warnings, "note")

@@ -27,6 +27,7 @@ from beamchain.fitting.plausibility import doubtful
 from beamchain.fitting.proof import proved, step_limits
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
+from beamchain.fitting.uncertain import uncertain_from
 from beamchain.fitting.warnings import fit_warnings
 from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.ports.compare import coupling_error
@@ -108,8 +109,11 @@ def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
             from beamchain.fitting.imported import fit_imported  # which returns a Fit
 
             data = spec.imported.read() if data is None else data
-            return fit_imported(_with_integrator(spec, data.rigid_mass), data)
-        spec = _with_integrator(spec, spec.beam.rigid_mass())
+            if spec.uncertain is None and data.uncertain:
+                own = uncertain_from(data.uncertain, data.source)
+                spec = msgspec.structs.replace(spec, uncertain=own)
+            return fit_imported(_with_integrator(on_modes(spec), data.rigid_mass), data)
+        spec = _with_integrator(on_modes(spec), spec.beam.rigid_mass())
         try:
             return _fit(spec)
         except RealisationError as error:
@@ -117,6 +121,13 @@ def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
             if not asked:
                 raise
             raise RealisationError(f"{asked} As it is: {error}") from None
+
+
+def on_modes(spec: Spec, *, wanted: bool = False) -> Spec:
+    """The spec with springs on modal tendons where its modes are uncertain, or where that is wanted anyway."""
+    if spec.fit.springs == "auto" and (wanted or (spec.uncertain is not None and spec.uncertain.modal)):
+        return msgspec.structs.replace(spec, fit=msgspec.structs.replace(spec.fit, springs="modes"))
+    return spec
 
 
 def _with_integrator(spec: Spec, rigid: Array) -> Spec:

@@ -1,11 +1,12 @@
 """What is wrong with a spec, in a sentence: where, what was given, what is allowed, what to do."""
 
-import difflib
 import re
 from collections.abc import Mapping
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
+
+from beamchain.checks import meant
 
 _KINDS = {
     "float": "a number", "int": "a whole number", "str": "a text in quotes", "object": "a table { ... }",
@@ -27,9 +28,8 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
     what, place = match[1], match[2] or ""
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
-        near = difflib.get_close_matches(unknown[1], _keys(root), n=1)
-        cure = f"did you mean {near[0]!r}?" if near else "remove it."
-        if near and near[0] == unknown[1]:
+        cure = meant(unknown[1], _keys(root)).strip() or "remove it."
+        if unknown[1] in _keys(root):
             cure = "it belongs elsewhere; see `beamchain schema` for what stands here."
         return f"{place + ': ' if place else ''}unknown key {unknown[1]!r}; {cure}"
     missing = re.fullmatch(r"Object missing required field `(.*)`", what)
@@ -66,9 +66,11 @@ def _choose(word: str, key: str, root: type) -> str:
         hint = get_type_hints(struct).get(key)
         literals = [hint, *get_args(hint), *(a for h in get_args(hint) for a in get_args(h))]
         allowed += [str(w) for h in literals if get_origin(h) is Literal for w in get_args(h)]
-    near = difflib.get_close_matches(word, allowed, n=1)
-    guess = f"did you mean {near[0]!r}? Choose" if near else "choose"
-    return f"{guess} one of {', '.join(dict.fromkeys(allowed))}." if allowed else "see `beamchain schema`."
+    return (
+        f"{meant(word, allowed)}choose one of {', '.join(dict.fromkeys(allowed))}."
+        if allowed
+        else "see `beamchain schema`."
+    )
 
 
 def structs_of(root: Any) -> list[Any]:

@@ -162,11 +162,31 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 'sensors.modes = true reads the tendon of each mode, and fit.springs = "hinges" leaves none; use '
                 'fit.springs = "auto", or sensors.modes = false.'
             )
+        if self.uncertain is not None:
+            self._check_uncertain(self.uncertain)
         for point in self.sensors.points:
             if point not in ("tip", *names):
                 raise InputError(
                     f"sensors.points names {point!r}, which is no point of this appendage; choose from "
                     f"{', '.join(['tip', *names])}, or add a [[port]]."
+                )
+
+    def _check_uncertain(self, given: Uncertain) -> None:
+        """Check that what is uncertain can be varied: modes on tendons, the structure of a beam."""
+        if self.imported is not None and given.structural:
+            raise InputError(
+                f"[uncertain] varies a beam by its {given.structural[0]}, but the appendage {self.name!r} is imported modes "
+                f"({self.imported.file}); give frequency, damping and participation instead, or the appendage as [[segment]]."
+            )
+        form = None if self.damping is None else self.damping.form
+        for key, value, wanted in (
+            ("fit.springs", self.fit.springs, "auto"),
+            ("fit.method", self.fit.method, "exact"),
+            ("damping.form", form, "modal"),
+        ):
+            if given.modal and value not in (None, wanted, "modes"):
+                raise InputError(
+                    f'uncertain modes need a tendon each, which {key} = "{value}" leaves out; use {key} = "{wanted}".'
                 )
 
     @property

@@ -1,15 +1,27 @@
-"""What a spec does not know exactly: the table [uncertain] of SPEC.toml, and numbers drawn from it."""
+"""What is not known exactly: [uncertain] of SPEC.toml, the file of a craft's uncertainties, and numbers drawn from them."""
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+from zlib import crc32
 
+import msgspec
 import numpy as np
 from scipy.special import ndtr
 
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
+from beamchain.files import tables
+from beamchain.fitting.sentences import sentence
+from beamchain.ports.motions import Array
+
+T = TypeVar("T")
 
 CUT = 3.0  # normal draws end here, in standard deviations: a tail would ask for negative stiffness
 ONLY_RELATIVE = ("stiffness", "density")
+OF_MODES = ("frequency", "damping", "participation")
+STRUCTURAL = (*ONLY_RELATIVE, "payload", "lump", "joint_stiffness")
+ROUNDING = 1e-9  # by which a correlation matrix may fail to be positive semidefinite
 
 
 class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -17,12 +29,14 @@ class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
     relative: Annotated[
         float | None,
-        field("standard deviation (normal, cut at three) or half width (uniform) over the value", "", above=0.0),
+        field(
+            "standard deviation (normal, at most three of them) or half width (uniform) over the value", "", above=0.0
+        ),
     ] = None
     absolute: Annotated[
         float | None,
         field(
-            "standard deviation (normal, cut at three) or half width (uniform), in the unit of the quantity",
+            "standard deviation (normal, at most three of them) or half width (uniform), in the unit of the quantity",
             "",
             above=0.0,
         ),
@@ -53,9 +67,173 @@ class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
             else nominal + reach * (self.absolute or 0.0)
         )
 
+    def reach(self, nominal: float) -> float:
+        """How far from the nominal value the quantity may come, its unit."""
+        size = abs(nominal) * self.relative if self.relative is not None else self.absolute or 0.0
+        return size * (CUT if self.distribution == "normal" else 1.0)
 
-class Uncertain(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The table [uncertain]; what is left out is certain."""
+
+class UncertainMode(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What is uncertain of one mode; it goes before what is said of all of them."""
+
+    number: Annotated[int, field("number of the mode in its port, from 1", "", least=1, most=1000)]
+    port: Annotated[
+        Literal["xy", "xz", "torsion", "axial", ""],
+        field("its port; left out: number among all kept modes"),
+    ] = ""
+    frequency: Annotated[Uncertainty | None, field("frequency with the root held [rad/s]")] = None
+    damping: Annotated[Uncertainty | None, field("damping ratio")] = None
+    participation: Annotated[Uncertainty | None, field("participation, by a factor; relative only")] = None
+
+    @property
+    def name(self) -> str:
+        """That of the mode's tendon, without the prefix."""
+        return f"mode{self.number}{f'_{self.port}' if self.port else ''}"
+
+
+class Correlation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Correlation of some quantities, which are normal."""
+
+    of: Annotated[tuple[str, ...], field("names of the quantities, such as mode1_xy.frequency")]
+    matrix: Annotated[tuple[tuple[float, ...], ...], field("their coefficients of correlation, 1 on the diagonal", "")]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        n = len(self.of)
+        if n == 0 or len(self.matrix) != n or any(len(row) != n for row in self.matrix) or len(set(self.of)) < n:
+            raise InputError(
+                f"correlation: {n} names in `of` need a {n} x {n} matrix, each name once; it has {len(self.matrix)} rows."
+            )
+        r = np.array(self.matrix)
+        if not np.all(np.isfinite(r)):
+            raise InputError(f"correlation of {', '.join(self.of)}: every coefficient must be a finite number.")
+        low = float(np.linalg.eigvalsh((r + r.T) / 2.0)[0])
+        if np.any(np.abs(np.diag(r) - 1.0) > ROUNDING) or np.any(np.abs(r - r.T) > ROUNDING) or low < -ROUNDING:
+            raise InputError(
+                f"correlation of {', '.join(self.of)}: the matrix must be symmetric with 1 on its diagonal and positive "
+                f"semidefinite; its lowest eigenvalue is {low:.3g}. Divide the covariance by the standard deviations."
+            )
+
+
+class UncertainModes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What is uncertain of the modes of an appendage in a craft."""
+
+    frequency: Annotated[Uncertainty | None, field("frequencies of the modes with the root held [rad/s]")] = None
+    damping: Annotated[Uncertainty | None, field("damping ratios of the modes")] = None
+    participation: Annotated[Uncertainty | None, field("participation of the modes, by a factor; relative only")] = None
+    mode: Annotated[tuple[UncertainMode, ...], field("single modes, one [[mode]] each")] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        names = [one.name for one in self.mode]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"two [[mode]] tables are of {name}; write one with all that is uncertain of it.")
+        for given in (self.participation, *(one.participation for one in self.mode)):
+            if given is not None and given.relative is None:
+                raise InputError("participation takes relative only, for it has six elements; write relative = 0.05.")
+
+    @property
+    def modal(self) -> bool:
+        """Whether anything of a mode is uncertain, so that each needs a tendon."""
+        return bool(self.mode) or any(getattr(self, name) is not None for name in OF_MODES)
+
+
+class UncertainBody(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What is uncertain of the mass properties of a body of the craft, in the body's axes."""
+
+    mass: Annotated[Uncertainty | None, field("mass [kg]")] = None
+    centre_x: Annotated[Uncertainty | None, field("place of the mass centre along x [m]; absolute only")] = None
+    centre_y: Annotated[Uncertainty | None, field("the same along y [m]; absolute only")] = None
+    centre_z: Annotated[Uncertainty | None, field("the same along z [m]; absolute only")] = None
+    inertia_xx: Annotated[Uncertainty | None, field("moment of inertia about the mass centre [kg m^2]")] = None
+    inertia_yy: Annotated[Uncertainty | None, field("the same about y [kg m^2]")] = None
+    inertia_zz: Annotated[Uncertainty | None, field("the same about z [kg m^2]")] = None
+    inertia_xy: Annotated[Uncertainty | None, field("element xy of the inertia matrix [kg m^2]; absolute only")] = None
+    inertia_xz: Annotated[Uncertainty | None, field("the same, xz [kg m^2]; absolute only")] = None
+    inertia_yz: Annotated[Uncertainty | None, field("the same, yz [kg m^2]; absolute only")] = None
+
+
+class UncertainJoint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What is uncertain of a sprung joint of the craft, such as a drive."""
+
+    stiffness: Annotated[Uncertainty | None, field("stiffness [N m/rad]")] = None
+    damping: Annotated[Uncertainty | None, field("damping [N m s/rad]")] = None
+
+
+class UncertainCraft(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The file of a craft's uncertainties; what is left out is certain.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from beamchain.fitting.uncertain import Uncertainty, UncertainBody, UncertainCraft
+        >>> UncertainCraft(body={"bus": UncertainBody(mass=Uncertainty(relative=0.05))}).body["bus"].mass.relative
+        0.05
+    """
+
+    appendage: Annotated[dict[str, UncertainModes], field("modes by the prefix of the appendage, such as array_")] = (
+        msgspec.field(default_factory=dict[str, UncertainModes])
+    )
+    body: Annotated[dict[str, UncertainBody], field("mass properties by the name of the body")] = msgspec.field(
+        default_factory=dict[str, UncertainBody]
+    )
+    joint: Annotated[dict[str, UncertainJoint], field("sprung joints by name")] = msgspec.field(
+        default_factory=dict[str, UncertainJoint]
+    )
+    correlation: Annotated[tuple[Correlation, ...], field("correlated quantities, one [[correlation]] each")] = ()
+
+
+def read_uncertain(path: "str | Path | UncertainCraft") -> UncertainCraft:
+    """Read the uncertainties of a craft from TOML; those that were read already are returned.
+
+    Raises:
+        InputError: the file cannot be read, or a value is not allowed.
+    """
+    if isinstance(path, UncertainCraft):
+        return path
+    if not isinstance(path, str | Path):
+        raise InputError(
+            f"uncertain = {path!r:.60} is a {type(path).__name__}; give the path of a TOML file, or its tables."
+        )
+    place = Path(path)
+    try:
+        data = tables(place.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"uncertain {str(place)!r} cannot be read ({error}); give a TOML file with [body.NAME], [joint.NAME] or "
+            "[appendage.PREFIX]."
+        ) from None
+    return _converted(data, UncertainCraft, str(place))
+
+
+def uncertain_from(data: Mapping[str, Any], source: str) -> "Uncertain":
+    """The table [uncertain] of a modes file.
+
+    Raises:
+        InputError: a key or a value is not allowed.
+    """
+    return _converted(data, Uncertain, f"{source}, [uncertain]")
+
+
+def _converted(data: Mapping[str, Any], kind: type[T], source: str) -> T:
+    try:
+        return msgspec.convert(data, kind)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{source}: {sentence(str(error), data, kind)}") from None
+
+
+def drawn(scores: Array, places: Mapping[str, int], correlations: tuple[Correlation, ...]) -> Array:
+    """`(k, n)` scores with the correlations asked for, from independent ones `(k, n)`."""
+    out = np.array(scores)
+    for correlation in correlations:
+        at = [places[name] for name in correlation.of]
+        values, vectors = np.linalg.eigh(np.array(correlation.matrix))
+        out[:, at] = scores[:, at] @ (vectors * np.sqrt(values.clip(0.0)) @ vectors.T)
+    return out
+
+
+class Uncertain(UncertainModes, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The table [uncertain]; what is left out is certain. What is said of the modes holds for those that are kept."""
 
     stiffness: Annotated[Uncertainty | None, field("elastic stiffness of all segments (EI, GJ, EA); relative only")] = (
         None
@@ -63,12 +241,14 @@ class Uncertain(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     density: Annotated[
         Uncertainty | None, field("mass per length of all segments, nonstructural mass included; relative only")
     ] = None
-    damping: Annotated[Uncertainty | None, field("damping ratios of the modes")] = None
     payload: Annotated[Uncertainty | None, field("mass of the payload at the tip [kg]; its inertia in proportion")] = (
         None
     )
     lump: Annotated[Uncertainty | None, field("masses of the lumps [kg]; their inertia in proportion")] = None
     joint_stiffness: Annotated[Uncertainty | None, field("stiffness of the compliant hinge lines [N m/rad]")] = None
+    correlation: Annotated[
+        tuple[Correlation, ...], field("correlated quantities of modes, one [[uncertain.correlation]] each")
+    ] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,22 +257,29 @@ class Uncertain(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             if given is not None and given.relative is None:
                 raise InputError(f"{name} takes relative only, because segments differ; write relative = 0.05.")
 
-    def scores(self, seed: int, index: int, counts: dict[str, int]) -> dict[str, list[float]]:
-        """Standard normal scores of sample `index`: per quantity `counts[name]` of them, equal where drawn together.
+    @property
+    def structural(self) -> tuple[str, ...]:
+        """The properties of the structure that vary, for which samples must be fitted again."""
+        return tuple(name for name in STRUCTURAL if getattr(self, name) is not None)
 
-        A sample's scores depend on nothing but seed and index, so that any machine draws the same.
+    def scores(self, seed: int, index: int, counts: dict[str, int], owner: str = "") -> dict[str, list[float]]:
+        """Standard normal scores of sample `index` of the structure: `counts[name]` per quantity, equal if drawn together.
+
+        A sample's scores depend on nothing but seed, index and owner, so that any machine draws the same.
+
+        Args:
+            seed, index: of the sample.
+            counts: scores per quantity.
+            owner: prefix of the appendage, where a craft has several: they draw apart but for what is in a group.
         """
         out: dict[str, list[float]] = {}
-        groups: dict[str, float] = {}
-        for number, name in enumerate(self.__struct_fields__):
-            given: Uncertainty | None = getattr(self, name)
-            if given is None:
-                continue
-            draw = np.random.default_rng([seed, index, number])
-            if given.each:
-                out[name] = draw.standard_normal(counts[name]).tolist()
-            else:
-                own = float(draw.standard_normal())
-                score = groups.setdefault(given.group, own) if given.group else own
-                out[name] = [score] * counts[name]
+        for name in self.structural:
+            given: Uncertainty = getattr(self, name)
+            keys = [f"{owner}{name}{i}" if given.each else given.group or owner + name for i in range(counts[name])]
+            out[name] = [score(seed, index, key) for key in keys]
         return out
+
+
+def score(seed: int, index: int, key: str) -> float:
+    """Standard normal score of a quantity or a group in a sample."""
+    return float(np.random.default_rng([seed, index, crc32(key.encode())]).standard_normal())

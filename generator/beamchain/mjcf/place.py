@@ -1,12 +1,12 @@
 """Where an appendage goes: the element of the user's document that a name means, and what its frame must be."""
 
-import difflib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from lxml.etree import _Element as Element
 
+from beamchain.checks import meant
 from beamchain.errors import InputError
 from beamchain.mjcf import marks
 from beamchain.mjcf.craft import Craft
@@ -59,9 +59,8 @@ def find_target(craft: Craft, at: str) -> Target:
                 if (n := node.get("name"))
             }
         )
-        near = difflib.get_close_matches(name, known, n=1)
         made = [tag for tag in MADE_OF_OTHERS if any(part.find(f".//{tag}") is not None for part in craft.parts())]
-        hint = f"did you mean {near[0]!r}?" if near else f"its sites and bodies are: {', '.join(known[:30]) or 'none'}."
+        hint = meant(name, known).strip() or f"its sites and bodies are: {', '.join(known[:30]) or 'none'}."
         if made:
             hint += f" Names made by <{made[0]}> cannot be used; put the site into a body of the file itself."
         raise InputError(f"--at {at}: {craft.label} has no site or body {name!r}; {hint}")

@@ -17,22 +17,23 @@ if TYPE_CHECKING:
     from beamchain.report.notebook import fit_html as fit_html
     from beamchain.report.notebook import fit_text as fit_text
     from beamchain.report.plant_plots import plot_scheduled as plot_scheduled
+    from beamchain.report.plant_plots import plot_worst as plot_worst
     from beamchain.report.plots import plot_accelerance as plot_accelerance
     from beamchain.report.record import embed_record as embed_record
     from beamchain.report.record import fit_record as fit_record
     from beamchain.report.record import study_record as study_record
     from beamchain.report.study_html import study_page as study_page
-    from beamchain.report.study_plots import sweep_picture as sweep_picture
+    from beamchain.report.sweep_plots import sweep_pictures as sweep_pictures
 
 _PLACES = {
     "assembly_plot": ("assembly_svg", "plot_assembly"),
     "html": ("embed_report", "fit_report"),
     "notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text"),
-    "plant_plots": ("plot_scheduled",),
+    "plant_plots": ("plot_scheduled", "plot_worst"),
     "plots": ("plot_accelerance",),
     "record": ("embed_record", "fit_record", "study_record"),
     "study_html": ("study_page",),
-    "study_plots": ("sweep_picture",),
+    "sweep_plots": ("sweep_pictures",),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from beamchain.craft.plants.loops import Margins
 from beamchain.craft.plants.realisation import Plant
+from beamchain.craft.robust.uncertain_plant import WorstCase
 from beamchain.report import plant_plots
 from beamchain.report.page import Table, Verdict, page_text
 from beamchain.report.plots import to_svg
@@ -14,8 +15,17 @@ if TYPE_CHECKING:
     from beamchain.craft.plants.scheduled import ScheduledPlant
 
 
-def plant_report(found: "Plant | ScheduledPlant", of_loops: Sequence[Sequence[Margins]], name: str) -> str:
-    """The text of one HTML file; `of_loops`: margins per plant, empty without a controller; `name` of the model's file."""
+def plant_report(
+    found: "Plant | ScheduledPlant", of_loops: Sequence[Sequence[Margins]], name: str, worst: Sequence[WorstCase] = ()
+) -> str:
+    """The text of one HTML file.
+
+    Args:
+        found: the plant, or one per angle.
+        of_loops: margins per plant, empty without a controller.
+        name: of the model's file.
+        worst: worst case per plant, empty where nothing is uncertain.
+    """
     plants = [found] if isinstance(found, Plant) else list(found.plants)
     figures = {"bode": plant_plots.bode_figure(plants), "singular": plant_plots.singular_figure(plants)}
     figures["poles"] = plant_plots.poles_figure(plants)
@@ -23,26 +33,32 @@ def plant_report(found: "Plant | ScheduledPlant", of_loops: Sequence[Sequence[Ma
         figures["nichols"] = plant_plots.nichols_figure([one for several in of_loops for one in several])
     if not isinstance(found, Plant):
         figures["angles"] = plant_plots.scheduled_figure(found)
+    if worst:
+        figures["worst"], figures["drawn"] = plant_plots.worst_figure(worst), plant_plots.drawn_figure(worst)
     return page_text(
         "plant.html",
         name=name,
         plant=plants[0],
         scheduled=None if isinstance(found, Plant) else found,
-        verdict=_verdict(plants[0], of_loops),
+        verdict=_verdict(plants[0], of_loops, worst),
         modes=_modes(plants[0]),
         gains=_gains(plants[0]),
         margins=_margins(of_loops),
+        worst=_worst(worst),
+        worst_values=_worst_values(worst),
         drawn={key: to_svg(figure, key) for key, figure in figures.items()},
     )
 
 
-def _verdict(plant: Plant, of_loops: Sequence[Sequence[Margins]]) -> Verdict:
+def _verdict(plant: Plant, of_loops: Sequence[Sequence[Margins]], of_samples: Sequence[WorstCase]) -> Verdict:
     every = [one for several in of_loops for one in several]
     size = f"{plant.nstates} states, {len(plant.modes)} flexible modes"
     if not every:
         return Verdict(True, f"{size}; no controller was given.")
     if not all(one.stable for one in every):
         return Verdict(False, f"{size}; the closed loop is unstable.")
+    if not all(one.stable for one in of_samples):
+        return Verdict(False, f"{size}; the closed loop is unstable for some values of the uncertain quantities.")
     worst = min(every, key=lambda one: one.disk)
     return Verdict(
         True,
@@ -88,3 +104,32 @@ def _margins(of_loops: Sequence[Sequence[Margins]]) -> Table:
             "delay, s", "disk margin", "at, rad/s")  # fmt: skip
     return Table(rows, head, note="Each loop broken at the plant's input, the others closed; dead times are exact. Disk margin:"
                  " balanced (skew 0), gain and phase changing together.")  # fmt: skip
+
+
+def _worst(several: Sequence[WorstCase]) -> Table:
+    def words(value: float) -> str:
+        return f"{value:.5g}" if math.isfinite(value) else "none"
+
+    rows = [
+        (
+            f"{i}: {one.input} → {one.output}" if len(several) > 1 else f"{one.input} → {one.output}",
+            words(float(one.stability.max())), words(one.upper), words(one.gain) if one.stable else "unstable",
+            words(one.simulated), words(one.frequency), words(float(max(one.drawn, default=math.nan))), one.unit,
+        )
+        for i, one in enumerate(several, 1)
+    ]  # fmt: skip
+    head = ("disturbance → output", "structured singular value at most", "gain at most", "worst sample, predicted",
+            "worst sample, MuJoCo", "at, rad/s", "worst of the draws", "unit")  # fmt: skip
+    return Table(rows, head, note="Peak gains over frequency. Below one, the structured singular value says that the loop is "
+                 "stable for all values. Bounds hold at the frequencies of the picture.")  # fmt: skip
+
+
+def _worst_values(several: Sequence[WorstCase]) -> Table:
+    if not several:
+        return Table([], ())
+    rows = [(name, *(f"{one.values[name]:.6g}" for one in several)) for name in several[0].values]
+    head = (
+        "quantity",
+        *(f"worst sample {i}" if len(several) > 1 else "worst sample" for i in range(1, len(several) + 1)),
+    )
+    return Table(rows, head)

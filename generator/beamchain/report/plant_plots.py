@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from beamchain.craft.plants.loops import Margins
     from beamchain.craft.plants.realisation import Plant
     from beamchain.craft.plants.scheduled import ScheduledPlant
+    from beamchain.craft.robust.uncertain_plant import WorstCase
 
 PAIRS = 4  # of inputs and outputs that a Bode plot shows
 
@@ -54,6 +55,55 @@ def scheduled_figure(scheduled: "ScheduledPlant") -> Figure:
     return figure
 
 
+def plot_worst(worst: "WorstCase", ax: "Axes | None" = None) -> "Axes":
+    """Gains of a closed loop over frequency: upper bound, worst sample, nominal plant, and the peak in MuJoCo.
+
+    Args:
+        worst: what `worst_case` found.
+        ax: drawn into; those of a new figure where left out.
+    """
+    if ax is None:
+        ax = Figure(figsize=(6.4, 3.6), layout="constrained").add_subplot()
+    finite = np.isfinite(worst.bound)
+    ax.loglog(
+        worst.omega[finite], worst.bound[finite], color=BEAM, linestyle="dashed", linewidth=1.0, label="upper bound"
+    )
+    ax.loglog(worst.omega, worst.worst, color=OURS, linewidth=1.4, label="worst sample found")
+    ax.loglog(worst.omega, worst.nominal, color=RIVAL, linewidth=1.0, label="nominal")
+    if np.isfinite(worst.simulated):
+        ax.loglog([worst.frequency], [worst.simulated], "o", color=BEAM, fillstyle="none", label="MuJoCo, worst sample")
+    ax.set_xlabel("frequency, rad/s")
+    ax.set_ylabel(f"{worst.input} → {worst.output}, {worst.unit}")
+    ax.legend(loc="best")
+    return ax
+
+
+@mpl.rc_context(STYLE)
+def worst_figure(several: "Sequence[WorstCase]") -> Figure:
+    """The same as a figure, one picture per angle."""
+    figure = Figure(figsize=(6.4, 3.4 * len(several)), layout="constrained")
+    for place, worst in enumerate(several, 1):
+        plot_worst(worst, figure.add_subplot(len(several), 1, place))
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def drawn_figure(several: "Sequence[WorstCase]") -> Figure:
+    """Peak gains of the samples, in order, beside the nominal range's bound."""
+    figure = Figure(figsize=(6.4, 2.8), layout="constrained")
+    ax = figure.add_subplot()
+    for worst in several:
+        peaks = np.sort(worst.drawn[np.isfinite(worst.drawn)])
+        ax.plot(peaks, np.arange(1, peaks.size + 1) / max(worst.drawn.size, 1), color=OURS)
+        if np.isfinite(worst.gain):
+            ax.axvline(worst.gain, color=OURS, linewidth=0.8, linestyle="dotted")
+        if np.isfinite(worst.upper):
+            ax.axvline(worst.upper, color=BEAM, linewidth=0.8, linestyle="dashed")
+    ax.set_xlabel(f"peak gain, {several[0].unit}")
+    ax.set_ylabel("share of samples below")
+    return figure
+
+
 def _grid(plants: "Sequence[Plant]") -> Array:
     """`(k,)` frequencies that resolve the modes [rad/s]."""
     modes = np.concatenate([plant.frequency for plant in plants])
@@ -79,10 +129,12 @@ def _in_hz(ax: "Axes") -> None:
 def bode_figure(plants: "Sequence[Plant]") -> Figure:
     """Magnitude and phase of the pairs with the largest modal gains; of the further plants the magnitude, in grey."""
     plant, omega = plants[0], _grid(plants)
-    pairs = [(i, j) for i in range(plant.noutputs) for j in range(plant.ninputs)]
-    pairs = sorted(pairs, key=lambda at: -float(plant.gain[:, at[0], at[1]].max(initial=0.0)))[:PAIRS]
-    figure = Figure(figsize=(6.4, 2.6 * len(pairs) + 0.6), layout="constrained")
     responses = [_response(one, omega) for one in plants]
+    pairs = [
+        (int(i), int(j)) for i, j in np.argwhere(np.abs(responses[0]).max(axis=-1) > 0.0)
+    ]  # zeros have no logarithm
+    pairs = sorted(pairs, key=lambda at: -float(plant.gain[:, at[0], at[1]].max(initial=0.0)))[:PAIRS] or [(0, 0)]
+    figure = Figure(figsize=(6.4, 2.6 * len(pairs) + 0.6), layout="constrained")
     for place, (i, j) in enumerate(pairs):
         ax = figure.add_subplot(len(pairs), 1, place + 1)
         for other in responses[1:]:

@@ -1,4 +1,4 @@
-"""Pictures of studies: error against run time, times against links, steps and their damping, spread of a sweep."""
+"""Pictures of studies: error against run time, times against links, steps and their damping."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -7,7 +7,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, frame, log_axis, plain, short, to_svg
+from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, frame, log_axis, plain, short
 from beamchain.studies import field
 from beamchain.studies.front import Metric, front
 
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from beamchain.studies.run_time import Growth
     from beamchain.studies.stability import StepRow
     from beamchain.studies.study import Study
-    from beamchain.studies.sweep import Sweep
 
 #: Ours in colours that differ in lightness, rivals in grey, each told by its mark too.
 COLOURS = dict(zip(field.OURS, ("#082f5c", OURS, "#3d8fd6", "#8dbbe6", "#2b7a6f"), strict=True))
@@ -133,18 +132,3 @@ def damping_figure(limits: "Budget") -> Figure:
     ax.set(xlabel="frequency of the mode, rad/s", ylabel="damping ratio", title=title)
     figure.legend(loc="outside upper left", ncols=3, columnspacing=1.2)
     return figure
-
-
-@mpl.rc_context(STYLE)
-def sweep_picture(sweep: "Sweep") -> str:
-    """Histograms of the coupled frequencies relative to their means, SVG text."""
-    count = min(sweep.coupled.shape[1], 6)
-    figure = Figure(figsize=(6.4, 1.0 + 1.1 * count), layout="constrained")
-    for k in range(count):
-        ax = figure.add_subplot(count, 1, k + 1)
-        values = sweep.coupled[:, k]
-        ax.hist(values, bins=min(40, max(5, values.size // 10)), color=OURS)
-        ax.set_title(f"mode {k + 1}: {values.mean():.4g} rad/s, deviation {100 * values.std() / values.mean():.2g} %")
-        ax.set_yticks([])
-    figure.axes[-1].set_xlabel("frequency on the hub, rad/s")
-    return to_svg(figure, "sweep")

@@ -36,6 +36,8 @@ EXACT = 1e-6  # pole error below which tuning is taken to have succeeded
 LOWEST = 0.05  # [rad] phase below which the limit is not lowered
 ITERATIONS = 12  # of Newton's method
 CLOSE = 1e-13  # relative pole error at which to stop
+NEAR = 1e-11  # the same below which rounding may keep it from falling further
+STUCK = 0.01  # relative change of the pole error below which bounds keep it from falling
 STEADY = 1e-7  # weight that keeps unknowns where the poles do not ask for a change
 
 
@@ -290,9 +292,10 @@ def tune(
         z, y = z[pick], y[:, pick]
         miss = (wanted - z) / size
         error = float(np.max(np.abs(miss)))
-        if best is None or error < best[0]:
+        before = float("inf") if best is None else best[0]
+        if best is None or error < before:
             best = (error, mu, d)
-        if error < CLOSE or error > 2.0 * best[0]:
+        if error < CLOSE or error > (0.5 if error < NEAR else 2.0) * before or abs(error - before) < STUCK * before:
             break
         step = z - 1.0
         slope = 2.0 * step[None, :] * ((c + np.diag(mu)) @ y) + h**2 * stiffness[:, None] * y

@@ -142,7 +142,7 @@ def placed(
     second: ArrayLike,
     timestep: float,
     *,
-    phase: float | None = None,
+    phase: ArrayLike | None = None,
     damping: ArrayLike | None = None,
 ) -> Timed:
     """Mass and damping with which a step has the poles `exp(s h)` and each mode its own static response.
@@ -155,12 +155,12 @@ def placed(
         stiffness: `k` per unit modal mass [1/s^2].
         first, second: poles `s` of the mode [1/s], which need not belong to `stiffness` alone.
         timestep: `h` [s].
-        phase: [rad] limit per step; the scheme's own where left out.
+        phase: [rad] limit per step, one or per mode; the scheme's own where left out.
         damping: of the untouched mode [1/s]; `-(s1 + s2)` where left out.
     """
     one_of("integrator", integrator, INTEGRATORS)
     scheme, h = SCHEMES[integrator], float(timestep)
-    limit = scheme.phase if phase is None else float(phase)
+    limit = np.asarray(scheme.phase if phase is None else phase, dtype=np.float64)
     s1, s2 = np.asarray(first, dtype=np.complex128), np.asarray(second, dtype=np.complex128)
     k, s1, s2 = np.broadcast_arrays(np.asarray(stiffness, dtype=np.float64), s1, s2)
     turn = np.maximum(np.abs(s1), np.abs(s2)) * h
@@ -186,7 +186,7 @@ def placed(
 
 
 def timed(
-    integrator: str, frequency: ArrayLike, ratio: ArrayLike, timestep: float, *, phase: float | None = None
+    integrator: str, frequency: ArrayLike, ratio: ArrayLike, timestep: float, *, phase: ArrayLike | None = None
 ) -> Timed:
     """`placed` for modes at `w` [rad/s] with damping ratios.
 

@@ -139,7 +139,7 @@ def retime(
         raise InputError(f"this MuJoCo has no integrator {name!r}.")
     modal = modal_tendons(model)
     try:
-        c = _coupled_mass(model, modal, qpos)
+        c = coupled_mass(model, modal, qpos)
         plan = form3(model, modal, c, name, h) if form == 3 else form2(modal, c, name, h)
         if form == 4:
             plan = form4(modal, c, name, h, plan)
@@ -147,26 +147,29 @@ def retime(
         for array, values in before.items():
             getattr(model, array)[:] = values
         raise
-    _write(model, modal, plan, MadeFor(h, name, form))
+    write_values(model, modal, plan, MadeFor(h, name, form))
     return Retimed(
         h, name, form, plan.phase, plan.lambda_max, plan.left_out, plan.modes, MappingProxyType(before)
     )  # fmt: skip
 
 
-def _coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> Array:
+def coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> Array:
     """`(n, n)` condensed mass; a tendon whose own modal mass is not 1 is refused."""
     mass = mass_matrix(model, qpos)
     for i, name in enumerate(modal.names):
-        span = np.flatnonzero(modal.rows[i])
-        own = float(
-            modal.rows[i, span] @ np.linalg.solve(mass[np.ix_(span.tolist(), span.tolist())], modal.rows[i, span])
-        )
+        own = _modal_mass(mass, modal.rows[i])
         if abs(own - 1.0) > UNIT_MASS:
             raise InputError(
-                f"tendon {name!r} has the name of a modal tendon, but the mass {1.0 / own:.6g} of its mode is not 1; rename "
+                f"tendon {name!r} has the name of a modal tendon, but the mass {own:.6g} of its mode is not 1; rename "
                 "it if it is not an appendage's, or write the appendage again."
             )
     return condensed(mass, modal.rows)[0]
+
+
+def _modal_mass(mass: Array, row: Array) -> float:
+    """Mass of a tendon's mode in the held appendage."""
+    span = np.flatnonzero(row)
+    return 1.0 / float(row[span] @ np.linalg.solve(mass[np.ix_(span.tolist(), span.tolist())], row[span]))
 
 
 def _take_out(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> None:
@@ -176,6 +179,12 @@ def _take_out(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> None
         if mark is not None:
             model.tendon_damping[i] = model.tendon_solimp_lim[i, 3]
             model.tendon_armature[i] = 0.0
+    if np.any(model.tendon_margin[modal.index]):  # of a participation other than the nominal one, or a user's default
+        mass = mass_matrix(model, qpos)
+        for i, row, mark in zip(modal.index, modal.rows, modal.made_for, strict=True):
+            own = float(model.tendon_margin[i])
+            if mark is not None and abs(_modal_mass(mass, row) + own - 1.0) < UNIT_MASS:
+                model.tendon_armature[i] = own
     if 3 in forms:
         mass = mass_matrix(model, qpos)
         for group in modal.groups():
@@ -221,12 +230,13 @@ def _coefficients(model: "mujoco.MjModel", tendon: int, dofs: "NDArray[np.intp]"
     model.tendon_lengthspring[tendon] = length
 
 
-def _write(model: "mujoco.MjModel", modal: Modal, plan: TendonValues, mark: MadeFor) -> None:
+def write_values(model: "mujoco.MjModel", modal: Modal, plan: TendonValues, mark: MadeFor) -> None:
+    """Write the numbers of a form, and what they were made for, into the tendons of a model that is not timed."""
     for j, i in enumerate(modal.index):
         model.tendon_solimp_lim[i] = (
             mark.timestep, INTEGRATORS[mark.integrator], mark.form, modal.damping[j], modal.stiffness[j],
         )  # fmt: skip
-    model.tendon_armature[modal.index] = plan.armature
+    model.tendon_armature[modal.index] += plan.armature
     model.tendon_damping[modal.index] = plan.damping
     if plan.turn is None:
         return

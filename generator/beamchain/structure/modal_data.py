@@ -1,7 +1,8 @@
 """Modes somebody else computed: cantilever frequencies, participation and rigid mass about the port, from any program."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +33,7 @@ class ModalData:
         source: origin of the data.
         steps: changes made to the numbers, in order.
         printed: the numbers are as printed; False once the effects of rounding have been removed.
+        uncertain: what the file says is not known exactly of the modes, as [uncertain] of a specification would.
 
     Raises:
         InputError: shapes disagree, a number is not finite, or the numbers contradict each other.
@@ -60,6 +62,7 @@ class ModalData:
     source: str = "modes"
     steps: tuple[str, ...] = ()
     printed: bool = True
+    uncertain: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     def __repr__(self) -> str:
         few = ", ".join(f"{w:.6g}" for w in self.frequencies[:3]) + (", ..." if self.frequencies.size > 3 else "")

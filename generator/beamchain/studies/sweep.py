@@ -1,101 +1,158 @@
-"""`sweep`: variants of an appendage drawn from [uncertain], as arrays for one compiled MuJoCo model."""
+"""`sweep`: variants of an appendage or of a whole craft, as arrays for one compiled MuJoCo model."""
 
 import io
 import time
-import tomllib
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from importlib.resources import files as package_files
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from msgspec import structs
 
 from beamchain import report
+from beamchain.craft.embedded import Embedded
+from beamchain.craft.embedding import embed
+from beamchain.craft.variants.fields import FIELDS
+from beamchain.craft.variants.quantities import Quantity
+from beamchain.craft.variants.refit import Refit
+from beamchain.craft.variants.samples import Case, unpacked, vary
+from beamchain.craft.variants.spread import Gain, gain, usual_gain
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
-from beamchain.errors import BeamchainError, InputError, RealisationError
+from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
-from beamchain.fitting.choose import make_plan, whole_beam
-from beamchain.fitting.fit import damped, fit
-from beamchain.fitting.hub import default_hub
-from beamchain.fitting.options import Modes
+from beamchain.fitting.fit import as_spec, fit, on_modes
 from beamchain.fitting.result import Fit
-from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
-from beamchain.fitting.spec_text import spec_toml
-from beamchain.ports.compose import in_space
+from beamchain.fitting.spec import Spec, read_spec
+from beamchain.fitting.uncertain import Uncertain, UncertainCraft, read_uncertain
+from beamchain.mjcf.craft import Craft, read_craft, relocate
 from beamchain.ports.motions import Array
+from beamchain.structure.beam import Beam
+from beamchain.structure.modal_data import ModalData
 from beamchain.studies.jobs import Progress, run_jobs, stamp
 
-#: Fields of MuJoCo's model that differ between variants; they hold for the scene.xml written beside them.
-FIELDS = (
-    "jnt_stiffness", "dof_damping", "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "site_pos",
-    "wrap_prm", "tendon_stiffness", "tendon_damping", "tendon_armature", "tendon_solimp_lim",
-)  # fmt: skip
-NAMES = ("body", "jnt", "site", "tendon")
-CHUNK = 10  # samples per job
+NAMES = {"body": "nbody", "jnt": "njnt", "site": "nsite", "tendon": "ntendon"}
+CHUNK, QUICK_CHUNK = 10, 100  # samples per job: with fits, without
 STORE = ".sweep_points.jsonl"
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """All variants."""
+    """All variants.
 
-    spec: Spec  # with [uncertain]
-    nominal: Fit  # of the spec itself
+    Args:
+        name: of the appendage, or of the craft's file.
+        source: the nominal fit, the embedded craft, or the document of a craft that was given as a file.
+        case: what is uncertain.
+        seed: of the draws.
+        indices: `(k,)` samples that became variants.
+        values: `(k, n)` of the uncertain quantities of modes, bodies and joints.
+        fields: per field of MuJoCo's model that varies, `(k, ...)`.
+        coupled: `(k, m)` undamped coupled frequencies, ascending [rad/s].
+        gains: per pair of signals `(k, m)` modal gains.
+        participation: of a single appendage, per port `(k, n, motions)`.
+        left_out: samples without a variant and why.
+        seconds: taken.
+    """
+
+    name: str
+    source: "Fit | Embedded | Craft"
+    case: Case
     seed: int
-    indices: Array  # (k,) samples that became variants
-    fields: dict[str, Array]  # per field of MuJoCo's model, (k, ...)
-    coupled: Array  # (k, n) frequencies of hub and appendage, kept modes [rad/s]
-    participation: dict[str, Array]  # per port (k, n, m)
-    left_out: dict[int, str]  # samples without a variant and why
+    indices: Array
+    values: Array
+    fields: dict[str, Array]
+    coupled: Array
+    gains: dict[str, Array]
+    participation: dict[str, Array]
+    left_out: dict[int, str]
     seconds: float
+
+    @property
+    def nominal(self) -> Fit:
+        """The nominal fit of a sweep of one appendage."""
+        assert isinstance(self.source, Fit)
+        return self.source
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The uncertain quantities of modes, bodies and joints."""
+        return self.case.found
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the gains."""
+        return {one.name: one.unit for one in self.case.gains}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was said of the nominal craft."""
+        return self.source.warnings if isinstance(self.source, Embedded) else ()
+
+    @property
+    def model_file(self) -> str:
+        """Name of the file that the fields are of."""
+        return "scene.xml" if isinstance(self.source, Fit) else "flexible.xml"
 
     def as_dict(self) -> dict[str, Any]:
         """What sweep.json holds."""
         return {
-            "name": self.spec.name,
+            "name": self.name,
             "samples": self.indices.size + len(self.left_out),
             "variants": self.indices.size,
             "seed": self.seed,
             "quantiles": QUANTILES,
             "coupled_frequencies": [_spread(column) for column in self.coupled.T],
+            "gains": [
+                {"pair": name, "unit": self.units[name], "modes": [_spread(column) for column in values.T]}
+                for name, values in self.gains.items()
+            ],
+            "quantities": [
+                {"name": q.name, "unit": q.unit, "nominal": q.nominal, **_spread(column)}
+                for q, column in zip(self.quantities, self.values.T, strict=True)
+            ],
             "participation": {
                 port: [[_spread(values[:, k, i]) for i in range(values.shape[2])] for k in range(values.shape[1])]
                 for port, values in self.participation.items()
             },
             "left_out": [{"sample": index, "why": why} for index, why in self.left_out.items()],
             "fields": {name: list(values.shape[1:]) for name, values in self.fields.items()},
+            "warnings": self.warnings,
             "mujoco": mujoco.__version__,
             "seconds": self.seconds,
         }
 
     def archive(self) -> bytes:
-        """variants.npz: the fields, the samples' numbers, the coupled modes, and names of bodies, joints, ..."""
-        model = compile_model(self.nominal.scene_mjcf())
-        names = {f"{kind}_names": np.array(_names(model, kind)) for kind in NAMES}
-        stream = io.BytesIO()
+        """variants.npz: fields, samples' numbers, drawn values, coupled modes, gains, and names of bodies, joints, ..."""
+        stream, model = io.BytesIO(), self.case.model
+        names = {
+            f"{kind}_names": np.array([getattr(model, kind)(i).name for i in range(getattr(model, count))])
+            for kind, count in NAMES.items()
+        }
         np.savez_compressed(
             stream, allow_pickle=False, fields=np.array(list(self.fields)), sample=self.indices,
-            coupled_frequencies=self.coupled, **names, **self.fields,
+            coupled_frequencies=self.coupled, quantities=np.array([q.name for q in self.quantities]), values=self.values,
+            gain_pairs=np.array(list(self.gains)), gains=np.array(list(self.gains.values())), **names, **self.fields,
         )  # fmt: skip
         return stream.getvalue()
 
     def write(self, folder: Path, *, force: bool = False) -> list[Path]:
-        """Write scene.xml (nominal), variants.npz, apply_variants.py, a picture and sweep.json (last); all or none.
+        """Write the nominal model, variants.npz, apply_variants.py, pictures and sweep.json (last); all or none.
 
         Raises:
             OutputError: a file exists and `force` is False, or the folder cannot be written.
         """
         example = package_files("beamchain").joinpath("examples/apply_variants.py").read_text(encoding="utf-8")
         content: dict[Path, str | bytes] = {
-            folder / "scene.xml": self.nominal.scene_mjcf(),
+            folder / self.model_file: _text(self.source, folder),
             folder / "variants.npz": self.archive(),
-            folder / "apply_variants.py": example,
-            folder / "coupled_frequencies.svg": report.sweep_picture(self),
+            folder / "apply_variants.py": example.replace("scene.xml", self.model_file),
+            **{folder / name: text for name, text in report.sweep_pictures(self).items()},
             folder / "sweep.json": to_json(self.as_dict()),
         }
         write_files(content, force=force)
@@ -109,34 +166,48 @@ def _spread(values: Array) -> dict[str, Any]:
 
 
 def sweep(
-    spec: Spec | str | Path,
-    samples: int,
+    source: "Spec | Embedded | str | Path",
+    samples: int = 1000,
     *,
+    at: "Mapping[str, Spec | Beam | ModalData | str | Path] | None" = None,
+    uncertain: UncertainCraft | str | Path | None = None,
+    prefixes: Sequence[str] | None = None,
+    retime: bool | None = None,
+    gains: Sequence[str] | None = None,
     seed: int = 0,
     executor: Executor | None = None,
     folder: Path | None = None,
     resume: bool = False,
     progress: Progress | None = None,
 ) -> Sweep:
-    """Draw variants of an appendage from its [uncertain] and fit each, as `beamchain sweep` does.
+    """Draw variants of an appendage or of a whole craft, as arrays of one compiled model; as `beamchain sweep` does.
+
+    What is uncertain of modes, bodies and joints only changes numbers of that model; what is uncertain of the structure
+    is fitted again for every sample, on the nominal cut. A craft that is exact in time for its step stays so in every
+    variant.
 
     Args:
-        spec: with [uncertain], or the path of such a SPEC.toml; if its modes are chosen for a scene, all variants use
-            the nominal choice.
+        source: a specification with [uncertain] or the path of such a SPEC.toml, for one appendage on its hub; else the
+            path or text of the craft's MJCF file, bare if `at` is given, or with appendages that `embed` put in; or what
+            `embed` returned. If modes are chosen for a scene, all variants use the nominal choice.
         samples: number of samples.
+        at: the appendage for each site or body, as in `embed`; their [uncertain] counts.
+        uncertain: of the craft: masses, drives, modes by prefix; or the path of its TOML file.
+        prefixes, retime: as in `embed`.
+        gains: pairs "INPUT=OUTPUT" of signals of `bc.plant` whose modal gains are followed; default: "torque:BASE=attitude".
         seed: of the draws; the same seed gives the same variants.
-        executor: runs the fits; default: one after the other in this process.
-        folder: folder in which finished fits are kept until `Sweep.write`, for `resume`.
-        resume: continue from the fits in `folder`.
-        progress: called after every ten samples.
+        executor: runs the samples; default: one after the other in this process.
+        folder: folder in which finished samples are kept until `Sweep.write`, for `resume`.
+        resume: continue from what is in `folder`.
+        progress: called after every job.
 
     Returns:
-        The variants as fields of one compiled MuJoCo model (`fields`), their coupled frequencies [rad/s] (`coupled`),
-        samples that could not be made and why (`left_out`), files (`write`).
+        The variants as fields of one compiled MuJoCo model (`fields`), their coupled frequencies [rad/s] (`coupled`) and
+        modal gains (`gains`), samples that could not be made and why (`left_out`), files (`write`).
 
     Raises:
-        EngineError: a worker process died; finished fits are kept in `folder`.
-        InputError: the spec has no [uncertain], or every sample was left out.
+        EngineError: a worker process died; finished samples are kept in `folder`.
+        InputError: nothing is uncertain, a range is impossible, or every sample was left out.
 
     Example:
         >>> import beamchain as bc
@@ -146,147 +217,120 @@ def sweep(
         3
     """
     start = time.perf_counter()
-    spec = spec if isinstance(spec, Spec) else read_spec(spec)
-    if spec.uncertain is None:
-        raise InputError("the spec has no [uncertain]; add one with for example stiffness = { relative = 0.05 }.")
-    if spec.imported is not None:
+    given = UncertainCraft() if uncertain is None else read_uncertain(uncertain)
+    one = isinstance(source, Spec) or (at is None and str(source).endswith(".toml"))
+    if one and at is not None:
         raise InputError(
-            f"[uncertain] varies a beam, but the appendage {spec.name!r} is imported modes ({spec.imported.file}); give "
-            "it as [[segment]], or vary the frequencies in copies of the file."
+            "at is given with a specification, but needs the craft that carries it; give the craft's file."
         )
-    text = spec_toml(spec)
-    own = stamp(text, seed)
-    chunks = [(i, min(i + CHUNK, samples)) for i in range(0, samples, CHUNK)]
-    jobs = {f"{own} {first} {end}": (text, seed, first, end) for first, end in chunks}
+    if one:
+        found: Fit | Embedded | Craft = _one(source if isinstance(source, Spec) else read_spec(str(source)), given)
+        name = found.spec.name
+    else:
+        assert not isinstance(source, Spec)
+        found = _craft(source, at, given, prefixes, retime)
+        name = "craft" if isinstance(source, Embedded) or str(source).lstrip().startswith("<") else Path(source).stem
+    case, text = _case(found, given, gains)
+    own = stamp(text, msgspec.to_builtins([given, case.modes, case.correlations]), [g.name for g in case.gains], seed)
+    step = CHUNK if case.refits else QUICK_CHUNK
+    chunks = [(i, min(i + step, samples)) for i in range(0, samples, step)]
+    bare = replace(case)  # without what was worked out, which need not travel
+    jobs = {f"{own} {first} {end}": (bare, seed, first, end) for first, end in chunks}
     store = None if folder is None else folder / STORE
-    results = run_jobs(vary, jobs, executor=executor, store=store, resume=resume, progress=progress)
-    rows = [row for chunk in results.values() for row in chunk]
-    good = [row for row in rows if "why" not in row]
-    left_out = {row["sample"]: row["why"] for row in rows if "why" in row}
+    made = list(run_jobs(vary, jobs, executor=executor, store=store, resume=resume, progress=progress).values())
+    left_out = {int(index): why for job in made for index, why in job["why"].items()}
+    good = [job for job in made if job["samples"]]
     if not good:
         raise InputError(f"no sample became a variant: {next(iter(left_out.values()))}")
-    nominal, model = _nominal(text)
-    fields = {
-        name: np.array([row["fields"][name] for row in good]).reshape(len(good), *getattr(model, name).shape)
-        for name in FIELDS
-        if getattr(model, name).size
+    arrays = {key: np.concatenate([unpacked(job["arrays"][key]) for job in good]) for key in good[0]["arrays"]}
+    fields: dict[str, Array] = {}
+    for field in FIELDS:
+        nominal = getattr(case.model, field)
+        values = arrays[f"field {field}"].astype(nominal.dtype)
+        if np.any(values != nominal):
+            fields[field] = values
+    return Sweep(
+        name, found, case, seed, np.array([index for job in good for index in job["samples"]]), arrays["values"], fields,
+        arrays["coupled"], {one.name: arrays[f"gain {i}"] for i, one in enumerate(case.gains)},
+        {port: arrays[f"port {port}"] for port in case.participation}, left_out, time.perf_counter() - start,
+    )  # fmt: skip
+
+
+def _one(spec: Spec, given: UncertainCraft) -> Fit:
+    """The nominal fit of one appendage."""
+    made = fit(on_modes(spec, wanted=bool(given.appendage)))
+    if made.spec.uncertain is None and given == UncertainCraft():
+        raise InputError("the spec has no [uncertain]; add one with for example stiffness = { relative = 0.05 }.")
+    return made
+
+
+def _craft(
+    source: "Embedded | str | Path",
+    at: "Mapping[str, Spec | Beam | ModalData | str | Path] | None",
+    given: UncertainCraft,
+    prefixes: Sequence[str] | None,
+    retime: bool | None,
+) -> "Embedded | Craft":
+    """The nominal craft with its appendages."""
+    if isinstance(source, Embedded):
+        if at is not None or source.document is None or source.form != "inline":
+            raise InputError(
+                "an embedded craft takes no further appendages here, and must be one document; give the craft's file and "
+                'all appendages, at={"mount": "array.toml"}.'
+            )
+        return source
+    if at is None:
+        return read_craft(source)
+    wanted = {place: _on_modes(what, wanted=bool(given.appendage)) for place, what in at.items()}
+    return embed(source, wanted, prefixes=prefixes, retime=retime)
+
+
+def _on_modes(what: "Spec | Beam | ModalData | str | Path", *, wanted: bool) -> "Spec | ModalData":
+    if isinstance(what, ModalData):
+        return what
+    return on_modes(as_spec(what), wanted=wanted)
+
+
+def _case(found: "Fit | Embedded | Craft", given: UncertainCraft, gains: Sequence[str] | None) -> tuple[Case, str]:
+    """What is uncertain of a nominal craft, and the text of its file."""
+    text = _text(found, None)
+    model = compile_model(text)
+    fits: dict[str, tuple[Fit, str]] = {}
+    if isinstance(found, Fit):
+        fits = {f"{found.spec.name}_": (found, "")}
+    elif isinstance(found, Embedded):
+        fits = {a.prefix: (a.fit, a.prefix) for a in found.appendages}
+    tables: dict[str, Uncertain] = {
+        prefix: made.spec.uncertain for prefix, (made, _) in fits.items() if made.spec.uncertain is not None
     }
-    participation = {port: np.array([row["participation"][port] for row in good]) for port in nominal.target}
-    indices, coupled = (np.array([row[what] for row in good]) for what in ("sample", "coupled"))
-    seconds = time.perf_counter() - start
-    return Sweep(spec, nominal, seed, indices, fields, coupled, participation, left_out, seconds)
-
-
-def vary(text: str, seed: int, first: int, end: int) -> list[dict[str, Any]]:
-    """One job: samples `first` to `end`, as plain data."""
-    nominal, model = _nominal(text)
-    return [_sample(nominal, model, seed, index) for index in range(first, end)]
-
-
-@lru_cache(maxsize=4)
-def _nominal(text: str) -> tuple[Fit, "mujoco.MjModel"]:
-    """The fit of the spec itself, its modes and target made fast, and its compiled scene."""
-    spec = spec_from_dict(tomllib.loads(text))
-    found = fit(spec)
-    fixed = structs.replace(
-        spec,
-        modes=Modes(**{port: target.modes for port, target in found.target.items()}),
-        root=structs.replace(spec.root, target=found.kept_for),
+    if not tables and given == UncertainCraft():
+        raise InputError(
+            "nothing is uncertain: give the appendages' specifications an [uncertain], or the craft's file of "
+            "uncertainties with [body.NAME], [joint.NAME] or [appendage.PREFIX] (--uncertain)."
+        )
+    correlations = tuple(
+        structs.replace(one, of=tuple(prefix + name for name in one.of))
+        for prefix, table in tables.items() for one in table.correlation
+    )  # fmt: skip
+    refits = tuple(Refit.of(prefix, *fits[prefix]) for prefix, table in tables.items() if table.structural)
+    modes = {prefix: table for prefix, table in tables.items() if table.modal}
+    participation: dict[str, Array] = {}
+    if isinstance(found, Fit) and found.space is None:
+        participation = {p: found.chain.port(p).participation[: t.modes] for p, t in found.target.items()}
+    case = Case(model, given, modes, correlations, refits, (), participation)
+    nominal = case.maker.model
+    followed: tuple[Gain, ...] = tuple(
+        gain(nominal, pair) for pair in (usual_gain(nominal) if gains is None else gains)
     )
-    model = compile_model(found.scene_mjcf())
-    return replace(found, spec=fixed), model
+    case = Case(model, given, modes, correlations, refits, followed, participation)
+    case.found  # noqa: B018  (names and ranges are checked before any sample is made)
+    return case, text
 
 
-def _sample(nominal: Fit, model: "mujoco.MjModel", seed: int, index: int) -> dict[str, Any]:
-    try:
-        spec = varied(nominal.spec, seed, index)
-        beam = spec.beam
-        hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
-        full = whole_beam(spec, beam)
-        plan = make_plan(spec, full, beam.rigid_mass(), hub)
-        built = damped(spec, plan, beam, nominal.cut)
-        for port, target in built.targets.items():
-            if target.modes < nominal.target[port].modes:
-                raise RealisationError(f"fewer modes in {port}: {built.status.message}")
-        chain = built.chain
-        own = compile_model(replace(nominal, spec=spec, chain=chain).scene_mjcf())
-        if any(_names(own, kind) != _names(model, kind) for kind in NAMES):
-            raise RealisationError("its hinges or bodies come in another order than the nominal model's")
-    except BeamchainError as error:
-        return {"sample": index, "why": str(error)}
-    ports = {port: chain.port(port) for port in built.targets}
-    carried = (spec.root.hub or default_hub(beam)).mass_matrix()
-    modes = sum(target.modes for target in built.targets.values())
-    coupled = in_space(ports, chain.rigid_mass()).with_hub(carried).free_frequencies[:modes]
-    return {
-        "sample": index,
-        "fields": {name: getattr(own, name).ravel().tolist() for name in FIELDS if getattr(own, name).size},
-        "coupled": coupled.tolist(),
-        "participation": {p: m.participation[: built.targets[p].modes].tolist() for p, m in ports.items()},
-    }
-
-
-def _names(model: "mujoco.MjModel", kind: str) -> list[str]:
-    return [getattr(model, kind)(i).name for i in range(getattr(model, f"n{kind}"))]
-
-
-def varied(spec: Spec, seed: int, index: int) -> Spec:
-    """The spec of one sample; refused where a drawn value is not allowed, such as a mass below zero."""
-    given = spec.uncertain
-    assert given is not None
-    ratios = spec.damping.ratio if spec.damping is not None else 0.0
-    counts = {"payload": 1, "lump": len(spec.lump), "joint_stiffness": len(spec.joint)}
-    counts |= dict.fromkeys(("stiffness", "density"), len(spec.segment))
-    counts["damping"] = sum(map(len, ratios.values())) if isinstance(ratios, dict) else 1
-    scores = given.scores(seed, index, counts)
-    changes: dict[str, Any] = {}
-    if given.stiffness is not None or given.density is not None:
-        stiff, dense = (
-            [each.value(1.0, z) for z in scores[name]] if each else [1.0] * len(spec.segment)
-            for name, each in (("stiffness", given.stiffness), ("density", given.density))
-        )
-        changes["segment"] = tuple(map(_segment, spec.segment, stiff, dense))
-    if given.joint_stiffness is not None:
-        names, value = ("stiffness_xy", "stiffness_xz", "stiffness_torsion"), given.joint_stiffness.value
-        changes["joint"] = tuple(
-            structs.replace(joint, **{n: value(c, z) for n in names if (c := getattr(joint, n)) is not None})
-            for joint, z in zip(spec.joint, scores["joint_stiffness"], strict=True)
-        )
-    if given.lump is not None:
-        changes["lump"] = tuple(
-            _heavier(lump, given.lump.value(lump.mass, z)) for lump, z in zip(spec.lump, scores["lump"], strict=True)
-        )
-    if given.payload is not None and spec.payload is not None:
-        changes["payload"] = _heavier(spec.payload, given.payload.value(spec.payload.mass, scores["payload"][0]))
-    if given.damping is not None and spec.damping is not None:
-        drawn, value = iter(scores["damping"]), given.damping.value
-        if isinstance(ratios, dict):
-            ratio = {port: tuple(value(z, next(drawn)) for z in values) for port, values in ratios.items()}
-        else:
-            ratio = value(ratios, next(drawn))
-        changes["damping"] = structs.replace(spec.damping, ratio=ratio)
-    return structs.replace(spec, **changes)
-
-
-def _heavier(body: Any, mass: float) -> Any:
-    """A lump or payload with another mass, its inertia in proportion."""
-    return structs.replace(body, mass=mass, inertia=tuple(v * mass / body.mass for v in body.inertia))
-
-
-def _segment(segment: Any, stiff: float, dense: float) -> Any:
-    """A segment with its stiffness and mass per length multiplied."""
-    changes: dict[str, Any] = {"nonstructural_mass": segment.nonstructural_mass * dense}
-    factors = {**dict.fromkeys(_STIFF, stiff), **dict.fromkeys(_HEAVY, dense)}
-    for name in ("section", "section_end", "material"):
-        part = getattr(segment, name)
-        if part is not None:
-            held = {n: getattr(part, n) for n in factors if n in part.__struct_fields__}
-            changes[name] = structs.replace(part, **{n: v * factors[n] for n, v in held.items() if v is not None})
-    return structs.replace(segment, **changes)
-
-
-_STIFF = (
-    "bending_stiffness_xy", "bending_stiffness_xz", "torsion_stiffness", "axial_stiffness", "youngs_modulus",
-    "shear_modulus",
-)  # fmt: skip
-_HEAVY = ("linear_mass", "polar_inertia", "density")
+def _text(source: "Fit | Embedded | Craft", folder: Path | None) -> str:
+    """The file of the nominal model as it stands in a folder; None: with absolute paths."""
+    if isinstance(source, Fit):
+        return source.scene_mjcf()
+    if isinstance(source, Embedded):
+        return source.to_mjcf(folder)
+    return relocate(source, folder).to_bytes().decode("utf-8")

@@ -1,67 +1,17 @@
 """Margins of a controller on a plant: classical, delay and disk margins of every loop with the others closed."""
 
-from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import control
-import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from beamchain.checks import Struct, field
+from beamchain.craft.plants.controllers import Controller, Loop, Response, places, realised, response
 from beamchain.craft.plants.realisation import Plant
 from beamchain.errors import InputError
-from beamchain.files import tables
-from beamchain.fitting.sentences import sentence
 from beamchain.ports.motions import Array
 
-Response = NDArray[np.complex128]
-ORDER = 6  # of the Pade approximation of a delay, with which the closed loop's poles are judged
 UNSEEN = 1e-9  # relative, below which a state takes no part in a loop
 GROWS = 1e-9  # relative real part of a pole, below which it is rounding
-
-
-class Filter(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A proper transfer function in s."""
-
-    numerator: Annotated[tuple[float, ...], field("coefficients of the numerator, highest power of s first", "")]
-    denominator: Annotated[tuple[float, ...], field("coefficients of the denominator, highest power first", "")]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        top, bottom = (np.trim_zeros(np.asarray(c), "f") for c in (self.numerator, self.denominator))
-        if bottom.size == 0:
-            raise InputError(f"denominator = {list(self.denominator)} is zero; give [1.0] for a plain gain.")
-        if top.size > bottom.size:
-            raise InputError(
-                f"numerator = {list(self.numerator)} has a higher power of s than denominator = {list(self.denominator)}, "
-                "which no controller can realise; add a pole beyond the band, for example denominator = [0.01, 1.0]."
-            )
-
-    def response(self, s: Response) -> Response:
-        """Its value at `s`."""
-        return np.polyval(self.numerator, s) / np.polyval(self.denominator, s)
-
-
-class Loop(Filter, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One loop of a controller, `input = -K(s) output`: negative feedback."""
-
-    input: Annotated[str, field("input of the plant that the loop drives")]
-    output: Annotated[str, field("output of the plant that the loop measures")]
-    delay: Annotated[float, field("dead time of the loop", "s", least=0.0)] = 0.0
-    actuator: Annotated[Filter | None, field("dynamics of the actuator")] = None
-    sensor: Annotated[Filter | None, field("dynamics of the sensor")] = None
-
-    @property
-    def parts(self) -> list[Filter]:
-        """Controller, actuator and sensor."""
-        return [self, *(part for part in (self.actuator, self.sensor) if part is not None)]
-
-
-class Controller(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A file of loops."""
-
-    loop: Annotated[tuple[Loop, ...], field("the loops, one [[loop]] each")]
 
 
 class Margins(NamedTuple):
@@ -101,25 +51,6 @@ class Margins(NamedTuple):
         }
 
 
-def read_controller(path: str | Path) -> Controller:
-    """Read a controller from TOML.
-
-    Raises:
-        InputError: the file cannot be read, or a value is not allowed.
-    """
-    place = Path(path)
-    try:
-        data = tables(place.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"controller {str(place)!r} cannot be read ({error}); give a TOML file with [[loop]]."
-        ) from None
-    try:
-        return msgspec.convert(data, Controller)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{place}: {sentence(str(error), data, Controller)}") from None
-
-
 def margins(plant: Plant, controller: Controller) -> list[Margins]:
     """Margins of every loop, the others closed.
 
@@ -134,34 +65,17 @@ def margins(plant: Plant, controller: Controller) -> list[Margins]:
     """
     if plant.dt:
         raise InputError("margins are those of the continuous plant; leave discrete out and give each loop its delay.")
-    rows, columns = (
-        [_place(getattr(loop, kind), labels, kind) for loop in controller.loop]
-        for kind, labels in (("output", list(plant.output_labels)), ("input", list(plant.input_labels)))
-    )
-    if not controller.loop or len(set(columns)) < len(columns):
-        raise InputError(
-            "the controller needs at least one [[loop]], and every input at most one; add them up into one."
-        )
+    rows, columns = places(controller, list(plant.input_labels), list(plant.output_labels))
     stable, poles = _closed(plant, controller, rows, columns)
     omega = _grid(plant, poles)
     s = (1j * omega).astype(np.complex128)
-    own = np.array([_response(loop, s) for loop in controller.loop])
+    own = np.array([response(loop, s) for loop in controller.loop])
     through = own[:, None, :] * np.asarray(plant(s, squeeze=False))[np.ix_(rows, columns, range(omega.size))]
     inverse: Any = np.linalg.inv(np.eye(len(rows)) + np.moveaxis(through, -1, 0))
     return [
         _margins(loop, stable, omega, (1.0 / inverse[:, i, i] - 1.0).astype(np.complex128))
         for i, loop in enumerate(controller.loop)
     ]
-
-
-def _place(name: str, labels: list[str], kind: str) -> int:
-    if name not in labels:
-        raise InputError(f"loop.{kind} = {name!r} is no {kind} of the plant; choose from {', '.join(labels)}.")
-    return labels.index(name)
-
-
-def _response(loop: Loop, s: Response) -> Response:
-    return np.prod([part.response(s) for part in loop.parts], axis=0) * np.exp(-s * loop.delay)
 
 
 def _closed(plant: Plant, controller: Controller, rows: list[int], columns: list[int]) -> tuple[bool, Response]:
@@ -174,14 +88,8 @@ def _closed(plant: Plant, controller: Controller, rows: list[int], columns: list
         driven, seen = driven | (link @ driven), seen | (link.T @ seen)
     keep = np.flatnonzero(driven & seen).tolist()
     system = control.ss(a[np.ix_(keep, keep)], b[keep], c[:, keep], d[np.ix_(rows, columns)])
-    whole: Any = None
-    for loop in controller.loop:
-        one: Any = control.tf(*control.pade(loop.delay, ORDER)) if loop.delay else control.tf([1.0], [1.0])
-        for part in loop.parts:
-            one = one * control.tf(list(part.numerator), list(part.denominator))
-        one = control.ss(one)
-        whole = one if whole is None else control.append(whole, one)
-    closed: Any = control.feedback(system, whole)
+    own: Any = control.ss(*realised(controller))
+    closed: Any = control.feedback(system, own)
     poles = np.asarray(closed.poles(), dtype=np.complex128)
     return bool(np.all(poles.real < GROWS * np.abs(poles).max(initial=1.0))), poles
 

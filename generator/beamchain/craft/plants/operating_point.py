@@ -1,14 +1,13 @@
 """The operating point of a plant: a model made ready to linearise, its pose, and the wheels that turn."""
 
-import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from beamchain.caution import Caution
-from beamchain.checks import number
+from beamchain.checks import number, unknown
 from beamchain.craft.assembly import quiet
 from beamchain.craft.embedded import Embedded
 from beamchain.engine.library import mujoco
@@ -37,16 +36,6 @@ class OperatingPoint(NamedTuple):
         data.qfrc_applied[:] = -data.qfrc_smooth
         mujoco.mj_forward(self.model, data)
         return data
-
-
-def unknown(field: str, value: object, names: Iterable[str], cure: str = "") -> InputError:
-    """The answer to a name that is none."""
-    known = [name for name in names if name]
-    near = difflib.get_close_matches(str(value), known, n=1, cutoff=0.5)
-    return InputError(
-        f"{field} = {value!r} is unknown; {f'did you mean {near[0]!r}? ' if near else ''}"
-        f"choose from {', '.join(known) or 'none, for the model has none'}.{f' {cure}' if cure else ''}"
-    )
 
 
 def compiled_model(source: "Embedded | mujoco.MjSpec | mujoco.MjModel | str | Path") -> "mujoco.MjModel":

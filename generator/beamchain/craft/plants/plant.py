@@ -12,13 +12,16 @@ from beamchain.craft.embedded import Embedded
 from beamchain.craft.plants.craft_modes import LinearCraft, exact_craft, linear_craft
 from beamchain.craft.plants.modal_form import ModalForm
 from beamchain.craft.plants.operating_point import At, compiled_model, grid_of, left_out, operating_point
-from beamchain.craft.plants.realisation import Plant
+from beamchain.craft.plants.realisation import SAMPLED, Plant
 from beamchain.craft.plants.sampled import at_step, held_input
 from beamchain.craft.plants.scheduled import ScheduledPlant, follow
+from beamchain.craft.robust.lft import Made
+from beamchain.craft.robust.uncertain_plant import UncertainPlant, uncertain_plant
 from beamchain.craft.timing import without_time
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import InputError
+from beamchain.fitting.uncertain import UncertainCraft
 from beamchain.ports.motions import locked
 
 GROWS = 1e-5  # of a mode's discrete pole beyond the unit circle: more than what turning wheels do to it
@@ -139,8 +142,13 @@ class _Given:
             form, grown = self._discrete(form, craft, self.step)
             said = [*said, *grown]
         embedded = self.embedded
+
+        def uncertain(given: UncertainCraft | None) -> UncertainPlant:
+            return uncertain_plant(Made(craft, self.inputs, self.outputs), given, embedded)
+
+        pulled = SAMPLED if self.step is not None else uncertain
         if embedded is None:
-            return Plant(form, signals, modes, said, self.step)
+            return Plant(form, signals, modes, said, self.step, uncertain=pulled)
 
         def exact(omega: float) -> Plant:
             true = exact_craft(embedded, craft.point, self.inputs, self.outputs, omega)
@@ -148,7 +156,7 @@ class _Given:
             kept = whole.reduced(whole.active()).spanned()
             return Plant(kept, signals, [name for name in true.mode_names if {name, f"{name}_rate"} <= set(kept.names)])
 
-        return Plant(form, signals, modes, said, self.step, exact)
+        return Plant(form, signals, modes, said, self.step, exact, pulled)
 
     def _discrete(self, form: ModalForm, craft: LinearCraft, step: float) -> tuple[ModalForm, list[str]]:
         """A step from `(A - 1)/h`, its input averaged where the integrator gives the whole impulse at once."""

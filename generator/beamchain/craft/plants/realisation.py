@@ -11,12 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamchain.craft.plants.export import write
 from beamchain.craft.plants.modal_form import ModalForm
+from beamchain.craft.robust.uncertain_plant import UncertainPlant
 from beamchain.errors import InputError
+from beamchain.fitting.uncertain import UncertainCraft, read_uncertain
 from beamchain.ports.motions import Array, locked
 
 NO_EXACT = (
     "the model is only a file, which does not hold the modes that its chains leave out; give what bc.embed returns."
 )
+SAMPLED = "uncertain plants are continuous; leave discrete out."
 
 
 class Plant(control.StateSpace):
@@ -31,7 +34,14 @@ class Plant(control.StateSpace):
         warnings: what was left out.
         timestep: [s]; None: continuous.
         exact: makes the plant with all modes of the appendages up to a frequency; or why there is none.
+        uncertain: makes the uncertain plant; or why there is none.
     """
+
+    state_units: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+    modes: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     def __init__(
         self,
@@ -41,10 +51,11 @@ class Plant(control.StateSpace):
         warnings: Sequence[str] = (),
         timestep: float | None = None,
         exact: "Callable[[float], Plant] | str" = NO_EXACT,
+        uncertain: "Callable[[UncertainCraft | None], UncertainPlant] | str" = SAMPLED,
     ) -> None:
         self.state_units = tuple(form.units)
         self.input_units, self.output_units = tuple(signals[2]), tuple(signals[3])
-        self.modes, self.warnings, self._exact = tuple(modes), tuple(warnings), exact
+        self.modes, self.warnings, self._exact, self._uncertain = tuple(modes), tuple(warnings), exact, uncertain
         super().__init__(
             form.a, form.b, form.c, form.d, 0 if timestep is None else timestep, name="plant", states=list(form.names),
             inputs=list(signals[0]), outputs=list(signals[1]), remove_useless_states=False,
@@ -127,6 +138,21 @@ class Plant(control.StateSpace):
         ours = self(np.exp(1j * at * self.dt) if self.dt else 1j * at, squeeze=False)
         size = np.abs(true)
         return locked(np.abs(ours - true) / np.maximum(size, 1e-12 * size.max(axis=(0, 1))))  # a channel that is none
+
+    def uncertain(self, uncertain: "UncertainCraft | str | Path | None" = None) -> UncertainPlant:
+        """The plant with its uncertain quantities pulled out: a linear fractional transformation.
+
+        Args:
+            uncertain: of the craft, or the path of its file; of what `bc.embed` returned, [uncertain] of the specifications
+                holds for the modes that it does not name.
+
+        Raises:
+            InputError: the plant is discrete, nothing is uncertain, a name is unknown, a range is impossible, or a signal
+                depends on a quantity otherwise than through the craft's motion.
+        """
+        if isinstance(self._uncertain, str):
+            raise InputError(f"uncertain: {self._uncertain}")
+        return self._uncertain(None if uncertain is None else read_uncertain(uncertain))
 
     def record(self) -> dict[str, Any]:
         """What `write` writes: A, B, C, D, Ts (0: continuous), names and units in MATLAB's words."""

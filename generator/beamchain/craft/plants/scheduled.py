@@ -13,6 +13,8 @@ from beamchain.craft.plants.craft_modes import LinearCraft
 from beamchain.craft.plants.export import write
 from beamchain.craft.plants.normal_modes import NormalModes
 from beamchain.craft.plants.realisation import Plant
+from beamchain.craft.robust.uncertain_plant import UncertainPlant
+from beamchain.fitting.uncertain import UncertainCraft
 from beamchain.ports.motions import Array, locked
 
 if TYPE_CHECKING:
@@ -69,6 +71,10 @@ class ScheduledPlant:
         """A, B, C and D, each `(k, ...)`."""
         a, b, c, d = (locked([getattr(plant, name) for plant in self.plants]) for name in "ABCD")
         return a, b, c, d
+
+    def uncertain(self, uncertain: "UncertainCraft | str | Path | None" = None) -> tuple[UncertainPlant, ...]:
+        """An uncertain plant per angle, see `Plant.uncertain`; their states are in an order of their own."""
+        return tuple(plant.uncertain(uncertain) for plant in self.plants)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Frequencies of the modes over the angle, as thick as their gain. Returns the axes; shows nothing.

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from beamchain.checks import unknown
 from beamchain.craft.error import base_body
-from beamchain.craft.plants.operating_point import OperatingPoint, unknown
+from beamchain.craft.plants.operating_point import OperatingPoint
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
@@ -36,6 +37,7 @@ class Input:
         actuator: its number; -1: a wrench.
         body: that the wrench acts on.
         wrench: `(6,)` force and torque at the body's mass centre in world axes, as in `xfrc_applied`.
+        centre: the force acts at the mass centre, wherever that is.
     """
 
     label: str
@@ -43,6 +45,7 @@ class Input:
     actuator: int = -1
     body: int = 0
     wrench: Array | None = None
+    centre: bool = False
 
     def apply(self, data: "mujoco.MjData", value: float) -> None:
         """Set the input, all others untouched."""
@@ -99,7 +102,7 @@ def inputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Input]
             ]
             mine = [
                 Input(f"{part}_{axis}", unit, -1, body, np.concatenate([line, np.cross(arm, line)] if part == "force" else
-                      [np.zeros(3), line])) for part, unit, axis, line in parts
+                      [np.zeros(3), line]), kind == "force") for part, unit, axis, line in parts
             ]  # fmt: skip
         else:
             if name not in actuators:

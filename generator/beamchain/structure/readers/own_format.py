@@ -1,6 +1,7 @@
 """beamchain's own file of modes (.toml, .json): what people type in."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,7 @@ class ModesFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         tip: six rows, one column per mode: motion of the tip in each mode.
         digits: of the printed numbers; counted where left out.
         line, points: how the mass lies along x.
+        uncertain: what is not known exactly of the modes, as in [uncertain] of a SPEC.toml.
     """
 
     frequencies: tuple[float, ...] = ()
@@ -71,6 +73,7 @@ class ModesFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     line: tuple[LinePiece, ...] = ()
     points: tuple[LinePoint, ...] = ()
     matrices: Matrices | None = None
+    uncertain: dict[str, Any] = {}
     note: str = ""
 
 
@@ -90,10 +93,12 @@ def read(path: Path, subcase: int | None = None) -> ModalData:
         raise InputError(f"file {str(path)!r} is no {kind} ({error}); it is cut or mangled: export it again.") from None
     if given.matrices is not None:
         folder = path.parent
-        return craig_bampton.read_matrix_market(
+        found = craig_bampton.read_matrix_market(
             folder / given.matrices.mass, folder / given.matrices.stiffness, given.matrices.boundary, path.name
         )
-    return _data(given, path.name)
+    else:
+        found = _data(given, path.name)
+    return replace(found, uncertain=given.uncertain)
 
 
 def _data(given: ModesFile, name: str) -> ModalData:

@@ -1,0 +1,183 @@
+"""The reference pages of the documentation, generated from the package when the site is built.
+
+`pages()` maps a path below docs/ to its text: keys of TOML files (from their JSON schema), commands and options
+(from typer), and one page per public name, which autodoc fills.
+"""
+
+import inspect
+import json
+import re
+from typing import Any
+
+import msgspec
+import typer
+
+import beamchain as bc
+from beamchain.cli import app
+from beamchain.craft.plants.controllers import Controller
+from beamchain.fitting.spec import Spec
+from beamchain.fitting.uncertain import UncertainCraft
+
+#: TOML files that a user writes: page, title, what it is, and the struct that reads it
+FILES = (
+    ("specification", "Keys of a specification", "A `SPEC.toml` describes one appendage (`beamchain fit`).", Spec),
+    ("controller", "Keys of a controller", "A `LOOPS.toml` is given to `beamchain plant --controller`.", Controller),
+    (
+        "craft",
+        "Keys of an uncertain spacecraft",
+        "A `CRAFT.toml` is given to `beamchain sweep --uncertain` and `beamchain plant --uncertain`.",
+        UncertainCraft,
+    ),
+)
+WORDS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false", "null": ""}
+
+
+# -- the specification -----------------------------------------------------------------------------------------------
+def options(prop: dict[str, Any]) -> list[dict[str, Any]]:
+    """The alternatives of a property, those of nested unions included."""
+    return [deep for one in prop["anyOf"] for deep in options(one)] if "anyOf" in prop else [prop]
+
+
+def target(prop: dict[str, Any]) -> str | None:
+    """The definition to which a property refers."""
+    return prop["$ref"].rsplit("/", 1)[1] if "$ref" in prop else None
+
+
+def tables(definitions: dict[str, Any], root: str) -> dict[str, str]:
+    """Heading of every definition, in the order in which the file comes to it."""
+    headings, todo = {root: "Top level"}, [("", root)]
+    for path, name in todo:
+        for key, prop in definitions[name]["properties"].items():
+            place = f"{path}.{key}" if path else key
+            for one in options(prop):
+                many, named = one.get("type") == "array", one.get("additionalProperties")
+                inner = one["items"] if many else named
+                for found in options(inner) if isinstance(inner, dict) else [one]:
+                    if (deep := target(found)) is None or deep in headings:
+                        continue
+                    shape = definitions[deep]["properties"].get("shape")
+                    full = f"{place}.NAME" if isinstance(named, dict) else place
+                    text = f"[[{full}]]" if many else full if path else f"[{full}]"
+                    headings[deep] = f"`{text}`" + (f', shape "{shape["enum"][0]}"' if shape else "")
+                    todo.append((full, deep))
+    return headings
+
+
+def kind(prop: dict[str, Any], root: str) -> str:
+    """The type of a key in words, tables with a link on the page of `root`."""
+    said = []
+    for one in options(prop):
+        if deep := target(one):
+            said.append(f"[{deep.lower() if len(options(prop)) > 2 else 'table'}](#{root}-{deep})")
+        elif "enum" in one:
+            said.append(", ".join(f'`"{word}"`' for word in one["enum"]))
+        elif one.get("type") == "array":
+            inner = one["items"] or one["prefixItems"][0]
+            many = f" of {one['minItems']}" if "minItems" in one and one["minItems"] == one.get("maxItems") else ""
+            said.append(f"list{many}: {kind(inner, root)}")
+        elif one.get("type") == "object":
+            said.append(f"table: {kind(one['additionalProperties'], root)} per key")
+        else:
+            said.append(WORDS[one["type"]])
+    return " or ".join(dict.fromkeys(word for word in said if word))
+
+
+def bounds(prop: dict[str, Any]) -> str:
+    """The bounds of a number."""
+    signs = {"exclusiveMinimum": "> ", "minimum": "≥ ", "maximum": "≤ "}
+    return ", ".join(f"{sign}{prop[key]:g}" for key, sign in signs.items() if key in prop)
+
+
+def default(prop: dict[str, Any], required: bool) -> str:
+    """The default of a key, as it would be typed."""
+    given = prop.get("default")
+    if required or given is None or isinstance(given, dict) or given in ([], ()):
+        return "required" if required else ""
+    return f"`{json.dumps(given)}`"
+
+
+def keys(title: str, about: str, struct: type) -> str:
+    """Every key of a TOML file."""
+    definitions = msgspec.json.schema(struct)["$defs"]
+    out = [
+        f"# {title}\n",
+        f"{about} Units are SI and radians. A key without a default may be left out, and means then what its description "
+        "says.\n",
+    ]
+    for name, heading in tables(definitions, struct.__name__).items():
+        table = definitions[name]
+        rows = []
+        for key, prop in table["properties"].items():
+            text = prop.get("description", "")
+            unit = re.search(r"\s\[([^\]]+)\]$", text)
+            cells = (f"`{key}`", text[: unit.start()] if unit else text, kind(prop, struct.__name__), unit[1] if unit else "",
+                     default(prop, key in table.get("required", [])), bounds(prop))  # fmt: skip
+            rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        head = "| key | meaning | type | unit | default | bounds |\n|---|---|---|---|---|---|"
+        about = table.get("description", "").split("\n\n")[0]
+        out += [f"({struct.__name__}-{name})=\n## {heading}\n", f"{about}\n", "\n".join([head, *rows]) + "\n"]
+    return "\n".join(out)
+
+
+# -- the command line ------------------------------------------------------------------------------------------------
+def commands() -> str:
+    """Every command with its options."""
+    group: Any = typer.main.get_command(app)
+    out = [
+        "# Commands\n",
+        "Generated from the command line itself; `beamchain COMMAND --help` prints the same. Exit status: 0 success; 2 "
+        "wrong input, nothing written; 3 files written, but a requirement was not met.\n",
+    ]
+    for name, command in group.commands.items():
+        if command.hidden:
+            continue
+        paragraphs = inspect.cleandoc(command.help).split("\n\n")
+        examples = [text.removeprefix("Example: ") for text in paragraphs if text.startswith("Example: ")]
+        rows = []
+        for parameter in command.params:
+            words = [*parameter.opts, *parameter.secondary_opts]
+            option = any(word.startswith("-") for word in words)
+            metavar = parameter.metavar or ("" if option else parameter.name.upper())
+            flag = getattr(parameter, "is_flag", False)
+            called = ", ".join(f"`{word}`" for word in words) if option else ""
+            value = "" if flag or not metavar else f"`{metavar}`"
+            given = parameter.default
+            plain = given is not None and not callable(given) and not (flag and given is False)
+            text = f"`{given}`" if plain and type(given) in (bool, int, float, str) else ""
+            rows.append(f"| {called} {value} | {'required' if parameter.required else text} | {parameter.help or ''} |")
+        out += [f"## beamchain {name}\n", *(f"{text}\n" for text in paragraphs if not text.startswith("Example: ")),
+                "```sh\n" + "\n".join(examples) + "\n```\n",
+                "| argument or option | default | meaning |\n|---|---|---|\n" + "\n".join(rows) + "\n"]  # fmt: skip
+    return "\n".join(out)
+
+
+# -- the Python interface --------------------------------------------------------------------------------------------
+def names() -> list[str]:
+    """The public names."""
+    return [name for name in bc.__all__ if name != "__version__"]
+
+
+def python() -> dict[str, str]:
+    """A page per public name, and the list of all."""
+    pages, rows = {}, {}
+    for name in names():
+        thing = getattr(bc, name)
+        group = "Functions" if not inspect.isclass(thing) else "Errors" if issubclass(thing, Exception) else "Classes"
+        what = "autofunction" if group == "Functions" else "autoclass"
+        members = "\n   :members:" if group == "Classes" else "\n   :show-inheritance:" if group == "Errors" else ""
+        pages[f"reference/python/{name}.md"] = (
+            f"# bc.{name}\n\n```{{eval-rst}}\n.. {what}:: beamchain.{name}{members}\n```\n"
+        )
+        about = (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").replace("|", "\\|")
+        rows.setdefault(group, []).append(f"| [{name}]({name}.md) | {about} |")
+    text = ["# Python\n\n`import beamchain as bc`. Every example is run by the tests.\n"]
+    for group, lines in sorted(rows.items(), key=lambda item: item[0] != "Functions"):
+        text.append(f"## {group}\n\n| name | what it is |\n|---|---|\n" + "\n".join(lines) + "\n")
+    text.append("```{toctree}\n:hidden:\n\n" + "\n".join(names()) + "\n```\n")
+    return {**pages, "reference/python/index.md": "\n".join(text)}
+
+
+def pages() -> dict[str, str]:
+    """Path below docs/ and text of every generated page."""
+    files = {f"reference/{name}.md": keys(*rest) for name, *rest in FILES}
+    return {**files, "reference/commands.md": commands(), **python()}

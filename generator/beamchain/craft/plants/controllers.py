@@ -1,0 +1,128 @@
+"""Controllers as files of loops: transfer functions with dead times, their responses and their states."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import control
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.checks import Struct, field
+from beamchain.errors import InputError
+from beamchain.files import tables
+from beamchain.fitting.sentences import sentence
+from beamchain.ports.motions import Array
+
+Response = NDArray[np.complex128]
+ORDER = 6  # of the Pade approximation of a delay, with which the closed loop's poles are judged
+
+
+class Filter(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A proper transfer function in s."""
+
+    numerator: Annotated[tuple[float, ...], field("coefficients of the numerator, highest power of s first", "")]
+    denominator: Annotated[tuple[float, ...], field("coefficients of the denominator, highest power first", "")]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        top, bottom = (np.trim_zeros(np.asarray(c), "f") for c in (self.numerator, self.denominator))
+        if bottom.size == 0:
+            raise InputError(f"denominator = {list(self.denominator)} is zero; give [1.0] for a plain gain.")
+        if top.size > bottom.size:
+            raise InputError(
+                f"numerator = {list(self.numerator)} has a higher power of s than denominator = {list(self.denominator)}, "
+                "which no controller can realise; add a pole beyond the band, for example denominator = [0.01, 1.0]."
+            )
+
+    def response(self, s: Response) -> Response:
+        """Its value at `s`."""
+        return np.polyval(self.numerator, s) / np.polyval(self.denominator, s)
+
+
+class Loop(Filter, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One loop of a controller, `input = -K(s) output`: negative feedback."""
+
+    input: Annotated[str, field("input of the plant that the loop drives")]
+    output: Annotated[str, field("output of the plant that the loop measures")]
+    delay: Annotated[float, field("dead time of the loop", "s", least=0.0)] = 0.0
+    actuator: Annotated[Filter | None, field("dynamics of the actuator")] = None
+    sensor: Annotated[Filter | None, field("dynamics of the sensor")] = None
+
+    @property
+    def parts(self) -> list[Filter]:
+        """Controller, actuator and sensor."""
+        return [self, *(part for part in (self.actuator, self.sensor) if part is not None)]
+
+
+class Controller(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A file of loops."""
+
+    loop: Annotated[tuple[Loop, ...], field("the loops, one [[loop]] each")]
+
+
+def read_controller(path: str | Path | Controller) -> Controller:
+    """Read a controller from TOML; one that was read already is returned.
+
+    Raises:
+        InputError: the file cannot be read, or a value is not allowed.
+    """
+    if isinstance(path, Controller):
+        return path
+    if not isinstance(path, str | Path):
+        raise InputError(
+            f"controller = {path!r:.60} is a {type(path).__name__}; give a Controller or the path of its file."
+        )
+    place = Path(path)
+    try:
+        data = tables(place.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"controller {str(place)!r} cannot be read ({error}); give a TOML file with [[loop]]."
+        ) from None
+    try:
+        return msgspec.convert(data, Controller)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{place}: {sentence(str(error), data, Controller)}") from None
+
+
+def places(controller: Controller, inputs: list[str], outputs: list[str]) -> tuple[list[int], list[int]]:
+    """Outputs and inputs of a plant that the loops take, by number.
+
+    Raises:
+        InputError: a loop names no signal of the plant, or two drive the same input.
+    """
+    rows, columns = (
+        [place(getattr(loop, kind), labels, kind) for loop in controller.loop]
+        for kind, labels in (("output", outputs), ("input", inputs))
+    )
+    if not controller.loop or len(set(columns)) < len(columns):
+        raise InputError(
+            "the controller needs at least one [[loop]], and every input at most one; add them up into one."
+        )
+    return rows, columns
+
+
+def place(name: str, labels: list[str], kind: str, of: str = "loop.") -> int:
+    """Number of a signal of a plant."""
+    if name not in labels:
+        raise InputError(f"{of}{kind} = {name!r} is no {kind} of the plant; choose from {', '.join(labels)}.")
+    return labels.index(name)
+
+
+def response(loop: Loop, s: Response) -> Response:
+    """`K(s)` of a loop, with all its parts and its dead time."""
+    return np.prod([part.response(s) for part in loop.parts], axis=0) * np.exp(-s * loop.delay)
+
+
+def realised(controller: Controller) -> tuple[Array, Array, Array, Array]:
+    """A, B, C, D of all loops side by side, dead times as Pade approximations."""
+    whole: Any = None
+    for loop in controller.loop:
+        one: Any = control.tf(*control.pade(loop.delay, ORDER)) if loop.delay else control.tf([1.0], [1.0])
+        for part in loop.parts:
+            one = one * control.tf(list(part.numerator), list(part.denominator))
+        one = control.ss(one)
+        whole = one if whole is None else control.append(whole, one)
+    a, b, c, d = (np.asarray(getattr(whole, name), dtype=np.float64) for name in "ABCD")
+    return a, b, c, d

@@ -1,0 +1,1 @@
+"""Uncertain plants: linear fractional transformations, worst cases, and their confirmation in MuJoCo."""

@@ -1,0 +1,233 @@
+"""The plant with its uncertain quantities pulled out: `w = Delta z` around a nominal M, proved against changed models."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike
+
+from beamchain.checks import number, unknown, whole_number
+from beamchain.craft.plants.craft_modes import LinearCraft
+from beamchain.craft.plants.export import write
+from beamchain.craft.plants.operating_point import OperatingPoint
+from beamchain.craft.plants.second_order import second_order
+from beamchain.craft.plants.signals import inputs_of, outputs_of
+from beamchain.craft.robust.channels import channels
+from beamchain.craft.robust.systems import System, response, with_deltas
+from beamchain.craft.variants.changes import changed
+from beamchain.craft.variants.quantities import Quantity, draws
+from beamchain.engine.library import mujoco
+from beamchain.errors import InputError
+from beamchain.fitting.uncertain import Correlation
+from beamchain.ports.motions import Array, locked
+
+PROVED = 1e-8  # relative, channel by channel, of a sample against the model with those properties
+LARGEST = 2**31  # seed or number of samples
+ROUNDING = 1e-10  # of a channel beside the largest of its output
+
+
+class Block(NamedTuple):
+    """A real number delta in [-1, 1], as often as it stands on the diagonal of Delta.
+
+    Args:
+        name: of its quantity, or what its quantities have in common.
+        repetitions: of delta.
+        quantities: names of what it moves: `nominal + reach delta` each.
+        nominal, reach: of every quantity.
+        unit: of the quantities.
+    """
+
+    name: str
+    repetitions: int
+    quantities: tuple[str, ...]
+    nominal: Array
+    reach: Array
+    unit: str
+
+
+class Made(NamedTuple):
+    """What a plant was made of: the craft, and names of its inputs and outputs as `bc.plant` was given them."""
+
+    craft: LinearCraft
+    inputs: Sequence[str] | None
+    outputs: Sequence[str] | None
+
+    def again(self, model: "mujoco.MjModel") -> LinearCraft:
+        """The same of a model with other numbers, at the same point."""
+        point = OperatingPoint(model, self.craft.point.qpos, self.craft.point.qvel)
+        driven, seen = inputs_of(point, self.inputs), outputs_of(point, self.outputs)
+        linear = second_order(point, driven, seen)
+        return replace(self.craft, linear=linear, inputs=tuple(driven), outputs=tuple(seen), point=point)
+
+
+class Lft:
+    """A plant whose uncertain quantities stand in a diagonal Delta: `[z, y] = M [w, u]`, `w = Delta z`.
+
+    Args:
+        made: what the plant was made of.
+        found: its uncertain quantities.
+        correlations: with which `draw` draws.
+
+    Raises:
+        InputError: an output or input depends on a quantity otherwise than through the craft's motion.
+    """
+
+    quantities: tuple[Quantity, ...]
+    warnings: tuple[str, ...]
+    blocks: tuple[Block, ...]
+    inputs: list[str]
+    outputs: list[str]
+    units: tuple[list[str], list[str]]
+
+    def __init__(
+        self, made: Made, found: Sequence[Quantity], correlations: Sequence[Correlation], warnings: Sequence[str]
+    ) -> None:
+        craft, self.quantities, self._made = made.craft, tuple(found), made
+        self._correlations, self.warnings = tuple(correlations), tuple(warnings)
+        keys = [(q.key, q.uncertainty.distribution) for q in found]
+        groups = list(dict.fromkeys(keys))
+        self._group = np.array([groups.index(key) for key in keys], dtype=np.intp)
+        taken = channels(craft, found)
+        order = sorted(range(len(taken.of)), key=lambda i: (self._group[taken.of[i]], taken.of[i], i))
+        self._of = np.array([taken.of[i] for i in order], dtype=np.intp)
+        linear = taken.put(craft.linear, order, np.array([found[i].reach for i in taken.of]))
+        self.blocks = tuple(self._block(number) for number in range(len(groups)))
+        self._prove(linear.first_order)
+        form = replace(craft, linear=linear).form()
+        form = form.reduced(form.active()).spanned()
+        self._system: System = form.a, form.b, form.c, form.d
+        names = [q.name.replace(".", "_") for q in found]  # control takes no points
+        words = [f"{names[i]}_{list(self._of[:k]).count(i) + 1}" for k, i in enumerate(self._of)]
+        self.inputs = [i.label for i in craft.inputs]
+        self.outputs = [label for one in craft.outputs for label in one.labels]
+        self.units = [i.unit for i in craft.inputs], [unit for one in craft.outputs for unit in one.units]
+        self._states = list(form.names)
+        self.nominal: control.StateSpace = self._space(
+            self._system, [f"w_{word}" for word in words] + self.inputs, [f"z_{word}" for word in words] + self.outputs
+        )
+
+    def __repr__(self) -> str:
+        what = ", ".join(f"{block.name} x{block.repetitions}" for block in self.blocks)
+        return f"<UncertainPlant, {len(self.inputs)} inputs, {len(self.outputs)} outputs, {len(self._states)} states; {what}>"
+
+    def _block(self, number: int) -> Block:
+        mine = [q for q, group in zip(self.quantities, self._group, strict=True) if group == number]
+        name = mine[0].name if len(mine) == 1 else mine[0].key
+        repetitions = int(np.sum(self._group[self._of] == number))
+        nominal, reach = locked([q.nominal for q in mine]), locked([q.reach for q in mine])
+        return Block(name, repetitions, tuple(q.name for q in mine), nominal, reach, mine[0].unit)
+
+    def _space(self, system: System, inputs: list[str], outputs: list[str]) -> control.StateSpace:
+        return control.StateSpace(
+            *system,
+            0,
+            name="uncertain",
+            states=self._states,
+            inputs=inputs,
+            outputs=outputs,
+            remove_useless_states=False,
+        )
+
+    def values(self, deltas: ArrayLike) -> dict[str, float]:
+        """Values of all quantities for `(blocks,)` deltas."""
+        each = np.asarray(deltas, dtype=np.float64)[self._group]
+        return {q.name: q.nominal + float(d) * q.reach for q, d in zip(self.quantities, each, strict=True)}
+
+    def _deltas(self, values: "Mapping[str, float] | ArrayLike") -> Array:
+        """`(quantities,)` deltas."""
+        if isinstance(values, Mapping):
+            names = [q.name for q in self.quantities]
+            if wrong := [name for name in values if name not in names]:
+                raise unknown("values", wrong[0], names)
+            for q in self.quantities:
+                value = number(q.name, values.get(q.name, q.nominal), q.unit)
+                if abs(value - q.nominal) > q.reach * (1.0 + ROUNDING):
+                    raise InputError(
+                        f"{q.name} = {value:g} is outside its range, {q.nominal - q.reach:.6g} to {q.nominal + q.reach:.6g}; "
+                        "give a value in it, or a wider uncertainty."
+                    )
+            return np.array([(float(values.get(q.name, q.nominal)) - q.nominal) / q.reach for q in self.quantities])
+        deltas = np.asarray(values, dtype=np.float64)
+        if deltas.shape != (len(self.blocks),) or not np.all(np.abs(deltas) <= 1.0 + ROUNDING):
+            raise InputError(
+                f"values = {values!s:.60} has the shape {deltas.shape}; give {{name: value}}, or a delta for each of the "
+                f"{len(self.blocks)} blocks, finite, between -1 and 1."
+            )
+        return deltas[self._group]
+
+    def sample(self, values: "Mapping[str, float] | ArrayLike") -> control.StateSpace:
+        """The plant with other values of its uncertain quantities, its states and signals as before.
+
+        Args:
+            values: by name of the quantity, nominal where left out; or `(blocks,)` deltas.
+
+        Raises:
+            InputError: there is no such quantity.
+        """
+        count, each = self._of.size, self._deltas(values)
+        a, b, c, d = with_deltas(self._system, each[self._of])
+        return self._space((a, b[:, count:], c[count:], d[count:, count:]), self.inputs, self.outputs)
+
+    def draw(self, count: int, seed: int = 0) -> list[dict[str, float]]:
+        """Values of the quantities in `count` samples, as the file of uncertainties says they are distributed."""
+        whole_number("count", count, 0, LARGEST)
+        whole_number("seed", seed, 0, LARGEST)
+        table = draws(self.quantities, range(count), seed, self._correlations)
+        return [{q.name: float(v) for q, v in zip(self.quantities, row, strict=True)} for row in table]
+
+    def model(self, values: "Mapping[str, float] | ArrayLike") -> "mujoco.MjModel":
+        """The compiled model with those values in its fields: in free fall, without time, what the samples describe."""
+        return self._again(self._deltas(values)).point.model
+
+    def _again(self, each: Array) -> LinearCraft:
+        there = [q.nominal + float(d) * q.reach for q, d in zip(self.quantities, each, strict=True)]
+        return self._made.again(changed(self._made.craft.point.model, self.quantities, np.array(there)))
+
+    def write(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write M with its blocks to `.npz`, `.json` or `.mat`; w and z stand before the plant's own signals.
+
+        Args:
+            path: its ending says the format.
+            force: replace a file that exists.
+        """
+        record = {
+            **dict(zip("ABCD", self._system, strict=True)), "Ts": 0.0, "InputName": self.nominal.input_labels,
+            "OutputName": self.nominal.output_labels, "StateName": self._states, "InputUnit": self.units[0],
+            "OutputUnit": self.units[1], "BlockName": [block.name for block in self.blocks],
+            "BlockRepetitions": [block.repetitions for block in self.blocks],
+            "QuantityName": [q.name for q in self.quantities], "QuantityUnit": [q.unit for q in self.quantities],
+            "QuantityBlock": [int(group) + 1 for group in self._group],
+            "Nominal": [q.nominal for q in self.quantities], "Reach": [q.reach for q in self.quantities],
+        }  # fmt: skip
+        return write(path, record, force=force)
+
+    def _prove(self, system: System) -> None:
+        """One sample, in the whole craft's own coordinates, against the model with those properties."""
+        modes = self._made.craft.modes.frequency
+        s = (np.geomspace(0.2 * modes.min(), 2.0 * modes.max(), 7) * (0.3 + 1.0j)).astype(np.complex128)
+        count = self._of.size
+
+        def off(each: Array) -> tuple[float, int]:
+            a, b, c, d = with_deltas(system, each[self._of])
+            ours = response((a, b[:, count:], c[count:], d[count:, count:]), s)
+            true = response(self._again(each).linear.first_order, s)
+            size = np.abs(true) + ROUNDING / PROVED * np.abs(true).max(axis=2, keepdims=True)
+            error = (np.abs(ours - true) / np.maximum(size, 1e-300)).max(axis=(0, 2))
+            return float(error.max(initial=0.0)), int(np.argmax(error))
+
+        n = len(self.quantities)
+        trial = np.random.default_rng(0).uniform(-1.0, 1.0, len(self.blocks))[self._group] if n else np.zeros(0)
+        if off(trial)[0] <= PROVED:
+            return
+        for k in range(n):
+            error, row = off(np.where(np.arange(n) == k, trial, 0.0))
+            if error > PROVED:
+                label = [label for one in self._made.craft.outputs for label in one.labels][row]
+                raise InputError(
+                    f"uncertain: output {label!r} depends on {self.quantities[k].name} otherwise than through the motion of "
+                    f"the craft (off by {error:.2g}): a sensor that reads it, or a body that turns; leave one of the two out."
+                )
+        raise InputError("uncertain: the quantities act together in a way that is not linear fractional; vary fewer.")

@@ -1,0 +1,273 @@
+"""The uncertain quantities of a compiled craft: which they are, their nominal values, and how they are drawn."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from beamchain.checks import unknown
+from beamchain.engine.library import mujoco
+from beamchain.errors import InputError
+from beamchain.fitting.uncertain import (
+    CUT,
+    OF_MODES,
+    Correlation,
+    UncertainBody,
+    UncertainCraft,
+    UncertainModes,
+    Uncertainty,
+    drawn,
+    score,
+)
+from beamchain.ports.motions import Array
+from beamchain.steps.modal import modal_tendons
+
+AXES = ("x", "y", "z")
+MODE = re.compile(r"(.*?)(mode\d+(?:_(?:xy|xz|torsion|axial)\d*)?)$")
+UNITS = {
+    "frequency": "rad/s",
+    "mass": "kg",
+    "centre": "m",
+    "inertia": "kg m^2",
+    "stiffness": "N m/rad",
+    "joint": "N m s/rad",
+}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One uncertain number of a craft.
+
+    Args:
+        name: `array_mode1_xy.frequency`, `bus.mass`, `bus.inertia_xy`, `drive.stiffness`.
+        unit: of its value; a participation is a factor.
+        nominal: value in the model as it is.
+        uncertainty: how it varies.
+        index: number of the tendon, body or joint in the model.
+        key: quantities with the same one are drawn together.
+        alias: another name, of a mode by its number among all that are kept, `array_mode3.frequency`.
+    """
+
+    name: str
+    unit: str
+    nominal: float
+    uncertainty: Uncertainty
+    index: int
+    key: str
+    alias: str = ""
+
+    @property
+    def owner(self) -> str:
+        """Name of the tendon, body or joint."""
+        return self.name.rpartition(".")[0]
+
+    @property
+    def kind(self) -> str:
+        """`frequency`, `damping`, `participation`, `mass`, `centre_x`, `inertia_xy`, `stiffness`, ..."""
+        return self.name.rpartition(".")[2]
+
+    @property
+    def reach(self) -> float:
+        """How far from the nominal value it may come."""
+        return self.uncertainty.reach(self.nominal)
+
+
+def quantities(
+    model: "mujoco.MjModel",
+    uncertain: UncertainCraft | None = None,
+    modes: Mapping[str, UncertainModes] | None = None,
+    correlations: Sequence[Correlation] = (),
+) -> tuple[Quantity, ...]:
+    """The uncertain quantities of a compiled craft.
+
+    Args:
+        model: with modal tendons; timed or not.
+        uncertain: of the craft; what it says of an appendage goes before `modes`.
+        modes: of the appendages' own specifications, by prefix.
+        correlations: further ones than those of `uncertain`.
+
+    Raises:
+        InputError: a name is unknown, or a range leads through zero or to mass properties that no body has.
+    """
+    given = uncertain or UncertainCraft()
+    of_modes = {**(modes or {}), **given.appendage}
+    found = [*_modes(model, of_modes, set(given.appendage))]
+    modal = {int(i) for i in np.flatnonzero(np.any(modal_tendons(model).rows != 0.0, axis=0))}
+    for name, body in given.body.items():
+        found += _body(model, name, body, {int(model.dof_bodyid[i]) for i in modal})
+    for name, joint in given.joint.items():
+        if name in {str(model.joint(int(model.dof_jntid[i])).name) for i in modal}:
+            raise InputError(
+                f"joint {name!r} is a hinge of an appendage, sprung by its modes; give their frequency under "
+                "[appendage.PREFIX] instead."
+            )
+        found += _joint(model, name, joint.stiffness, joint.damping)
+    _check_correlations(found, [name for one in (*correlations, *given.correlation) for name in one.of])
+    return tuple(found)
+
+
+def _check_correlations(found: Sequence[Quantity], correlated: Sequence[str]) -> None:
+    """Each correlated quantity is there, normal, and drawn by itself."""
+    places = _places(found)
+    for name in correlated:
+        if name not in places:
+            raise unknown("of in correlation", name, [q.name for q in found])
+        q = found[places[name]]
+        if q.uncertainty.distribution != "normal":
+            raise InputError(f"correlation: {name} is uniform; only normal quantities can be correlated.")
+        if correlated.count(name) > 1:
+            raise InputError(f"correlation: {name} stands in two correlations; write one with all that goes together.")
+        if other := [o.name for o in found if o.key == q.key and o is not q]:
+            raise InputError(
+                f"correlation: {name} is drawn together with {other[0]}, fully correlated; give each = true and no group, so "
+                "that the matrix can say how they go together."
+            )
+
+
+def _places(found: Sequence[Quantity]) -> dict[str, int]:
+    """Numbers of the quantities by their names, and by their other names."""
+    return {q.alias: i for i, q in enumerate(found)} | {q.name: i for i, q in enumerate(found)}
+
+
+def draws(
+    found: Sequence[Quantity], indices: Sequence[int], seed: int = 0, correlations: Sequence[Correlation] = ()
+) -> Array:
+    """`(k, n)` values of the quantities in the samples `indices`; a sample depends on nothing but seed and index."""
+    keys = {q.key for q in found}
+    scores = [{key: score(seed, index, key) for key in keys} for index in indices]
+    table = np.array([[row[q.key] for q in found] for row in scores]).reshape(len(scores), len(found))
+    table = drawn(table, _places(found), tuple(correlations))
+    return np.array(
+        [[q.uncertainty.value(q.nominal, float(z)) for q, z in zip(found, row, strict=True)] for row in table]
+    )
+
+
+def inertia_matrix(model: "mujoco.MjModel", body: int) -> Array:
+    """`(3, 3)` inertia of a body about its mass centre, in the body's axes [kg m^2]."""
+    axes = np.zeros(9)
+    mujoco.mju_quat2Mat(axes, model.body_iquat[body])
+    turn = axes.reshape(3, 3)
+    return np.asarray(turn @ np.diag(model.body_inertia[body]) @ turn.T, dtype=np.float64)
+
+
+def _key(path: str, name: str, how: Uncertainty) -> str:
+    return how.group or (name if how.each else path)
+
+
+def _modes(model: "mujoco.MjModel", given: Mapping[str, UncertainModes], named: set[str]) -> list[Quantity]:
+    modal = modal_tendons(model)
+    split = [MODE.fullmatch(name) for name in modal.names]
+    prefixes = dict.fromkeys(m.group(1) for m in split if m)
+    out: list[Quantity] = []
+    for prefix, modes in given.items():
+        if prefix not in prefixes:
+            raise unknown(
+                "appendage", prefix, prefixes, "Appendages are named by their prefix, and must have springs on modal tendons "
+                "(springs = \"modes\" under [fit], or bc.embed with retime=True)." if prefix in named else "",
+            )  # fmt: skip
+        own = [m.group(2) for m in split if m and m.group(1) == prefix]
+        order = sorted(
+            (w, m.group(2)) for w, m in zip(modal.frequency, split, strict=True) if m and m.group(1) == prefix
+        )
+        plain = {mode: f"mode{k + 1}" for k, (_, mode) in enumerate(order)}  # as a file of modes numbers them
+        for one in modes.mode:
+            if one.name not in own and one.name not in plain.values():
+                raise unknown("mode", one.name, own, f"They are the kept modes of {prefix!r}.")
+        for i, match in enumerate(split):
+            if not match or match.group(1) != prefix:
+                continue
+            w, mode = float(modal.frequency[i]), match.group(2)
+            names = {mode, plain[mode]} if plain[mode] not in own else {mode}
+            nominal = {"frequency": w, "damping": float(modal.damping[i]) / (2.0 * w), "participation": 1.0}
+            for kind in OF_MODES:
+                single = [how for one in modes.mode if one.name in names and (how := getattr(one, kind)) is not None]
+                how = single[0] if single else getattr(modes, kind)
+                if how is not None:
+                    name, other = f"{prefix}{mode}.{kind}", f"{prefix}{plain[mode]}.{kind}"
+                    key = _key(name if single else f"{prefix}.{kind}", name, how)
+                    unit = "rad/s" if kind == "frequency" else ""
+                    out.append(_checked(Quantity(name, unit, nominal[kind], how, int(modal.index[i]), key, other)))
+    return out
+
+
+def _checked(q: Quantity, *, above_zero: bool = True) -> Quantity:
+    """A quantity whose range does not lead through zero, as that of a damping ratio may reach it."""
+    low = q.nominal - q.reach
+    if q.uncertainty.relative is not None and q.nominal == 0.0:
+        raise InputError(f"{q.name} is 0, of which a relative uncertainty leaves nothing; give absolute.")
+    if above_zero and (low < 0.0 or (low == 0.0 and q.kind != "damping")):
+        far = f"{CUT:g} standard deviations" if q.uncertainty.distribution == "normal" else "half the width"
+        value = f"{q.name} = {q.nominal:.6g} {q.unit}".rstrip()
+        raise InputError(
+            f"{value} may fall to {low:.4g} ({far} below); give a smaller uncertainty, so that it stays above zero."
+        )
+    return q
+
+
+def _body(model: "mujoco.MjModel", name: str, given: UncertainBody, modal: set[int]) -> list[Quantity]:
+    names = [str(model.body(b).name) for b in range(1, model.nbody)]
+    if name not in names:
+        raise unknown("body", name, names)
+    body = names.index(name) + 1
+    if body in modal:
+        raise InputError(
+            f"body {name!r} is a link of an appendage, whose modes would change with it; give density, lump or payload "
+            "under [uncertain] of its specification instead."
+        )
+    inertia, centre = inertia_matrix(model, body), model.body_ipos[body]
+    nominal = {"mass": float(model.body_mass[body])}
+    nominal |= {f"centre_{a}": float(centre[i]) for i, a in enumerate(AXES)}
+    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+    nominal |= {f"inertia_{AXES[i]}{AXES[j]}": float(inertia[i, j]) for i, j in pairs}
+    out: list[Quantity] = []
+    for kind, value in nominal.items():
+        how: Uncertainty | None = getattr(given, kind)
+        if how is None:
+            continue
+        if kind != "mass" and model.body_simple[body]:
+            raise InputError(
+                f"{kind} of body {name!r} cannot vary: the body floats alone, and its compiled model has no room for more "
+                "than a diagonal mass matrix; give it a small child body, or leave it out."
+            )
+        signed = kind.startswith("centre") or kind in ("inertia_xy", "inertia_xz", "inertia_yz")
+        if signed and how.relative is not None:
+            raise InputError(f"{kind} of body {name!r} takes absolute only, for it may be zero; write absolute = 0.01.")
+        full, unit = f"{name}.{kind}", UNITS[kind.partition("_")[0]]
+        out.append(_checked(Quantity(full, unit, value, how, body, _key(full, full, how)), above_zero=not signed))
+    _check_inertia(name, inertia, out)
+    return out
+
+
+def _check_inertia(name: str, inertia: Array, found: Sequence[Quantity]) -> None:
+    """Whether a body stays one at every corner of the ranges of its inertia."""
+    ranges = [(q, *(AXES.index(c) for c in q.kind[-2:])) for q in found if q.kind.startswith("inertia")]
+    for corner in range(2 ** len(ranges)):
+        changed = inertia.copy()
+        for bit, (q, i, j) in enumerate(ranges):
+            value = q.nominal + (q.reach if corner >> bit & 1 else -q.reach)
+            changed[i, j] = changed[j, i] = value
+        a, b, c = (float(v) for v in np.linalg.eigvalsh(changed))
+        if a <= 0.0 or c > (a + b) * (1.0 + 1e-9):
+            raise InputError(
+                f"inertia of body {name!r}: at an end of the ranges its principal moments are {a:.4g}, {b:.4g}, {c:.4g} "
+                "kg m^2, which no body has (each at most the sum of the others); give smaller uncertainties."
+            )
+
+
+def _joint(
+    model: "mujoco.MjModel", name: str, stiffness: Uncertainty | None, damping: Uncertainty | None
+) -> list[Quantity]:
+    names = [str(model.joint(j).name) for j in range(model.njnt) if int(model.jnt_type[j]) >= 2]
+    if name not in names:
+        raise unknown("joint", name, names)
+    joint = int(model.joint(name).id)
+    slide = int(model.jnt_type[joint]) == 2
+    units = ("N/m", "N s/m") if slide else ("N m/rad", "N m s/rad")
+    values = float(model.jnt_stiffness[joint]), float(model.dof_damping[model.jnt_dofadr[joint]])
+    out: list[Quantity] = []
+    for kind, unit, value, how in zip(("stiffness", "damping"), units, values, (stiffness, damping), strict=True):
+        if how is not None:
+            full = f"{name}.{kind}"
+            out.append(_checked(Quantity(full, unit, value, how, joint, _key(full, full, how))))
+    return out

@@ -1,0 +1,233 @@
+"""Per-world fields of one compiled model: rows of a table of variants, or modes drawn from ranges and made exact in time."""
+
+import copy
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.checks import number
+from beamchain.craft.timing import without_time
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import INTEGRATORS, NUMBERS
+from beamchain.errors import InputError
+from beamchain.ports.motions import Array
+from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.many import form2_many
+from beamchain.steps.modal import Modal, foreign, modal_tendons
+from beamchain.steps.retime import coupled_mass
+
+RANGES = ("frequency", "damping")
+TENDONS = (
+    "tendon_stiffness",
+    "tendon_damping",
+    "tendon_armature",
+    "tendon_solimp_lim",
+)  # all that a draw of modes changes
+#: what mj_setConst computes from masses and places
+DERIVED = (
+    "body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0", "tendon_length0", "tendon_lengthspring",
+    "tendon_invweight0",
+)  # fmt: skip
+
+Fields = dict[str, Array]
+Keys = NDArray[Any]
+
+
+class Source(Protocol):
+    """Where worlds get their fields from. Each world has a key, from which its fields follow at every step."""
+
+    @property
+    def size(self) -> int | None:
+        """Number of variants; None: any number can be drawn."""
+        ...
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the fields of one world."""
+        ...
+
+    def keys(self, count: int, rng: np.random.Generator, *, first: bool = False) -> Keys:
+        """Keys `(count, ...)` of worlds, at the first call or drawn."""
+        ...
+
+    def fields(self, keys: Keys) -> Fields:
+        """Fields `(count, ...)` of the worlds with these keys."""
+        ...
+
+    def at(self, timestep: float) -> "Source":
+        """The same, exact in time for another step [s]."""
+        ...
+
+
+class Modes:
+    """Modal tendons of a model with frequencies and damping drawn uniformly, each mode of each world for itself.
+
+    Args:
+        model: compiled; with modal tendons.
+        ranges: half widths relative to the nominal values, `{"frequency": 0.05, "damping": 0.3}`.
+        timestep: for which draws are made exact in time [s]; None: they are not.
+    """
+
+    size: int | None = None
+
+    timestep: float | None
+    nbytes: int
+
+    def __init__(self, model: "mujoco.MjModel", ranges: Mapping[str, float], timestep: float | None) -> None:
+        self._widths = [_width(name, ranges.get(name, 0.0)) for name in RANGES]
+        self.timestep, self._integrator = timestep, NUMBERS[int(model.opt.integrator)]
+        self._model = without_time(model)
+        self._modal = modal_tendons(self._model)
+        if not self._modal.names:
+            raise foreign("a draw of modes")
+        self._mass = coupled_mass(self._model, self._modal, None)
+        self.nbytes = sum(getattr(model, name).nbytes for name in TENDONS)
+
+    def keys(self, count: int, rng: np.random.Generator, *, first: bool = False) -> Keys:  # noqa: ARG002
+        """`(count, 2, n)` numbers from -1 to 1."""
+        return rng.uniform(-1.0, 1.0, (count, 2, len(self._modal.names)))
+
+    def fields(self, keys: Keys) -> Fields:
+        """The four arrays of tendons that hold modes."""
+        nominal = self._modal
+        w = nominal.frequency * (1.0 + self._widths[0] * keys[:, 0])
+        ratio = nominal.damping / (2.0 * nominal.frequency) * (1.0 + self._widths[1] * keys[:, 1])
+        own = {name: np.repeat(np.asarray(getattr(self._model, name))[None], len(keys), 0) for name in TENDONS}
+        own["tendon_stiffness"][:, nominal.index] = w**2
+        own["tendon_damping"][:, nominal.index] = 2.0 * ratio * w
+        return own if self.timestep is None else exact(own, nominal, self._mass, self._integrator, self.timestep)
+
+    def at(self, timestep: float) -> "Modes":
+        """The same ranges for another step."""
+        out = copy.copy(self)
+        out.timestep = timestep
+        return out
+
+
+class Table:
+    """Given variants, taken in their order at first and then drawn with equal chances.
+
+    Args:
+        model: compiled; its own values hold where a field is not given.
+        fields: names of `MjModel` arrays, each `(k, ...)`.
+        timestep: for which the variants are made exact in time [s]; None: they are taken as they are.
+    """
+
+    timestep: float | None
+    nbytes: int
+
+    def __init__(self, model: "mujoco.MjModel", fields: Mapping[str, Any], timestep: float | None) -> None:
+        self._model, self._given, self.timestep = model, fields, timestep
+        self.size: int = max(np.shape(next(iter(fields.values())))[:1], default=0)
+        for name, values in fields.items():
+            shape = getattr(getattr(model, name, None), "shape", None)
+            if shape is None:
+                raise InputError(f"variants have the field {name!r}, which MuJoCo's model does not have as an array.")
+            given = np.asarray(values)
+            if given.shape != (self.size, *shape) or not self.size or not np.all(np.isfinite(given)):
+                raise InputError(
+                    f"variants[{name!r}] has the shape {given.shape}; finite numbers of the shape ({self.size or 'k'}, "
+                    f"{', '.join(map(str, shape))}) are needed: the model's own, with the same k for all fields."
+                )
+        self._rows = {name: np.array(values, dtype=np.float64) for name, values in fields.items()}
+        if set(fields) - set(TENDONS) or timestep is not None:
+            self._derive(timestep)
+        self.nbytes = sum(values[0].nbytes for values in self._rows.values())
+
+    def keys(self, count: int, rng: np.random.Generator, *, first: bool = False) -> Keys:
+        """`(count, 1)` numbers of variants."""
+        return (np.arange(count) % self.size if first else rng.integers(self.size, size=count))[:, None]
+
+    def fields(self, keys: Keys) -> Fields:
+        """Rows of the table."""
+        return {name: values[keys[:, 0]] for name, values in self._rows.items()}
+
+    def at(self, timestep: float) -> "Table":
+        """The same variants for another step."""
+        return Table(self._model, self._given, timestep)
+
+    def _derive(self, timestep: float | None) -> None:
+        """What follows from the fields: MuJoCo's constants, and numbers exact in time; one model per variant, once."""
+        base, found = self._model, list[dict[str, Array]]()
+        marks = self._rows.get("tendon_solimp_lim")
+        if timestep is not None and marks is None:
+            base = without_time(base)
+        elif (
+            timestep is not None
+            and marks is not None
+            and np.all(np.isin(marks[:, modal_tendons(base).index, 0], timestep))
+        ):
+            timestep = None  # they are exact already
+        for i in range(self.size):
+            one = with_fields(base, {name: values[i] for name, values in self._rows.items()})
+            mujoco.mj_setConst(one, mujoco.MjData(one))
+            own = {name: np.array(getattr(one, name)) for name in DERIVED}
+            if timestep is not None:
+                one = without_time(one)
+                modal = modal_tendons(one)
+                plain = {name: np.array(getattr(one, name))[None] for name in TENDONS}
+                mass = coupled_mass(one, modal, None)
+                name = NUMBERS[int(one.opt.integrator)]
+                own |= {name: v[0] for name, v in exact(plain, modal, mass, name, timestep).items()}
+            found.append(own)
+        for name in found[0]:
+            rows = np.array([own[name] for own in found])
+            if np.any(rows != getattr(self._model, name)):
+                self._rows[name] = rows
+
+
+def source_of(model: "mujoco.MjModel", variants: Any, timestep: float | None) -> Source | None:
+    """What `variants` means; None for worlds that are all the same."""
+    given = getattr(variants, "fields", variants)
+    if given is None:
+        return None
+    if not isinstance(given, Mapping) or not given:
+        raise InputError(
+            f"variants = {given!r:.60} is not understood; give the result of bc.sweep, arrays by the name of MuJoCo's field, or "
+            'ranges on the modes: {"frequency": 0.05, "damping": 0.3}.'
+        )
+    if set(given) <= set(RANGES):
+        return Modes(model, given, timestep)
+    if wrong := [name for name in given if name in RANGES]:
+        raise InputError(
+            f"variants mix {wrong[0]!r}, a range on modes, with fields of MuJoCo's model; give one or the other."
+        )
+    return Table(model, given, timestep)
+
+
+def exact(own: Fields, modal: Modal, mass: Array, integrator: str, timestep: float) -> Fields:
+    """Fields of tendons without timing, made exact in time by form 2 and marked as `retime` marks them."""
+    at = modal.index
+    plan = form2_many(integrator, mass, own["tendon_stiffness"][:, at], own["tendon_damping"][:, at], timestep)
+    out = {name: values.copy() for name, values in own.items()}
+    mark = out["tendon_solimp_lim"]
+    mark[:, at, 0], mark[:, at, 1], mark[:, at, 2] = timestep, INTEGRATORS[integrator], 2
+    mark[:, at, 3], mark[:, at, 4] = own["tendon_damping"][:, at], own["tendon_stiffness"][:, at]
+    out["tendon_armature"][:, at], out["tendon_damping"][:, at] = plan.mass - 1.0, plan.damping
+    return out
+
+
+def with_fields(model: "mujoco.MjModel", values: Mapping[str, Array]) -> "mujoco.MjModel":
+    """A copy of a model with one world's fields."""
+    out = copy.copy(model)
+    for name, value in values.items():
+        getattr(out, name)[:] = value
+    return out
+
+
+def runs_exact(model: "mujoco.MjModel") -> bool:
+    """Whether a model was made exact in time, so that its input has to be the mean of this and the last one."""
+    marked = any(mark is not None for mark in modal_tendons(model).made_for)
+    return marked and SCHEMES[NUMBERS[int(model.opt.integrator)]].exact
+
+
+def _width(name: str, value: object) -> float:
+    width = number(f"variants[{name!r}]", value, "")
+    if not 0.0 <= width < 1.0:
+        raise InputError(
+            f"variants[{name!r}] = {width:g} must lie from 0 to below 1: it is the half width relative to the nominal value, and "
+            "no frequency or damping can reach zero."
+        )
+    return width

@@ -1,0 +1,470 @@
+"""Variants of a whole craft: arrays of one compiled model against models built one by one, and what is refused.
+
+The truth is XML written here and compiled by MuJoCo, or, for a participation above 1, which XML refuses, the assembly
+M = [[R, L^T], [L, 1]] in NumPy.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from lxml import etree
+from msgspec import structs
+from scipy.linalg import eigh
+from typer.testing import CliRunner
+
+import beamchain as bc
+from beamchain.cli import app, main
+from beamchain.fitting.uncertain import (
+    Correlation,
+    Uncertain,
+    UncertainBody,
+    UncertainCraft,
+    UncertainJoint,
+    UncertainModes,
+    Uncertainty,
+    read_uncertain,
+)
+
+ONE_BY_ONE = 1e-9  # the demand: a row of the arrays against the model compiled from its own XML
+STEP = 1e-9  # entries of the step's matrix: central differences of MuJoCo leave about 1e-10
+REFITTED = 1e-8  # a structure fitted again, through two ways of compiling it
+ROWS, SAMPLES = 20, 100
+
+CRAFT = """<mujoco><option timestep="0.02" integrator="implicitfast" gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
+<inertial pos="0.02 0 0.05" mass="300" fullinertia="90 80 70 4 -3 5"/>
+<site name="left" pos="0 0.5 0" euler="0 0 90"/><site name="plate" pos="0 0 0.5" euler="0 -90 0"/>
+<body name="drive" pos="0 -0.5 0" euler="0 0 -90"><joint name="drive" axis="1 0 0" stiffness="400" damping="2"/>
+<inertial pos="0.1 0 0" mass="6" diaginertia="0.3 0.2 0.2"/><site name="right" pos="0.2 0 0"/></body>
+<body name="wheel" pos="0.1 0 0"><joint name="wheel" axis="0 0 1"/><inertial pos="0 0 0" mass="4" diaginertia="0.05 0.05 0.1"/></body>
+</body></worldbody><actuator><motor name="wheel" joint="wheel"/></actuator></mujoco>"""
+
+
+def beam(name, length=6.0, uncertain=None, **modes):
+    section = bc.Equivalent(
+        bending_stiffness_xy=900.0,
+        bending_stiffness_xz=1500.0,
+        torsion_stiffness=500.0,
+        polar_inertia=0.3,
+        linear_mass=3.0,
+    )
+    return bc.Spec(
+        name=name, segment=(bc.Segment(length=length, section=section),), modes=bc.Modes(**modes),
+        damping=bc.Damping(ratio=0.005), uncertain=uncertain,
+    )  # fmt: skip
+
+
+def imported(folder):
+    """Modes that couple the ports, from a file that says what is uncertain of them."""
+    mass = np.diag([30.0, 30.0, 30.0, 20.0, 162.0, 162.0])
+    mass[1, 5] = mass[5, 1] = 60.0
+    mass[2, 4] = mass[4, 2] = -60.0
+    rows = [[0, 0], [3.0, 0.5], [0.4, 3.0], [0.6, -0.8], [-0.9, -7.0], [7.0, 1.2]]
+    data = {
+        "mass": mass.tolist(), "frequencies": [4.0, 5.5], "participation": rows, "damping": 0.004, "length": 4.0,
+        "digits": 15,
+        "uncertain": {"frequency": {"relative": 0.03, "each": True}, "participation": {"relative": 0.02}},
+    }  # fmt: skip
+    (folder / "plate.json").write_text(json.dumps(data))
+    (folder / "plate.toml").write_text('name = "plate"\n[imported]\nfile = "plate.json"\n')
+    return folder / "plate.toml"
+
+
+GIVEN = UncertainCraft(
+    appendage={
+        "left_": UncertainModes(
+            frequency=Uncertainty(relative=0.05, each=True), damping=Uncertainty(relative=0.2),
+            participation=Uncertainty(relative=0.03),
+        )
+    },
+    body={
+        "bus": UncertainBody(
+            mass=Uncertainty(relative=0.05), centre_x=Uncertainty(absolute=0.02), centre_z=Uncertainty(absolute=0.02),
+            inertia_xx=Uncertainty(relative=0.02), inertia_xy=Uncertainty(absolute=1.0), inertia_yz=Uncertainty(absolute=1.0),
+        ),
+        "drive": UncertainBody(mass=Uncertainty(relative=0.1, distribution="uniform")),
+    },
+    joint={"drive": UncertainJoint(stiffness=Uncertainty(relative=0.1), damping=Uncertainty(relative=0.2))},
+    correlation=(
+        Correlation(of=("left_mode1_xy.frequency", "left_mode1_xz.frequency"), matrix=((1.0, 0.9), (0.9, 1.0))),
+    ),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("variants")
+
+
+@pytest.fixture(scope="module")
+def swept(folder):
+    (folder / "craft.xml").write_text(CRAFT)
+    modal = Uncertain(frequency=Uncertainty(relative=0.04, distribution="uniform"))
+    at = {
+        "left": beam("left", xy=2, xz=1, torsion=1),
+        "right": beam("right", 5.0, modal, xy=2),
+        "plate": imported(folder),
+    }
+    found = bc.sweep(folder / "craft.xml", SAMPLES, at=at, uncertain=GIVEN, seed=5)
+    found.write(folder / "out")
+    return found
+
+
+@pytest.fixture(scope="module")
+def arrays(swept, folder):
+    return np.load(folder / "out" / "variants.npz")
+
+
+def drawn(arrays, row):
+    return dict(zip(arrays["quantities"].tolist(), arrays["values"][row].tolist(), strict=True))
+
+
+def variant(folder, arrays, row):
+    """The arrays applied to the file beside them."""
+    model = mujoco.MjModel.from_xml_path(str(folder / "out" / "flexible.xml"))
+    for name in arrays["fields"]:
+        getattr(model, str(name))[:] = arrays[str(name)][row]
+    return model
+
+
+def written(folder, values):
+    """The same craft as XML of its own: bodies, joints and tendons with the drawn numbers, not exact in time."""
+    tree = etree.parse(str(folder / "out" / "flexible.xml"))
+    body = {node.get("name"): node for node in tree.iter("body")}
+    for node in tree.iter("fixed"):
+        if float(node.get("stiffness")) == 0.0:
+            continue  # mass that the links could not take, which no timing changes
+        if float(node.get("solimplimit").split()[1]) == 3.0:  # implicitfast: it is exact in time
+            node.set("damping", node.get("solimplimit").split()[3])
+            del node.attrib["solimplimit"]
+        for gone in ("armature", "margin"):
+            node.attrib.pop(gone, None)
+        stiffness, damping = float(node.get("stiffness")), float(node.get("damping", "0"))
+        w, name = np.sqrt(stiffness), node.get("name")
+        ratio = values.get(f"{name}.damping", damping / (2.0 * w))
+        w, p = values.get(f"{name}.frequency", w), values.get(f"{name}.participation", 1.0)
+        node.set("stiffness", repr(float(w**2)))
+        node.set("damping", repr(float(2.0 * ratio * w)))
+        if p < 1.0:
+            node.set("armature", repr(float(1.0 - p**2)))
+            node.set("margin", repr(float(1.0 - p**2)))
+        for joint in node.iter("joint"):
+            joint.set("coef", repr(float(joint.get("coef")) / p))
+    inertial = body["bus"].find("inertial")
+    centre = [float(v) for v in inertial.get("pos").split()]
+    full = [float(v) for v in inertial.get("fullinertia").split()]
+    inertial.set("mass", repr(float(values["bus.mass"])))
+    inertial.set(
+        "pos", " ".join(repr(float(values.get(f"bus.centre_{a}", v))) for a, v in zip("xyz", centre, strict=True))
+    )
+    kinds = ("xx", "yy", "zz", "xy", "xz", "yz")
+    inertial.set(
+        "fullinertia",
+        " ".join(repr(float(values.get(f"bus.inertia_{k}", v))) for k, v in zip(kinds, full, strict=True)),
+    )
+    body["drive"].find("inertial").set("mass", repr(float(values["drive.mass"])))
+    joint = body["drive"].find("joint")
+    joint.set("stiffness", repr(float(values["drive.stiffness"])))
+    joint.set("damping", repr(float(values["drive.damping"])))
+    return etree.tostring(tree).decode()
+
+
+def mass_of(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    out = np.zeros((model.nv, model.nv))
+    for i, unit in enumerate(np.eye(model.nv)):
+        mujoco.mj_mulM(model, data, out[i], unit)
+    return (out + out.T) / 2.0
+
+
+def rows_of(model):
+    """`(t, nv)` coefficients of the tendons with springs."""
+    out = np.zeros((model.ntendon, model.nv))
+    for t in range(model.ntendon):
+        for k in range(model.tendon_adr[t], model.tendon_adr[t] + model.tendon_num[t]):
+            out[t, model.jnt_dofadr[model.wrap_objid[k]]] += model.wrap_prm[k]
+    return out[np.ravel(model.tendon_stiffness) > 0.0]
+
+
+def sprung(model):
+    """Names of those tendons."""
+    return [model.tendon(t).name for t in np.flatnonzero(np.ravel(model.tendon_stiffness) > 0.0)]
+
+
+def stiffness_of(model):
+    rows = rows_of(model)
+    out = rows.T @ (np.ravel(model.tendon_stiffness)[np.ravel(model.tendon_stiffness) > 0.0, None] * rows)
+    for j in range(model.njnt):
+        if model.jnt_type[j] != 0:
+            out[model.jnt_dofadr[j], model.jnt_dofadr[j]] += np.ravel(model.jnt_stiffness)[j]
+    return out
+
+
+def step_of(model):
+    data, n = mujoco.MjData(model), 2 * model.nv
+    a, b = np.zeros((n, n)), np.zeros((n, model.nu))
+    mujoco.mjd_transitionFD(model, data, 1e-4, True, a, b, None, None)
+    return np.hstack([a, b])
+
+
+def far(found, wanted):
+    """Largest difference over the geometric mean of the diagonal."""
+    size = np.sqrt(np.abs(np.diag(wanted)))
+    size[size == 0.0] = 1.0
+    return np.max(np.abs(found - wanted) / np.outer(size, size))
+
+
+def chosen(arrays, above):
+    """Rows at random, those whose participation is above 1, or the others."""
+    names = arrays["quantities"].tolist()
+    at = [i for i, name in enumerate(names) if name.endswith("participation")]
+    there = np.flatnonzero(np.any(arrays["values"][:, at] > 1.0, axis=1) == above)
+    assert there.size >= ROWS
+    return np.random.default_rng(1).choice(there, ROWS, replace=False)
+
+
+def test_rows_are_models_built_one_by_one(swept, arrays, folder):
+    assert swept.indices.size == SAMPLES
+    assert not swept.left_out
+    for row in chosen(arrays, above=False):
+        model = variant(folder, arrays, row)
+        truth = mujoco.MjModel.from_xml_string(written(folder, drawn(arrays, row)))
+        np.testing.assert_allclose(frequencies(truth), arrays["coupled_frequencies"][row], rtol=ONE_BY_ONE)
+        bc.retime(truth, truth.opt.timestep, form=4)
+        assert far(mass_of(model), mass_of(truth)) < ONE_BY_ONE
+        assert far(stiffness_of(model), stiffness_of(truth)) < ONE_BY_ONE
+        np.testing.assert_allclose(step_of(model), step_of(truth), atol=STEP)
+
+
+def test_a_participation_above_1_is_that_of_the_assembly(arrays, folder):
+    for row in chosen(arrays, above=True):
+        values, model = drawn(arrays, row), variant(folder, arrays, row)
+        plain = {k: v for k, v in values.items() if not k.endswith("participation")}
+        nominal = mujoco.MjModel.from_xml_string(written(folder, plain))
+        turn = amplitudes(nominal)
+        wanted = turn.T @ mass_of(nominal) @ turn
+        names = sprung(model)
+        modal = range(model.nv - len(names), model.nv)
+        for i, name in zip(modal, names, strict=True):
+            wanted[i, : modal[0]] *= values.get(f"{name}.participation", 1.0)
+            wanted[: modal[0], i] *= values.get(f"{name}.participation", 1.0)
+        springs = turn.T @ stiffness_of(nominal) @ turn
+        bc.retime(model, 0.0)
+        there = amplitudes(model)
+        assert far(there.T @ mass_of(model) @ there, wanted) < ONE_BY_ONE
+        assert far(there.T @ stiffness_of(model) @ there, springs) < ONE_BY_ONE
+
+
+def amplitudes(model):
+    """`(nv, nv)` joints' motion by that of the craft's own joints, then the tendons' lengths."""
+    rows = rows_of(model)
+    own = np.eye(model.nv)[~np.any(rows != 0.0, axis=0)]
+    return np.linalg.inv(np.vstack([own, rows]))
+
+
+def frequencies(model):
+    """Of all modes but the fillers, above the rigid ones."""
+    names = sprung(model)
+    k, m = stiffness_of(model), mass_of(model)
+    squares = eigh(k, m, eigvals_only=True)
+    flexible = squares[squares > 1e-6]
+    return np.sqrt(flexible[: flexible.size - sum("filler" in name for name in names)])
+
+
+def test_the_arrays_alone_give_the_same_simulation(swept, arrays, folder):
+    """With and without `mj_setConst`, as `apply_variants.py` calls it."""
+    for row in (0, 7):
+        runs = []
+        for derived in (True, False):
+            model = variant(folder, arrays, row)
+            data = mujoco.MjData(model)
+            if derived:
+                mujoco.mj_setConst(model, data)
+                mujoco.mj_resetData(model, data)
+            data.qvel[3:6] = [0.01, -0.02, 0.03]
+            for k in range(50):
+                data.ctrl[0] = np.sin(k)
+                mujoco.mj_step(model, data)
+            runs.append(np.append(data.qpos, data.qvel))
+        np.testing.assert_allclose(runs[0], runs[1], rtol=0.0, atol=1e-12)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "apply_variants.py"],
+        cwd=folder / "out",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_draws_are_what_was_asked_for(swept, arrays):
+    names = arrays["quantities"].tolist()
+    assert [q.name for q in swept.quantities] == names
+    values = arrays["values"]
+    plate = [names.index(f"plate_mode{k}.frequency") for k in (1, 2)]  # each for itself, from the modes file
+    assert abs(np.corrcoef(values[:, plate].T)[0, 1]) < 5.0 / np.sqrt(SAMPLES)
+    one, two = (names.index(f"left_mode1_{port}.frequency") for port in ("xy", "xz"))
+    assert np.corrcoef(values[:, one], values[:, two])[0, 1] == pytest.approx(0.9, abs=0.1)
+    right = [names.index(f"right_mode{k}_xy.frequency") for k in (1, 2)]
+    ratio = values[:, right] / [swept.quantities[i].nominal for i in right]
+    np.testing.assert_allclose(ratio[:, 0], ratio[:, 1], rtol=1e-12)  # together
+    assert np.ptp(ratio) < 0.08 * 1.0001
+    record = swept.as_dict()
+    assert len(record["coupled_frequencies"]) == swept.coupled.shape[1] == 9  # eight kept modes and the drive
+    assert record["gains"][0]["unit"] == "rad/s^2 per N m"
+
+
+def test_gains_are_those_of_the_plant(swept, arrays, folder):
+    model = variant(folder, arrays, 3)
+    for tendon in range(model.ntendon):
+        model.tendon_damping[tendon] = model.tendon_solimp_lim[tendon, 3] = 0.0  # damping mixes modes that are near
+    model.dof_damping[:] = 0.0
+    plant = bc.plant(model, inputs=["torque:bus"], outputs=["attitude"])
+    ours = arrays["gains"][0][3]
+    sizes = np.array([np.linalg.norm(block) for block in plant.gain[: ours.size]])  # fillers come after
+    np.testing.assert_allclose(ours, sizes, rtol=1e-6)
+
+
+def test_an_existing_file_and_the_same_seed(folder, swept):
+    """The file beside the arrays, swept again by prefixes: the same draws, whatever else is uncertain."""
+    given = UncertainCraft(
+        appendage={"right_": UncertainModes(frequency=Uncertainty(relative=0.04, distribution="uniform"))}
+    )
+    again = bc.sweep(folder / "out" / "flexible.xml", 4, uncertain=given, seed=5)
+    names = [q.name for q in swept.quantities]
+    column = names.index("right_mode1_xy.frequency")
+    np.testing.assert_allclose(again.values[:, 0], swept.values[:4, column], rtol=1e-12)
+
+
+def test_structures_are_fitted_again_in_the_craft(folder):
+    """A structure and a mass drawn, against the craft embedded anew with that structure."""
+    from beamchain.fitting.varied import varied
+
+    (folder / "craft.xml").write_text(CRAFT)
+    table = Uncertain(stiffness=Uncertainty(relative=0.05), density=Uncertainty(relative=0.02))
+    at = {"left": beam("left", uncertain=table, xy=2, xz=1, torsion=1), "right": beam("right", 5.0, xy=2)}
+    given = UncertainCraft(body={"bus": UncertainBody(mass=Uncertainty(relative=0.05))})
+    found = bc.sweep(folder / "craft.xml", 2, at=at, uncertain=given, seed=2)
+    assert not found.left_out
+    for i in range(2):
+        left = bc.Spec(
+            **{
+                name: getattr(varied(at["left"], 2, i, "left_"), name)
+                for name in ("name", "segment", "modes", "damping")
+            }
+        )
+        craft = CRAFT.replace('mass="300"', f'mass="{float(found.values[i, 0])!r}"')
+        whole = bc.embed(craft, {"left": left, "right": at["right"]}).untimed
+        np.testing.assert_allclose(frequencies(whole), found.coupled[i], rtol=REFITTED)
+
+
+# -- refused ----------------------------------------------------------------------------------------------------------
+CRAFTS = [
+    ("[body.bus]\nmass = { relative = 0.4 }", "bus.mass = 300 kg may fall to"),
+    ('[body.bus]\nmass = { absolute = 400.0, distribution = "uniform" }', "stays above zero"),
+    ("[body.buss]\nmass = { relative = 0.1 }", "did you mean 'bus'"),
+    ("[body.bus]\nmas = { relative = 0.1 }", "did you mean 'mass'"),
+    ("[body.bus]\ncentre_x = { relative = 0.1 }", "absolute only"),
+    ("[body.bus]\ninertia_xy = { absolute = 60.0 }", "which no body has"),
+    ("[body.left_link2]\nmass = { relative = 0.1 }", "is a link of an appendage"),
+    ("[joint.drve]\nstiffness = { relative = 0.1 }", "did you mean 'drive'"),
+    ("[joint.wheel]\nstiffness = { relative = 0.1 }", "wheel.stiffness is 0"),
+    ("[joint.left_hinge1_xy]\nstiffness = { relative = 0.1 }", "is a hinge of an appendage"),
+    ("[appendage.lft_]\nfrequency = { relative = 0.1 }", "did you mean 'left_'"),
+    ("[appendage.left_]\nfrequency = { absolute = 2.0 }", "may fall to"),
+    ("[appendage.left_]\nfrequency = { relative = 0.1, absolute = 2.0 }", "either relative or absolute"),
+    ('[appendage.left_]\nfrequency = { relative = 0.1, each = true, group = "a" }', "contradict"),
+    ("[appendage.left_]\nparticipation = { absolute = 0.1 }", "relative only"),
+    ("[appendage.left_]\ndamping = { relative = 0.5 }", "may fall to -"),
+    (
+        '[[appendage.left_.mode]]\nnumber = 7\nport = "xy"\nfrequency = { relative = 0.1 }',
+        "mode = 'mode7_xy' is unknown",
+    ),
+    (
+        '[[appendage.left_.mode]]\nnumber = 1\nport = "xy"\n[[appendage.left_.mode]]\nnumber = 1\nport = "xy"',
+        "two [[mode]]",
+    ),
+    (
+        "[body.bus]\nmass = { relative = 0.1 }\ninertia_xx = { relative = 0.1 }\n[[correlation]]\n"
+        'of = ["bus.mass", "bus.inertia_xx"]\nmatrix = [[1.0, 1.5], [1.5, 1.0]]',
+        "positive semidefinite",
+    ),
+    (
+        '[body.bus]\nmass = { relative = 0.1 }\n[[correlation]]\nof = ["bus.mass"]\nmatrix = [[2.0]]',
+        "1 on its diagonal",
+    ),
+    (
+        '[body.bus]\nmass = { relative = 0.1 }\n[[correlation]]\nof = ["bus.mas"]\nmatrix = [[1.0]]',
+        "did you mean 'bus.mass'",
+    ),
+    (
+        '[body.bus]\nmass = { relative = 0.1, distribution = "uniform" }\n[[correlation]]\nof = ["bus.mass"]\n'
+        "matrix = [[1.0]]",
+        "is uniform",
+    ),
+    (
+        '[appendage.left_]\nfrequency = { relative = 0.1 }\n[[correlation]]\nof = ["left_mode1_xy.frequency"]\n'
+        "matrix = [[1.0]]",
+        "drawn together with",
+    ),
+    ('[body.bus]\nmass = { relative = 0.1 }\n[[correlation]]\nof = ["bus.mass"]\nmatrix = [[nan]]', "finite"),
+    ("[body", "cannot be read"),
+    ("", "nothing is uncertain"),
+]
+
+
+@pytest.mark.parametrize(("text", "match"), CRAFTS, ids=[match[:24] for _, match in CRAFTS])
+def test_impossible_crafts_are_one_sentence(swept, folder, tmp_path, capsys, monkeypatch, text, match):
+    (tmp_path / "craft.toml").write_text(text)
+    arguments = ["sweep", str(folder / "out" / "flexible.xml"), "--uncertain", str(tmp_path / "craft.toml")]
+    arguments += ["-o", str(tmp_path / "out"), "--samples", "2", "--workers", "1"]
+    monkeypatch.setattr(sys, "argv", ["beamchain", *arguments])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    said = capsys.readouterr().err.strip()
+    assert stopped.value.code == 2
+    assert match in said
+    assert len(said.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"fit": bc.FitOptions(springs="hinges")}, 'springs = "auto"'),
+        ({"fit": bc.FitOptions(method="classical", links=5)}, 'method = "exact"'),
+        ({"damping": bc.Damping(ratio=0.005, form="hinge")}, 'form = "modal"'),
+    ],
+)
+def test_uncertain_modes_need_tendons(change, match):
+    with pytest.raises(bc.InputError, match=match):
+        beam("left", uncertain=Uncertain(frequency=Uncertainty(relative=0.1)), xy=2).replace(**change)
+
+
+def test_uncertain_modes_get_tendons_by_themselves():
+    plain = structs.replace(beam("left", xy=2), damping=None)
+    assert not any(t.stiffness > 0.0 for t in bc.fit(plain).chain.tendons)
+    made = bc.fit(structs.replace(plain, uncertain=Uncertain(frequency=Uncertainty(relative=0.1))))
+    assert sum(t.stiffness > 0.0 for t in made.chain.tendons) == 2
+
+
+def test_the_command(folder, swept, tmp_path):
+    (tmp_path / "craft.toml").write_text("[joint.drive]\nstiffness = { relative = 0.1 }\n")
+    assert read_uncertain(tmp_path / "craft.toml").joint["drive"].stiffness.relative == 0.1
+    arguments = ["sweep", str(folder / "craft.xml"), "--at", f"plate={folder / 'plate.toml'}", "--workers", "1"]
+    arguments += ["--uncertain", str(tmp_path / "craft.toml"), "-o", str(tmp_path / "out"), "--samples", "6", "--json"]
+    result = CliRunner().invoke(app, [*arguments, "--gain", "torque:bus=attitude", "--gain", "wheel=rate"])
+    assert result.exit_code == 0, result.output
+    record = json.loads(result.stdout)
+    assert {one["name"] for one in record["quantities"]} == {
+        "plate_mode1.frequency", "plate_mode2.frequency", "plate_mode1.participation", "plate_mode2.participation",
+        "drive.stiffness",
+    }  # fmt: skip
+    assert sorted(path.name for path in Path(tmp_path / "out").iterdir()) == [
+        "apply_variants.py", "coupled_frequencies.svg", "flexible.xml", "modal_gains.svg", "sweep.json", "variants.npz",
+    ]  # fmt: skip

@@ -1,0 +1,342 @@
+"""Many worlds against MuJoCo one by one, their draws, checkpoints, and what is refused.
+
+SAME: MuJoCo's batch computes what a loop computes; what may differ is rounding in the numbers of the tendons.
+DRAWN: numbers of tendons that are computed for all worlds at once, against `bc.retime` of each.
+"""
+
+import copy
+import sys
+import tracemalloc
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+from beamchain.craft.worlds import hosts, memory
+from spacecraft import APPENDAGES, CRAFTS
+
+SAME = 1e-9
+DRAWN = 1e-12
+RANGES = {"frequency": 0.1, "damping": 0.5}
+CRAFT = """<mujoco><option timestep="0.25" gravity="0 0 0" {}/><worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="300" diaginertia="90 100 120"/><site name="mount" pos="0.5 0 0"/><site name="left" pos="0 0.5 0"
+ xyaxes="0 1 0 -1 0 0"/><body pos="0 0 0.2"><joint name="wheel" axis="0 0 1"/><inertial pos="0 0 0" mass="4"
+ diaginertia="0.02 0.02 0.04"/></body></body></worldbody><actuator><motor name="x" site="mount" gear="0 0 0 1 0 0"/>
+<motor name="z" site="left" gear="0 0 0 0 0 1"/><motor name="wheel" joint="wheel"/></actuator>
+<sensor><gyro name="gyro" site="mount"/><framepos name="place" objtype="site" objname="left"/></sensor></mujoco>"""
+
+
+@cache
+def flexible(option: str = "", **given: object) -> bc.Embedded:
+    section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+    spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),), damping=bc.Damping(ratio=0.01))
+    return bc.embed(CRAFT.format(option), {"mount": spec, "left": spec.replace(name="other")}, **given)
+
+
+@pytest.fixture(scope="module")
+def craft() -> bc.Embedded:
+    return flexible(retime=True)
+
+
+class Alone:
+    """Plain MuJoCo, one world: positions and rates after every step of an input `(t, nu)`, and the data at the end."""
+
+    def __init__(self, model: mujoco.MjModel, given: np.ndarray, half: bool = True) -> None:
+        self.data, before = mujoco.MjData(model), np.zeros(model.nu)
+        self.qpos, self.qvel = np.zeros((len(given), model.nq)), np.zeros((len(given), model.nv))
+        for k, now in enumerate(given):
+            self.data.ctrl[:] = (now + before) / 2.0 if half else now
+            mujoco.mj_step(model, self.data)
+            before = now
+            self.qpos[k], self.qvel[k] = self.data.qpos, self.data.qvel
+        mujoco.mj_forward(model, self.data)
+
+
+def retimed(plain: mujoco.MjModel, world: mujoco.MjModel, step: float) -> mujoco.MjModel:
+    """The model of a world made anew: the plain one with its frequencies and damping, through `bc.retime`."""
+    out = copy.copy(plain)
+    bc.retime(out, 0.0)
+    modal = [i for i in range(out.ntendon) if out.tendon_stiffness[i] > 0.0]
+    out.tendon_stiffness[modal] = world.tendon_stiffness[modal]
+    out.tendon_damping[modal] = world.tendon_solimp_lim[modal, 3]
+    bc.retime(out, step)
+    return out
+
+
+# -- the same as MuJoCo ------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("count", "seconds"), [(4, 5.0), pytest.param(64, 60.0, marks=pytest.mark.slow)], ids=["quick", "64 worlds, 60 s"]
+)
+def test_randomised_worlds_are_those_of_mujoco(craft, count, seconds):
+    many = bc.worlds(craft, RANGES, count=count, seed=3)
+    given = 0.5 * np.random.default_rng(1).normal(size=(round(seconds / 0.25), count, 3))
+    seen = [many.step(now) for now in given]
+    for i in range(count):
+        model = retimed(craft.model, many.model_of(i), 0.25)
+        for name in ("tendon_armature", "tendon_damping"):
+            np.testing.assert_allclose(getattr(model, name), getattr(many.model_of(i), name), rtol=DRAWN, atol=1e-15)
+        one = Alone(model, given[:, i])
+        peak = np.abs(one.qpos).max()
+        np.testing.assert_allclose(many.qpos[i], one.qpos[-1], atol=SAME * peak)
+        for name, theirs in (
+            ("attitude", one.qpos[:, 3:7]),
+            ("rate", one.qvel[:, 3:6]),  # the mean rate over the step
+            ("wheels", one.qvel[:, 6:7]),
+        ):
+            ours = np.array([s[name][i] for s in seen])
+            np.testing.assert_allclose(ours, theirs, atol=SAME * np.abs(theirs).max(), err_msg=name)
+        last = one.data
+        np.testing.assert_allclose(seen[-1]["modes"][i], last.ten_length, atol=SAME)
+        np.testing.assert_allclose(seen[-1]["gyro"][i], last.sensor("gyro").data, atol=SAME)
+        np.testing.assert_allclose(seen[-1]["place"][i], last.sensor("place").data, atol=SAME * peak)
+
+
+@pytest.mark.parametrize("option", ['integrator="Euler"', 'integrator="implicitfast"', 'integrator="RK4"'])
+@pytest.mark.parametrize("step", [0.02, 1.0])
+def test_draws_at_once_are_those_of_retime(option, step):
+    plain = flexible(option, retime=False)
+    if "RK4" not in option:
+        many = bc.worlds(flexible(option, retime=True), RANGES, count=3, timestep=step)
+        for i in range(3):
+            one = many.model_of(i)
+            theirs = retimed(one, one, step)
+            np.testing.assert_allclose(one.tendon_armature, theirs.tendon_armature, rtol=DRAWN, atol=1e-15)
+            np.testing.assert_allclose(one.tendon_damping, theirs.tendon_damping, rtol=DRAWN, atol=1e-15)
+    without = bc.worlds(plain, RANGES, count=2)
+    assert np.all(without.fields["tendon_armature"] == 0.0)
+
+
+def test_an_input_over_several_steps_is_halved_once(craft):
+    many, given = bc.worlds(craft, count=2, observe="rate"), np.repeat([[1.0, 0.5, 0.0], [-2.0, 0.0, 0.0]], 4, axis=0)
+    many.step(given[0], nstep=4)
+    seen = many.step(given[4], nstep=4)["rate"]
+    one, turn = Alone(craft.model, given), np.zeros(3)
+    np.testing.assert_allclose(many.qpos[1], one.qpos[-1], atol=1e-15)
+    mujoco.mju_subQuat(turn, one.qpos[-1, 3:7], one.qpos[3, 3:7])
+    np.testing.assert_allclose(seen[0], turn / 1.0, atol=1e-12)  # 4 steps of 0.25 s
+
+
+def test_a_model_that_is_not_exact_in_time_is_given_its_input_as_it_is():
+    plain = flexible(retime=False)
+    many, given = bc.worlds(plain, count=1), np.ones((8, 3))
+    for now in given:
+        many.step(now)
+    np.testing.assert_allclose(many.qpos[0], Alone(plain.model, given, half=False).qpos[-1], atol=1e-15)
+
+
+def test_rollouts_before_3_17_give_the_same(craft, monkeypatch):
+    new = bc.worlds(craft, RANGES, count=3, seed=2, observe=("attitude", "rate", "modes"))
+    monkeypatch.setattr(hosts, "has_batch", lambda: False)
+    old = bc.worlds(craft, RANGES, count=3, seed=2, observe=("attitude", "rate", "modes"))
+    assert isinstance(old._host, hosts.Rollouts)
+    for k, now in enumerate(np.random.default_rng(0).normal(size=(12, 3, 3))):
+        ours, theirs = old.step(now, 3), new.step(now, 3)
+        for name in ours:
+            np.testing.assert_allclose(ours[name], theirs[name], atol=1e-14)
+        if k == 5:
+            old.reset([1], draw=True)
+            new.reset([1], draw=True)
+    old.reset([2], qvel=np.full(craft.model.nv, 1e15))
+    old.step([0.0, 0.0, 0.0])
+    assert list(old.diverged) == [2]
+
+
+# -- variants ----------------------------------------------------------------------------------------------------------
+def test_fields_of_a_sweep(tmp_path):
+    spec = bc.read_spec(APPENDAGES / "rod.toml")
+    made = bc.worlds(bc.embed(CRAFTS / "planar.xml", {"mount": spec}), count=1).model
+    rng = np.random.default_rng(0)
+    fields = {name: getattr(made, name) * rng.uniform(0.9, 1.1, (3, 1)) for name in ("tendon_stiffness", "wrap_prm")}
+    fields["body_mass"] = made.body_mass * rng.uniform(0.9, 1.1, (3, made.nbody))
+    many = bc.worlds(made, fields, count=5)
+    many.reset(qvel=np.full(made.nv, 0.01))
+    for _ in range(20):
+        seen = many.step(np.zeros(made.nu))
+    for i in range(5):
+        one = copy.copy(made)
+        for name, values in fields.items():
+            getattr(one, name)[:] = values[i % 3]
+        data = mujoco.MjData(one)
+        mujoco.mj_setConst(one, data)
+        data.qvel[:] = 0.01
+        for _ in range(20):
+            mujoco.mj_step(one, data)
+        np.testing.assert_allclose(many.qpos[i], data.qpos, atol=1e-12)
+        mujoco.mj_forward(one, data)
+        if "modes" in seen:
+            np.testing.assert_allclose(seen["modes"][i], data.ten_length, atol=1e-12)
+
+
+def test_variants_are_made_exact_each_for_itself(craft):
+    model = craft.model
+    factor, drag = np.array([1.0, 0.9, 1.1])[:, None], np.array([1.0, 2.0, 1.0])[:, None]
+    bus = np.where(np.arange(model.nbody) == 1, [[1.0], [0.2], [1.0]], 1.0)  # of the hub, the links keep theirs
+    plain = copy.copy(model)
+    bc.retime(plain, 0.0)
+    fields = {
+        "body_mass": model.body_mass * bus,
+        "body_inertia": model.body_inertia * bus[:, :, None],
+        "tendon_stiffness": plain.tendon_stiffness * factor,
+        "tendon_damping": plain.tendon_damping * drag,
+    }
+    many = bc.worlds(model, fields)
+    again = bc.worlds(model, many.fields)  # exact already: taken as they are
+    for i in range(3):
+        one = copy.copy(plain)
+        for name, values in fields.items():
+            getattr(one, name)[:] = values[i]
+        bc.retime(one, 0.25)
+        for name in ("tendon_armature", "tendon_damping", "tendon_solimp_lim"):
+            np.testing.assert_allclose(getattr(many.model_of(i), name), getattr(one, name), rtol=1e-9, atol=1e-12)
+            np.testing.assert_array_equal(getattr(again.model_of(i), name), getattr(many.model_of(i), name))
+    with pytest.raises(bc.InputError, match="mass .* of its mode is not 1"):
+        bc.worlds(
+            model, {"body_mass": model.body_mass * factor, "body_inertia": model.body_inertia * factor[:, :, None]}
+        )
+
+
+def test_seeds_and_resets(craft):
+    first, second = (bc.worlds(craft, RANGES, count=8, seed=5) for _ in range(2))
+    for name, values in first.fields.items():
+        np.testing.assert_array_equal(values, second.fields[name])
+    before = first.fields["tendon_stiffness"].copy()
+    kept = first.step([1.0, 0.0, 0.0])["attitude"]
+    copied = kept.copy()
+    first.reset([2, 5], draw=True)
+    np.testing.assert_array_equal(kept, copied)  # what was observed stays as it was
+    changed = np.flatnonzero(np.any(first.fields["tendon_stiffness"] != before, axis=1))
+    assert list(changed) == [2, 5]
+    assert np.all(first.qpos[[2, 5]] == craft.model.qpos0)
+    assert np.all(first.qpos[0] != craft.model.qpos0, axis=0).any()
+    second.step([1.0, 0.0, 0.0])
+    second.reset(np.isin(np.arange(8), [2, 5]), draw=True)
+    np.testing.assert_array_equal(first.step([0.0, 1.0, 0.0])["rate"], second.step([0.0, 1.0, 0.0])["rate"])
+    width = np.sqrt(first.fields["tendon_stiffness"]) / np.sqrt(craft.model.tendon_stiffness) - 1.0
+    assert 0.01 < np.abs(width).max() <= RANGES["frequency"] + 1e-12
+
+
+def test_checkpoint_and_retime(craft):
+    many = bc.worlds(craft, RANGES, count=4)
+    many.step([1.0, 2.0, 0.1])
+    kept = many.state()
+    first = [many.step([0.0, 1.0, 0.0], 2), many.reset([1], draw=True), many.step([0.3, 0.0, 0.0])][-1]
+    many.restore(kept)
+    again = [many.step([0.0, 1.0, 0.0], 2), many.reset([1], draw=True), many.step([0.3, 0.0, 0.0])][-1]
+    for name, values in first.items():
+        np.testing.assert_array_equal(values, again[name])
+    before = many.fields["tendon_stiffness"].copy()
+    many.retime(0.1)
+    np.testing.assert_array_equal(many.fields["tendon_stiffness"], before)  # the same worlds
+    theirs = retimed(craft.model, many.model_of(3), 0.1)
+    np.testing.assert_allclose(many.model_of(3).tendon_armature, theirs.tendon_armature, rtol=DRAWN, atol=1e-15)
+    with pytest.raises(bc.InputError, match="not a checkpoint of these worlds"):
+        many.restore(kept)
+
+
+# -- divergence, memory ------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("nstep", [1, 3])
+def test_a_world_that_diverges_is_reported_and_started_again(craft, nstep):
+    many, other = (bc.worlds(craft, RANGES, count=6) for _ in range(2))
+    many.reset([4], qvel=np.full(craft.model.nv, 1e20))
+    ours, theirs = many.step([1.0, 0.0, 0.0], nstep), other.step([1.0, 0.0, 0.0], nstep)
+    assert list(many.diverged) == [4]
+    assert list(many.restarts) == [0, 0, 0, 0, 1, 0]
+    assert np.all(many.qpos[4] == craft.model.qpos0)
+    for name, values in ours.items():
+        rest = [0, 1, 2, 3, 5]
+        np.testing.assert_array_equal(values[rest], theirs[name][rest])
+    many.step([1.0, 0.0, 0.0])
+    assert many.diverged.size == 0
+    assert np.all(np.isfinite(many.qpos))
+
+
+@pytest.mark.slow
+def test_a_thousand_resets_leak_nothing(craft):
+    many = bc.worlds(craft, RANGES, count=4)
+    for _ in range(20):
+        many.step(many.reset([0, 3], draw=True)["wheels"][0, 0] * np.ones(3))
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        for k in range(1000):
+            many.reset([k % 4], draw=True)
+        left = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    assert left < 100_000  # bytes: 100 per reset, where a world's own numbers are thousands
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the process's memory is read from /proc")
+def test_a_thousand_full_resets_leave_the_process_as_large(craft):
+    def resident() -> int:
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[1]) * 4096
+
+    many = bc.worlds(craft, RANGES, count=64)
+    for _ in range(50):
+        many.reset(draw=True)
+    before = resident()
+    for _ in range(1000):
+        many.reset(draw=True)
+    assert resident() - before < 5_000_000  # 64 worlds hold 0.2 MB: a leak of one reset in a hundred would be 2 MB
+
+
+def test_what_does_not_fit_in_memory_is_refused_with_its_size(craft):
+    with pytest.raises(bc.InputError, match=r"1000000000000 worlds need \S+ GB \(.* kB each\), and .* GB are free"):
+        bc.worlds(craft, RANGES, count=10**12)
+    with pytest.raises(bc.InputError, match="8 worlds need 8 kB .*at most 2 fit"):
+        memory.check(8, 1000.0, 2500.0)
+
+
+# -- refused -----------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"host": "gpu"}, "host = 'gpu' is unknown; choose one of mujoco, mjx, warp"),
+        ({"count": 0}, "count = 0 must be a whole number"),
+        ({"variants": {"frequency": 1.0}}, "must lie from 0 to below 1"),
+        ({"variants": {"frequency": float("nan")}}, "finite number"),
+        ({"variants": {"frequency": 0.1, "body_mass": [1.0]}}, "give one or the other"),
+        ({"variants": {"nothing": np.zeros((3, 2))}}, "does not have as an array"),
+        ({"variants": {"body_mass": np.zeros((3, 2))}}, r"has the shape \(3, 2\)"),
+        ({"variants": 3}, "variants = 3 is not understood"),
+        ({"count": None}, "count is missing"),
+        ({"timestep": -0.1}, "timestep = -0.1 must be above zero"),
+        ({"observe": ["speed"]}, "observe names 'speed'.*choose from attitude, rate, wheels, modes, gyro, place"),
+    ],
+)
+def test_bad_input_is_answered(craft, given, said):
+    with pytest.raises(bc.InputError, match=said):
+        bc.worlds(craft, **{"count": 2, **given})
+
+
+def test_bad_input_to_worlds_is_answered(craft):
+    many = bc.worlds(craft, count=2)
+    for call, said in (
+        (lambda: many.step([1.0]), r"ctrl = \[1.0\] has the shape \(1,\)"),
+        (lambda: many.step([[0, 0, 0], [0, np.nan, 0]]), r"ctrl\[1, 1\] is nan"),
+        (lambda: many.step("fast"), "ctrl = 'fast' has the shape"),
+        (lambda: many.step([0.0] * 3, 0), "nstep = 0 must be a whole number"),
+        (lambda: many.reset([2]), "names no worlds"),
+        (lambda: many.reset([0.5]), "names no worlds"),
+        (lambda: many.reset(qpos=[1.0]), "qpos"),
+        (lambda: many.retime(0.0), "timestep = 0.0 must be above zero"),
+        (lambda: many.response(), "make the worlds with host='mjx'"),
+        (lambda: many.restore({}), "not a checkpoint"),
+    ):
+        with pytest.raises(bc.InputError, match=said):
+            call()
+    rigid = flexible(rigid=True)
+    with pytest.raises(bc.InputError, match="no modal tendons"):
+        bc.worlds(rigid, RANGES, count=2)
+    assert "modes" not in bc.worlds(rigid, count=2).observe()
+
+
+@pytest.mark.parametrize("host", ["mjx", "warp"])
+def test_a_host_that_is_not_installed_names_its_extra(craft, host, monkeypatch):
+    monkeypatch.setitem(sys.modules, hosts.NEEDS[host], None)
+    with pytest.raises(bc.InputError, match=rf"pip install 'beamchain\[{host}\]'"):
+        bc.worlds(craft, count=2, host=host)

@@ -1,0 +1,166 @@
+"""The documentation site: every key, command and public name is in it; nothing is dead, fetched or without a text."""
+
+import importlib.util
+import inspect
+import json
+import re
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from urllib.parse import unquote, urldefrag
+
+import msgspec
+import pytest
+from lxml import html
+
+import beamchain as bc
+from beamchain.cli import app
+from beamchain.craft.plants.loops import Controller
+from beamchain.fitting.spec import Spec
+
+DOCS = Path(__file__).parent.parent / "docs"
+SOURCES = [DOCS.parent / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("howto/*.md"))]
+NAMES = [name for name in bc.__all__ if name != "__version__"]
+pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="docs are not beside the tests (an installed wheel)")
+sources = pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(DOCS.parent).as_posix())
+
+
+@pytest.fixture(scope="module")
+def pages():
+    """Generated pages by their path."""
+    spec = importlib.util.spec_from_file_location("site_reference", DOCS / "reference.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.pages()
+
+
+# -- what the pages say ----------------------------------------------------------------------------------------------
+def rows(text):
+    """Cells of every table row."""
+    return [[cell.strip() for cell in line[1:-1].split(" | ")] for line in re.findall(r"^\| .* \|$", text, re.M)]
+
+
+@pytest.mark.parametrize(("page", "struct"), [("specification", Spec), ("controller", Controller)])
+def test_every_key_is_in_the_reference(pages, page, struct):
+    """As often as there are tables with a key of that name."""
+    definitions = msgspec.json.schema(struct)["$defs"].values()
+    keys = Counter(f"`{key}`" for table in definitions for key in table["properties"])
+    assert Counter(row[0] for row in rows(pages[f"reference/{page}.md"]) if row[0] != "key") == keys
+
+
+@pytest.mark.parametrize(
+    "expected",
+    [
+        ["`youngs_modulus`", "number", "N/m^2", "required", "> 0"],
+        ["`repeat`", "whole number", "", "`1`", "≥ 1, ≤ 500"],
+        ["`theory`", '`"euler"`, `"timoshenko"`', "", '`"euler"`', ""],
+        ["`target`", '`"auto"`, `"clamped"`, `"free"`, `"hub"`', "", "", ""],
+        ["`tip`", "true or false", "", "`false`", ""],
+        ["`inertia`", "list of 3: number", "kg m^2", "required", "> 0"],
+        ["`segment`", "list: [table](#Spec-Segment)", "", "", ""],
+        ["`axes`", 'list: `"tx"`, `"ty"`, `"tz"`, `"x"`, `"y"`, `"z"`', "", '`["x", "y", "z", "tx", "ty", "tz"]`', ""],
+    ],
+)
+def test_a_key_has_type_unit_default_and_bounds(pages, expected):
+    """A few, typed by hand."""
+    assert expected in [[row[0], *row[2:]] for row in rows(pages["reference/specification.md"])]
+
+
+@pytest.mark.parametrize("command", [c for c in app.registered_commands if not c.hidden], ids=lambda c: c.name)
+def test_every_command_and_option_is_in_the_reference(pages, command):
+    text = re.search(rf"^## beamchain {command.name}\n(.*?)(?=^## |\Z)", pages["reference/commands.md"], re.S | re.M)
+    assert text is not None
+    arguments = len(inspect.signature(command.callback).parameters)
+    assert len([row for row in rows(text[1]) if row[0] != "argument or option"]) == arguments
+    assert "beamchain " in text[1]
+
+
+def test_every_public_name_has_a_page(pages):
+    for name in NAMES:
+        assert f":: beamchain.{name}" in pages[f"reference/python/{name}.md"]
+        assert f"[{name}]({name}.md)" in pages["reference/python/index.md"]
+
+
+@sources
+def test_one_title_and_a_text_for_every_picture(path):
+    text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.S | re.M)
+    assert len(re.findall(r"^# ", text, re.M)) == 1
+    assert all(len(words) > 15 for words in re.findall(r"!\[([^\]]*)\]\(", text))
+
+
+# -- the site as built -----------------------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """Every page of the site, built with warnings as errors."""
+    for name in ("sphinx", "myst_nb", "pydata_sphinx_theme", "latex2mathml"):
+        pytest.importorskip(name, reason="the site's packages are not installed: make docs")
+    folder = tmp_path_factory.mktemp("site")
+    words = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", folder / "read", DOCS, folder / "html"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return {
+        path: html.parse(path).getroot() for path in (folder / "html").rglob("*.html") if "_static" not in path.parts
+    }
+
+
+@pytest.mark.slow
+def test_links_lead_somewhere(site):
+    ids = {path: set(page.xpath("//@id")) for path, page in site.items()}
+    dead = []
+    for path, page in site.items():
+        for link in page.xpath("//a/@href"):
+            place, fragment = urldefrag(unquote(link))
+            if re.match(r"[a-z]+:", place):
+                continue
+            target = (path.parent / place).resolve() if place else path
+            if not target.is_file() or (fragment and target in ids and fragment not in ids[target]):
+                dead.append((path.name, link))
+    assert dead == []
+
+
+@pytest.mark.slow
+def test_nothing_is_fetched(site):
+    found = [
+        (path.name, address)
+        for path, page in site.items()
+        for address in page.xpath(
+            "//script/@src | //link[@rel='stylesheet' or @rel='preload']/@href | //img/@src | //iframe/@src"
+        )
+        if re.match(r"(https?:)?//", address)
+    ]
+    folder = min(site, key=lambda path: len(path.parts)).parent
+    for style in folder.rglob("*.css"):
+        found += re.findall(r"(?:url\(|@import )['\"]?(?:https?:)?//[^)]*", style.read_text(encoding="utf-8"))
+    assert found == []
+
+
+@pytest.mark.slow
+def test_headings_and_pictures(site):
+    """One title per page, no level left out, and words for every picture, those of notebooks included."""
+    for path, page in site.items():
+        levels = [
+            int(heading.tag[1]) for heading in page.xpath("//main//*[self::h1 or self::h2 or self::h3 or self::h4]")
+        ]
+        assert levels.count(1) == 1, path
+        assert all(after <= before + 1 for before, after in zip(levels, levels[1:], strict=False)), path
+        texts = [picture.get("alt") or "" for picture in page.xpath("//main//img")]
+        assert all(len(text.split()) > 3 for text in texts), (path, texts)
+
+
+@pytest.mark.slow
+def test_every_name_is_shown_with_its_example(site):
+    shown = {path.stem: page.text_content() for path, page in site.items() if path.parent.name == "python"}
+    assert set(NAMES) <= set(shown)
+    assert [name for name in NAMES if ">>> import beamchain as bc" not in shown[name]] == []
+
+
+@pytest.mark.slow
+def test_notebooks_show_their_outputs(site):
+    pages = {path.stem: page for path, page in site.items() if path.parent.name == "notebooks"}
+    for path in DOCS.parent.glob("notebooks/*.ipynb"):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        pictures = sum("image/png" in o.get("data", {}) for cell in cells for o in cell.get("outputs", []))
+        assert len(pages[path.stem].xpath("//main//img")) >= pictures
