@@ -4,14 +4,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import control
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
-from beamchain.files import tables
-from beamchain.fitting.sentences import sentence
+from beamchain.fitting.toml_files import read_struct
 from beamchain.ports.motions import Array
 
 Response = NDArray[np.complex128]
@@ -67,23 +65,7 @@ def read_controller(path: str | Path | Controller) -> Controller:
     Raises:
         InputError: the file cannot be read, or a value is not allowed.
     """
-    if isinstance(path, Controller):
-        return path
-    if not isinstance(path, str | Path):
-        raise InputError(
-            f"controller = {path!r:.60} is a {type(path).__name__}; give a Controller or the path of its file."
-        )
-    place = Path(path)
-    try:
-        data = tables(place.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"controller {str(place)!r} cannot be read ({error}); give a TOML file with [[loop]]."
-        ) from None
-    try:
-        return msgspec.convert(data, Controller)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{place}: {sentence(str(error), data, Controller)}") from None
+    return read_struct(path, Controller, "controller", "a TOML file with [[loop]]")
 
 
 def places(controller: Controller, inputs: list[str], outputs: list[str]) -> tuple[list[int], list[int]]:
