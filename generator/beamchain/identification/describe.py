@@ -142,6 +142,9 @@ def _rows(
     if isinstance(structure.body, Unknown) or prior is None or pairs is None:
         driven = np.concatenate([np.zeros(3, dtype=bool), np.any(np.abs(axes) > 1e-9, axis=1)])
         out[:, ~driven] = np.nan
+        for note in notes:
+            note.append("its frequency is that with the hub's rotation held and its translation free: participation in force, which the log "
+                        "does not show, would lower the clamped one")  # fmt: skip
         others = ", ".join(m for m, d in zip(MOTIONS, driven, strict=True) if not d)
         said.append(
             f"participation in {others}: the log excites only the hub's rotation about {', '.join('xyz'[i] for i in range(3) if driven[3 + i])} "
@@ -228,9 +231,10 @@ def _update(
     if prior is None or pairs is None or prior.spec.imported is not None:
         return None
 
+    which = list(range(structure.modes))
+
     def values(x: Array) -> Array:
-        w, own, gained = seen_of(structure.parts(x), axes)
-        return np.log(np.concatenate([w, np.maximum(own, 1e-300), [max(gained, 1e-300)]]))
+        return seen_of(structure.parts(x), axes, which)
 
     slopes = derivatives(values, found.theta)
     alone = inverse(inverse(spread) - (1.0 - 1e-6) * belief)

@@ -14,7 +14,7 @@ from beamchain.errors import InputError
 from beamchain.identification.covariance import COLOURED, covariance, whiteness
 from beamchain.identification.describe import described
 from beamchain.identification.hub import Bare, bare, directions
-from beamchain.identification.likelihood import Found, Likelihood, derivatives
+from beamchain.identification.likelihood import Found, Likelihood, compressed, derivatives
 from beamchain.identification.logs import SENSED, TORQUES, read_logs
 from beamchain.identification.pieces import Cut, active, cut
 from beamchain.identification.prior import DAMPING, SMALL, Matched, Prior, matched, read_prior
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from beamchain.engine.library import mujoco
 
 ITERATIONS = 60
+NO_NOISE = 1e-22  # mean square of residuals, relative to the data, that is rounding
 LIGHT = 0.01  # of the hub's mass: most that is stated for an appendage of unknown mass
 SHARE = 0.05  # of the inertia that no mode holds, which that mass may take
 
@@ -206,6 +207,10 @@ class _Run:
         self._judge_start(begun)
         structure, theta, pairs = self._structure(begun)
         likelihood = self._likelihood(structure, theta, pairs, shown)
+        if not self.aliased:
+            wanted = begun.form.theta(begun.raw)
+            near = compressed(lambda x: begun.form.theta(structure.raw(x)), wanted, begun.matrix, likelihood.belief, theta)
+            theta = min((theta, near), key=lambda x: likelihood.cost(likelihood.squares(structure.raw(x)), x))
         first = likelihood.best(theta, ITERATIONS)
         predicted = self._predicted(structure.raw(first.theta), hidden) if hidden else np.full(len(data.sensed), np.nan)
         likelihood = replace_pieces(likelihood, data.pieces)
@@ -343,8 +348,11 @@ class _Run:
         weights = likelihood.weights(found.squares)
         residuals = [piece.assess(raw, weights)[1] for piece in likelihood.pieces]
         white = whiteness(likelihood, residuals)
+        level = found.squares / np.maximum(found.counts, 1.0) / self.data.scale**2
+        white = np.where(level < NO_NOISE, np.nan, white)
         coloured = bool(np.any(white < COLOURED))
-        spread = covariance(likelihood, found.theta, found.squares, coloured=coloured)
+        squares = np.maximum(level, NO_NOISE) * found.counts * self.data.scale**2
+        spread = covariance(likelihood, found.theta, squares, coloured=coloured)
         if coloured:
             worst = self.data.sensed[int(np.nanargmin(white))]
             self.warnings.append(Caution("coloured-residuals", f"the residuals of {worst} are not white (probability {np.nanmin(white):.1g}): "

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from beamchain.identification.response import Piece, Raw, Spectrum
 from beamchain.ports.motions import Array
@@ -13,6 +14,8 @@ DIFFERENCE = 1e-5  # step of the derivatives of raw numbers by central differenc
 SMALLEST = 1e-30  # sum of squares, relative to the data, that counts as none
 LARGEST_STEP = 0.5  # of a parameter, which are logarithms and shares
 SETTLED = 1e-3  # of a standard deviation: a step smaller than this changes nothing
+LITTLE = 1e-3  # gain of minus twice the log likelihood that is worth no further step
+TEMPERED = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
 DIGITS = 1e-13  # relative change of the parameters below which no digit is gained
 
 
@@ -114,7 +117,7 @@ class Likelihood:
                 damping = max(10.0 * damping, 1e-6)
             else:
                 break
-            if not moved or np.max(np.abs(change)) < DIGITS or (gained < 1e-4 and np.max(np.abs(step)) < SETTLED):
+            if not moved or np.max(np.abs(change)) < DIGITS or gained < LITTLE:
                 break
         return Found(theta, cost, squares, self.counts, matrix)
 
@@ -128,3 +131,36 @@ def derivatives(function: Callable[[Array], Any], theta: Array) -> Array:
         low[i] -= DIFFERENCE
         columns.append((function(high) - function(low)) / (2.0 * DIFFERENCE))
     return np.stack(columns, axis=1) if columns else np.zeros((np.size(function(theta)), 0))
+
+
+def compressed(
+    raw: Callable[[Array], Array], wanted: Array, matrix: Array, belief: Callable[[Array], Array], theta: Array
+) -> Array:
+    """Parameters near `theta` whose raw numbers are most likely, the data replaced by a raw estimate and its information.
+
+    The information is raised to its full size in steps, for it makes a long narrow valley.
+
+    Args:
+        raw: raw parameters of parameters.
+        wanted: those of the data.
+        matrix: their information.
+        belief: as in `Likelihood`.
+        theta: where to start.
+    """
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    root = np.sqrt(np.maximum(values, 1e-14))[:, None] * vectors.T * size
+
+    def residual(x: Array, part: float) -> Array:
+        try:
+            return np.concatenate([part * (root @ (raw(x) - wanted)), belief(x)])
+        except (ValueError, np.linalg.LinAlgError):
+            return np.full(root.shape[0] + believed, 1e30)
+
+    believed = belief(theta).size
+    for part in TEMPERED:
+        largest = float(np.max(root)) * part
+        if largest > 1e-6:
+            found = least_squares(residual, theta, args=(part,), x_scale="jac", method="trf", max_nfev=40, xtol=1e-12, ftol=1e-10)
+            theta = np.asarray(found.x)
+    return theta

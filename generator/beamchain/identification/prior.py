@@ -7,7 +7,6 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from beamchain.checks import meant  # noqa: F401
 from beamchain.errors import InputError
 from beamchain.fitting.fit import as_spec
 from beamchain.fitting.spec import Spec
@@ -96,6 +95,22 @@ def _widths(spec: Spec) -> tuple[float, float, float, float]:
             width(given.density, WIDTH))  # fmt: skip
 
 
+def seen_modes(parts: Parts, axes: Array) -> list[int]:
+    """Modes that turn the craft about the axes."""
+    turned = turning(parts)
+    root = np.linalg.cholesky(axes.T @ turned.inertia @ axes)
+    share = np.linalg.norm(np.linalg.solve(root, (turned.moments @ axes).T), axis=0)
+    return [j for j in range(parts.frequencies.size) if share[j] ** 2 > SEEN]
+
+
+def free_modes(parts: Parts, axes: Array, which: list[int]) -> tuple[Array, Array]:
+    """Frequencies and moments `(n, a)` of some modes with rotation held and translation free, in the order of the clamped ones."""
+    turned = turning(parts)
+    squares, shapes = eigh(np.diag(parts.frequencies[which] ** 2), turned.modal[np.ix_(which, which)])
+    order = np.argsort(linear_sum_assignment(-np.abs(shapes.T))[1])
+    return np.sqrt(squares)[order], ((shapes.T @ turned.moments[which]) @ axes)[order]
+
+
 class Matched(NamedTuple):
     """Prior modes and those found: prior number of each found mode (-1: none), and prior modes that do not turn the craft."""
 
@@ -116,16 +131,14 @@ def matched(prior: Prior, frequencies: Array, moments: Array, axes: Array, rigid
         axes: `(3, a)`.
         rigid: `(6, 6)` rigid mass that the data suggest.
     """
-    parts = prior.parts._replace(rigid=rigid)
-    turned = turning(parts)
-    squares, shapes = eigh(np.diag(parts.frequencies**2), turned.modal)
-    w, own = np.sqrt(squares), (shapes.T @ turned.moments) @ axes
-    nearest = linear_sum_assignment(-np.abs(shapes))[1]  # prior mode of each mode with translation free
-    w, own = w[np.argsort(nearest)], own[np.argsort(nearest)]
-    inertia = axes.T @ turned.inertia @ axes
+    whole = prior.parts._replace(rigid=rigid)
+    inertia = axes.T @ turning(whole).inertia @ axes
     root = np.linalg.cholesky(inertia)
+    visible = seen_modes(whole, axes)
+    w, own = np.array(whole.frequencies), turning(whole).moments @ axes
+    if visible:
+        w[visible], own[visible] = free_modes(whole, axes, visible)
     share = np.linalg.norm(np.linalg.solve(root, own.T), axis=0)
-    visible = [j for j in range(w.size) if share[j] ** 2 > SEEN]
     found = np.linalg.norm(np.linalg.solve(root, moments.T), axis=0)
     cost = np.zeros((frequencies.size, len(visible)))
     for i, one in enumerate(frequencies):

@@ -38,20 +38,23 @@ class Order(NamedTuple):
 
 
 class Started(NamedTuple):
-    """The raw model with the number of modes asked for or supported, and all orders tried."""
+    """The raw model with the number of modes asked for or supported, all orders tried, and the information in its parameters."""
 
     raw: Raw
     orders: tuple[Order, ...]
     better: int
+    form: "Form"
+    matrix: Array
 
 
-class _Form:
+class Form:
     """Raw models as parameters: logarithms of frequency and damping, residues and rigid part in units of their size."""
 
     def __init__(self, outputs: int, inputs: int, sizes: Sequence[float], rigid: float) -> None:
         self.shape, self.sizes, self.rigid = (outputs, inputs), sizes, rigid
 
     def raw(self, theta: Array) -> Raw:
+        """The raw model of parameters."""
         p, m = self.shape
         width = 2 + 2 * p * m
         poles, residues, shapes = list[complex](), list[Complex](), list[Complex]()
@@ -73,6 +76,7 @@ class _Form:
         )  # fmt: skip
 
     def theta(self, raw: Raw) -> Array:
+        """The parameters of a raw model."""
         parts = [
             np.concatenate([[np.log(abs(s)), np.log(max(-s.real / abs(s), 1e-7))], (g / size).real.ravel(), (g / size).imag.ravel()])
             for s, g, size in zip(raw.poles, raw.residues, self.sizes, strict=True)
@@ -128,7 +132,13 @@ def started(
             break
     better = min(orders, key=lambda one: one.criterion).modes
     chosen = models[better if modes is None else min(modes, len(models) - 1)]
-    return Started(_refined(pieces, chosen, scale, size, LAST_ITERATIONS)[0], tuple(orders), better)
+    final = _refined(pieces, chosen, scale, size, LAST_ITERATIONS)[0]
+    order = np.argsort(final.poles.imag)
+    final = Raw(final.poles[order], final.residues[order], final.shapes[order], final.rigid)
+    form = Form(*rigid.shape, [max(float(np.max(np.abs(g))), 1e-300) for g in final.residues], size)
+    likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
+    matrix = likelihood.normal(form.theta(final), likelihood.squares(final))[0]
+    return Started(final, tuple(orders), better, form, matrix)
 
 
 def _refined(
@@ -136,7 +146,7 @@ def _refined(
 ) -> tuple[Raw, float, float, float]:
     """The model refined, minus twice its log likelihood, mean square left relative to the data, and count of numbers."""
     sizes = [max(float(np.max(np.abs(g))), 1e-300) for g in raw.residues]
-    form = _Form(*raw.rigid.shape, sizes, rigid)
+    form = Form(*raw.rigid.shape, sizes, rigid)
     likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
     found = likelihood.best(form.theta(raw), iterations)
     left = float(np.max(found.squares / np.maximum(found.counts, 1.0) / scale**2))

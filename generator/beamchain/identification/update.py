@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 from msgspec import structs
-from scipy.linalg import eigh
 from scipy.optimize import least_squares
 
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.varied import scaled_segment
-from beamchain.identification.prior import Prior, read_prior
+from beamchain.identification.prior import Prior, free_modes, read_prior
 from beamchain.identification.structure import Parts, turning
 from beamchain.ports.motions import Array
 
@@ -18,6 +17,7 @@ UNKNOWN = 0.25  # relative standard deviation beyond which a factor is not deter
 BELIEF = 1.0  # of the logarithms, so that what nothing determines stays at 1
 JOINTS = ("stiffness_xy", "stiffness_xz", "stiffness_torsion")
 MISFIT = 3.0  # standard deviations beyond which the beam itself is wrong
+ROUGH = 0.03  # the same where a search starts
 FLOOR = 1e-4  # relative accuracy to which a beam model is taken
 
 
@@ -57,13 +57,12 @@ def scaled(spec: Spec, logs: Array) -> Spec:
     return structs.replace(spec, **changes)
 
 
-def seen_of(parts: Parts, axes: Array) -> tuple[Array, Array, float]:
-    """Frequencies and moments with rotation held and translation free, and the inertia about the axes less the hub's."""
-    turned = turning(parts)
-    squares, shapes = eigh(np.diag(parts.frequencies**2), turned.modal)
+def seen_of(parts: Parts, axes: Array, which: list[int]) -> Array:
+    """Logarithms of frequencies and moments of some modes, rotation held and translation free, and of the inertia gained."""
+    w, moments = free_modes(parts, axes, which)
     none = Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros((6, 6)), parts.hub)
-    gained = float(np.trace(axes.T @ (turned.inertia - turning(none).inertia) @ axes))
-    return np.sqrt(squares), np.linalg.norm((shapes.T @ turned.moments) @ axes, axis=1), gained
+    gained = float(np.trace(axes.T @ (turning(parts).inertia - turning(none).inertia) @ axes))
+    return np.log(np.maximum(np.concatenate([w, np.linalg.norm(moments, axis=1), [gained]]), 1e-300))
 
 
 def update(prior: Prior, of: list[int], wanted: Array, covariance: Array, axes: Array | None, moments: bool) -> Update | None:
@@ -89,15 +88,17 @@ def update(prior: Prior, of: list[int], wanted: Array, covariance: Array, axes: 
         parts = read_prior(scaled(prior.spec, logs), prior.parts.hub).parts
         if axes is None:
             return np.log(parts.frequencies[[of[i] for i in pick]])
-        w, own, gained = seen_of(parts, axes)
-        at = [of[i] for i in pick]
-        return np.concatenate([np.log(w[at]), np.log(own[at]), [np.log(gained)]])[: len(known)]
+        return seen_of(parts, axes, [of[i] for i in pick])[: len(known)]
 
     def residual(logs: Array) -> Array:
-        return np.concatenate([np.linalg.solve(noise, model(logs) - target), logs / BELIEF * 1e-3])
+        return np.concatenate([np.linalg.solve(noise, model(logs) - target), 1e-3 * logs / BELIEF])
 
+    def rough(logs: Array) -> Array:
+        return np.concatenate([(model(logs) - target) / ROUGH, 1e-3 * logs / BELIEF])
+
+    near = least_squares(rough, np.zeros(len(names)), diff_step=1e-4, max_nfev=15)
     # the median rather than the mean of contradictory modes
-    found = least_squares(residual, np.zeros(len(names)), loss="soft_l1", diff_step=1e-4, x_scale=0.1, max_nfev=30)
+    found = least_squares(residual, near.x, loss="soft_l1", diff_step=1e-5, x_scale=1e-2, max_nfev=15)
     logs = np.asarray(found.x)
     left = np.asarray(residual(logs))[: len(known)]
     jacobian = np.array([(residual(logs + step) - residual(logs - step)) / 2e-3 for step in 1e-3 * np.eye(len(names))]).T[: len(known)]
