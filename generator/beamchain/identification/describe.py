@@ -23,6 +23,7 @@ USEFUL_DAMPING = 0.5
 SIGNIFICANT = 4.0  # standard deviations of a mode's moment below which it may be none
 TOLD = 0.5  # of the prior's width: what the log narrows less comes from the prior
 SURPRISE = 3.0  # widths of the prior
+TWO = 5.0  # half widths of a resonance, within which the next mode makes it doubtful
 CLOSE = 3.0  # half widths, of two resonances that the log may not tell apart
 MOTIONS = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 SPECTRUM = 2048  # samples of a stretch
@@ -30,7 +31,7 @@ SPECTRUM = 2048  # samples of a stretch
 
 def described(
     structure: Structure, found: Found, spread: Array, belief: Array, orders: Sequence[Order], pairs: Matched | None, prior: Prior | None,
-    aliased: Sequence[complex], white: Array, predicted: Array, warnings: list[str], data: Any, residuals: Sequence[Array], raw: Raw,
+    aliased: Sequence[complex], doubtful: Array, white: Array, predicted: Array, warnings: list[str], data: Any, residuals: Sequence[Array], raw: Raw,
     noise: Array, at: str,
 ) -> Identification:  # fmt: skip
     """The result of a search; arguments as `identify` has them."""
@@ -63,6 +64,11 @@ def described(
             determined[i] = False
         if pairs is not None and pairs.of[i] < 0:
             notes[i].append("the prior has no mode like it: participation in force is zero, not known")
+    for i, pole in enumerate(raw.poles[np.argsort(np.argsort(parts.frequencies))]):
+        near = np.abs(doubtful - abs(pole)) < TWO * max(-pole.real, 0.0)
+        if int(near.sum()) > 1:
+            notes[i].append("it may stand for two close modes")
+            determined[i] = False
     _close(parts, sd_w, notes, determined, warnings, float(np.nanmin(white)) if np.any(np.isfinite(white)) else 1.0)
     rows, sd_rows = _rows(structure, parts, sd_rows, pairs, prior, data.axes, said, notes)
     frequencies, names, matrix = _covariance(structure, found.theta, spread, parts, data.axes)
@@ -71,6 +77,11 @@ def described(
                        float(parts.damping[i] * sd_z[i]), sd_rows[i], determined[i], "; ".join(notes[i]))
         for i in range(n)
     ]  # fmt: skip
+    if np.isfinite(half):
+        said.append(
+            f"modes above half the sample rate ({half:.4g} rad/s): sampling would show one folded, as a mode below, which the log alone "
+            "cannot always tell."
+        )
     if pairs is not None and prior is not None:
         modes += _unseen(prior, pairs, parts, data, half, said, warnings)
     for i, mode in enumerate(modes[:n]):
@@ -93,7 +104,7 @@ def described(
     if isinstance(structure.body, Unknown):
         inertia = float(np.max(np.diag(parts.rigid)[3:]))
         length = 1.05 * max(default_length(parts.rigid), inertia / (structure.body.mass * structure.body.centre))
-    del raw, frequencies
+    del frequencies
     return Identification(
         tuple(modes), renamed, matrix, parts.rigid, tuple(orders), dict(zip(data.sensed, white.tolist(), strict=True)), tuple(warnings),
         tuple(said), updated, dict(zip(data.sensed, predicted.tolist(), strict=True)), dict(zip(data.sensed, noise.tolist(), strict=True)),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import orth
+from scipy.stats import chi2
 
 from beamchain.caution import Caution
 from beamchain.checks import number, one_of, whole_number
@@ -21,7 +22,7 @@ from beamchain.identification.prior import DAMPING, SMALL, Matched, Prior, match
 from beamchain.identification.response import Piece, Raw, Spectrum
 from beamchain.identification.result import Identification
 from beamchain.identification.sanity import check_rigid, check_swapped, folded
-from beamchain.identification.start import MOST_MODES, Order, Started, started
+from beamchain.identification.start import MOST_MODES, Started, frozen, started
 from beamchain.identification.structure import Body, Parts, Structure, Unknown, clamped, turning
 from beamchain.identification.tables import from_table
 from beamchain.ports.motions import Array
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from beamchain.engine.library import mujoco
 
 ITERATIONS = 60
+LIKELY = 1e-3  # probability of the gain of one mode more by noise alone, below which it is told
 NO_NOISE = 1e-22  # mean square of residuals, relative to the data, that is rounding
 LIGHT = 0.01  # of the hub's mass: most that is stated for an appendage of unknown mass
 SHARE = 0.05  # of the inertia that no mode holds, which that mass may take
@@ -225,6 +227,8 @@ class _Run:
         self.data, self.known, self.prior, self.wanted, self.at = data, known, prior, modes, at
         self.held, self.free_hub, self.offset = held, free_hub, offset
         self.warnings = list(data.warnings)
+        self.doubtful = np.zeros(0)
+        self.aliased = list[complex]()
         if offset:
             raise InputError("offset = True is not available for this log; align the columns before.")
 
@@ -234,6 +238,7 @@ class _Run:
         shown, hidden = self._parted()
         inertia = turning(Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), self._rigid(), self.known.mass)).inertia
         guess = data.outputs @ np.linalg.solve(inertia, data.inputs.T)
+        check_rigid(frozen(shown, guess, data.scale).rigid, data, self.known, self._rigid(), roughly=True)
         begun = started(shown, guess, data.scale, self.wanted)
         self._judge_start(begun)
         structure, theta, pairs = self._structure(begun)
@@ -273,17 +278,7 @@ class _Run:
 
     def _judge_start(self, begun: Started) -> None:
         data = self.data
-        check_rigid(
-            begun.raw,
-            data.torques,
-            data.sensed,
-            data.inputs,
-            data.outputs,
-            data.axes,
-            self.known,
-            self._rigid(),
-            begun.orders,
-        )
+        check_rigid(begun.raw.rigid, data, self.known, self._rigid())
         tried = [one for one in begun.orders if one.modes]
         if self.wanted is not None and begun.better > self.wanted:
             self.warnings.append(Caution("model-order", f"{self.wanted} modes were asked for, but the criterion is lower with {begun.better}; "
@@ -292,6 +287,14 @@ class _Run:
             self.warnings.append(
                 Caution("model-order", f"{self.wanted} modes were asked for, but the log supports {begun.better} only.")
             )
+        later = next((one for one in begun.orders if one.modes == begun.raw.poles.size + 1), None)
+        if later is not None and float(chi2.sf(later.gain, begun.each)) < LIKELY:
+            where = later.frequencies[np.argmax([np.min(np.abs(w - np.abs(begun.raw.poles)), initial=np.inf) / w for w in later.frequencies])]
+            self.warnings.append(
+                Caution("model-order", f"one mode more, near {where:.4g} rad/s on the free craft, would be significant, though the "
+                        f"criterion is lower with {begun.raw.poles.size}: it may be there, or a mode may stand for two.")
+            )  # fmt: skip
+            self.doubtful = later.frequencies
         if not begun.raw.poles.size:
             raise InputError(
                 "the log shows no flexible mode: with none the criterion is lowest"
@@ -420,7 +423,8 @@ class _Run:
         only_belief = derivatives(likelihood.belief, found.theta)
         return described(
             structure=structure, found=found, spread=spread, belief=only_belief.T @ only_belief, orders=begun.orders, pairs=pairs,
-            prior=self.prior, aliased=self.aliased, white=white, predicted=predicted, warnings=self.warnings, data=self.data,
+            prior=self.prior, aliased=self.aliased,
+            doubtful=self.doubtful, white=white, predicted=predicted, warnings=self.warnings, data=self.data,
             residuals=residuals, at=self.at, raw=raw, noise=1.0 / weights,
         )  # fmt: skip
 
@@ -454,5 +458,3 @@ def _live(parts: Parts, pairs: Matched, axes: Array) -> Any:
         out[i] = np.any(linked[own], axis=0) & there
     return out
 
-
-__all__ = ["Order", "identify"]

@@ -13,7 +13,7 @@ from beamchain.identification.structure import Parts, turning
 from beamchain.ports.motions import Array
 
 DEGREE = 180.0 / np.pi
-NEAR = 0.25  # relative, how near a ratio of inertias must be to a unit's for the unit to be named
+ROUGH = 0.5  # of the least inertia, before the modes are taken out
 LESS = 0.02  # of the hub's inertia, by which a log's total may be less before it is refused
 MOST = 300.0  # times the hub's inertia that an appendage is believed to have
 OFF_PRIOR = 3.0  # times, by which the total may differ from the prior's
@@ -62,52 +62,43 @@ def check_swapped(made: Cut) -> None:
             )
 
 
-def check_rigid(
-    raw: Raw, torques: Sequence[str], sensed: Sequence[str], inputs: Array, outputs: Array, axes: Array, known: Bare, rigid: Array,
-    orders: Any,
-) -> None:  # fmt: skip
+def check_rigid(gain: Array, data: Any, known: Bare, rigid: Array, *, roughly: bool = False) -> None:
     """Refuse a total inertia that contradicts the craft.
+
+    Args:
+        gain: `(p, m)` angular accelerations per torque of the frozen craft, as the log has them.
+        data: the channels: names, directions, driven axes.
+        known: the craft.
+        rigid: `(6, 6)` that the prior believes of the appendage; zero without one.
+        roughly: the modes are not taken out yet, so that only gross contradictions count.
 
     Raises:
         InputError: it is negative, less than the hub's alone, or far from what the prior says.
     """
-    del orders
     none = Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros((6, 6)), known.mass)
     bare = turning(none).inertia
     whole = turning(none._replace(rigid=rigid)).inertia
-    gain = np.linalg.pinv(outputs @ axes) @ raw.rigid @ np.linalg.pinv((inputs @ axes).T)
-    for i, axis in enumerate(axes.T):
-        value = float(gain[i, i])
+    inverse = np.linalg.pinv(data.outputs @ data.axes) @ gain @ np.linalg.pinv((data.inputs @ data.axes).T)
+    there = bool(np.any(rigid))
+    for i, axis in enumerate(data.axes.T):
+        value = float(inverse[i, i])
         own, believed = float(axis @ bare @ axis), float(axis @ whole @ axis)
         name = f"about {_words(axis)}"
-        columns = f"{', '.join(torques)} to {', '.join(sensed)}"
         if value <= 0.0:
             raise InputError(
-                f"the craft turns against its torque {name} ({columns}): a sign or a column is wrong; turn the sign of the torque, and see that "
-                "each column is what its name says."
+                f"the craft turns against its torque {name} ({', '.join(data.torques)} to {', '.join(data.sensed)}): a sign or a "
+                "column is wrong; turn the sign of the torque, and see that each column is what its name says."
             )
         total = 1.0 / value
-        if total < own * (1.0 - LESS):
+        low, high = (ROUGH * own, MOST * own) if roughly else ((1.0 - LESS) * own, MOST * own)
+        if there:
+            low, high = max(low, believed / OFF_PRIOR * (ROUGH if roughly else 1.0)), believed * OFF_PRIOR
+        if not low <= total <= high:
             raise InputError(
-                f"the log's total inertia {name} is {total:.4g} kg m^2, less than the bare craft's {own:.4g} alone: "
-                f"{_unit(own, believed, total)}check units (rad/s, N m) and the mass properties of the craft."
+                f"the log's total inertia {name} is {total:.4g} kg m^2, that of the bare craft{' with the prior' if there else ' alone'} is "
+                f"{believed:.4g}; with rates in degrees it would be {total * DEGREE:.4g}: check the units (rad/s, N m), the columns, the "
+                f"craft's mass properties{' and the prior' if there else ''}."
             )
-        if total > MOST * own or (np.any(rigid) and not 1.0 / OFF_PRIOR < total / believed < OFF_PRIOR):
-            raise InputError(
-                f"the log's total inertia {name} is {total:.4g} kg m^2, that of craft{' and prior' if np.any(rigid) else ''} is {believed:.4g}: "
-                f"{_unit(own, believed, total)}check units (rad/s, N m), the craft and the prior."
-            )
-
-
-def _unit(own: float, believed: float, total: float) -> str:
-    for factor, words in ((DEGREE, "the rates seem to be in degrees; "), (1.0 / DEGREE, "the rates seem to be divided by 57.3; "),
-                          (1000.0, "the rates or torques seem to be off by a factor of 1000; ")):  # fmt: skip
-        ratio = believed / total / factor
-        if 1.0 / (1.0 + NEAR) < ratio < (1.0 + NEAR) or (
-            believed == own and 1.0 < own / total * 3.0 / factor < 9.0 and 1.0 < 3.0 * ratio
-        ):
-            return words
-    return ""
 
 
 def _words(axis: Array) -> str:

@@ -39,13 +39,14 @@ class Order(NamedTuple):
 
 
 class Started(NamedTuple):
-    """The raw model with the number of modes asked for or supported, all orders tried, and the information in its parameters."""
+    """The raw model with the number of modes asked for or supported, all orders tried, the information in its parameters; numbers per mode."""
 
     raw: Raw
     orders: tuple[Order, ...]
     better: int
     form: "Form"
     matrix: Array
+    each: float
 
 
 class Form:
@@ -125,7 +126,14 @@ def started(
     form = Form(*rigid.shape, [max(float(np.max(np.abs(g))), 1e-300) for g in final.residues], size)
     likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
     weights = likelihood.weights(likelihood.squares(final))
-    return Started(final, tuple(search.orders), better, form, likelihood.normal(form.theta(final), weights)[1])
+    return Started(final, tuple(search.orders), better, form, likelihood.normal(form.theta(final), weights)[1], search.each)
+
+
+def frozen(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array) -> Raw:
+    """The model without modes that fits best, on a part of long logs."""
+    none = np.zeros((0, *rigid.shape), dtype=np.complex128)
+    raw = Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid)
+    return _refined(_fewer(pieces), raw, scale, float(np.max(np.abs(rigid))), ITERATIONS)[0]
 
 
 def _fewer(pieces: Sequence[Piece | Spectrum]) -> Sequence[Piece | Spectrum]:
