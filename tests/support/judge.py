@@ -1,0 +1,106 @@
+"""Whether an identification is right, silent about what it does not know, or wrong: a judge that knows the truth.
+
+right            every determined number of every determined mode is the truth within its interval, the interval is useful,
+                 and no mode that the log shows plainly is missing without a word
+undetermined     not right in that sense, but the record names what is not determined (a mode's `determined` is False, a
+                 sentence in `undetermined`, a warning), and every number it does call determined holds
+refused          an InputError; the caller knows whether that was to be expected
+wrong            anything else: a number outside its interval, a wide interval without a word, a missing mode, a mode that
+                 does not exist
+
+The interval is that of all determined numbers of a case together with 99.9 % (each is given its share).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from flight_log import Elastic, as_seen
+
+LEVEL = 1e-3  # probability that a case whose intervals are right has a number outside
+USEFUL = {"frequency": 0.02, "damping": 0.5, "participation": 0.25}  # largest relative standard deviation
+ROUNDING = 1e-7  # relative: what a deviation may be without any noise
+SEEN = 1e-9  # of the largest row: a mode with less does not turn the hub
+NEAR = 0.1  # of its frequency: a mode further from every true one does not exist
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The verdict and its reasons."""
+
+    verdict: str
+    reasons: tuple[str, ...] = ()
+
+
+def of_record(found):
+    """The identified modes as a structure of the truth's kind."""
+    modes = found.modes
+    return Elastic(
+        np.array([m.frequency for m in modes]), np.array([m.damping for m in modes]),
+        np.array([np.nan_to_num(m.participation) for m in modes]).reshape(len(modes), 6).T, np.asarray(found.rigid),
+    )  # fmt: skip
+
+
+def said(found):
+    """All that the record says in words."""
+    return [*map(str, found.warnings), *map(str, found.undetermined), *(m.remark for m in found.modes if m.remark)]
+
+
+def judge(found, elastic, axes, plain, hub=None):
+    """The verdict on an `Identification`.
+
+    `elastic` is the truth, `axes` the rotation rows that the log excites, and `plain` numbers, from 0, those of its modes
+    with such rows that the log shows plainly. With `hub`, modes are compared as that hub sees them: rotation held, translation free.
+    """
+    wrong, silent = [], []
+    true_w, true_z, true_l = elastic.frequency, elastic.damping, elastic.participation[3:]
+    record = of_record(found)
+    w, z, rows = record.frequency, record.damping, record.participation[3:]
+    if hub is not None and found.modes:
+        true_w, true_z, true_l = as_seen(hub, elastic)
+        w, z, rows = as_seen(hub, record)
+    axes = list(axes)
+    strength = np.abs(true_l[axes]).max(axis=0, initial=0.0)
+    visible = np.flatnonzero(strength > SEEN * strength.max(initial=0.0))
+    determined = [k for k, mode in enumerate(found.modes) if mode.determined]
+    reach = norm.isf(LEVEL / 2.0 / max(1, len(determined) * (2 + len(axes))))
+    taken = set()
+    for k in determined:
+        mode = found.modes[k]
+        free = [i for i in visible if i not in taken]
+        if not free:
+            wrong.append(f"a mode at {w[k]:.5g} rad/s too many")
+            continue
+        true = min(free, key=lambda i: abs(true_w[i] - w[k]))
+        if abs(true_w[true] - w[k]) > NEAR * w[k]:
+            wrong.append(f"a mode at {w[k]:.5g} rad/s that does not exist")
+            continue
+        taken.add(true)
+        sign = 1.0 if rows[axes, k] @ true_l[axes, true] >= 0.0 else -1.0
+        pairs = [
+            ("frequency", w[k], true_w[true], mode.frequency_std, w[k]),
+            ("damping", z[k], true_z[true], mode.damping_std, z[k]),
+        ]
+        size = np.linalg.norm(rows[axes, k])
+        if hub is None:
+            pairs += [
+                ("participation", rows[a, k], sign * true_l[a, true], mode.participation_std[3 + a], size) for a in axes
+            ]
+        for name, value, truth, std, scale in pairs:
+            if not np.isfinite(std):
+                silent.append(f"{name} of {w[k]:.5g} rad/s is not determined")
+                continue
+            if abs(value - truth) > reach * std + ROUNDING * scale:
+                wrong.append(
+                    f"{name} {value:.6g} is not {truth:.6g} at {w[k]:.5g} rad/s, {abs(value - truth) / max(std, 1e-300):.1f} std"
+                )
+            if std > USEFUL[name] * scale:
+                silent.append(f"{name} {value:.4g} at {w[k]:.5g} rad/s is known to {std:.2g} only")
+    missing = [visible[rank] for rank in plain if visible[rank] not in taken]
+    silent += [f"the mode at {true_w[i]:.5g} rad/s is missing" for i in missing]
+    if wrong:
+        return Judgement("wrong", tuple(wrong))
+    if not silent:
+        return Judgement("right")
+    return Judgement("undetermined" if said(found) else "wrong", tuple(silent))
