@@ -194,6 +194,17 @@ def turn(hub, elastic, time, torque, start=None):
     return states[:, half : half + 3], states[:, :3]
 
 
+def response(hub, elastic, omega):
+    """`(n, 3, 3)` rates per torque at the frequencies `omega` [rad/s]."""
+    inertia, turning, modal = seen(hub, elastic)
+    s = 1j * np.asarray(omega)[:, None, None]
+    spring = s**2 * modal + np.diag(elastic.frequency**2) + s * np.diag(2.0 * elastic.damping * elastic.frequency)
+    felt = inertia - s**2 * turning @ np.linalg.solve(
+        spring, np.broadcast_to(turning.T, (s.shape[0], *turning.T.shape))
+    )
+    return np.linalg.inv(felt) / s
+
+
 # -- torque and sensor -----------------------------------------------------------------------------------------------
 def steps_at(time, size=1.0, dwell=5.0, seed=0):
     """A sign drawn anew every `dwell` seconds."""

@@ -5,7 +5,21 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 from scipy.integrate import solve_ivp
 
-from flight_log import Gyro, Hub, as_seen, boom, cantilever, cramer_rao, motion, record, seen, steps_at, turn, wings
+from flight_log import (
+    Gyro,
+    Hub,
+    as_seen,
+    boom,
+    cantilever,
+    cramer_rao,
+    motion,
+    record,
+    response,
+    seen,
+    steps_at,
+    turn,
+    wings,
+)
 
 CLOSED = 1e-10  # closed forms against Gauss quadrature
 EXACT = 1e-11  # the same numbers by another order of rounding
@@ -65,6 +79,14 @@ def test_the_samples_are_those_of_an_integrator_also_at_unequal_steps():
         ).y[:, -1]
         assert np.abs(state[7:10] - rates[k + 1]).max() < INTEGRATED * np.abs(rates).max()
         assert np.abs(state[:3] - angles[k + 1]).max() < INTEGRATED * np.abs(angles).max()
+
+
+def test_the_response_is_that_of_the_equations_of_motion():
+    omega = np.array([0.3, 2.0, 15.0])
+    a, b = motion(HUB, BOOM)
+    half = a.shape[0] // 2
+    direct = [np.linalg.solve(1j * w * np.eye(2 * half) - a, b)[half : half + 3] for w in omega]
+    assert np.allclose(response(HUB, BOOM, omega), direct, rtol=1e-7, atol=1e-12)
 
 
 def test_seen_from_a_hub_that_cannot_be_pushed_the_modes_are_the_clamped_ones():
