@@ -2,8 +2,9 @@
 
 right            every determined number of every determined mode is the truth within its interval, the interval is useful,
                  and no mode that the log shows plainly is missing without a word
-undetermined     not right in that sense, but the record names what is not determined (a mode's `determined` is False, a
-                 sentence in `undetermined`, a warning), and every number it does call determined holds
+undetermined     not right in that sense, but every number that is called determined holds, and the record names each thing
+                 that is not: a mode's `determined` is False or its remark names the quantity; for a missing mode a warning
+                 of the order or of the residuals, or an undetermined mode near it. Sentences about anything else do not count
 refused          an InputError; the caller knows whether that was to be expected
 wrong            anything else: a number outside its interval, a wide interval without a word, a missing mode, a mode that
                  does not exist
@@ -22,6 +23,7 @@ LEVEL = 1e-3  # probability that a case whose intervals are right has a number o
 USEFUL = {"frequency": 0.02, "damping": 0.5, "participation": 0.25}  # largest relative standard deviation
 ROUNDING = 1e-7  # relative: what a deviation may be without any noise
 SEEN = 1e-9  # of the largest row: a mode with less does not turn the hub
+OF_MISSING = {"model-order", "coloured-residuals"}  # codes of warnings that admit a missing mode
 NEAR = 0.1  # of its frequency: a mode further from every true one does not exist
 
 
@@ -47,13 +49,20 @@ def said(found):
     return [*map(str, found.warnings), *map(str, found.undetermined), *(m.remark for m in found.modes if m.remark)]
 
 
+def admits_more(found, frequency):
+    """Whether the record says that a mode near this frequency may be there."""
+    codes = {getattr(one, "code", "") for one in found.warnings}
+    near = [m for m in found.modes if not m.determined and abs(m.frequency - frequency) < NEAR * frequency]
+    return bool(near) or bool(codes & OF_MISSING)
+
+
 def judge(found, elastic, axes, plain, hub=None):
     """The verdict on an `Identification`.
 
     `elastic` is the truth, `axes` the rotation rows that the log excites, and `plain` numbers, from 0, those of its modes
     with such rows that the log shows plainly. With `hub`, modes are compared as that hub sees them: rotation held, translation free.
     """
-    wrong, silent = [], []
+    wrong, told = [], []
     true_w, true_z, true_l = elastic.frequency, elastic.damping, elastic.participation[3:]
     record = of_record(found)
     w, z, rows = record.frequency, record.damping, record.participation[3:]
@@ -89,18 +98,24 @@ def judge(found, elastic, axes, plain, hub=None):
             ]
         for name, value, truth, std, scale in pairs:
             if not np.isfinite(std):
-                silent.append(f"{name} of {w[k]:.5g} rad/s is not determined")
+                told.append(f"{name} of {w[k]:.5g} rad/s is not determined")
                 continue
             if abs(value - truth) > reach * std + ROUNDING * scale:
                 wrong.append(
                     f"{name} {value:.6g} is not {truth:.6g} at {w[k]:.5g} rad/s, {abs(value - truth) / max(std, 1e-300):.1f} std"
                 )
             if std > USEFUL[name] * scale:
-                silent.append(f"{name} {value:.4g} at {w[k]:.5g} rad/s is known to {std:.2g} only")
+                (told if name in mode.remark else wrong).append(
+                    f"{name} {value:.4g} at {w[k]:.5g} rad/s is known to {std:.2g} only"
+                )
     missing = [visible[rank] for rank in plain if visible[rank] not in taken]
-    silent += [f"the mode at {true_w[i]:.5g} rad/s is missing" for i in missing]
+    for i in missing:
+        (told if admits_more(found, true_w[i]) else wrong).append(f"the mode at {true_w[i]:.5g} rad/s is missing")
     if wrong:
         return Judgement("wrong", tuple(wrong))
-    if not silent:
-        return Judgement("right")
-    return Judgement("undetermined" if said(found) else "wrong", tuple(silent))
+    told += [
+        f"{m.frequency:.5g} rad/s: {m.remark}"
+        for m in found.modes
+        if not m.determined and not m.remark.endswith("prior")
+    ]
+    return Judgement("undetermined" if told else "right", tuple(told))
