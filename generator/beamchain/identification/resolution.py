@@ -1,0 +1,50 @@
+"""How far apart two modes would have to be for the log to show two: closer ones are found as one."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from beamchain.identification.covariance import inverse
+from beamchain.identification.likelihood import Found, Likelihood, derivatives
+from beamchain.identification.structure import Parts, Structure
+from beamchain.ports.motions import Array
+
+SPLIT = 1.0  # trial separation in half widths of the mode
+SURE = 4.0  # standard deviations of a separation that is told from none: what the criterion asks of six numbers more
+
+
+def resolution(structure: Structure, found: Found, likelihood: Likelihood, mode: int) -> float:
+    """Separation [rad/s] from which two modes of equal participation in place of `mode` would be told apart; inf if never.
+
+    The mode is split in two; the information on their separation grows with its square, so that one trial tells.
+
+    Args:
+        structure: of the identified model, at `found`.
+        found: the estimate.
+        likelihood: of the data.
+        mode: which, from 0.
+    """
+    parts = structure.parts(found.theta)
+    w, half = parts.frequencies[mode], parts.damping[mode] * parts.frequencies[mode] * SPLIT / 2.0
+    order = [*range(structure.modes), mode]
+    frequencies = parts.frequencies[order]
+    frequencies[[mode, -1]] = w - half, w + half
+    rows = parts.participation[order]
+    rows[[mode, -1]] /= np.sqrt(2.0)
+    two = replace(structure, live=structure.live[order])
+    *_, rigid, hub = structure.places
+    theta = two.theta(Parts(frequencies, parts.damping[order], rows, parts.rigid, parts.hub), found.theta[rigid])
+    theta[two.places[4]] = found.theta[hub]
+    split = Likelihood(likelihood.pieces, two.raw, lambda _: np.zeros(0), likelihood.scale)
+    try:
+        matrix = split.normal(theta, found.squares)[0]
+    except (np.linalg.LinAlgError, ValueError):
+        return float("inf")
+
+    def apart(x: Array) -> Array:
+        now = two.parts(x).frequencies
+        return now[-1:] - now[mode : mode + 1]
+
+    slope = derivatives(apart, theta)[0]
+    deviation = float(np.sqrt(max(slope @ inverse(matrix) @ slope, 0.0)))
+    return float(np.sqrt(SURE * deviation * 2.0 * half))
