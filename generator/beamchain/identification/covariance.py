@@ -37,7 +37,9 @@ def covariance(likelihood: Likelihood, theta: Array, squares: Array, *, coloured
     longest = max((piece.time.size for piece in likelihood.pieces if isinstance(piece, Piece)), default=0)
     lags = int(min(longest // 10, 4.0 * longest ** (1.0 / 3.0))) if coloured else 0
     taken = theta.size + sum(
-        2 * likelihood.model(theta).poles.size + piece.outputs.shape[1] for piece in likelihood.pieces if isinstance(piece, Piece)
+        2 * likelihood.model(theta).poles.size + piece.outputs.shape[1]
+        for piece in likelihood.pieces
+        if isinstance(piece, Piece)
     )
     total = float(likelihood.counts.sum())
     squares = squares * total / max(total - taken, 1.0)

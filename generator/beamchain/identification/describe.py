@@ -48,14 +48,18 @@ def described(
         if moments[i] < SIGNIFICANT * sd_moments[i]:
             notes[i].append("its moment does not differ significantly from zero")
             determined[i] = False
-        told = sd_w[i] < USEFUL_FREQUENCY and (pairs is None or pairs.of[i] < 0 or sd_w[i] < TOLD * prior_width(prior, 0))
+        told = sd_w[i] < USEFUL_FREQUENCY and (
+            pairs is None or pairs.of[i] < 0 or sd_w[i] < TOLD * prior_width(prior, 0)
+        )
         if not told:
             notes[i].append("its frequency is not determined")
         if sd_z[i] > USEFUL_DAMPING:
             notes[i].append("its damping is not determined")
         determined[i] &= told and sd_z[i] <= USEFUL_DAMPING
         if parts.frequencies[i] > half and aliased:
-            notes[i].append(f"it lies above half the sample rate ({half:.4g} rad/s): its frequency may be folded differently")
+            notes[i].append(
+                f"it lies above half the sample rate ({half:.4g} rad/s): its frequency may be folded differently"
+            )
             determined[i] = False
         if pairs is not None and pairs.of[i] < 0:
             notes[i].append("the prior has no mode like it: participation in force is zero, not known")
@@ -82,7 +86,9 @@ def described(
     if updated is not None:
         said += updated.undetermined
     if said:
-        warnings.append(Caution("undetermined", f"the log leaves {len(said)} thing(s) undetermined; see `undetermined`."))
+        warnings.append(
+            Caution("undetermined", f"the log leaves {len(said)} thing(s) undetermined; see `undetermined`.")
+        )
     length = None
     if isinstance(structure.body, Unknown):
         inertia = float(np.max(np.diag(parts.rigid)[3:]))
@@ -118,7 +124,9 @@ def _moments(structure: Structure, theta: Array, spread: Array, axes: Array) -> 
     return length, np.sqrt(np.maximum(np.einsum("ip,pq,iq->i", along, spread, along), 0.0))
 
 
-def _close(parts: Parts, sd: Array, notes: list[list[str]], determined: list[bool], warnings: list[str], white: float) -> None:
+def _close(
+    parts: Parts, sd: Array, notes: list[list[str]], determined: list[bool], warnings: list[str], white: float
+) -> None:
     order = np.argsort(parts.frequencies)
     for a, b in zip(order, order[1:], strict=False):
         apart = float(parts.frequencies[b] - parts.frequencies[a])
@@ -151,7 +159,9 @@ def _rows(
             "of the mount and there is no prior; it is set to zero. Moments are those about the mass centre of the craft, frequencies those "
             "with the hub's rotation held and its translation free: both hold on this craft."
         )
-        said.append("mass and mass centre of the appendage: stated as little as they can be; only its inertia about the driven axes is determined.")
+        said.append(
+            "mass and mass centre of the appendage: stated as little as they can be; only its inertia about the driven axes is determined."
+        )
         return rows, out
     own = prior.widths[2]
     for i, j in enumerate(pairs.of):
@@ -202,30 +212,56 @@ def _unseen(
         out.append(IdentifiedMode(0, w, z, row, w * prior.widths[0], z * prior.widths[1], np.abs(row) * prior.widths[2], False,
                                   "the log does not excite it: all of it comes from the prior"))  # fmt: skip
     if kept:
-        said.append(f"{len(kept)} mode(s) of the prior do not turn the craft about a driven axis and stay as the prior has them.")
+        said.append(
+            f"{len(kept)} mode(s) of the prior do not turn the craft about a driven axis and stay as the prior has them."
+        )
     for j in pairs.missed:
         w = float(pairs.frequencies[j])
         if w > half:
-            said.append(f"the prior's mode at {w:.4g} rad/s lies above half the sample rate ({half:.4g} rad/s): this log cannot determine it.")
+            said.append(
+                f"the prior's mode at {w:.4g} rad/s lies above half the sample rate ({half:.4g} rad/s): this log cannot determine it."
+            )
         elif w <= 1.2 * top:
-            warnings.append(Caution("prior-contradicted", f"the prior's mode at {w:.4g} rad/s was not found in the log and is left out."))
+            warnings.append(
+                Caution(
+                    "prior-contradicted", f"the prior's mode at {w:.4g} rad/s was not found in the log and is left out."
+                )
+            )
     return out
 
 
-def _surprises(prior: Prior, pairs: Matched, parts: Parts, structure: Structure, found: Found, warnings: list[str]) -> None:
+def _surprises(
+    prior: Prior, pairs: Matched, parts: Parts, structure: Structure, found: Found, warnings: list[str]
+) -> None:
     off = found.theta[structure.places[3]] / prior.widths[3]
     if isinstance(structure.body, Body) and np.max(np.abs(off)) > SURPRISE:
         what = ("mass", "mass centre", "inertia", "inertia", "inertia")[int(np.argmax(np.abs(off)))]
-        warnings.append(Caution("prior-contradicted", f"the appendage's {what} found is {np.max(np.abs(off)):.2g} widths of the prior off it."))
+        warnings.append(
+            Caution(
+                "prior-contradicted",
+                f"the appendage's {what} found is {np.max(np.abs(off)):.2g} widths of the prior off it.",
+            )
+        )
     for i, j in enumerate(pairs.of):
         if j >= 0:
             far = abs(np.log(parts.frequencies[i] / prior.parts.frequencies[j])) / prior.widths[0]
             if far > SURPRISE:
-                warnings.append(Caution("prior-contradicted", f"the mode at {parts.frequencies[i]:.5g} rad/s lies {far:.2g} widths off the prior's."))
+                warnings.append(
+                    Caution(
+                        "prior-contradicted",
+                        f"the mode at {parts.frequencies[i]:.5g} rad/s lies {far:.2g} widths off the prior's.",
+                    )
+                )
 
 
 def _update(
-    structure: Structure, found: Found, spread: Array, belief: Array, pairs: Matched | None, prior: Prior | None, axes: Array
+    structure: Structure,
+    found: Found,
+    spread: Array,
+    belief: Array,
+    pairs: Matched | None,
+    prior: Prior | None,
+    axes: Array,
 ) -> Update | None:
     """The beam's factors from what the log alone says of frequencies with free translation, moments and inertia."""
     if prior is None or pairs is None or prior.spec.imported is not None:
@@ -238,7 +274,9 @@ def _update(
 
     slopes = derivatives(values, found.theta)
     alone = inverse(inverse(spread) - (1.0 - 1e-6) * belief)
-    return update(prior, pairs.of, values(found.theta), slopes @ alone @ slopes.T, axes, moments=structure.scaled.shape[1] == 0)
+    return update(
+        prior, pairs.of, values(found.theta), slopes @ alone @ slopes.T, axes, moments=structure.scaled.shape[1] == 0
+    )
 
 
 def _spectra(data: Any, residuals: Sequence[Array]) -> dict[str, tuple[Array, Array, Array, Array]]:
@@ -252,6 +290,8 @@ def _spectra(data: Any, residuals: Sequence[Array]) -> dict[str, tuple[Array, Ar
     for i, name in enumerate(data.sensed):
         use = piece.use[:, i]
         measured = np.where(use, piece.outputs[:, i], piece.outputs[use, i].mean())
-        (f, a), (_, b), (_, c) = (welch(v, rate, nperseg=n, detrend="linear") for v in (measured, measured - left[:, i], left[:, i]))
+        (f, a), (_, b), (_, c) = (
+            welch(v, rate, nperseg=n, detrend="linear") for v in (measured, measured - left[:, i], left[:, i])
+        )
         out[name] = (2.0 * np.pi * f[1:], a[1:], b[1:], c[1:])
     return out

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 
-PAIR = re.compile(r"(acceleration|rate|attitude)_([xyz])\s*/\s*(\w+)\s+(re|im|magnitude|phase|phase_deg|coherence)", re.IGNORECASE)
+PAIR = re.compile(
+    r"(acceleration|rate|attitude)_([xyz])\s*/\s*(\w+)\s+(re|im|magnitude|phase|phase_deg|coherence)", re.IGNORECASE
+)
 ORDERS = {"acceleration": 1, "rate": 0, "attitude": -1}
 FEWEST = 8
 BY_TYPE = {8: "attitude", 11: "rate", 12: "acceleration"}
@@ -63,7 +65,9 @@ def responses(table: Mapping[str, Array], source: str) -> list[Response]:
             angle = parts["phase"] if "phase" in parts else np.radians(parts["phase_deg"])
             value = parts["magnitude"] * np.exp(1j * angle)
         else:
-            raise InputError(f"{source}: {label} needs the columns `{label} re` and `{label} im`, or magnitude and phase [rad] (phase_deg).")
+            raise InputError(
+                f"{source}: {label} needs the columns `{label} re` and `{label} im`, or magnitude and phase [rad] (phase_deg)."
+            )
         out.append(_checked(omega, value, kind, axis, torque, parts.get("coherence"), source))
     return out
 
@@ -73,7 +77,9 @@ def _checked(
 ) -> Response:
     label = f"{kind}_{axis}/{torque}"
     if value.size != omega.size or omega.size < FEWEST:
-        raise InputError(f"{source}: {label} has {value.size} lines and {omega.size} frequencies; at least {FEWEST} of each are needed.")
+        raise InputError(
+            f"{source}: {label} has {value.size} lines and {omega.size} frequencies; at least {FEWEST} of each are needed."
+        )
     keep = omega > 0.0
     if not np.all(np.isfinite(omega)) or not np.all(np.isfinite(value[keep])):
         raise InputError(f"{source}: {label} holds a value that is not a finite number; leave those lines out.")
@@ -97,7 +103,9 @@ def read_uff(path: Path, source: str) -> list[Response]:
     try:
         import pyuff  # pyright: ignore[reportMissingImports]
     except ImportError:
-        raise InputError(f"{source}: universal files need pyuff; pip install 'beamchain[identification]', or give CSV.") from None
+        raise InputError(
+            f"{source}: universal files need pyuff; pip install 'beamchain[identification]', or give CSV."
+        ) from None
     try:
         file: Any = pyuff.UFF(str(path))
         sets: list[Any] = [file.read_sets(i) for i, kind in enumerate(file.get_set_types()) if int(kind) == 58]
@@ -113,5 +121,7 @@ def read_uff(path: Path, source: str) -> list[Response]:
         omega = 2.0 * np.pi * np.asarray(one["x"], dtype=np.float64)
         out.append(_checked(omega, value, kind, "xyz"[abs(at) - 4], f"torque_{'xyz'[abs(by) - 4]}", None, source))
     if not out:
-        raise InputError(f"{source} holds no frequency response (type 58, function 4) between rotations (directions 4, 5, 6) of the hub.")
+        raise InputError(
+            f"{source} holds no frequency response (type 58, function 4) between rotations (directions 4, 5, 6) of the hub."
+        )
     return out

@@ -46,8 +46,14 @@ def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", at: str) -> Bare:
     kinds, name = split(at)
     place = next((k for k in kinds if name in _names(model, k)), None)
     if place is None:
-        raise unknown("at", at, [n for kind in kinds for n in _names(model, kind)], "It is the appendage's place on the craft.")
-    point, axes = (data.site(name).xpos, data.site(name).xmat) if place == "site" else (data.body(name).xpos, data.body(name).xmat)
+        raise unknown(
+            "at", at, [n for kind in kinds for n in _names(model, kind)], "It is the appendage's place on the craft."
+        )
+    point, axes = (
+        (data.site(name).xpos, data.site(name).xmat)
+        if place == "site"
+        else (data.body(name).xpos, data.body(name).xmat)
+    )
     own = int(model.site(name).bodyid[0]) if place == "site" else int(model.body(name).id)
     while own not in (0, hub):
         own = int(model.body_parentid[own])

@@ -106,13 +106,17 @@ def identify(
     known = bare(craft, at)
     held = number("held_out", held_out, "", cure="Give the part of the log that is predicted, 0 to 0.5.")
     if not 0.0 <= held <= 0.5:
-        raise InputError(f"held_out = {held_out!r} must lie between 0 and 0.5; 0.2 predicts the last fifth of each log.")
+        raise InputError(
+            f"held_out = {held_out!r} must lie between 0 and 0.5; 0.2 predicts the last fifth of each log."
+        )
     if modes is not None:
         whole_number("modes", modes, 1, MOST_MODES - 1)
     if hub is not None:
         one_of("hub", hub, ("estimate",))
         if prior is None:
-            raise InputError('hub = "estimate" needs a prior: a log determines only the sum of the hub\'s inertia and the appendage\'s.')
+            raise InputError(
+                "hub = \"estimate\" needs a prior: a log determines only the sum of the hub's inertia and the appendage's."
+            )
     times, spectra, tables = read_logs(logs, map, list(known.actuators))
     before = None if prior is None else read_prior(prior, known.mass)
     if tables:
@@ -158,7 +162,9 @@ def _of_time(logs: Any, known: Bare, wanted: Sequence[str], prior: Prior | None)
     torques = [n for n in dict.fromkeys(n for log in logs for n in log.torques) if n not in TORQUES or n[-1] in wanted]
     sensed = [n for n in SENSED if n[-1] in wanted and any(n in log.sensed for log in logs)]
     if not torques or not sensed:
-        raise InputError(f"axes = {''.join(wanted)!r} leaves no torque or no sensor of the log; it has {', '.join([*logs[0].torques, *logs[0].sensed])}.")
+        raise InputError(
+            f"axes = {''.join(wanted)!r} leaves no torque or no sensor of the log; it has {', '.join([*logs[0].torques, *logs[0].sensed])}."
+        )
     torques = active(logs, torques)
     axes, sensed = _driven(known, torques, sensed, prior)
     made: Cut = cut(logs, torques, sensed)
@@ -166,30 +172,55 @@ def _of_time(logs: Any, known: Bare, wanted: Sequence[str], prior: Prior | None)
                     / np.mean([p.time.size for p in made.pieces]))  # fmt: skip
     for name, size in zip(sensed, scale, strict=True):
         if not size > 0.0:
-            raise InputError(f"{name} is constant throughout the log; the sensor shows no motion: check the column and its unit (rad/s).")
+            raise InputError(
+                f"{name} is constant throughout the log; the sensor shows no motion: check the column and its unit (rad/s)."
+            )
     check_swapped(made)
     return Channels([*made.pieces], tuple(torques), tuple(sensed), directions(known, made.torques), directions(known, made.sensed),
                     axes, scale, made.warnings)  # fmt: skip
 
 
 def _of_spectra(spectra: Any, known: Bare, wanted: Sequence[str], prior: Prior | None) -> Channels:
-    own = [r for r in spectra if r.sensed[-1] in wanted and (r.torque in known.actuators or r.torque in TORQUES and r.torque[-1] in wanted)]
+    own = [
+        r
+        for r in spectra
+        if r.sensed[-1] in wanted and (r.torque in known.actuators or r.torque in TORQUES and r.torque[-1] in wanted)
+    ]
     if not own:
-        raise InputError("no frequency response of the log is from a torque (torque_x|y|z or an actuator of the craft) about the wanted axes.")
+        raise InputError(
+            "no frequency response of the log is from a torque (torque_x|y|z or an actuator of the craft) about the wanted axes."
+        )
     torques = tuple(dict.fromkeys(r.torque for r in own))
     axes, kept = _driven(known, torques, [f"rate_{a}" for a in dict.fromkeys(r.sensed[-1] for r in own)], prior)
     pieces: list[Piece | Spectrum] = [
         Spectrum(r.omega, r.value, kept.index(f"rate_{r.sensed[-1]}"), torques.index(r.torque), r.order, r.accuracy)
         for r in own if f"rate_{r.sensed[-1]}" in kept
     ]  # fmt: skip
-    return Channels(pieces, torques, tuple(kept), directions(known, torques), directions(known, tuple(kept)), axes, np.ones(len(kept)), [])
+    return Channels(
+        pieces,
+        torques,
+        tuple(kept),
+        directions(known, torques),
+        directions(known, tuple(kept)),
+        axes,
+        np.ones(len(kept)),
+        [],
+    )
 
 
 class _Run:
     """One identification, step by step."""
 
     def __init__(
-        self, data: Channels, known: Bare, prior: Prior | None, modes: int | None, held: float, free_hub: bool, offset: bool, at: str
+        self,
+        data: Channels,
+        known: Bare,
+        prior: Prior | None,
+        modes: int | None,
+        held: float,
+        free_hub: bool,
+        offset: bool,
+        at: str,
     ) -> None:
         self.data, self.known, self.prior, self.wanted, self.at = data, known, prior, modes, at
         self.held, self.free_hub, self.offset = held, free_hub, offset
@@ -209,7 +240,9 @@ class _Run:
         likelihood = self._likelihood(structure, theta, pairs, shown)
         if not self.aliased:
             wanted = begun.form.theta(begun.raw)
-            near = compressed(lambda x: begun.form.theta(structure.raw(x)), wanted, begun.matrix, likelihood.belief, theta)
+            near = compressed(
+                lambda x: begun.form.theta(structure.raw(x)), wanted, begun.matrix, likelihood.belief, theta
+            )
             theta = min((theta, near), key=lambda x: likelihood.cost(likelihood.squares(structure.raw(x)), x))
         first = likelihood.best(theta, ITERATIONS)
         predicted = self._predicted(structure.raw(first.theta), hidden) if hidden else np.full(len(data.sensed), np.nan)
@@ -239,13 +272,25 @@ class _Run:
 
     def _judge_start(self, begun: Started) -> None:
         data = self.data
-        check_rigid(begun.raw, data.torques, data.sensed, data.inputs, data.outputs, data.axes, self.known, self._rigid(), begun.orders)
+        check_rigid(
+            begun.raw,
+            data.torques,
+            data.sensed,
+            data.inputs,
+            data.outputs,
+            data.axes,
+            self.known,
+            self._rigid(),
+            begun.orders,
+        )
         tried = [one for one in begun.orders if one.modes]
         if self.wanted is not None and begun.better > self.wanted:
             self.warnings.append(Caution("model-order", f"{self.wanted} modes were asked for, but the criterion is lower with {begun.better}; "
                                          "what is left out falsifies the others."))  # fmt: skip
         if self.wanted is not None and len(begun.orders) and begun.better < self.wanted:
-            self.warnings.append(Caution("model-order", f"{self.wanted} modes were asked for, but the log supports {begun.better} only."))
+            self.warnings.append(
+                Caution("model-order", f"{self.wanted} modes were asked for, but the log supports {begun.better} only.")
+            )
         if not begun.raw.poles.size:
             raise InputError(
                 "the log shows no flexible mode: with none the criterion is lowest"
@@ -271,7 +316,9 @@ class _Run:
             rows = np.hstack([np.zeros((w.size, 3)), moments @ data.axes.T])
             for _ in range(2):  # the stated mass and the hub's offset take a little of the inertia
                 own = body.theta(rest)
-                now = turning(Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), body.matrix(moments, own), known.mass)).inertia
+                now = turning(
+                    Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), body.matrix(moments, own), known.mass)
+                ).inertia
                 rest = body.rest(own) + total - data.axes.T @ now @ data.axes
             return structure, structure.theta(Parts(w, z, rows, np.zeros((6, 6)), known.mass), body.theta(rest)), None
         rigid = np.zeros(Body.count)
@@ -291,10 +338,14 @@ class _Run:
             first[i] = prior.parts.participation[j] * float(moments[i] @ own) / float(own @ own)
             frequencies[i] = w[i] * prior.parts.frequencies[j] / pairs.frequencies[j]
         live = _live(prior.parts, pairs, data.axes)
-        structure = Structure(known.mass, data.inputs, data.outputs, live, prior.body, data.axes if self.free_hub else none)
+        structure = Structure(
+            known.mass, data.inputs, data.outputs, live, prior.body, data.axes if self.free_hub else none
+        )
         return structure, structure.theta(Parts(frequencies, z, first, matrix, known.mass), rigid), pairs
 
-    def _likelihood(self, structure: Structure, theta: Array, pairs: Matched | None, pieces: Sequence[Piece | Spectrum]) -> Likelihood:
+    def _likelihood(
+        self, structure: Structure, theta: Array, pairs: Matched | None, pieces: Sequence[Piece | Spectrum]
+    ) -> Likelihood:
         if self.prior is None or pairs is None:
             return Likelihood(pieces, structure.raw, lambda _: np.zeros(0), self.data.scale)
         prior, widths = self.prior, self.prior.widths
@@ -342,7 +393,13 @@ class _Run:
         return np.sqrt(left / np.maximum(size, 1e-300))
 
     def _described(
-        self, structure: Structure, likelihood: Likelihood, found: Found, begun: Started, pairs: Matched | None, predicted: Array
+        self,
+        structure: Structure,
+        likelihood: Likelihood,
+        found: Found,
+        begun: Started,
+        pairs: Matched | None,
+        predicted: Array,
     ) -> Identification:
         raw = structure.raw(found.theta)
         weights = likelihood.weights(found.squares)
@@ -386,7 +443,11 @@ def _live(parts: Parts, pairs: Matched, axes: Array) -> Any:
         linked = linked.astype(int) @ linked.astype(int) > 0
     out = np.zeros((len(pairs.of), 6), dtype=np.bool_)
     for i, j in enumerate(pairs.of):
-        own = np.abs(shares[j]) > 1e-6 if j >= 0 else np.concatenate([np.zeros(3), np.any(np.abs(axes) > 1e-6, axis=1)]) > 0
+        own = (
+            np.abs(shares[j]) > 1e-6
+            if j >= 0
+            else np.concatenate([np.zeros(3), np.any(np.abs(axes) > 1e-6, axis=1)]) > 0
+        )
         out[i] = np.any(linked[own], axis=0) & there
     return out
 

@@ -161,6 +161,8 @@ def compressed(
     for part in TEMPERED:
         largest = float(np.max(root)) * part
         if largest > 1e-6:
-            found = least_squares(residual, theta, args=(part,), x_scale="jac", method="trf", max_nfev=40, xtol=1e-12, ftol=1e-10)
+            found = least_squares(
+                residual, theta, args=(part,), x_scale="jac", method="trf", max_nfev=40, xtol=1e-12, ftol=1e-10
+            )
             theta = np.asarray(found.x)
     return theta

@@ -125,7 +125,9 @@ def _columns(path: Path, source: str) -> Mapping[str, Any]:
         try:
             from pyarrow import parquet
         except ImportError:
-            raise InputError(f"{source}: Parquet needs pyarrow; pip install 'beamchain[identification]', or give CSV.") from None
+            raise InputError(
+                f"{source}: Parquet needs pyarrow; pip install 'beamchain[identification]', or give CSV."
+            ) from None
         table = parquet.read_table(path)
         return {name: table.column(name).to_numpy() for name in table.column_names}
     except InputError:
@@ -141,7 +143,9 @@ def _csv(path: Path, source: str) -> dict[str, Array]:
         names = [name.strip().strip('"') for name in head.split(mark)]
         body = stream.read()
     if not any(any(c.isalpha() for c in name) and name.lower() not in ("nan", "inf") for name in names):
-        raise InputError(f"{source} has no line of column names; let its first line be for example time,torque_z,rate_z.")
+        raise InputError(
+            f"{source} has no line of column names; let its first line be for example time,torque_z,rate_z."
+        )
     if mark == ";" and b"," in body[:2000]:
         body = body.replace(b",", b".")
     try:

@@ -41,7 +41,9 @@ def cut(logs: Sequence[TimeLog], torques: Sequence[str], sensed: Sequence[str]) 
     for number, log in enumerate(logs):
         for name in (*torques, *sensed):
             if name not in log.torques and name not in log.sensed:
-                raise InputError(f"{log.source} has no column {name!r}, which another log has; give all logs the same columns.")
+                raise InputError(
+                    f"{log.source} has no column {name!r}, which another log has; give all logs the same columns."
+                )
         u = np.column_stack([log.torques[n] for n in torques])
         y = np.column_stack([log.sensed[n] for n in sensed])
         use = np.ones(y.shape, dtype=np.bool_)
@@ -71,7 +73,12 @@ def cut(logs: Sequence[TimeLog], torques: Sequence[str], sensed: Sequence[str]) 
             angles = tuple(name.startswith("attitude") for name in sensed)
             out.append(Piece(log.time[a:b], u[a:b], y[a:b], use[a:b], angles, even(log.time[a:b]), number))
         if short:
-            said.append(Caution("log-gaps", f"{log.source}: {short} samples stand in pieces of fewer than {FEWEST} and are left out."))
+            said.append(
+                Caution(
+                    "log-gaps",
+                    f"{log.source}: {short} samples stand in pieces of fewer than {FEWEST} and are left out.",
+                )
+            )
     if not out:
         raise InputError(f"the logs have no piece of {FEWEST} samples without a gap; check the column time (seconds).")
     return Cut(out, tuple(torques), tuple(sensed), said)

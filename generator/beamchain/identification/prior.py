@@ -77,7 +77,9 @@ def read_prior(prior: Any, hub: Array, folder: Path | None = None) -> Prior:
         rows += list(model.participation @ PORT_MOTION[port].T)
         ports += [port] * model.modes
     if not w:
-        raise InputError(f"prior {spec.name!r} has no elastic mode; give it the stiffness of a bending plane or torsion.")
+        raise InputError(
+            f"prior {spec.name!r} has no elastic mode; give it the stiffness of a bending plane or torsion."
+        )
     order = np.argsort(w, kind="stable")
     parts = Parts(np.array(w)[order], np.array(z)[order], np.array(rows)[order], spec.beam.rigid_mass(), hub)
     return Prior(parts, _widths(spec), spec, tuple(ports[i] for i in order), None)
@@ -144,7 +146,9 @@ def matched(prior: Prior, frequencies: Array, moments: Array, axes: Array, rigid
     for i, one in enumerate(frequencies):
         for c, j in enumerate(visible):
             alike = float(moments[i] @ np.linalg.solve(inertia, own[j])) / max(found[i] * share[j], 1e-300)
-            cost[i, c] = (np.log(one / w[j]) / WIDTH) ** 2 + (np.log(found[i] / share[j]) / 1.0) ** 2 + 8.0 * (1.0 - abs(alike))
+            cost[i, c] = (
+                (np.log(one / w[j]) / WIDTH) ** 2 + (np.log(found[i] / share[j]) / 1.0) ** 2 + 8.0 * (1.0 - abs(alike))
+            )
     of = [-1] * frequencies.size
     for i, c in zip(*linear_sum_assignment(cost), strict=True):
         if abs(np.log(frequencies[i] / w[visible[c]])) < FAR:

@@ -168,12 +168,16 @@ class Piece:
             basis[:, at : at + own[i].shape[1]] = own[i]
             bases.append(basis)
         used = [np.flatnonzero(self.use[:, i]) if not self.use[:, i].all() else slice(None) for i in range(p)]
-        normal = sum((weights[i] ** 2 * bases[i][used[i]].T @ bases[i][used[i]] for i in range(p)), np.zeros((count, count)))
+        normal = sum(
+            (weights[i] ** 2 * bases[i][used[i]].T @ bases[i][used[i]] for i in range(p)), np.zeros((count, count))
+        )
         size = np.sqrt(np.diag(normal)) + 1e-300
         scaled = normal / np.outer(size, size) + RIDGE * np.eye(count)
         residual, held = self.outputs - forced, np.zeros(count)
         for _ in range(3):  # the second and third time for the digits that the normal matrix loses
-            right = sum((weights[i] ** 2 * bases[i][used[i]].T @ residual[used[i], i] for i in range(p)), np.zeros(count))
+            right = sum(
+                (weights[i] ** 2 * bases[i][used[i]].T @ residual[used[i], i] for i in range(p)), np.zeros(count)
+            )
             change = np.linalg.solve(scaled, right / size) / size
             held += change
             residual -= np.column_stack([basis @ change for basis in bases])

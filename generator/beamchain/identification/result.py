@@ -80,7 +80,9 @@ class Identification:
     update: Update | None
     held_out: Mapping[str, float]
     noise: Mapping[str, float]
-    spectra: Mapping[str, tuple[Array, Array, Array, Array]] = field(default_factory=dict[str, tuple[Array, Array, Array, Array]])
+    spectra: Mapping[str, tuple[Array, Array, Array, Array]] = field(
+        default_factory=dict[str, tuple[Array, Array, Array, Array]]
+    )
     length: float | None = None
     source: str = "log"
     advice: tuple[str, ...] = ()
@@ -126,12 +128,18 @@ class Identification:
             values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
             sound = (vectors * np.maximum(values, 1e-9)) @ vectors.T
             scale = np.sqrt(np.diag(sound))
-            out["correlation"] = [{"of": [self.names[i] for i in at], "matrix": (sound / np.outer(scale, scale)).tolist()}]
+            out["correlation"] = [
+                {"of": [self.names[i] for i in at], "matrix": (sound / np.outer(scale, scale)).tolist()}
+            ]
         return out
 
     def _factor_std(self, mode: IdentifiedMode) -> float:
         name = f"mode{mode.number}.participation"
-        return float(np.sqrt(self.covariance[self.names.index(name)] [self.names.index(name)])) if name in self.names else np.nan
+        return (
+            float(np.sqrt(self.covariance[self.names.index(name)][self.names.index(name)]))
+            if name in self.names
+            else np.nan
+        )
 
     def data(self) -> ModalData:
         """The modes as `[imported]` of a specification reads them."""
@@ -155,7 +163,14 @@ class Identification:
             lines += [f"{kind} = {{ relative = {how['relative']!r} }}" for kind, how in one.items() if kind != "number"]
         for one in self.uncertain.get("correlation", ()):
             names = ", ".join(_text(name) for name in one["of"])
-            lines += ["", "[[uncertain.correlation]]", f"of = [{names}]", "matrix = [", *(f"  {_row(row)}," for row in one["matrix"]), "]"]
+            lines += [
+                "",
+                "[[uncertain.correlation]]",
+                f"of = [{names}]",
+                "matrix = [",
+                *(f"  {_row(row)}," for row in one["matrix"]),
+                "]",
+            ]
         return "\n".join(lines) + "\n"
 
     def write(self, path: str | Path, *, force: bool = False) -> list[Path]:

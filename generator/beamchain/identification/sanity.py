@@ -49,7 +49,9 @@ def check_swapped(made: Cut) -> None:
                         f"{torque} follows from {rate} as a rate from a torque, and not the other way: the two columns are swapped; exchange "
                         "them, or use map (--map)."
                     )
-    own = {(i, m): table[i, m] for i, r in enumerate(made.sensed) for m, t in enumerate(made.torques) if r[-2:] == t[-2:]}
+    own = {
+        (i, m): table[i, m] for i, r in enumerate(made.sensed) for m, t in enumerate(made.torques) if r[-2:] == t[-2:]
+    }
     for (i, m), value in own.items():
         others = [(k, table[i, k]) for k in range(len(made.torques)) if (i, k) not in own]
         if others and value < LITTLE and max(v for _, v in others) > EXPLAINS:
@@ -101,14 +103,18 @@ def _unit(own: float, believed: float, total: float) -> str:
     for factor, words in ((DEGREE, "the rates seem to be in degrees; "), (1.0 / DEGREE, "the rates seem to be divided by 57.3; "),
                           (1000.0, "the rates or torques seem to be off by a factor of 1000; ")):  # fmt: skip
         ratio = believed / total / factor
-        if 1.0 / (1.0 + NEAR) < ratio < (1.0 + NEAR) or (believed == own and 1.0 < own / total * 3.0 / factor < 9.0 and 1.0 < 3.0 * ratio):
+        if 1.0 / (1.0 + NEAR) < ratio < (1.0 + NEAR) or (
+            believed == own and 1.0 < own / total * 3.0 / factor < 9.0 and 1.0 < 3.0 * ratio
+        ):
             return words
     return ""
 
 
 def _words(axis: Array) -> str:
     i = int(np.argmax(np.abs(axis)))
-    return f"the mount's {'xyz'[i]}" if abs(axis[i]) > 0.999 else f"({', '.join(f'{v:.3g}' for v in axis)}) at the mount"
+    return (
+        f"the mount's {'xyz'[i]}" if abs(axis[i]) > 0.999 else f"({', '.join(f'{v:.3g}' for v in axis)}) at the mount"
+    )
 
 
 def folded(

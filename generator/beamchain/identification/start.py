@@ -78,7 +78,13 @@ class Form:
     def theta(self, raw: Raw) -> Array:
         """The parameters of a raw model."""
         parts = [
-            np.concatenate([[np.log(abs(s)), np.log(max(-s.real / abs(s), 1e-7))], (g / size).real.ravel(), (g / size).imag.ravel()])
+            np.concatenate(
+                [
+                    [np.log(abs(s)), np.log(max(-s.real / abs(s), 1e-7))],
+                    (g / size).real.ravel(),
+                    (g / size).imag.ravel(),
+                ]
+            )
             for s, g, size in zip(raw.poles, raw.residues, self.sizes, strict=True)
         ]
         return np.concatenate([*parts, raw.rigid.ravel() / self.rigid])
@@ -122,7 +128,13 @@ def started(
         order = np.argsort(np.abs(raw.poles))
         criterion = now + each * len(models) * np.log(n)
         orders.append(
-            Order(len(models), criterion, cost - now, np.abs(raw.poles)[order], (-raw.poles.real / np.abs(raw.poles))[order])
+            Order(
+                len(models),
+                criterion,
+                cost - now,
+                np.abs(raw.poles)[order],
+                (-raw.poles.real / np.abs(raw.poles))[order],
+            )
         )
         models.append(raw)
         cost = now
@@ -177,7 +189,9 @@ def _with(raw: Raw, pole: complex, pieces: Sequence[Piece | Spectrum], scale: Ar
             table = np.column_stack([np.stack([2.0 * seen.real, -2.0 * seen.imag], axis=2).reshape(t.size, -1),
                                      free.real, -free.imag, piece.constants(i)])[piece.use[:, i]]  # fmt: skip
             held = table[:, 2 * m :]
-            solved = np.linalg.lstsq(held.T @ held, held.T @ np.column_stack([table[:, : 2 * m], left[piece.use[:, i], i]]))[0]
+            solved = np.linalg.lstsq(
+                held.T @ held, held.T @ np.column_stack([table[:, : 2 * m], left[piece.use[:, i], i]])
+            )[0]
             own = table[:, : 2 * m] - held @ solved[:, :-1]
             top[i] += own.T @ own
             right[i] += own.T @ left[piece.use[:, i], i]
@@ -208,7 +222,12 @@ def _candidates(
                 for p, left in tables:
                     near = np.abs(p.omega - w) < max(REACH * z * w, REACH * float(np.median(np.diff(p.omega))))
                     if near.any():
-                        shape = (1j * p.omega[near]) ** p.order / np.abs(p.value[near]) / p.accuracy[near] / (1j * p.omega[near] - pole)
+                        shape = (
+                            (1j * p.omega[near]) ** p.order
+                            / np.abs(p.value[near])
+                            / p.accuracy[near]
+                            / (1j * p.omega[near] - pole)
+                        )
                         gain += float(abs(np.vdot(shape, left[near])) ** 2 / np.vdot(shape, shape).real)
                 found[pole] = gain
     best = sorted(found.items(), key=lambda one: -one[1])
@@ -227,7 +246,9 @@ def _of_piece(piece: Piece, left: Array, hints: Sequence[complex]) -> list[tuple
         grid = piece.time[0] + h * np.arange(n)
         left = np.column_stack([np.interp(grid, piece.time, one) for one in left.T])
         u = np.column_stack([np.interp(grid, piece.time, one) for one in u.T])
-    rate = np.column_stack([np.gradient(one, h) if angle else one for one, angle in zip(left.T, piece.angles, strict=True)])
+    rate = np.column_stack(
+        [np.gradient(one, h) if angle else one for one, angle in zip(left.T, piece.angles, strict=True)]
+    )
     lines = np.fft.rfft(rate, axis=0)
     torque = np.fft.rfft(u, axis=0)
     omega = 2.0 * np.pi * np.arange(lines.shape[0]) / (n * h)

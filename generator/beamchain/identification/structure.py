@@ -167,9 +167,7 @@ class Structure:
             values = np.minimum(values, MOST)
             shares = (left * (values / np.sqrt(1.0 - values**2))) @ right
         z = np.log(np.clip(parts.damping, 1e-6, 0.5))
-        return np.concatenate(
-            [np.log(parts.frequencies), z, shares[self.live], rigid, np.zeros(self.scaled.shape[1])]
-        )
+        return np.concatenate([np.log(parts.frequencies), z, shares[self.live], rigid, np.zeros(self.scaled.shape[1])])
 
     def raw(self, theta: Array) -> Raw:
         """What the data see of it."""
@@ -205,9 +203,7 @@ def turning(parts: Parts) -> Turning:
     whole, rows = parts.hub + parts.rigid, parts.participation
     back = np.linalg.solve(whole[:3, :3], np.hstack([whole[:3, 3:], rows[:, :3].T]))
     inertia = whole[3:, 3:] - whole[3:, :3] @ back[:, :3]
-    return Turning(
-        inertia, rows[:, 3:] - rows[:, :3] @ back[:, :3], np.eye(rows.shape[0]) - rows[:, :3] @ back[:, 3:]
-    )
+    return Turning(inertia, rows[:, 3:] - rows[:, :3] @ back[:, :3], np.eye(rows.shape[0]) - rows[:, :3] @ back[:, 3:])
 
 
 def seen(parts: Parts, inputs: Array, outputs: Array) -> Raw:

@@ -32,7 +32,9 @@ def from_table(table: ModalTable, prior: Prior, at: str) -> Identification:
         of, frequencies = _nearest(w, better.parts.frequencies, table.source)
         first = update(prior, of, wanted, ACCURACY**2 * np.eye(w.size), None, moments=False)
     del frequencies
-    said = ["participation and rigid mass: a table of frequencies says nothing of them; they are the prior's, with its width."]
+    said = [
+        "participation and rigid mass: a table of frequencies says nothing of them; they are the prior's, with its width."
+    ]
     modes = list[IdentifiedMode]()
     for i, j in enumerate(of):
         damping = prior.parts.damping[j] if table.damping is None else table.damping[i]
@@ -44,7 +46,9 @@ def from_table(table: ModalTable, prior: Prior, at: str) -> Identification:
     if first is not None:
         said += first.undetermined
         if any("beam model" in one for one in first.undetermined):
-            warnings.append(Caution("prior-contradicted", next(one for one in first.undetermined if "beam model" in one)))
+            warnings.append(
+                Caution("prior-contradicted", next(one for one in first.undetermined if "beam model" in one))
+            )
     warnings.append(Caution("undetermined", f"the log leaves {len(said)} thing(s) undetermined; see `undetermined`."))
     names = [f"mode{i + 1}.{kind}" for kind in ("frequency", "damping", "participation") for i in range(w.size)]
     sd = np.concatenate([ACCURACY * w, [m.damping_std for m in modes], np.full(w.size, prior.widths[2])])
@@ -60,5 +64,7 @@ def _nearest(measured: Array, known: Array, source: str) -> tuple[list[int], Arr
         of[i] = int(j)
     for i, j in enumerate(of):
         if j < 0 or cost[i, j] > FAR:
-            raise InputError(f"{source}: the prior has no mode near {measured[i]:.5g} rad/s; give it more modes, or check the unit (frequency is in Hz).")
+            raise InputError(
+                f"{source}: the prior has no mode near {measured[i]:.5g} rad/s; give it more modes, or check the unit (frequency is in Hz)."
+            )
     return of, known[of]

@@ -65,7 +65,9 @@ def seen_of(parts: Parts, axes: Array, which: list[int]) -> Array:
     return np.log(np.maximum(np.concatenate([w, np.linalg.norm(moments, axis=1), [gained]]), 1e-300))
 
 
-def update(prior: Prior, of: list[int], wanted: Array, covariance: Array, axes: Array | None, moments: bool) -> Update | None:
+def update(
+    prior: Prior, of: list[int], wanted: Array, covariance: Array, axes: Array | None, moments: bool
+) -> Update | None:
     """Factors on the prior beam.
 
     Args:
@@ -101,7 +103,9 @@ def update(prior: Prior, of: list[int], wanted: Array, covariance: Array, axes: 
     found = least_squares(residual, near.x, loss="soft_l1", diff_step=1e-5, x_scale=1e-2, max_nfev=15)
     logs = np.asarray(found.x)
     left = np.asarray(residual(logs))[: len(known)]
-    jacobian = np.array([(residual(logs + step) - residual(logs - step)) / 2e-3 for step in 1e-3 * np.eye(len(names))]).T[: len(known)]
+    jacobian = np.array(
+        [(residual(logs + step) - residual(logs - step)) / 2e-3 for step in 1e-3 * np.eye(len(names))]
+    ).T[: len(known)]
     grown = max(1.0, float(left @ left) / max(len(known) - 1, 1))
     spread = np.linalg.inv(jacobian.T @ jacobian / grown + np.eye(len(names)) / BELIEF**2)
     sd = np.sqrt(np.diag(spread))
@@ -112,8 +116,14 @@ def update(prior: Prior, of: list[int], wanted: Array, covariance: Array, axes: 
     said = list[str]()
     open_ones = [name for name, s in zip(names, sd, strict=True) if s > UNKNOWN]
     if open_ones:
-        said.append(f"the beam's {' and '.join(open_ones)} cannot be told from these data" + (
-            "; only stiffness over mass can." if {"stiffness", "mass"} <= set(open_ones) and float(ratio @ spread @ ratio) < UNKNOWN**2 else "."))
+        said.append(
+            f"the beam's {' and '.join(open_ones)} cannot be told from these data"
+            + (
+                "; only stiffness over mass can."
+                if {"stiffness", "mass"} <= set(open_ones) and float(ratio @ spread @ ratio) < UNKNOWN**2
+                else "."
+            )
+        )
     for i, value in zip(pick, left[: len(pick)], strict=True):
         if abs(value) > MISFIT:
             said.append(f"mode {i + 1} lies {100 * misfit[i]:.2g} % off the updated beam, more than its accuracy: an error of the beam model, "
