@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from flight_log import Gyro, Hub, boom, chirp, cramer_rao, noise, record, slew, steps_at, wings, without
+from flight_log import Gyro, Hub, boom, chirp, cramer_rao, doublet, noise, record, slew, steps_at, wings, without
 from judge import Judgement, judge
 from modes_file import write_prior
 
@@ -59,10 +59,8 @@ def draw(seed):
     if trouble == "light":
         hub = Hub(mass=600.0, inertia=hub.inertia * 900.0)
     if trouble == "close":
-        second = elastic.frequency[about_z[0]] * (1.0 + rng.choice([0.01, 0.03, 0.1]))
-        frequency = elastic.frequency.copy()
-        frequency[about_z[1]] = second
-        elastic = elastic.at_frequencies(frequency)
+        apart = rng.choice([0.01, 0.03, 0.1])
+        elastic = doublet(elastic, "z", elastic.frequency[about_z[0]], apart, rng.uniform(0.3, 1.0))
     duration = np.exp(rng.uniform(np.log(20.0), np.log(300.0)))
     per_period = rng.uniform(8.0, 40.0)
     step = 2.0 * np.pi / first / per_period

@@ -44,6 +44,17 @@ class Elastic:
         return replace(self, frequency=changed)
 
 
+def doublet(elastic, axis, frequency, apart, second=0.7):
+    """The appendage with its first two modes about an axis near each other, the second's row that much of the first's."""
+    row = 3 + AXES.index(axis)
+    pair = np.flatnonzero(elastic.participation[row])[:2]
+    changed = elastic.at_frequencies([])
+    changed.frequency[pair] = frequency * np.array([1.0, 1.0 + apart])
+    part = elastic.participation.copy()
+    part[row, pair] = 0.98 * part[row, pair[0]] * np.array([1.0, second]) / np.hypot(1.0, second)
+    return replace(changed, participation=part)
+
+
 def cantilever(count):
     """Roots b of cos b cosh b = -1, and the constants s of their shapes cosh - cos - s (sinh - sin)."""
     guess = np.pi * (np.arange(count) + 0.5)

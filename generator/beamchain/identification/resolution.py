@@ -6,11 +6,12 @@ import numpy as np
 
 from beamchain.identification.covariance import inverse
 from beamchain.identification.likelihood import Found, Likelihood, derivatives
+from beamchain.identification.result import Identification
 from beamchain.identification.structure import Parts, Structure
 from beamchain.ports.motions import Array
 
 SPLIT = 1.0  # trial separation in half widths of the mode
-SURE = 4.0  # standard deviations of a separation that is told from none: what the criterion asks of six numbers more
+MORE = 6.0  # numbers that one mode more has, which the criterion prices
 
 
 def resolution(structure: Structure, found: Found, likelihood: Likelihood, mode: int) -> float:
@@ -47,4 +48,19 @@ def resolution(structure: Structure, found: Found, likelihood: Likelihood, mode:
 
     slope = derivatives(apart, theta)[0]
     deviation = float(np.sqrt(max(slope @ inverse(matrix) @ slope, 0.0)))
-    return float(np.sqrt(SURE * deviation * 2.0 * half))
+    sure = np.sqrt(MORE * np.log(max(float(likelihood.counts.sum()), 2.0)))
+    return float(np.sqrt(2.0 * sure * deviation * 2.0 * half))
+
+
+def resolved(result: Identification, structure: Structure, found: Found, likelihood: Likelihood) -> Identification:
+    """The result with `resolution` of the modes found in the log, and a sentence on it."""
+    own = {float(w): i for i, w in enumerate(structure.parts(found.theta).frequencies)}
+    modes = tuple(
+        replace(mode, resolution=resolution(structure, found, likelihood, own[mode.frequency])) if mode.frequency in own else mode
+        for mode in result.modes
+    )
+    told = ", ".join(f"{m.resolution:.2g} at {m.frequency:.5g}" for m in modes if np.isfinite(m.resolution))
+    if not told:
+        return result
+    said = f"modes closer to each other than this would be found as one, of their joint moment [rad/s]: {told}."
+    return replace(result, modes=modes, undetermined=(*result.undetermined, said))
