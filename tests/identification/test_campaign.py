@@ -91,7 +91,7 @@ def draw(seed):
     if trouble == "noise only":
         elastic = elastic.kept(0)
     log = record(hub, elastic, time, torques, gyro, seed)
-    plain = plainly(hub, elastic, time, torques["z"], level, about_z) if axes == [2] and elastic.frequency.size else []
+    plain = plainly(hub, elastic, time, torques["z"], level, about_z) if axes == [2] and trouble not in ("still", "noise only") else []
     if trouble == "gaps":
         places = rng.uniform(0.0, time[-1], 4)
         log = without(log, *((p, p + 0.03 * time[-1]) for p in places))
@@ -168,4 +168,4 @@ if __name__ == "__main__":
             sep=" | ",
             flush=True,
         )
-    print(dict(counts))  # noqa: T201
+    print(dict(counts))

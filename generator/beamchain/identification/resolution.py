@@ -1,4 +1,4 @@
-"""How far apart two modes would have to be for the log to show two: closer ones are found as one."""
+"""What a log cannot tell apart: two modes close to each other, and a mode from one that lies the sample rate higher."""
 
 from dataclasses import replace
 
@@ -6,8 +6,9 @@ import numpy as np
 
 from beamchain.identification.covariance import inverse
 from beamchain.identification.likelihood import Found, Likelihood, derivatives
+from beamchain.identification.response import Piece
 from beamchain.identification.result import Identification
-from beamchain.identification.structure import Parts, Structure
+from beamchain.identification.structure import Parts, Structure, turning
 from beamchain.ports.motions import Array
 
 SPLIT = 1.0  # trial separation in half widths of the mode
@@ -52,15 +53,44 @@ def resolution(structure: Structure, found: Found, likelihood: Likelihood, mode:
     return float(np.sqrt(2.0 * sure * deviation * 2.0 * half))
 
 
+def images(structure: Structure, found: Found, likelihood: Likelihood) -> list[tuple[float, float]]:
+    """Modes and where they may lie instead: equal samples are the same if a frequency is higher by the sample rate.
+
+    With torque held between samples, such a mode has its moment's square larger by the ratio of the frequencies; where that is
+    more than the appendage's inertia, it is excluded.
+    """
+    pieces = likelihood.pieces
+    if not all(isinstance(piece, Piece) and piece.even for piece in pieces):
+        return []
+    rates = [2.0 * np.pi * (p.time.size - 1) / float(p.time[-1] - p.time[0]) for p in pieces if isinstance(p, Piece)]
+    if np.ptp(rates) > 1e-3 * rates[0]:
+        return []  # logs of different rates tell a mode from its image
+    parts = structure.parts(found.theta)
+    moments = turning(parts).moments
+    none = Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros((6, 6)), parts.hub)
+    gained = turning(parts).inertia - turning(none).inertia
+    out = list[tuple[float, float]]()
+    for w, row in zip(parts.frequencies.tolist(), moments, strict=True):
+        higher = w + rates[0]
+        if float(row @ row) ** 2 * higher / w < float(row @ gained @ row):
+            out.append((w, higher))
+    return out
+
+
 def resolved(result: Identification, structure: Structure, found: Found, likelihood: Likelihood) -> Identification:
-    """The result with `resolution` of the modes found in the log, and a sentence on it."""
+    """The result with `resolution` of the modes found in the log, and sentences on what looks the same."""
     own = {float(w): i for i, w in enumerate(structure.parts(found.theta).frequencies)}
     modes = tuple(
         replace(mode, resolution=resolution(structure, found, likelihood, own[mode.frequency])) if mode.frequency in own else mode
         for mode in result.modes
     )
-    told = ", ".join(f"{m.resolution:.2g} at {m.frequency:.5g}" for m in modes if np.isfinite(m.resolution))
-    if not told:
-        return result
-    said = f"modes closer to each other than this would be found as one, of their joint moment [rad/s]: {told}."
-    return replace(result, modes=modes, undetermined=(*result.undetermined, said))
+    said = list(result.undetermined)
+    if told := ", ".join(f"{m.resolution:.2g} at {m.frequency:.5g}" for m in modes if np.isfinite(m.resolution)):
+        said.append(f"modes closer to each other than this would be found as one, of their joint moment [rad/s]: {told}.")
+    if higher := images(structure, found, likelihood):
+        said.append(
+            "equal steps cannot tell a mode from one that lies the sample rate higher: "
+            + ", ".join(f"{w:.5g} may be {image:.5g} rad/s" for w, image in higher)
+            + "; sample faster, or unequally, where such modes are possible."
+        )
+    return replace(result, modes=modes, undetermined=tuple(said))
