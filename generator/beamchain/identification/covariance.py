@@ -43,7 +43,7 @@ def covariance(likelihood: Likelihood, theta: Array, squares: Array, *, coloured
     )
     total = float(likelihood.counts.sum())
     squares = squares * total / max(total - taken, 1.0)
-    matrix, _, meat = likelihood.normal(theta, squares, lags)
+    _, matrix, _, meat = likelihood.normal(theta, likelihood.weights(squares), lags)
     plain = inverse(matrix)
     if not lags:
         return plain

@@ -16,7 +16,7 @@ from beamchain.identification.describe import described
 from beamchain.identification.hub import Bare, bare, directions
 from beamchain.identification.likelihood import Found, Likelihood, compressed, derivatives
 from beamchain.identification.logs import SENSED, TORQUES, read_logs
-from beamchain.identification.pieces import Cut, active, cut
+from beamchain.identification.pieces import FEWEST, Cut, active, cut
 from beamchain.identification.prior import DAMPING, SMALL, Matched, Prior, matched, read_prior
 from beamchain.identification.resolution import resolved
 from beamchain.identification.response import Piece, Raw, Spectrum
@@ -265,8 +265,9 @@ class _Run:
             end = own[0].time[0] + (1.0 - self.held) * (own[-1].time[-1] - own[0].time[0])
             for piece in own:
                 late = (piece.time > end)[:, None]
-                if not late.all():
-                    shown.append(replace(piece, use=piece.use & ~late))
+                first = int(np.argmax(late)) if late.any() else piece.time.size
+                if first >= FEWEST:
+                    shown.append(piece.part(0, first))
                     if late.any():
                         hidden.append(replace(piece, use=piece.use & late))
         return shown, hidden
@@ -383,6 +384,8 @@ class _Run:
         """`(p,)` error of what was held out, relative to its own variation: the free response is from the part before."""
         left, size = np.zeros(len(self.data.sensed)), np.zeros(len(self.data.sensed))
         for piece in hidden:
+            if not piece.use.any():
+                continue
             before = ~piece.use & (piece.time < piece.time[piece.use.any(axis=1)][0])[:, None]
             judged = piece.use
             # a piece that lies in the held part wholly or nearly so has nothing before it: its beginning is its own

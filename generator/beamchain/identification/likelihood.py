@@ -16,6 +16,7 @@ LARGEST_STEP = 0.5  # of a parameter, which are logarithms and shares
 SETTLED = 1e-3  # of a standard deviation: a step smaller than this changes nothing
 LITTLE = 1e-3  # gain of minus twice the log likelihood that is worth no further step
 TEMPERED = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
+MOST_DAMPING = 1e8
 DIGITS = 1e-13  # relative change of the parameters below which no digit is gained
 
 
@@ -26,7 +27,6 @@ class Found(NamedTuple):
     cost: float
     squares: Array
     counts: Array
-    matrix: Array
 
 
 @dataclass(eq=False)
@@ -71,15 +71,13 @@ class Likelihood:
         """`(raw, parameters)` derivatives of the raw numbers."""
         return derivatives(lambda x: self.model(x).flat(), theta)
 
-    def normal(self, theta: Array, squares: Array, lags: int = 0) -> tuple[Array, Array, Array]:
-        """Normal matrix, gradient and its covariance at `theta`, noise as the squares say, beliefs included."""
+    def normal(self, theta: Array, weights: Array, lags: int = 0) -> tuple[Array, Array, Array, Array]:
+        """Squares, normal matrix, gradient and its covariance at `theta`, with weights on the outputs, beliefs included."""
         raw, slopes = self.model(theta), self.slopes(theta)
-        weights = self.weights(squares)
         said = [piece.assess(raw, weights, slopes, lags)[0] for piece in self.pieces]
+        squares, matrix, gradient, meat = (np.sum(parts, axis=0) for parts in zip(*said, strict=True))
         believed, tilt = self.belief(theta), derivatives(self.belief, theta)
-        matrix = np.sum([one.matrix for one in said], axis=0) + tilt.T @ tilt
-        gradient = np.sum([one.gradient for one in said], axis=0) - tilt.T @ believed
-        return matrix, gradient, np.sum([one.meat for one in said], axis=0) + tilt.T @ tilt
+        return squares, matrix + tilt.T @ tilt, gradient - tilt.T @ believed, meat + tilt.T @ tilt
 
     def weights(self, squares: Array) -> Array:
         """`(p,)` inverse standard deviations of the noise."""
@@ -88,38 +86,39 @@ class Likelihood:
 
     def best(self, theta: Array, iterations: int) -> Found:
         """The maximum near `theta`."""
-        squares = self.squares(self.model(theta))
+        weights = self.weights(self.squares(self.model(theta)))
+        squares, matrix, gradient, _ = self.normal(theta, weights)
         cost, damping = self.cost(squares, theta), 1e-8
-        matrix = np.eye(theta.size)
         for _ in range(iterations):
-            matrix, gradient, _ = self.normal(theta, squares)
             size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
             scaled, right = matrix / np.outer(size, size), gradient / size
-            moved = False
-            while damping < 1e8:
+            gained, change = -1.0, np.zeros_like(theta)
+            weights = self.weights(squares)
+            while damping < MOST_DAMPING:
                 step = np.linalg.solve(scaled + damping * np.eye(theta.size), right)
                 change = step / size
                 change *= min(1.0, LARGEST_STEP / max(float(np.max(np.abs(change), initial=0.0)), 1e-300))
-                trial = theta + change
                 try:
-                    left = self.squares(self.model(trial))
+                    trial = self.normal(theta + change, weights)
+                    now = self.cost(trial[0], theta + change)
                 except (np.linalg.LinAlgError, FloatingPointError, ValueError):
-                    damping = max(10.0 * damping, 1e-6)
-                    continue
-                now = self.cost(left, trial)
+                    now = np.inf
                 if now < cost:
-                    moved, gained = True, cost - now
-                    theta, squares, cost = trial, left, now
+                    gained = cost - now
+                    theta, cost, (squares, matrix, gradient, _) = theta + change, now, trial  # pyright: ignore[reportPossiblyUnboundVariable]
                     damping = max(damping / 10.0, 1e-12)
                     break
                 if float(np.max(np.abs(step), initial=0.0)) < SETTLED or now - cost < 1e-6:
                     break
                 damping = max(10.0 * damping, 1e-6)
-            else:
+            if gained < LITTLE or np.max(np.abs(change), initial=0.0) < DIGITS:
                 break
-            if not moved or np.max(np.abs(change)) < DIGITS or gained < LITTLE:
-                break
-        return Found(theta, cost, squares, self.counts, matrix)
+            # the noise that the next step is weighted with has changed: exactly so for one output
+            ratio = float(np.mean(self.weights(squares) ** 2 / weights**2))
+            believed, tilt = self.belief(theta), derivatives(self.belief, theta)
+            matrix = ratio * (matrix - tilt.T @ tilt) + tilt.T @ tilt
+            gradient = ratio * (gradient + tilt.T @ believed) - tilt.T @ believed
+        return Found(theta, cost, squares, self.counts)
 
 
 def derivatives(function: Callable[[Array], Any], theta: Array) -> Array:

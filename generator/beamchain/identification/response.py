@@ -103,20 +103,27 @@ class Piece:
         n = self.time.size
         return np.full(n - 1, (self.time[-1] - self.time[0]) / (n - 1))
 
+    def part(self, start: int, end: int) -> "Piece":
+        """The samples from `start` to `end`."""
+        cut = slice(start, end)
+        return Piece(self.time[cut], self.inputs[cut], self.outputs[cut], self.use[cut], self.angles, self.even, self.log, self.drift)
+
     def constants(self, output: int) -> Array:
         """What a sensor adds of its own: its bias, which grows in an attitude; a drift where that is asked for."""
         t = (self.time - self.time[0]) / max(self.time[-1] - self.time[0], 1e-300)
         return np.column_stack([np.ones_like(t), t] if self.angles[output] or self.drift else [np.ones_like(t)])
 
-    def states(self, pole: complex) -> tuple[Complex, Complex]:
-        """`(N, m)` modal state per unit of input, and its derivative with respect to the pole."""
-        h = self.steps
+    def states(self, pole: complex, *, slope: bool = True) -> tuple[Complex, Complex]:
+        """`(N, m)` modal state per unit of input, and its derivative with respect to the pole (empty without `slope`)."""
+        h = self.steps[:1] if self.even else self.steps
         e = np.exp(pole * h)
         held = np.expm1(pole * h) / pole
-        slope = h * e / pole - held / pole
         u = self.inputs[:-1]
         state = self._recur(pole, e, held[:, None] * u)
-        return state, self._recur(pole, e, (h * e)[:, None] * state[:-1] + slope[:, None] * u)
+        if not slope:
+            return state, state[:0]
+        tilt = h * e / pole - held / pole
+        return state, self._recur(pole, e, (h * e)[:, None] * state[:-1] + tilt[:, None] * u)
 
     def _recur(self, pole: complex, e: Complex, v: Complex) -> Complex:
         """`x[j + 1] = e[j] x[j] + v[j]` from zero."""
@@ -152,7 +159,7 @@ class Piece:
             Sums, and residuals `(N, p)`.
         """
         n, p = self.outputs.shape
-        parts = [self.states(complex(pole)) for pole in raw.poles]
+        parts = [self.states(complex(pole), slope=slopes is not None) for pole in raw.poles]
         t = self.time - self.time[0]
         free = [np.exp(pole * t) for pole in raw.poles]
         bases, forced = list[Array](), np.empty((n, p))
@@ -160,14 +167,14 @@ class Piece:
         count = 2 * raw.poles.size + sum(c.shape[1] for c in own)
         for i in range(p):
             forced[:, i] = self._forced(raw, parts, i)
-            basis = np.zeros((n, count))
+            basis = np.zeros((n, count), order="F")
             for k, pole in enumerate(raw.poles):
                 one = raw.shapes[k, i] / (pole if self.angles[i] else 1.0) * free[k]
                 basis[:, 2 * k], basis[:, 2 * k + 1] = one.real, -one.imag
             at = 2 * raw.poles.size + sum(c.shape[1] for c in own[:i])
             basis[:, at : at + own[i].shape[1]] = own[i]
             bases.append(basis)
-        used = [np.flatnonzero(self.use[:, i]) if not self.use[:, i].all() else slice(None) for i in range(p)]
+        used = [_used(self.use[:, i]) for i in range(p)]
         normal = sum(
             (weights[i] ** 2 * bases[i][used[i]].T @ bases[i][used[i]] for i in range(p)), np.zeros((count, count))
         )
@@ -219,7 +226,7 @@ class Piece:
         self, raw: Raw, parts: list[tuple[Complex, Complex]], free: list[Complex], amplitudes: Complex, i: int
     ) -> Array:
         """`(N, columns)` derivatives of an output with respect to its raw numbers; see `Raw.columns`."""
-        out = np.empty((self.time.size, raw.columns(i).size))
+        out = np.empty((self.time.size, raw.columns(i).size), order="F")
         t = self.time - self.time[0]
         inputs = self.inputs.shape[1]
         width = 4 + 2 * inputs
@@ -234,11 +241,19 @@ class Piece:
                 seen, turned = state, slope @ raw.residues[k, i] + own * t
                 held = amplitudes[k] * free[k] / 2.0
             at = k * width
-            every = np.column_stack([turned, seen, held])
-            out[:, at : at + width : 2] = 2.0 * every.real
-            out[:, at + 1 : at + width : 2] = -2.0 * every.imag
+            for c, one in enumerate((turned, *seen.T, held)):
+                np.multiply(one.real, 2.0, out=out[:, at + 2 * c])
+                np.multiply(one.imag, -2.0, out=out[:, at + 2 * c + 1])
         out[:, width * len(parts) :] = self._twice if self.angles[i] else self._once
         return out
+
+
+def _used(use: NDArray[np.bool_]) -> slice | NDArray[np.intp]:
+    """Samples that count, as a slice where they are one stretch."""
+    at = np.flatnonzero(use)
+    if at.size and at[-1] - at[0] + 1 == at.size:
+        return slice(int(at[0]), int(at[-1]) + 1)
+    return at
 
 
 @dataclass(eq=False)

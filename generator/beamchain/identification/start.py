@@ -24,6 +24,7 @@ REACH = 6.0  # half widths of a resonance, or lines, on either side
 PIECES = 3  # the longest, that are searched for peaks
 ITERATIONS = 6
 LAST_ITERATIONS = 25
+ENOUGH = 30_000  # samples, with which the search in a long log begins
 NOTHING = 1e-20  # mean square relative to the data that is none
 
 
@@ -105,52 +106,87 @@ def started(
     none = np.zeros((0, *rigid.shape), dtype=np.complex128)
     raw = Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid)
     size = float(np.max(np.abs(rigid)))
-    raw, cost, left, n = _refined(pieces, raw, scale, size, LAST_ITERATIONS)
-    extra = sum(isinstance(piece, Piece) for piece in pieces)
-    # a free response per piece and mode is fitted too
-    each = 2.0 + 2.0 * rigid.size + 2.0 * extra
-    orders = [Order(0, cost, 0.0, np.zeros(0), np.zeros(0))]
-    models = [raw]
+    fewer = _fewer(pieces)
+    search = _Search(fewer, scale, size, hints)
+    search.begin(raw)
     most = MOST_MODES if modes is None else modes + 1
-    failed = 0
-    while len(models) <= most and left > NOTHING:
-        best = None
-        for pole, gain in _candidates(pieces, raw, scale, hints)[:2]:
-            del gain
-            trial = _refined(pieces, _with(raw, pole, pieces, scale), scale, size, ITERATIONS)
-            if best is None or trial[1] < best[1]:
-                best = trial
-            if trial[1] < cost - each * np.log(n):
-                break
-        if best is None:
-            break
-        raw, now, left, n = best
-        order = np.argsort(np.abs(raw.poles))
-        criterion = now + each * len(models) * np.log(n)
-        orders.append(
-            Order(
-                len(models),
-                criterion,
-                cost - now,
-                np.abs(raw.poles)[order],
-                (-raw.poles.real / np.abs(raw.poles))[order],
-            )
-        )
-        models.append(raw)
-        cost = now
-        better = min(orders, key=lambda one: one.criterion).modes
-        failed = 0 if better == len(models) - 1 else failed + 1
-        if modes is None and failed >= 2:
-            break
-    better = min(orders, key=lambda one: one.criterion).modes
-    chosen = models[better if modes is None else min(modes, len(models) - 1)]
+    search.go(most, 2 if modes is None else most + 1, 2)
+    if fewer is not pieces:
+        first, search = search, _Search(pieces, scale, size, hints)
+        start = first.better if modes is None else min(modes, len(first.models) - 1)
+        search.begin(first.models[start])
+        search.prepend(first, start)
+        search.go(most, 1, 1)
+    better = search.better
+    chosen = search.models[better if modes is None else min(modes, len(search.models) - 1)]
     final = _refined(pieces, chosen, scale, size, LAST_ITERATIONS)[0]
     order = np.argsort(final.poles.imag)
     final = Raw(final.poles[order], final.residues[order], final.shapes[order], final.rigid)
     form = Form(*rigid.shape, [max(float(np.max(np.abs(g))), 1e-300) for g in final.residues], size)
     likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
-    matrix = likelihood.normal(form.theta(final), likelihood.squares(final))[0]
-    return Started(final, tuple(orders), better, form, matrix)
+    weights = likelihood.weights(likelihood.squares(final))
+    return Started(final, tuple(search.orders), better, form, likelihood.normal(form.theta(final), weights)[1])
+
+
+def _fewer(pieces: Sequence[Piece | Spectrum]) -> Sequence[Piece | Spectrum]:
+    """The beginnings of long pieces, with which a search is begun; the same pieces where they are short."""
+    if not all(isinstance(p, Piece) for p in pieces) or sum(p.time.size for p in pieces if isinstance(p, Piece)) < 2 * ENOUGH:
+        return pieces
+    longest = sorted((p for p in pieces if isinstance(p, Piece)), key=lambda p: -p.time.size)[:PIECES]
+    return [p.part(0, min(p.time.size, ENOUGH // len(longest))) for p in longest]
+
+
+class _Search:
+    """Modes added one after another on some pieces."""
+
+    def __init__(self, pieces: Sequence[Piece | Spectrum], scale: Array, size: float, hints: Sequence[complex]) -> None:
+        self.pieces, self.scale, self.size, self.hints = pieces, scale, size, hints
+        self.orders, self.models = list[Order](), list[Raw]()
+        self.each, self.cost, self.left, self.n = 0.0, 0.0, 0.0, 0.0
+
+    @property
+    def better(self) -> int:
+        """Modes with the lowest criterion."""
+        return min(self.orders, key=lambda one: one.criterion).modes
+
+    def begin(self, raw: Raw) -> None:
+        """Start with a model."""
+        raw, self.cost, self.left, self.n = _refined(self.pieces, raw, self.scale, self.size, LAST_ITERATIONS)
+        # a free response per piece and mode is fitted too
+        self.each = 2.0 + 2.0 * raw.rigid.size + 2.0 * sum(isinstance(piece, Piece) for piece in self.pieces)
+        self._add(raw, 0.0)
+
+    def _add(self, raw: Raw, gain: float) -> None:
+        k = raw.poles.size
+        order = np.argsort(np.abs(raw.poles))
+        ratios = -raw.poles.real / np.abs(raw.poles)
+        self.orders.append(Order(k, self.cost + self.each * k * np.log(self.n), gain, np.abs(raw.poles)[order], ratios[order]))
+        self.models.append(raw)
+
+    def prepend(self, other: "_Search", modes: int) -> None:
+        """Lower orders of a search on a part, as if they were of the whole."""
+        ratio, top = self.n / other.n, self.orders[0].criterion - other.orders[modes].criterion * self.n / other.n
+        lower = [o._replace(criterion=top + ratio * o.criterion, gain=ratio * o.gain) for o in other.orders[:modes]]
+        self.orders = [*lower, self.orders[0]._replace(gain=ratio * other.orders[modes].gain)]
+        self.models = [*other.models[:modes], self.models[0]]
+
+    def go(self, most: int, failures: int, trials: int) -> None:
+        """Add modes, up to `most`, until the criterion has risen `failures` times; `trials` poles are tried for each."""
+        failed = 0
+        while len(self.models) <= most and self.left > NOTHING and failed < failures:
+            raw, best = self.models[-1], None
+            for pole, _ in _candidates(self.pieces, raw, self.scale, self.hints)[:trials]:
+                trial = _refined(self.pieces, _with(raw, pole, self.pieces, self.scale), self.scale, self.size, ITERATIONS)
+                if best is None or trial[1] < best[1]:
+                    best = trial
+                if trial[1] < self.cost - self.each * np.log(self.n):
+                    break
+            if best is None:
+                break
+            raw, now, self.left, self.n = best
+            gain, self.cost = self.cost - now, now
+            self._add(raw, gain)
+            failed = 0 if self.better == len(self.models) - 1 else failed + 1
 
 
 def _refined(
