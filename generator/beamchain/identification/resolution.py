@@ -39,7 +39,7 @@ def resolution(structure: Structure, found: Found, likelihood: Likelihood, mode:
     theta[two.places[4]] = found.theta[hub]
     split = Likelihood(likelihood.pieces, two.raw, lambda _: np.zeros(0), likelihood.scale)
     try:
-        matrix = split.normal(theta, found.squares)[0]
+        _, matrix, _, _ = split.normal(theta, likelihood.weights(found.squares))
     except (np.linalg.LinAlgError, ValueError):
         return float("inf")
 
