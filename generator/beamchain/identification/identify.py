@@ -19,6 +19,7 @@ from beamchain.identification.likelihood import Found, Likelihood, compressed, d
 from beamchain.identification.logs import SENSED, TORQUES, read_logs
 from beamchain.identification.pieces import FEWEST, Cut, active, cut
 from beamchain.identification.prior import DAMPING, SMALL, Matched, Prior, matched, read_prior
+from beamchain.identification.resolution import resolved
 from beamchain.identification.response import Piece, Raw, Spectrum
 from beamchain.identification.result import Identification
 from beamchain.identification.sanity import check_rigid, check_swapped, folded
@@ -421,12 +422,13 @@ class _Run:
             self.warnings.append(Caution("coloured-residuals", f"the residuals of {worst} are not white (probability {np.nanmin(white):.1g}): "
                                          "noise is coloured or the model lacks something; intervals are widened by the correlation found."))  # fmt: skip
         only_belief = derivatives(likelihood.belief, found.theta)
-        return described(
+        result = described(
             structure=structure, found=found, spread=spread, belief=only_belief.T @ only_belief, orders=begun.orders, pairs=pairs,
             prior=self.prior, aliased=self.aliased,
             doubtful=self.doubtful, white=white, predicted=predicted, warnings=self.warnings, data=self.data,
             residuals=residuals, at=self.at, raw=raw, noise=1.0 / weights,
         )  # fmt: skip
+        return resolved(result, structure, found, likelihood)
 
 
 def rows6(n: int) -> Array:

@@ -35,6 +35,7 @@ class IdentifiedMode:
         participation_std: `(6,)`; nan where neither log nor prior says anything.
         determined: the log determines frequency and damping.
         remark: what to know of it, empty where nothing is.
+        resolution: two modes closer than this [rad/s] would be found as one; nan where the log does not show the mode.
     """
 
     number: int
@@ -46,6 +47,7 @@ class IdentifiedMode:
     participation_std: Array
     determined: bool
     remark: str = ""
+    resolution: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -200,7 +202,8 @@ class Identification:
         return {
             "modes": [{"number": m.number, "frequency": m.frequency, "frequency_std": m.frequency_std, "damping": m.damping,
                        "damping_std": m.damping_std, "participation": m.participation, "participation_std": m.participation_std,
-                       "determined": m.determined, "remark": m.remark} for m in self.modes],
+                       "determined": m.determined, "remark": m.remark,
+                       "resolution": m.resolution} for m in self.modes],
             "names": list(self.names), "covariance": self.covariance, "rigid": self.rigid,
             "order": [one._asdict() for one in self.order], "whiteness": dict(self.whiteness), "held_out": dict(self.held_out),
             "noise": dict(self.noise), "undetermined": list(self.undetermined), "advice": list(self.advice),
