@@ -99,8 +99,9 @@ class Likelihood:
                 change = step / size
                 change *= min(1.0, LARGEST_STEP / max(float(np.max(np.abs(change), initial=0.0)), 1e-300))
                 try:
-                    trial = self.normal(theta + change, weights)
-                    now = self.cost(trial[0], theta + change)
+                    with np.errstate(over="raise", invalid="raise"):
+                        trial = self.normal(theta + change, weights)
+                        now = self.cost(trial[0], theta + change)
                 except (np.linalg.LinAlgError, FloatingPointError, ValueError):
                     now = np.inf
                 if now < cost:
@@ -152,8 +153,9 @@ def compressed(
 
     def residual(x: Array, part: float) -> Array:
         try:
-            return np.concatenate([part * (root @ (raw(x) - wanted)), belief(x)])
-        except (ValueError, np.linalg.LinAlgError):
+            with np.errstate(over="raise", invalid="raise"):
+                return np.concatenate([part * (root @ (raw(x) - wanted)), belief(x)])
+        except (ValueError, FloatingPointError, np.linalg.LinAlgError):
             return np.full(root.shape[0] + believed, 1e30)
 
     believed = belief(theta).size
