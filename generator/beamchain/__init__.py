@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from beamchain.errors import BeamchainError as BeamchainError
     from beamchain.errors import InputError as InputError
     from beamchain.errors import OutputError as OutputError
-    from beamchain.errors import RealisationError as RealisationError
     from beamchain.fitting.fit import fit as fit
     from beamchain.fitting.hub import Hub as Hub
     from beamchain.fitting.options import Damping as Damping
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from beamchain.fitting.result import Fit as Fit
     from beamchain.fitting.spec import Spec as Spec
     from beamchain.fitting.spec import read_spec as read_spec
+    from beamchain.identification.identify import identify as identify
     from beamchain.ports.compare import compare as compare
     from beamchain.ports.model import PortModel as PortModel
     from beamchain.steps.retime import retime as retime
@@ -57,7 +57,6 @@ _PLACES = {
         "BeamchainError",
         "InputError",
         "OutputError",
-        "RealisationError",
     ),
     "fitting.fit": ("fit",),
     "fitting.hub": ("Hub",),
@@ -75,6 +74,7 @@ _PLACES = {
     ),
     "craft.plants.plant": ("plant",),
     "craft.worlds.worlds": ("worlds",),
+    "identification.identify": ("identify",),
     "ports.compare": ("compare",),
     "ports.model": ("PortModel",),
     "steps.retime": ("retime",),

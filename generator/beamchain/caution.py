@@ -37,6 +37,12 @@ CODES = {
     "tendon-damping": "Euler treats the damping of tendons explicitly",
     "turn-error": "the step's error in the rotation of the rigid spacecraft exceeds the tolerance",
     "unstable-step": "the step is beyond the integrator's stability limit",
+    "coloured-residuals": "what an identified model leaves of a log is not white",
+    "log-gaps": "a log has gaps",
+    "model-order": "a log supports another number of modes than was asked for",
+    "prior-contradicted": "a log contradicts what was believed before",
+    "sensor": "a sensor of a log saturates or is coarse",
+    "undetermined": "a log does not determine something",
     "other": "anything else",
 }
 

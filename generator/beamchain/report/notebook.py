@@ -27,7 +27,7 @@ def fit_html(fit: "Fit") -> str:
     limits = ", ".join(f"{name} {h:.4g} s" for name, h in steps.items() if np.isfinite(h))
     notes = [fit.headline, *([f"largest stable step: {limits}"] if limits else [])]
     notes += [f"warning: {text}" for text in fit.warnings]
-    return _block(f"{fit.spec.name}: {fit.status.message}", HEAD, _modes(fit), notes)
+    return block(f"{fit.spec.name}: {fit.status.message}", HEAD, _modes(fit), notes)
 
 
 def embedded_text(done: "Embedded") -> str:
@@ -46,7 +46,7 @@ def embedded_html(done: "Embedded") -> str:
     ]
     notes = [done.headline, f"worst of the kept modes up to {done.assembly.band:.4g} rad/s: {done.assembly.worst:.1e}"]
     notes += [f"note: {text}" for text in done.warnings]
-    return _block(title, COUPLED, rows, notes)
+    return block(title, COUPLED, rows, notes)
 
 
 def _modes(fit: "Fit") -> list[list[str]]:
@@ -67,7 +67,7 @@ def _value(number: float | None, form: str) -> str:
     return "none" if number is None else format(number, form)
 
 
-def _block(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], notes: Iterable[str]) -> str:
+def block(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], notes: Iterable[str]) -> str:
     """A table below its title, above its notes."""
     top = "".join(f"<th>{escape(word)}</th>" for word in head)
     body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)

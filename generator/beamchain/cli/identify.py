@@ -1,0 +1,111 @@
+"""`beamchain identify`: modes of an appendage from logs of a test or a flight."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from beamchain.cli.common import Force, Json, Quiet, console
+from beamchain.cli.output import print_table, print_warnings, tell
+from beamchain.cli.progress import spinner
+from beamchain.errors import InputError
+
+if TYPE_CHECKING:
+    from beamchain.identification.result import Identification
+
+
+def identify(
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG...", help="Logs: .csv, .parquet, .npz, .mat, .uff.", show_default=False)
+    ],
+    craft: Annotated[
+        Path, typer.Option("--craft", metavar="CRAFT.xml", help="The bare spacecraft.", show_default=False)
+    ],
+    at: Annotated[
+        str,
+        typer.Option("--at", metavar="NAME", help="Its site or body that carries the appendage.", show_default=False),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="MODES.toml", help="File for the modes.", show_default=False)
+    ],
+    prior: Annotated[
+        Path | None,
+        typer.Option(
+            "--prior",
+            metavar="SPEC.toml",
+            help="What is believed of the appendage; \\[uncertain] gives its widths.",
+            show_default=False,
+        ),
+    ] = None,
+    modes: Annotated[
+        int | None, typer.Option(min=1, help="Number of modes; default: as the criterion says.", show_default=False)
+    ] = None,
+    axes: Annotated[
+        str | None,
+        typer.Option(metavar="XYZ", help="Axes of the hub that are used, for example z.", show_default=False),
+    ] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map", metavar="COLUMN=NAME", help="What a column of the log is. Repeatable.", show_default=False
+        ),
+    ] = None,
+    free_hub: Annotated[
+        bool, typer.Option("--estimate-hub", help="Estimate the hub's inertia too; needs --prior.")
+    ] = False,
+    held_out: Annotated[float, typer.Option(help="Last part of each log that is predicted first.")] = 0.2,
+    offset: Annotated[
+        bool, typer.Option("--offset", help="The sensors lag behind the torques by an unknown time.")
+    ] = False,
+    as_json: Json = False,
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Identify an appendage's modes from logs of the spacecraft's motion, with their covariance.
+
+    Writes MODES.toml, which \\[imported] of a specification reads, its report MODES_report.html and record MODES.json.
+
+    Example: beamchain identify log.csv --craft craft.xml --at mount --prior array.toml -o modes.toml
+    """
+    from beamchain.files import check_free
+    from beamchain.identification.identify import identify as find
+
+    if output.suffix.lower() != ".toml":
+        raise InputError(f"-o {str(output)!r} must end in .toml, for [imported] to read it.")
+    for place in (output, output.with_name(f"{output.stem}_report.html"), output.with_name(f"{output.stem}.json")):
+        check_free(place, force=force)
+    renamed = dict[str, str]()
+    for text in names or ():
+        column, equal, name = text.rpartition("=")
+        if not equal or not column or not name:
+            raise InputError(f"--map {text!r} is not COLUMN=NAME; for example --map gyro3=rate_z.")
+        renamed[column] = name
+    with spinner("identifying", quiet or as_json):
+        found = find(
+            list(logs), craft, at, prior=prior, modes=modes, axes=axes, map=renamed, hub="estimate" if free_hub else None,
+            held_out=held_out, offset=offset,
+        )  # fmt: skip
+        files = found.write(output, force=force)
+    tell(found.as_dict, lambda: _show(found), files, as_json, quiet)
+
+
+def _show(found: "Identification") -> None:
+    rows = [
+        [str(m.number), f"{m.frequency:.7g}", f"{1.96 * m.frequency_std:.2g}", f"{m.damping:.4g}", f"{1.96 * m.damping_std:.2g}",
+         "yes" if m.determined else "no", m.remark]
+        for m in found.modes
+    ]  # fmt: skip
+    head = ("mode", "rad/s", "+- 95 %", "damping ratio", "+- 95 %", "determined", "remark")
+    print_table("modes with the root held", head, rows, left=(0, 5, 6))
+    if found.update is not None:
+        for name, value in found.update.factors.items():
+            console().print(
+                f"factor on the prior's {name}: {value:.5g} +- {1.96 * found.update.std[name]:.2g}", markup=False
+            )
+        console().print(
+            f"factor on stiffness over mass: {found.update.ratio:.5g} +- {1.96 * found.update.ratio_std:.2g}",
+            markup=False,
+        )
+    for sentence in found.undetermined:
+        console().print(f"not determined: {sentence}", markup=False)
+    print_warnings(found.warnings)

@@ -1,0 +1,223 @@
+"""Logs of a test or a flight: files and mappings of arrays, their columns by name, refused where they contradict themselves."""
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from beamchain.checks import meant
+from beamchain.errors import InputError
+from beamchain.identification.frequency_logs import Response, read_uff, responses
+from beamchain.ports.motions import Array
+
+LARGEST_FILE = 2_000_000_000  # bytes
+MOST_ROWS = 20_000_000
+FEWEST_ROWS = 20
+ENDINGS = (".csv", ".txt", ".parquet", ".npz", ".mat", ".uff", ".unv")
+TORQUES = tuple(f"torque_{a}" for a in "xyz")
+SENSED = tuple(f"{kind}_{a}" for kind in ("rate", "attitude") for a in "xyz")
+
+Given = Any  # a path, a mapping of arrays, or a list of those
+
+
+@dataclass(frozen=True, eq=False)
+class TimeLog:
+    """A time log.
+
+    Args:
+        time: `(N,)` [s], ascending.
+        torques: by column, hub torques [N m] or controls of actuators.
+        sensed: by column, rates [rad/s] and attitudes [rad].
+        source: how messages call it.
+    """
+
+    time: Array
+    torques: dict[str, Array]
+    sensed: dict[str, Array]
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class ModalTable:
+    """Frequencies [rad/s] of a modal test with the root held, and damping ratios where they were measured."""
+
+    frequencies: Array
+    damping: Array | None
+    source: str
+
+
+def read_logs(
+    logs: Given, names: Mapping[str, str] | None, actuators: Sequence[str]
+) -> tuple[list[TimeLog], list[Response], list[ModalTable]]:
+    """All logs that were given, by kind.
+
+    Args:
+        logs: a path, a mapping of columns, or a list of those.
+        names: a file's own column names and what they mean.
+        actuators: names of the craft's actuators, which may be columns.
+
+    Raises:
+        InputError: a file cannot be read, a column is missing, or its numbers cannot be a log.
+    """
+    given = [logs] if isinstance(logs, str | Path | Mapping) else logs
+    if not isinstance(given, Sequence) or not given:
+        raise InputError(
+            f"logs = {logs!r:.60} is no log; give a path, a mapping of arrays with time, torque_z and rate_z, or a list of those."
+        )
+    times, spectra, tables = list[TimeLog](), list[Response](), list[ModalTable]()
+    for i, one in enumerate(given):
+        if isinstance(one, Mapping):
+            columns, source = cast("Mapping[str, Any]", one), f"log {i + 1}" if len(given) > 1 else "log"
+        elif isinstance(one, str | Path):
+            path = Path(one)
+            source = f"log {str(path)!r}"
+            _check_file(path, source)
+            if path.suffix.lower() in (".uff", ".unv"):
+                spectra += read_uff(path, source)
+                continue
+            columns = _columns(path, source)
+        else:
+            raise InputError(f"log {i + 1} is a {type(one).__name__}; give a path or a mapping of arrays.")
+        table = _numbers(_renamed(columns, names or {}, source), source)
+        if "time" in table:
+            times.append(_time_log(table, actuators, source))
+        elif "frequency" in table or "omega" in table:
+            found = responses(table, source)
+            spectra += found
+            if not found:
+                tables.append(_modal(table, source))
+        else:
+            raise InputError(
+                f"{source} has the columns {', '.join(map(str, list(table)[:12])) or 'none'}; a time log needs `time`, torque_x|y|z and "
+                "rate_* or attitude_*, a frequency response `frequency` or `omega`; name them with map (--map OLD=NEW)."
+            )
+    return times, spectra, tables
+
+
+def _check_file(path: Path, source: str) -> None:
+    if path.suffix.lower() not in ENDINGS:
+        raise InputError(f"{source} has an unknown ending; beamchain reads {', '.join(ENDINGS)}.")
+    if not path.is_file():
+        kind = "is a folder" if path.is_dir() else "does not exist" if not path.exists() else "is no regular file"
+        raise InputError(f"{source} {kind}; give the path of a log.")
+    size = path.stat().st_size
+    if size == 0:
+        raise InputError(f"{source} is empty; export the log again.")
+    if size > LARGEST_FILE:
+        raise InputError(f"{source} has {size} bytes, more than the {LARGEST_FILE} taken; cut it into several logs.")
+
+
+def _columns(path: Path, source: str) -> Mapping[str, Any]:
+    kind = path.suffix.lower()
+    try:
+        if kind in (".csv", ".txt"):
+            return _csv(path, source)
+        if kind == ".npz":
+            with np.load(path, allow_pickle=False) as file:
+                return {name: file[name] for name in file.files}
+        if kind == ".mat":
+            from scipy.io import loadmat
+
+            return {k: np.ravel(v) for k, v in loadmat(path).items() if not k.startswith("__") and np.size(v) > 1}
+        try:
+            from pyarrow import parquet
+        except ImportError:
+            raise InputError(
+                f"{source}: Parquet needs pyarrow; pip install 'beamchain[identification]', or give CSV."
+            ) from None
+        table = parquet.read_table(path)
+        return {name: table.column(name).to_numpy() for name in table.column_names}
+    except InputError:
+        raise
+    except Exception as error:  # readers of damaged files raise almost anything
+        raise InputError(f"{source} cannot be read ({type(error).__name__}: {error!s:.80}); export it again.") from None
+
+
+def _csv(path: Path, source: str) -> dict[str, Array]:
+    with path.open("rb") as stream:
+        head = stream.readline(100_000).decode("utf-8-sig", errors="replace").strip().lstrip("#").strip()
+        mark = next((m for m in (";", "\t", ",") if m in head), ",")
+        names = [name.strip().strip('"') for name in head.split(mark)]
+        body = stream.read()
+    if not any(any(c.isalpha() for c in name) and name.lower() not in ("nan", "inf") for name in names):
+        raise InputError(
+            f"{source} has no line of column names; let its first line be for example time,torque_z,rate_z."
+        )
+    if mark == ";" and b"," in body[:2000]:
+        body = body.replace(b",", b".")
+    try:
+        table = np.loadtxt(io.BytesIO(body), delimiter=mark, ndmin=2, comments="#", max_rows=MOST_ROWS + 1)
+    except ValueError as error:
+        raise InputError(f"{source} holds something that is no number ({error!s:.120}); export it again.") from None
+    if table.size == 0:
+        raise InputError(f"{source} has no rows; export the log again.")
+    if table.shape[1] != len(names):
+        raise InputError(f"{source} names {len(names)} columns, but its rows have {table.shape[1]}; export it again.")
+    return {name: table[:, i] for i, name in enumerate(names)}
+
+
+def _renamed(columns: Mapping[str, Any], names: Mapping[str, str], source: str) -> dict[str, Any]:
+    for name in names:
+        if name not in columns:
+            raise InputError(
+                f"map names the column {name!r}, which {source} does not have; {meant(name, map(str, columns))}it has "
+                f"{', '.join(map(str, list(columns)[:20]))}."
+            )
+    return {names.get(str(key), str(key)): value for key, value in columns.items()}
+
+
+def _numbers(columns: Mapping[str, Any], source: str) -> dict[str, Array]:
+    out = dict[str, Array]()
+    for name, values in columns.items():
+        try:
+            one = np.asarray(values)
+            out[name] = np.ravel(one if np.iscomplexobj(one) else one.astype(np.float64))
+        except (TypeError, ValueError):
+            continue  # a column of words is none of ours
+    return out
+
+
+def _time_log(table: Mapping[str, Array], actuators: Sequence[str], source: str) -> TimeLog:
+    torques = {n: table[n] for n in (*TORQUES, *actuators) if n in table}
+    sensed = {n: table[n] for n in SENSED if n in table}
+    for what, found, known in (("torque", torques, (*TORQUES, *actuators)), ("rate or attitude", sensed, SENSED)):
+        if not found:
+            near = "".join(meant(name, known) for name in table if name != "time")
+            raise InputError(
+                f"{source} has no column of a {what} (columns: {', '.join(table)}); {near}give one of {', '.join(known)}, or map a column."
+            )
+    time = table["time"]
+    n = time.size
+    if n < FEWEST_ROWS or n > MOST_ROWS:
+        raise InputError(f"{source} has {n} samples; from {FEWEST_ROWS} to {MOST_ROWS} are taken.")
+    for name, values in {"time": time, **torques, **sensed}.items():
+        if values.size != n:
+            raise InputError(f"{source}: time has {n} samples, {name} has {values.size}; every column needs as many.")
+        if np.iscomplexobj(values):
+            raise InputError(f"{source}: {name} is complex; the columns of a time log are real.")
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise InputError(
+                f"{source}: {name} = {values[bad[0]]} in sample {bad[0] + 1} ({bad.size} such samples); leave out the rows "
+                "without a measurement, gaps are taken as such."
+            )
+    back = np.flatnonzero(np.diff(time) <= 0.0)
+    if back.size:
+        i = int(back[0])
+        raise InputError(
+            f"{source}: time goes from {time[i]!s} to {time[i + 1]!s} s at sample {i + 2}; it must ascend: sort the rows, and give "
+            "logs that start again as several files."
+        )
+    return TimeLog(time, torques, sensed, source)
+
+
+def _modal(table: Mapping[str, Array], source: str) -> ModalTable:
+    w = table["omega"] if "omega" in table else 2.0 * np.pi * table["frequency"]
+    damping = table.get("damping")
+    if w.size == 0 or not np.all(np.isfinite(w)) or np.any(w <= 0.0) or w.size > 1000:
+        raise InputError(f"{source}: the measured frequencies must be positive numbers, at most 1000 of them.")
+    order = np.argsort(w)
+    return ModalTable(w[order], None if damping is None else damping[order], source)

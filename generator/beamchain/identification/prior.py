@@ -1,0 +1,157 @@
+"""What is believed of the appendage before the log: its modes and rigid mass from a specification, with their widths."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.optimize import linear_sum_assignment
+
+from beamchain.errors import InputError
+from beamchain.fitting.fit import as_spec
+from beamchain.fitting.spec import Spec
+from beamchain.fitting.uncertain import Uncertainty
+from beamchain.identification.structure import Body, Parts, turning
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array
+from beamchain.structure.modal_data import ModalData
+
+WIDTH = 0.3  # relative standard deviation of what the prior says, where it has no [uncertain]
+DAMPING = 1.0  # the same of the logarithm of damping
+SMALL = 0.1  # of a mode's whole participation: width of an element that the prior has as nearly zero, over WIDTH
+FAR = np.log(2.5)  # a prior mode whose frequency is off by more is another one
+SEEN = 1e-6  # part of the craft's inertia below which a prior mode does not turn the craft about an axis
+MOST = 40
+
+
+class Prior(NamedTuple):
+    """A prior.
+
+    Args:
+        parts: modes and rigid mass; `hub` is that of the craft.
+        widths: relative, of frequency, damping, participation and rigid mass.
+        spec: the specification.
+        ports: port of each mode, "" where it couples ports.
+        chosen: modes that the specification itself keeps.
+    """
+
+    parts: Parts
+    widths: tuple[float, float, float, float]
+    spec: Spec
+    ports: tuple[str, ...]
+    chosen: int | None
+
+    @property
+    def body(self) -> Body:
+        """The rigid mass as mass, centre, inertia."""
+        m = self.parts.rigid
+        mass = float(np.trace(m[:3, :3])) / 3.0
+        x, y, z = centre = np.array([m[1, 5] - m[2, 4], m[2, 3] - m[0, 5], m[0, 4] - m[1, 3]]) / (2.0 * mass)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        about = m[3:, 3:] + mass * cross @ cross
+        return Body(mass, centre, (about + about.T) / 2.0)
+
+
+def read_prior(prior: Any, hub: Array, folder: Path | None = None) -> Prior:
+    """The prior of a specification, its path, a beam or imported modes.
+
+    Raises:
+        InputError: it is none of these, or has no mode.
+    """
+    del folder
+    spec = as_spec(prior)
+    data = prior if isinstance(prior, ModalData) else spec.imported.read() if spec.imported is not None else None
+    if data is not None:
+        kept = spec.imported.modes if spec.imported is not None else None
+        data = data if kept is None else data.selected(kept)
+        belongs = tuple(b if leak < 1e-3 else "" for b, leak in zip(data.belongs, data.leaks, strict=True))
+        parts = Parts(data.frequencies, data.damping, data.participation, data.rigid_mass, hub)
+        return Prior(parts, _widths(spec), spec, belongs, data.modes)
+    rows, w, z, ports = list[Array](), list[float](), list[float](), list[str]()
+    for port in PORTS:
+        try:
+            model = spec.with_ratios(port, spec.beam.port(port, modes=8).truncated(8))
+        except InputError:
+            continue  # rigid in this port
+        w += model.frequencies.tolist()
+        z += model.damping.tolist()
+        rows += list(model.participation @ PORT_MOTION[port].T)
+        ports += [port] * model.modes
+    if not w:
+        raise InputError(
+            f"prior {spec.name!r} has no elastic mode; give it the stiffness of a bending plane or torsion."
+        )
+    order = np.argsort(w, kind="stable")
+    parts = Parts(np.array(w)[order], np.array(z)[order], np.array(rows)[order], spec.beam.rigid_mass(), hub)
+    return Prior(parts, _widths(spec), spec, tuple(ports[i] for i in order), None)
+
+
+def _widths(spec: Spec) -> tuple[float, float, float, float]:
+    given = spec.uncertain
+
+    def width(how: Uncertainty | None, other: float) -> float:
+        return other if how is None or how.relative is None else how.relative
+
+    if given is None:
+        return WIDTH, DAMPING, WIDTH, WIDTH
+    return (width(given.frequency, WIDTH), width(given.damping, DAMPING), width(given.participation, WIDTH),
+            width(given.density, WIDTH))  # fmt: skip
+
+
+def seen_modes(parts: Parts, axes: Array) -> list[int]:
+    """Modes that turn the craft about the axes."""
+    turned = turning(parts)
+    root = np.linalg.cholesky(axes.T @ turned.inertia @ axes)
+    share = np.linalg.norm(np.linalg.solve(root, (turned.moments @ axes).T), axis=0)
+    return [j for j in range(parts.frequencies.size) if share[j] ** 2 > SEEN]
+
+
+def free_modes(parts: Parts, axes: Array, which: list[int]) -> tuple[Array, Array]:
+    """Frequencies and moments `(n, a)` of some modes with rotation held and translation free, in the order of the clamped ones."""
+    turned = turning(parts)
+    squares, shapes = eigh(np.diag(parts.frequencies[which] ** 2), turned.modal[np.ix_(which, which)])
+    order = np.argsort(linear_sum_assignment(-np.abs(shapes.T))[1])
+    return np.sqrt(squares)[order], ((shapes.T @ turned.moments[which]) @ axes)[order]
+
+
+class Matched(NamedTuple):
+    """Prior modes and those found: prior number of each found mode (-1: none), and prior modes that do not turn the craft."""
+
+    of: list[int]
+    unseen: list[int]
+    missed: list[int]
+    frequencies: Array
+    moments: Array
+
+
+def matched(prior: Prior, frequencies: Array, moments: Array, axes: Array, rigid: Array) -> Matched:
+    """Which prior mode each found one is.
+
+    Args:
+        prior: the prior.
+        frequencies: `(n,)` found, the craft's rotation held, its translation free [rad/s].
+        moments: `(n, a)` about the axes.
+        axes: `(3, a)`.
+        rigid: `(6, 6)` rigid mass that the data suggest.
+    """
+    whole = prior.parts._replace(rigid=rigid)
+    inertia = axes.T @ turning(whole).inertia @ axes
+    root = np.linalg.cholesky(inertia)
+    visible = seen_modes(whole, axes)
+    w, own = np.array(whole.frequencies), turning(whole).moments @ axes
+    if visible:
+        w[visible], own[visible] = free_modes(whole, axes, visible)
+    share = np.linalg.norm(np.linalg.solve(root, own.T), axis=0)
+    found = np.linalg.norm(np.linalg.solve(root, moments.T), axis=0)
+    cost = np.zeros((frequencies.size, len(visible)))
+    for i, one in enumerate(frequencies):
+        for c, j in enumerate(visible):
+            alike = float(moments[i] @ np.linalg.solve(inertia, own[j])) / max(found[i] * share[j], 1e-300)
+            cost[i, c] = (
+                (np.log(one / w[j]) / WIDTH) ** 2 + (np.log(found[i] / share[j]) / 1.0) ** 2 + 8.0 * (1.0 - abs(alike))
+            )
+    of = [-1] * frequencies.size
+    for i, c in zip(*linear_sum_assignment(cost), strict=True):
+        if abs(np.log(frequencies[i] / w[visible[c]])) < FAR:
+            of[i] = visible[c]
+    unseen = [j for j in range(w.size) if j not in visible]
+    return Matched(of, unseen, [j for j in visible if j not in of], w, own)

@@ -1,0 +1,96 @@
+"""What a log cannot tell apart: two modes close to each other, and a mode from one that lies the sample rate higher."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from beamchain.identification.covariance import inverse
+from beamchain.identification.likelihood import Found, Likelihood, derivatives
+from beamchain.identification.response import Piece
+from beamchain.identification.result import Identification
+from beamchain.identification.structure import Parts, Structure, turning
+from beamchain.ports.motions import Array
+
+SPLIT = 1.0  # trial separation in half widths of the mode
+MORE = 6.0  # numbers that one mode more has, which the criterion prices
+
+
+def resolution(structure: Structure, found: Found, likelihood: Likelihood, mode: int) -> float:
+    """Separation [rad/s] from which two modes of equal participation in place of `mode` would be told apart; inf if never.
+
+    The mode is split in two; the information on their separation grows with its square, so that one trial tells.
+
+    Args:
+        structure: of the identified model, at `found`.
+        found: the estimate.
+        likelihood: of the data.
+        mode: which, from 0.
+    """
+    parts = structure.parts(found.theta)
+    w, half = parts.frequencies[mode], parts.damping[mode] * parts.frequencies[mode] * SPLIT / 2.0
+    order = [*range(structure.modes), mode]
+    frequencies = parts.frequencies[order]
+    frequencies[[mode, -1]] = w - half, w + half
+    rows = parts.participation[order]
+    rows[[mode, -1]] /= np.sqrt(2.0)
+    two = replace(structure, live=structure.live[order])
+    *_, rigid, hub = structure.places
+    theta = two.theta(Parts(frequencies, parts.damping[order], rows, parts.rigid, parts.hub), found.theta[rigid])
+    theta[two.places[4]] = found.theta[hub]
+    split = Likelihood(likelihood.pieces, two.raw, lambda _: np.zeros(0), likelihood.scale)
+    try:
+        _, matrix, _, _ = split.normal(theta, likelihood.weights(found.squares))
+    except (np.linalg.LinAlgError, ValueError):
+        return float("inf")
+
+    def apart(x: Array) -> Array:
+        now = two.parts(x).frequencies
+        return now[-1:] - now[mode : mode + 1]
+
+    slope = derivatives(apart, theta)[0]
+    deviation = float(np.sqrt(max(slope @ inverse(matrix) @ slope, 0.0)))
+    sure = np.sqrt(MORE * np.log(max(float(likelihood.counts.sum()), 2.0)))
+    return float(np.sqrt(2.0 * sure * deviation * 2.0 * half))
+
+
+def images(structure: Structure, found: Found, likelihood: Likelihood) -> list[tuple[float, float]]:
+    """Modes and where they may lie instead: equal samples are the same if a frequency is higher by the sample rate.
+
+    With torque held between samples, such a mode has its moment's square larger by the ratio of the frequencies; where that is
+    more than the appendage's inertia, it is excluded.
+    """
+    pieces = likelihood.pieces
+    if not all(isinstance(piece, Piece) and piece.even for piece in pieces):
+        return []
+    rates = [2.0 * np.pi * (p.time.size - 1) / float(p.time[-1] - p.time[0]) for p in pieces if isinstance(p, Piece)]
+    if np.ptp(rates) > 1e-3 * rates[0]:
+        return []  # logs of different rates tell a mode from its image
+    parts = structure.parts(found.theta)
+    moments = turning(parts).moments
+    none = Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros((6, 6)), parts.hub)
+    gained = turning(parts).inertia - turning(none).inertia
+    out = list[tuple[float, float]]()
+    for w, row in zip(parts.frequencies.tolist(), moments, strict=True):
+        higher = w + rates[0]
+        if float(row @ row) ** 2 * higher / w < float(row @ gained @ row):
+            out.append((w, higher))
+    return out
+
+
+def resolved(result: Identification, structure: Structure, found: Found, likelihood: Likelihood) -> Identification:
+    """The result with `resolution` of the modes found in the log, and sentences on what looks the same."""
+    own = {float(w): i for i, w in enumerate(structure.parts(found.theta).frequencies)}
+    modes = tuple(
+        replace(mode, resolution=resolution(structure, found, likelihood, own[mode.frequency])) if mode.frequency in own else mode
+        for mode in result.modes
+    )
+    said = list(result.undetermined)
+    if told := ", ".join(f"{m.resolution:.2g} at {m.frequency:.5g}" for m in modes if np.isfinite(m.resolution)):
+        said.append(f"modes closer to each other than this would be found as one, of their joint moment [rad/s]: {told}.")
+    if higher := images(structure, found, likelihood):
+        said.append(
+            "equal steps cannot tell a mode from one that lies the sample rate higher: "
+            + ", ".join(f"{w:.5g} may be {image:.5g} rad/s" for w, image in higher)
+            + "; sample faster, or unequally, where such modes are possible."
+        )
+    return replace(result, modes=modes, undetermined=tuple(said))

@@ -1,0 +1,221 @@
+"""What was identified: modes with their intervals, what is undetermined, and the file of modes made of it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamchain.caution import warnings_record
+from beamchain.files import write_files
+from beamchain.identification.start import Order
+from beamchain.identification.update import Update
+from beamchain.ports.motions import Array
+from beamchain.structure.modal_data import ModalData
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LARGEST = 0.99  # relative deviation that [uncertain] can take
+LEAST = 1e-9
+CORRELATED = 0.05  # smallest coefficient that is written
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedMode:
+    """One mode of the appendage with its root held.
+
+    Args:
+        number: from 1, by frequency.
+        frequency: [rad/s].
+        damping: ratio.
+        participation: `(6,)` mass-normalised, about the port in the appendage's axes.
+        frequency_std, damping_std: standard deviations.
+        participation_std: `(6,)`; nan where neither log nor prior says anything.
+        determined: the log determines frequency and damping.
+        remark: what to know of it, empty where nothing is.
+        resolution: two modes closer than this [rad/s] would be found as one; nan where the log does not show the mode.
+    """
+
+    number: int
+    frequency: float
+    damping: float
+    participation: Array
+    frequency_std: float
+    damping_std: float
+    participation_std: Array
+    determined: bool
+    remark: str = ""
+    resolution: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Identification:
+    """Modes of an appendage from a log.
+
+    Args:
+        modes: by frequency.
+        names: of the quantities of `covariance`, such as mode1.frequency.
+        covariance: of frequencies [rad/s], damping ratios and factors on participation.
+        rigid: `(6, 6)` rigid mass of the appendage about the port.
+        order: numbers of modes that were tried.
+        whiteness: by channel, the probability of residuals as correlated as these if the noise is white.
+        warnings: sentences with codes.
+        undetermined: sentences on what the log does not determine.
+        update: factors on the prior beam, where it is one.
+        held_out: by channel, error of the predicted last part relative to its own variation.
+        noise: by channel, standard deviation of the residuals.
+        spectra: by channel: frequencies [rad/s], and densities of what was measured, modelled and left.
+        length: of the appendage [m], for sharing out its mass.
+        source: of what.
+        stated: `(n, 6)` participation of the file of modes, where no prior tells that in force.
+    """
+
+    modes: tuple[IdentifiedMode, ...]
+    names: tuple[str, ...]
+    covariance: Array
+    rigid: Array
+    order: tuple[Order, ...]
+    whiteness: Mapping[str, float]
+    warnings: tuple[str, ...]
+    undetermined: tuple[str, ...]
+    update: Update | None
+    held_out: Mapping[str, float]
+    noise: Mapping[str, float]
+    spectra: Mapping[str, tuple[Array, Array, Array, Array]] = field(
+        default_factory=dict[str, tuple[Array, Array, Array, Array]]
+    )
+    length: float | None = None
+    source: str = "log"
+    stated: Array | None = None
+    advice: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        rows = [f"{m.number}: {m.frequency:.6g} +- {m.frequency_std:.2g} rad/s, damping {m.damping:.3g} +- {m.damping_std:.2g}"
+                + ("" if m.determined else ", undetermined") for m in self.modes]  # fmt: skip
+        return "\n  ".join([f"<Identification of {self.source}, {len(self.modes)} modes", *rows]) + ">"
+
+    def _repr_html_(self) -> str:
+        from beamchain import report
+
+        return report.identification_html(self)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Measured, modelled and remaining spectrum of the first channel."""
+        from beamchain import report
+
+        return report.plot_identification(self, ax)
+
+    @property
+    def uncertain(self) -> dict[str, Any]:
+        """The table [uncertain] of the modes file."""
+        out: dict[str, Any] = {"mode": []}
+        there = list[str]()
+        for mode in self.modes:
+            one: dict[str, Any] = {"number": mode.number}
+            for kind, value, std in (("frequency", mode.frequency, mode.frequency_std), ("damping", mode.damping, mode.damping_std),
+                                     ("participation", 1.0, self._factor_std(mode))):  # fmt: skip
+                relative = std / value if value > 0.0 else np.nan
+                if np.isfinite(relative) and relative > LEAST:
+                    one[kind] = {"relative": float(min(relative, LARGEST))}
+                    there.append(f"mode{mode.number}.{kind}")
+            if len(one) > 1:
+                out["mode"].append(one)
+        at = [i for i, name in enumerate(self.names) if name in there]
+        if not out["mode"]:
+            return {}
+        sd = np.sqrt(np.diag(self.covariance)[at])
+        matrix = self.covariance[np.ix_(at, at)] / np.outer(sd, sd)
+        if at and float(np.max(np.abs(matrix - np.eye(len(at))), initial=0.0)) > CORRELATED:
+            np.fill_diagonal(matrix, 1.0)
+            values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
+            sound = (vectors * np.maximum(values, 1e-9)) @ vectors.T
+            scale = np.sqrt(np.diag(sound))
+            out["correlation"] = [
+                {"of": [self.names[i] for i in at], "matrix": (sound / np.outer(scale, scale)).tolist()}
+            ]
+        return out
+
+    def _factor_std(self, mode: IdentifiedMode) -> float:
+        name = f"mode{mode.number}.participation"
+        return (
+            float(np.sqrt(self.covariance[self.names.index(name)][self.names.index(name)]))
+            if name in self.names
+            else np.nan
+        )
+
+    def data(self) -> ModalData:
+        """The modes as `[imported]` of a specification reads them."""
+        return ModalData(
+            rigid_mass=self.rigid, frequencies=np.array([m.frequency for m in self.modes]),
+            participation=np.array([m.participation for m in self.modes]) if self.stated is None else self.stated, damping=np.array([m.damping for m in self.modes]),
+            length=self.length, source=self.source, uncertain=self.uncertain,
+        )  # fmt: skip
+
+    def to_toml(self) -> str:
+        """The text of modes.toml."""
+        data = self.data()
+        note = "identified by beamchain; " + (" ".join(self.undetermined) or "every value is determined by the log.")
+        lines = [f"note = {_text(note)}", f"frequencies = {_row(data.frequencies)}  # rad/s", f"damping = {_row(data.damping)}",
+                 "participation = [", *(f"  {_row(row)}," for row in data.participation.T), "]",
+                 "mass = [", *(f"  {_row(row)}," for row in data.rigid_mass), "]", "digits = 15"]  # fmt: skip
+        if self.length is not None:
+            lines.append(f"length = {self.length!r}")
+        for one in self.uncertain.get("mode", ()):
+            lines += ["", "[[uncertain.mode]]", f"number = {one['number']}"]
+            lines += [f"{kind} = {{ relative = {how['relative']!r} }}" for kind, how in one.items() if kind != "number"]
+        for one in self.uncertain.get("correlation", ()):
+            names = ", ".join(_text(name) for name in one["of"])
+            lines += [
+                "",
+                "[[uncertain.correlation]]",
+                f"of = [{names}]",
+                "matrix = [",
+                *(f"  {_row(row)}," for row in one["matrix"]),
+                "]",
+            ]
+        return "\n".join(lines) + "\n"
+
+    def write(self, path: str | Path, *, force: bool = False) -> list[Path]:
+        """Write modes.toml, and beside it the report and the record as JSON.
+
+        Args:
+            path: of the .toml file.
+            force: replace files that exist.
+
+        Raises:
+            OutputError: a file exists, or the folder cannot be written.
+        """
+        from beamchain import report
+        from beamchain.files import to_json
+
+        place = Path(path)
+        files: dict[Path, str | bytes] = {
+            place.with_name(f"{place.stem}.json"): to_json(self.as_dict()),
+            place.with_name(f"{place.stem}_report.html"): report.identification_page(self, place.name),
+            place: self.to_toml(),
+        }
+        write_files(files, force=force)
+        return list(files)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "modes": [{"number": m.number, "frequency": m.frequency, "frequency_std": m.frequency_std, "damping": m.damping,
+                       "damping_std": m.damping_std, "participation": m.participation, "participation_std": m.participation_std,
+                       "determined": m.determined, "remark": m.remark,
+                       "resolution": m.resolution} for m in self.modes],
+            "names": list(self.names), "covariance": self.covariance, "rigid": self.rigid,
+            "order": [one._asdict() for one in self.order], "whiteness": dict(self.whiteness), "held_out": dict(self.held_out),
+            "noise": dict(self.noise), "undetermined": list(self.undetermined), "advice": list(self.advice),
+            "update": None if self.update is None else self.update.as_dict(), **warnings_record(self.warnings),
+        }  # fmt: skip
+
+
+def _row(values: Sequence[float] | Array) -> str:
+    return "[" + ", ".join(repr(float(v) + 0.0) for v in values) + "]"
+
+
+def _text(words: str) -> str:
+    return '"' + words.replace("\\", "/").replace('"', "'").replace("\n", " ") + '"'

@@ -1,0 +1,132 @@
+"""What a log cannot be: swapped columns, wrong units, a response that does not follow its torque; and folded modes."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from beamchain.errors import InputError
+from beamchain.identification.hub import Bare
+from beamchain.identification.pieces import Cut
+from beamchain.identification.response import Piece, Raw, Spectrum
+from beamchain.identification.structure import Parts, turning
+from beamchain.ports.motions import Array
+
+DEGREE = 180.0 / np.pi
+ROUGH = 0.5  # of the least inertia, before the modes are taken out
+LESS = 0.02  # of the hub's inertia, by which a log's total may be less before it is refused
+MOST = 300.0  # times the hub's inertia that an appendage is believed to have
+OFF_PRIOR = 3.0  # times, by which the total may differ from the prior's
+EXPLAINS = 0.5  # part of a column's variation that tells which is torque and which is rate
+LITTLE = 0.05
+
+
+def _explained(target: Array, source: Array, use: Array) -> float:
+    """Part of the variation of a column that another one's explains."""
+    x, y = source[use] - source[use].mean(), target[use] - target[use].mean()
+    return float((x @ y) ** 2 / max((x @ x) * (y @ y), 1e-300))
+
+
+def check_swapped(made: Cut) -> None:
+    """Refuse a log whose torque is the integral of its rate, or whose rate follows another axis's torque.
+
+    Raises:
+        InputError: columns are swapped.
+    """
+    piece = max(made.pieces, key=lambda p: p.time.size)
+    h = np.diff(piece.time)[:, None]
+    once = np.vstack([np.zeros((1, piece.outputs.shape[1])), np.cumsum(h * piece.outputs[:-1], axis=0)])
+    table = np.zeros((len(made.sensed), len(made.torques)))
+    for i, rate in enumerate(made.sensed):
+        use = piece.use[:, i]
+        for m, torque in enumerate(made.torques):
+            forward = (piece._twice if piece.angles[i] else piece._once)[:, m]
+            table[i, m] = _explained(piece.outputs[:, i], forward, use)
+            if torque[-2:] == rate[-2:] and not piece.angles[i]:
+                back = _explained(piece.inputs[:, m], once[:, i], use)
+                if table[i, m] < LITTLE and back > EXPLAINS:
+                    raise InputError(
+                        f"{torque} follows from {rate} as a rate from a torque, and not the other way: the two columns are swapped; exchange "
+                        "them, or use map (--map)."
+                    )
+    own = {
+        (i, m): table[i, m] for i, r in enumerate(made.sensed) for m, t in enumerate(made.torques) if r[-2:] == t[-2:]
+    }
+    for (i, m), value in own.items():
+        others = [(k, table[i, k]) for k in range(len(made.torques)) if (i, k) not in own]
+        if others and value < LITTLE and max(v for _, v in others) > EXPLAINS:
+            k = max(others, key=lambda one: one[1])[0]
+            raise InputError(
+                f"{made.sensed[i]} follows {made.torques[k]} and not {made.torques[m]}: columns of different axes are swapped; exchange them, "
+                "or use map (--map)."
+            )
+
+
+def check_rigid(gain: Array, data: Any, known: Bare, rigid: Array, *, roughly: bool = False) -> None:
+    """Refuse a total inertia that contradicts the craft.
+
+    Args:
+        gain: `(p, m)` angular accelerations per torque of the frozen craft, as the log has them.
+        data: the channels: names, directions, driven axes.
+        known: the craft.
+        rigid: `(6, 6)` that the prior believes of the appendage; zero without one.
+        roughly: the modes are not taken out yet, so that only gross contradictions count.
+
+    Raises:
+        InputError: it is negative, less than the hub's alone, or far from what the prior says.
+    """
+    none = Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros((6, 6)), known.mass)
+    bare = turning(none).inertia
+    whole = turning(none._replace(rigid=rigid)).inertia
+    inverse = np.linalg.pinv(data.outputs @ data.axes) @ gain @ np.linalg.pinv((data.inputs @ data.axes).T)
+    there = bool(np.any(rigid))
+    for i, axis in enumerate(data.axes.T):
+        value = float(inverse[i, i])
+        own, believed = float(axis @ bare @ axis), float(axis @ whole @ axis)
+        name = f"about {_words(axis)}"
+        if value <= 0.0:
+            raise InputError(
+                f"the craft turns against its torque {name} ({', '.join(data.torques)} to {', '.join(data.sensed)}): a sign or a "
+                "column is wrong; turn the sign of the torque, and see that each column is what its name says."
+            )
+        total = 1.0 / value
+        low, high = (ROUGH * own, MOST * own) if roughly else ((1.0 - LESS) * own, MOST * own)
+        if there:
+            low, high = max(low, believed / OFF_PRIOR * (ROUGH if roughly else 1.0)), believed * OFF_PRIOR
+        if not low <= total <= high:
+            raise InputError(
+                f"the log's total inertia {name} is {total:.4g} kg m^2, that of the bare craft{' with the prior' if there else ' alone'} is "
+                f"{believed:.4g}; with rates in degrees it would be {total * DEGREE:.4g}: check the units (rad/s, N m), the columns, the "
+                f"craft's mass properties{' and the prior' if there else ''}."
+            )
+
+
+def _words(axis: Array) -> str:
+    i = int(np.argmax(np.abs(axis)))
+    return (
+        f"the mount's {'xyz'[i]}" if abs(axis[i]) > 0.999 else f"({', '.join(f'{v:.3g}' for v in axis)}) at the mount"
+    )
+
+
+def folded(
+    raw: Raw, pieces: Sequence[Piece | Spectrum], inputs: Array, outputs: Array, axes: Array
+) -> tuple[Raw, list[complex]]:
+    """The model with poles put where they belong whose residue has the wrong sign: a mode above half the sample rate.
+
+    Returns:
+        The model, and its poles that were moved.
+    """
+    first = pieces[0]
+    if not isinstance(first, Piece) or not all(isinstance(p, Piece) and p.even for p in pieces):
+        return raw, []
+    turn = 2.0 * np.pi / float(np.mean(first.steps))
+    to_out, to_in = np.linalg.pinv(outputs @ axes), np.linalg.pinv((inputs @ axes).T)
+    poles, residues, moved = raw.poles.copy(), raw.residues.copy(), list[complex]()
+    for k, pole in enumerate(raw.poles):
+        own = (to_out @ raw.residues[k] @ to_in).real
+        if np.trace(own) < 0.0:
+            poles[k] = complex(pole.real, turn - pole.imag)
+            residues[k] = -raw.residues[k].conj() * (turn - pole.imag) / pole.imag
+            moved.append(complex(poles[k]))
+    order = np.argsort(poles.imag)
+    return Raw(poles[order], residues[order], raw.shapes[order], raw.rigid), moved

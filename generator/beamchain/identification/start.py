@@ -1,0 +1,324 @@
+"""An initial modal model from the data alone, mode by mode, and the number of modes that the data support.
+
+To the model found so far the mode is added whose pole, of those near peaks of the residuals' spectrum, explains most of them in
+a least-squares fit of a few spectral lines; then all poles and residues are refined together. A mode counts if it lowers the
+Bayesian information criterion (minus twice the log likelihood, plus log(N) per parameter).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from beamchain.identification.likelihood import Likelihood
+from beamchain.identification.response import Complex, Piece, Raw, Spectrum
+from beamchain.ports.motions import Array
+
+MOST_MODES = 14
+DAMPINGS = (0.0005, 0.002, 0.007, 0.02, 0.05)
+WIDTHS = (1, 5, 25, 125, 625)  # lines over which the spectrum is smoothed to find peaks
+PEAKS = 6  # per width
+LINES = 160  # most spectral lines for one candidate
+REACH = 6.0  # half widths of a resonance, or lines, on either side
+PIECES = 3  # the longest, that are searched for peaks
+ITERATIONS = 6
+LAST_ITERATIONS = 25
+ENOUGH = 30_000  # samples, with which the search in a long log begins
+NOTHING = 1e-20  # mean square relative to the data that is none
+
+
+class Order(NamedTuple):
+    """A number of modes that was tried: criterion, likelihood gained over one mode fewer, frequencies and damping."""
+
+    modes: int
+    criterion: float
+    gain: float
+    frequencies: Array
+    damping: Array
+
+
+class Started(NamedTuple):
+    """The raw model with the number of modes asked for or supported, all orders tried, the information in its parameters; numbers per mode."""
+
+    raw: Raw
+    orders: tuple[Order, ...]
+    better: int
+    form: "Form"
+    matrix: Array
+    each: float
+
+
+class Form:
+    """Raw models as parameters: logarithms of frequency and damping, residues and rigid part in units of their size."""
+
+    def __init__(self, outputs: int, inputs: int, sizes: Sequence[float], rigid: float) -> None:
+        self.shape, self.sizes, self.rigid = (outputs, inputs), sizes, rigid
+
+    def raw(self, theta: Array) -> Raw:
+        """The raw model of parameters."""
+        p, m = self.shape
+        width = 2 + 2 * p * m
+        poles, residues, shapes = list[complex](), list[Complex](), list[Complex]()
+        for k, size in enumerate(self.sizes):
+            part = theta[k * width : (k + 1) * width]
+            w, z = np.exp(part[0]), np.exp(part[1])
+            if not z < 1.0:
+                raise ValueError("overdamped")
+            poles.append(complex(-z * w, w * np.sqrt(1.0 - z**2)))
+            g = size * (part[2 : 2 + p * m] + 1j * part[2 + p * m :]).reshape(p, m)
+            residues.append(g)
+            one = np.linalg.svd(g)[0][:, 0] if p > 1 else np.ones(1, dtype=np.complex128)
+            shapes.append(one / one[int(np.argmax(np.abs(one)))])
+        n = len(self.sizes)
+        rigid = self.rigid * theta[n * width :].reshape(p, m)
+        return Raw(
+            np.array(poles, dtype=np.complex128), np.array(residues, dtype=np.complex128).reshape(n, p, m),
+            np.array(shapes, dtype=np.complex128).reshape(n, p), rigid,
+        )  # fmt: skip
+
+    def theta(self, raw: Raw) -> Array:
+        """The parameters of a raw model."""
+        parts = [
+            np.concatenate(
+                [
+                    [np.log(abs(s)), np.log(max(-s.real / abs(s), 1e-7))],
+                    (g / size).real.ravel(),
+                    (g / size).imag.ravel(),
+                ]
+            )
+            for s, g, size in zip(raw.poles, raw.residues, self.sizes, strict=True)
+        ]
+        return np.concatenate([*parts, raw.rigid.ravel() / self.rigid])
+
+
+def started(
+    pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array, modes: int | None, hints: Sequence[complex] = ()
+) -> Started:
+    """Modes one after another until the criterion rises, or until there are as many as asked for.
+
+    Args:
+        pieces: of the data.
+        rigid: `(p, m)` first guess of the accelerations of the frozen craft per torque.
+        scale: `(p,)` size of the outputs.
+        modes: how many; None: as the criterion says.
+        hints: poles that a prior expects.
+    """
+    none = np.zeros((0, *rigid.shape), dtype=np.complex128)
+    raw = Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid)
+    size = float(np.max(np.abs(rigid)))
+    fewer = _fewer(pieces)
+    search = _Search(fewer, scale, size, hints)
+    search.begin(raw)
+    most = MOST_MODES if modes is None else modes + 1
+    search.go(most, 2 if modes is None else most + 1, 2)
+    if fewer is not pieces:
+        first, search = search, _Search(pieces, scale, size, hints)
+        start = first.better if modes is None else min(modes, len(first.models) - 1)
+        search.begin(first.models[start])
+        search.prepend(first, start)
+        search.go(most, 1, 1)
+    better = search.better
+    chosen = search.models[better if modes is None else min(modes, len(search.models) - 1)]
+    final = _refined(pieces, chosen, scale, size, LAST_ITERATIONS)[0]
+    order = np.argsort(final.poles.imag)
+    final = Raw(final.poles[order], final.residues[order], final.shapes[order], final.rigid)
+    form = Form(*rigid.shape, [max(float(np.max(np.abs(g))), 1e-300) for g in final.residues], size)
+    likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
+    weights = likelihood.weights(likelihood.squares(final))
+    return Started(final, tuple(search.orders), better, form, likelihood.normal(form.theta(final), weights)[1], search.each)
+
+
+def frozen(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array) -> Raw:
+    """The model without modes that fits best, on a part of long logs."""
+    none = np.zeros((0, *rigid.shape), dtype=np.complex128)
+    raw = Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid)
+    return _refined(_fewer(pieces), raw, scale, float(np.max(np.abs(rigid))), ITERATIONS)[0]
+
+
+def _fewer(pieces: Sequence[Piece | Spectrum]) -> Sequence[Piece | Spectrum]:
+    """The beginnings of long pieces, with which a search is begun; the same pieces where they are short."""
+    if not all(isinstance(p, Piece) for p in pieces) or sum(p.time.size for p in pieces if isinstance(p, Piece)) < 2 * ENOUGH:
+        return pieces
+    longest = sorted((p for p in pieces if isinstance(p, Piece)), key=lambda p: -p.time.size)[:PIECES]
+    return [p.part(0, min(p.time.size, ENOUGH // len(longest))) for p in longest]
+
+
+class _Search:
+    """Modes added one after another on some pieces."""
+
+    def __init__(self, pieces: Sequence[Piece | Spectrum], scale: Array, size: float, hints: Sequence[complex]) -> None:
+        self.pieces, self.scale, self.size, self.hints = pieces, scale, size, hints
+        self.orders, self.models = list[Order](), list[Raw]()
+        self.each, self.cost, self.left, self.n = 0.0, 0.0, 0.0, 0.0
+
+    @property
+    def better(self) -> int:
+        """Modes with the lowest criterion."""
+        return min(self.orders, key=lambda one: one.criterion).modes
+
+    def begin(self, raw: Raw) -> None:
+        """Start with a model."""
+        raw, self.cost, self.left, self.n = _refined(self.pieces, raw, self.scale, self.size, LAST_ITERATIONS)
+        # a free response per piece and mode is fitted too
+        self.each = 2.0 + 2.0 * raw.rigid.size + 2.0 * sum(isinstance(piece, Piece) for piece in self.pieces)
+        self._add(raw, 0.0)
+
+    def _add(self, raw: Raw, gain: float) -> None:
+        k = raw.poles.size
+        order = np.argsort(np.abs(raw.poles))
+        ratios = -raw.poles.real / np.abs(raw.poles)
+        self.orders.append(Order(k, self.cost + self.each * k * np.log(self.n), gain, np.abs(raw.poles)[order], ratios[order]))
+        self.models.append(raw)
+
+    def prepend(self, other: "_Search", modes: int) -> None:
+        """Lower orders of a search on a part, as if they were of the whole."""
+        ratio, top = self.n / other.n, self.orders[0].criterion - other.orders[modes].criterion * self.n / other.n
+        lower = [o._replace(criterion=top + ratio * o.criterion, gain=ratio * o.gain) for o in other.orders[:modes]]
+        self.orders = [*lower, self.orders[0]._replace(gain=ratio * other.orders[modes].gain)]
+        self.models = [*other.models[:modes], self.models[0]]
+
+    def go(self, most: int, failures: int, trials: int) -> None:
+        """Add modes, up to `most`, until the criterion has risen `failures` times; `trials` poles are tried for each."""
+        failed = 0
+        while len(self.models) <= most and self.left > NOTHING and failed < failures:
+            raw, best = self.models[-1], None
+            for pole, _ in _candidates(self.pieces, raw, self.scale, self.hints)[:trials]:
+                trial = _refined(self.pieces, _with(raw, pole, self.pieces, self.scale), self.scale, self.size, ITERATIONS)
+                if best is None or trial[1] < best[1]:
+                    best = trial
+                if trial[1] < self.cost - self.each * np.log(self.n):
+                    break
+            if best is None:
+                break
+            raw, now, self.left, self.n = best
+            gain, self.cost = self.cost - now, now
+            self._add(raw, gain)
+            failed = 0 if self.better == len(self.models) - 1 else failed + 1
+
+
+def _refined(
+    pieces: Sequence[Piece | Spectrum], raw: Raw, scale: Array, rigid: float, iterations: int
+) -> tuple[Raw, float, float, float]:
+    """The model refined, minus twice its log likelihood, mean square left relative to the data, and count of numbers."""
+    sizes = [max(float(np.max(np.abs(g))), 1e-300) for g in raw.residues]
+    form = Form(*raw.rigid.shape, sizes, rigid)
+    likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
+    found = likelihood.best(form.theta(raw), iterations)
+    left = float(np.max(found.squares / np.maximum(found.counts, 1.0) / scale**2))
+    return form.raw(found.theta), found.cost, left, float(found.counts.sum())
+
+
+def _with(raw: Raw, pole: complex, pieces: Sequence[Piece | Spectrum], scale: Array) -> Raw:
+    """The model with one mode more, of the residue that fits best while all else is held."""
+    p, m = raw.rigid.shape
+    top, right = np.zeros((p, 2 * m, 2 * m)), np.zeros((p, 2 * m))
+    for piece in pieces:
+        left = piece.assess(raw, 1.0 / scale)[1]
+        if isinstance(piece, Spectrum):
+            s = 1j * piece.omega
+            weight = s**piece.order / (piece.accuracy * np.abs(piece.value))
+            a, b = weight / (s - pole), weight / (s - pole.conjugate())
+            table, value = np.column_stack([a + b, 1j * (a - b)]), left
+            at = [2 * piece.input, 2 * piece.input + 1]
+            i = piece.output
+            top[i][np.ix_(at, at)] += (table.conj().T @ table).real
+            right[i][at] += (table.conj().T @ value).real
+            continue
+        state = piece.states(pole)[0]
+        t = piece.time - piece.time[0]
+        free = np.exp(pole * t)
+        for i in range(p):
+            seen = (state - piece._once) / pole if piece.angles[i] else state
+            table = np.column_stack([np.stack([2.0 * seen.real, -2.0 * seen.imag], axis=2).reshape(t.size, -1),
+                                     free.real, -free.imag, piece.constants(i)])[piece.use[:, i]]  # fmt: skip
+            held = table[:, 2 * m :]
+            solved = np.linalg.lstsq(
+                held.T @ held, held.T @ np.column_stack([table[:, : 2 * m], left[piece.use[:, i], i]])
+            )[0]
+            own = table[:, : 2 * m] - held @ solved[:, :-1]
+            top[i] += own.T @ own
+            right[i] += own.T @ left[piece.use[:, i], i]
+    g = np.array([np.linalg.lstsq(a, b)[0] for a, b in zip(top, right, strict=True)]).reshape(p, m, 2)
+    residue = g[..., 0] + 1j * g[..., 1]
+    shape = np.ones((1, p), dtype=np.complex128)
+    return Raw(np.append(raw.poles, pole), np.concatenate([raw.residues, residue[None]]),
+               np.concatenate([raw.shapes, shape]), raw.rigid)  # fmt: skip
+
+
+def _candidates(
+    pieces: Sequence[Piece | Spectrum], raw: Raw, scale: Array, hints: Sequence[complex]
+) -> list[tuple[complex, float]]:
+    """Poles near peaks of the residuals' spectrum, that explains most first; of each stretch of the spectrum the best."""
+    found = dict[complex, float]()
+    weights = 1.0 / scale
+    longest = sorted((p for p in pieces if isinstance(p, Piece)), key=lambda p: -p.time.size)[:PIECES]
+    for piece in longest:
+        for pole, gain in _of_piece(piece, piece.assess(raw, weights)[1] * weights, hints):
+            found[pole] = found.get(pole, 0.0) + gain
+    spectra = [p for p in pieces if isinstance(p, Spectrum)]
+    if spectra:
+        omega = np.unique(np.concatenate([p.omega for p in spectra]))
+        tables = [(p, p.assess(raw, weights)[1]) for p in spectra]
+        for w in omega[:: max(1, omega.size // 800)]:
+            for z in DAMPINGS:
+                pole, gain = complex(-z * w, w), 0.0
+                for p, left in tables:
+                    near = np.abs(p.omega - w) < max(REACH * z * w, REACH * float(np.median(np.diff(p.omega))))
+                    if near.any():
+                        shape = (
+                            (1j * p.omega[near]) ** p.order
+                            / np.abs(p.value[near])
+                            / p.accuracy[near]
+                            / (1j * p.omega[near] - pole)
+                        )
+                        gain += float(abs(np.vdot(shape, left[near])) ** 2 / np.vdot(shape, shape).real)
+                found[pole] = gain
+    best = sorted(found.items(), key=lambda one: -one[1])
+    out = list[tuple[complex, float]]()
+    for pole, gain in best:
+        if all(abs(abs(pole) - abs(other)) > 0.02 * abs(pole) for other, _ in out):
+            out.append((pole, gain))
+    return out
+
+
+def _of_piece(piece: Piece, left: Array, hints: Sequence[complex]) -> list[tuple[complex, float]]:
+    n = piece.time.size
+    h = float(piece.time[-1] - piece.time[0]) / (n - 1)
+    u = piece.inputs
+    if not piece.even:
+        grid = piece.time[0] + h * np.arange(n)
+        left = np.column_stack([np.interp(grid, piece.time, one) for one in left.T])
+        u = np.column_stack([np.interp(grid, piece.time, one) for one in u.T])
+    rate = np.column_stack(
+        [np.gradient(one, h) if angle else one for one, angle in zip(left.T, piece.angles, strict=True)]
+    )
+    lines = np.fft.rfft(rate, axis=0)
+    torque = np.fft.rfft(u, axis=0)
+    omega = 2.0 * np.pi * np.arange(lines.shape[0]) / (n * h)
+    step = omega[1]
+    smooth = np.abs(lines[1:-1] - (lines[:-2] + lines[2:]) / 2.0) ** 2  # Hann's window
+    energy = np.concatenate([[0.0], smooth.sum(axis=1), [0.0]])
+    floor = float(np.median(energy[1:-1])) + 1e-300
+    trials = [s for s in hints if abs(s) < np.pi / h]
+    for width in WIDTHS:
+        if width > n // 16 and width > 1:
+            break
+        level = (uniform_filter1d(energy, width) - floor) * width
+        top = np.flatnonzero((level[1:-1] >= level[:-2]) & (level[1:-1] >= level[2:]) & (level[1:-1] > 0.0)) + 1
+        for i in top[np.argsort(level[top])[::-1][:PEAKS]]:
+            trials += [complex(-z, 1.0) * omega[i] for z in DAMPINGS if i > 0]
+    out = list[tuple[complex, float]]()
+    for pole in trials:
+        reach = max(REACH * step, -REACH * pole.real)
+        low, high = int(max((pole.imag - reach) / step, 1)), int(min((pole.imag + reach) / step + 2, omega.size - 1))
+        stride = max(1, (high - low) // LINES)
+        pick = np.arange(low, high, stride)
+        if pick.size < u.shape[1] + 3:
+            continue
+        z = np.exp(1j * omega[pick] * h)
+        p = np.exp(pole * h)
+        table = np.column_stack([torque[pick] * ((p - 1.0) / pole / (z - p))[:, None], z / (z - p)])
+        q, _ = np.linalg.qr(table / np.maximum(np.linalg.norm(table, axis=0), 1e-300))
+        out.append((pole, stride * float(np.sum(np.abs(q.conj().T @ lines[pick]) ** 2))))
+    return out
