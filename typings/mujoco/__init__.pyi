@@ -55,7 +55,21 @@ class mjtGeom:
     mjGEOM_CAPSULE: mjtGeom
     mjGEOM_CYLINDER: mjtGeom
     mjGEOM_BOX: mjtGeom
+    mjGEOM_PLANE: mjtGeom
     def __int__(self) -> int: ...
+
+class mjtTexture:
+    mjTEXTURE_SKYBOX: mjtTexture
+
+class mjtBuiltin:
+    mjBUILTIN_FLAT: mjtBuiltin
+    mjBUILTIN_GRADIENT: mjtBuiltin
+
+class mjtMark:
+    mjMARK_RANDOM: mjtMark
+
+class mjtLightType:
+    mjLIGHT_DIRECTIONAL: mjtLightType
 
 class mjtCatBit:
     mjCAT_DYNAMIC: mjtCatBit
@@ -101,6 +115,8 @@ class MjSpec:
     def from_string(
         xml: str, include: dict[str, bytes] | None = ..., assets: dict[str, bytes] | None = ...
     ) -> MjSpec: ...
+    @staticmethod
+    def from_file(filename: str) -> MjSpec: ...
     def __getattr__(self, name: str) -> Any: ...
 
 class MjvCamera:
