@@ -20,6 +20,7 @@ from beamchain.fitting.spec import spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import curves, plots
 from beamchain.report.html import fit_report
+from beamchain.report.svg import to_svg
 from beamchain.structure.exact import UniformBeam
 
 CURVE = 1e-3  # rivals add their own peaks to the grid, so that it is not the in-band error's own
@@ -303,7 +304,7 @@ def test_the_legend_of_a_page_is_text_with_the_marks_of_the_picture(boom):
 
 def test_same_fit_same_picture(boom):
     fit, _, pictures = boom
-    assert plots.to_svg(plots.error_figure(fit, "xy"), "error_xy") == pictures["error_xy.svg"]
+    assert to_svg(plots.error_figure(fit, "xy"), "error_xy") == pictures["error_xy.svg"]
 
 
 def test_plot_returns_its_axes_and_touches_no_global_state(boom):

@@ -14,8 +14,8 @@ import beamchain as bc
 from beamchain.cli import main, shipped
 from beamchain.report.page import begun
 from beamchain.report.plant_plots import bode_figure
-from beamchain.report.plots import to_svg
 from beamchain.report.study_html import stability_report
+from beamchain.report.svg import to_svg
 from spacecraft import CRAFTS, frequencies, spec
 
 SAME = 1e-12  # the same computation once more

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 
 from beamchain.checks import one_of
 from beamchain.fitting.needs import AXES
-from beamchain.report.plots import BEAM, OURS, STYLE, WIDTH, frame, in_hz, percent, to_svg
+from beamchain.report.plots import BEAM, OURS, STYLE, WIDTH, frame, in_hz, percent
+from beamchain.report.svg import to_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,6 +19,7 @@ from beamchain.report.page import Table, Verdict, number, page_text, vector
 from beamchain.report.plots import percent, short
 from beamchain.report.record import mass_record
 from beamchain.report.shapes import all_shapes, kept_modes
+from beamchain.report.svg import to_svg
 from beamchain.steps.budget import budget
 from beamchain.structure.beam import Beam
 
@@ -34,8 +35,8 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
     """The text of report.html, and that of the SVG files to stand beside it, by name."""
     figures = {f"accelerance_{port}": plots.accelerance_figure(fit, port) for port in fit.target}
     figures |= {f"error_{port}": plots.error_figure(fit, port) for port in fit.target}
-    pictures = {f"{name}.svg": plots.to_svg(figure, name) for name, figure in figures.items()}
-    pictures["chain.svg"] = plots.to_svg(plots.chain_figure(fit), "chain")
+    pictures = {f"{name}.svg": to_svg(figure, name) for name, figure in figures.items()}
+    pictures["chain.svg"] = to_svg(plots.chain_figure(fit), "chain")
     rivals, bench = rival_errors(fit), fit.measured.linearisation
     continuous, (discrete, ratios) = bench.frequencies(), bench.discrete_frequencies()
     page = page_text(
@@ -235,7 +236,7 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         model=model,
         kept_modes=kept_modes,
         kept_word=kept_word,
-        drawn={name: plots.to_svg(figure, name) for name, figure in figures.items()},
+        drawn={name: to_svg(figure, name) for name, figure in figures.items()},
         names={name for a in appendages for name in (a.at, a.at.partition(":")[2], a.fit.spec.name)},
         mode_table=mode_table,
         all_shapes=all_shapes,

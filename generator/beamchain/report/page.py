@@ -13,8 +13,8 @@ import numpy as np
 
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.motions import PORTS
-from beamchain.report.legend import parted
 from beamchain.report.plots import percent, short
+from beamchain.report.svg import parted
 
 
 class Verdict(NamedTuple):

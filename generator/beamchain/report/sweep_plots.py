@@ -7,7 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from beamchain.ports.motions import Array
-from beamchain.report.plots import OURS, STYLE, WIDTH, to_svg
+from beamchain.report.plots import OURS, STYLE, WIDTH
+from beamchain.report.svg import to_svg
 
 if TYPE_CHECKING:
     from beamchain.studies.sweep import Sweep
