@@ -18,6 +18,7 @@ from appendages import panels, seed_boom, tapered_boom
 from beamchain.cli import app, shipped
 from beamchain.craft.moving_modes import moving_modes
 from beamchain.engine import backend, draw
+from beamchain.engine.decor import decorate
 from beamchain.engine.slew import MOST_BENT, simulate
 from beamchain.mjcf import visuals
 from beamchain.report import film
@@ -42,6 +43,19 @@ PANEL = bc.Segment(
     nonstructural_mass=2.0,
 )
 TRUSS = bc.Segment(length=10.0, section=bc.Equivalent(bending_stiffness_xy=1e5, linear_mass=1.0))
+
+
+def equivalent(**draw):
+    """Two pieces, soft in plane xz, with an instrument at the tip."""
+    section = bc.Equivalent(
+        bending_stiffness_xy=2e5, bending_stiffness_xz=2e4, linear_mass=4.0, draw=bc.Draw(**draw) if draw else None
+    )
+    return bc.Beam(
+        segments=(YOKE, bc.Segment(length=4.0, section=section)),
+        lumps=(bc.Lump(x=5.0, mass=9.0, inertia=(0.3, 0.4, 0.5)),),
+    )
+
+
 ARRAY = bc.Beam(segments=(YOKE, PANEL, PANEL), lumps=(bc.Lump(x=6.0, mass=1.0),))
 ARRAY_SPEC = shipped.pick(shipped.examples(), "array_scene", "example").path
 
@@ -107,6 +121,89 @@ def test_looks_change_no_motion():
     one, two = (mujoco.MjModel.from_xml_string(fit.scene_mjcf()) for fit in (with_shapes, without))
     np.testing.assert_array_equal(one.body_mass, two.body_mass)
     np.testing.assert_array_equal(one.body_inertia, two.body_inertia)
+
+
+def mass_matrix(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    out = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, out)
+    return out
+
+
+def test_an_equivalent_section_is_as_wide_and_thick_as_it_is_drawn():
+    """Soft in xz, so that the panel is thin along z."""
+    model = mujoco.MjModel.from_xml_string(bc.fit(equivalent(width=1.2, thickness=0.03), modes={"xz": 2}).to_mjcf())
+    blue = [i for i in range(model.ngeom) if " ".join(f"{v:g}" for v in model.geom_rgba[i]) == visuals.PANEL]
+    np.testing.assert_allclose(model.geom_size[blue, 1:], np.tile([0.6, 0.015], (len(blue), 1)), rtol=1e-12)
+    assert 2.0 * model.geom_size[blue, 0].sum() == pytest.approx(4.0, rel=COVERED)
+    mast = geoms(equivalent(width=0.5, thickness=0.4))
+    assert visuals.TRUSS in {geom.get("rgba") for geom in mast}
+    assert visuals.PANEL not in {geom.get("rgba") for geom in mast}
+
+
+def test_a_carried_body_with_inertias_is_the_even_box_of_them():
+    (box,) = [geom for geom in geoms(equivalent()) if geom.get("rgba") == visuals.CARRIED]
+    a, b, c = (float(v) for v in box.get("size").split())
+    assert 9.0 / 3.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b]) == pytest.approx([0.3, 0.4, 0.5])
+
+
+@pytest.mark.parametrize("draw", [{"width": 1.2, "thickness": 0.03}, {"width": 0.5, "thickness": 0.5}])
+def test_what_is_drawn_changes_no_dynamics(draw):
+    one, two = (bc.fit(equivalent(**given), modes={"xy": 2, "xz": 2}, root=bc.Root(hub=HUB)) for given in (draw, {}))
+    first, second = (mujoco.MjModel.from_xml_string(fit.scene_mjcf()) for fit in (one, two))
+    assert np.all(first.geom_contype == 0)
+    np.testing.assert_allclose(mass_matrix(first), mass_matrix(second), rtol=0.0, atol=1e-12)
+    for fit in (one, two):
+        assert [m.achieved_rad_s for m in fit.modes] == [m.achieved_rad_s for m in one.modes]
+    for tag in ("body", "inertial", "joint", "fixed"):
+        written = [[dict(e.attrib) for e in etree.fromstring(fit.to_mjcf()).iter(tag)] for fit in (one, two)]
+        assert written[0] == written[1]
+
+
+def scene_of(model, room=2000):
+    """A scene as a renderer holds it, without a renderer."""
+    scene, data = mujoco.MjvScene(model, maxgeom=room), mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    everything = int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
+    mujoco.mjv_addGeoms(model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), everything, scene)
+    return scene
+
+
+def outline(scene, start):
+    """Lowest and highest corner of the boxes of a scene that are seen."""
+    corners = []
+    for geom in (scene.geoms[i] for i in range(start, scene.ngeom)):
+        if geom.rgba[3] > 0.0:
+            corners += [geom.pos + geom.mat @ (np.array(c) * geom.size) for c in np.ndindex(2, 2, 2)]
+            corners += [geom.pos - geom.mat @ (np.array(c) * geom.size) for c in np.ndindex(2, 2, 2)]
+    return np.min(corners, axis=0), np.max(corners, axis=0)
+
+
+@pytest.mark.parametrize(
+    ("draw", "half"), [({"width": 1.2, "thickness": 0.03}, 0.6), ({"width": 0.5, "thickness": 0.5}, 0.25)]
+)
+def test_cells_and_struts_stand_within_the_piece_that_they_decorate(draw, half):
+    model = mujoco.MjModel.from_xml_string(bc.fit(equivalent(**draw), modes={"xz": 2}).to_mjcf())
+    before = {name: np.array(getattr(model, name)) for name in ("geom_size", "geom_rgba", "body_mass", "body_inertia")}
+    scene = scene_of(model)
+    plain = scene.ngeom
+    decorate(model, scene, 1e-3)
+    assert scene.ngeom > plain + 20
+    low, high = outline(scene, plain)
+    assert high[1] == pytest.approx(half, rel=0.1)
+    assert low[1] == pytest.approx(-half, rel=0.1)
+    assert low[0] == pytest.approx(1.0, abs=0.1)
+    assert high[0] == pytest.approx(5.0, abs=0.1)
+    for name, value in before.items():
+        np.testing.assert_array_equal(getattr(model, name), value)
+
+
+def test_a_full_scene_takes_no_more():
+    model = mujoco.MjModel.from_xml_string(bc.fit(equivalent(width=1.2, thickness=0.03), modes={"xz": 2}).to_mjcf())
+    small = scene_of(model, room=scene_of(model).ngeom + 5)
+    decorate(model, small, 1e-3)
+    assert small.ngeom == small.maxgeom
 
 
 # -- the turn --------------------------------------------------------------------------------------------------------

@@ -200,9 +200,10 @@ def test_spec_reads_back_as_the_same_spec(reports, name):
 
 
 def test_spec_text_holds_every_kind_of_value():
+    drawn = bc.Equivalent(bending_stiffness_xy=2.0, linear_mass=1.0, draw=bc.Draw(width=1.2, thickness=0.02))
     spec = bc.Spec(
         name="all",
-        segment=panels().segments,
+        segment=(*panels().segments, bc.Segment(length=1.0, section=drawn)),
         joint=panels().joints,
         lump=panels().lumps,
         payload=Payload(mass=2.0),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamchain.engine.decor import decorate
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import EngineError
@@ -19,7 +20,7 @@ SLIMMEST = 1.0 / 320.0  # of the picture's extent: thinner solids would vanish
 GHOST = 0.3  # opacity of what is drawn for comparison
 MARGIN = 1.05  # of the frame over what it holds
 SAMPLES = 24  # positions from which the camera is placed
-AZIMUTHS, ELEVATIONS = (55.0, 75.0, 105.0, 125.0), (-14.0, -26.0, -38.0)  # degrees; from the mean direction outwards
+AZIMUTHS, ELEVATIONS = (68.0, 82.0, 98.0, 112.0), (-14.0, -26.0, -38.0)  # degrees; from the mean direction outwards
 SKY: Any = {"rgb1": (0.06, 0.12, 0.3), "rgb2": (0.02, 0.05, 0.16), "markrgb": (0.85, 0.9, 1.0), "random": 0.001}
 PIXELS = 512  # of the sky, a side
 AMBIENT, DIFFUSE = 0.35, 0.5  # at least, of the light at the camera
@@ -91,6 +92,8 @@ def drawn(
                 mujoco.mj_comPos(model, state)
                 mujoco.mj_camlight(model, state)
             renderer.update_scene(data, camera)
+            renderer.scene.flags[int(mujoco.mjtRndFlag.mjRND_SHADOW)] = 0  # cast by a far light they are ragged
+            decorate(model, renderer.scene, SLIMMEST * extent / 4.0)
             _ghosts(model, faint, renderer.scene, hub)
             yield renderer.render().copy()
     finally:
