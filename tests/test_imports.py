@@ -32,7 +32,7 @@ def modules() -> list[str]:
 MODULES = set(modules())
 
 PUBLIC = {
-    "Beam", "BeamchainError", "Box", "Custom", "Damping", "Embedded", "Equivalent", "Fit",
+    "Beam", "BeamchainError", "Box", "Custom", "Damping", "Draw", "Embedded", "Equivalent", "Fit",
     "FitOptions", "HeldInput", "Hub", "InputError", "Joint", "Lump", "Material", "ModalData",
     "Modes", "OutputError", "PortModel", "RealisationError", "Rectangle", "Root", "Round", "Scene", "Segment",
     "Spec", "Tube", "__version__", "compare", "embed", "fit", "linearise", "plant", "read_modes", "read_spec",

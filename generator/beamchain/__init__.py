@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from beamchain.structure.readers import read_modes as read_modes
     from beamchain.structure.section import Box as Box
     from beamchain.structure.section import Custom as Custom
+    from beamchain.structure.section import Draw as Draw
     from beamchain.structure.section import Equivalent as Equivalent
     from beamchain.structure.section import Material as Material
     from beamchain.structure.section import Rectangle as Rectangle
@@ -85,6 +86,7 @@ _PLACES = {
     "structure.section": (
         "Box",
         "Custom",
+        "Draw",
         "Equivalent",
         "Material",
         "Rectangle",

@@ -2,7 +2,7 @@
 
 import json
 import os
-import shutil
+import struct
 import subprocess
 import sys
 
@@ -15,9 +15,10 @@ from typer.testing import CliRunner
 
 import beamchain as bc
 from appendages import panels, seed_boom, tapered_boom
-from beamchain.cli import app
-from beamchain.engine import backend
-from beamchain.engine import slew as slew_module
+from beamchain.cli import app, shipped
+from beamchain.craft.moving_modes import moving_modes
+from beamchain.engine import backend, draw
+from beamchain.engine.decor import decorate
 from beamchain.engine.slew import MOST_BENT, simulate
 from beamchain.mjcf import visuals
 from beamchain.report import film
@@ -25,6 +26,10 @@ from beamchain.report import film
 HUB = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
 TURNED = 0.02  # of the angle asked for: sampled means of the hub's ringing about it
 COVERED = 0.02  # of the length: gaps at panel edges
+FILLED = 0.85  # of the frame's width or height: a margin of 5 per cent each side, and thin ends that leave no pixel
+DARK_BLUE = 8  # of 255: by how much blue leads in the sky
+READ_BACK = 1e-6  # relative, between mjd_transitionFD and the slopes by differences
+SECOND_ORDER = 0.01  # of the hub's motion: the mass centre moves only where angles of a few mrad are not small
 
 YOKE = bc.Segment(
     length=1.0,
@@ -38,7 +43,21 @@ PANEL = bc.Segment(
     nonstructural_mass=2.0,
 )
 TRUSS = bc.Segment(length=10.0, section=bc.Equivalent(bending_stiffness_xy=1e5, linear_mass=1.0))
+
+
+def equivalent(**draw):
+    """Two pieces, soft in plane xz, with an instrument at the tip."""
+    section = bc.Equivalent(
+        bending_stiffness_xy=2e5, bending_stiffness_xz=2e4, linear_mass=4.0, draw=bc.Draw(**draw) if draw else None
+    )
+    return bc.Beam(
+        segments=(YOKE, bc.Segment(length=4.0, section=section)),
+        lumps=(bc.Lump(x=5.0, mass=9.0, inertia=(0.3, 0.4, 0.5)),),
+    )
+
+
 ARRAY = bc.Beam(segments=(YOKE, PANEL, PANEL), lumps=(bc.Lump(x=6.0, mass=1.0),))
+ARRAY_SPEC = shipped.pick(shipped.examples(), "array_scene", "example").path
 
 
 def geoms(beam, **options):
@@ -104,6 +123,89 @@ def test_looks_change_no_motion():
     np.testing.assert_array_equal(one.body_inertia, two.body_inertia)
 
 
+def mass_matrix(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    out = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, out)
+    return out
+
+
+def test_an_equivalent_section_is_as_wide_and_thick_as_it_is_drawn():
+    """Soft in xz, so that the panel is thin along z."""
+    model = mujoco.MjModel.from_xml_string(bc.fit(equivalent(width=1.2, thickness=0.03), modes={"xz": 2}).to_mjcf())
+    blue = [i for i in range(model.ngeom) if " ".join(f"{v:g}" for v in model.geom_rgba[i]) == visuals.PANEL]
+    np.testing.assert_allclose(model.geom_size[blue, 1:], np.tile([0.6, 0.015], (len(blue), 1)), rtol=1e-12)
+    assert 2.0 * model.geom_size[blue, 0].sum() == pytest.approx(4.0, rel=COVERED)
+    mast = geoms(equivalent(width=0.5, thickness=0.4))
+    assert visuals.TRUSS in {geom.get("rgba") for geom in mast}
+    assert visuals.PANEL not in {geom.get("rgba") for geom in mast}
+
+
+def test_a_carried_body_with_inertias_is_the_even_box_of_them():
+    (box,) = [geom for geom in geoms(equivalent()) if geom.get("rgba") == visuals.CARRIED]
+    a, b, c = (float(v) for v in box.get("size").split())
+    assert 9.0 / 3.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b]) == pytest.approx([0.3, 0.4, 0.5])
+
+
+@pytest.mark.parametrize("draw", [{"width": 1.2, "thickness": 0.03}, {"width": 0.5, "thickness": 0.5}])
+def test_what_is_drawn_changes_no_dynamics(draw):
+    one, two = (bc.fit(equivalent(**given), modes={"xy": 2, "xz": 2}, root=bc.Root(hub=HUB)) for given in (draw, {}))
+    first, second = (mujoco.MjModel.from_xml_string(fit.scene_mjcf()) for fit in (one, two))
+    assert np.all(first.geom_contype == 0)
+    np.testing.assert_allclose(mass_matrix(first), mass_matrix(second), rtol=0.0, atol=1e-12)
+    for fit in (one, two):
+        assert [m.achieved_rad_s for m in fit.modes] == [m.achieved_rad_s for m in one.modes]
+    for tag in ("body", "inertial", "joint", "fixed"):
+        written = [[dict(e.attrib) for e in etree.fromstring(fit.to_mjcf()).iter(tag)] for fit in (one, two)]
+        assert written[0] == written[1]
+
+
+def scene_of(model, room=2000):
+    """A scene as a renderer holds it, without a renderer."""
+    scene, data = mujoco.MjvScene(model, maxgeom=room), mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    everything = int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
+    mujoco.mjv_addGeoms(model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), everything, scene)
+    return scene
+
+
+def outline(scene, start):
+    """Lowest and highest corner of the boxes of a scene that are seen."""
+    corners = []
+    for geom in (scene.geoms[i] for i in range(start, scene.ngeom)):
+        if geom.rgba[3] > 0.0:
+            corners += [geom.pos + geom.mat @ (np.array(c) * geom.size) for c in np.ndindex(2, 2, 2)]
+            corners += [geom.pos - geom.mat @ (np.array(c) * geom.size) for c in np.ndindex(2, 2, 2)]
+    return np.min(corners, axis=0), np.max(corners, axis=0)
+
+
+@pytest.mark.parametrize(
+    ("draw", "half"), [({"width": 1.2, "thickness": 0.03}, 0.6), ({"width": 0.5, "thickness": 0.5}, 0.25)]
+)
+def test_cells_and_struts_stand_within_the_piece_that_they_decorate(draw, half):
+    model = mujoco.MjModel.from_xml_string(bc.fit(equivalent(**draw), modes={"xz": 2}).to_mjcf())
+    before = {name: np.array(getattr(model, name)) for name in ("geom_size", "geom_rgba", "body_mass", "body_inertia")}
+    scene = scene_of(model)
+    plain = scene.ngeom
+    decorate(model, scene, 1e-3)
+    assert scene.ngeom > plain + 20
+    low, high = outline(scene, plain)
+    assert high[1] == pytest.approx(half, rel=0.1)
+    assert low[1] == pytest.approx(-half, rel=0.1)
+    assert low[0] == pytest.approx(1.0, abs=0.1)
+    assert high[0] == pytest.approx(5.0, abs=0.1)
+    for name, value in before.items():
+        np.testing.assert_array_equal(getattr(model, name), value)
+
+
+def test_a_full_scene_takes_no_more():
+    model = mujoco.MjModel.from_xml_string(bc.fit(equivalent(width=1.2, thickness=0.03), modes={"xz": 2}).to_mjcf())
+    small = scene_of(model, room=scene_of(model).ngeom + 5)
+    decorate(model, small, 1e-3)
+    assert small.ngeom == small.maxgeom
+
+
 # -- the turn --------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("modes", "axis"), [({"xy": 2}, 2), ({"xz": 2}, 1), ({"torsion": 1}, 0), ({"xy": 2, "xz": 1}, None)]
@@ -128,9 +230,9 @@ def test_exaggeration_is_of_the_springs_alone():
     fit = bc.fit(seed_boom(), modes={"xy": 2}, root=bc.Root(hub=HUB))
     slew = simulate(mujoco.MjModel.from_xml_string(fit.scene_mjcf()), angle=0.5, frames=40)
     k, springs = slew.loudest, list(slew.elastic)
-    assert slew.shown(k, 5.0)[springs] == pytest.approx(5.0 * slew.positions[k, springs])
-    np.testing.assert_array_equal(slew.shown(k, 5.0)[:7], slew.positions[k, :7])
-    np.testing.assert_array_equal(slew.shown(k, 0.0)[springs], 0.0)
+    assert slew.shown(5.0)[k, springs] == pytest.approx(5.0 * slew.positions[k, springs])
+    np.testing.assert_array_equal(slew.shown(5.0)[k, :7], slew.positions[k, :7])
+    np.testing.assert_array_equal(slew.shown(0.0)[k, springs], 0.0)
 
 
 @pytest.mark.parametrize(
@@ -165,30 +267,42 @@ def test_png_and_gif_hold_the_frames(tmp_path):
         assert moving.info["loop"] == 0
 
 
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not on the PATH, and only it makes MP4")
+def samples(mp4):
+    """The number of frames that an MP4 says it holds, in its table of sample sizes."""
+    at = mp4.index(b"stsz")
+    return struct.unpack(">I", mp4[at + 12 : at + 16])[0]
+
+
+@pytest.mark.skipif(film._ffmpeg() is None, reason="there is neither ffmpeg nor imageio-ffmpeg, and only they make MP4")
 def test_mp4_by_ffmpeg():
     made = film.mp4(frames(), 20.0)
     assert made is not None
     assert made[4:8] == b"ftyp"
     assert b"avc1" in made
+    assert samples(made) == 6
 
 
-def test_no_mp4_without_ffmpeg(monkeypatch):
+@pytest.fixture
+def without_ffmpeg(monkeypatch):
     monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(film, "find_spec", lambda name: None)
+
+
+def test_no_mp4_without_ffmpeg(without_ffmpeg):
     assert film.mp4(frames(), 20.0) is None
 
 
 @pytest.mark.parametrize("say", ["--json", "--quiet"])
-def test_render_without_ffmpeg_says_so(say, boom, tmp_path, monkeypatch):
+def test_render_without_ffmpeg_says_so(say, boom, tmp_path, monkeypatch, without_ffmpeg):
     """Every picture but the film: what was asked for and did not come out is told, whatever else is silent."""
-    monkeypatch.setenv("PATH", "")
     monkeypatch.setattr(backend, "choose", lambda: "none")
-    blank = [np.zeros((64, 64, 3), dtype=np.uint8)] * 108
-    monkeypatch.setattr(slew_module, "film", lambda *_, **__: iter(blank))
+    blank = np.zeros((64, 64, 3), dtype=np.uint8)
+    monkeypatch.setattr(draw, "drawn", lambda model, body, shown, ghosts, **_: iter([blank] * len(shown)))
     arguments = ["render", str(boom / "scene.xml"), "-o", str(tmp_path / "o"), "--width", "64", "--height", "64", say]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 3
-    assert "no scene.mp4 was made, as there is no ffmpeg on the PATH" in done.stderr
+    assert "no scene.mp4 was made, as there is no ffmpeg" in done.stderr
+    assert "beamchain[mp4]" in done.stderr
     assert {path.name for path in (tmp_path / "o").iterdir()} == {"scene.png", "scene.gif"}
     done = CliRunner().invoke(app, [*arguments, "--force", "--no-mp4"])
     assert done.exit_code == 0
@@ -211,30 +325,96 @@ def boom(tmp_path_factory):
     return folder
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("renderer", ["egl", "osmesa"])
-def test_render(renderer, boom, tmp_path):
+RENDERERS = pytest.mark.parametrize("renderer", ["egl", "osmesa"])
+
+
+def check(renderer):
     if not backend._works(renderer):
         pytest.skip(f"MuJoCo cannot draw with {renderer} on this machine")
+
+
+def pixels(path):
+    with Image.open(path) as still:
+        return np.asarray(still.convert("RGB")).astype(int)
+
+
+def looks(picture):
+    """The sky is dark blue with stars, and the spacecraft reaches across the frame, lit."""
+    caption = picture.shape[0] * 9 // 10  # the line of text is below
+    red, green, blue = np.moveaxis(picture[:caption], -1, 0)
+    sky = (blue > red + DARK_BLUE) & (blue > green + DARK_BLUE) & (blue < 110) & (red < 40)
+    assert 0.2 < sky.mean() < 0.95
+    rows, columns = np.nonzero(~sky & (red > 60) & (red > blue + 20))  # the hub is gold
+    craft = np.nonzero((blue > 110) | (red > 60))
+    across = max(np.ptp(craft[0]) / caption, np.ptp(craft[1]) / picture.shape[1])
+    assert across > FILLED
+    assert rows.size > 100
+    assert np.ptp(columns) > 5
+    assert red[rows, columns].max() > 150  # lit
+
+
+@pytest.mark.slow
+@RENDERERS
+def test_render(renderer, boom, tmp_path):
+    check(renderer)
     arguments = ["render", str(boom / "scene.xml"), "-o", "pictures", "--width", "200", "--height", "120", "--json"]
     done = command([*arguments, "--exaggerate", "3"], tmp_path, MUJOCO_GL=renderer)
-    assert done.returncode == (0 if shutil.which("ffmpeg") else 3), done.stderr
+    assert done.returncode == (0 if film._ffmpeg() else 3), done.stderr
     told = json.loads(done.stdout)
     assert told["renderer"] == renderer
     assert told["slew"]["axis"] == "z"
     assert {"scene.png", "scene.gif"} <= {path.name for path in (tmp_path / "pictures").iterdir()}
-    with Image.open(tmp_path / "pictures" / "scene.png") as still:
-        pixels = np.asarray(still.convert("RGB")).astype(int)
-    assert pixels.shape == (120, 200, 3)
-    gold = (pixels[..., 0] > 120) & (pixels[..., 2] < pixels[..., 0] / 2)
-    bright = pixels.min(axis=-1) > 110
-    assert 50 < gold.sum() < 0.3 * gold.size
-    assert 10 < bright.sum() < 0.2 * bright.size
+    picture = pixels(tmp_path / "pictures" / "scene.png")
+    assert picture.shape == (120, 200, 3)
+    looks(picture)
     with Image.open(tmp_path / "pictures" / "scene.gif") as moving:
         assert moving.n_frames > 20
     again = command(arguments, tmp_path, MUJOCO_GL=renderer)
     assert again.returncode == 2
     assert "--force" in again.stderr
+
+
+@pytest.mark.slow
+@RENDERERS
+def test_modes_of_a_craft_without_sky_and_light_are_drawn_like_others(renderer, tmp_path):
+    check(renderer)
+    craft = shipped.spacecraft().path
+    bc.embed(craft, {"mount": ARRAY_SPEC}).write(tmp_path / "flexible.xml")
+    text = (tmp_path / "flexible.xml").read_text()
+    assert "<texture" not in text
+    assert "<light" not in text
+    arguments = ["render", "flexible.xml", "-o", "o", "--modes", "2", "--width", "240", "--height", "160", "--json"]
+    done = command(arguments, tmp_path, MUJOCO_GL=renderer)
+    assert done.returncode == (0 if film._ffmpeg() else 3), done.stderr
+    told = json.loads(done.stdout)["modes"]
+    modes = bc.linearise(tmp_path / "flexible.xml").frequencies()
+    assert [mode["omega"] for mode in told] == pytest.approx(modes[:2], rel=READ_BACK)
+    for k in (1, 2):
+        looks(pixels(tmp_path / "o" / f"flexible_mode{k}.png"))
+        with Image.open(tmp_path / "o" / f"flexible_mode{k}.gif") as moving:
+            assert moving.n_frames == 48
+        if film._ffmpeg():
+            assert samples((tmp_path / "o" / f"flexible_mode{k}.mp4").read_bytes()) == 48
+    done = command([*arguments[:5], "99", "--force"], tmp_path, MUJOCO_GL=renderer)
+    assert done.returncode == 2
+    assert "--modes = 99" in done.stderr
+
+
+def test_moving_modes_leave_the_mass_centre_where_it_is():
+    """A free spacecraft that rings has no momentum: what the array does, the hub answers."""
+    fit = bc.fit(ARRAY, modes={"xy": 2}, root=bc.Root(hub=HUB))
+    model = mujoco.MjModel.from_xml_string(fit.scene_mjcf())
+    data = mujoco.MjData(model)
+    for mode in moving_modes(model, 2, 48, 0.01):
+        centres, hubs = [], []
+        for positions in mode.positions:
+            data.qpos[:] = positions
+            mujoco.mj_forward(model, data)
+            centres.append(data.subtree_com[0].copy())
+            hubs.append(data.body("hub").xpos.copy())
+        assert np.ptp(hubs, axis=0).max() > 0.0
+        assert np.ptp(centres, axis=0).max() < SECOND_ORDER * np.ptp(hubs, axis=0).max()
+        np.testing.assert_allclose(mode.positions[0], mode.rest, atol=1e-12)
 
 
 def test_render_without_a_renderer_says_what_to_install(boom, tmp_path):

@@ -64,7 +64,7 @@ def test_the_schema_holds_bounds_and_defaults():
 
 
 def test_bounds_of_the_schema_are_those_of_the_check():
-    for struct in (bc.Round, bc.Tube, bc.Box, bc.Material, bc.Joint, bc.Lump, bc.Scene, bc.Equivalent):
+    for struct in (bc.Round, bc.Tube, bc.Box, bc.Material, bc.Joint, bc.Lump, bc.Scene, bc.Equivalent, bc.Draw):
         for field in msgspec.json.schema(struct)["$defs"][struct.__name__]["properties"].items():
             key, told = field
             if "exclusiveMinimum" in told:

@@ -20,6 +20,7 @@ from beamchain.fitting.spec import spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import curves, plots
 from beamchain.report.html import fit_report
+from beamchain.report.svg import to_svg
 from beamchain.structure.exact import UniformBeam
 
 CURVE = 1e-3  # rivals add their own peaks to the grid, so that it is not the in-band error's own
@@ -199,9 +200,10 @@ def test_spec_reads_back_as_the_same_spec(reports, name):
 
 
 def test_spec_text_holds_every_kind_of_value():
+    drawn = bc.Equivalent(bending_stiffness_xy=2.0, linear_mass=1.0, draw=bc.Draw(width=1.2, thickness=0.02))
     spec = bc.Spec(
         name="all",
-        segment=panels().segments,
+        segment=(*panels().segments, bc.Segment(length=1.0, section=drawn)),
         joint=panels().joints,
         lump=panels().lumps,
         payload=Payload(mass=2.0),
@@ -258,9 +260,52 @@ def test_no_label_of_the_chain_overlaps_another(reports, name):
             assert not any(box.overlaps(other) for other in boxes[i + 1 :])
 
 
+def in_units(told, axis, place):
+    """The value at a place of the SVG on a logarithmic axis that `data-plot` describes."""
+    left, _, width, _ = told["box"]
+    low, high = told[axis]
+    return low * (high / low) ** ((place - left) / width)
+
+
+@pytest.mark.parametrize("file", ["accelerance_xy.svg", "error_xy.svg"])
+def test_what_was_not_asked_for_is_hatched_and_hertz_stand_above(boom, file):
+    fit, _, pictures = boom
+    root = etree.fromstring(pictures[file].encode())
+    told = json.loads(root.get("data-plot"))[0]
+    panel = root.xpath(f"//*[@id='{told['id']}']")[0]
+    patterns = {f"url(#{name})" for name in root.xpath("//*[local-name()='pattern']/@id")}
+    hatched = [p for p in panel.iter("{*}path") if any(x in (p.get("style") or "") for x in patterns)]
+    (span,) = [np.array(re.findall(r"-?[\d.]+", p.get("d")), dtype=float).reshape(-1, 2) for p in hatched]
+    ends = [in_units(told, "x", x) for x in (span[:, 0].min(), span[:, 0].max())]
+    assert ends == pytest.approx([fit.bandwidth["xy"], told["x"][1]], rel=DRAWN)
+    assert "not asked for" in " ".join(root.itertext())
+    ticks = root.xpath("//*[contains(@id, '-hz')]//*[contains(@id, 'xtick')]//*[local-name()='text']")
+    assert len(ticks) > 1
+    for tick in ticks:
+        omega = in_units(told, "x", float(tick.get("x")))
+        assert 2.0 * np.pi * float(tick.text) == pytest.approx(omega, rel=DRAWN)
+
+
+def test_titles_say_what_is_per_what(boom):
+    titles = [ax.get_title(loc="left") for ax in plots.accelerance_figure(boom[0], "xy").axes[::2]]
+    assert titles[0] == "acceleration of the root per force"
+    assert titles[2] == "angular acceleration of the root per moment"
+
+
+def test_the_legend_of_a_page_is_text_with_the_marks_of_the_picture(boom):
+    _, page, pictures = boom
+    first = html.fromstring(page).xpath("//ul[@class='legend']")[0]
+    labels = [item.text_content().strip() for item in first]
+    assert labels[:3] == ["beam", "our chain, through MuJoCo", "kept band"]
+    assert all(item.xpath(".//path | .//use") for item in first)
+    inside = html.fromstring(page).xpath("//figure/div/svg//*[contains(@id, 'legend')]")
+    assert inside == []
+    assert "legend" in pictures["accelerance_xy.svg"]  # which stands alone
+
+
 def test_same_fit_same_picture(boom):
     fit, _, pictures = boom
-    assert plots.to_svg(plots.error_figure(fit, "xy"), "error_xy") == pictures["error_xy.svg"]
+    assert to_svg(plots.error_figure(fit, "xy"), "error_xy") == pictures["error_xy.svg"]
 
 
 def test_plot_returns_its_axes_and_touches_no_global_state(boom):

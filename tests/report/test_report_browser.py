@@ -24,6 +24,7 @@ CHROMIUM = next(
 )
 LARGEST = 1_000_000  # bytes of a report
 PIXEL = 0.05  # pt: coordinates are written with two digits
+READABLE = 12.0  # px: text on a phone
 POINTER = 3e-3  # of the axis: a pointer is at whole pixels
 
 pytestmark = [
@@ -167,7 +168,7 @@ def test_ticks_after_zooming_are_round_and_in_place(pages, tmp_path):
 def test_the_other_pages_zoom_and_their_contents_lead_somewhere(name, pages, tmp_path):
     script = (
         "told.moved = []; for (const figure of document.querySelectorAll('figure.zoom')) {"
-        "const svg = figure.querySelector('svg');"
+        "const svg = figure.querySelector('svg[data-plot]');"
         "figure.querySelector(\"button[title='zoom in']\").click(); await still();"
         "told.moved.push(JSON.parse(svg.dataset.shown));"
         "figure.querySelector(\"button[title='show all']\").click(); await still();"
@@ -256,6 +257,51 @@ def test_nothing_is_wider_than_the_page(width, name, pages, tmp_path):
     )
     _, told, _ = browse(pages[name], tmp_path, script, f"--window-size={width},800")
     assert told["wide"] == []
+
+
+@pytest.mark.parametrize("name", ["boom", "embed"])
+def test_legends_are_readable_on_a_phone_and_what_scrolls_says_so(name, pages, tmp_path):
+    script = (
+        "document.documentElement.style.width = '400px'; window.dispatchEvent(new Event('resize')); await still();"
+        "told.small = [...document.querySelectorAll('.legend li')].map((e) => parseFloat(getComputedStyle(e).fontSize));"
+        "told.ends = [...document.querySelectorAll('.legend li')].map((e) => e.getBoundingClientRect().right);"
+        "const hint = (e) => getComputedStyle(e, '::before').content;"
+        "told.hints = [...document.querySelectorAll('.scroll')]"
+        ".map((e) => [e.scrollWidth > e.clientWidth + 1, hint(e).includes('scroll'), e.tabIndex === 0]);"
+    )
+    _, told, _ = browse(pages[name], tmp_path, script, "--window-size=400,800")
+    assert min(told["small"]) >= READABLE
+    assert max(told["ends"]) <= 400
+    assert any(wider for wider, _, _ in told["hints"])
+    assert all(wider == said == reached for wider, said, reached in told["hints"])
+
+
+def test_figures_have_the_width_of_the_page(pages, tmp_path):
+    script = (
+        "const main = document.querySelector('main').getBoundingClientRect().width;"
+        "told.shares = [...document.querySelectorAll('figure svg[data-plot], .shapes')]"
+        ".map((e) => e.getBoundingClientRect().width / main);"
+    )
+    _, told, _ = browse(pages["boom"], tmp_path, script, "--window-size=1000,800")
+    assert told["shares"] == pytest.approx([1.0] * len(told["shares"]), abs=PIXEL)
+
+
+def test_hertz_follow_the_zoom(pages, tmp_path):
+    script = STATE + (
+        "for (let k = 0; k < 4; k++) { document.querySelector(\"figure.zoom button[title='zoom in']\").click(); }"
+        "await still(); told.shown = shown();"
+        "told.words = [...panel.querySelectorAll('g:not([id]) > text')]"
+        ".map((t) => [+t.getAttribute('x'), +t.getAttribute('y'), t.textContent]);"
+    )
+    _, told, _ = browse(pages["boom"], tmp_path, script)
+    axes = told["plot"][0]
+    left, top, width, _ = axes["box"]
+    (x0, x1), (low, high) = axes["x"], told["shown"]
+    above = [(x, float(word)) for x, y, word in told["words"] if y < top]
+    assert len(above) > 1
+    for x, hertz in above:
+        part = low + (x - left) / width * (high - low)
+        assert x0 * (x1 / x0) ** part == pytest.approx(2.0 * np.pi * hertz, rel=1e-5)
 
 
 @pytest.mark.parametrize("name", ["panels", "embed", "stability"])

@@ -13,7 +13,9 @@ from lxml import html
 import beamchain as bc
 from beamchain.cli import main, shipped
 from beamchain.report.page import begun
+from beamchain.report.plant_plots import bode_figure
 from beamchain.report.study_html import stability_report
+from beamchain.report.svg import to_svg
 from spacecraft import CRAFTS, frequencies, spec
 
 SAME = 1e-12  # the same computation once more
@@ -172,6 +174,27 @@ def test_names_of_the_user_keep_their_letters():
     assert "py: stands behind the joint drive" in page
     assert "Py:" not in page
     assert "Gravity is 0 0 -9.81" in page
+
+
+def test_dollars_in_a_name_are_no_formula():
+    text = """<mujoco><option gravity="0 0 0"/><worldbody><body name="hub"><freejoint/><geom size=".5" mass="50"/>
+    <body><joint name="drive" axis="1 0 0" stiffness="3"/><geom size=".1" mass="2" pos="0 .4 0"/></body></body></worldbody>
+    <actuator><motor name="push$1$" joint="drive"/></actuator></mujoco>"""
+    picture = to_svg(bode_figure([bc.plant(text, inputs=["push$1$"], outputs=["attitude"])]), "bode")
+    assert "attitude_x per push$1$" in picture
+
+
+def test_equal_appendages_are_shown_once(tmp_path):
+    craft = bc.embed(shipped.examples()[0].path.parent / "satellite.xml", {"left": spec("rod"), "right": spec("rod")})
+    root = html.fromstring(craft.report("satellite.xml", "out.xml"))
+    titles = [title.text_content() for title in root.iter("h2")]
+    assert titles.count("rod at left and right") == 1
+    assert not any(title in ("rod at left", "rod at right") for title in titles)
+    assert len(root.xpath("//svg[contains(@aria-label, 'The chain drawn to scale')]")) == 1
+    (section,) = root.xpath("//section[h2[text()='To reproduce']]")
+    assert [title.text_content() for title in section.iter("h3")] == ["rod.toml"]
+    (band,) = root.xpath("//section[h2[text()='rod at left and right']]//table[caption='In-band error']")
+    assert {row[0].text_content() for row in band.iter("tr")} == {"at", "left", "right"}
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,9 @@ import pytest
 
 from appendages import close
 from beamchain.errors import InputError
-from beamchain.structure.section import Box, Custom, Equivalent, Rectangle, Round, Tube, rectangle_torsion
+from beamchain.structure.beam import Beam
+from beamchain.structure.section import Box, Custom, Draw, Equivalent, Rectangle, Round, Tube, rectangle_torsion
+from beamchain.structure.segment import Segment
 
 CLOSED = 1e-14  # the same closed form in another order of operations: a few roundings
 SERIES = 1e-12  # a series summed to its end against the same constant by another series
@@ -159,6 +161,29 @@ def test_depth_is_the_extent_in_the_plane():
     assert Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0).depth("xy") == 0.0
 
 
+# -- what is drawn ---------------------------------------------------------------------------------------------------
+def test_the_width_drawn_lies_across_the_softer_plane():
+    draw = Draw(width=1.2, thickness=0.03)
+    soft_in_xy = Equivalent(bending_stiffness_xy=1.0, bending_stiffness_xz=2.0, linear_mass=1.0, draw=draw)
+    soft_in_xz = Equivalent(bending_stiffness_xy=2.0, bending_stiffness_xz=1.0, linear_mass=1.0, draw=draw)
+    even = Equivalent(bending_stiffness_xy=2.0, linear_mass=1.0, draw=draw)
+    assert [soft_in_xy.depth(plane) for plane in ("xy", "xz")] == [0.03, 1.2]
+    assert [soft_in_xz.depth(plane) for plane in ("xy", "xz")] == [1.2, 0.03]
+    assert [even.depth(plane) for plane in ("xy", "xz")] == [0.03, 1.2]
+
+
+def test_what_is_drawn_is_no_dimension_of_a_taper():
+    thick, thin = (
+        Equivalent(bending_stiffness_xy=2.0, linear_mass=1.0, draw=Draw(width=w, thickness=w)) for w in (1.0, 0.1)
+    )
+    assert thick.ratio(thin) == 1.0
+    segment = Segment(length=2.0, section=thick, section_end=thin)
+    assert segment.taper == 1.0
+    assert Beam(segments=(segment,)).depth(1.0, "xy") == pytest.approx(0.55)
+    bare = Segment(length=2.0, section=thick, section_end=Equivalent(bending_stiffness_xy=2.0, linear_mass=1.0))
+    assert Beam(segments=(bare,)).depth(1.0, "xy") == pytest.approx(1.0)
+
+
 # -- what is refused -------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("make", "message"),
@@ -188,6 +213,8 @@ def test_depth_is_the_extent_in_the_plane():
             lambda: Equivalent(bending_stiffness_xy=1.0, linear_mass=1.0, torsion_stiffness=-1.0),
             r"torsion_stiffness = -1\.0 must not be negative",
         ),
+        (lambda: Draw(width=1.0, thickness=2.0), r"thickness = 2\.0 m is more than width = 1\.0 m"),
+        (lambda: Draw(width=1.0, thickness=0.0), r"thickness = 0\.0 must be above zero \(m\)"),
     ],
 )
 def test_unusable_sections_are_refused(make, message):

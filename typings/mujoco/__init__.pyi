@@ -55,7 +55,25 @@ class mjtGeom:
     mjGEOM_CAPSULE: mjtGeom
     mjGEOM_CYLINDER: mjtGeom
     mjGEOM_BOX: mjtGeom
+    mjGEOM_PLANE: mjtGeom
     def __int__(self) -> int: ...
+
+class mjtTexture:
+    mjTEXTURE_SKYBOX: mjtTexture
+
+class mjtBuiltin:
+    mjBUILTIN_FLAT: mjtBuiltin
+    mjBUILTIN_GRADIENT: mjtBuiltin
+
+class mjtMark:
+    mjMARK_RANDOM: mjtMark
+
+class mjtRndFlag:
+    mjRND_SHADOW: mjtRndFlag
+    def __int__(self) -> int: ...
+
+class mjtLightType:
+    mjLIGHT_DIRECTIONAL: mjtLightType
 
 class mjtCatBit:
     mjCAT_DYNAMIC: mjtCatBit
@@ -101,6 +119,8 @@ class MjSpec:
     def from_string(
         xml: str, include: dict[str, bytes] | None = ..., assets: dict[str, bytes] | None = ...
     ) -> MjSpec: ...
+    @staticmethod
+    def from_file(filename: str) -> MjSpec: ...
     def __getattr__(self, name: str) -> Any: ...
 
 class MjvCamera:
@@ -136,6 +156,9 @@ def mj_applyFT(
 ) -> None: ...
 def mj_camlight(m: MjModel, d: MjData) -> None: ...
 def mjv_addGeoms(m: MjModel, d: MjData, opt: MjvOption, pert: MjvPerturb, catmask: int, scn: Any) -> None: ...
+def mjv_initGeom(
+    geom: Any, type: mjtGeom, size: NDArray[float64], pos: NDArray[float64], mat: NDArray[float64], rgba: Any
+) -> None: ...
 def mj_kinematics(m: MjModel, d: MjData) -> None: ...
 def mj_comPos(m: MjModel, d: MjData) -> None: ...
 def mj_name2id(m: MjModel, type: mjtObj, name: str) -> int: ...

@@ -3,7 +3,7 @@
 import math
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,11 +13,15 @@ from beamchain.cli.output import print_warnings, tell
 from beamchain.errors import EngineError, InputError
 
 if TYPE_CHECKING:
+    from beamchain.engine.draw import Frame
     from beamchain.engine.library import mujoco
     from beamchain.engine.slew import Slew
     from beamchain.fitting.result import Fit
 
-FRAMES, RATE = 108, 24.0  # four and a half seconds
+    Film = tuple[Frame, list[Frame]]  # a still, and all frames
+    Told = tuple[list[str], dict[str, Any]]  # sentences, and facts for --json
+
+FRAMES, CYCLE, RATE = 108, 48, 24.0  # of a turn: four and a half seconds; of a mode: two
 
 Scene = Annotated[
     Path,
@@ -31,15 +35,15 @@ Scene = Annotated[
 
 def load(source: Path) -> "tuple[str, mujoco.MjModel, Fit | None]":
     """Name and model of a scene, or of the scene that a spec's fit writes, and that fit."""
-    from beamchain.engine.linearise import compile_model
+    from beamchain.engine.draw import staged
 
     if source.suffix.lower() == ".toml":
         from beamchain.fitting.fit import fit
         from beamchain.fitting.spec import read_spec
 
         found = fit(read_spec(source))
-        return found.spec.name, compile_model(found.scene_mjcf()), found
-    return source.stem, compile_model(source), None
+        return found.spec.name, staged(found.scene_mjcf()), found
+    return source.stem, staged(source), None
 
 
 def render(
@@ -47,6 +51,7 @@ def render(
     output: Folder,
     exaggerate: Annotated[float, typer.Option(help="Factor on the elastic motion.")] = 1.0,
     angle: Annotated[float, typer.Option(metavar="DEG", help="Angle of the turn in degrees.")] = 40.0,
+    modes: Annotated[int, typer.Option(metavar="N", help="Draw the first N coupled modes in place of a turn.")] = 0,
     width: Annotated[int, typer.Option(help="Width of the pictures in pixels.")] = 640,
     height: Annotated[int, typer.Option(help="Height of the pictures in pixels.")] = 400,
     want_mp4: Annotated[bool, typer.Option("--mp4/--no-mp4", help="Write an MP4 too; needs ffmpeg.")] = True,
@@ -54,60 +59,102 @@ def render(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw the turning spacecraft and its vibrating appendage: PNG, GIF, and MP4 if ffmpeg is installed.
+    """Draw the turning spacecraft and its vibrating appendage, or its modes: PNG, GIF, and MP4 if ffmpeg is installed.
 
     The hub turns from rest to rest in a time that excites its first mode.
     A rigid appendage is drawn faintly for comparison.
+    With --modes each coupled mode of the whole spacecraft is a film of one oscillation, slow or fast as it may be.
     Without ffmpeg there is no MP4, and the exit status is 3. Needs EGL or OSMesa, but no screen.
 
     Example: beamchain render boom.toml -o pictures
 
     Example: beamchain render boom/scene.xml -o pictures --exaggerate 5
+
+    Example: beamchain render boom/scene.xml -o pictures --modes 2
     """
-    sizes = (("width", width, 64, 4096), ("height", height, 64, 4096))
+    sizes = (("width", width, 64, 4096), ("height", height, 64, 4096), ("modes", modes, 0, 100))
     for name, value, low, high in (("exaggerate", exaggerate, 0.0, 1e6), ("angle", angle, -360.0, 360.0), *sizes):
         if not low <= value <= high:
             raise InputError(f"render: --{name} = {value:g} is out of range; give a value from {low:g} to {high:g}.")
     from beamchain.engine import backend
 
     chosen = backend.choose()
-    from beamchain.engine.slew import film, simulate
     from beamchain.files import write_files
     from beamchain.report import film as files
 
     name, model, fit = load(scene)
-    slew = simulate(model, angle=math.radians(angle), frames=FRAMES)
-    warnings = [] if fit is None else too_far(fit, slew)
-    faster = slew.times[-1] / (FRAMES - 1) * RATE
-    note = f"time x {faster:.3g}" + ("" if exaggerate == 1.0 else f", elastic motion x {exaggerate:g}")
-    digits = 0 if slew.times[-1] >= 100 else 1
-    drawn = film(model, slew, exaggerate=exaggerate, width=width, height=height)
-    frames = [files.written(f, f"{t:.{digits}f} s   {note}") for t, f in zip(slew.times, drawn, strict=True)]
-    out: dict[Path, str | bytes] = {
-        output / f"{name}.png": files.png(frames[slew.loudest]),
-        output / f"{name}.gif": files.gif(frames, RATE),
-    }
-    moving = files.mp4(frames, RATE) if want_mp4 else None
-    if moving is not None:
-        out[output / f"{name}.mp4"] = moving
+    size = {"width": width, "height": height}
+    if modes:
+        films, told = _modes(model, name, modes, exaggerate, size)
+        warnings: list[str] = []
+    else:
+        film, told, slew = _turn(model, math.radians(angle), exaggerate, size)
+        films, warnings = {name: film}, [] if fit is None else too_far(fit, slew)
+    out: dict[Path, str | bytes] = {}
+    for stem, (still, frames) in films.items():
+        out |= {output / f"{stem}.png": files.png(still), output / f"{stem}.gif": files.gif(frames, RATE)}
+        if want_mp4 and (moving := files.mp4(frames, RATE)) is not None:
+            out[output / f"{stem}.mp4"] = moving
     write_files(out, force=force)
-    axis = "xyz"[slew.axis]
-    turn = {"body": slew.body, "axis": axis, "angle": slew.angle, "seconds": slew.duration, "omega": slew.omega}
-    record = {"files": list(map(str, out)), "renderer": chosen, "exaggerate": exaggerate, "slew": turn}
+    sentences, facts = told
+    record = {"files": list(map(str, out)), "renderer": chosen, "exaggerate": exaggerate, **facts}
 
     def show() -> None:
-        console().print(
-            f"{slew.body} turned by {angle:g} degrees about {axis} in {slew.duration:.4g} s, ringing at "
-            f"{slew.omega:.4g} rad/s; {note}"
-        )
+        for sentence in sentences:
+            console().print(sentence)
         print_warnings(warnings)
 
     tell(lambda: {**record, **warnings_record(warnings)}, show, out, as_json, quiet)
-    if want_mp4 and moving is None:
+    if want_mp4 and len(out) < 3 * len(films):
         explain(
-            f"no {name}.mp4 was made, as there is no ffmpeg on the PATH; install ffmpeg, or use the GIF and give --no-mp4."
+            f"no {next(iter(films))}.mp4 was made, as there is no ffmpeg; install ffmpeg, or pip install "
+            '"beamchain[mp4]", or use the GIF and give --no-mp4.'
         )
         raise typer.Exit(3)
+
+
+def _turn(model: "mujoco.MjModel", angle: float, exaggerate: float, size: dict[str, int]) -> "tuple[Film, Told, Slew]":
+    """The film of a turn by `angle` [rad]."""
+    from beamchain.engine.draw import drawn
+    from beamchain.engine.slew import simulate
+    from beamchain.report.film import written
+
+    slew = simulate(model, angle=angle, frames=FRAMES)
+    note = f"time x {slew.times[-1] / (FRAMES - 1) * RATE:.3g}"
+    note += "" if exaggerate == 1.0 else f", elastic motion x {exaggerate:g}"
+    digits = 0 if slew.times[-1] >= 100 else 1
+    texts = [f"{t:.{digits}f} s   {note}" for t in slew.times]
+    shown, rigid, k = slew.shown(exaggerate), slew.shown(0.0), slew.loudest
+    frames = [written(*pair) for pair in zip(drawn(model, slew.body, shown, rigid, **size), texts, strict=True)]
+    still = written(next(drawn(model, slew.body, shown[[k]], rigid[[k]], **size)), texts[k])
+    axis = "xyz"[slew.axis]
+    facts = {"body": slew.body, "axis": axis, "angle": slew.angle, "seconds": slew.duration, "omega": slew.omega}
+    sentence = (
+        f"{slew.body} turned by {math.degrees(angle):g} degrees about {axis} in {slew.duration:.4g} s, ringing at "
+        f"{slew.omega:.4g} rad/s; {note}"
+    )
+    return (still, frames), ([sentence], {"slew": facts}), slew
+
+
+def _modes(
+    model: "mujoco.MjModel", name: str, count: int, exaggerate: float, size: dict[str, int]
+) -> "tuple[dict[str, Film], Told]":
+    """A film per coupled mode, by the stem of its files."""
+    from beamchain.craft.moving_modes import moving_modes
+    from beamchain.engine.draw import drawn
+    from beamchain.report.film import written
+
+    films: dict[str, Film] = {}
+    sentences: list[str] = []
+    facts: list[dict[str, Any]] = []
+    for k, mode in enumerate(moving_modes(model, count, CYCLE, exaggerate), 1):
+        text = f"mode {k}, {mode.name}: {mode.omega:.4g} rad/s, {mode.omega / math.tau:.4g} Hz"
+        rest = mode.rest[None].repeat(CYCLE, 0)
+        frames = [written(frame, text) for frame in drawn(model, mode.body, mode.positions, rest, **size)]
+        films[f"{name}_mode{k}"] = frames[CYCLE // 4], frames
+        sentences.append(text)
+        facts.append({"name": mode.name, "omega": mode.omega, "hz": mode.omega / math.tau})
+    return films, (sentences, {"modes": facts})
 
 
 def too_far(fit: "Fit", slew: "Slew") -> list[str]:

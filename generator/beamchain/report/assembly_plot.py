@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 
 from beamchain.checks import one_of
 from beamchain.fitting.needs import AXES
-from beamchain.report.plots import BEAM, OURS, STYLE, frame, percent, to_svg
+from beamchain.report.plots import BEAM, OURS, STYLE, WIDTH, frame, in_hz, percent
+from beamchain.report.svg import to_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     from beamchain.craft.assembly import Assembly
 
 MOTIONS = (
-    *((f"{axis}: force → acceleration", "(m/s²)/N") for axis in "xyz"),
-    *((f"about {axis}: torque → angular acceleration", "(rad/s²)/(N m)") for axis in "xyz"),
+    *((f"acceleration along {axis} per force", "(m/s²)/N") for axis in "xyz"),
+    *((f"angular acceleration about {axis} per torque", "(rad/s²)/(N m)") for axis in "xyz"),
 )
 
 
@@ -25,10 +26,12 @@ MOTIONS = (
 def assembly_figure(assembly: "Assembly", columns: int = 2) -> Figure:
     """Diagonal of the hub's accelerance over frequency, one panel per motion that matters."""
     rows = -(-len(assembly.motions) // columns)
-    figure = Figure(figsize=(6.4 if columns == 1 else 9.0, 0.9 + 1.9 * rows), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 1.1 + 1.9 * rows), layout="constrained")
     for place in range(len(assembly.motions)):
         ax = figure.add_subplot(rows, columns, place + 1)
         _panel(ax, assembly, place)
+        if place < columns:
+            in_hz(ax, place)
         if place >= len(assembly.motions) - columns:
             ax.set_xlabel("frequency, rad/s")
     handles, labels = figure.axes[0].get_legend_handles_labels()
@@ -62,8 +65,9 @@ def plot_assembly(assembly: "Assembly", ax: "Axes | None" = None, motion: str | 
     known = {name: assembly.motions.index(i) for name, i in AXES.items() if i in assembly.motions}
     motion = next(iter(known)) if motion is None else motion
     one_of("motion", motion, known)
-    ax = Figure(figsize=(6.4, 3.6), layout="constrained").add_subplot() if ax is None else ax
+    ax = Figure(figsize=(WIDTH, 3.6), layout="constrained").add_subplot() if ax is None else ax
     _panel(ax, assembly, known[motion])
+    in_hz(ax)
     ax.set_xlabel("frequency, rad/s")
     ax.legend(loc="best")
     return ax
@@ -72,7 +76,7 @@ def plot_assembly(assembly: "Assembly", ax: "Axes | None" = None, motion: str | 
 @mpl.rc_context(STYLE)
 def difference_figure(assembly: "Assembly") -> Figure:
     """Error of the hub's motion over frequency, the band shaded and its largest error marked."""
-    figure = Figure(figsize=(6.4, 3.4), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
     ax = figure.add_subplot()
     error = np.maximum(assembly.error, 1e-9 * float(assembly.error.max()))
     limits = float(assembly.omega[0]), float(assembly.omega[-1])
@@ -81,6 +85,7 @@ def difference_figure(assembly: "Assembly") -> Figure:
     at = int(np.argmax(np.where(assembly.omega <= assembly.common, error, -1.0)))
     label = f"largest drawn in the band: {percent(assembly.in_band)}"
     ax.plot(assembly.omega[at], error[at], marker="o", markersize=5.5, color=OURS, linestyle="none", label=label)
+    in_hz(ax)
     ax.set_xlabel("frequency, rad/s")
     ax.set_ylabel("error of the hub's motion, relative")
     figure.legend(loc="outside upper left", ncols=3)

@@ -1,10 +1,12 @@
-"""Frames to files: PNG and GIF with Pillow (which matplotlib brings), MP4 where ffmpeg is there."""
+"""Frames to files: PNG and GIF with Pillow (which matplotlib brings), MP4 with ffmpeg, installed or from imageio-ffmpeg."""
 
 import io
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Sequence
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +43,7 @@ def _saved(picture: Image.Image, **options: Any) -> bytes:
 
 def mp4(frames: Sequence[Frame], rate: float) -> bytes | None:
     """All frames as H.264 in MP4; None where there is no ffmpeg."""
-    program = shutil.which("ffmpeg")
+    program = _ffmpeg()
     if program is None:
         return None
     height, width = frames[0].shape[:2]
@@ -56,6 +58,13 @@ def mp4(frames: Sequence[Frame], rate: float) -> bytes | None:
         if done.returncode != 0:
             raise EngineError(f"ffmpeg made no film: {done.stderr.decode(errors='replace').strip()[:200]}")
         return place.read_bytes()
+
+
+def _ffmpeg() -> str | None:
+    program = shutil.which("ffmpeg")
+    if program is None and find_spec("imageio_ffmpeg") is not None:
+        return str(import_module("imageio_ffmpeg").get_ffmpeg_exe())
+    return program
 
 
 def written(frame: Frame, text: str) -> Frame:

@@ -1,12 +1,15 @@
 """The pages of `fit` and `embed`: what was asked, what came out, how far it is from the beam."""
 
-from typing import TYPE_CHECKING
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import EngineError
 from beamchain.fitting.hub import port_hub_mass
+from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.compare import in_band_error
 from beamchain.report import plots
 from beamchain.report.assembly_plot import assembly_figure, difference_figure
@@ -16,20 +19,24 @@ from beamchain.report.page import Table, Verdict, number, page_text, vector
 from beamchain.report.plots import percent, short
 from beamchain.report.record import mass_record
 from beamchain.report.shapes import all_shapes, kept_modes
+from beamchain.report.svg import to_svg
 from beamchain.steps.budget import budget
 from beamchain.structure.beam import Beam
 
 if TYPE_CHECKING:
+    from beamchain.craft.appendage import Appendage
     from beamchain.craft.embedded import Embedded
     from beamchain.fitting.result import Fit
+
+SAME = 1e-3  # relative difference of chains below which appendages of one spec are shown once
 
 
 def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
     """The text of report.html, and that of the SVG files to stand beside it, by name."""
     figures = {f"accelerance_{port}": plots.accelerance_figure(fit, port) for port in fit.target}
     figures |= {f"error_{port}": plots.error_figure(fit, port) for port in fit.target}
-    pictures = {f"{name}.svg": plots.to_svg(figure, name) for name, figure in figures.items()}
-    pictures["chain.svg"] = plots.to_svg(plots.chain_figure(fit), "chain")
+    pictures = {f"{name}.svg": to_svg(figure, name) for name, figure in figures.items()}
+    pictures["chain.svg"] = to_svg(plots.chain_figure(fit), "chain")
     rivals, bench = rival_errors(fit), fit.measured.linearisation
     continuous, (discrete, ratios) = bench.frequencies(), bench.discrete_frequencies()
     page = page_text(
@@ -207,12 +214,16 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
     """The text of the page; `craft` and `output` are the names of the files that were read and written."""
     assembly, appendages, model = embedded.assembly, embedded.appendages, embedded.model
     figures = {"assembly": assembly_figure(assembly, columns=1), "difference": difference_figure(assembly)}
-    figures |= {f"chain{i}": plots.chain_figure(a.fit) for i, a in enumerate(appendages, 1)}
+    alike = _alike(appendages)
+    figures |= {f"chain{i}": plots.chain_figure(group.those[0].fit) for i, group in enumerate(alike, 1)}
     try:
         limits = budget(model)
     except EngineError as error:
         limits = str(error)
-    files = [f"{a.prefix.rstrip('_.-') or a.fit.spec.name}.toml" for a in appendages]
+    texts = {spec_toml(a.spec): a.spec.name for a in appendages}
+    once = Counter(texts.values())
+    stems = [a.spec.name if once[a.spec.name] == 1 else a.prefix.rstrip("_.-") or a.spec.name for a in appendages]
+    files = [f"{stem}.toml" for stem in stems]
     return page_text(
         "embed.html",
         name=output,
@@ -225,7 +236,7 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         model=model,
         kept_modes=kept_modes,
         kept_word=kept_word,
-        drawn={name: plots.to_svg(figure, name) for name, figure in figures.items()},
+        drawn={name: to_svg(figure, name) for name, figure in figures.items()},
         names={name for a in appendages for name in (a.at, a.at.partition(":")[2], a.fit.spec.name)},
         mode_table=mode_table,
         all_shapes=all_shapes,
@@ -233,8 +244,37 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         own_integrator=NUMBERS[int(model.opt.integrator)],
         gone=[m.exact for m in assembly.modes if m.mujoco is None and m.exact is not None],
         command=_command(embedded, craft, output, files),
-        files=files,
+        specs={file: a.spec for file, a in zip(files, appendages, strict=True)},
+        alike=alike,
     )
+
+
+class Alike(NamedTuple):
+    """Appendages of one spec whose chains differ by at most `difference`, relative; the first stands for all."""
+
+    those: "list[Appendage]"
+    difference: float
+
+
+def _alike(appendages: Sequence["Appendage"]) -> list[Alike]:
+    """The appendages, equal ones together, in the order of the document."""
+    found: list[Alike] = []
+    for a in appendages:
+        away = [_difference(group.those[0], a) for group in found]
+        at = next((i for i, difference in enumerate(away) if difference < SAME), None)
+        if at is None:
+            found.append(Alike([a], 0.0))
+        else:
+            found[at] = Alike([*found[at].those, a], max(found[at].difference, away[at]))
+    return found
+
+
+def _difference(a: "Appendage", b: "Appendage") -> float:
+    """Largest relative difference of the links of two appendages; infinite between specs."""
+    one, two = (np.array([(x.start, x.mass, x.com, *x.inertia) for x in item.fit.chain.links]) for item in (a, b))
+    if spec_toml(a.spec) != spec_toml(b.spec) or one.shape != two.shape:
+        return np.inf
+    return float(np.max(np.abs(one - two) / np.maximum(np.abs(one).max(axis=0), 1e-300)))
 
 
 def _embedded_verdict(embedded: "Embedded") -> Verdict:

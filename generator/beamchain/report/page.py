@@ -14,6 +14,7 @@ import numpy as np
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.motions import PORTS
 from beamchain.report.plots import percent, short
+from beamchain.report.svg import parted
 
 
 class Verdict(NamedTuple):
@@ -34,13 +35,17 @@ class Table(NamedTuple):
 
 
 def inline(svg: str, label: str) -> str:
-    """An SVG file's text as it may stand inside a page."""
-    body = svg[svg.index("<svg") :]
-    body = body.replace('<style type="text/css">*{stroke-linejoin: round; stroke-linecap: butt}</style>', "")
-    body = body.replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "").replace("xlink:href", "href")
-    body = body.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
+    """An SVG file's text as it may stand inside a page, where it scrolls if need be, its legend before it as text."""
+    picture, legend = parted(svg)
     quoted = label.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
-    return body.replace("<svg", f'<svg role="img" aria-label="{quoted}"', 1).strip()
+    body = picture[picture.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{quoted}"', 1)
+    for gone in (
+        '<style type="text/css">*{stroke-linejoin: round; stroke-linecap: butt}</style>',
+        ' xmlns:xlink="http://www.w3.org/1999/xlink"',
+        ' xmlns="http://www.w3.org/2000/svg"',
+    ):
+        body, legend = body.replace(gone, ""), legend.replace(gone, "")
+    return f'{legend}<div class="scroll">{body.strip()}</div>'.replace("xlink:href", "href")
 
 
 def begun(text: str, names: Iterable[str] = ()) -> str:

@@ -9,7 +9,7 @@ from beamchain.craft.plants.realisation import Plant
 from beamchain.craft.robust.uncertain_plant import WorstCase
 from beamchain.report import plant_plots
 from beamchain.report.page import Table, Verdict, page_text
-from beamchain.report.plots import to_svg
+from beamchain.report.svg import to_svg
 
 if TYPE_CHECKING:
     from beamchain.craft.plants.scheduled import ScheduledPlant

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from beamchain.ports.motions import Array
-from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE
+from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, WIDTH, in_hz, log_axis, plain, power
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +31,7 @@ def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Ax
         ax: drawn into; those of a new figure where left out.
     """
     if ax is None:
-        ax = Figure(figsize=(6.4, 3.8), layout="constrained").add_subplot()
+        ax = Figure(figsize=(WIDTH, 3.8), layout="constrained").add_subplot()
     degrees, gain = np.degrees(scheduled.angles), scheduled.gain
     top = np.maximum(gain.max(axis=(0, 1), keepdims=True, initial=0.0), 1e-9 * gain.max(initial=0.0) + 1e-300)
     size = 4.0 + 60.0 * (gain / top).max(axis=(2, 3), initial=0.0)
@@ -50,7 +50,7 @@ def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Ax
 @mpl.rc_context(STYLE)
 def scheduled_figure(scheduled: "ScheduledPlant") -> Figure:
     """The same as a figure of its own."""
-    figure = Figure(figsize=(6.4, 3.8), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.8), layout="constrained")
     plot_scheduled(scheduled, figure.add_subplot())
     return figure
 
@@ -63,7 +63,7 @@ def plot_worst(worst: "WorstCase", ax: "Axes | None" = None) -> "Axes":
         ax: drawn into; those of a new figure where left out.
     """
     if ax is None:
-        ax = Figure(figsize=(6.4, 3.6), layout="constrained").add_subplot()
+        ax = Figure(figsize=(WIDTH, 3.6), layout="constrained").add_subplot()
     finite = np.isfinite(worst.bound)
     ax.loglog(
         worst.omega[finite], worst.bound[finite], color=BEAM, linestyle="dashed", linewidth=1.0, label="upper bound"
@@ -72,8 +72,10 @@ def plot_worst(worst: "WorstCase", ax: "Axes | None" = None) -> "Axes":
     ax.loglog(worst.omega, worst.nominal, color=RIVAL, linewidth=1.0, label="nominal")
     if np.isfinite(worst.simulated):
         ax.loglog([worst.frequency], [worst.simulated], "o", color=BEAM, fillstyle="none", label="MuJoCo, worst sample")
+    _over_frequency(ax, worst.omega)
+    in_hz(ax)
     ax.set_xlabel("frequency, rad/s")
-    ax.set_ylabel(f"{worst.input} → {worst.output}, {worst.unit}")
+    ax.set_ylabel(f"{worst.output} per {worst.input}, {worst.unit}")
     ax.legend(loc="best")
     return ax
 
@@ -81,16 +83,17 @@ def plot_worst(worst: "WorstCase", ax: "Axes | None" = None) -> "Axes":
 @mpl.rc_context(STYLE)
 def worst_figure(several: "Sequence[WorstCase]") -> Figure:
     """The same as a figure, one picture per angle."""
-    figure = Figure(figsize=(6.4, 3.4 * len(several)), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.4 * len(several)), layout="constrained")
     for place, worst in enumerate(several, 1):
-        plot_worst(worst, figure.add_subplot(len(several), 1, place))
+        plot_worst(worst, figure.add_subplot(len(several), 1, place)).legend_ = None
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
     return figure
 
 
 @mpl.rc_context(STYLE)
 def drawn_figure(several: "Sequence[WorstCase]") -> Figure:
     """Peak gains of the samples, in order, beside the nominal range's bound."""
-    figure = Figure(figsize=(6.4, 2.8), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 2.8), layout="constrained")
     ax = figure.add_subplot()
     for worst in several:
         peaks = np.sort(worst.drawn[np.isfinite(worst.drawn)])
@@ -119,10 +122,11 @@ def _response(plant: "Plant", omega: Array) -> NDArray[np.complex128]:
     return out
 
 
-def _in_hz(ax: "Axes") -> None:
-    turn: Any = 2.0 * np.pi
-    above = ax.secondary_xaxis("top", functions=(lambda w: np.divide(w, turn), lambda f: np.multiply(f, turn)))
-    above.set_xlabel("Hz")
+def _over_frequency(ax: "Axes", omega: Array) -> None:
+    """Logarithmic axes with plain numbers, their tops in Hz."""
+    ax.set(xscale="log", yscale="log", xlim=(float(omega[0]), float(omega[-1])))
+    log_axis(ax.xaxis, ax.get_xlim(), plain)
+    log_axis(ax.yaxis, ax.get_ylim(), power)
 
 
 @mpl.rc_context(STYLE)
@@ -134,21 +138,22 @@ def bode_figure(plants: "Sequence[Plant]") -> Figure:
         (int(i), int(j)) for i, j in np.argwhere(np.abs(responses[0]).max(axis=-1) > 0.0)
     ]  # zeros have no logarithm
     pairs = sorted(pairs, key=lambda at: -float(plant.gain[:, at[0], at[1]].max(initial=0.0)))[:PAIRS] or [(0, 0)]
-    figure = Figure(figsize=(6.4, 2.6 * len(pairs) + 0.6), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 2.6 * len(pairs) + 0.6), layout="constrained")
     for place, (i, j) in enumerate(pairs):
         ax = figure.add_subplot(len(pairs), 1, place + 1)
         for other in responses[1:]:
             ax.loglog(omega, np.abs(other[i, j]), color=RIVAL, linewidth=0.8)
         ax.loglog(omega, np.abs(responses[0][i, j]), color=OURS, linewidth=1.4)
-        ax.set_title(f"{plant.input_labels[j]} → {plant.output_labels[i]}")
+        _over_frequency(ax, omega)
+        ax.set_title(f"{plant.output_labels[i]} per {plant.input_labels[j]}")
         ax.set_ylabel(f"{plant.output_units[i]} per {plant.input_units[j]}")
         angle = ax.twinx()
-        angle.semilogx(
+        angle.plot(
             omega, np.degrees(np.unwrap(np.angle(responses[0][i, j]))), color=BEAM, linewidth=0.7, linestyle="dotted"
         )
         angle.set_ylabel("phase, degrees (dotted)")
         if place == 0:
-            _in_hz(ax)
+            in_hz(ax)
     figure.supxlabel("frequency, rad/s", fontsize=9.5)
     return figure
 
@@ -157,13 +162,14 @@ def bode_figure(plants: "Sequence[Plant]") -> Figure:
 def singular_figure(plants: "Sequence[Plant]") -> Figure:
     """Singular values of the first plant over frequency."""
     omega = _grid(plants)
-    figure = Figure(figsize=(6.4, 3.4), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
     ax = figure.add_subplot()
     values = np.linalg.svd(np.moveaxis(_response(plants[0], omega), -1, 0), compute_uv=False)
     ax.loglog(omega, np.maximum(values, 1e-12 * values.max(initial=1e-300)), color=OURS, linewidth=1.0)
     ax.set_xlabel("frequency, rad/s")
     ax.set_ylabel("singular values")
-    _in_hz(ax)
+    _over_frequency(ax, omega)
+    in_hz(ax)
     return figure
 
 
@@ -171,7 +177,7 @@ def singular_figure(plants: "Sequence[Plant]") -> Figure:
 def poles_figure(plants: "Sequence[Plant]") -> Figure:
     """Poles of every plant, and the zeros of the pair with the largest modal gain of the first."""
     plant = plants[0]
-    figure = Figure(figsize=(6.4, 3.8), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.8), layout="constrained")
     ax = figure.add_subplot()
     for other in plants[1:]:
         poles = np.asarray(other.poles(), dtype=np.complex128)
@@ -195,14 +201,14 @@ def poles_figure(plants: "Sequence[Plant]") -> Figure:
     )
     ax.set_xlabel("real part" + ("" if plant.dt else ", rad/s"))
     ax.set_ylabel("imaginary part" + ("" if plant.dt else ", rad/s"))
-    ax.legend(loc="best")
+    figure.legend(loc="outside upper left", ncols=2)
     return figure
 
 
 @mpl.rc_context(STYLE)
 def nichols_figure(loops: "Sequence[Margins]") -> Figure:
     """Open loops in the Nichols plane."""
-    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
     ax = figure.add_subplot()
     for loop in loops:
         phase = np.degrees(np.unwrap(np.angle(loop.response)))
@@ -215,5 +221,5 @@ def nichols_figure(loops: "Sequence[Margins]") -> Figure:
     ax.set_xlabel("phase, degrees")
     ax.set_ylabel("gain, dB")
     if len(loops) <= 6:
-        ax.legend(loc="best")
+        figure.legend(loc="outside upper left", ncols=2)
     return figure

@@ -1,13 +1,12 @@
 """Pictures of a fit, drawn with matplotlib's objects: no figure manager, no state left behind."""
 
-import io
-import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from beamchain.chain.chain import Chain
@@ -33,7 +32,8 @@ if TYPE_CHECKING:
     from beamchain.fitting.result import Fit
 
 # blue, black and grey differ in lightness too, and rivals by their dashes: readable without colour
-OURS, BEAM, RIVAL, SHADE = "#0a5fb4", "#000000", "#8a8a8a", "#e9f1fa"
+OURS, BEAM, RIVAL, SHADE, HATCH = "#0a5fb4", "#000000", "#8a8a8a", "#e9f1fa", "#cfcfcf"
+WIDTH = 8.6  # of a figure [inch]; text is then as large as the page's where the figure has the page's width
 DASHES = ("solid", (0, (5, 2)), (0, (1.2, 1.6)))
 STYLE: Any = {
     "font.family": ["DejaVu Sans"],
@@ -48,19 +48,21 @@ STYLE: Any = {
     "legend.frameon": False,
     "legend.fontsize": 9.0,
     "svg.fonttype": "none",
+    "hatch.linewidth": 0.6,
+    "text.parse_math": False,  # a name with a dollar sign stays as it is
 }
 
-#: Entries of the accelerance drawn: row, column, what drives and what answers, unit.
+#: Entries of the accelerance drawn: row, column, what it is, unit.
 _PLANE = (
-    (0, 0, "force → displacement", "(m/s²)/N"),
-    (0, 1, "moment → displacement (the same as force → rotation)", "(m/s²)/(N m)"),
-    (1, 1, "moment → rotation", "(rad/s²)/(N m)"),
+    (0, 0, "acceleration of the root per force", "(m/s²)/N"),
+    (0, 1, "acceleration of the root per moment, and angular acceleration per force", "(m/s²)/(N m)"),
+    (1, 1, "angular acceleration of the root per moment", "(rad/s²)/(N m)"),
 )
 ENTRIES = {
     "xy": _PLANE,
     "xz": _PLANE,
-    "torsion": ((0, 0, "moment → rotation about the axis", "(rad/s²)/(N m)"),),
-    "axial": ((0, 0, "force → displacement along the axis", "(m/s²)/N"),),
+    "torsion": ((0, 0, "angular acceleration of the root about the axis per moment", "(rad/s²)/(N m)"),),
+    "axial": ((0, 0, "acceleration of the root along the axis per force", "(m/s²)/N"),),
 }
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -81,8 +83,9 @@ def percent(value: float) -> str:
 def plot_accelerance(fit: "Fit", ax: "Axes | None" = None, port: str | None = None) -> "Axes":
     """Draw the first accelerance of a port: the beam, and the chain read back through MuJoCo."""
     port = next(iter(fit.target)) if port is None else port
-    ax = Figure(figsize=(6.4, 3.6), layout="constrained").add_subplot() if ax is None else ax
+    ax = Figure(figsize=(WIDTH, 3.6), layout="constrained").add_subplot() if ax is None else ax
     _panel(ax, fit, port, 0, responses(fit, port, with_rivals=False))
+    in_hz(ax)
     ax.set_xlabel("frequency, rad/s")
     ax.legend(loc="best")
     return ax
@@ -92,7 +95,7 @@ def plot_accelerance(fit: "Fit", ax: "Axes | None" = None, port: str | None = No
 def accelerance_figure(fit: "Fit", port: str) -> Figure:
     """The port's accelerances over frequency, magnitude and phase: beam, chain through MuJoCo, rivals; undamped."""
     panels = len(ENTRIES[port])
-    figure = Figure(figsize=(6.4, 1.6 + 2.7 * panels))
+    figure = Figure(figsize=(WIDTH, 1.8 + 2.7 * panels))
     curves = responses(fit, port, with_rivals=True)
     grid = figure.add_gridspec(3 * panels - 1, 1, height_ratios=[3.2, 0.62, 0.72] * (panels - 1) + [3.2, 0.62])
     for i in range(panels):
@@ -101,11 +104,13 @@ def accelerance_figure(fit: "Fit", port: str) -> Figure:
         ax.tick_params(labelbottom=False)
         ax.xaxis.set_minor_locator(NullLocator())
         _phase(below, fit, port, i, curves)
+        if i == 0:
+            in_hz(ax)
         if i < panels - 1:  # ticks are most of what drawing costs
             below.tick_params(labelbottom=False)
             below.xaxis.set_minor_locator(NullLocator())
     figure.axes[-1].set_xlabel("frequency, rad/s")
-    figure.subplots_adjust(left=0.125, right=0.98, bottom=0.48 / figure.get_figheight(), hspace=0.16)
+    figure.subplots_adjust(left=0.095, right=0.965, bottom=0.48 / figure.get_figheight(), hspace=0.16)
     _legend(figure, figure.axes[0], list(curves)[:2])
     return figure
 
@@ -154,7 +159,7 @@ def _heights(curve: Response, i: int, j: int) -> tuple[float, float]:
 @mpl.rc_context(STYLE)
 def error_figure(fit: "Fit", port: str) -> Figure:
     """Error of the hub's motion over frequency; its largest in the band is the in-band error."""
-    figure = Figure(figsize=(6.4, 4.0))
+    figure = Figure(figsize=(WIDTH, 4.2))
     ax = figure.add_subplot()
     hub, place = worst_hub(fit, port)
     limits, band = span(fit, port), fit.bandwidth[port]
@@ -182,7 +187,8 @@ def error_figure(fit: "Fit", port: str) -> Figure:
     ax.set_xlabel("frequency, rad/s")
     ax.set_ylabel("error of the hub's motion, relative")
     ax.set_title(place, pad=6.0)
-    figure.subplots_adjust(left=0.125, right=0.98, bottom=0.125)
+    in_hz(ax)
+    figure.subplots_adjust(left=0.095, right=0.965, bottom=0.12)
     _legend(figure, ax, [name])
     return figure
 
@@ -212,7 +218,7 @@ def log_axis(axis: Any, limits: tuple[float, float], text: Callable[[float, floa
 def frame(
     ax: "Axes", limits: tuple[float, float], heights: tuple[float, float], band: float = 0.0, *, decades: bool = True
 ) -> None:
-    """Logarithmic axes (upwards only with `decades`) with the kept band, if any, shaded."""
+    """Logarithmic axes (upwards only with `decades`) with the kept band, if any, shaded and what is beyond it hatched."""
     ax.set_xscale("log")
     ax.set_yscale("log" if decades else "linear")
     ax.set_xlim(*limits)
@@ -224,6 +230,21 @@ def frame(
     ax.set_axisbelow(True)
     if band:
         ax.axvspan(limits[0], min(band, limits[1]), color=SHADE, linewidth=0, zorder=0, label="kept band")
+    if 0.0 < band < limits[1]:
+        style: Any = {"facecolor": "none", "edgecolor": HATCH, "hatch": "////", "linewidth": 0, "zorder": 0}
+        ax.axvspan(max(band, limits[0]), limits[1], label="not asked for", **style)
+
+
+def in_hz(ax: "Axes", number: int = 1) -> None:
+    """The same frequencies in Hz above logarithmic axes in rad/s; the page's script finds them as `hz` and their number."""
+    turn: Any = 2.0 * np.pi
+    above: Any = ax.secondary_xaxis("top", functions=(lambda w: np.divide(w, turn), lambda f: np.multiply(f, turn)))
+    above.set_gid(f"hz{number}")
+    low, high = ax.get_xlim()
+    log_axis(above.xaxis, (low / turn, high / turn), plain)
+    above.xaxis.set_minor_locator(NullLocator())
+    above.tick_params(labelsize=8.5, pad=1.5)
+    ax.annotate("Hz", (1.0, 1.0), xycoords="axes fraction", xytext=(4.0, 1.0), textcoords="offset points", fontsize=8.5)
 
 
 def _legend(figure: Figure, ax: "Axes", first: Sequence[str]) -> None:
@@ -233,14 +254,15 @@ def _legend(figure: Figure, ax: "Axes", first: Sequence[str]) -> None:
     order = [*first, *(label for label in labels if label not in first)]
     style: Any = {"handlelength": 2.2, "columnspacing": 1.4, "borderaxespad": 0.2, "bbox_to_anchor": (0.0, 1.0)}
     figure.legend([entries[label] for label in order], order, loc="upper left", ncols=2, **style)
-    inches = 0.42 + 0.192 * ((len(order) + 1) // 2)
+    inches = 0.62 + 0.192 * ((len(order) + 1) // 2)
     figure.subplots_adjust(top=1.0 - inches / figure.get_figheight())
 
 
 # -- the chain -------------------------------------------------------------------------------------------------------
 _MARKERS = {"xy": "o", "xz": "s", "torsion": "D", "axial": "^"}
 _LABEL, _ROWS = 8.5, 3  # size of a label [pt]; rows of labels above and below the chain
-_CENTRE: Any = {"marker": r"$\oplus$", "markersize": 9.0, "color": "black", "markeredgewidth": 0.3, "linestyle": "none"}
+_CROSSED = Path.make_compound_path(Path.unit_circle(), Path([(-1, 0), (1, 0), (0, -1), (0, 1)], [1, 2, 1, 2]))
+_CENTRE: Any = {"marker": _CROSSED, "markersize": 7.0, "color": "black", "fillstyle": "none", "linestyle": "none"}
 
 
 @mpl.rc_context(STYLE)
@@ -251,7 +273,7 @@ def chain_figure(fit: "Fit") -> Figure:
     classical = rival_chains(fit, plane).get("classical chain") if fit.target else None
     if classical is not None:
         chains["classical chain"] = classical
-    figure = Figure(figsize=(6.4, 1.05 + 1.5 * len(chains)))
+    figure = Figure(figsize=(WIDTH, 1.05 + 1.5 * len(chains)))
     height = figure.get_figheight()
     figure.subplots_adjust(left=0.02, right=0.98, top=1.0 - 0.28 / height, bottom=0.77 / height, hspace=0.22)
     for i, (label, chain) in enumerate(chains.items()):
@@ -327,7 +349,7 @@ def _rows(ax: "Axes", labels: Sequence[tuple[float, str]]) -> "list[tuple[float,
     """Labels in rows, so that none overlap: x, where the text is centred, row, text; None where they do not all fit."""
     left, right = ax.get_xlim()
     figure = ax.get_figure()
-    width = 72.0 * ax.get_position().width * (figure.get_size_inches()[0] if isinstance(figure, Figure) else 6.4)
+    width = 72.0 * ax.get_position().width * (figure.get_size_inches()[0] if isinstance(figure, Figure) else WIDTH)
     ends: list[float] = [-np.inf] * _ROWS
     placed: list[tuple[float, float, int, str]] = []
     for x, text in sorted(labels):
@@ -347,37 +369,3 @@ def _write(ax: "Axes", labels: Sequence[tuple[float, float, int, str]], side: fl
         y = side * (0.47 + 0.21 * row)
         ax.plot([x, x], [side * 0.14, y - side * 0.1], color="#b0b0b0", linewidth=0.6, zorder=1)
         ax.text(centre, y, text, ha="center", va="center", fontsize=_LABEL, color=color)
-
-
-# -- to a file -------------------------------------------------------------------------------------------------------
-def to_svg(figure: Figure, name: str) -> str:
-    """SVG text of a figure, the same for the same fit; ids carry `name`, so that several can stand in one page.
-
-    Axes with logarithmic frequency (or time) are described in `data-plot`, for the page's script to zoom into them.
-    """
-    stream = io.StringIO()
-    with mpl.rc_context({**STYLE, "svg.hashsalt": name}):
-        figure.savefig(stream, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
-    text = stream.getvalue().replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
-    for before in ('id="', "url(#", 'href="#'):
-        text = text.replace(before, f"{before}{name}-")
-    told = json.dumps(_described(figure, name), separators=(",", ":"))
-    return text.replace("<svg ", f"<svg data-plot='{told}' ", 1) if told != "[]" else text
-
-
-def _described(figure: Figure, name: str) -> list[dict[str, Any]]:
-    """Where each axes with a logarithmic x stands in the SVG [pt], and the limits it shows."""
-    width, height = 72.0 * figure.get_size_inches()
-    out: list[dict[str, Any]] = []
-    for i, ax in enumerate(figure.axes, 1):
-        if ax.get_xscale() != "log":
-            continue
-        at = ax.get_position()
-        out.append({
-            "id": f"{name}-axes_{i}",
-            "box": [round(v, 3) for v in (at.x0 * width, (1.0 - at.y1) * height, at.width * width, at.height * height)],
-            "x": [float(f"{v:.9g}") for v in ax.get_xlim()],
-            "y": [float(f"{v:.9g}") for v in ax.get_ylim()],
-            "log": ax.get_yscale() == "log",
-        })  # fmt: skip
-    return out

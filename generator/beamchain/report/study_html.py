@@ -8,7 +8,8 @@ from beamchain.fitting.spec import read_spec
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import study_plots
 from beamchain.report.page import Table, Verdict, page_text
-from beamchain.report.plots import percent, short, to_svg
+from beamchain.report.plots import percent, short
+from beamchain.report.svg import to_svg
 from beamchain.studies.front import TARGETS, Metric, Reach, power, recommended_name
 
 if TYPE_CHECKING:

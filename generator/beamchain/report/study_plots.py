@@ -7,7 +7,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, frame, log_axis, plain, short
+from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, WIDTH, frame, in_hz, log_axis, plain, short
 from beamchain.studies import field
 from beamchain.studies.front import Metric, front
 
@@ -34,7 +34,7 @@ WORST = 2.0  # errors above are left out of the picture: nothing of the appendag
 @mpl.rc_context(STYLE)
 def pareto_figure(study: "Study") -> Figure:
     """Error against run time, log-log: each model's front."""
-    figure = Figure(figsize=(7.2, 5.8))
+    figure = Figure(figsize=(WIDTH, 5.8))
     ax = figure.add_subplot()
     rivals = [m for m in study.models if m not in field.OURS]
     for model in (*rivals, *(m for m in study.models if m in field.OURS)):
@@ -58,7 +58,7 @@ def pareto_figure(study: "Study") -> Figure:
 @mpl.rc_context(STYLE)
 def growth_figure(growth: "Growth") -> Figure:
     """Time per step against links, and time to find a chain against modes."""
-    figure = Figure(figsize=(7.2, 3.0), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
     panels = (
         ("Euler step against hinges", growth.step, growth.exponent, "µs", 1e6),
         ("exact chain, found and compiled", growth.fit, growth.fit_exponent, "ms", 1e3),
@@ -82,7 +82,7 @@ def steps_figure(limits: "Budget", rows: Sequence["StepRow"]) -> Figure:
     finite = [v for v in limits.largest_step.values() if np.isfinite(v)]
     tenths = [tenth for _, tenth in limits.accuracy.values()]
     low, high = 0.5 * min(tenths), 2.5 * max([*finite, *(one for one, _ in limits.accuracy.values())])
-    figure = Figure(figsize=(6.4, 1.15 + 0.34 * len(names)), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 1.15 + 0.34 * len(names)), layout="constrained")
     ax = figure.add_subplot()
     for y, name in enumerate(names):
         largest = limits.largest_step[name]
@@ -110,7 +110,7 @@ def steps_figure(limits: "Budget", rows: Sequence["StepRow"]) -> Figure:
 @mpl.rc_context(STYLE)
 def damping_figure(limits: "Budget") -> Figure:
     """Damping ratio of every mode, the structure's own and as each integrator shows it; over frequency."""
-    figure = Figure(figsize=(6.4, 3.5), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.5), layout="constrained")
     ax = figure.add_subplot()
     w = limits.frequencies
     own = limits.ratios
@@ -128,6 +128,7 @@ def damping_figure(limits: "Budget") -> Figure:
     shown = [float(z) for v in (own[:, None], *limits.shown.values()) for z in v[:, -1] if z > SMALLEST]
     upwards = 0.3 * min(shown, default=SMALLEST), 3.0 * max(shown, default=1.0)
     frame(ax, (float(w[0]) / 1.6, 1.6 * float(w[-1])), upwards)
+    in_hz(ax)
     title = f"at a step of {short(limits.timestep)} s"
     ax.set(xlabel="frequency of the mode, rad/s", ylabel="damping ratio", title=title)
     figure.legend(loc="outside upper left", ncols=3, columnspacing=1.2)

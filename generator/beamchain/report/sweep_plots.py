@@ -7,7 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from beamchain.ports.motions import Array
-from beamchain.report.plots import OURS, STYLE, to_svg
+from beamchain.report.plots import OURS, STYLE, WIDTH
+from beamchain.report.svg import to_svg
 
 if TYPE_CHECKING:
     from beamchain.studies.sweep import Sweep
@@ -28,13 +29,15 @@ def sweep_pictures(sweep: "Sweep") -> dict[str, str]:
 def _histograms(table: Array, label: str, unit: str) -> str:
     """A histogram per column, each on its own axis."""
     count = min(table.shape[1], MOST)
-    figure = Figure(figsize=(6.4, 1.0 + 1.1 * count), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 1.0 + 1.1 * count), layout="constrained")
     for k in range(count):
         ax = figure.add_subplot(count, 1, k + 1)
         values = table[:, k]
         mean, spread = float(values.mean()), float(values.std())
         ax.hist(values, bins=min(40, max(5, values.size // 10)), color=OURS)
-        ax.set_title(f"mode {k + 1}: {mean:.4g} {unit}, deviation {100 * spread / mean:.2g} %")
+        ax.set_title(
+            f"mode {k + 1}: {mean:.4g} {unit}, {mean / (2.0 * np.pi):.4g} Hz, deviation {100 * spread / mean:.2g} %"
+        )
         ax.set_ylabel("variants")
     figure.axes[-1].set_xlabel(_counted(label, table, count))
     return to_svg(figure, "sweep")
@@ -43,7 +46,7 @@ def _histograms(table: Array, label: str, unit: str) -> str:
 @mpl.rc_context(STYLE)
 def _gains(sweep: "Sweep") -> str:
     """Every variant's gain over its mode, a panel per pair of signals."""
-    figure = Figure(figsize=(6.4, 0.6 + 3.0 * len(sweep.gains)), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 0.6 + 3.0 * len(sweep.gains)), layout="constrained")
     for row, (name, values) in enumerate(sweep.gains.items(), 1):
         ax = figure.add_subplot(len(sweep.gains), 1, row)
         seen = [k for k in range(values.shape[1]) if values[:, k].max() > NONE * values.max()][:MOST]

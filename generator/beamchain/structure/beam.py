@@ -258,4 +258,5 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
         segment = self.segments[index]
         f = min(max((x - self._starts[index]) / segment.length, 0.0), 1.0)
         end = segment.section if segment.section_end is None else segment.section_end
-        return (1.0 - f) * segment.section.depth(plane) + f * end.depth(plane)
+        first, last = segment.section.depth(plane), end.depth(plane)
+        return (1.0 - f) * (first or last) + f * (last or first)  # one end may say nothing

@@ -88,11 +88,11 @@ class _Section(Struct, frozen=True, kw_only=True):
 
     def dimensions(self) -> dict[str, float]:
         """The numbers that are interpolated; what was left out stands at its default."""
-        return {name: float(getattr(self, name)) for name in self.__struct_fields__}
+        return {name: float(getattr(self, name)) for name in self.__struct_fields__ if name != "draw"}
 
     def ratio(self, end: "_Section") -> float:
         """Largest ratio of a dimension between the two ends, at least 1."""
-        pairs = [(getattr(self, name), getattr(end, name)) for name in self.__struct_fields__]
+        pairs = [(getattr(self, name), getattr(end, name)) for name in self.__struct_fields__ if name != "draw"]
         return max([1.0, *(max(a / b, b / a) for a, b in pairs if a > 0.0 and b > 0.0)])
 
     def depth(self, plane: str) -> float:
@@ -283,6 +283,37 @@ class Custom(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_
         return {**out, "polar_moment": out["polar_moment"] or out["second_moment_y"] + out["second_moment_z"]}
 
 
+class Draw(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Outer dimensions with which a section is drawn; they have no part in mass or stiffness.
+
+    A section thinner than a quarter of its width is drawn as a panel with cells, any other as a truss. The width lies
+    across the plane in which the section is softer, along z where both are equal.
+
+    Raises:
+        InputError: the thickness is more than the width.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0, draw=bc.Draw(width=1.2, thickness=0.03)).depth("xz")
+        1.2
+    """
+
+    width: Annotated[float, field("width drawn", "m", above=0.0)]
+    thickness: Annotated[float, field("thickness drawn, at most the width", "m", above=0.0)]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.thickness > self.width:
+            raise InputError(
+                f"thickness = {self.thickness!r} m is more than width = {self.width!r} m; give the larger as the width."
+            )
+
+    @property
+    def panel(self) -> bool:
+        """Whether it is thin enough to be a panel."""
+        return self.thickness < self.width / 4.0
+
+
 class Equivalent(_Section, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="equivalent"):
     """A truss or array, given by its measured stiffness and mass per length; needs no material.
 
@@ -301,6 +332,15 @@ class Equivalent(_Section, frozen=True, kw_only=True, forbid_unknown_fields=True
     torsion_stiffness: Annotated[float, field("torsional stiffness GJ; 0 is rigid", "N m^2", least=0.0)] = 0.0
     axial_stiffness: Annotated[float, field("axial stiffness EA; 0 is rigid", "N", least=0.0)] = 0.0
     polar_inertia: Annotated[float, field("moment of inertia about x per length", "kg m", least=0.0)] = 0.0
+    draw: Annotated[
+        Draw | None, field("width and thickness of its picture; a plain truss where left out; no mass or stiffness")
+    ] = None
+
+    def depth(self, plane: str) -> float:
+        if self.draw is None:
+            return 0.0
+        soft = "xz" if self.dimensions()["bending_stiffness_xz"] < self.bending_stiffness_xy else "xy"
+        return self.draw.thickness if plane == soft else self.draw.width
 
     def dimensions(self) -> dict[str, float]:
         """Dimensions; EI in xz is that in xy where left out."""

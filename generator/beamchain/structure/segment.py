@@ -121,7 +121,7 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def shrinks(self) -> bool:
         """Whether the dimension with the largest ratio is smaller at the tip end."""
         end = self.section if self.section_end is None else self.section_end
-        pairs = [(getattr(self.section, n), getattr(end, n)) for n in self.section.__struct_fields__]
+        pairs = [(getattr(self.section, n), getattr(end, n)) for n in self.section.dimensions()]
         a, b = max(((a, b) for a, b in pairs if a > 0 and b > 0), key=lambda p: max(p[0] / p[1], p[1] / p[0]))
         return a > b
 

@@ -47,8 +47,10 @@
         .map((e) => ({ e, x: +e.getAttribute("x"), y: +e.getAttribute("y") }));
       this.notes = [...this.group.querySelectorAll('[id$="-follows"]')];
       this.old = [...this.group.querySelectorAll('[id*="xtick_"], [id*="ytick_"]')];
-      const text = (axis) => this.group.querySelector(`[id*="${axis}tick_"] text`);
-      this.text = { x: text("x"), y: text("y") };
+      const inHz = (e) => e.closest('[id*="-hz"]') !== null;
+      const text = (axis, hz) =>
+        [...this.group.querySelectorAll(`[id*="${axis}tick_"] text`)].find((e) => inHz(e) === hz);
+      this.text = { x: text("x", false), y: text("y", false), hz: text("x", true) };
       const first = this.curves.length ? this.curves[0].path.parentNode : null;
       this.fresh = document.createElementNS(NS, "g");
       this.group.insertBefore(this.fresh, first);
@@ -107,6 +109,12 @@
         const x = left + (width * Math.log(v / x0)) / Math.log(x1 / x0);
         line(`${x},${top} ${x},${top + height + 3}`);
         word(this.text.x, x, this.text.x && this.text.x.getAttribute("y"), label(v));
+      }
+      const turn = 2 * Math.PI;
+      for (const f of this.text.hz ? ticks(x0 / turn, x1 / turn, true) : []) {
+        const x = left + (width * Math.log((f * turn) / x0)) / Math.log(x1 / x0);
+        make("path", { d: `M${x} ${top}v-3.5`, stroke: "#000", "stroke-width": 0.8 }, this.fresh);
+        word(this.text.hz, x, this.text.hz.getAttribute("y"), label(f));
       }
       const [y0, y1] = this.limits("y", this.up);
       const marks = this.log ? ticks(y0, y1, true) : [0, 180].filter((v) => v >= y0 && v <= y1);
@@ -174,7 +182,7 @@
       bar.append(button);
     }
     bar.append(told);
-    figure.insertBefore(bar, svg);
+    svg.parentNode.before(bar);
     svg.setAttribute("tabindex", "0");
     svg.addEventListener("keydown", (event) => {
       if (!deeds[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;

@@ -1,0 +1,176 @@
+"""Frames of a spacecraft in given positions: lit, before a dark blue sky with stars, as large as the frame holds."""
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.engine.decor import decorate
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model
+from beamchain.errors import EngineError
+from beamchain.ports.motions import Array
+
+Frame = NDArray[np.uint8]
+
+SLIMMEST = 1.0 / 320.0  # of the picture's extent: thinner solids would vanish
+GHOST = 0.3  # opacity of what is drawn for comparison
+MARGIN = 1.05  # of the frame over what it holds
+SAMPLES = 24  # positions from which the camera is placed
+AZIMUTHS, ELEVATIONS = (68.0, 82.0, 98.0, 112.0), (-14.0, -26.0, -38.0)  # degrees; from the mean direction outwards
+SKY: Any = {"rgb1": (0.06, 0.12, 0.3), "rgb2": (0.02, 0.05, 0.16), "markrgb": (0.85, 0.9, 1.0), "random": 0.001}
+PIXELS = 512  # of the sky, a side
+AMBIENT, DIFFUSE = 0.35, 0.5  # at least, of the light at the camera
+CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+
+
+def staged(source: str | Path) -> "mujoco.MjModel":
+    """A compiled model with stars, where the file gives no sky but a plain one, and light, where it gives none.
+
+    Args:
+        source: MJCF text or a path; a compiled .mjb file stays as it is.
+    """
+    model = compile_model(source)
+    text = isinstance(source, str) and source.lstrip().startswith("<")
+    if not text and Path(source).suffix.lower() == ".mjb":
+        return model
+    spec: Any = mujoco.MjSpec.from_string(str(source)) if text else mujoco.MjSpec.from_file(str(source))
+    kind, flat = mujoco.mjtTexture.mjTEXTURE_SKYBOX, mujoco.mjtBuiltin.mjBUILTIN_FLAT
+    skies = [texture for texture in spec.textures if texture.type == kind]
+    if not skies:
+        skies = [spec.add_texture(type=kind, builtin=flat)]
+    if skies[0].builtin == flat:
+        skies[0].builtin, skies[0].mark = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, mujoco.mjtMark.mjMARK_RANDOM
+        skies[0].width = skies[0].height = PIXELS
+        for name, value in SKY.items():
+            setattr(skies[0], name, value)
+    if not spec.lights:
+        spec.worldbody.add_light(
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=(-0.3, 0.4, -1.0), diffuse=(0.6, 0.6, 0.6)
+        )
+    lamp = spec.visual.headlight
+    lamp.ambient, lamp.diffuse = np.maximum(lamp.ambient, AMBIENT), np.maximum(lamp.diffuse, DIFFUSE)
+    return spec.compile()
+
+
+def drawn(
+    model: "mujoco.MjModel", body: str, shown: Array, ghosts: Array, *, width: int, height: int
+) -> Iterator[Frame]:
+    """Frames `(height, width, 3)`, all from one place, from which they are seen as large and as moving as can be.
+
+    Args:
+        model: from `staged`; thin solids in it are made thick enough to be seen.
+        body: the spacecraft's, which has no ghost.
+        shown: `(k, nq)` positions.
+        ghosts: `(k, nq)` positions drawn faintly for comparison.
+        width, height: in pixels.
+
+    Raises:
+        EngineError: MuJoCo cannot draw here.
+    """
+    camera, extent = _camera(model, body, shown, ghosts, width / height)
+    _thicken(model, SLIMMEST * extent)
+    model.vis.global_.offwidth = max(int(model.vis.global_.offwidth), width)
+    model.vis.global_.offheight = max(int(model.vis.global_.offheight), height)
+    data, faint = mujoco.MjData(model), mujoco.MjData(model)
+    try:
+        renderer: Any = mujoco.Renderer(model, height, width)
+    except (ImportError, AttributeError, RuntimeError, mujoco.FatalError) as error:
+        raise EngineError(
+            f"MuJoCo cannot draw here ({' '.join(str(error).split())[:120]}); set MUJOCO_GL to egl or osmesa before "
+            "the process starts."
+        ) from None
+    hub = model.body(body).id
+    try:
+        for positions in zip(shown, ghosts, strict=True):
+            for state, at in zip((data, faint), positions, strict=True):
+                state.qpos[:] = at
+                mujoco.mj_kinematics(model, state)
+                mujoco.mj_comPos(model, state)
+                mujoco.mj_camlight(model, state)
+            renderer.update_scene(data, camera)
+            renderer.scene.flags[int(mujoco.mjtRndFlag.mjRND_SHADOW)] = 0  # cast by a far light they are ragged
+            decorate(model, renderer.scene, SLIMMEST * extent / 4.0)
+            _ghosts(model, faint, renderer.scene, hub)
+            yield renderer.render().copy()
+    finally:
+        renderer.close()
+
+
+def _ghosts(model: "mujoco.MjModel", faint: "mujoco.MjData", scene: Any, hub: int) -> None:
+    before = int(scene.ngeom)
+    everything = int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
+    mujoco.mjv_addGeoms(model, faint, mujoco.MjvOption(), mujoco.MjvPerturb(), everything, scene)
+    for i in range(before, int(scene.ngeom)):
+        geom = scene.geoms[i]
+        own = int(geom.objtype) == int(mujoco.mjtObj.mjOBJ_GEOM) and int(model.geom_bodyid[geom.objid]) != hub
+        geom.rgba[3] = GHOST if own else 0.0
+
+
+def _thicken(model: "mujoco.MjModel", least: float) -> None:
+    kinds = {int(mujoco.mjtGeom.mjGEOM_BOX): 3, int(mujoco.mjtGeom.mjGEOM_CYLINDER): 2}
+    kinds |= {int(mujoco.mjtGeom.mjGEOM_CAPSULE): 2, int(mujoco.mjtGeom.mjGEOM_SPHERE): 1}
+    for i in range(model.ngeom):
+        n = kinds.get(int(model.geom_type[i]), 0)
+        model.geom_size[i, :n] = np.maximum(model.geom_size[i, :n], least)
+
+
+def _camera(model: "mujoco.MjModel", body: str, shown: Array, ghosts: Array, aspect: float) -> tuple[Any, float]:
+    """The camera that shows most motion of all that see every position, and the width of what it sees [m]."""
+    some = range(0, len(shown), max(len(shown) // SAMPLES, 1))
+    points, faint = (np.array([_corners(model, positions[k]) for k in some]) for positions in (shown, ghosts))
+    moved, points = points - faint, np.concatenate([points, faint])
+    data = mujoco.MjData(model)
+    data.qpos[:] = shown[0]
+    mujoco.mj_kinematics(model, data)
+    out = points.mean(axis=(0, 1)) - data.body(body).xpos
+    heading = np.degrees(np.arctan2(out[1], out[0]))
+    up = float(np.tan(np.radians(float(model.vis.global_.fovy)) / 2.0))
+    best: tuple[float, Any] = (-1.0, None)
+    for turn, elevation in product(AZIMUTHS, ELEVATIONS):
+        frame = _frame(heading + turn, elevation)
+        middle, distance = _fitted(points.reshape(-1, 3) @ frame, np.array([aspect * up, up]) / MARGIN)
+        spread = np.std(points @ frame[:, :2], axis=(0, 1)).sum()
+        seen = float(np.linalg.norm(moved @ frame[:, :2]) * spread) / distance**2
+        if seen > best[0]:
+            camera: Any = mujoco.MjvCamera()
+            camera.lookat[:] = frame @ middle
+            camera.distance, camera.azimuth, camera.elevation = distance, heading + turn, elevation
+            best = seen, camera
+    return best[1], 2.0 * float(best[1].distance) * up
+
+
+def _frame(azimuth: float, elevation: float) -> Array:
+    """`(3, 3)` right, up and forward of a camera, in columns."""
+    az, el = np.radians([azimuth, elevation])
+    forward = np.array([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)])
+    right = np.array([np.sin(az), -np.cos(az), 0.0])
+    return np.column_stack([right, np.cross(right, forward), forward])
+
+
+def _fitted(points: Array, tangents: Array) -> tuple[Array, float]:
+    """Where to look `(3,)` and from how far, so that `(n, 3)` points just lie between the four sides of the picture.
+
+    A point is within a side where its coordinate across is at most the tangent of the angle times its distance.
+    """
+    across, depth = points[:, :2], points[:, 2:]
+    right, left = np.max(across - tangents * depth, axis=0), np.max(-across - tangents * depth, axis=0)
+    reach = float(np.max((right + left) / (2.0 * tangents)) + depth.mean())
+    return np.array([*((right - left) / 2.0), depth.mean()]), reach
+
+
+def _corners(model: "mujoco.MjModel", positions: Array) -> Array:
+    """`(n, 3)` corners of all solids that are seen."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = positions
+    mujoco.mj_kinematics(model, data)
+    out: Sequence[Array] = [
+        data.geom_xpos[i]
+        + (CORNERS * model.geom_aabb[i, 3:] + model.geom_aabb[i, :3]) @ data.geom_xmat[i].reshape(3, 3).T
+        for i in range(model.ngeom)
+        if int(model.geom_type[i]) != int(mujoco.mjtGeom.mjGEOM_PLANE) and model.geom_rgba[i, 3] > 0.0
+    ]
+    return np.concatenate(out)
