@@ -392,7 +392,7 @@ def test_modes_of_a_craft_without_sky_and_light_are_drawn_like_others(renderer, 
     for k in (1, 2):
         looks(pixels(tmp_path / "o" / f"flexible_mode{k}.png"))
         with Image.open(tmp_path / "o" / f"flexible_mode{k}.gif") as moving:
-            assert moving.n_frames == 48
+            assert moving.n_frames == 24  # every second one
         if film._ffmpeg():
             assert samples((tmp_path / "o" / f"flexible_mode{k}.mp4").read_bytes()) == 48
     done = command([*arguments[:5], "99", "--force"], tmp_path, MUJOCO_GL=renderer)

@@ -49,7 +49,6 @@ STYLE: Any = {
     "legend.fontsize": 9.0,
     "svg.fonttype": "none",
     "hatch.linewidth": 0.6,
-    "text.parse_math": False,  # a name with a dollar sign stays as it is
 }
 
 #: Entries of the accelerance drawn: row, column, what it is, unit.
@@ -77,6 +76,11 @@ def percent(value: float) -> str:
         mantissa, exponent = f"{value:.1e}".split("e")
         return f"{mantissa}\u00a0×\u00a010{str(int(exponent)).translate(_SUPERSCRIPT)}"
     return f"{100.0 * value:.{2 if size < 0.095 else 3}g}\u00a0%" if size < 9.995 else f"{100.0 * value:.0f}\u00a0%"
+
+
+def literal(name: str) -> str:
+    """A user's name as matplotlib shows it unchanged: a dollar sign would start a formula."""
+    return name.replace("$", r"\$")
 
 
 # -- accelerance -----------------------------------------------------------------------------------------------------
