@@ -66,7 +66,7 @@ EXAMPLES ?= 2000
 FUZZ_SECONDS ?= 60
 
 fuzz: $(VENV)/.installed
-	BEAMCHAIN_FUZZ=$(EXAMPLES) $(BIN)/$(PYTEST) tests/cli/test_hostile.py
+	BEAMCHAIN_FUZZ=$(EXAMPLES) $(BIN)/pytest -n $(WORKERS) tests/cli/test_hostile.py
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris || echo "atheris does not install here"
 	for reader in spec print "modes, TOML" "modes, JSON" spacecraft profile; do \
 		$(BIN)/python tests/support/fuzz.py "$$reader" $(FUZZ_SECONDS) || exit 1; done
