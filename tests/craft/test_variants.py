@@ -413,7 +413,8 @@ CRAFTS = [
         "drawn together with",
     ),
     ('[body.bus]\nmass = { relative = 0.1 }\n[[correlation]]\nof = ["bus.mass"]\nmatrix = [[nan]]', "finite"),
-    ("[body", "cannot be read"),
+    ("[body", "is not TOML"),
+    ("[" + ".".join("a" * 60) + "]", "nested too deeply"),
     ("", "nothing is uncertain"),
 ]
 

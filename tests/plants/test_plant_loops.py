@@ -166,7 +166,7 @@ def test_the_command_takes_keyframes_and_tells_what_is_unstable(place, capsys, m
         (["--angle", "drive"], "is not JOINT=ANGLES"),
         (["--angle", "drive=0,x"], "is not JOINT=ANGLES"),
         (["--angle", "drive=0,1", "--at", "parked"], "leave one out"),
-        (["--controller", "nothing.toml"], "cannot be read"),
+        (["--controller", "nothing.toml"], "does not exist"),
         (["--at", "nowhere"], "nowhere"),
     ],
 )

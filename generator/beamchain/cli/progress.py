@@ -32,6 +32,8 @@ def _live(what: str, silent: bool, *columns: Any) -> Generator[Callable[..., Non
     from rich.progress import Progress
 
     console = Console(stderr=True)
-    hidden = silent or not console.is_terminal
-    with Progress(*columns, transient=True, disable=hidden, redirect_stdout=False, console=console) as bar:
+    if silent or not console.is_terminal:
+        yield lambda **_: None
+        return
+    with Progress(*columns, transient=True, redirect_stdout=False, console=console) as bar:
         yield partial(bar.update, bar.add_task(what, total=None))

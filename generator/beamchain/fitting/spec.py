@@ -10,7 +10,6 @@ import msgspec
 
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
-from beamchain.files import LARGEST_TOML, tables
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.hub import port_hub_mass as port_hub_mass
 from beamchain.fitting.options import (
@@ -26,7 +25,7 @@ from beamchain.fitting.options import (
     Sensors,
     as_modes,
 )  # fmt: skip
-from beamchain.fitting.sentences import sentence
+from beamchain.fitting.toml_files import converted, read_tables
 from beamchain.fitting.uncertain import Uncertain
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam
@@ -283,47 +282,15 @@ def read_spec(path: str | Path) -> Spec:
         >>> bc.read_spec(files("beamchain") / "examples" / "seed_boom.toml").name
         'boom'
     """
-    spec = spec_from_dict(_read_toml(Path(path)), str(path))
+    spec = spec_from_dict(read_tables(Path(path), "spec", "a SPEC.toml file"), str(path))
     if spec.imported is None:
         return spec
     return msgspec.structs.replace(spec, imported=spec.imported.beside(Path(path).parent))
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        if not path.is_file():
-            kind = "is a folder" if path.is_dir() else "does not exist" if not path.exists() else "is no regular file"
-            raise InputError(f"spec {str(path)!r} {kind}; give the path of a SPEC.toml file.")
-        size = path.stat().st_size
-        if size > LARGEST_TOML:
-            raise InputError(
-                f"spec {str(path)!r} has {size} bytes, more than the {LARGEST_TOML} taken; a spec is a page of text."
-            )
-        content = path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"spec {str(path)!r} is not UTF-8 text ({error.reason} at byte {error.start}); save it as UTF-8."
-        ) from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"spec {str(path)!r} cannot be read ({error}); check the path and its permissions.") from None
-    try:
-        return tables(content)
-    except ValueError as error:
-        raise InputError(f"spec {str(path)!r} is not TOML: {error}. Strings need quotes, tables [brackets].") from None
-    except RecursionError:
-        raise InputError(f"spec {str(path)!r} is nested too deeply to be a spec; flatten its tables.") from None
-
-
 def spec_from_dict(data: Mapping[str, Any], source: str = "spec") -> Spec:
     """A checked `Spec` from parsed TOML, given as `data`; errors name the `source`."""
-    try:
-        return msgspec.convert(data, Spec)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{source}: {sentence(str(error), data, Spec)}") from None
-    except RecursionError:
-        raise InputError(f"{source}: nested too deeply to be a spec; flatten its tables.") from None
+    return converted(data, Spec, source)
 
 
 def schema() -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 from zlib import crc32
 
 import msgspec
@@ -11,11 +11,8 @@ from scipy.special import ndtr
 
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
-from beamchain.files import tables
-from beamchain.fitting.sentences import sentence
+from beamchain.fitting.toml_files import converted, read_struct
 from beamchain.ports.motions import Array
-
-T = TypeVar("T")
 
 CUT = 3.0  # normal draws end here, in standard deviations: a tail would ask for negative stiffness
 ONLY_RELATIVE = ("stiffness", "density")
@@ -189,21 +186,8 @@ def read_uncertain(path: "str | Path | UncertainCraft") -> UncertainCraft:
     Raises:
         InputError: the file cannot be read, or a value is not allowed.
     """
-    if isinstance(path, UncertainCraft):
-        return path
-    if not isinstance(path, str | Path):
-        raise InputError(
-            f"uncertain = {path!r:.60} is a {type(path).__name__}; give the path of a TOML file, or its tables."
-        )
-    place = Path(path)
-    try:
-        data = tables(place.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"uncertain {str(place)!r} cannot be read ({error}); give a TOML file with [body.NAME], [joint.NAME] or "
-            "[appendage.PREFIX]."
-        ) from None
-    return _converted(data, UncertainCraft, str(place))
+    holds = "a TOML file with [body.NAME], [joint.NAME] or [appendage.PREFIX]"
+    return read_struct(path, UncertainCraft, "uncertain", holds)
 
 
 def uncertain_from(data: Mapping[str, Any], source: str) -> "Uncertain":
@@ -212,14 +196,7 @@ def uncertain_from(data: Mapping[str, Any], source: str) -> "Uncertain":
     Raises:
         InputError: a key or a value is not allowed.
     """
-    return _converted(data, Uncertain, f"{source}, [uncertain]")
-
-
-def _converted(data: Mapping[str, Any], kind: type[T], source: str) -> T:
-    try:
-        return msgspec.convert(data, kind)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{source}: {sentence(str(error), data, kind)}") from None
+    return converted(data, Uncertain, f"{source}, [uncertain]")
 
 
 def drawn(scores: Array, places: Mapping[str, int], correlations: tuple[Correlation, ...]) -> Array:

@@ -1,17 +1,18 @@
 """Controllers as files of loops: transfer functions with dead times, their responses and their states."""
 
+from functools import reduce
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import control
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag, matrix_balance
+from scipy.signal import tf2ss
 
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
-from beamchain.files import tables
-from beamchain.fitting.sentences import sentence
+from beamchain.fitting.toml_files import read_struct
 from beamchain.ports.motions import Array
 
 Response = NDArray[np.complex128]
@@ -67,23 +68,7 @@ def read_controller(path: str | Path | Controller) -> Controller:
     Raises:
         InputError: the file cannot be read, or a value is not allowed.
     """
-    if isinstance(path, Controller):
-        return path
-    if not isinstance(path, str | Path):
-        raise InputError(
-            f"controller = {path!r:.60} is a {type(path).__name__}; give a Controller or the path of its file."
-        )
-    place = Path(path)
-    try:
-        data = tables(place.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"controller {str(place)!r} cannot be read ({error}); give a TOML file with [[loop]]."
-        ) from None
-    try:
-        return msgspec.convert(data, Controller)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{place}: {sentence(str(error), data, Controller)}") from None
+    return read_struct(path, Controller, "controller", "a TOML file with [[loop]]")
 
 
 def places(controller: Controller, inputs: list[str], outputs: list[str]) -> tuple[list[int], list[int]]:
@@ -117,12 +102,21 @@ def response(loop: Loop, s: Response) -> Response:
 
 def realised(controller: Controller) -> tuple[Array, Array, Array, Array]:
     """A, B, C, D of all loops side by side, dead times as Pade approximations."""
-    whole: Any = None
-    for loop in controller.loop:
-        one: Any = control.tf(*control.pade(loop.delay, ORDER)) if loop.delay else control.tf([1.0], [1.0])
-        for part in loop.parts:
-            one = one * control.tf(list(part.numerator), list(part.denominator))
-        one = control.ss(one)
-        whole = one if whole is None else control.append(whole, one)
-    a, b, c, d = (np.asarray(getattr(whole, name), dtype=np.float64) for name in "ABCD")
+    parts = [_balanced(loop) for loop in controller.loop]
+    a, b, c, d = (np.asarray(block_diag(*same), dtype=np.float64) for same in zip(*parts, strict=True))
     return a, b, c, d
+
+
+def _balanced(loop: Loop) -> tuple[Array, Array, Array, Array]:
+    """One loop with its states scaled alike; the companion form alone has entries as large as the delay's to the power -6."""
+    tops, bottoms = zip(
+        control.pade(loop.delay, ORDER), *((part.numerator, part.denominator) for part in loop.parts), strict=True
+    )
+    top, bottom = (np.trim_zeros(reduce(np.polymul, polynomials), "f") for polynomials in (tops, bottoms))
+    if bottom.size == 1:
+        return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.full((1, 1), (top.sum() / bottom)[0])
+    a, b, c, d = (np.asarray(part, dtype=np.float64) for part in tf2ss(top if top.size else [0.0], bottom))
+    whole = np.block([[a, b], [c, np.zeros((1, 1))]])
+    _, (scale, _) = matrix_balance(whole, permute=False, separate=True)
+    ratio = np.asarray(scale[:-1] / scale[-1], dtype=np.float64)
+    return a * ratio / ratio[:, None], b / ratio[:, None], c * ratio, d

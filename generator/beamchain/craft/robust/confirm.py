@@ -5,6 +5,7 @@ closes. What the correction assumes does not matter for the motion that is found
 """
 
 from collections.abc import Sequence
+from itertools import count as count_from
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -18,6 +19,7 @@ from beamchain.ports.motions import Array
 SMALL = 1e-4  # largest of all displacements [m, rad] that the sine is to make: small enough to be linear to 1e-4
 CLOSED = 1e-5  # relative to the motion, by which a period may fail to close over what the slowest mode forgets in it
 ROUNDS = 8
+MOST = 300_000  # evaluations of the motion, a minute or so
 SAMPLES = 64  # of a period, of which the output's amplitude is taken
 
 
@@ -66,6 +68,8 @@ def amplitude(
 
     def run(t: float, x: Array) -> tuple[Array, Array]:
         """Slopes and outputs, the sine on."""
+        if next(evaluations) > MOST:
+            raise StopIteration
         u = np.zeros(m)
         u[ends[0]] = size * np.sin(omega * t)
         set_up(x, u)
@@ -81,11 +85,15 @@ def amplitude(
     start = read()
     period, x = 2.0 * np.pi / omega, size * (push.imag)
     back = _correction(whole[0], period)
+    evaluations = count_from(1)
     times = np.linspace(0.0, period, SAMPLES, endpoint=False)
     for _ in range(ROUNDS):
         scale = np.abs(x).max()
-        found = solve_ivp(lambda t, x: run(t, x)[0], (0.0, period), x, "Radau", [*times, period], rtol=1e-7,
-                          atol=1e-9 * scale, jac=whole[0])  # fmt: skip
+        try:
+            found = solve_ivp(lambda t, x: run(t, x)[0], (0.0, period), x, "Radau", [*times, period], rtol=1e-7,
+                              atol=1e-9 * scale, jac=whole[0])  # fmt: skip
+        except StopIteration:
+            return float("nan")
         if not found.success:
             return float("nan")
         change = back @ (found.y[:, -1] - x)

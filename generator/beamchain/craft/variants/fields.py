@@ -13,14 +13,17 @@ from beamchain.steps.forms import form2, form4
 from beamchain.steps.modal import MadeFor, Modal, condensed, modal_tendons
 from beamchain.steps.retime import retime, write_values
 
-#: What a draw changes itself, and then what `mj_setConst` derives from it.
+#: What `mj_setConst` derives from masses, places and lengths.
+DERIVED = (
+    "body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0", "tendon_length0", "tendon_lengthspring",
+    "tendon_invweight0", "actuator_acc0",
+)  # fmt: skip
+#: What a draw changes itself, and what follows from it.
 FIELDS = (
     "jnt_stiffness", "dof_damping", "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_sameframe", "body_pos",
     "site_pos", "wrap_prm", "tendon_stiffness", "tendon_damping", "tendon_armature", "tendon_solimp_lim", "tendon_margin",
-    "tendon_length0", "tendon_lengthspring",
-    "body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0", "tendon_invweight0", "actuator_acc0",
+    *DERIVED,
 )  # fmt: skip
-
 
 SINGULAR = 1e-10  # relative: a mass matrix nearer to singular is none
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from beamchain.checks import number
 from beamchain.craft.timing import without_time
+from beamchain.craft.variants.fields import DERIVED
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS
 from beamchain.errors import InputError
@@ -19,17 +20,8 @@ from beamchain.steps.modal import Modal, foreign, modal_tendons
 from beamchain.steps.retime import coupled_mass
 
 RANGES = ("frequency", "damping")
-TENDONS = (
-    "tendon_stiffness",
-    "tendon_damping",
-    "tendon_armature",
-    "tendon_solimp_lim",
-)  # all that a draw of modes changes
-#: what mj_setConst computes from masses and places
-DERIVED = (
-    "body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0", "tendon_length0", "tendon_lengthspring",
-    "tendon_invweight0",
-)  # fmt: skip
+#: All that a draw of modes changes.
+TENDONS = ("tendon_stiffness", "tendon_damping", "tendon_armature", "tendon_solimp_lim")
 
 Fields = dict[str, Array]
 Keys = NDArray[Any]
