@@ -19,6 +19,7 @@ from beamchain.cli import app, shipped
 from beamchain.craft.moving_modes import moving_modes
 from beamchain.engine import backend, draw
 from beamchain.engine.decor import decorate
+from beamchain.engine.linearise import mass_matrix
 from beamchain.engine.slew import MOST_BENT, simulate
 from beamchain.mjcf import visuals
 from beamchain.report import film
@@ -121,14 +122,6 @@ def test_looks_change_no_motion():
     one, two = (mujoco.MjModel.from_xml_string(fit.scene_mjcf()) for fit in (with_shapes, without))
     np.testing.assert_array_equal(one.body_mass, two.body_mass)
     np.testing.assert_array_equal(one.body_inertia, two.body_inertia)
-
-
-def mass_matrix(model):
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    out = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, out)
-    return out
 
 
 def test_an_equivalent_section_is_as_wide_and_thick_as_it_is_drawn():
