@@ -239,11 +239,11 @@ def frame(
         ax.axvspan(max(band, limits[0]), limits[1], label="not asked for", **style)
 
 
-def in_hz(ax: "Axes", number: int = 1) -> None:
-    """The same frequencies in Hz above logarithmic axes in rad/s; the page's script finds them as `hz` and their number."""
+def in_hz(ax: "Axes") -> None:
+    """The same frequencies in Hz above logarithmic axes in rad/s; the page's script finds them as `hz` and a number."""
     turn: Any = 2.0 * np.pi
     above: Any = ax.secondary_xaxis("top", functions=(lambda w: np.divide(w, turn), lambda f: np.multiply(f, turn)))
-    above.set_gid(f"hz{number}")
+    above.set_gid(f"hz{len(ax.figure.axes)}")
     low, high = ax.get_xlim()
     log_axis(above.xaxis, (low / turn, high / turn), plain)
     above.xaxis.set_minor_locator(NullLocator())
