@@ -16,6 +16,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
+PYTEST := pytest --timeout 900 -n $(WORKERS)
 
 .PHONY: demo test quick test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes
 
@@ -35,7 +36,7 @@ lint: $(VENV)/.installed
 test: lint quick
 
 quick: $(VENV)/.installed
-	$(BIN)/pytest -n $(WORKERS) -m "not slow and not host"
+	$(BIN)/$(PYTEST) -m "not slow and not host"
 
 HOSTS ?= oldest newest dm_control basilisk nastran worlds
 
@@ -44,7 +45,7 @@ hosts:
 
 # the notebooks have run with the wheel by then
 test-full: $(VENV)/.docs wheel-test hosts
-	$(BIN)/pytest -n $(WORKERS) -m "slow or host" --ignore=tests/test_notebooks.py
+	$(BIN)/$(PYTEST) -m "slow or host" --ignore=tests/test_notebooks.py
 
 bench: $(VENV)/.installed
 	$(BIN)/python tests/benchmarks/fit_time.py
@@ -91,7 +92,7 @@ wheel: $(VENV)/.installed
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
 
-IN_WHEEL := pytest pytest-xdist hypothesis sympy gymnasium nbclient nbformat ipykernel basedpyright hatchling twine
+IN_WHEEL := pytest pytest-timeout pytest-xdist hypothesis sympy gymnasium nbclient nbformat ipykernel basedpyright hatchling twine
 
 # the wheel, built from the sdist, in an environment that has never seen the checkout, tested from outside it:
 # quick tests, notebooks, its contents, its types
@@ -100,8 +101,8 @@ wheel-test: wheel
 	$(PYTHON) -m venv build/wheel/venv
 	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl $(IN_WHEEL)
 	cp -r tests notebooks dist pyproject.toml build/wheel/
-	cd build/wheel && venv/bin/pytest -n $(WORKERS) -m "not slow and not host"
-	cd build/wheel && venv/bin/pytest -n $(WORKERS) tests/test_notebooks.py tests/test_release.py
+	cd build/wheel && venv/bin/$(PYTEST) -m "not slow and not host"
+	cd build/wheel && venv/bin/$(PYTEST) tests/test_notebooks.py tests/test_release.py
 
 # the same wheel on the newest Python that is installed, on the PATH or by pyenv
 NEWEST ?= $(shell { for v in 3.12 3.13 3.14 3.15; do python$$v -c 'import sys; print(sys.executable)'; done; \
@@ -117,7 +118,7 @@ else
 	$(NEWEST) -m venv build/newest/venv
 	build/newest/venv/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl $(IN_WHEEL)
 	cp -r tests notebooks dist pyproject.toml build/newest/
-	cd build/newest && venv/bin/python --version && venv/bin/pytest -n $(WORKERS) -m "not slow and not host"
+	cd build/newest && venv/bin/python --version && venv/bin/$(PYTEST) -m "not slow and not host"
 endif
 
 clean:

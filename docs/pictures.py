@@ -21,15 +21,26 @@ def from_fit() -> None:
         shutil.copy(Path(folder) / "chain.svg", HERE / "chain.svg")
 
 
-def slew() -> None:
-    """The array on its satellite, turning; where MuJoCo cannot draw, the old picture stays."""
-    with tempfile.TemporaryDirectory() as folder:
-        arguments = ["render", str(PATHS["array_scene"]), "-o", folder, "--width", "480", "--height", "280"]
-        arguments += ["--quiet", "--no-mp4"]
-        subprocess.run([sys.executable, "-m", "beamchain", *arguments], check=True)
-        shutil.copy(Path(folder) / "array.gif", HERE / "slew.gif")
+def run(*words: str) -> None:
+    """A command of the package."""
+    subprocess.run([sys.executable, "-m", "beamchain", *words, "--quiet"], check=True)
+
+
+def rendered() -> None:
+    """The array on its satellite, turning; a mode of a satellite with two arrays; the mast with its instrument."""
+    with tempfile.TemporaryDirectory() as name:
+        folder, size = Path(name), ["--width", "432", "--height", "243", "--no-mp4"]
+        run("render", str(PATHS["array_scene"]), "-o", name, "--width", "328", "--height", "185", "--no-mp4")
+        shutil.copy(folder / "array.gif", HERE / "slew.gif")
+        array, craft = PATHS["array"], PATHS["array"].parent / "satellite.xml"
+        places = ["--at", f"left={array}", "--at", f"right={array}"]
+        run("embed", str(craft), *places, "-o", str(folder / "satellite.xml"))
+        run("render", str(folder / "satellite.xml"), "-o", name, "--modes", "2", *size)
+        shutil.copy(folder / "satellite_mode2.gif", HERE / "mode.gif")
+        run("render", str(PATHS["instrument_mast"]), "-o", name, "--width", "720", "--height", "405", "--no-mp4")
+        shutil.copy(folder / "mast.png", HERE / "mast.png")
 
 
 if __name__ == "__main__":
     from_fit()
-    slew()
+    rendered()

@@ -26,12 +26,20 @@ QUICKER = {
     "--samples 1000": "--samples 8",
     "beamchain study": "beamchain study --budget 0.002 --duration 60",
 }  # minutes
+LARGEST = 150_000  # bytes of a picture
 DONE = (0, 3)  # exit: done; done but less came out than was asked for
 
 PUBLIC = [name for name in bc.__all__ if name != "__version__"]
 COMMANDS = {command.name for command in app.registered_commands}
 
 readme = pytest.mark.skipif(not README.is_file(), reason="README is not beside the tests (an installed wheel)")
+
+
+@readme
+def test_pictures_are_small_enough_to_load():
+    pictures = [path for end in ("gif", "png", "svg") for path in (ROOT / "docs").glob(f"*.{end}")]
+    assert pictures
+    assert {path.name: path.stat().st_size for path in pictures if path.stat().st_size > LARGEST} == {}
 
 
 # -- README ----------------------------------------------------------------------------------------------------------

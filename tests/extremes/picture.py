@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from PIL import Image
 
 from beamchain.report.plots import STYLE
 
@@ -91,7 +92,14 @@ def extremes_map(rows: Sequence["Row"]) -> bytes:
         figure.suptitle(f"{len(rows)} extreme appendages: verified through MuJoCo by an independent check, or refused")
         stream = io.BytesIO()
         figure.savefig(stream, format="png", dpi=110, metadata={"Software": None})
-        return stream.getvalue()
+        return small(stream.getvalue())
+
+
+def small(png: bytes) -> bytes:
+    """The same picture in 64 colours."""
+    stream = io.BytesIO()
+    Image.open(io.BytesIO(png)).convert("RGB").quantize(64).save(stream, format="PNG", optimize=True)
+    return stream.getvalue()
 
 
 def _bars(ax: "Axes", groups: "dict[str, list[Row]]") -> None:

@@ -16,6 +16,7 @@ import beamchain as bc
 from appendages import panels, seed_boom
 from beamchain.cli import shipped
 from beamchain.report.html import fit_report
+from beamchain.report.plant_html import plant_report
 from beamchain.report.study_html import stability_report
 from spacecraft import CRAFTS, spec
 
@@ -47,6 +48,7 @@ def pages():
     return {
         **{name: fit_report(fit)[0] for name, fit in made.items()},
         "embed": embedded.report("observer.xml", "out.xml"),
+        "plant": plant_report(bc.plant(embedded), [], "observer.xml"),
         "stability": stability_report(found, source),
     }
 
@@ -80,7 +82,7 @@ def browse(page, folder, script="", *options):
     return root, told, complaints
 
 
-@pytest.mark.parametrize(("name", "plots"), [("boom", 2), ("panels", 4), ("embed", 2), ("stability", 2)])
+@pytest.mark.parametrize(("name", "plots"), [("boom", 2), ("panels", 4), ("embed", 2), ("plant", 2), ("stability", 2)])
 def test_opens_without_complaint_or_request(name, plots, pages, tmp_path):
     assert len(pages[name].encode()) < LARGEST
     script = "told.asked = performance.getEntriesByType('resource').map((e) => e.name);"
@@ -246,7 +248,7 @@ def test_shapes_ring_pause_and_respect_reduced_motion(pages, tmp_path):
     assert still["running"][0] == "none"
 
 
-@pytest.mark.parametrize("name", ["panels", "embed", "stability"])
+@pytest.mark.parametrize("name", ["panels", "embed", "plant", "stability"])
 @pytest.mark.parametrize("width", [400, 1000])
 def test_nothing_is_wider_than_the_page(width, name, pages, tmp_path):
     # the window itself cannot be made that narrow everywhere: a frame can
@@ -304,7 +306,7 @@ def test_hertz_follow_the_zoom(pages, tmp_path):
         assert x0 * (x1 / x0) ** part == pytest.approx(2.0 * np.pi * hertz, rel=1e-5)
 
 
-@pytest.mark.parametrize("name", ["panels", "embed", "stability"])
+@pytest.mark.parametrize("name", ["panels", "embed", "plant", "stability"])
 def test_text_has_contrast(name, pages, tmp_path):
     """WCAG AA: 4.5 for text; what is drawn in the pictures is text too."""
     script = (

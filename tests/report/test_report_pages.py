@@ -12,6 +12,7 @@ from lxml import html
 
 import beamchain as bc
 from beamchain.cli import main, shipped
+from beamchain.report.assembly_plot import assembly_figure
 from beamchain.report.page import begun
 from beamchain.report.plant_plots import bode_figure
 from beamchain.report.study_html import stability_report
@@ -184,7 +185,13 @@ def test_dollars_in_a_name_are_no_formula():
     assert "attitude_x per push$1$" in picture
 
 
-def test_equal_appendages_are_shown_once(tmp_path):
+def test_panels_in_hertz_have_ids_of_their_own(observer):
+    picture = assembly_figure(observer.assembly)  # two panels stand uppermost
+    hertz = re.findall(r'id="(a-hz\d+)"', to_svg(picture, "a"))
+    assert len(hertz) == len(set(hertz)) == min(len(observer.assembly.motions), 2)
+
+
+def test_equal_appendages_are_shown_once():
     craft = bc.embed(shipped.examples()[0].path.parent / "satellite.xml", {"left": spec("rod"), "right": spec("rod")})
     root = html.fromstring(craft.report("satellite.xml", "out.xml"))
     titles = [title.text_content() for title in root.iter("h2")]

@@ -33,7 +33,11 @@ def _live(what: str, silent: bool, *columns: Any) -> Generator[Callable[..., Non
 
     console = Console(stderr=True)
     if silent or not console.is_terminal:
-        yield lambda **_: None
+        yield _nothing
         return
     with Progress(*columns, transient=True, redirect_stdout=False, console=console) as bar:
         yield partial(bar.update, bar.add_task(what, total=None))
+
+
+def _nothing(**_: object) -> None:
+    """What a display does that is not shown."""

@@ -92,7 +92,7 @@ def render(
         films, warnings = {name: film}, [] if fit is None else too_far(fit, slew)
     out: dict[Path, str | bytes] = {}
     for stem, (still, frames) in films.items():
-        out |= {output / f"{stem}.png": files.png(still), output / f"{stem}.gif": files.gif(frames, RATE)}
+        out |= {output / f"{stem}.png": files.png(still), output / f"{stem}.gif": files.gif(frames[::2], RATE / 2.0)}
         if want_mp4 and (moving := files.mp4(frames, RATE)) is not None:
             out[output / f"{stem}.mp4"] = moving
     write_files(out, force=force)

@@ -50,7 +50,7 @@ def decorate(model: "mujoco.MjModel", scene: Any, slim: float) -> None:
             _add(scene, size, place + turn @ (one + two) / 2.0, turn @ _along(span), colour)
 
 
-def _add(scene: Any, half: Array, place: Array, turn: Array, colour: Array, gloss: float = 0.0) -> None:
+def _add(scene: Any, half: Array, place: Array, turn: Array, colour: Any, gloss: float = 0.0) -> None:
     """One more box in a scene, unless it is full; boxes are by far the quickest to draw."""
     if int(scene.ngeom) < int(scene.maxgeom):
         geom = scene.geoms[int(scene.ngeom)]
@@ -61,10 +61,9 @@ def _add(scene: Any, half: Array, place: Array, turn: Array, colour: Array, glos
 
 def _along(span: Array) -> Array:
     """`(3, 3)` axes of which the third points along `span`."""
-    z = span / np.linalg.norm(span)
-    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
+    z: Array = span / np.linalg.norm(span)
+    x: Array = np.linalg.qr(np.column_stack([z, np.eye(3)[:, int(np.argmin(np.abs(z)))]]))[0][:, 1]
+    return np.column_stack([x, np.cross(z, x).astype(np.float64), z])
 
 
 def _cells(half: Array) -> Iterator[tuple[Array, Array]]:

@@ -31,7 +31,7 @@ def assembly_figure(assembly: "Assembly", columns: int = 2) -> Figure:
         ax = figure.add_subplot(rows, columns, place + 1)
         _panel(ax, assembly, place)
         if place < columns:
-            in_hz(ax, place)
+            in_hz(ax)
         if place >= len(assembly.motions) - columns:
             ax.set_xlabel("frequency, rad/s")
     handles, labels = figure.axes[0].get_legend_handles_labels()

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from beamchain.ports.motions import Array
-from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, WIDTH, in_hz, log_axis, plain, power
+from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, WIDTH, in_hz, literal, log_axis, plain, power
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,10 +39,15 @@ def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Ax
         ax.plot(degrees, scheduled.frequency[:, k], color=BEAM, linewidth=0.8)
         ax.scatter(degrees, scheduled.frequency[:, k], s=size[:, k], color=OURS, linewidths=0.0)
         ax.annotate(
-            name, (degrees[-1], scheduled.frequency[-1, k]), fontsize=7, xytext=(4, 0), textcoords="offset points"
+            literal(name),
+            (degrees[-1], scheduled.frequency[-1, k]),
+            fontsize=7,
+            xytext=(4, 0),
+            textcoords="offset points",
         )
     ax.set_yscale("log")
-    ax.set_xlabel(f"{scheduled.joint}, degrees")
+    log_axis(ax.yaxis, ax.get_ylim(), plain)
+    ax.set_xlabel(literal(f"{scheduled.joint}, degrees"))
     ax.set_ylabel("frequency, rad/s")
     return ax
 
@@ -75,7 +80,7 @@ def plot_worst(worst: "WorstCase", ax: "Axes | None" = None) -> "Axes":
     _over_frequency(ax, worst.omega)
     in_hz(ax)
     ax.set_xlabel("frequency, rad/s")
-    ax.set_ylabel(f"{worst.output} per {worst.input}, {worst.unit}")
+    ax.set_ylabel(literal(f"{worst.output} per {worst.input}, {worst.unit}"))
     ax.legend(loc="best")
     return ax
 
@@ -145,7 +150,7 @@ def bode_figure(plants: "Sequence[Plant]") -> Figure:
             ax.loglog(omega, np.abs(other[i, j]), color=RIVAL, linewidth=0.8)
         ax.loglog(omega, np.abs(responses[0][i, j]), color=OURS, linewidth=1.4)
         _over_frequency(ax, omega)
-        ax.set_title(f"{plant.output_labels[i]} per {plant.input_labels[j]}")
+        ax.set_title(literal(f"{plant.output_labels[i]} per {plant.input_labels[j]}"))
         ax.set_ylabel(f"{plant.output_units[i]} per {plant.input_units[j]}")
         angle = ax.twinx()
         angle.plot(
@@ -188,7 +193,7 @@ def poles_figure(plants: "Sequence[Plant]") -> Figure:
     a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
     one: Any = control.ss(a, b[:, [j]], c[[i]], d[np.ix_([i], [j])], plant.dt)
     zeros = np.asarray(one.zeros(), dtype=np.complex128)
-    pair = f"{plant.input_labels[j]} → {plant.output_labels[i]}"
+    pair = literal(f"{plant.output_labels[i]} per {plant.input_labels[j]}")
     reach = 2.0 * float(np.abs(poles).max(initial=1e-12))
     zeros = zeros[np.abs(zeros) < reach]
     ax.plot(
@@ -213,7 +218,7 @@ def nichols_figure(loops: "Sequence[Margins]") -> Figure:
     for loop in loops:
         phase = np.degrees(np.unwrap(np.angle(loop.response)))
         phase -= 360.0 * np.round((phase[0] + 180.0) / 360.0)
-        label = f"{loop.loop.input} from {loop.loop.output}"
+        label = literal(f"{loop.loop.input} from {loop.loop.output}")
         ax.plot(phase, 20.0 * np.log10(np.maximum(np.abs(loop.response), 1e-6)), linewidth=1.0, label=label)
     ax.plot([-180.0], [0.0], "+", color=BEAM, markersize=10)
     ax.set_xlim(-540.0, 180.0)

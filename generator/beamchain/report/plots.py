@@ -49,7 +49,6 @@ STYLE: Any = {
     "legend.fontsize": 9.0,
     "svg.fonttype": "none",
     "hatch.linewidth": 0.6,
-    "text.parse_math": False,  # a name with a dollar sign stays as it is
 }
 
 #: Entries of the accelerance drawn: row, column, what it is, unit.
@@ -77,6 +76,11 @@ def percent(value: float) -> str:
         mantissa, exponent = f"{value:.1e}".split("e")
         return f"{mantissa}\u00a0×\u00a010{str(int(exponent)).translate(_SUPERSCRIPT)}"
     return f"{100.0 * value:.{2 if size < 0.095 else 3}g}\u00a0%" if size < 9.995 else f"{100.0 * value:.0f}\u00a0%"
+
+
+def literal(name: str) -> str:
+    """A user's name as matplotlib shows it unchanged: a dollar sign would start a formula."""
+    return name.replace("$", r"\$")
 
 
 # -- accelerance -----------------------------------------------------------------------------------------------------
@@ -235,11 +239,11 @@ def frame(
         ax.axvspan(max(band, limits[0]), limits[1], label="not asked for", **style)
 
 
-def in_hz(ax: "Axes", number: int = 1) -> None:
-    """The same frequencies in Hz above logarithmic axes in rad/s; the page's script finds them as `hz` and their number."""
+def in_hz(ax: "Axes") -> None:
+    """The same frequencies in Hz above logarithmic axes in rad/s; the page's script finds them as `hz` and a number."""
     turn: Any = 2.0 * np.pi
     above: Any = ax.secondary_xaxis("top", functions=(lambda w: np.divide(w, turn), lambda f: np.multiply(f, turn)))
-    above.set_gid(f"hz{number}")
+    above.set_gid(f"hz{len(ax.figure.axes)}")
     low, high = ax.get_xlim()
     log_axis(above.xaxis, (low / turn, high / turn), plain)
     above.xaxis.set_minor_locator(NullLocator())

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from beamchain.ports.motions import Array
-from beamchain.report.plots import OURS, STYLE, WIDTH
+from beamchain.report.plots import OURS, STYLE, WIDTH, literal
 from beamchain.report.svg import to_svg
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def _gains(sweep: "Sweep") -> str:
         ax.set_xticks(
             range(len(seen)), [f"{k + 1}\n{np.median(sweep.coupled[:, k]):.3g} rad/s" for k in seen], fontsize=7
         )
-        ax.set(title=f"modal gain {name}; bar: median", ylabel=sweep.units[name])
+        ax.set(title=literal(f"modal gain {name}; bar: median"), ylabel=sweep.units[name])
         ax.set_xlabel(_counted("coupled mode, its median frequency", values, len(seen)))
     return to_svg(figure, "gains")
 
