@@ -71,7 +71,7 @@ def described(
             determined[i] = False
     _close(parts, sd_w, notes, determined, warnings, float(np.nanmin(white)) if np.any(np.isfinite(white)) else 1.0)
     rows, sd_rows = _rows(structure, parts, sd_rows, pairs, prior, data.axes, said, notes)
-    frequencies, names, matrix = _covariance(structure, found.theta, spread, parts, data.axes)
+    names, matrix = _covariance(structure, found.theta, spread, parts)
     modes = [
         IdentifiedMode(0, float(parts.frequencies[i]), float(parts.damping[i]), rows[i], float(parts.frequencies[i] * sd_w[i]),
                        float(parts.damping[i] * sd_z[i]), sd_rows[i], determined[i], "; ".join(notes[i]))
@@ -100,13 +100,12 @@ def described(
         warnings.append(
             Caution("undetermined", f"the log leaves {len(said)} thing(s) undetermined; see `undetermined`.")
         )
-    rigid, given, length = parts.rigid, None, None
+    given, length = None, None
     if isinstance(structure.body, Unknown):
-        rigid, given, length = stated(parts, data.axes)
-        given = given[order]
-    del frequencies
+        rigid, rows, length = stated(parts, data.axes)
+        given = (rigid, rows[order])
     return Identification(
-        tuple(modes), renamed, matrix, rigid, tuple(orders), dict(zip(data.sensed, white.tolist(), strict=True)), tuple(warnings),
+        tuple(modes), renamed, matrix, parts.rigid, tuple(orders), dict(zip(data.sensed, white.tolist(), strict=True)), tuple(warnings),
         tuple(said), updated, dict(zip(data.sensed, predicted.tolist(), strict=True)), dict(zip(data.sensed, noise.tolist(), strict=True)),
         _spectra(data, residuals), length, f"log at {at}", given,
     )  # fmt: skip
@@ -192,22 +191,21 @@ def _rows(
 
 
 def _covariance(
-    structure: Structure, theta: Array, spread: Array, parts: Parts, axes: Array
-) -> tuple[Array, list[tuple[int, str]], Array]:
+    structure: Structure, theta: Array, spread: Array, parts: Parts
+) -> tuple[list[tuple[int, str]], Array]:
     """Covariance of frequency, damping and a factor on participation per mode."""
     n = structure.modes
-    turn, scale = axes, np.sqrt(np.maximum(np.diag(parts.rigid), 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(parts.rigid), 1e-300))
     base = parts.participation / scale
 
     def values(x: Array) -> Array:
         now = structure.parts(x)
-        factor = np.einsum("ij,ij->i", now.participation / scale, base) / np.einsum("ij,ij->i", base, base)
+        factor = np.einsum("ij,ij->i", now.participation / scale, base) / np.maximum(np.einsum("ij,ij->i", base, base), 1e-300)
         return np.concatenate([now.frequencies, now.damping, factor])
 
-    del turn
     slopes = derivatives(values, theta)
     names = [(i, kind) for kind in ("frequency", "damping", "participation") for i in range(n)]
-    return parts.frequencies, names, slopes @ spread @ slopes.T
+    return names, slopes @ spread @ slopes.T
 
 
 def _unseen(

@@ -69,7 +69,7 @@ class Identification:
         spectra: by channel: frequencies [rad/s], and densities of what was measured, modelled and left.
         length: of the appendage [m], for sharing out its mass.
         source: of what.
-        stated: `(n, 6)` participation of the file of modes, where no prior tells that in force.
+        stated: rigid mass `(6, 6)` and participation `(n, 6)` of the file of modes, where no prior tells mass and force.
     """
 
     modes: tuple[IdentifiedMode, ...]
@@ -88,7 +88,7 @@ class Identification:
     )
     length: float | None = None
     source: str = "log"
-    stated: Array | None = None
+    stated: tuple[Array, Array] | None = None
     advice: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -147,10 +147,10 @@ class Identification:
 
     def data(self) -> ModalData:
         """The modes as `[imported]` of a specification reads them."""
+        rigid, rows = self.stated or (self.rigid, np.array([m.participation for m in self.modes]))
         return ModalData(
-            rigid_mass=self.rigid, frequencies=np.array([m.frequency for m in self.modes]),
-            participation=np.array([m.participation for m in self.modes]) if self.stated is None else self.stated, damping=np.array([m.damping for m in self.modes]),
-            length=self.length, source=self.source, uncertain=self.uncertain,
+            rigid_mass=rigid, frequencies=np.array([m.frequency for m in self.modes]), participation=rows,
+            damping=np.array([m.damping for m in self.modes]), length=self.length, source=self.source, uncertain=self.uncertain,
         )  # fmt: skip
 
     def to_toml(self) -> str:
