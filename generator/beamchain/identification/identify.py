@@ -228,7 +228,7 @@ class _Run:
         self.data, self.known, self.prior, self.wanted, self.at = data, known, prior, modes, at
         self.held, self.free_hub, self.offset = held, free_hub, offset
         self.warnings = list(data.warnings)
-        self.doubtful = np.zeros(0)
+        self.doubtful, self.widened = np.zeros(0), 1.0
         self.aliased = list[complex]()
         if offset:
             raise InputError("offset = True is not available for this log; align the columns before.")
@@ -295,7 +295,7 @@ class _Run:
                 Caution("model-order", f"one mode more, near {where:.4g} rad/s on the free craft, would be significant, though the "
                         f"criterion is lower with {begun.raw.poles.size}: it may be there, or a mode may stand for two.")
             )  # fmt: skip
-            self.doubtful = later.frequencies
+            self.doubtful, self.widened = later.frequencies, max(1.0, later.gain / begun.each)
         if not begun.raw.poles.size:
             raise InputError(
                 "the log shows no flexible mode: with none the criterion is lowest"
@@ -416,7 +416,7 @@ class _Run:
         white = np.where(level < NO_NOISE, np.nan, white)
         coloured = bool(np.any(white < COLOURED))
         squares = np.maximum(level, NO_NOISE) * found.counts * self.data.scale**2
-        spread = covariance(likelihood, found.theta, squares, coloured=coloured)
+        spread = self.widened * covariance(likelihood, found.theta, squares, coloured=coloured)
         if coloured:
             worst = self.data.sensed[int(np.nanargmin(white))]
             self.warnings.append(Caution("coloured-residuals", f"the residuals of {worst} are not white (probability {np.nanmin(white):.1g}): "
