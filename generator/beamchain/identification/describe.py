@@ -200,7 +200,7 @@ def _covariance(
 
     def values(x: Array) -> Array:
         now = structure.parts(x)
-        factor = np.einsum("ij,ij->i", now.participation / scale, base) / np.einsum("ij,ij->i", base, base)
+        factor = np.einsum("ij,ij->i", now.participation / scale, base) / np.maximum(np.einsum("ij,ij->i", base, base), 1e-300)
         return np.concatenate([now.frequencies, now.damping, factor])
 
     del turn
