@@ -13,10 +13,10 @@ from beamchain.identification.prior import WIDTH, Matched, Prior
 from beamchain.identification.response import Piece, Raw
 from beamchain.identification.result import IdentifiedMode, Identification
 from beamchain.identification.start import Order
+from beamchain.identification.stated import stated
 from beamchain.identification.structure import Body, Parts, Structure, Unknown, turning
 from beamchain.identification.update import Update, seen_of, update
 from beamchain.ports.motions import Array
-from beamchain.structure.mass_line import default_length
 
 USEFUL_FREQUENCY = 0.03  # relative standard deviation beyond which a frequency is not determined
 USEFUL_DAMPING = 0.5
@@ -100,15 +100,15 @@ def described(
         warnings.append(
             Caution("undetermined", f"the log leaves {len(said)} thing(s) undetermined; see `undetermined`.")
         )
-    length = None
+    rigid, given, length = parts.rigid, None, None
     if isinstance(structure.body, Unknown):
-        inertia = float(np.max(np.diag(parts.rigid)[3:]))
-        length = 1.05 * max(default_length(parts.rigid), inertia / (structure.body.mass * structure.body.centre))
+        rigid, given, length = stated(parts, data.axes)
+        given = given[order]
     del frequencies
     return Identification(
-        tuple(modes), renamed, matrix, parts.rigid, tuple(orders), dict(zip(data.sensed, white.tolist(), strict=True)), tuple(warnings),
+        tuple(modes), renamed, matrix, rigid, tuple(orders), dict(zip(data.sensed, white.tolist(), strict=True)), tuple(warnings),
         tuple(said), updated, dict(zip(data.sensed, predicted.tolist(), strict=True)), dict(zip(data.sensed, noise.tolist(), strict=True)),
-        _spectra(data, residuals), length, f"log at {at}",
+        _spectra(data, residuals), length, f"log at {at}", given,
     )  # fmt: skip
 
 
@@ -171,7 +171,8 @@ def _rows(
             "with the hub's rotation held and its translation free: both hold on this craft."
         )
         said.append(
-            "mass and mass centre of the appendage: stated as little as they can be; only its inertia about the driven axes is determined."
+            "mass and length of the appendage: the file of modes states a nearly massless, very long one with the inertia found, which pushes as "
+            "little as a chain allows; it serves on this craft only, and not for pictures. Give a prior for both."
         )
         return rows, out
     own = prior.widths[2]

@@ -69,6 +69,7 @@ class Identification:
         spectra: by channel: frequencies [rad/s], and densities of what was measured, modelled and left.
         length: of the appendage [m], for sharing out its mass.
         source: of what.
+        stated: `(n, 6)` participation of the file of modes, where no prior tells that in force.
     """
 
     modes: tuple[IdentifiedMode, ...]
@@ -87,6 +88,7 @@ class Identification:
     )
     length: float | None = None
     source: str = "log"
+    stated: Array | None = None
     advice: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -147,7 +149,7 @@ class Identification:
         """The modes as `[imported]` of a specification reads them."""
         return ModalData(
             rigid_mass=self.rigid, frequencies=np.array([m.frequency for m in self.modes]),
-            participation=np.array([m.participation for m in self.modes]), damping=np.array([m.damping for m in self.modes]),
+            participation=np.array([m.participation for m in self.modes]) if self.stated is None else self.stated, damping=np.array([m.damping for m in self.modes]),
             length=self.length, source=self.source, uncertain=self.uncertain,
         )  # fmt: skip
 
