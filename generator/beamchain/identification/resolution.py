@@ -81,7 +81,7 @@ def resolved(result: Identification, structure: Structure, found: Found, likelih
     """The result with `resolution` of the modes found in the log, and sentences on what looks the same."""
     own = {float(w): i for i, w in enumerate(structure.parts(found.theta).frequencies)}
     modes = tuple(
-        replace(mode, resolution=resolution(structure, found, likelihood, own[mode.frequency])) if mode.frequency in own else mode
+        replace(mode, resolution=resolution(structure, found, likelihood, own[mode.frequency])) if mode.determined else mode
         for mode in result.modes
     )
     said = list(result.undetermined)
