@@ -98,7 +98,7 @@ def even(time: Array) -> bool:
 
 
 def saturated(values: Array) -> NDArray[np.bool_]:
-    """Samples in runs at the largest or the smallest value, and the one after each run."""
+    """Samples at the largest or the smallest value, where they come in runs, and the one after each run."""
     out = np.zeros(values.size, dtype=np.bool_)
     low, high = float(values.min()), float(values.max())
     levels = np.unique(values).size
@@ -107,8 +107,8 @@ def saturated(values: Array) -> NDArray[np.bool_]:
     for level in (low, high):
         full = np.concatenate([[False], values == level, [False]])
         starts, ends = np.flatnonzero(full[1:] & ~full[:-1]), np.flatnonzero(~full[1:] & full[:-1])
-        for a, b in zip(starts, ends, strict=True):
-            if b - a >= RUN:
+        if np.max(ends - starts, initial=0) >= RUN:  # then single samples at this value are saturated too
+            for a, b in zip(starts, ends, strict=True):
                 out[a : b + 1] = True
     return out
 

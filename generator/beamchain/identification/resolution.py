@@ -89,7 +89,7 @@ def resolved(result: Identification, structure: Structure, found: Found, likelih
         said.append(f"modes closer to each other than this would be found as one, of their joint moment [rad/s]: {told}.")
     if higher := images(structure, found, likelihood):
         said.append(
-            "equal steps cannot tell a mode from one that lies the sample rate higher: "
+            "equal steps cannot tell a mode from one that lies the sample rate or a multiple of it higher: "
             + ", ".join(f"{w:.5g} may be {image:.5g} rad/s" for w, image in higher)
             + "; sample faster, or unequally, where such modes are possible."
         )

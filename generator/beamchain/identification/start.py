@@ -18,6 +18,7 @@ from beamchain.ports.motions import Array
 MOST_MODES = 14
 DAMPINGS = (0.0005, 0.002, 0.007, 0.02, 0.05)
 WIDTHS = (1, 5, 25, 125, 625)  # lines over which the spectrum is smoothed to find peaks
+BETWEEN = (-0.6, -0.3, 0.0, 0.3, 0.6)  # of a line, to either side of a peak: half a line is half a turn over the piece
 PEAKS = 6  # per width
 LINES = 160  # most spectral lines for one candidate
 REACH = 6.0  # half widths of a resonance, or lines, on either side
@@ -307,7 +308,7 @@ def _of_piece(piece: Piece, left: Array, hints: Sequence[complex]) -> list[tuple
         level = (uniform_filter1d(energy, width) - floor) * width
         top = np.flatnonzero((level[1:-1] >= level[:-2]) & (level[1:-1] >= level[2:]) & (level[1:-1] > 0.0)) + 1
         for i in top[np.argsort(level[top])[::-1][:PEAKS]]:
-            trials += [complex(-z, 1.0) * omega[i] for z in DAMPINGS if i > 0]
+            trials += [complex(-z, 1.0) * (omega[i] + part * step) for z in DAMPINGS for part in BETWEEN]
     out = list[tuple[complex, float]]()
     for pole in trials:
         reach = max(REACH * step, -REACH * pole.real)
