@@ -13,7 +13,7 @@ from beamchain.caution import Caution
 from beamchain.checks import number, one_of, whole_number
 from beamchain.errors import InputError
 from beamchain.identification.covariance import COLOURED, covariance, whiteness
-from beamchain.identification.describe import described
+from beamchain.identification.describe import TWO, described
 from beamchain.identification.hub import Bare, bare, directions
 from beamchain.identification.likelihood import Found, Likelihood, compressed, derivatives
 from beamchain.identification.logs import SENSED, TORQUES, read_logs
@@ -295,7 +295,10 @@ class _Run:
                 Caution("model-order", f"one mode more, near {where:.4g} rad/s on the free craft, would be significant, though the "
                         f"criterion is lower with {begun.raw.poles.size}: it may be there, or a mode may stand for two.")
             )  # fmt: skip
-            self.doubtful, self.widened = later.frequencies, max(1.0, later.gain / begun.each)
+            self.doubtful = later.frequencies
+            half = -TWO * begun.raw.poles.real
+            if np.any(np.sum(np.abs(later.frequencies - np.abs(begun.raw.poles)[:, None]) < half[:, None], axis=1) > 1):
+                self.widened = max(1.0, later.gain / begun.each)
         if not begun.raw.poles.size:
             raise InputError(
                 "the log shows no flexible mode: with none the criterion is lowest"
