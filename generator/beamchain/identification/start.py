@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from beamchain.identification.likelihood import Likelihood
-from beamchain.identification.response import Complex, Piece, Raw, Spectrum
+from beamchain.identification.response import Piece, Raw, Spectrum
 from beamchain.ports.motions import Array
 
 MOST_MODES = 14
@@ -40,7 +40,7 @@ class Order(NamedTuple):
 
 
 class Started(NamedTuple):
-    """The raw model with the number of modes asked for or supported, all orders tried, the information in its parameters; numbers per mode."""
+    """The raw model, all orders tried, the best of them, the information in its parameters, and numbers per mode."""
 
     raw: Raw
     orders: tuple[Order, ...]
@@ -84,7 +84,9 @@ class Form:
             shapes[k, others] = table[k, 2 : 1 + p] + 1j * table[k, 1 + p : 2 * p]
             drives[k] = size * (table[k, 2 * p : 2 * p + m] + 1j * table[k, 2 * p + m :])
         poles = w * (-z + 1j * np.sqrt(1.0 - z**2))
-        return Raw(poles, shapes[:, :, None] * drives[:, None, :], shapes, self.rigid * theta[n * self.width :].reshape(p, m))
+        return Raw(
+            poles, shapes[:, :, None] * drives[:, None, :], shapes, self.rigid * theta[n * self.width :].reshape(p, m)
+        )
 
     def theta(self, raw: Raw) -> Array:
         """The parameters of a raw model; of a residue the part of one shape."""
@@ -93,8 +95,17 @@ class Form:
             drive = g[lead]
             shape = np.delete(g @ drive.conj(), lead) / max(float(np.sum(np.abs(drive) ** 2)), 1e-300)
             drive = drive / size
-            out.append(np.concatenate([[np.log(abs(pole)), np.log(max(-pole.real / abs(pole), 1e-7))], shape.real, shape.imag,
-                                       drive.real, drive.imag]))  # fmt: skip
+            out.append(
+                np.concatenate(
+                    [
+                        [np.log(abs(pole)), np.log(max(-pole.real / abs(pole), 1e-7))],
+                        shape.real,
+                        shape.imag,
+                        drive.real,
+                        drive.imag,
+                    ]
+                )
+            )
         return np.concatenate([*out, raw.rigid.ravel() / self.rigid])
 
 
@@ -132,7 +143,9 @@ def started(
     form = Form(*rigid.shape, final, size)
     likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
     weights = likelihood.weights(likelihood.squares(final))
-    return Started(final, tuple(search.orders), better, form, likelihood.normal(form.theta(final), weights)[1], search.each)
+    return Started(
+        final, tuple(search.orders), better, form, likelihood.normal(form.theta(final), weights)[1], search.each
+    )
 
 
 def frozen(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array) -> Raw:
@@ -144,7 +157,10 @@ def frozen(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array) -> Ra
 
 def _fewer(pieces: Sequence[Piece | Spectrum]) -> Sequence[Piece | Spectrum]:
     """The beginnings of long pieces, with which a search is begun; the same pieces where they are short."""
-    if not all(isinstance(p, Piece) for p in pieces) or sum(p.time.size for p in pieces if isinstance(p, Piece)) < 2 * ENOUGH:
+    if (
+        not all(isinstance(p, Piece) for p in pieces)
+        or sum(p.time.size for p in pieces if isinstance(p, Piece)) < 2 * ENOUGH
+    ):
         return pieces
     longest = sorted((p for p in pieces if isinstance(p, Piece)), key=lambda p: -p.time.size)[:PIECES]
     return [p.part(0, min(p.time.size, ENOUGH // len(longest))) for p in longest]
@@ -175,7 +191,9 @@ class _Search:
         k = raw.poles.size
         order = np.argsort(np.abs(raw.poles))
         ratios = -raw.poles.real / np.abs(raw.poles)
-        self.orders.append(Order(k, self.cost + self.each * k * np.log(self.n), gain, np.abs(raw.poles)[order], ratios[order]))
+        self.orders.append(
+            Order(k, self.cost + self.each * k * np.log(self.n), gain, np.abs(raw.poles)[order], ratios[order])
+        )
         self.models.append(raw)
 
     def prepend(self, other: "_Search", modes: int) -> None:
@@ -191,7 +209,9 @@ class _Search:
         while len(self.models) <= most and self.left > NOTHING and failed < failures:
             raw, best = self.models[-1], None
             for pole, _ in _candidates(self.pieces, raw, self.scale, self.hints)[:trials]:
-                trial = _refined(self.pieces, _with(raw, pole, self.pieces, self.scale), self.scale, self.size, ITERATIONS)
+                trial = _refined(
+                    self.pieces, _with(raw, pole, self.pieces, self.scale), self.scale, self.size, ITERATIONS
+                )
                 if best is None or trial[1] < best[1]:
                     best = trial
                 if trial[1] < self.cost - self.each * np.log(self.n):
@@ -236,8 +256,14 @@ def _with(raw: Raw, pole: complex, pieces: Sequence[Piece | Spectrum], scale: Ar
         free = np.exp(pole * t)
         for i in range(p):
             seen = (state - piece._once) / pole if piece.angles[i] else state
-            table = np.column_stack([np.stack([2.0 * seen.real, -2.0 * seen.imag], axis=2).reshape(t.size, -1),
-                                     free.real, -free.imag, piece.constants(i)])[piece.use[:, i]]  # fmt: skip
+            table = np.column_stack(
+                [
+                    np.stack([2.0 * seen.real, -2.0 * seen.imag], axis=2).reshape(t.size, -1),
+                    free.real,
+                    -free.imag,
+                    piece.constants(i),
+                ]
+            )[piece.use[:, i]]
             held = table[:, 2 * m :]
             solved = np.linalg.lstsq(
                 held.T @ held, held.T @ np.column_stack([table[:, : 2 * m], left[piece.use[:, i], i]])
@@ -249,8 +275,12 @@ def _with(raw: Raw, pole: complex, pieces: Sequence[Piece | Spectrum], scale: Ar
     left, values, right = np.linalg.svd(g[..., 0] + 1j * g[..., 1])
     shape = left[:, 0] / left[int(np.argmax(np.abs(left[:, 0]))), 0]
     residue = values[0] * left[:, :1] @ right[:1]
-    return Raw(np.append(raw.poles, pole), np.concatenate([raw.residues, residue[None]]),
-               np.concatenate([raw.shapes, shape[None]]), raw.rigid)  # fmt: skip
+    return Raw(
+        np.append(raw.poles, pole),
+        np.concatenate([raw.residues, residue[None]]),
+        np.concatenate([raw.shapes, shape[None]]),
+        raw.rigid,
+    )
 
 
 def _candidates(
