@@ -85,12 +85,16 @@ def resolved(result: Identification, structure: Structure, found: Found, likelih
     alone = isinstance(structure.body, Unknown)
     own = {float(w): i for i, w in enumerate(structure.parts(found.theta).frequencies)}
     modes = tuple(
-        replace(mode, resolution=resolution(structure, found, likelihood, own[mode.frequency])) if alone and mode.determined else mode
+        replace(mode, resolution=resolution(structure, found, likelihood, own[mode.frequency]))
+        if alone and mode.determined
+        else mode
         for mode in result.modes
     )
     said = list(result.undetermined)
     if told := ", ".join(f"{m.resolution:.2g} at {m.frequency:.5g}" for m in modes if np.isfinite(m.resolution)):
-        said.append(f"modes closer to each other than this would be found as one, of their joint moment [rad/s]: {told}.")
+        said.append(
+            f"modes closer to each other than this would be found as one, of their joint moment [rad/s]: {told}."
+        )
     if higher := images(structure, found, likelihood):
         said.append(
             "equal steps cannot tell a mode from one that lies the sample rate or a multiple of it higher: "

@@ -93,8 +93,11 @@ class Identification:
     advice: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        rows = [f"{m.number}: {m.frequency:.6g} +- {m.frequency_std:.2g} rad/s, damping {m.damping:.3g} +- {m.damping_std:.2g}"
-                + ("" if m.determined else ", undetermined") for m in self.modes]  # fmt: skip
+        rows = [
+            f"{m.number}: {m.frequency:.6g} +- {m.frequency_std:.2g} rad/s, damping {m.damping:.3g} +- "
+            f"{m.damping_std:.2g}" + ("" if m.determined else ", undetermined")
+            for m in self.modes
+        ]
         return "\n  ".join([f"<Identification of {self.source}, {len(self.modes)} modes", *rows]) + ">"
 
     def _repr_html_(self) -> str:
@@ -115,8 +118,11 @@ class Identification:
         there = list[str]()
         for mode in self.modes:
             one: dict[str, Any] = {"number": mode.number}
-            for kind, value, std in (("frequency", mode.frequency, mode.frequency_std), ("damping", mode.damping, mode.damping_std),
-                                     ("participation", 1.0, self._factor_std(mode))):  # fmt: skip
+            for kind, value, std in (
+                ("frequency", mode.frequency, mode.frequency_std),
+                ("damping", mode.damping, mode.damping_std),
+                ("participation", 1.0, self._factor_std(mode)),
+            ):
                 relative = std / value if value > 0.0 else np.nan
                 if np.isfinite(relative) and relative > LEAST:
                     one[kind] = {"relative": float(min(relative, LARGEST))}
@@ -150,17 +156,31 @@ class Identification:
         """The modes as `[imported]` of a specification reads them."""
         rigid, rows = self.stated or (self.rigid, np.array([m.participation for m in self.modes]))
         return ModalData(
-            rigid_mass=rigid, frequencies=np.array([m.frequency for m in self.modes]), participation=rows,
-            damping=np.array([m.damping for m in self.modes]), length=self.length, source=self.source, uncertain=self.uncertain,
-        )  # fmt: skip
+            rigid_mass=rigid,
+            frequencies=np.array([m.frequency for m in self.modes]),
+            participation=rows,
+            damping=np.array([m.damping for m in self.modes]),
+            length=self.length,
+            source=self.source,
+            uncertain=self.uncertain,
+        )
 
     def to_toml(self) -> str:
         """The text of modes.toml."""
         data = self.data()
         note = "identified by beamchain; " + (" ".join(self.undetermined) or "every value is determined by the log.")
-        lines = [f"note = {_text(note)}", f"frequencies = {_row(data.frequencies)}  # rad/s", f"damping = {_row(data.damping)}",
-                 "participation = [", *(f"  {_row(row)}," for row in data.participation.T), "]",
-                 "mass = [", *(f"  {_row(row)}," for row in data.rigid_mass), "]", "digits = 15"]  # fmt: skip
+        lines = [
+            f"note = {_text(note)}",
+            f"frequencies = {_row(data.frequencies)}  # rad/s",
+            f"damping = {_row(data.damping)}",
+            "participation = [",
+            *(f"  {_row(row)}," for row in data.participation.T),
+            "]",
+            "mass = [",
+            *(f"  {_row(row)}," for row in data.rigid_mass),
+            "]",
+            "digits = 15",
+        ]
         if self.length is not None:
             lines.append(f"length = {self.length!r}")
         for one in self.uncertain.get("mode", ()):
@@ -203,15 +223,33 @@ class Identification:
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            "modes": [{"number": m.number, "frequency": m.frequency, "frequency_std": m.frequency_std, "damping": m.damping,
-                       "damping_std": m.damping_std, "participation": m.participation, "participation_std": m.participation_std,
-                       "determined": m.determined, "remark": m.remark,
-                       "resolution": m.resolution} for m in self.modes],
-            "names": list(self.names), "covariance": self.covariance, "rigid": self.rigid,
-            "order": [one._asdict() for one in self.order], "whiteness": dict(self.whiteness), "held_out": dict(self.held_out),
-            "noise": dict(self.noise), "undetermined": list(self.undetermined), "advice": list(self.advice),
-            "update": None if self.update is None else self.update.as_dict(), **warnings_record(self.warnings),
-        }  # fmt: skip
+            "modes": [
+                {
+                    "number": m.number,
+                    "frequency": m.frequency,
+                    "frequency_std": m.frequency_std,
+                    "damping": m.damping,
+                    "damping_std": m.damping_std,
+                    "participation": m.participation,
+                    "participation_std": m.participation_std,
+                    "determined": m.determined,
+                    "remark": m.remark,
+                    "resolution": m.resolution,
+                }
+                for m in self.modes
+            ],
+            "names": list(self.names),
+            "covariance": self.covariance,
+            "rigid": self.rigid,
+            "order": [one._asdict() for one in self.order],
+            "whiteness": dict(self.whiteness),
+            "held_out": dict(self.held_out),
+            "noise": dict(self.noise),
+            "undetermined": list(self.undetermined),
+            "advice": list(self.advice),
+            "update": None if self.update is None else self.update.as_dict(),
+            **warnings_record(self.warnings),
+        }
 
 
 def _row(values: Sequence[float] | Array) -> str:

@@ -215,8 +215,9 @@ def seen(parts: Parts, inputs: Array, outputs: Array) -> Raw:
     force[3:, 3 : 3 + n], force[3:, 3 + n :] = -np.diag(2.0 * parts.damping * w), -np.diag(w)
     system = np.vstack([np.linalg.solve(mass, force), np.zeros((n, 3 + 2 * n))])
     system[3 + n :, 3 : 3 + n] = np.diag(w)  # the last states are frequency times deflection
-    drive = np.vstack([np.linalg.solve(mass, np.vstack([inputs.T, np.zeros((n, inputs.shape[0]))])),
-                       np.zeros((n, inputs.shape[0]))])  # fmt: skip
+    drive = np.vstack(
+        [np.linalg.solve(mass, np.vstack([inputs.T, np.zeros((n, inputs.shape[0]))])), np.zeros((n, inputs.shape[0]))]
+    )
     values, vectors = np.linalg.eig(system)
     left = np.linalg.solve(vectors, drive.astype(np.complex128))
     up = np.flatnonzero(values.imag > 1e-9 * float(np.max(np.abs(values), initial=1e-300)))
@@ -247,7 +248,9 @@ def clamped(raw: Raw, inputs: Array, outputs: Array, axes: Array) -> tuple[Array
     values = np.maximum(values, 1e-6 * float(values[-1]))
     inertia = (vectors / values) @ vectors.T
     own = [2.0 * (to_out @ g @ to_in).real for g in raw.residues]
-    powers, directions = np.linalg.eigh(np.array([(g + g.T) / 2.0 for g in own]).reshape(-1, axes.shape[1], axes.shape[1]))
+    powers, directions = np.linalg.eigh(
+        np.array([(g + g.T) / 2.0 for g in own]).reshape(-1, axes.shape[1], axes.shape[1])
+    )
     least = LEAST * float(np.max(powers, initial=0.0))  # a mode without any moment would stay so
     rows = np.sqrt(np.maximum(powers[:, -1:], least)) * directions[:, :, -1]
     n, a = raw.poles.size, axes.shape[1]
