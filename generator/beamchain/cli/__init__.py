@@ -7,7 +7,21 @@ from typing import Any, NoReturn
 
 import typer
 
-from beamchain.cli import embed, fit, identify, init, inspect, plant, render, retime, schema, seed, stability, study, sweep
+from beamchain.cli import (
+    embed,
+    fit,
+    identify,
+    init,
+    inspect,
+    plant,
+    render,
+    retime,
+    schema,
+    seed,
+    stability,
+    study,
+    sweep,
+)
 from beamchain.cli.common import explain, version
 from beamchain.errors import BeamchainError
 
@@ -35,9 +49,21 @@ def beamchain(
 
 
 for _command in (
-    fit.fit, embed.embed, seed.seed, study.study, sweep.sweep, stability.stability, inspect.inspect, retime.retime,
-    plant.plant, identify.identify, schema.schema, render.render, render.view, init.init,
-):  # fmt: skip
+    fit.fit,
+    embed.embed,
+    seed.seed,
+    study.study,
+    sweep.sweep,
+    stability.stability,
+    inspect.inspect,
+    retime.retime,
+    plant.plant,
+    identify.identify,
+    schema.schema,
+    render.render,
+    render.view,
+    init.init,
+):
     app.command(name=_command.__name__)(_command)
 app.command(name="examples", hidden=True)(init.examples)
 

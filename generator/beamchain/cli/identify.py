@@ -82,19 +82,34 @@ def identify(
         renamed[column] = name
     with spinner("identifying", quiet or as_json):
         found = find(
-            list(logs), craft, at, prior=prior, modes=modes, axes=axes, map=renamed, hub="estimate" if free_hub else None,
-            held_out=held_out, offset=offset,
-        )  # fmt: skip
+            list(logs),
+            craft,
+            at,
+            prior=prior,
+            modes=modes,
+            axes=axes,
+            map=renamed,
+            hub="estimate" if free_hub else None,
+            held_out=held_out,
+            offset=offset,
+        )
         files = found.write(output, force=force)
     tell(found.as_dict, lambda: _show(found), files, as_json, quiet)
 
 
 def _show(found: "Identification") -> None:
     rows = [
-        [str(m.number), f"{m.frequency:.7g}", f"{1.96 * m.frequency_std:.2g}", f"{m.damping:.4g}", f"{1.96 * m.damping_std:.2g}",
-         "yes" if m.determined else "no", m.remark]
+        [
+            str(m.number),
+            f"{m.frequency:.7g}",
+            f"{1.96 * m.frequency_std:.2g}",
+            f"{m.damping:.4g}",
+            f"{1.96 * m.damping_std:.2g}",
+            "yes" if m.determined else "no",
+            m.remark,
+        ]
         for m in found.modes
-    ]  # fmt: skip
+    ]
     head = ("mode", "rad/s", "+- 95 %", "damping ratio", "+- 95 %", "determined", "remark")
     print_table("modes with the root held", head, rows, left=(0, 5, 6))
     if found.update is not None:

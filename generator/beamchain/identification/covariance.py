@@ -56,5 +56,7 @@ def inverse(matrix: Array) -> Array:
     """Inverse of a positive matrix; what nothing determines gets a huge variance."""
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
-    least = np.maximum(size, 1e-12 * float(np.max(size, initial=1e-300)))  # a number that nothing depends on stays finite
+    least = np.maximum(
+        size, 1e-12 * float(np.max(size, initial=1e-300))
+    )  # a number that nothing depends on stays finite
     return (vectors / np.maximum(values, 1e-15)) @ vectors.T / np.outer(least, least)

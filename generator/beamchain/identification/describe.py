@@ -11,7 +11,7 @@ from beamchain.identification.covariance import inverse
 from beamchain.identification.likelihood import Found, derivatives
 from beamchain.identification.prior import WIDTH, Matched, Prior
 from beamchain.identification.response import Piece, Raw
-from beamchain.identification.result import IdentifiedMode, Identification
+from beamchain.identification.result import Identification, IdentifiedMode
 from beamchain.identification.start import Order
 from beamchain.identification.stated import stated
 from beamchain.identification.structure import Body, Parts, Structure, Unknown, turning
@@ -30,10 +30,24 @@ SPECTRUM = 2048  # samples of a stretch
 
 
 def described(
-    structure: Structure, found: Found, spread: Array, belief: Array, orders: Sequence[Order], pairs: Matched | None, prior: Prior | None,
-    aliased: Sequence[complex], doubtful: Array, white: Array, predicted: Array, warnings: list[str], data: Any, residuals: Sequence[Array], raw: Raw,
-    noise: Array, at: str,
-) -> Identification:  # fmt: skip
+    structure: Structure,
+    found: Found,
+    spread: Array,
+    belief: Array,
+    orders: Sequence[Order],
+    pairs: Matched | None,
+    prior: Prior | None,
+    aliased: Sequence[complex],
+    doubtful: Array,
+    white: Array,
+    predicted: Array,
+    warnings: list[str],
+    data: Any,
+    residuals: Sequence[Array],
+    raw: Raw,
+    noise: Array,
+    at: str,
+) -> Identification:
     """The result of a search; arguments as `identify` has them."""
     parts = structure.parts(found.theta)
     n = structure.modes
@@ -71,20 +85,30 @@ def described(
             determined[i] = False
     _close(parts, sd_w, notes, determined, warnings, float(np.nanmin(white)) if np.any(np.isfinite(white)) else 1.0)
     rows, sd_rows = _rows(structure, parts, sd_rows, pairs, prior, data.axes, said, notes)
-    frequencies, names, matrix = _covariance(structure, found.theta, spread, parts, data.axes)
+    names, matrix = _covariance(structure, found.theta, spread, parts)
     modes = [
-        IdentifiedMode(0, float(parts.frequencies[i]), float(parts.damping[i]), rows[i], float(parts.frequencies[i] * sd_w[i]),
-                       float(parts.damping[i] * sd_z[i]), sd_rows[i], determined[i], "; ".join(notes[i]))
+        IdentifiedMode(
+            0,
+            float(parts.frequencies[i]),
+            float(parts.damping[i]),
+            rows[i],
+            float(parts.frequencies[i] * sd_w[i]),
+            float(parts.damping[i] * sd_z[i]),
+            sd_rows[i],
+            determined[i],
+            "; ".join(notes[i]),
+        )
         for i in range(n)
-    ]  # fmt: skip
+    ]
     if np.isfinite(half):
         said.append(
-            f"modes above half the sample rate ({half:.4g} rad/s): sampling would show one folded, as a mode below, which the log alone "
+            f"modes above half the sample rate ({half:.4g} rad/s): sampling would show one folded, as a mode "
+            "below, which the log alone "
             "cannot always tell."
         )
     if pairs is not None and prior is not None:
-        modes += _unseen(prior, pairs, parts, data, half, said, warnings)
-    for i, mode in enumerate(modes[:n]):
+        modes += _unseen(prior, pairs, parts, half, said, warnings)
+    for mode in modes[:n]:
         if mode.remark and not mode.determined:
             said.append(f"mode at {mode.frequency:.5g} rad/s: {mode.remark}.")
     order = sorted(range(len(modes)), key=lambda i: modes[i].frequency)
@@ -100,16 +124,27 @@ def described(
         warnings.append(
             Caution("undetermined", f"the log leaves {len(said)} thing(s) undetermined; see `undetermined`.")
         )
-    rigid, given, length = parts.rigid, None, None
+    given, length = None, None
     if isinstance(structure.body, Unknown):
-        rigid, given, length = stated(parts, data.axes)
-        given = given[order]
-    del frequencies
+        rigid, rows, length = stated(parts, data.axes)
+        given = (rigid, rows[order])
     return Identification(
-        tuple(modes), renamed, matrix, rigid, tuple(orders), dict(zip(data.sensed, white.tolist(), strict=True)), tuple(warnings),
-        tuple(said), updated, dict(zip(data.sensed, predicted.tolist(), strict=True)), dict(zip(data.sensed, noise.tolist(), strict=True)),
-        _spectra(data, residuals), length, f"log at {at}", given,
-    )  # fmt: skip
+        tuple(modes),
+        renamed,
+        matrix,
+        parts.rigid,
+        tuple(orders),
+        dict(zip(data.sensed, white.tolist(), strict=True)),
+        tuple(warnings),
+        tuple(said),
+        updated,
+        dict(zip(data.sensed, predicted.tolist(), strict=True)),
+        dict(zip(data.sensed, noise.tolist(), strict=True)),
+        _spectra(data, residuals),
+        length,
+        f"log at {at}",
+        given,
+    )
 
 
 def prior_width(prior: Prior | None, which: int) -> float:
@@ -118,8 +153,17 @@ def prior_width(prior: Prior | None, which: int) -> float:
 
 
 def _numbered(mode: IdentifiedMode, number: int) -> IdentifiedMode:
-    return IdentifiedMode(number, mode.frequency, mode.damping, mode.participation, mode.frequency_std, mode.damping_std,
-                          mode.participation_std, mode.determined, mode.remark)  # fmt: skip
+    return IdentifiedMode(
+        number,
+        mode.frequency,
+        mode.damping,
+        mode.participation,
+        mode.frequency_std,
+        mode.damping_std,
+        mode.participation_std,
+        mode.determined,
+        mode.remark,
+    )
 
 
 def _moments(structure: Structure, theta: Array, spread: Array, axes: Array) -> tuple[Array, Array]:
@@ -148,30 +192,47 @@ def _close(
                 notes[i].append("it and its neighbour cannot be told apart")
                 determined[i] = False
     if white < 1e-6:
-        warnings.append(Caution("undetermined", "the residuals are far from white, so that a mode may stand for two close ones or others are missing; "
-                                "intervals hold only if what is missing is small."))  # fmt: skip
+        warnings.append(
+            Caution(
+                "undetermined",
+                "the residuals are far from white, so that a mode may stand for two close ones or others are missing; "
+                "intervals hold only if what is missing is small.",
+            )
+        )
 
 
 def _rows(
-    structure: Structure, parts: Parts, sd: Array, pairs: Matched | None, prior: Prior | None, axes: Array, said: list[str],
+    structure: Structure,
+    parts: Parts,
+    sd: Array,
+    pairs: Matched | None,
+    prior: Prior | None,
+    axes: Array,
+    said: list[str],
     notes: list[list[str]],
-) -> tuple[Array, Array]:  # fmt: skip
+) -> tuple[Array, Array]:
     """Participation and its deviations, nan where nothing is known; sentences on what comes from where."""
     rows, out = parts.participation.copy(), sd.copy()
     if isinstance(structure.body, Unknown) or prior is None or pairs is None:
         driven = np.concatenate([np.zeros(3, dtype=bool), np.any(np.abs(axes) > 1e-9, axis=1)])
         out[:, ~driven] = np.nan
         for note in notes:
-            note.append("its frequency is that with the hub's rotation held and its translation free: participation in force, which the log "
-                        "does not show, would lower the clamped one")  # fmt: skip
+            note.append(
+                "its frequency is that with the hub's rotation held and its translation free: participation in "
+                "force, which the log "
+                "does not show, would lower the clamped one"
+            )
         others = ", ".join(m for m, d in zip(MOTIONS, driven, strict=True) if not d)
         said.append(
-            f"participation in {others}: the log excites only the hub's rotation about {', '.join('xyz'[i] for i in range(3) if driven[3 + i])} "
-            "of the mount and there is no prior; it is set to zero. Moments are those about the mass centre of the craft, frequencies those "
+            f"participation in {others}: the log excites only the hub's rotation about "
+            f"{', '.join('xyz'[i] for i in range(3) if driven[3 + i])} "
+            "of the mount and there is no prior; it is set to zero. Moments are those about the mass centre of "
+            "the craft, frequencies those "
             "with the hub's rotation held and its translation free: both hold on this craft."
         )
         said.append(
-            "mass and length of the appendage: the file of modes states a nearly massless, very long one with the inertia found, which pushes as "
+            "mass and length of the appendage: the file of modes states a nearly massless, very long one with "
+            "the inertia found, which pushes as "
             "little as a chain allows; it serves on this craft only, and not for pictures. Give a prior for both."
         )
         return rows, out
@@ -191,27 +252,26 @@ def _rows(
     return rows, out
 
 
-def _covariance(
-    structure: Structure, theta: Array, spread: Array, parts: Parts, axes: Array
-) -> tuple[Array, list[tuple[int, str]], Array]:
+def _covariance(structure: Structure, theta: Array, spread: Array, parts: Parts) -> tuple[list[tuple[int, str]], Array]:
     """Covariance of frequency, damping and a factor on participation per mode."""
     n = structure.modes
-    turn, scale = axes, np.sqrt(np.maximum(np.diag(parts.rigid), 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(parts.rigid), 1e-300))
     base = parts.participation / scale
 
     def values(x: Array) -> Array:
         now = structure.parts(x)
-        factor = np.einsum("ij,ij->i", now.participation / scale, base) / np.einsum("ij,ij->i", base, base)
+        factor = np.einsum("ij,ij->i", now.participation / scale, base) / np.maximum(
+            np.einsum("ij,ij->i", base, base), 1e-300
+        )
         return np.concatenate([now.frequencies, now.damping, factor])
 
-    del turn
     slopes = derivatives(values, theta)
     names = [(i, kind) for kind in ("frequency", "damping", "participation") for i in range(n)]
-    return parts.frequencies, names, slopes @ spread @ slopes.T
+    return names, slopes @ spread @ slopes.T
 
 
 def _unseen(
-    prior: Prior, pairs: Matched, parts: Parts, data: Any, half: float, said: list[str], warnings: list[str]
+    prior: Prior, pairs: Matched, parts: Parts, half: float, said: list[str], warnings: list[str]
 ) -> list[IdentifiedMode]:
     """Modes of the prior that do not turn the craft about a driven axis, scaled with the rigid mass; sentences on them."""
     out = list[IdentifiedMode]()
@@ -221,19 +281,32 @@ def _unseen(
     for j in kept:
         w, z = float(prior.parts.frequencies[j]), float(prior.parts.damping[j])
         row = prior.parts.participation[j] * (now / before)
-        out.append(IdentifiedMode(0, w, z, row, w * prior.widths[0], z * prior.widths[1], np.abs(row) * prior.widths[2], False,
-                                  "the log does not excite it: all of it comes from the prior"))  # fmt: skip
+        out.append(
+            IdentifiedMode(
+                0,
+                w,
+                z,
+                row,
+                w * prior.widths[0],
+                z * prior.widths[1],
+                np.abs(row) * prior.widths[2],
+                False,
+                "the log does not excite it: all of it comes from the prior",
+            )
+        )
     if kept:
         said.append(
-            f"{len(kept)} mode(s) of the prior do not turn the craft about a driven axis and stay as the prior has them."
+            f"{len(kept)} mode(s) of the prior do not turn the craft about a driven axis and stay as the prior "
+            "has them."
         )
-    for j in pairs.missed:
-        w = float(pairs.frequencies[j])
-        if w > half:
-            said.append(
-                f"the prior's mode at {w:.4g} rad/s lies above half the sample rate ({half:.4g} rad/s): this log cannot determine it."
-            )
-        elif w <= 1.2 * top:
+    beyond = [float(pairs.frequencies[j]) for j in pairs.missed if pairs.frequencies[j] > half]
+    if beyond:
+        said.append(
+            f"{len(beyond)} mode(s) of the prior, from {min(beyond):.4g} rad/s, lie above half the sample rate ({half:.4g} rad/s): "
+            "this log cannot determine them."
+        )
+    for w in (float(pairs.frequencies[j]) for j in pairs.missed):
+        if w <= min(half, 1.2 * top):
             warnings.append(
                 Caution(
                     "prior-contradicted", f"the prior's mode at {w:.4g} rad/s was not found in the log and is left out."

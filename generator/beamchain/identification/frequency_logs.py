@@ -66,7 +66,8 @@ def responses(table: Mapping[str, Array], source: str) -> list[Response]:
             value = parts["magnitude"] * np.exp(1j * angle)
         else:
             raise InputError(
-                f"{source}: {label} needs the columns `{label} re` and `{label} im`, or magnitude and phase [rad] (phase_deg)."
+                f"{source}: {label} needs the columns `{label} re` and `{label} im`, or magnitude and phase "
+                "[rad] (phase_deg)."
             )
         out.append(_checked(omega, value, kind, axis, torque, parts.get("coherence"), source))
     return out
@@ -78,7 +79,8 @@ def _checked(
     label = f"{kind}_{axis}/{torque}"
     if value.size != omega.size or omega.size < FEWEST:
         raise InputError(
-            f"{source}: {label} has {value.size} lines and {omega.size} frequencies; at least {FEWEST} of each are needed."
+            f"{source}: {label} has {value.size} lines and {omega.size} frequencies; at least {FEWEST} of each "
+            "are needed."
         )
     keep = omega > 0.0
     if not np.all(np.isfinite(omega)) or not np.all(np.isfinite(value[keep])):
@@ -122,6 +124,7 @@ def read_uff(path: Path, source: str) -> list[Response]:
         out.append(_checked(omega, value, kind, "xyz"[abs(at) - 4], f"torque_{'xyz'[abs(by) - 4]}", None, source))
     if not out:
         raise InputError(
-            f"{source} holds no frequency response (type 58, function 4) between rotations (directions 4, 5, 6) of the hub."
+            f"{source} holds no frequency response (type 58, function 4) between rotations (directions 4, 5, 6) "
+            "of the hub."
         )
     return out

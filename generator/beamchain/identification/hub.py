@@ -60,7 +60,8 @@ def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", at: str) -> Bare:
     free = model.body_dofnum[hub] == 6 and model.jnt_type[model.body_jntadr[hub]] == mujoco.mjtJoint.mjJNT_FREE
     if own != hub or not free:
         raise InputError(
-            f"at = {at!r}: the log is one of a spacecraft in free flight, but {model.body(hub).name or 'its body'!r} has no "
+            f"at = {at!r}: the log is one of a spacecraft in free flight, but "
+            f"{model.body(hub).name or 'its body'!r} has no "
             "<freejoint/> or does not carry that place; give the bare spacecraft with a free body."
         )
     frame = np.array(axes).reshape(3, 3)

@@ -13,7 +13,7 @@ from beamchain.caution import Caution
 from beamchain.checks import number, one_of, whole_number
 from beamchain.errors import InputError
 from beamchain.identification.covariance import COLOURED, covariance, whiteness
-from beamchain.identification.describe import described
+from beamchain.identification.describe import TWO, described
 from beamchain.identification.hub import Bare, bare, directions
 from beamchain.identification.likelihood import Found, Likelihood, compressed, derivatives
 from beamchain.identification.logs import SENSED, TORQUES, read_logs
@@ -71,11 +71,11 @@ def identify(
     damping and participation; residual masses are positive at every step. A log of rotation determines moments of
     participation about the axes that were driven; the other rows, and the part of the frequency that depends on them (the craft
     translates freely), come from the prior, with a relative standard deviation of 0.3 where it states none in [uncertain].
-    Without a prior they are zero and listed: the frequencies are then those with the hub's rotation held and its translation free.
+    Without a prior they are zero and listed: frequencies are then those with the hub's rotation held and its translation free.
 
     Args:
-        logs: a path (.csv, .parquet, .npz, .mat; .uff), a mapping of arrays, or a list of those. Time logs: `time` [s], `torque_x|y|z`
-            [N m] on the hub in its axes or an actuator's name, `rate_*` [rad/s], `attitude_*` [rad] (small). Frequency responses:
+        logs: a path (.csv, .parquet, .npz, .mat; .uff), a mapping of arrays, or a list of those. Time logs: `time` [s],
+            `torque_x|y|z` [N m] on the hub in its axes or an actuator's name, `rate_*` [rad/s], `attitude_*` [rad] (small). Frequency responses:
             `frequency` [Hz] or `omega` [rad/s], and `rate_z/torque_z re`, `... im`.
         craft: the bare rigid spacecraft: path or text of MJCF, MjSpec or MjModel.
         at: its site or body that carries the appendage, whose x axis points outwards.
@@ -118,14 +118,16 @@ def identify(
         one_of("hub", hub, ("estimate",))
         if prior is None:
             raise InputError(
-                "hub = \"estimate\" needs a prior: a log determines only the sum of the hub's inertia and the appendage's."
+                'hub = "estimate" needs a prior: a log determines only the sum of the hub\'s inertia and the '
+                "appendage's."
             )
     times, spectra, tables = read_logs(logs, map, list(known.actuators))
     before = None if prior is None else read_prior(prior, known.mass)
     if tables:
         if times or spectra or before is None:
             raise InputError(
-                f"{tables[0].source} holds frequencies only, which need a prior for the participation and no other log beside them."
+                f"{tables[0].source} holds frequencies only, which need a prior for the participation and no "
+                "other log beside them."
             )
         return from_table(tables[0], before, at)
     if bool(times) == bool(spectra):
@@ -155,7 +157,8 @@ def _driven(known: Bare, torques: Sequence[str], sensed: Sequence[str], prior: P
     kept = [n for n in sensed if prior is not None or n not in elsewhere]
     if not [n for n in kept if n not in elsewhere]:
         raise InputError(
-            f"the torques ({', '.join(torques)}) act about other axes than those sensed ({', '.join(sensed)}); the log must hold the "
+            f"the torques ({', '.join(torques)}) act about other axes than those sensed ({', '.join(sensed)}); "
+            "the log must hold the "
             "rate or attitude about an axis that is driven."
         )
     return axes, kept
@@ -166,39 +169,53 @@ def _of_time(logs: Any, known: Bare, wanted: Sequence[str], prior: Prior | None)
     sensed = [n for n in SENSED if n[-1] in wanted and any(n in log.sensed for log in logs)]
     if not torques or not sensed:
         raise InputError(
-            f"axes = {''.join(wanted)!r} leaves no torque or no sensor of the log; it has {', '.join([*logs[0].torques, *logs[0].sensed])}."
+            f"axes = {''.join(wanted)!r} leaves no torque or no sensor of the log; it has "
+            f"{', '.join([*logs[0].torques, *logs[0].sensed])}."
         )
     torques = active(logs, torques)
     axes, sensed = _driven(known, torques, sensed, prior)
     made: Cut = cut(logs, torques, sensed)
-    scale = np.sqrt(np.mean([np.var(p.outputs, axis=0) * p.time.size for p in made.pieces], axis=0)
-                    / np.mean([p.time.size for p in made.pieces]))  # fmt: skip
+    scale = np.sqrt(
+        np.mean([np.var(p.outputs, axis=0) * p.time.size for p in made.pieces], axis=0)
+        / np.mean([p.time.size for p in made.pieces])
+    )
     for name, size in zip(sensed, scale, strict=True):
         if not size > 0.0:
             raise InputError(
-                f"{name} is constant throughout the log; the sensor shows no motion: check the column and its unit (rad/s)."
+                f"{name} is constant throughout the log; the sensor shows no motion: check the column and its "
+                "unit (rad/s)."
             )
     check_swapped(made)
-    return Channels([*made.pieces], tuple(torques), tuple(sensed), directions(known, made.torques), directions(known, made.sensed),
-                    axes, scale, made.warnings)  # fmt: skip
+    return Channels(
+        [*made.pieces],
+        tuple(torques),
+        tuple(sensed),
+        directions(known, made.torques),
+        directions(known, made.sensed),
+        axes,
+        scale,
+        made.warnings,
+    )
 
 
 def _of_spectra(spectra: Any, known: Bare, wanted: Sequence[str], prior: Prior | None) -> Channels:
     own = [
         r
         for r in spectra
-        if r.sensed[-1] in wanted and (r.torque in known.actuators or r.torque in TORQUES and r.torque[-1] in wanted)
+        if r.sensed[-1] in wanted and (r.torque in known.actuators or (r.torque in TORQUES and r.torque[-1] in wanted))
     ]
     if not own:
         raise InputError(
-            "no frequency response of the log is from a torque (torque_x|y|z or an actuator of the craft) about the wanted axes."
+            "no frequency response of the log is from a torque (torque_x|y|z or an actuator of the craft) "
+            "about the wanted axes."
         )
     torques = tuple(dict.fromkeys(r.torque for r in own))
     axes, kept = _driven(known, torques, [f"rate_{a}" for a in dict.fromkeys(r.sensed[-1] for r in own)], prior)
     pieces: list[Piece | Spectrum] = [
         Spectrum(r.omega, r.value, kept.index(f"rate_{r.sensed[-1]}"), torques.index(r.torque), r.order, r.accuracy)
-        for r in own if f"rate_{r.sensed[-1]}" in kept
-    ]  # fmt: skip
+        for r in own
+        if f"rate_{r.sensed[-1]}" in kept
+    ]
     return Channels(
         pieces,
         torques,
@@ -228,7 +245,7 @@ class _Run:
         self.data, self.known, self.prior, self.wanted, self.at = data, known, prior, modes, at
         self.held, self.free_hub, self.offset = held, free_hub, offset
         self.warnings = list(data.warnings)
-        self.doubtful = np.zeros(0)
+        self.doubtful, self.widened = np.zeros(0), 1.0
         self.aliased = list[complex]()
         if offset:
             raise InputError("offset = True is not available for this log; align the columns before.")
@@ -282,20 +299,33 @@ class _Run:
         check_rigid(begun.raw.rigid, data, self.known, self._rigid())
         tried = [one for one in begun.orders if one.modes]
         if self.wanted is not None and begun.better > self.wanted:
-            self.warnings.append(Caution("model-order", f"{self.wanted} modes were asked for, but the criterion is lower with {begun.better}; "
-                                         "what is left out falsifies the others."))  # fmt: skip
+            self.warnings.append(
+                Caution(
+                    "model-order",
+                    f"{self.wanted} modes were asked for, but the criterion is lower with {begun.better}; "
+                    "what is left out falsifies the others.",
+                )
+            )
         if self.wanted is not None and len(begun.orders) and begun.better < self.wanted:
             self.warnings.append(
                 Caution("model-order", f"{self.wanted} modes were asked for, but the log supports {begun.better} only.")
             )
         later = next((one for one in begun.orders if one.modes == begun.raw.poles.size + 1), None)
         if later is not None and float(chi2.sf(later.gain, begun.each)) < LIKELY:
-            where = later.frequencies[np.argmax([np.min(np.abs(w - np.abs(begun.raw.poles)), initial=np.inf) / w for w in later.frequencies])]
+            where = later.frequencies[
+                np.argmax([np.min(np.abs(w - np.abs(begun.raw.poles)), initial=np.inf) / w for w in later.frequencies])
+            ]
             self.warnings.append(
-                Caution("model-order", f"one mode more, near {where:.4g} rad/s on the free craft, would be significant, though the "
-                        f"criterion is lower with {begun.raw.poles.size}: it may be there, or a mode may stand for two.")
-            )  # fmt: skip
+                Caution(
+                    "model-order",
+                    f"one mode more, near {where:.4g} rad/s on the free craft, would be significant, though the "
+                    f"criterion is lower with {begun.raw.poles.size}: it may be there, or a mode may stand for two.",
+                )
+            )
             self.doubtful = later.frequencies
+            half = -TWO * begun.raw.poles.real
+            if np.any(np.sum(np.abs(later.frequencies - np.abs(begun.raw.poles)[:, None]) < half[:, None], axis=1) > 1):
+                self.widened = max(1.0, later.gain / begun.each)
         if not begun.raw.poles.size:
             raise InputError(
                 "the log shows no flexible mode: with none the criterion is lowest"
@@ -416,18 +446,36 @@ class _Run:
         white = np.where(level < NO_NOISE, np.nan, white)
         coloured = bool(np.any(white < COLOURED))
         squares = np.maximum(level, NO_NOISE) * found.counts * self.data.scale**2
-        spread = covariance(likelihood, found.theta, squares, coloured=coloured)
+        spread = self.widened * covariance(likelihood, found.theta, squares, coloured=coloured)
         if coloured:
             worst = self.data.sensed[int(np.nanargmin(white))]
-            self.warnings.append(Caution("coloured-residuals", f"the residuals of {worst} are not white (probability {np.nanmin(white):.1g}): "
-                                         "noise is coloured or the model lacks something; intervals are widened by the correlation found."))  # fmt: skip
+            self.warnings.append(
+                Caution(
+                    "coloured-residuals",
+                    f"the residuals of {worst} are not white (probability {np.nanmin(white):.1g}): "
+                    "noise is coloured or the model lacks something; intervals are widened by the correlation found.",
+                )
+            )
         only_belief = derivatives(likelihood.belief, found.theta)
         result = described(
-            structure=structure, found=found, spread=spread, belief=only_belief.T @ only_belief, orders=begun.orders, pairs=pairs,
-            prior=self.prior, aliased=self.aliased,
-            doubtful=self.doubtful, white=white, predicted=predicted, warnings=self.warnings, data=self.data,
-            residuals=residuals, at=self.at, raw=raw, noise=1.0 / weights,
-        )  # fmt: skip
+            structure=structure,
+            found=found,
+            spread=spread,
+            belief=only_belief.T @ only_belief,
+            orders=begun.orders,
+            pairs=pairs,
+            prior=self.prior,
+            aliased=self.aliased,
+            doubtful=self.doubtful,
+            white=white,
+            predicted=predicted,
+            warnings=self.warnings,
+            data=self.data,
+            residuals=residuals,
+            at=self.at,
+            raw=raw,
+            noise=1.0 / weights,
+        )
         return resolved(result, structure, found, likelihood)
 
 
@@ -459,4 +507,3 @@ def _live(parts: Parts, pairs: Matched, axes: Array) -> Any:
         )
         out[i] = np.any(linked[own], axis=0) & there
     return out
-

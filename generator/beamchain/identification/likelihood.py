@@ -17,6 +17,7 @@ SETTLED = 1e-3  # of a standard deviation: a step smaller than this changes noth
 LITTLE = 1e-3  # gain of minus twice the log likelihood that is worth no further step
 TEMPERED = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
 MOST_DAMPING = 1e8
+UNEQUAL = 0.02  # of the logarithm of the outputs' noise, by which it may change before all is weighted anew
 DIGITS = 1e-13  # relative change of the parameters below which no digit is gained
 
 
@@ -114,8 +115,12 @@ class Likelihood:
                 damping = max(10.0 * damping, 1e-6)
             if gained < LITTLE or np.max(np.abs(change), initial=0.0) < DIGITS:
                 break
-            # the noise that the next step is weighted with has changed: exactly so for one output
-            ratio = float(np.mean(self.weights(squares) ** 2 / weights**2))
+            # the noise that the next step is weighted with has changed: with one output only by a factor
+            factors = self.weights(squares)[self.counts > 0] ** 2 / weights[self.counts > 0] ** 2
+            if float(np.ptp(np.log(factors))) > UNEQUAL:
+                squares, matrix, gradient, _ = self.normal(theta, self.weights(squares))
+                continue
+            ratio = float(np.mean(factors))
             believed, tilt = self.belief(theta), derivatives(self.belief, theta)
             matrix = ratio * (matrix - tilt.T @ tilt) + tilt.T @ tilt
             gradient = ratio * (gradient + tilt.T @ believed) - tilt.T @ believed

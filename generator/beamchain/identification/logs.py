@@ -65,7 +65,8 @@ def read_logs(
     given = [logs] if isinstance(logs, str | Path | Mapping) else logs
     if not isinstance(given, Sequence) or not given:
         raise InputError(
-            f"logs = {logs!r:.60} is no log; give a path, a mapping of arrays with time, torque_z and rate_z, or a list of those."
+            f"logs = {logs!r:.60} is no log; give a path, a mapping of arrays with time, torque_z and rate_z, "
+            "or a list of those."
         )
     times, spectra, tables = list[TimeLog](), list[Response](), list[ModalTable]()
     for i, one in enumerate(given):
@@ -81,7 +82,7 @@ def read_logs(
             columns = _columns(path, source)
         else:
             raise InputError(f"log {i + 1} is a {type(one).__name__}; give a path or a mapping of arrays.")
-        table = _numbers(_renamed(columns, names or {}, source), source)
+        table = _numbers(_renamed(columns, names or {}, source))
         if "time" in table:
             times.append(_time_log(table, actuators, source))
         elif "frequency" in table or "omega" in table:
@@ -91,7 +92,8 @@ def read_logs(
                 tables.append(_modal(table, source))
         else:
             raise InputError(
-                f"{source} has the columns {', '.join(map(str, list(table)[:12])) or 'none'}; a time log needs `time`, torque_x|y|z and "
+                f"{source} has the columns {', '.join(map(str, list(table)[:12])) or 'none'}; a time log needs "
+                "`time`, torque_x|y|z and "
                 "rate_* or attitude_*, a frequency response `frequency` or `omega`; name them with map (--map OLD=NEW)."
             )
     return times, spectra, tables
@@ -169,7 +171,7 @@ def _renamed(columns: Mapping[str, Any], names: Mapping[str, str], source: str) 
     return {names.get(str(key), str(key)): value for key, value in columns.items()}
 
 
-def _numbers(columns: Mapping[str, Any], source: str) -> dict[str, Array]:
+def _numbers(columns: Mapping[str, Any]) -> dict[str, Array]:
     out = dict[str, Array]()
     for name, values in columns.items():
         try:
@@ -187,7 +189,8 @@ def _time_log(table: Mapping[str, Array], actuators: Sequence[str], source: str)
         if not found:
             near = "".join(meant(name, known) for name in table if name != "time")
             raise InputError(
-                f"{source} has no column of a {what} (columns: {', '.join(table)}); {near}give one of {', '.join(known)}, or map a column."
+                f"{source} has no column of a {what} (columns: {', '.join(table)}); {near}give one of "
+                f"{', '.join(known)}, or map a column."
             )
     time = table["time"]
     n = time.size
@@ -201,14 +204,16 @@ def _time_log(table: Mapping[str, Array], actuators: Sequence[str], source: str)
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             raise InputError(
-                f"{source}: {name} = {values[bad[0]]} in sample {bad[0] + 1} ({bad.size} such samples); leave out the rows "
+                f"{source}: {name} = {values[bad[0]]} in sample {bad[0] + 1} ({bad.size} such samples); leave "
+                "out the rows "
                 "without a measurement, gaps are taken as such."
             )
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if back.size:
         i = int(back[0])
         raise InputError(
-            f"{source}: time goes from {time[i]!s} to {time[i + 1]!s} s at sample {i + 2}; it must ascend: sort the rows, and give "
+            f"{source}: time goes from {time[i]!s} to {time[i + 1]!s} s at sample {i + 2}; it must ascend: sort "
+            "the rows, and give "
             "logs that start again as several files."
         )
     return TimeLog(time, torques, sensed, source)

@@ -51,19 +51,34 @@ def cut(logs: Sequence[TimeLog], torques: Sequence[str], sensed: Sequence[str]) 
             full = saturated(y[:, i])
             if full.any():
                 use[:, i] = ~full
-                said.append(Caution("sensor", f"{log.source}: {int(full.sum())} samples of {name} stand at its extreme value in a row: "
-                                    "taken as saturated and left out."))  # fmt: skip
+                said.append(
+                    Caution(
+                        "sensor",
+                        f"{log.source}: {int(full.sum())} samples of {name} stand at its extreme value in a row: "
+                        "taken as saturated and left out.",
+                    )
+                )
             repeats = float(np.mean(np.diff(y[:, i]) == 0.0))
             if repeats > COARSE and not full.any():
-                said.append(Caution("sensor", f"{log.source}: {100 * repeats:.0f} % of the samples of {name} repeat the one before: the last "
-                                    "digit of the sensor is coarse beside its noise, so that errors are not quite random."))  # fmt: skip
+                said.append(
+                    Caution(
+                        "sensor",
+                        f"{log.source}: {100 * repeats:.0f} % of the samples of {name} repeat the one before: the last "
+                        "digit of the sensor is coarse beside its noise, so that errors are not quite random.",
+                    )
+                )
         steps = np.diff(log.time)
         usual = float(np.median(steps))
         unequal = float(np.mean(np.abs(steps / usual - 1.0) > 0.05)) > 0.1
         gaps = np.flatnonzero(steps > (UNEQUAL_GAP if unequal else GAP) * usual)
         if gaps.size:
-            said.append(Caution("log-gaps", f"{log.source} has {gaps.size} gap(s), the longest of {steps[gaps].max():.4g} s: after each the "
-                                "motion starts anew, unknown."))  # fmt: skip
+            said.append(
+                Caution(
+                    "log-gaps",
+                    f"{log.source} has {gaps.size} gap(s), the longest of {steps[gaps].max():.4g} s: after each the "
+                    "motion starts anew, unknown.",
+                )
+            )
         edges = [0, *(gaps + 1).tolist(), log.time.size]
         short = 0
         for a, b in zip(edges, edges[1:], strict=False):
@@ -98,17 +113,17 @@ def even(time: Array) -> bool:
 
 
 def saturated(values: Array) -> NDArray[np.bool_]:
-    """Samples in runs at the largest or the smallest value, and the one after each run."""
+    """Samples at the largest or the smallest value, where they come in runs, and the one after each run."""
     out = np.zeros(values.size, dtype=np.bool_)
     low, high = float(values.min()), float(values.max())
     levels = np.unique(values).size
-    if low == high or levels < 50 and not _clipped(values, levels):
+    if low == high or (levels < 50 and not _clipped(values, levels)):
         return out
     for level in (low, high):
         full = np.concatenate([[False], values == level, [False]])
         starts, ends = np.flatnonzero(full[1:] & ~full[:-1]), np.flatnonzero(~full[1:] & full[:-1])
-        for a, b in zip(starts, ends, strict=True):
-            if b - a >= RUN:
+        if np.max(ends - starts, initial=0) >= RUN:  # then single samples at this value are saturated too
+            for a, b in zip(starts, ends, strict=True):
                 out[a : b + 1] = True
     return out
 
@@ -135,7 +150,8 @@ def active(logs: Sequence[TimeLog], names: Sequence[str]) -> list[str]:
             constant.append(f"{name} is {values[0][0]:.4g} N m throughout")
     if not out:
         raise InputError(
-            f"nothing excites the craft: {', '.join(constant)}; what a log without changing torque shows depends on an unknown "
+            f"nothing excites the craft: {', '.join(constant)}; what a log without changing torque shows "
+            "depends on an unknown "
             "beginning. Give a log with a torque that changes."
         )
     return out

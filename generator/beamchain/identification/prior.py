@@ -93,8 +93,12 @@ def _widths(spec: Spec) -> tuple[float, float, float, float]:
 
     if given is None:
         return WIDTH, DAMPING, WIDTH, WIDTH
-    return (width(given.frequency, WIDTH), width(given.damping, DAMPING), width(given.participation, WIDTH),
-            width(given.density, WIDTH))  # fmt: skip
+    return (
+        width(given.frequency, WIDTH),
+        width(given.damping, DAMPING),
+        width(given.participation, WIDTH),
+        width(given.density, WIDTH),
+    )
 
 
 def seen_modes(parts: Parts, axes: Array) -> list[int]:
@@ -106,7 +110,7 @@ def seen_modes(parts: Parts, axes: Array) -> list[int]:
 
 
 def free_modes(parts: Parts, axes: Array, which: list[int]) -> tuple[Array, Array]:
-    """Frequencies and moments `(n, a)` of some modes with rotation held and translation free, in the order of the clamped ones."""
+    """Frequencies and moments `(n, a)` of some modes, rotation held and translation free, in the order of the clamped ones."""
     turned = turning(parts)
     squares, shapes = eigh(np.diag(parts.frequencies[which] ** 2), turned.modal[np.ix_(which, which)])
     order = np.argsort(linear_sum_assignment(-np.abs(shapes.T))[1])

@@ -8,7 +8,7 @@ from beamchain.identification.covariance import inverse
 from beamchain.identification.likelihood import Found, Likelihood, derivatives
 from beamchain.identification.response import Piece
 from beamchain.identification.result import Identification
-from beamchain.identification.structure import Parts, Structure, turning
+from beamchain.identification.structure import Parts, Structure, Unknown, turning
 from beamchain.ports.motions import Array
 
 SPLIT = 1.0  # trial separation in half widths of the mode
@@ -78,18 +78,26 @@ def images(structure: Structure, found: Found, likelihood: Likelihood) -> list[t
 
 
 def resolved(result: Identification, structure: Structure, found: Found, likelihood: Likelihood) -> Identification:
-    """The result with `resolution` of the modes found in the log, and sentences on what looks the same."""
+    """The result with `resolution` of the modes found in the log, and sentences on what looks the same.
+
+    With a prior the frequencies depend on rows that the log does not show; then no resolution is stated.
+    """
+    alone = isinstance(structure.body, Unknown)
     own = {float(w): i for i, w in enumerate(structure.parts(found.theta).frequencies)}
     modes = tuple(
-        replace(mode, resolution=resolution(structure, found, likelihood, own[mode.frequency])) if mode.frequency in own else mode
+        replace(mode, resolution=resolution(structure, found, likelihood, own[mode.frequency]))
+        if alone and mode.determined
+        else mode
         for mode in result.modes
     )
     said = list(result.undetermined)
     if told := ", ".join(f"{m.resolution:.2g} at {m.frequency:.5g}" for m in modes if np.isfinite(m.resolution)):
-        said.append(f"modes closer to each other than this would be found as one, of their joint moment [rad/s]: {told}.")
+        said.append(
+            f"modes closer to each other than this would be found as one, of their joint moment [rad/s]: {told}."
+        )
     if higher := images(structure, found, likelihood):
         said.append(
-            "equal steps cannot tell a mode from one that lies the sample rate higher: "
+            "equal steps cannot tell a mode from one that lies the sample rate or a multiple of it higher: "
             + ", ".join(f"{w:.5g} may be {image:.5g} rad/s" for w, image in higher)
             + "; sample faster, or unequally, where such modes are possible."
         )

@@ -106,7 +106,16 @@ class Piece:
     def part(self, start: int, end: int) -> "Piece":
         """The samples from `start` to `end`."""
         cut = slice(start, end)
-        return Piece(self.time[cut], self.inputs[cut], self.outputs[cut], self.use[cut], self.angles, self.even, self.log, self.drift)
+        return Piece(
+            self.time[cut],
+            self.inputs[cut],
+            self.outputs[cut],
+            self.use[cut],
+            self.angles,
+            self.even,
+            self.log,
+            self.drift,
+        )
 
     def constants(self, output: int) -> Array:
         """What a sensor adds of its own: its bias, which grows in an attitude; a drift where that is asked for."""

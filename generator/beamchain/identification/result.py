@@ -17,7 +17,8 @@ from beamchain.structure.modal_data import ModalData
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LARGEST = 0.99  # relative deviation that [uncertain] can take
+LARGEST = 0.99  # relative half width that [uncertain] can take
+WIDE = 0.3  # relative standard deviation beyond which a normal draw, cut at three of them, may be negative
 LEAST = 1e-9
 CORRELATED = 0.05  # smallest coefficient that is written
 
@@ -35,7 +36,8 @@ class IdentifiedMode:
         participation_std: `(6,)`; nan where neither log nor prior says anything.
         determined: the log determines frequency and damping.
         remark: what to know of it, empty where nothing is.
-        resolution: two modes closer than this [rad/s] would be found as one; nan where the log does not show the mode.
+        resolution: two modes closer than this [rad/s] would be found as one; nan with a prior, and of a mode that is not
+            determined.
     """
 
     number: int
@@ -69,7 +71,7 @@ class Identification:
         spectra: by channel: frequencies [rad/s], and densities of what was measured, modelled and left.
         length: of the appendage [m], for sharing out its mass.
         source: of what.
-        stated: `(n, 6)` participation of the file of modes, where no prior tells that in force.
+        stated: rigid mass `(6, 6)` and participation `(n, 6)` of the file of modes, where no prior tells mass and force.
     """
 
     modes: tuple[IdentifiedMode, ...]
@@ -88,12 +90,15 @@ class Identification:
     )
     length: float | None = None
     source: str = "log"
-    stated: Array | None = None
+    stated: tuple[Array, Array] | None = None
     advice: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        rows = [f"{m.number}: {m.frequency:.6g} +- {m.frequency_std:.2g} rad/s, damping {m.damping:.3g} +- {m.damping_std:.2g}"
-                + ("" if m.determined else ", undetermined") for m in self.modes]  # fmt: skip
+        rows = [
+            f"{m.number}: {m.frequency:.6g} +- {m.frequency_std:.2g} rad/s, damping {m.damping:.3g} +- "
+            f"{m.damping_std:.2g}" + ("" if m.determined else ", undetermined")
+            for m in self.modes
+        ]
         return "\n  ".join([f"<Identification of {self.source}, {len(self.modes)} modes", *rows]) + ">"
 
     def _repr_html_(self) -> str:
@@ -114,11 +119,16 @@ class Identification:
         there = list[str]()
         for mode in self.modes:
             one: dict[str, Any] = {"number": mode.number}
-            for kind, value, std in (("frequency", mode.frequency, mode.frequency_std), ("damping", mode.damping, mode.damping_std),
-                                     ("participation", 1.0, self._factor_std(mode))):  # fmt: skip
+            for kind, value, std in (
+                ("frequency", mode.frequency, mode.frequency_std),
+                ("damping", mode.damping, mode.damping_std),
+                ("participation", 1.0, self._factor_std(mode)),
+            ):
                 relative = std / value if value > 0.0 else np.nan
-                if np.isfinite(relative) and relative > LEAST:
-                    one[kind] = {"relative": float(min(relative, LARGEST))}
+                if np.isfinite(relative) and relative > WIDE:  # a normal one would be drawn negative
+                    one[kind] = {"relative": float(min(np.sqrt(3.0) * relative, LARGEST)), "distribution": "uniform"}
+                elif np.isfinite(relative) and relative > LEAST:
+                    one[kind] = {"relative": float(relative)}
                     there.append(f"mode{mode.number}.{kind}")
             if len(one) > 1:
                 out["mode"].append(one)
@@ -147,24 +157,42 @@ class Identification:
 
     def data(self) -> ModalData:
         """The modes as `[imported]` of a specification reads them."""
+        rigid, rows = self.stated or (self.rigid, np.array([m.participation for m in self.modes]))
         return ModalData(
-            rigid_mass=self.rigid, frequencies=np.array([m.frequency for m in self.modes]),
-            participation=np.array([m.participation for m in self.modes]) if self.stated is None else self.stated, damping=np.array([m.damping for m in self.modes]),
-            length=self.length, source=self.source, uncertain=self.uncertain,
-        )  # fmt: skip
+            rigid_mass=rigid,
+            frequencies=np.array([m.frequency for m in self.modes]),
+            participation=rows,
+            damping=np.array([m.damping for m in self.modes]),
+            length=self.length,
+            source=self.source,
+            uncertain=self.uncertain,
+        )
 
     def to_toml(self) -> str:
         """The text of modes.toml."""
         data = self.data()
         note = "identified by beamchain; " + (" ".join(self.undetermined) or "every value is determined by the log.")
-        lines = [f"note = {_text(note)}", f"frequencies = {_row(data.frequencies)}  # rad/s", f"damping = {_row(data.damping)}",
-                 "participation = [", *(f"  {_row(row)}," for row in data.participation.T), "]",
-                 "mass = [", *(f"  {_row(row)}," for row in data.rigid_mass), "]", "digits = 15"]  # fmt: skip
+        lines = [
+            f"note = {_text(note)}",
+            f"frequencies = {_row(data.frequencies)}  # rad/s",
+            f"damping = {_row(data.damping)}",
+            "participation = [",
+            *(f"  {_row(row)}," for row in data.participation.T),
+            "]",
+            "mass = [",
+            *(f"  {_row(row)}," for row in data.rigid_mass),
+            "]",
+            "digits = 15",
+        ]
         if self.length is not None:
             lines.append(f"length = {self.length!r}")
         for one in self.uncertain.get("mode", ()):
             lines += ["", "[[uncertain.mode]]", f"number = {one['number']}"]
-            lines += [f"{kind} = {{ relative = {how['relative']!r} }}" for kind, how in one.items() if kind != "number"]
+            lines += [
+                f"{kind} = {{ {', '.join(f'{k} = {v!r}' for k, v in how.items())} }}".replace("'", '"')
+                for kind, how in one.items()
+                if kind != "number"
+            ]
         for one in self.uncertain.get("correlation", ()):
             names = ", ".join(_text(name) for name in one["of"])
             lines += [
@@ -202,15 +230,33 @@ class Identification:
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            "modes": [{"number": m.number, "frequency": m.frequency, "frequency_std": m.frequency_std, "damping": m.damping,
-                       "damping_std": m.damping_std, "participation": m.participation, "participation_std": m.participation_std,
-                       "determined": m.determined, "remark": m.remark,
-                       "resolution": m.resolution} for m in self.modes],
-            "names": list(self.names), "covariance": self.covariance, "rigid": self.rigid,
-            "order": [one._asdict() for one in self.order], "whiteness": dict(self.whiteness), "held_out": dict(self.held_out),
-            "noise": dict(self.noise), "undetermined": list(self.undetermined), "advice": list(self.advice),
-            "update": None if self.update is None else self.update.as_dict(), **warnings_record(self.warnings),
-        }  # fmt: skip
+            "modes": [
+                {
+                    "number": m.number,
+                    "frequency": m.frequency,
+                    "frequency_std": m.frequency_std,
+                    "damping": m.damping,
+                    "damping_std": m.damping_std,
+                    "participation": m.participation,
+                    "participation_std": m.participation_std,
+                    "determined": m.determined,
+                    "remark": m.remark,
+                    "resolution": m.resolution,
+                }
+                for m in self.modes
+            ],
+            "names": list(self.names),
+            "covariance": self.covariance,
+            "rigid": self.rigid,
+            "order": [one._asdict() for one in self.order],
+            "whiteness": dict(self.whiteness),
+            "held_out": dict(self.held_out),
+            "noise": dict(self.noise),
+            "undetermined": list(self.undetermined),
+            "advice": list(self.advice),
+            "update": None if self.update is None else self.update.as_dict(),
+            **warnings_record(self.warnings),
+        }
 
 
 def _row(values: Sequence[float] | Array) -> str:

@@ -46,7 +46,8 @@ def check_swapped(made: Cut) -> None:
                 back = _explained(piece.inputs[:, m], once[:, i], use)
                 if table[i, m] < LITTLE and back > EXPLAINS:
                     raise InputError(
-                        f"{torque} follows from {rate} as a rate from a torque, and not the other way: the two columns are swapped; exchange "
+                        f"{torque} follows from {rate} as a rate from a torque, and not the other way: the two "
+                        "columns are swapped; exchange "
                         "them, or use map (--map)."
                     )
     own = {
@@ -57,7 +58,8 @@ def check_swapped(made: Cut) -> None:
         if others and value < LITTLE and max(v for _, v in others) > EXPLAINS:
             k = max(others, key=lambda one: one[1])[0]
             raise InputError(
-                f"{made.sensed[i]} follows {made.torques[k]} and not {made.torques[m]}: columns of different axes are swapped; exchange them, "
+                f"{made.sensed[i]} follows {made.torques[k]} and not {made.torques[m]}: columns of different "
+                "axes are swapped; exchange them, "
                 "or use map (--map)."
             )
 
@@ -86,7 +88,8 @@ def check_rigid(gain: Array, data: Any, known: Bare, rigid: Array, *, roughly: b
         name = f"about {_words(axis)}"
         if value <= 0.0:
             raise InputError(
-                f"the craft turns against its torque {name} ({', '.join(data.torques)} to {', '.join(data.sensed)}): a sign or a "
+                f"the craft turns against its torque {name} ({', '.join(data.torques)} to "
+                f"{', '.join(data.sensed)}): a sign or a "
                 "column is wrong; turn the sign of the torque, and see that each column is what its name says."
             )
         total = 1.0 / value
@@ -95,8 +98,10 @@ def check_rigid(gain: Array, data: Any, known: Bare, rigid: Array, *, roughly: b
             low, high = max(low, believed / OFF_PRIOR * (ROUGH if roughly else 1.0)), believed * OFF_PRIOR
         if not low <= total <= high:
             raise InputError(
-                f"the log's total inertia {name} is {total:.4g} kg m^2, that of the bare craft{' with the prior' if there else ' alone'} is "
-                f"{believed:.4g}; with rates in degrees it would be {total * DEGREE:.4g}: check the units (rad/s, N m), the columns, the "
+                f"the log's total inertia {name} is {total:.4g} kg m^2, that of the bare "
+                f"craft{' with the prior' if there else ' alone'} is "
+                f"{believed:.4g}; with rates in degrees it would be {total * DEGREE:.4g}: check the units "
+                "(rad/s, N m), the columns, the "
                 f"craft's mass properties{' and the prior' if there else ''}."
             )
 

@@ -12,17 +12,18 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from beamchain.identification.likelihood import Likelihood
-from beamchain.identification.response import Complex, Piece, Raw, Spectrum
+from beamchain.identification.response import Piece, Raw, Spectrum
 from beamchain.ports.motions import Array
 
 MOST_MODES = 14
 DAMPINGS = (0.0005, 0.002, 0.007, 0.02, 0.05)
 WIDTHS = (1, 5, 25, 125, 625)  # lines over which the spectrum is smoothed to find peaks
+BETWEEN = (-0.6, -0.3, 0.0, 0.3, 0.6)  # of a line, to either side of a peak: half a line is half a turn over the piece
 PEAKS = 6  # per width
 LINES = 160  # most spectral lines for one candidate
 REACH = 6.0  # half widths of a resonance, or lines, on either side
 PIECES = 3  # the longest, that are searched for peaks
-ITERATIONS = 6
+ITERATIONS = 20
 LAST_ITERATIONS = 25
 ENOUGH = 30_000  # samples, with which the search in a long log begins
 NOTHING = 1e-20  # mean square relative to the data that is none
@@ -39,7 +40,7 @@ class Order(NamedTuple):
 
 
 class Started(NamedTuple):
-    """The raw model with the number of modes asked for or supported, all orders tried, the information in its parameters; numbers per mode."""
+    """The raw model, all orders tried, the best of them, the information in its parameters, and numbers per mode."""
 
     raw: Raw
     orders: tuple[Order, ...]
@@ -50,46 +51,62 @@ class Started(NamedTuple):
 
 
 class Form:
-    """Raw models as parameters: logarithms of frequency and damping, residues and rigid part in units of their size."""
+    """Raw models as parameters: logarithms of frequency and damping, shape of the outputs, drive of the inputs, rigid part.
 
-    def __init__(self, outputs: int, inputs: int, sizes: Sequence[float], rigid: float) -> None:
-        self.shape, self.sizes, self.rigid = (outputs, inputs), sizes, rigid
+    Args:
+        outputs, inputs: how many.
+        raw: a model whose residues give their size and, per mode, the output that moves most, whose shape is 1.
+        rigid: size of the rigid part.
+    """
+
+    def __init__(self, outputs: int, inputs: int, raw: Raw, rigid: float) -> None:
+        self.shape, self.rigid = (outputs, inputs), rigid
+        self.sizes = [max(float(np.max(np.abs(g))), 1e-300) for g in raw.residues]
+        self.lead = [int(np.argmax(np.linalg.norm(g, axis=1))) for g in raw.residues]
+
+    @property
+    def width(self) -> int:
+        """Numbers per mode."""
+        p, m = self.shape
+        return 2 + 2 * (p - 1) + 2 * m
 
     def raw(self, theta: Array) -> Raw:
         """The raw model of parameters."""
         p, m = self.shape
-        width = 2 + 2 * p * m
-        poles, residues, shapes = list[complex](), list[Complex](), list[Complex]()
-        for k, size in enumerate(self.sizes):
-            part = theta[k * width : (k + 1) * width]
-            w, z = np.exp(part[0]), np.exp(part[1])
-            if not z < 1.0:
-                raise ValueError("overdamped")
-            poles.append(complex(-z * w, w * np.sqrt(1.0 - z**2)))
-            g = size * (part[2 : 2 + p * m] + 1j * part[2 + p * m :]).reshape(p, m)
-            residues.append(g)
-            one = np.linalg.svd(g)[0][:, 0] if p > 1 else np.ones(1, dtype=np.complex128)
-            shapes.append(one / one[int(np.argmax(np.abs(one)))])
         n = len(self.sizes)
-        rigid = self.rigid * theta[n * width :].reshape(p, m)
+        table = theta[: n * self.width].reshape(n, self.width)
+        w, z = np.exp(table[:, 0]), np.exp(table[:, 1])
+        if not np.all(z < 1.0):
+            raise ValueError("overdamped")
+        shapes, drives = np.ones((n, p), dtype=np.complex128), np.zeros((n, m), dtype=np.complex128)
+        for k, (size, lead) in enumerate(zip(self.sizes, self.lead, strict=True)):
+            others = [i for i in range(p) if i != lead]
+            shapes[k, others] = table[k, 2 : 1 + p] + 1j * table[k, 1 + p : 2 * p]
+            drives[k] = size * (table[k, 2 * p : 2 * p + m] + 1j * table[k, 2 * p + m :])
+        poles = w * (-z + 1j * np.sqrt(1.0 - z**2))
         return Raw(
-            np.array(poles, dtype=np.complex128), np.array(residues, dtype=np.complex128).reshape(n, p, m),
-            np.array(shapes, dtype=np.complex128).reshape(n, p), rigid,
-        )  # fmt: skip
+            poles, shapes[:, :, None] * drives[:, None, :], shapes, self.rigid * theta[n * self.width :].reshape(p, m)
+        )
 
     def theta(self, raw: Raw) -> Array:
-        """The parameters of a raw model."""
-        parts = [
-            np.concatenate(
-                [
-                    [np.log(abs(s)), np.log(max(-s.real / abs(s), 1e-7))],
-                    (g / size).real.ravel(),
-                    (g / size).imag.ravel(),
-                ]
+        """The parameters of a raw model; of a residue the part of one shape."""
+        out = list[Array]()
+        for pole, g, size, lead in zip(raw.poles, raw.residues, self.sizes, self.lead, strict=True):
+            drive = g[lead]
+            shape = np.delete(g @ drive.conj(), lead) / max(float(np.sum(np.abs(drive) ** 2)), 1e-300)
+            drive = drive / size
+            out.append(
+                np.concatenate(
+                    [
+                        [np.log(abs(pole)), np.log(max(-pole.real / abs(pole), 1e-7))],
+                        shape.real,
+                        shape.imag,
+                        drive.real,
+                        drive.imag,
+                    ]
+                )
             )
-            for s, g, size in zip(raw.poles, raw.residues, self.sizes, strict=True)
-        ]
-        return np.concatenate([*parts, raw.rigid.ravel() / self.rigid])
+        return np.concatenate([*out, raw.rigid.ravel() / self.rigid])
 
 
 def started(
@@ -123,10 +140,12 @@ def started(
     final = _refined(pieces, chosen, scale, size, LAST_ITERATIONS)[0]
     order = np.argsort(final.poles.imag)
     final = Raw(final.poles[order], final.residues[order], final.shapes[order], final.rigid)
-    form = Form(*rigid.shape, [max(float(np.max(np.abs(g))), 1e-300) for g in final.residues], size)
+    form = Form(*rigid.shape, final, size)
     likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
     weights = likelihood.weights(likelihood.squares(final))
-    return Started(final, tuple(search.orders), better, form, likelihood.normal(form.theta(final), weights)[1], search.each)
+    return Started(
+        final, tuple(search.orders), better, form, likelihood.normal(form.theta(final), weights)[1], search.each
+    )
 
 
 def frozen(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array) -> Raw:
@@ -138,7 +157,10 @@ def frozen(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array) -> Ra
 
 def _fewer(pieces: Sequence[Piece | Spectrum]) -> Sequence[Piece | Spectrum]:
     """The beginnings of long pieces, with which a search is begun; the same pieces where they are short."""
-    if not all(isinstance(p, Piece) for p in pieces) or sum(p.time.size for p in pieces if isinstance(p, Piece)) < 2 * ENOUGH:
+    if (
+        not all(isinstance(p, Piece) for p in pieces)
+        or sum(p.time.size for p in pieces if isinstance(p, Piece)) < 2 * ENOUGH
+    ):
         return pieces
     longest = sorted((p for p in pieces if isinstance(p, Piece)), key=lambda p: -p.time.size)[:PIECES]
     return [p.part(0, min(p.time.size, ENOUGH // len(longest))) for p in longest]
@@ -161,14 +183,17 @@ class _Search:
         """Start with a model."""
         raw, self.cost, self.left, self.n = _refined(self.pieces, raw, self.scale, self.size, LAST_ITERATIONS)
         # a free response per piece and mode is fitted too
-        self.each = 2.0 + 2.0 * raw.rigid.size + 2.0 * sum(isinstance(piece, Piece) for piece in self.pieces)
+        p, m = raw.rigid.shape
+        self.each = 2.0 * (p + m) + 2.0 * sum(isinstance(piece, Piece) for piece in self.pieces)
         self._add(raw, 0.0)
 
     def _add(self, raw: Raw, gain: float) -> None:
         k = raw.poles.size
         order = np.argsort(np.abs(raw.poles))
         ratios = -raw.poles.real / np.abs(raw.poles)
-        self.orders.append(Order(k, self.cost + self.each * k * np.log(self.n), gain, np.abs(raw.poles)[order], ratios[order]))
+        self.orders.append(
+            Order(k, self.cost + self.each * k * np.log(self.n), gain, np.abs(raw.poles)[order], ratios[order])
+        )
         self.models.append(raw)
 
     def prepend(self, other: "_Search", modes: int) -> None:
@@ -184,7 +209,9 @@ class _Search:
         while len(self.models) <= most and self.left > NOTHING and failed < failures:
             raw, best = self.models[-1], None
             for pole, _ in _candidates(self.pieces, raw, self.scale, self.hints)[:trials]:
-                trial = _refined(self.pieces, _with(raw, pole, self.pieces, self.scale), self.scale, self.size, ITERATIONS)
+                trial = _refined(
+                    self.pieces, _with(raw, pole, self.pieces, self.scale), self.scale, self.size, ITERATIONS
+                )
                 if best is None or trial[1] < best[1]:
                     best = trial
                 if trial[1] < self.cost - self.each * np.log(self.n):
@@ -201,8 +228,7 @@ def _refined(
     pieces: Sequence[Piece | Spectrum], raw: Raw, scale: Array, rigid: float, iterations: int
 ) -> tuple[Raw, float, float, float]:
     """The model refined, minus twice its log likelihood, mean square left relative to the data, and count of numbers."""
-    sizes = [max(float(np.max(np.abs(g))), 1e-300) for g in raw.residues]
-    form = Form(*raw.rigid.shape, sizes, rigid)
+    form = Form(*raw.rigid.shape, raw, rigid)
     likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
     found = likelihood.best(form.theta(raw), iterations)
     left = float(np.max(found.squares / np.maximum(found.counts, 1.0) / scale**2))
@@ -230,8 +256,14 @@ def _with(raw: Raw, pole: complex, pieces: Sequence[Piece | Spectrum], scale: Ar
         free = np.exp(pole * t)
         for i in range(p):
             seen = (state - piece._once) / pole if piece.angles[i] else state
-            table = np.column_stack([np.stack([2.0 * seen.real, -2.0 * seen.imag], axis=2).reshape(t.size, -1),
-                                     free.real, -free.imag, piece.constants(i)])[piece.use[:, i]]  # fmt: skip
+            table = np.column_stack(
+                [
+                    np.stack([2.0 * seen.real, -2.0 * seen.imag], axis=2).reshape(t.size, -1),
+                    free.real,
+                    -free.imag,
+                    piece.constants(i),
+                ]
+            )[piece.use[:, i]]
             held = table[:, 2 * m :]
             solved = np.linalg.lstsq(
                 held.T @ held, held.T @ np.column_stack([table[:, : 2 * m], left[piece.use[:, i], i]])
@@ -240,10 +272,15 @@ def _with(raw: Raw, pole: complex, pieces: Sequence[Piece | Spectrum], scale: Ar
             top[i] += own.T @ own
             right[i] += own.T @ left[piece.use[:, i], i]
     g = np.array([np.linalg.lstsq(a, b)[0] for a, b in zip(top, right, strict=True)]).reshape(p, m, 2)
-    residue = g[..., 0] + 1j * g[..., 1]
-    shape = np.ones((1, p), dtype=np.complex128)
-    return Raw(np.append(raw.poles, pole), np.concatenate([raw.residues, residue[None]]),
-               np.concatenate([raw.shapes, shape]), raw.rigid)  # fmt: skip
+    left, values, right = np.linalg.svd(g[..., 0] + 1j * g[..., 1])
+    shape = left[:, 0] / left[int(np.argmax(np.abs(left[:, 0]))), 0]
+    residue = values[0] * left[:, :1] @ right[:1]
+    return Raw(
+        np.append(raw.poles, pole),
+        np.concatenate([raw.residues, residue[None]]),
+        np.concatenate([raw.shapes, shape[None]]),
+        raw.rigid,
+    )
 
 
 def _candidates(
@@ -307,7 +344,7 @@ def _of_piece(piece: Piece, left: Array, hints: Sequence[complex]) -> list[tuple
         level = (uniform_filter1d(energy, width) - floor) * width
         top = np.flatnonzero((level[1:-1] >= level[:-2]) & (level[1:-1] >= level[2:]) & (level[1:-1] > 0.0)) + 1
         for i in top[np.argsort(level[top])[::-1][:PEAKS]]:
-            trials += [complex(-z, 1.0) * omega[i] for z in DAMPINGS if i > 0]
+            trials += [complex(-z, 1.0) * (omega[i] + part * step) for z in DAMPINGS for part in BETWEEN]
     out = list[tuple[complex, float]]()
     for pole in trials:
         reach = max(REACH * step, -REACH * pole.real)

@@ -1,7 +1,7 @@
 """Where a log without a prior leaves force and mass open: a slender, nearly massless cantilever with the moments found.
 
-A chain needs mass along its length, and modes that push where they turn. What is stated has a millionth of the hub's mass, so that
-on the same craft nothing changes that the log has shown, and the lever arms of a uniform cantilever's modes.
+A chain needs mass along its length, and modes that push where they turn. What is stated has a billionth of the hub's mass, so
+that on the same craft nothing changes that the log has shown, and the lever arms of a uniform cantilever's modes.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from beamchain.identification.structure import Parts, turning
 from beamchain.ports.motions import Array, body_mass_matrix
 
-SLIGHT = 1e-6  # of the hub's mass
+SLIGHT = 1e-9  # of the hub's mass
 POLAR = 1e-6  # of the inertia across, where nothing turns about the length
 SAFE = 0.9  # factor on force and mass centre, until the residual mass is positive
 #: force over moment of a uniform cantilever's modes, times its length
@@ -43,7 +43,9 @@ def stated(parts: Parts, axes: Array) -> tuple[Array, Array, float]:
             lever = LEVERS[rank] if rank < LEVERS.size else np.pi * (rank + 0.5)
             rows[k, force] = sign * lever * rows[k, 3 + i] / length
     scale = np.sqrt(np.diag(rigid))
-    while np.linalg.eigvalsh((rigid - rows.T @ rows) / np.outer(scale, scale))[0] <= 0.0 and np.any(np.abs(rows[:, :3]) > 1e-9):
+    while np.linalg.eigvalsh((rigid - rows.T @ rows) / np.outer(scale, scale))[0] <= 0.0 and np.any(
+        np.abs(rows[:, :3]) > 1e-9
+    ):
         rows[:, :3] *= SAFE
         rigid[3:, :3] *= SAFE
         rigid[:3, 3:] = rigid[3:, :3].T

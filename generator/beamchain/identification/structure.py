@@ -215,8 +215,9 @@ def seen(parts: Parts, inputs: Array, outputs: Array) -> Raw:
     force[3:, 3 : 3 + n], force[3:, 3 + n :] = -np.diag(2.0 * parts.damping * w), -np.diag(w)
     system = np.vstack([np.linalg.solve(mass, force), np.zeros((n, 3 + 2 * n))])
     system[3 + n :, 3 : 3 + n] = np.diag(w)  # the last states are frequency times deflection
-    drive = np.vstack([np.linalg.solve(mass, np.vstack([inputs.T, np.zeros((n, inputs.shape[0]))])),
-                       np.zeros((n, inputs.shape[0]))])  # fmt: skip
+    drive = np.vstack(
+        [np.linalg.solve(mass, np.vstack([inputs.T, np.zeros((n, inputs.shape[0]))])), np.zeros((n, inputs.shape[0]))]
+    )
     values, vectors = np.linalg.eig(system)
     left = np.linalg.solve(vectors, drive.astype(np.complex128))
     up = np.flatnonzero(values.imag > 1e-9 * float(np.max(np.abs(values), initial=1e-300)))
@@ -226,6 +227,7 @@ def seen(parts: Parts, inputs: Array, outputs: Array) -> Raw:
     shapes = (outputs @ vectors[:3, up]).T
     residues = shapes[:, :, None] * left[up][:, None, :]
     top = shapes[np.arange(n), np.argmax(np.abs(shapes), axis=1)]
+    top = np.where(np.abs(top) > 0.0, top, 1.0)
     return Raw(values[up], residues, shapes / top[:, None], outputs @ np.linalg.solve(inertia, inputs.T))
 
 
@@ -245,14 +247,15 @@ def clamped(raw: Raw, inputs: Array, outputs: Array, axes: Array) -> tuple[Array
     values, vectors = np.linalg.eigh((rigid + rigid.T) / 2.0)
     values = np.maximum(values, 1e-6 * float(values[-1]))
     inertia = (vectors / values) @ vectors.T
-    rows = list[Array]()
-    for g in raw.residues:
-        own = 2.0 * (to_out @ g @ to_in).real
-        power, shape = np.linalg.eigh((own + own.T) / 2.0)
-        rows.append(np.sqrt(max(float(power[-1]), 0.0)) * shape[:, -1])
+    own = [2.0 * (to_out @ g @ to_in).real for g in raw.residues]
+    powers, directions = np.linalg.eigh(
+        np.array([(g + g.T) / 2.0 for g in own]).reshape(-1, axes.shape[1], axes.shape[1])
+    )
+    least = LEAST * float(np.max(powers, initial=0.0))  # a mode without any moment would stay so
+    rows = np.sqrt(np.maximum(powers[:, -1:], least)) * directions[:, :, -1]
     n, a = raw.poles.size, axes.shape[1]
     frozen = _square_root((vectors * values) @ vectors.T)
-    port = np.vstack([frozen, np.array(rows).reshape(n, a)])
+    port = np.vstack([frozen, rows])
     free = null_space(port.T)
     omega = np.abs(raw.poles)
     stiffness = np.diag(np.concatenate([np.zeros(a), omega**2]))

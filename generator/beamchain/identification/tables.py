@@ -7,7 +7,7 @@ from beamchain.caution import Caution
 from beamchain.errors import InputError
 from beamchain.identification.logs import ModalTable
 from beamchain.identification.prior import FAR, Prior, read_prior
-from beamchain.identification.result import IdentifiedMode, Identification
+from beamchain.identification.result import Identification, IdentifiedMode
 from beamchain.identification.start import Order
 from beamchain.identification.update import scaled, update
 from beamchain.ports.motions import Array
@@ -33,15 +33,27 @@ def from_table(table: ModalTable, prior: Prior, at: str) -> Identification:
         first = update(prior, of, wanted, ACCURACY**2 * np.eye(w.size), None, moments=False)
     del frequencies
     said = [
-        "participation and rigid mass: a table of frequencies says nothing of them; they are the prior's, with its width."
+        "participation and rigid mass: a table of frequencies says nothing of them; they are the prior's, with "
+        "its width."
     ]
     modes = list[IdentifiedMode]()
     for i, j in enumerate(of):
         damping = prior.parts.damping[j] if table.damping is None else table.damping[i]
         row = prior.parts.participation[j]
         remark = "participation comes from the prior" + ("; damping too" if table.damping is None else "")
-        modes.append(IdentifiedMode(i + 1, float(w[i]), float(damping), row, ACCURACY * float(w[i]), float(damping) * prior.widths[1],
-                                    np.abs(row) * prior.widths[2], table.damping is not None, remark))  # fmt: skip
+        modes.append(
+            IdentifiedMode(
+                i + 1,
+                float(w[i]),
+                float(damping),
+                row,
+                ACCURACY * float(w[i]),
+                float(damping) * prior.widths[1],
+                np.abs(row) * prior.widths[2],
+                table.damping is not None,
+                remark,
+            )
+        )
     warnings = list[str]()
     if first is not None:
         said += first.undetermined
@@ -53,8 +65,20 @@ def from_table(table: ModalTable, prior: Prior, at: str) -> Identification:
     names = [f"mode{i + 1}.{kind}" for kind in ("frequency", "damping", "participation") for i in range(w.size)]
     sd = np.concatenate([ACCURACY * w, [m.damping_std for m in modes], np.full(w.size, prior.widths[2])])
     order = Order(w.size, float("nan"), float("nan"), w, np.array([m.damping for m in modes]))
-    return Identification(tuple(modes), tuple(names), np.diag(sd**2), prior.parts.rigid, (order,), {}, tuple(warnings), tuple(said), first,
-                          {}, {}, source=f"table at {at}")  # fmt: skip
+    return Identification(
+        tuple(modes),
+        tuple(names),
+        np.diag(sd**2),
+        prior.parts.rigid,
+        (order,),
+        {},
+        tuple(warnings),
+        tuple(said),
+        first,
+        {},
+        {},
+        source=f"table at {at}",
+    )
 
 
 def _nearest(measured: Array, known: Array, source: str) -> tuple[list[int], Array]:
@@ -65,6 +89,7 @@ def _nearest(measured: Array, known: Array, source: str) -> tuple[list[int], Arr
     for i, j in enumerate(of):
         if j < 0 or cost[i, j] > FAR:
             raise InputError(
-                f"{source}: the prior has no mode near {measured[i]:.5g} rad/s; give it more modes, or check the unit (frequency is in Hz)."
+                f"{source}: the prior has no mode near {measured[i]:.5g} rad/s; give it more modes, or check "
+                "the unit (frequency is in Hz)."
             )
     return of, known[of]

@@ -42,8 +42,13 @@ class Update:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"factors": self.factors, "std": self.std, "stiffness_over_mass": {"factor": self.ratio, "std": self.ratio_std},
-                "misfit": self.misfit, "undetermined": list(self.undetermined)}  # fmt: skip
+        return {
+            "factors": self.factors,
+            "std": self.std,
+            "stiffness_over_mass": {"factor": self.ratio, "std": self.ratio_std},
+            "misfit": self.misfit,
+            "undetermined": list(self.undetermined),
+        }
 
 
 def scaled(spec: Spec, logs: Array) -> Spec:
@@ -126,11 +131,17 @@ def update(
         )
     for i, value in zip(pick, left[: len(pick)], strict=True):
         if abs(value) > MISFIT:
-            said.append(f"mode {i + 1} lies {100 * misfit[i]:.2g} % off the updated beam, more than its accuracy: an error of the beam model, "
-                        "not of the factors.")  # fmt: skip
+            said.append(
+                f"mode {i + 1} lies {100 * misfit[i]:.2g} % off the updated beam, more than its accuracy: an "
+                "error of the beam model, "
+                "not of the factors."
+            )
     values = np.exp(logs)
     return Update(
         {n: float(v) if n not in open_ones else 1.0 for n, v in zip(names, values, strict=True)},
         {n: float(v * s) if n not in open_ones else float("nan") for n, v, s in zip(names, values, sd, strict=True)},
-        float(np.exp(ratio @ logs)), float(np.exp(ratio @ logs) * np.sqrt(ratio @ spread @ ratio)), misfit, tuple(said),
-    )  # fmt: skip
+        float(np.exp(ratio @ logs)),
+        float(np.exp(ratio @ logs) * np.sqrt(ratio @ spread @ ratio)),
+        misfit,
+        tuple(said),
+    )

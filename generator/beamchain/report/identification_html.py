@@ -56,10 +56,17 @@ def identification_page(found: Identification, name: str) -> str:
         for key, figure in {**figures, "order": _stabilisation(found), "bars": _bars(found)}.items()
     }
     return page_text(
-        "identification.html", name=name, found=found, verdict=Verdict(all(m.determined for m in found.modes), _sentence(found)),
-        modes=Table(_modes(found), _HEAD, note="Intervals are of 95 %."), rows=_rows(found), orders=_orders(found), channels=_channels(found),
-        factors=_factors(found), drawn=drawn,
-    )  # fmt: skip
+        "identification.html",
+        name=name,
+        found=found,
+        verdict=Verdict(all(m.determined for m in found.modes), _sentence(found)),
+        modes=Table(_modes(found), _HEAD, note="Intervals are of 95 %."),
+        rows=_rows(found),
+        orders=_orders(found),
+        channels=_channels(found),
+        factors=_factors(found),
+        drawn=drawn,
+    )
 
 
 _HEAD = ("mode", "frequency, rad/s", "±", "damping ratio", "±", "determined", "remark")
@@ -72,10 +79,17 @@ def _sentence(found: Identification) -> str:
 
 def _modes(found: Identification) -> list[tuple[str, ...]]:
     return [
-        (str(m.number), f"{m.frequency:.7g}", f"{INTERVAL * m.frequency_std:.2g}", f"{m.damping:.4g}", f"{INTERVAL * m.damping_std:.2g}",
-         "yes" if m.determined else "no", m.remark)
+        (
+            str(m.number),
+            f"{m.frequency:.7g}",
+            f"{INTERVAL * m.frequency_std:.2g}",
+            f"{m.damping:.4g}",
+            f"{INTERVAL * m.damping_std:.2g}",
+            "yes" if m.determined else "no",
+            m.remark,
+        )
         for m in found.modes
-    ]  # fmt: skip
+    ]
 
 
 def _rows(found: Identification) -> Table:
@@ -102,8 +116,12 @@ def _orders(found: Identification) -> Table:
         (str(o.modes), f"{o.criterion:.6g}", f"{o.gain:.4g}", ", ".join(f"{w:.5g}" for w in o.frequencies))
         for o in found.order
     ]
-    return Table(rows, ("modes", "criterion", "gain", "coupled frequencies, rad/s"), note="Bayesian information criterion of the raw model; gain: fall of "
-                 "minus twice the log likelihood over one mode fewer.")  # fmt: skip
+    return Table(
+        rows,
+        ("modes", "criterion", "gain", "coupled frequencies, rad/s"),
+        note="Bayesian information criterion of the raw model; gain: fall of "
+        "minus twice the log likelihood over one mode fewer.",
+    )
 
 
 def _channels(found: Identification) -> Table:
@@ -117,8 +135,14 @@ def _channels(found: Identification) -> Table:
 def _factors(found: Identification) -> Table:
     if found.update is None:
         return Table([])
-    rows = [(name.replace("_", " "), f"{value:.6g}", f"{INTERVAL * found.update.std[name]:.2g}" if np.isfinite(found.update.std[name]) else "not determined")
-            for name, value in found.update.factors.items()]  # fmt: skip
+    rows = [
+        (
+            name.replace("_", " "),
+            f"{value:.6g}",
+            f"{INTERVAL * found.update.std[name]:.2g}" if np.isfinite(found.update.std[name]) else "not determined",
+        )
+        for name, value in found.update.factors.items()
+    ]
     rows.append(("stiffness over mass", f"{found.update.ratio:.6g}", f"{INTERVAL * found.update.ratio_std:.2g}"))
     return Table(rows, ("factor on the prior's", "value", "±"))
 
