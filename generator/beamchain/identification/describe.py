@@ -299,14 +299,14 @@ def _unseen(
             f"{len(kept)} mode(s) of the prior do not turn the craft about a driven axis and stay as the prior "
             "has them."
         )
-    for j in pairs.missed:
-        w = float(pairs.frequencies[j])
-        if w > half:
-            said.append(
-                f"the prior's mode at {w:.4g} rad/s lies above half the sample rate ({half:.4g} rad/s): this "
-                "log cannot determine it."
-            )
-        elif w <= 1.2 * top:
+    beyond = [float(pairs.frequencies[j]) for j in pairs.missed if pairs.frequencies[j] > half]
+    if beyond:
+        said.append(
+            f"{len(beyond)} mode(s) of the prior, from {min(beyond):.4g} rad/s, lie above half the sample rate ({half:.4g} rad/s): "
+            "this log cannot determine them."
+        )
+    for w in (float(pairs.frequencies[j]) for j in pairs.missed):
+        if w <= min(half, 1.2 * top):
             warnings.append(
                 Caution(
                     "prior-contradicted", f"the prior's mode at {w:.4g} rad/s was not found in the log and is left out."

@@ -8,7 +8,7 @@ from beamchain.identification.covariance import inverse
 from beamchain.identification.likelihood import Found, Likelihood, derivatives
 from beamchain.identification.response import Piece
 from beamchain.identification.result import Identification
-from beamchain.identification.structure import Parts, Structure, turning
+from beamchain.identification.structure import Parts, Structure, Unknown, turning
 from beamchain.ports.motions import Array
 
 SPLIT = 1.0  # trial separation in half widths of the mode
@@ -78,11 +78,15 @@ def images(structure: Structure, found: Found, likelihood: Likelihood) -> list[t
 
 
 def resolved(result: Identification, structure: Structure, found: Found, likelihood: Likelihood) -> Identification:
-    """The result with `resolution` of the modes found in the log, and sentences on what looks the same."""
+    """The result with `resolution` of the modes found in the log, and sentences on what looks the same.
+
+    With a prior the frequencies depend on rows that the log does not show; then no resolution is stated.
+    """
+    alone = isinstance(structure.body, Unknown)
     own = {float(w): i for i, w in enumerate(structure.parts(found.theta).frequencies)}
     modes = tuple(
         replace(mode, resolution=resolution(structure, found, likelihood, own[mode.frequency]))
-        if mode.determined
+        if alone and mode.determined
         else mode
         for mode in result.modes
     )

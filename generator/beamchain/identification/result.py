@@ -35,7 +35,8 @@ class IdentifiedMode:
         participation_std: `(6,)`; nan where neither log nor prior says anything.
         determined: the log determines frequency and damping.
         remark: what to know of it, empty where nothing is.
-        resolution: two modes closer than this [rad/s] would be found as one; nan of a mode that is not determined.
+        resolution: two modes closer than this [rad/s] would be found as one; nan with a prior, and of a mode that is not
+            determined.
     """
 
     number: int
