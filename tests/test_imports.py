@@ -34,7 +34,7 @@ MODULES = set(modules())
 PUBLIC = {
     "Beam", "BeamchainError", "Box", "Custom", "Damping", "Draw", "Embedded", "Equivalent", "Fit",
     "FitOptions", "HeldInput", "Hub", "InputError", "Joint", "Lump", "Material", "ModalData",
-    "Modes", "OutputError", "PortModel", "Rectangle", "Root", "Round", "Scene", "Segment",
+    "Modes", "PortModel", "Rectangle", "Root", "Round", "Scene", "Segment",
     "Spec", "Tube", "__version__", "compare", "embed", "fit", "identify", "linearise", "plant", "read_modes", "read_spec",
     "retime", "stability", "start_velocity", "study", "sweep", "worlds",
 }  # fmt: skip

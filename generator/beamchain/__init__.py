@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
     from beamchain.errors import InputError as InputError
-    from beamchain.errors import OutputError as OutputError
     from beamchain.fitting.fit import fit as fit
     from beamchain.fitting.hub import Hub as Hub
     from beamchain.fitting.options import Damping as Damping
@@ -57,7 +56,6 @@ _PLACES = {
     "errors": (
         "BeamchainError",
         "InputError",
-        "OutputError",
     ),
     "fitting.fit": ("fit",),
     "fitting.hub": ("Hub",),

@@ -180,7 +180,7 @@ def test_files_hold_the_plant_and_are_not_overwritten(tmp_path):
         == list(plain["StateName"])
     )
     assert loadmat(grid.write(tmp_path / "g.mat"))["A"].shape == (*grid[0].A.shape, 2)
-    with pytest.raises(bc.OutputError, match=r"p\.mat' exists"):
+    with pytest.raises(bc.BeamchainError, match=r"p\.mat' exists"):
         plant.write(tmp_path / "p.mat")
     plant.write(tmp_path / "p.mat", force=True)
     with pytest.raises(bc.InputError, match=r"ends in '\.csv'; write to a name in \.npz, \.json, \.mat"):

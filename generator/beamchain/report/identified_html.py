@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from beamchain.identification.result import Identification, IdentifiedMode
 from beamchain.report.notebook import block
 from beamchain.report.page import Table, Verdict, page_text
-from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, to_svg
+from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE
+from beamchain.report.svg import to_svg
 from beamchain.structure.planes import MOTIONS
 
 if TYPE_CHECKING:
