@@ -15,7 +15,7 @@ import beamchain
 
 SOURCE = Path(beamchain.__file__).parent
 SENTENCE = (
-    "ports", "structure", "chain", "mjcf", "engine", "steps", "fitting", "craft", "studies", "report", "cli",
+    "ports", "structure", "chain", "mjcf", "engine", "steps", "fitting", "craft", "studies", "identification", "report", "cli",
 )  # fmt: skip
 HEAVY = ("mujoco", "lxml", "matplotlib", "control")
 
@@ -34,8 +34,8 @@ MODULES = set(modules())
 PUBLIC = {
     "Beam", "BeamchainError", "Box", "Custom", "Damping", "Embedded", "Equivalent", "Fit",
     "FitOptions", "HeldInput", "Hub", "InputError", "Joint", "Lump", "Material", "ModalData",
-    "Modes", "OutputError", "PortModel", "RealisationError", "Rectangle", "Root", "Round", "Scene", "Segment",
-    "Spec", "Tube", "__version__", "compare", "embed", "fit", "linearise", "plant", "read_modes", "read_spec",
+    "Modes", "OutputError", "PortModel", "Rectangle", "Root", "Round", "Scene", "Segment",
+    "Spec", "Tube", "__version__", "compare", "embed", "fit", "identify", "linearise", "plant", "read_modes", "read_spec",
     "retime", "stability", "start_velocity", "study", "sweep", "worlds",
 }  # fmt: skip
 

@@ -43,6 +43,7 @@ CODES = {
     "prior-contradicted": "a log contradicts what was believed before",
     "sensor": "a sensor of a log saturates or is coarse",
     "undetermined": "a log does not determine something",
+    "offset": "the sensors of a log lag behind its torques",
     "other": "anything else",
 }
 

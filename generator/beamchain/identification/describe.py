@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.signal import welch
+from scipy.signal import detrend, welch
 
 from beamchain.caution import Caution
 from beamchain.identification.covariance import inverse
@@ -376,7 +376,7 @@ def _spectra(data: Any, residuals: Sequence[Array]) -> dict[str, tuple[Array, Ar
         use = piece.use[:, i]
         measured = np.where(use, piece.outputs[:, i], piece.outputs[use, i].mean())
         (f, a), (_, b), (_, c) = (
-            welch(v, rate, nperseg=n, detrend="linear") for v in (measured, measured - left[:, i], left[:, i])
+            welch(detrend(v), rate, nperseg=n) for v in (measured, measured - left[:, i], left[:, i])
         )
         out[name] = (2.0 * np.pi * f[1:], a[1:], b[1:], c[1:])
     return out

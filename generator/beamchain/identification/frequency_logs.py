@@ -60,10 +60,10 @@ def responses(table: Mapping[str, Array], source: str) -> list[Response]:
     for (kind, axis, torque), parts in found.items():
         label = f"{kind}_{axis}/{torque}"
         if "re" in parts and "im" in parts:
-            value = parts["re"] + 1j * parts["im"]
+            value = np.asarray(parts["re"] + 1j * parts["im"], dtype=np.complex128)
         elif "magnitude" in parts and ("phase" in parts or "phase_deg" in parts):
             angle = parts["phase"] if "phase" in parts else np.radians(parts["phase_deg"])
-            value = parts["magnitude"] * np.exp(1j * angle)
+            value = np.asarray(parts["magnitude"] * np.exp(1j * angle), dtype=np.complex128)
         else:
             raise InputError(
                 f"{source}: {label} needs the columns `{label} re` and `{label} im`, or magnitude and phase "

@@ -71,9 +71,9 @@ def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", at: str) -> Bare:
     for i, label in enumerate(actuator_names(model)):
         kind, target = int(model.actuator_trntype[i]), int(model.actuator_trnid[i, 0])
         gear = np.asarray(model.actuator_gear[i]) * float(model.actuator_gainprm[i, 0])
-        if kind == int(mujoco.mjtTrn.mjTRN_SITE) and not np.any(gear[:3]):
+        if kind == _transmission("SITE") and not np.any(gear[:3]):
             actuators[label] = data.xmat[hub].reshape(3, 3).T @ data.site_xmat[target].reshape(3, 3) @ gear[3:]
-        elif kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)):
+        elif kind in (_transmission("JOINT"), _transmission("JOINTINPARENT")):
             if int(model.jnt_type[target]) != int(mujoco.mjtJoint.mjJNT_HINGE):
                 continue
             body = int(model.jnt_bodyid[target])
@@ -94,3 +94,7 @@ def directions(known: Bare, names: tuple[str, ...]) -> Array:
 def _names(model: "mujoco.MjModel", kind: str) -> list[str]:
     count = model.nsite if kind == "site" else model.nbody
     return [str(getattr(model, kind)(i).name) for i in range(1 if kind == "body" else 0, count)]
+
+
+def _transmission(kind: str) -> int:
+    return int(getattr(mujoco.mjtTrn, f"mjTRN_{kind}"))

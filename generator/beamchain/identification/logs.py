@@ -125,7 +125,7 @@ def _columns(path: Path, source: str) -> Mapping[str, Any]:
 
             return {k: np.ravel(v) for k, v in loadmat(path).items() if not k.startswith("__") and np.size(v) > 1}
         try:
-            from pyarrow import parquet
+            from pyarrow import parquet  # pyright: ignore[reportMissingImports]
         except ImportError:
             raise InputError(
                 f"{source}: Parquet needs pyarrow; pip install 'beamchain[identification]', or give CSV."

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamchain.errors import InputError
 from beamchain.identification.hub import Bare
@@ -21,7 +22,7 @@ EXPLAINS = 0.5  # part of a column's variation that tells which is torque and wh
 LITTLE = 0.05
 
 
-def _explained(target: Array, source: Array, use: Array) -> float:
+def _explained(target: Array, source: Array, use: NDArray[np.bool_]) -> float:
     """Part of the variation of a column that another one's explains."""
     x, y = source[use] - source[use].mean(), target[use] - target[use].mean()
     return float((x @ y) ** 2 / max((x @ x) * (y @ y), 1e-300))

@@ -110,7 +110,12 @@ class Form:
 
 
 def started(
-    pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array, modes: int | None, hints: Sequence[complex] = ()
+    pieces: Sequence[Piece | Spectrum],
+    rigid: Array,
+    scale: Array,
+    modes: int | None,
+    hints: Sequence[complex] = (),
+    most: int = MOST_MODES,
 ) -> Started:
     """Modes one after another until the criterion rises, or until there are as many as asked for.
 
@@ -120,16 +125,17 @@ def started(
         scale: `(p,)` size of the outputs.
         modes: how many; None: as the criterion says.
         hints: poles that a prior expects.
+        most: modes that are tried.
     """
     none = np.zeros((0, *rigid.shape), dtype=np.complex128)
     raw = Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid)
     size = float(np.max(np.abs(rigid)))
-    fewer = _fewer(pieces)
-    search = _Search(fewer, scale, size, hints)
+    part = fewer(pieces)
+    search = _Search(part, scale, size, hints)
     search.begin(raw)
-    most = MOST_MODES if modes is None else modes + 1
+    most = most if modes is None else min(modes + 1, most)
     search.go(most, 2 if modes is None else most + 1, 2)
-    if fewer is not pieces:
+    if part is not pieces:
         first, search = search, _Search(pieces, scale, size, hints)
         start = first.better if modes is None else min(modes, len(first.models) - 1)
         search.begin(first.models[start])
@@ -137,10 +143,10 @@ def started(
         search.go(most, 1, 1)
     better = search.better
     chosen = search.models[better if modes is None else min(modes, len(search.models) - 1)]
-    final = _refined(pieces, chosen, scale, size, LAST_ITERATIONS)[0]
+    final = refined(pieces, chosen, scale, size, LAST_ITERATIONS)[0]
     order = np.argsort(final.poles.imag)
     final = Raw(final.poles[order], final.residues[order], final.shapes[order], final.rigid)
-    form = Form(*rigid.shape, final, size)
+    form = Form(rigid.shape[0], rigid.shape[1], final, size)
     likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
     weights = likelihood.weights(likelihood.squares(final))
     return Started(
@@ -152,10 +158,10 @@ def frozen(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array) -> Ra
     """The model without modes that fits best, on a part of long logs."""
     none = np.zeros((0, *rigid.shape), dtype=np.complex128)
     raw = Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid)
-    return _refined(_fewer(pieces), raw, scale, float(np.max(np.abs(rigid))), ITERATIONS)[0]
+    return refined(fewer(pieces), raw, scale, float(np.max(np.abs(rigid))), ITERATIONS)[0]
 
 
-def _fewer(pieces: Sequence[Piece | Spectrum]) -> Sequence[Piece | Spectrum]:
+def fewer(pieces: Sequence[Piece | Spectrum]) -> Sequence[Piece | Spectrum]:
     """The beginnings of long pieces, with which a search is begun; the same pieces where they are short."""
     if (
         not all(isinstance(p, Piece) for p in pieces)
@@ -181,7 +187,7 @@ class _Search:
 
     def begin(self, raw: Raw) -> None:
         """Start with a model."""
-        raw, self.cost, self.left, self.n = _refined(self.pieces, raw, self.scale, self.size, LAST_ITERATIONS)
+        raw, self.cost, self.left, self.n = refined(self.pieces, raw, self.scale, self.size, LAST_ITERATIONS)
         # a free response per piece and mode is fitted too
         p, m = raw.rigid.shape
         self.each = 2.0 * (p + m) + 2.0 * sum(isinstance(piece, Piece) for piece in self.pieces)
@@ -209,7 +215,7 @@ class _Search:
         while len(self.models) <= most and self.left > NOTHING and failed < failures:
             raw, best = self.models[-1], None
             for pole, _ in _candidates(self.pieces, raw, self.scale, self.hints)[:trials]:
-                trial = _refined(
+                trial = refined(
                     self.pieces, _with(raw, pole, self.pieces, self.scale), self.scale, self.size, ITERATIONS
                 )
                 if best is None or trial[1] < best[1]:
@@ -224,11 +230,11 @@ class _Search:
             failed = 0 if self.better == len(self.models) - 1 else failed + 1
 
 
-def _refined(
+def refined(
     pieces: Sequence[Piece | Spectrum], raw: Raw, scale: Array, rigid: float, iterations: int
 ) -> tuple[Raw, float, float, float]:
     """The model refined, minus twice its log likelihood, mean square left relative to the data, and count of numbers."""
-    form = Form(*raw.rigid.shape, raw, rigid)
+    form = Form(raw.rigid.shape[0], raw.rigid.shape[1], raw, rigid)
     likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
     found = likelihood.best(form.theta(raw), iterations)
     left = float(np.max(found.squares / np.maximum(found.counts, 1.0) / scale**2))

@@ -218,7 +218,7 @@ def seen(parts: Parts, inputs: Array, outputs: Array) -> Raw:
     drive = np.vstack(
         [np.linalg.solve(mass, np.vstack([inputs.T, np.zeros((n, inputs.shape[0]))])), np.zeros((n, inputs.shape[0]))]
     )
-    values, vectors = np.linalg.eig(system)
+    values, vectors = (np.asarray(part, dtype=np.complex128) for part in np.linalg.eig(system))
     left = np.linalg.solve(vectors, drive.astype(np.complex128))
     up = np.flatnonzero(values.imag > 1e-9 * float(np.max(np.abs(values), initial=1e-300)))
     up = up[np.argsort(values[up].imag)]

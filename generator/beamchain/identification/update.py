@@ -98,14 +98,18 @@ def update(
         return seen_of(parts, axes, [of[i] for i in pick])[: len(known)]
 
     def residual(logs: Array) -> Array:
-        return np.concatenate([np.linalg.solve(noise, model(logs) - target), 1e-3 * logs / BELIEF])
+        return np.asarray(
+            np.concatenate([np.linalg.solve(noise, model(logs) - target), 1e-3 * logs / BELIEF]), dtype=np.float64
+        )
 
     def rough(logs: Array) -> Array:
         return np.concatenate([(model(logs) - target) / ROUGH, 1e-3 * logs / BELIEF])
 
-    near = least_squares(rough, np.zeros(len(names)), diff_step=1e-4, max_nfev=15)
+    near = least_squares(rough, np.zeros(len(names)), diff_step=np.full(len(names), 1e-4), max_nfev=15)
     # the median rather than the mean of contradictory modes
-    found = least_squares(residual, near.x, loss="soft_l1", diff_step=1e-5, x_scale=1e-2, max_nfev=15)
+    found = least_squares(
+        residual, near.x, loss="soft_l1", diff_step=np.full(len(names), 1e-5), x_scale=1e-2, max_nfev=15
+    )
     logs = np.asarray(found.x)
     left = np.asarray(residual(logs))[: len(known)]
     jacobian = np.array(

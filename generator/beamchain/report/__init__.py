@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from beamchain.report.assembly_plot import plot_assembly as plot_assembly
     from beamchain.report.html import embed_report as embed_report
     from beamchain.report.html import fit_report as fit_report
-    from beamchain.report.identification_html import identification_html as identification_html
-    from beamchain.report.identification_html import identification_page as identification_page
-    from beamchain.report.identification_html import plot_identification as plot_identification
+    from beamchain.report.identified_html import identification_html as identification_html
+    from beamchain.report.identified_html import identification_page as identification_page
+    from beamchain.report.identified_html import plot_identification as plot_identification
     from beamchain.report.notebook import embedded_html as embedded_html
     from beamchain.report.notebook import embedded_text as embedded_text
     from beamchain.report.notebook import fit_html as fit_html
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _PLACES = {
     "assembly_plot": ("assembly_svg", "plot_assembly"),
     "html": ("embed_report", "fit_report"),
-    "identification_html": ("identification_html", "identification_page", "plot_identification"),
+    "identified_html": ("identification_html", "identification_page", "plot_identification"),
     "notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text"),
     "plant_plots": ("plot_scheduled", "plot_worst"),
     "plots": ("plot_accelerance",),
