@@ -302,7 +302,8 @@ def _unseen(
     beyond = [float(pairs.frequencies[j]) for j in pairs.missed if pairs.frequencies[j] > half]
     if beyond:
         said.append(
-            f"{len(beyond)} mode(s) of the prior, from {min(beyond):.4g} rad/s, lie above half the sample rate ({half:.4g} rad/s): "
+            f"{len(beyond)} mode(s) of the prior, from {min(beyond):.4g} rad/s, lie above half the sample rate "
+            f"({half:.4g} rad/s): "
             "this log cannot determine them."
         )
     for w in (float(pairs.frequencies[j]) for j in pairs.missed):

@@ -115,7 +115,6 @@ def started(
     scale: Array,
     modes: int | None,
     hints: Sequence[complex] = (),
-    most: int = MOST_MODES,
 ) -> Started:
     """Modes one after another until the criterion rises, or until there are as many as asked for.
 
@@ -125,7 +124,6 @@ def started(
         scale: `(p,)` size of the outputs.
         modes: how many; None: as the criterion says.
         hints: poles that a prior expects.
-        most: modes that are tried.
     """
     none = np.zeros((0, *rigid.shape), dtype=np.complex128)
     raw = Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid)
@@ -133,7 +131,7 @@ def started(
     part = fewer(pieces)
     search = _Search(part, scale, size, hints)
     search.begin(raw)
-    most = most if modes is None else min(modes + 1, most)
+    most = MOST_MODES if modes is None else modes + 1
     search.go(most, 2 if modes is None else most + 1, 2)
     if part is not pieces:
         first, search = search, _Search(pieces, scale, size, hints)
@@ -159,6 +157,16 @@ def frozen(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array) -> Ra
     none = np.zeros((0, *rigid.shape), dtype=np.complex128)
     raw = Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid)
     return refined(fewer(pieces), raw, scale, float(np.max(np.abs(rigid))), ITERATIONS)[0]
+
+
+def searched(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array, most: int) -> tuple[float, Raw]:
+    """The lowest criterion with at most `most` modes, and its model."""
+    none = np.zeros((0, *rigid.shape), dtype=np.complex128)
+    search = _Search(pieces, scale, float(np.max(np.abs(rigid))), ())
+    search.begin(Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid))
+    search.go(most, 1, 1)
+    best = min(search.orders, key=lambda one: one.criterion)
+    return best.criterion, search.models[best.modes]
 
 
 def fewer(pieces: Sequence[Piece | Spectrum]) -> Sequence[Piece | Spectrum]:
