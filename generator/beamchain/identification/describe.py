@@ -52,7 +52,7 @@ def described(
     parts = structure.parts(found.theta)
     n = structure.modes
     place = structure.places
-    flat = derivatives(lambda x: structure.parts(x).participation.ravel(), found.theta)
+    flat = derivatives(lambda x: structure.parts(x).participation.ravel(), structure.loosened(found.theta))
     sd_rows = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", flat, spread, flat), 0.0)).reshape(n, 6)
     sd_w, sd_z = (np.sqrt(np.diag(spread)[p]) for p in place[:2])
     said, notes = list[str](), [list[str]() for _ in range(n)]
@@ -302,8 +302,8 @@ def _unseen(
     beyond = [float(pairs.frequencies[j]) for j in pairs.missed if pairs.frequencies[j] > half]
     if beyond:
         said.append(
-            f"{len(beyond)} mode(s) of the prior, from {min(beyond):.4g} rad/s, lie above half the sample rate ({half:.4g} rad/s): "
-            "this log cannot determine them."
+            f"{len(beyond)} mode(s) of the prior, from {min(beyond):.4g} rad/s, lie above half the sample rate "
+            f"({half:.4g} rad/s): this log cannot determine them."
         )
     for w in (float(pairs.frequencies[j]) for j in pairs.missed):
         if w <= min(half, 1.2 * top):
