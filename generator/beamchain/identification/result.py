@@ -17,7 +17,8 @@ from beamchain.structure.modal_data import ModalData
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LARGEST = 0.99  # relative deviation that [uncertain] can take
+LARGEST = 0.99  # relative half width that [uncertain] can take
+WIDE = 0.3  # relative standard deviation beyond which a normal draw, cut at three of them, may be negative
 LEAST = 1e-9
 CORRELATED = 0.05  # smallest coefficient that is written
 
@@ -124,8 +125,10 @@ class Identification:
                 ("participation", 1.0, self._factor_std(mode)),
             ):
                 relative = std / value if value > 0.0 else np.nan
-                if np.isfinite(relative) and relative > LEAST:
-                    one[kind] = {"relative": float(min(relative, LARGEST))}
+                if np.isfinite(relative) and relative > WIDE:  # a normal one would be drawn negative
+                    one[kind] = {"relative": float(min(np.sqrt(3.0) * relative, LARGEST)), "distribution": "uniform"}
+                elif np.isfinite(relative) and relative > LEAST:
+                    one[kind] = {"relative": float(relative)}
                     there.append(f"mode{mode.number}.{kind}")
             if len(one) > 1:
                 out["mode"].append(one)
@@ -185,7 +188,11 @@ class Identification:
             lines.append(f"length = {self.length!r}")
         for one in self.uncertain.get("mode", ()):
             lines += ["", "[[uncertain.mode]]", f"number = {one['number']}"]
-            lines += [f"{kind} = {{ relative = {how['relative']!r} }}" for kind, how in one.items() if kind != "number"]
+            lines += [
+                f"{kind} = {{ {', '.join(f'{k} = {v!r}' for k, v in how.items())} }}".replace("'", '"')
+                for kind, how in one.items()
+                if kind != "number"
+            ]
         for one in self.uncertain.get("correlation", ()):
             names = ", ".join(_text(name) for name in one["of"])
             lines += [
