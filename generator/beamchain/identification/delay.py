@@ -13,6 +13,7 @@ from beamchain.ports.motions import Array
 MOST = 15  # steps of lag that are tried
 FEW = 2500  # samples, with which whole steps are tried
 TOLERANCE = 1e-3  # of a step
+WHOLE = 2e-3  # of a step, by which a lag may differ from a whole number that is taken instead
 ITERATIONS = 10
 MODES = (2, 8)  # with which whole steps are tried, and with which the lag is refined
 
@@ -42,7 +43,8 @@ def aligned(data: Channels, guess: Array) -> tuple[float, Channels]:
         return refined(moved(part, lag), raw, data.scale, size, ITERATIONS)[1]
 
     found = minimize_scalar(cost, bounds=(best - 1.0, best + 1.0), method="bounded", options={"xatol": TOLERANCE})
-    lag = float(found.x) * step
+    steps = float(found.x)
+    lag = (round(steps) if abs(steps - round(steps)) < WHOLE else steps) * step
     return lag, data._replace(pieces=[delayed(p, lag) if isinstance(p, Piece) else p for p in data.pieces])
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.signal import detrend, welch
 
 from beamchain.caution import Caution
+from beamchain.identification.advice import advice
 from beamchain.identification.covariance import inverse
 from beamchain.identification.likelihood import Found, derivatives
 from beamchain.identification.prior import WIDTH, Matched, Prior
@@ -52,7 +53,7 @@ def described(
     parts = structure.parts(found.theta)
     n = structure.modes
     place = structure.places
-    flat = derivatives(lambda x: structure.parts(x).participation.ravel(), found.theta)
+    flat = derivatives(lambda x: structure.parts(x).participation.ravel(), structure.loosened(found.theta))
     sd_rows = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", flat, spread, flat), 0.0)).reshape(n, 6)
     sd_w, sd_z = (np.sqrt(np.diag(spread)[p]) for p in place[:2])
     said, notes = list[str](), [list[str]() for _ in range(n)]
@@ -128,6 +129,17 @@ def described(
     if isinstance(structure.body, Unknown):
         rigid, rows, length = stated(parts, data.axes)
         given = (rigid, rows[order])
+    wide = [
+        float(
+            max(
+                sd_w[k] / USEFUL_FREQUENCY,
+                sd_z[k] / USEFUL_DAMPING,
+                SIGNIFICANT * sd_moments[k] / max(moments[k], 1e-300),
+            )
+        )
+        for k in np.argsort(parts.frequencies)
+    ]
+    advised = advice(np.abs(raw.poles), wide, data.axes, prior=prior is not None)
     return Identification(
         tuple(modes),
         renamed,
@@ -144,6 +156,7 @@ def described(
         length,
         f"log at {at}",
         given,
+        advised,
     )
 
 
@@ -303,8 +316,7 @@ def _unseen(
     if beyond:
         said.append(
             f"{len(beyond)} mode(s) of the prior, from {min(beyond):.4g} rad/s, lie above half the sample rate "
-            f"({half:.4g} rad/s): "
-            "this log cannot determine them."
+            f"({half:.4g} rad/s): this log cannot determine them."
         )
     for w in (float(pairs.frequencies[j]) for j in pairs.missed):
         if w <= min(half, 1.2 * top):

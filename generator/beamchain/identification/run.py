@@ -259,7 +259,7 @@ class Run:
         white = np.where(level < NO_NOISE, np.nan, white)
         coloured = bool(np.any(white < COLOURED))
         squares = np.maximum(level, NO_NOISE) * found.counts * self.data.scale**2
-        spread = self.widened * covariance(likelihood, found.theta, squares, coloured=coloured)
+        spread = self.widened * covariance(likelihood, structure.loosened(found.theta), squares, coloured=coloured)
         if coloured:
             worst = self.data.sensed[int(np.nanargmin(white))]
             self.warnings.append(

@@ -10,6 +10,7 @@ from scipy.linalg import null_space
 from beamchain.identification.response import Raw
 from beamchain.ports.motions import Array, body_mass_matrix
 
+LOOSE = 0.002  # of the inertia
 MOST = 0.999  # of a rigid inertia that the modes may hold where a search starts
 TINY = 1e-12
 LEAST = 1e-4  # of the seen inertia that a search starts with where modes seem to hold all of it
@@ -168,6 +169,22 @@ class Structure:
             shares = (left * (values / np.sqrt(1.0 - values**2))) @ right
         z = np.log(np.clip(parts.damping, 1e-6, 0.5))
         return np.concatenate([np.log(parts.frequencies), z, shares[self.live], rigid, np.zeros(self.scaled.shape[1])])
+
+    def loosened(self, theta: Array) -> Array:
+        """The parameters with a little inertia left to no mode, for sensitivities: at the limit itself they would vanish."""
+        out, (_, _, x, r, _) = theta.copy(), self.places
+        shares = np.zeros((self.modes, 6))
+        shares[self.live] = theta[x]
+        if isinstance(self.body, Unknown):
+            moments = shares[:, 3 : 3 + self.body.axes.shape[1]] * np.sqrt(self.body.size)
+            rest = self.body.rest(theta[r])
+            least = LOOSE * float(np.trace(moments.T @ moments + rest)) / rest.shape[0]
+            values, vectors = np.linalg.eigh(rest)
+            out[r] = self.body.theta((vectors * np.maximum(values, least)) @ vectors.T)
+        else:
+            left, values, right = np.linalg.svd(shares, full_matrices=False)
+            out[x] = ((left * np.minimum(values, np.sqrt(1.0 / LOOSE - 1.0))) @ right)[self.live]
+        return out
 
     def raw(self, theta: Array) -> Raw:
         """What the data see of it."""
