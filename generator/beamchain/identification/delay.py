@@ -6,36 +6,45 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from beamchain.identification.channels import Channels
-from beamchain.identification.response import Piece, Raw
-from beamchain.identification.start import fewer, refined
+from beamchain.identification.response import Piece
+from beamchain.identification.start import fewer, refined, searched
 from beamchain.ports.motions import Array
 
-MOST = 20  # steps of lag that are tried
+MOST = 15  # steps of lag that are tried
+FEW = 2500  # samples, with which whole steps are tried
 TOLERANCE = 1e-3  # of a step
-ITERATIONS = 8
+WHOLE = 2e-3  # of a step, by which a lag may differ from a whole number that is taken instead
+ITERATIONS = 10
+MODES = (2, 8)  # with which whole steps are tried, and with which the lag is refined
 
 
-def aligned(data: Channels, raw: Raw) -> tuple[float, Channels]:
+def aligned(data: Channels, guess: Array) -> tuple[float, Channels]:
     """The lag [s], and the channels with their torques delayed by it.
 
     A torque that changes within a step acts with its mean over the step, which is exact for the rigid motion.
 
     Args:
         data: of time logs.
-        raw: a model of them without the lag.
+        guess: `(p, m)` accelerations of the frozen craft per torque.
     """
-    part = fewer([piece for piece in data.pieces if isinstance(piece, Piece)])
-    step = float(np.median(np.concatenate([piece.steps for piece in part if isinstance(piece, Piece)])))
-    size = float(np.max(np.abs(raw.rigid)))
+    part = [piece for piece in fewer(data.pieces) if isinstance(piece, Piece)]
+    first = [piece.part(0, min(piece.time.size, FEW)) for piece in part[:1]]
+    step = float(np.median(np.concatenate([piece.steps for piece in part])))
+    size = float(np.max(np.abs(guess)))
+
+    def moved(pieces: list[Piece], lag: float) -> list[Piece]:
+        return [delayed(piece, lag * step) for piece in pieces]
+
+    tried = {lag: searched(moved(first, lag), guess, data.scale, MODES[0])[0] for lag in range(-1, MOST + 1)}
+    best = float(min(tried, key=lambda lag: tried[lag]))
+    raw = searched(moved(part, best), guess, data.scale, MODES[1])[1]
 
     def cost(lag: float) -> float:
-        moved = [delayed(piece, lag * step) for piece in part if isinstance(piece, Piece)]
-        return refined(moved, raw, data.scale, size, ITERATIONS)[1]
+        return refined(moved(part, lag), raw, data.scale, size, ITERATIONS)[1]
 
-    coarse = np.arange(-1.0, MOST + 1.0)
-    best = float(coarse[int(np.argmin([cost(float(one)) for one in coarse]))])
     found = minimize_scalar(cost, bounds=(best - 1.0, best + 1.0), method="bounded", options={"xatol": TOLERANCE})
-    lag = float(found.x) * step
+    steps = float(found.x)
+    lag = (round(steps) if abs(steps - round(steps)) < WHOLE else steps) * step
     return lag, data._replace(pieces=[delayed(p, lag) if isinstance(p, Piece) else p for p in data.pieces])
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.signal import detrend, welch
 
 from beamchain.caution import Caution
+from beamchain.identification.advice import advice
 from beamchain.identification.covariance import inverse
 from beamchain.identification.likelihood import Found, derivatives
 from beamchain.identification.prior import WIDTH, Matched, Prior
@@ -128,6 +129,17 @@ def described(
     if isinstance(structure.body, Unknown):
         rigid, rows, length = stated(parts, data.axes)
         given = (rigid, rows[order])
+    wide = [
+        float(
+            max(
+                sd_w[k] / USEFUL_FREQUENCY,
+                sd_z[k] / USEFUL_DAMPING,
+                SIGNIFICANT * sd_moments[k] / max(moments[k], 1e-300),
+            )
+        )
+        for k in np.argsort(parts.frequencies)
+    ]
+    advised = advice(np.abs(raw.poles), wide, data.axes, prior=prior is not None)
     return Identification(
         tuple(modes),
         renamed,
@@ -144,6 +156,7 @@ def described(
         length,
         f"log at {at}",
         given,
+        advised,
     )
 
 

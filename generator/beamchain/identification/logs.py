@@ -144,6 +144,8 @@ def _csv(path: Path, source: str) -> dict[str, Array]:
         mark = next((m for m in (";", "\t", ",") if m in head), ",")
         names = [name.strip().strip('"') for name in head.split(mark)]
         body = stream.read()
+    if not body.strip():
+        raise InputError(f"{source} has no rows; export the log again.")
     if not any(any(c.isalpha() for c in name) and name.lower() not in ("nan", "inf") for name in names):
         raise InputError(
             f"{source} has no line of column names; let its first line be for example time,torque_z,rate_z."
@@ -154,8 +156,6 @@ def _csv(path: Path, source: str) -> dict[str, Array]:
         table = np.loadtxt(io.BytesIO(body), delimiter=mark, ndmin=2, comments="#", max_rows=MOST_ROWS + 1)
     except ValueError as error:
         raise InputError(f"{source} holds something that is no number ({error!s:.120}); export it again.") from None
-    if table.size == 0:
-        raise InputError(f"{source} has no rows; export the log again.")
     if table.shape[1] != len(names):
         raise InputError(f"{source} names {len(names)} columns, but its rows have {table.shape[1]}; export it again.")
     return {name: table[:, i] for i, name in enumerate(names)}

@@ -30,7 +30,6 @@ LIKELY = 1e-3  # probability of the gain of one mode more by noise alone, below 
 NO_NOISE = 1e-22  # mean square of residuals, relative to the data, that is rounding
 LIGHT = 0.01  # of the hub's mass: most that is stated for an appendage of unknown mass
 SHARE = 0.05  # of the inertia that no mode holds, which that mass may take
-ALIGNING = 4  # modes with which a lag is sought
 
 
 class Run:
@@ -63,9 +62,10 @@ class Run:
         shown, hidden = self._parted()
         inertia = turning(Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), self._rigid(), self.known.mass)).inertia
         guess = data.outputs @ np.linalg.solve(inertia, data.inputs.T)
-        check_rigid(frozen(shown, guess, data.scale).rigid, data, self.known, self._rigid(), roughly=True)
+        if isinstance(data.pieces[0], Piece):
+            check_rigid(frozen(shown, guess, data.scale).rigid, data, self.known, self._rigid(), roughly=True)
         if self.offset:
-            lag, self.data = aligned(data, started(shown, guess, data.scale, self.wanted, most=ALIGNING).raw)
+            lag, self.data = aligned(data, guess)
             text = f"the sensors lag {lag:.5g} s behind the torques, as estimated; its uncertainty is not in the intervals."
             self.warnings.append(Caution("offset", text))
             data = self.data

@@ -24,6 +24,7 @@ LINES = 160  # most spectral lines for one candidate
 REACH = 6.0  # half widths of a resonance, or lines, on either side
 PIECES = 3  # the longest, that are searched for peaks
 ITERATIONS = 20
+FEW_ITERATIONS = 7  # on the whole of a long log, to see whether a mode more is there
 LAST_ITERATIONS = 25
 ENOUGH = 30_000  # samples, with which the search in a long log begins
 NOTHING = 1e-20  # mean square relative to the data that is none
@@ -115,7 +116,6 @@ def started(
     scale: Array,
     modes: int | None,
     hints: Sequence[complex] = (),
-    most: int = MOST_MODES,
 ) -> Started:
     """Modes one after another until the criterion rises, or until there are as many as asked for.
 
@@ -125,7 +125,6 @@ def started(
         scale: `(p,)` size of the outputs.
         modes: how many; None: as the criterion says.
         hints: poles that a prior expects.
-        most: modes that are tried.
     """
     none = np.zeros((0, *rigid.shape), dtype=np.complex128)
     raw = Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid)
@@ -133,19 +132,18 @@ def started(
     part = fewer(pieces)
     search = _Search(part, scale, size, hints)
     search.begin(raw)
-    most = most if modes is None else min(modes + 1, most)
+    most = MOST_MODES if modes is None else modes + 1
     search.go(most, 2 if modes is None else most + 1, 2)
     if part is not pieces:
         first, search = search, _Search(pieces, scale, size, hints)
         start = first.better if modes is None else min(modes, len(first.models) - 1)
         search.begin(first.models[start])
         search.prepend(first, start)
-        search.go(most, 1, 1)
+        search.go(most, 1, 1, FEW_ITERATIONS)
     better = search.better
     chosen = search.models[better if modes is None else min(modes, len(search.models) - 1)]
-    final = refined(pieces, chosen, scale, size, LAST_ITERATIONS)[0]
-    order = np.argsort(final.poles.imag)
-    final = Raw(final.poles[order], final.residues[order], final.shapes[order], final.rigid)
+    order = np.argsort(chosen.poles.imag)
+    final = Raw(chosen.poles[order], chosen.residues[order], chosen.shapes[order], chosen.rigid)
     form = Form(rigid.shape[0], rigid.shape[1], final, size)
     likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
     weights = likelihood.weights(likelihood.squares(final))
@@ -159,6 +157,16 @@ def frozen(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array) -> Ra
     none = np.zeros((0, *rigid.shape), dtype=np.complex128)
     raw = Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid)
     return refined(fewer(pieces), raw, scale, float(np.max(np.abs(rigid))), ITERATIONS)[0]
+
+
+def searched(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array, most: int) -> tuple[float, Raw]:
+    """The lowest criterion with at most `most` modes, and its model."""
+    none = np.zeros((0, *rigid.shape), dtype=np.complex128)
+    search = _Search(pieces, scale, float(np.max(np.abs(rigid))), ())
+    search.begin(Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid))
+    search.go(most, 1, 1)
+    best = min(search.orders, key=lambda one: one.criterion)
+    return best.criterion, search.models[best.modes]
 
 
 def fewer(pieces: Sequence[Piece | Spectrum]) -> Sequence[Piece | Spectrum]:
@@ -209,14 +217,14 @@ class _Search:
         self.orders = [*lower, self.orders[0]._replace(gain=ratio * other.orders[modes].gain)]
         self.models = [*other.models[:modes], self.models[0]]
 
-    def go(self, most: int, failures: int, trials: int) -> None:
+    def go(self, most: int, failures: int, trials: int, iterations: int = ITERATIONS) -> None:
         """Add modes, up to `most`, until the criterion has risen `failures` times; `trials` poles are tried for each."""
         failed = 0
         while len(self.models) <= most and self.left > NOTHING and failed < failures:
             raw, best = self.models[-1], None
             for pole, _ in _candidates(self.pieces, raw, self.scale, self.hints)[:trials]:
                 trial = refined(
-                    self.pieces, _with(raw, pole, self.pieces, self.scale), self.scale, self.size, ITERATIONS
+                    self.pieces, _with(raw, pole, self.pieces, self.scale), self.scale, self.size, iterations
                 )
                 if best is None or trial[1] < best[1]:
                     best = trial
