@@ -10,7 +10,7 @@ from scipy.linalg import null_space
 from beamchain.identification.response import Raw
 from beamchain.ports.motions import Array, body_mass_matrix
 
-LOOSE = 0.002  # of the inertia
+LOOSE = 1e-3  # of the inertia
 MOST = 0.999  # of a rigid inertia that the modes may hold where a search starts
 TINY = 1e-12
 LEAST = 1e-4  # of the seen inertia that a search starts with where modes seem to hold all of it
