@@ -91,7 +91,11 @@ def draw(seed):
     if trouble == "noise only":
         elastic = elastic.kept(0)
     log = record(hub, elastic, time, torques, gyro, seed)
-    plain = plainly(hub, elastic, time, torques["z"], level, about_z) if axes == [2] and trouble not in ("still", "noise only") else []
+    plain = (
+        plainly(hub, elastic, time, torques["z"], level, about_z)
+        if axes == [2] and trouble not in ("still", "noise only")
+        else []
+    )
     if trouble == "gaps":
         places = rng.uniform(0.0, time[-1], 4)
         log = without(log, *((p, p + 0.03 * time[-1]) for p in places))
