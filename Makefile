@@ -21,6 +21,7 @@ PYTEST := pytest --timeout 900 -n $(WORKERS)
 .PHONY: demo test quick test-full hosts bench bench-peers notebooks docs docs-pictures wheel wheel-test wheel-newest lint clean fuzz extremes
 
 $(VENV)/.installed: pyproject.toml
+	@echo "installing into $(VENV), which takes a minute or more the first time"
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,notebooks]'
 	touch $@

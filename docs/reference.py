@@ -144,11 +144,17 @@ def commands() -> str:
             given = parameter.default
             plain = given is not None and not callable(given) and not (flag and given is False)
             text = f"`{given}`" if plain and type(given) in (bool, int, float, str) else ""
-            rows.append(f"| {called} {value} | {'required' if parameter.required else text} | {parameter.help or ''} |")
+            cells = f"{called} {value}", "required" if parameter.required else text, _plain(parameter.help or "")
+            rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
         out += [f"## beamchain {name}\n", *(f"{text}\n" for text in paragraphs if not text.startswith("Example: ")),
                 "```sh\n" + "\n".join(examples) + "\n```\n",
                 "| argument or option | default | meaning |\n|---|---|---|\n" + "\n".join(rows) + "\n"]  # fmt: skip
     return "\n".join(out)
+
+
+def _plain(text: str) -> str:
+    """A help text without typer's escapes; what is typed is code."""
+    return re.sub(r"(?<![`\w-])(--[a-z][a-z-]*)", r"`\1`", text.replace("\\[", "["))
 
 
 # -- the Python interface --------------------------------------------------------------------------------------------

@@ -318,6 +318,10 @@ def test_bad_input_to_worlds_is_answered(craft):
     for call, said in (
         (lambda: many.step([1.0]), r"ctrl = \[1.0\] has the shape \(1,\)"),
         (lambda: many.step([[0, 0, 0], [0, np.nan, 0]]), r"ctrl\[1, 1\] is nan"),
+        (
+            lambda: many.step([[0, 0, 0], [0, 0, -1e12]]),
+            r"ctrl\[1, 2\] is -1e\+12; finite numbers, for ctrl of at most 1e\+10",
+        ),
         (lambda: many.step("fast"), "ctrl = 'fast' has the shape"),
         (lambda: many.step([0.0] * 3, 0), "nstep = 0 must be a whole number"),
         (lambda: many.reset([2]), "names no worlds"),

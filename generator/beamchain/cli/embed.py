@@ -192,7 +192,7 @@ def _show(result: "Embedded", files: list[Path]) -> None:
         beyond = "beyond the band" if mode.kept else "not among the kept"
         modes.add_row(exact, ours, error if mode in assembly.judged else f"{error} {beyond}".strip(), mode.words)
     out.print(modes)
-    out.print(f"worst of the kept modes up to {assembly.band:.4g} rad/s: {assembly.worst:.1e}")
+    out.print(assembly.worst_told)
     for item in result.appendages:
         scene, promise = item.fit.spec.scene, item.fit.promise
         if scene is not None and scene.bandwidth is not None and promise is not None:

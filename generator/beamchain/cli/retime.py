@@ -27,7 +27,7 @@ def retime(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make the appendages of a model exact in time for a step and integrator, and set both in its <option>.
+    """Make the appendages of a model exact in time for a step and integrator, and set both in its `<option>`.
 
     The discrete poles of the modes are then those of the exact motion.
     Appendage modes that are too fast for the step are slowed, so that only the spacecraft's own

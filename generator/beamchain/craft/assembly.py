@@ -97,6 +97,15 @@ class Assembly:
         return max((abs(m.error) for m in self.judged if m.error is not None), default=0.0)
 
     @property
+    def worst_told(self) -> str:
+        """`worst` in words, and where no kept mode lies within the band."""
+        if not self.judged:
+            first = next((m for m in self.modes if m.kept and m.exact is not None and m.error is not None), None)
+            beyond = "" if first is None else f"; the first, at {first.exact:.4g} rad/s, is off by {first.error:.1e}"
+            return f"no kept mode lies up to {self.band:.4g} rad/s{beyond}"
+        return f"worst of the kept modes up to {self.band:.4g} rad/s: {self.worst:.1e}"
+
+    @property
     def judged(self) -> tuple[Mode, ...]:
         """The kept modes within the band."""
         return tuple(m for m in self.modes if m.kept and m.exact is not None and m.exact <= self.band)

@@ -28,7 +28,7 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
     what, place = match[1], match[2] or ""
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
-        cure = meant(unknown[1], _keys(root)).strip() or "remove it."
+        cure = meant(unknown[1], _keys(root)).strip() or "remove it; `beamchain schema` has the keys."
         if unknown[1] in _keys(root):
             cure = "it belongs elsewhere; see `beamchain schema` for what stands here."
         return f"{place + ': ' if place else ''}unknown key {unknown[1]!r}; {cure}"

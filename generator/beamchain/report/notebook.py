@@ -44,7 +44,7 @@ def embedded_html(done: "Embedded") -> str:
         [str(i), _value(m.exact, ".6g"), _value(m.mujoco, ".6g"), _value(m.error, ".1e"), kept_word(done.assembly, m)]
         for i, m in enumerate(done.assembly.modes, 1)
     ]
-    notes = [done.headline, f"worst of the kept modes up to {done.assembly.band:.4g} rad/s: {done.assembly.worst:.1e}"]
+    notes = [done.headline, done.assembly.worst_told]
     notes += [f"note: {text}" for text in done.warnings]
     return block(title, COUPLED, rows, notes)
 

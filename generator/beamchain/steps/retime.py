@@ -109,7 +109,9 @@ def retime(
             `Retimed.undo` is exact).
         integrator: MuJoCo's name; default: the model's own. RK4: only modes beyond its limit are slowed; "discrete":
             nothing is changed, it is stable at every step and cannot be made exact.
-        form: 2, 3 or 4, see above. 4 needs Euler, implicit or implicitfast; otherwise it is 2.
+        form: 2: each tendon by itself, errors of the coupled poles of fourth order in the step; 3: the tendons become the
+            coupled modes, for one pose; 4: form 2 corrected until the coupled poles are exact, for one pose. 4 needs Euler,
+            implicit or implicitfast; otherwise it is 2.
         qpos: pose at which the craft's coupling is computed; default: the initial one.
 
     Raises:

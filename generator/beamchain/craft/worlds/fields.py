@@ -116,7 +116,10 @@ class Table:
         for name, values in fields.items():
             shape = getattr(getattr(model, name, None), "shape", None)
             if shape is None:
-                raise InputError(f"variants have the field {name!r}, which MuJoCo's model does not have as an array.")
+                raise InputError(
+                    f"variants have the field {name!r}, which MuJoCo's model does not have as an array; masses, for example, are "
+                    "'body_mass'. bc.sweep makes such arrays of a spacecraft."
+                )
             given = np.asarray(values)
             if given.shape != (self.size, *shape) or not self.size or not np.all(np.isfinite(given)):
                 raise InputError(

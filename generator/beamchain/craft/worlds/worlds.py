@@ -12,7 +12,7 @@ from beamchain.checks import one_of, positive, whole_number
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.worlds import memory
 from beamchain.craft.worlds.fields import Fields, Source, runs_exact, source_of, with_fields
-from beamchain.craft.worlds.hosts import HOSTS, bytes_of, host_of
+from beamchain.craft.worlds.hosts import HOSTS, LARGEST, bytes_of, host_of
 from beamchain.craft.worlds.observation import Observer, mean_rate
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
@@ -330,7 +330,9 @@ def _shaped(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
             f"{name} = {value!r:.60} has the shape {np.shape(value)}; numbers of the shape {shape}, worlds first, or "
             f"({shape[1]},) for all worlds are needed."
         )
-    if not np.all(np.isfinite(given)):
-        place = [int(i) for i in np.argwhere(~np.isfinite(given))[0]]
-        raise InputError(f"{name}{place} is {given[tuple(place)]}; finite numbers are needed.")
+    sound = np.abs(given) <= (LARGEST if name == "ctrl" else np.finfo(np.float64).max)  # MuJoCo takes no more for zero
+    if not np.all(sound):
+        place = [int(i) for i in np.argwhere(~sound)[0]]
+        most = f", for ctrl of at most {LARGEST:g}," if name == "ctrl" else ""
+        raise InputError(f"{name}{place} is {given[tuple(place)]}; finite numbers{most} are needed.")
     return np.array(np.broadcast_to(given, shape))
