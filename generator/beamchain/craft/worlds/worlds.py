@@ -334,5 +334,5 @@ def _shaped(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
     if not np.all(sound):
         place = [int(i) for i in np.argwhere(~sound)[0]]
         most = f", for ctrl of at most {LARGEST:g}," if name == "ctrl" else ""
-        raise InputError(f"{name}{place} is {given[tuple(place)]}; finite numbers{most} are needed.")
+        raise InputError(f"{name}{place} is {given[tuple(place)]:g}; finite numbers{most} are needed.")
     return np.array(np.broadcast_to(given, shape))
