@@ -20,10 +20,10 @@ ABOUT_Z = np.flatnonzero(PAIR.participation[5])
 
 
 def an_hour() -> None:
-    """360,000 samples of one axis; the log of 40 modes, six of them kept by request."""
+    """360,000 samples of one axis, 20 N m and a gyro that shows six of the 40 modes, kept by request."""
     t = np.arange(0.0, 3600.0, 0.01)
     soft = wings(5.0, 1.0, 10.0, 17.0, 50.0, 0.05)  # the first six about z lie below half the sample rate
-    log = record(HUB, soft, t, {"z": steps_at(t, 1.0, 3.0)}, GYRO)
+    log = record(HUB, soft, t, {"z": steps_at(t, 20.0, 3.0)}, Gyro(1e-6, 2e-5))
     wall, cpu = time.perf_counter(), time.process_time()
     found = bc.identify(log, HUB.xml, "mount", modes=6)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
