@@ -26,8 +26,9 @@ def identify(
         typer.Option("--at", metavar="NAME", help="Its site or body that carries the appendage.", show_default=False),
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="MODES.toml", help="File for the modes.", show_default=False)
-    ],
+        Path | None,
+        typer.Option("-o", "--output", metavar="MODES.toml", help="File for the modes.", show_default=False),
+    ] = None,
     prior: Annotated[
         Path | None,
         typer.Option(
@@ -57,6 +58,16 @@ def identify(
     offset: Annotated[
         bool, typer.Option("--offset", help="The sensors lag behind the torques by an unknown time.")
     ] = False,
+    plan: Annotated[
+        float | None,
+        typer.Option(
+            "--plan",
+            metavar="NOISE",
+            help="LOG holds only time and the torques of a test to come: print what it would determine of the prior's modes "
+            "with gyros of this standard deviation per sample, in rad/s. Nothing is written.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -66,20 +77,22 @@ def identify(
     Writes MODES.toml, which \\[imported] of a specification reads, its report MODES_report.html and record MODES.json.
 
     Example: beamchain identify log.csv --craft craft.xml --at mount --prior array.toml -o modes.toml
+
+    Example: beamchain identify torques.csv --craft craft.xml --at mount --prior array.toml --plan 1e-5
     """
     from beamchain.files import check_free
     from beamchain.identification.identify import identify as find
 
+    renamed = _renamed(names)
+    if plan is not None:
+        _plan(logs, craft, at, prior, plan, renamed, as_json, quiet)
+        return
+    if output is None:
+        raise InputError("identify: -o is missing; give a file for the modes, for example -o modes.toml.")
     if output.suffix.lower() != ".toml":
         raise InputError(f"-o {str(output)!r} must end in .toml, for [imported] to read it.")
     for place in (output, output.with_name(f"{output.stem}_report.html"), output.with_name(f"{output.stem}.json")):
         check_free(place, force=force)
-    renamed = dict[str, str]()
-    for text in names or ():
-        column, equal, name = text.rpartition("=")
-        if not equal or not column or not name:
-            raise InputError(f"--map {text!r} is not COLUMN=NAME; for example --map gyro3=rate_z.")
-        renamed[column] = name
     with spinner("identifying", quiet or as_json):
         found = find(
             list(logs),
@@ -95,6 +108,47 @@ def identify(
         )
         files = found.write(output, force=force)
     tell(found.as_dict, lambda: _show(found), files, as_json, quiet)
+
+
+def _renamed(names: list[str] | None) -> dict[str, str]:
+    renamed = dict[str, str]()
+    for text in names or ():
+        column, equal, name = text.rpartition("=")
+        if not equal or not column or not name:
+            raise InputError(f"--map {text!r} is not COLUMN=NAME; for example --map gyro3=rate_z.")
+        renamed[column] = name
+    return renamed
+
+
+def _plan(
+    logs: list[Path], craft: Path, at: str, prior: Path | None, noise: float, renamed: dict[str, str], as_json: bool,
+    quiet: bool,
+) -> None:  # fmt: skip
+    from beamchain.identification.planned import planned
+
+    if prior is None or len(logs) != 1:
+        raise InputError("identify: --plan needs --prior, whose modes are to be found, and one file of torques.")
+    with spinner("planning", quiet or as_json):
+        found = planned(logs[0], craft, at, prior=prior, noise=noise, map=renamed)
+    rows = list[list[str]]()
+    for w, z, d, ok in zip(found.frequency, found.damping, 1.96 * found.deviations, found.determined, strict=True):
+        row = [
+            f"{w:.5g}",
+            f"{w * d[0]:.2g}",
+            f"{z:.3g}",
+            f"{z * d[1]:.2g}",
+            f"{100.0 * d[2]:.2g} %",
+            "yes" if ok else "no",
+        ]
+        rows.append([str(len(rows) + 1), *row])
+    head = ("mode", "rad/s", "+- 95 %", "damping ratio", "+- 95 %", "participation +-", "determined")
+
+    def show() -> None:
+        print_table("modes of the prior that the torques move", head, rows, left=(0, 6))
+        for sentence in found.advice:
+            console().print(sentence, markup=False)
+
+    tell(found.as_dict, show, [], as_json, quiet)
 
 
 def _show(found: "Identification") -> None:

@@ -70,19 +70,12 @@ def read_logs(
         )
     times, spectra, tables = list[TimeLog](), list[Response](), list[ModalTable]()
     for i, one in enumerate(given):
-        if isinstance(one, Mapping):
-            columns, source = cast("Mapping[str, Any]", one), f"log {i + 1}" if len(given) > 1 else "log"
-        elif isinstance(one, str | Path):
-            path = Path(one)
-            source = f"log {str(path)!r}"
-            _check_file(path, source)
-            if path.suffix.lower() in (".uff", ".unv"):
-                spectra += read_uff(path, source)
-                continue
-            columns = _columns(path, source)
-        else:
-            raise InputError(f"log {i + 1} is a {type(one).__name__}; give a path or a mapping of arrays.")
-        table = _numbers(_renamed(columns, names or {}, source))
+        if isinstance(one, str | Path) and Path(one).suffix.lower() in (".uff", ".unv"):
+            source = f"log {str(one)!r}"
+            _check_file(Path(one), source)
+            spectra += read_uff(Path(one), source)
+            continue
+        table, source = _table(one, f"log {i + 1}" if len(given) > 1 else "log", names)
         if "time" in table:
             times.append(_time_log(table, actuators, source))
         elif "frequency" in table or "omega" in table:
@@ -97,6 +90,34 @@ def read_logs(
                 "rate_* or attitude_*, a frequency response `frequency` or `omega`; name them with map (--map OLD=NEW)."
             )
     return times, spectra, tables
+
+
+def read_torques(
+    log: Given, names: Mapping[str, str] | None, actuators: Sequence[str], sensed: Sequence[str]
+) -> TimeLog:
+    """The torques of a test that is planned, beside sensors that read nothing yet.
+
+    Raises:
+        InputError: as of `read_logs`; or the log has no time.
+    """
+    table, source = _table(log, "plan", names)
+    if "time" not in table:
+        raise InputError(f"{source} has no column `time`; a plan is a time log of torques.")
+    nothing = np.zeros_like(table["time"])
+    return _time_log({**table, **dict.fromkeys(sensed, nothing)}, actuators, source)
+
+
+def _table(one: Any, called: str, names: Mapping[str, str] | None) -> tuple[dict[str, Array], str]:
+    """Columns of numbers of a mapping or a file, and how messages call it."""
+    if isinstance(one, Mapping):
+        columns, source = cast("Mapping[str, Any]", one), called
+    elif isinstance(one, str | Path):
+        source = f"{called.split()[0]} {str(one)!r}"
+        _check_file(Path(one), source)
+        columns = _columns(Path(one), source)
+    else:
+        raise InputError(f"{called} is a {type(one).__name__}; give a path or a mapping of arrays.")
+    return _numbers(_renamed(columns, names or {}, source)), source
 
 
 def _check_file(path: Path, source: str) -> None:

@@ -151,6 +151,11 @@ class Piece:
             start = end
         return out
 
+    def forced(self, raw: Raw) -> Array:
+        """`(N, p)` motion that the inputs make of a model at rest."""
+        parts = [self.states(complex(pole), slope=False) for pole in raw.poles]
+        return np.column_stack([self._forced(raw, parts, i) for i in range(self.outputs.shape[1])])
+
     # -- a model's response ----------------------------------------------------------------------------------------
     def assess(
         self, raw: Raw, weights: Array, slopes: Array | None = None, lags: int = 0, *, whole: bool = False
