@@ -2,9 +2,10 @@
 
 Each case draws an appendage of 40 modes (a pair of wings, or a boom that also pushes its port), damping from 0.05 to 5 %, a
 torque profile, a sample rate, a duration from 20 s, and a gyro; and one trouble, or none. `judge.py` states what right,
-undetermined, refused and wrong mean. BEAMCHAIN_CASES draws that many in the slow test; SEEDS names single cases.
+undetermined, refused and wrong mean; of a log that ought to be refused, a record that calls no mode determined is undetermined.
+BEAMCHAIN_CASES draws that many in the slow test; SEEDS names single cases.
 
-    BEAMCHAIN_CASES=300 python tests/identification/test_campaign.py     # prints every case, and the counts
+    BEAMCHAIN_CASES=300 PYTHONPATH=tests/support python tests/identification/test_campaign.py     # prints every case, and the counts
 """
 
 import os
@@ -131,7 +132,8 @@ def verdict(case, folder):
         rightly = case.trouble in REFUSED or (case.trouble in MAY_REFUSE and not case.plain) or not case.plain
         return Judgement("refused rightly" if rightly else "refused wrongly", (str(refused),))
     if case.trouble in REFUSED:
-        return Judgement("wrong", (f"{case.trouble} was taken as it is",))
+        silent = any(mode.determined for mode in found.modes)
+        return Judgement("wrong" if silent else "undetermined", (f"{case.trouble} was taken as it is",))
     return judge(found, case.elastic, case.axes, case.plain, case.hub if case.pushes else None)
 
 
