@@ -40,6 +40,7 @@ CODES = {
     "coloured-residuals": "what an identified model leaves of a log is not white",
     "log-gaps": "a log has gaps",
     "model-order": "a log supports another number of modes than was asked for",
+    "proportional-torques": "the torques of a log are multiples of each other",
     "prior-contradicted": "a log contradicts what was believed before",
     "sensor": "a sensor of a log saturates or is coarse",
     "undetermined": "a log does not determine something",

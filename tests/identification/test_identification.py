@@ -40,6 +40,7 @@ ABOUT_Z = np.flatnonzero(PAIR.participation[5])
 TWO = PAIR.kept(ABOUT_Z[:2])
 ONE = PAIR.kept(ABOUT_Z[:1])
 TIME = np.arange(0.0, 120.0, 0.05)
+TORQUE = steps_at(TIME, 1.0, 3.0)
 FINE = Gyro(1e-5, 2e-4)
 
 
@@ -289,6 +290,15 @@ def test_degrees_are_noticed():
     log["rate_z"] = np.degrees(log["rate_z"])
     with pytest.raises(bc.InputError, match="rad/s"):
         bc.identify(log, HUB.xml, "mount")
+
+
+def test_torques_that_cannot_be_told_apart_are_named():
+    both = {"y": TORQUE, "z": -2.0 * TORQUE}
+    found = bc.identify(record(HUB, PAIR.kept(4), TIME, both, FINE), HUB.xml, "mount")
+    assert any("torque_y and torque_z are proportional" in warning for warning in found.warnings)
+    apart = {"y": TORQUE, "z": steps_at(TIME, 1.0, 3.0, 7)}
+    found = bc.identify(record(HUB, PAIR.kept(4), TIME, apart, FINE), HUB.xml, "mount")
+    assert not any("proportional" in warning for warning in found.warnings)
 
 
 def test_swapped_columns_are_noticed():

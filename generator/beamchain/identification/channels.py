@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import orth
 
+from beamchain.caution import Caution
 from beamchain.errors import InputError
 from beamchain.identification.hub import Bare, directions
 from beamchain.identification.logs import SENSED, TORQUES
@@ -14,6 +15,8 @@ from beamchain.identification.prior import Prior
 from beamchain.identification.response import Piece, Spectrum
 from beamchain.identification.sanity import check_swapped
 from beamchain.ports.motions import Array
+
+PROPORTIONAL = 1e-6  # one less the cosine between the torques of two axes over time
 
 
 class Channels(NamedTuple):
@@ -74,6 +77,7 @@ def of_time(logs: Any, known: Bare, wanted: Sequence[str], prior: Prior | None) 
                 "unit (rad/s)."
             )
     check_swapped(made)
+    alike = _proportional(made)
     return Channels(
         [*made.pieces],
         tuple(torques),
@@ -82,8 +86,23 @@ def of_time(logs: Any, known: Bare, wanted: Sequence[str], prior: Prior | None) 
         directions(known, made.sensed),
         axes,
         scale,
-        made.warnings,
+        [*made.warnings, *alike],
     )
+
+
+def _proportional(made: Cut) -> list[str]:
+    """What is said of torques that are multiples of each other throughout."""
+    u = np.vstack([piece.inputs for piece in made.pieces])
+    u = u / np.linalg.norm(u, axis=0)
+    pairs = [(i, j) for j in range(u.shape[1]) for i in range(j) if 1.0 - abs(float(u[:, i] @ u[:, j])) < PROPORTIONAL]
+    return [
+        Caution(
+            "proportional-torques",
+            f"{made.torques[i]} and {made.torques[j]} are proportional throughout: what one axis does cannot be told from "
+            "the other, nor would exchanged columns be noticed; drive the axes one after the other.",
+        )
+        for i, j in pairs
+    ]
 
 
 def of_spectra(spectra: Any, known: Bare, wanted: Sequence[str], prior: Prior | None) -> Channels:

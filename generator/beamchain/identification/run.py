@@ -28,6 +28,7 @@ from beamchain.ports.motions import Array
 ITERATIONS = 60
 LIKELY = 1e-3  # probability of the gain of one mode more by noise alone, below which it is told
 NO_NOISE = 1e-22  # mean square of residuals, relative to the data, that is rounding
+NOTHING = 1.2  # error of a prediction over what is predicted, beyond which it is none
 LIGHT = 0.01  # of the hub's mass: most that is stated for an appendage of unknown mass
 SHARE = 0.05  # of the inertia that no mode holds, which that mass may take
 
@@ -289,7 +290,21 @@ class Run:
             raw=raw,
             noise=1.0 / weights,
         )
-        return resolved(result, structure, found, likelihood)
+        return _unpredicted(resolved(result, structure, found, likelihood), predicted)
+
+
+def _unpredicted(result: Identification, predicted: Array) -> Identification:
+    """The result with no mode called determined, where the model predicts nothing of what was held out."""
+    if not np.all(predicted > NOTHING):  # nan where nothing was held out
+        return result
+    said = (
+        "the model predicts nothing of the last part of the log, which was held out, though it follows the rest: none of its "
+        "modes is to be trusted; look for a sensor that fails there, and give a longer log."
+    )
+    doubted = tuple(
+        replace(mode, determined=False, remark=f"it predicts nothing; {mode.remark}") for mode in result.modes
+    )
+    return replace(result, modes=doubted, undetermined=(said, *result.undetermined))
 
 
 def rows6(n: int) -> Array:
