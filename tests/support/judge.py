@@ -79,8 +79,7 @@ def judge(found, elastic, axes, plain, hub=None):
     determined = [k for k, mode in enumerate(found.modes) if mode.determined]
     reach = norm.isf(LEVEL / 2.0 / max(1, len(determined) * (2 + len(axes))))
     # every true mode belongs to the nearest found one; those closer to it than the stated resolution count as one with it
-    at = w[determined]
-    nearest = {i: determined[int(np.argmin(np.abs(at - true_w[i])))] for i in visible} if determined else {}
+    nearest = {i: int(np.argmin(np.abs(w - true_w[i]))) for i in visible} if determined else {}
     taken, folded = set(), False
     for k in determined:
         mode = found.modes[k]
