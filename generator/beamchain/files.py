@@ -108,6 +108,13 @@ def _make_folder(folder: Path, made: list[Path]) -> None:
         made.append(place)
 
 
+def no_file(path: Path) -> str | None:
+    """What a path is, in words, that names no regular file; None where it does."""
+    if path.is_file():
+        return None
+    return "is a folder" if path.is_dir() else "does not exist" if not path.exists() else "is no regular file"
+
+
 def tables(content: str) -> dict[str, Any]:
     """The tables of TOML text.
 

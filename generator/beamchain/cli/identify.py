@@ -152,27 +152,17 @@ def _plan(
 
 
 def _show(found: "Identification") -> None:
-    rows = [
-        [
-            str(m.number),
-            f"{m.frequency:.7g}",
-            f"{1.96 * m.frequency_std:.2g}",
-            f"{m.damping:.4g}",
-            f"{1.96 * m.damping_std:.2g}",
-            "yes" if m.determined else "no",
-            m.remark,
-        ]
-        for m in found.modes
-    ]
+    from beamchain.report.identified_html import INTERVAL, mode_rows
+
     head = ("mode", "rad/s", "+- 95 %", "damping ratio", "+- 95 %", "determined", "remark")
-    print_table("modes with the root held", head, rows, left=(0, 5, 6))
+    print_table("modes with the root held", head, mode_rows(found), left=(0, 5, 6))
     if found.update is not None:
         for name, value in found.update.factors.items():
             console().print(
-                f"factor on the prior's {name}: {value:.5g} +- {1.96 * found.update.std[name]:.2g}", markup=False
+                f"factor on the prior's {name}: {value:.5g} +- {INTERVAL * found.update.std[name]:.2g}", markup=False
             )
         console().print(
-            f"factor on stiffness over mass: {found.update.ratio:.5g} +- {1.96 * found.update.ratio_std:.2g}",
+            f"factor on stiffness over mass: {found.update.ratio:.5g} +- {INTERVAL * found.update.ratio_std:.2g}",
             markup=False,
         )
     for sentence in found.undetermined:

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from beamchain.errors import InputError
-from beamchain.files import LARGEST_TOML, tables
+from beamchain.files import LARGEST_TOML, no_file, tables
 from beamchain.fitting.sentences import sentence
 
 T = TypeVar("T")
@@ -37,8 +37,7 @@ def read_struct(path: "str | Path | T", kind: type[T], word: str, holds: str) ->
 def read_tables(path: Path, word: str, holds: str) -> dict[str, Any]:
     """The tables of a TOML file; arguments and errors as of `read_struct`."""
     try:
-        if not path.is_file():
-            kind = "is a folder" if path.is_dir() else "does not exist" if not path.exists() else "is no regular file"
+        if kind := no_file(path):
             raise InputError(f"{word} {str(path)!r} {kind}; give the path of {holds}.")
         size = path.stat().st_size
         if size > LARGEST_TOML:

@@ -1,6 +1,7 @@
 """The estimate put into words and numbers: standard deviations, what is undetermined and why, spectra of the residuals."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -115,7 +116,7 @@ def described(
     order = sorted(range(len(modes)), key=lambda i: modes[i].frequency)
     numbers = {old: new + 1 for new, old in enumerate(order)}
     renamed = tuple(f"mode{numbers[i]}.{kind}" for i, kind in names)
-    modes = [_numbered(modes[i], k + 1) for k, i in enumerate(order)]
+    modes = [replace(modes[i], number=k + 1) for k, i in enumerate(order)]
     if prior is not None and pairs is not None:
         _surprises(prior, pairs, parts, structure, found, warnings)
     updated = _update(structure, found, spread, belief, pairs, prior, data.axes)
@@ -163,20 +164,6 @@ def described(
 def prior_width(prior: Prior | None, which: int) -> float:
     """Relative width of what the prior says of frequency, damping, participation, rigid mass."""
     return WIDTH if prior is None else prior.widths[which]
-
-
-def _numbered(mode: IdentifiedMode, number: int) -> IdentifiedMode:
-    return IdentifiedMode(
-        number,
-        mode.frequency,
-        mode.damping,
-        mode.participation,
-        mode.frequency_std,
-        mode.damping_std,
-        mode.participation_std,
-        mode.determined,
-        mode.remark,
-    )
 
 
 def _moments(structure: Structure, theta: Array, spread: Array, axes: Array) -> tuple[Array, Array]:

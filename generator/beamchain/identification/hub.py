@@ -14,8 +14,6 @@ from beamchain.errors import InputError
 from beamchain.mjcf.place import split
 from beamchain.ports.motions import Array
 
-BALANCED = 1e-6  # relative offset of a wheel's mass centre from its axis that is none
-
 
 class Bare(NamedTuple):
     """A bare spacecraft.

@@ -10,6 +10,7 @@ import numpy as np
 
 from beamchain.checks import meant
 from beamchain.errors import InputError
+from beamchain.files import no_file
 from beamchain.identification.frequency_logs import Response, read_uff, responses
 from beamchain.ports.motions import Array
 
@@ -123,8 +124,7 @@ def _table(one: Any, called: str, names: Mapping[str, str] | None) -> tuple[dict
 def _check_file(path: Path, source: str) -> None:
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{source} has an unknown ending; beamchain reads {', '.join(ENDINGS)}.")
-    if not path.is_file():
-        kind = "is a folder" if path.is_dir() else "does not exist" if not path.exists() else "is no regular file"
+    if kind := no_file(path):
         raise InputError(f"{source} {kind}; give the path of a log.")
     size = path.stat().st_size
     if size == 0:

@@ -18,7 +18,7 @@ from beamchain.identification.likelihood import derivatives
 from beamchain.identification.logs import read_torques
 from beamchain.identification.pieces import active, even
 from beamchain.identification.prior import read_prior, seen_modes
-from beamchain.identification.response import Piece
+from beamchain.identification.response import Piece, Raw
 from beamchain.identification.structure import Parts, seen
 from beamchain.ports.motions import Array
 
@@ -114,7 +114,7 @@ def planned(
     n = len(which)
     damping = np.where(parts.damping[which] > 0.0, parts.damping[which], UNKNOWN_DAMPING)
 
-    def model(x: Array) -> Array:
+    def model(x: Array) -> Raw:
         own = Parts(
             parts.frequencies[which] * np.exp(x[:n]),
             damping * np.exp(x[n : 2 * n]),
@@ -122,16 +122,14 @@ def planned(
             parts.rigid * np.exp(x[3 * n]),
             parts.hub,
         )
-        return seen(own, inputs, outputs).flat()
+        return seen(own, inputs, outputs)
 
-    nominal = seen(
-        Parts(parts.frequencies[which], damping, parts.participation[which], parts.rigid, parts.hub), inputs, outputs
-    )
+    nominal = model(np.zeros(3 * n + 1))
     drive, nothing = np.column_stack([log.torques[k] for k in names]), np.zeros((log.time.size, len(sensors)))
     piece = Piece(log.time, drive, nothing, nothing == 0.0, (False,) * len(sensors), even(log.time))
     piece = replace(piece, outputs=piece.forced(nominal))  # the free motion that is found beside it is none then
     weights = np.full(len(sensors), 1.0 / sigma)
-    said, _ = piece.assess(nominal, weights, derivatives(model, np.zeros(3 * n + 1)))
+    said, _ = piece.assess(nominal, weights, derivatives(lambda x: model(x).flat(), np.zeros(3 * n + 1)))
     deviations = np.sqrt(np.diag(inverse(said.matrix)))[: 3 * n].reshape(3, n).T
     limits = np.array([USEFUL_FREQUENCY, USEFUL_DAMPING, 1.0 / SIGNIFICANT])
     factors = np.max(deviations / limits, axis=1)

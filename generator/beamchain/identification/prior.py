@@ -1,6 +1,5 @@
 """What is believed of the appendage before the log: its modes and rigid mass from a specification, with their widths."""
 
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,13 +50,12 @@ class Prior(NamedTuple):
         return Body(mass, centre, (about + about.T) / 2.0)
 
 
-def read_prior(prior: Any, hub: Array, folder: Path | None = None) -> Prior:
+def read_prior(prior: Any, hub: Array) -> Prior:
     """The prior of a specification, its path, a beam or imported modes.
 
     Raises:
         InputError: it is none of these, or has no mode.
     """
-    del folder
     spec = as_spec(prior)
     data = prior if isinstance(prior, ModalData) else spec.imported.read() if spec.imported is not None else None
     if data is not None:

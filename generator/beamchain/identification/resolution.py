@@ -8,7 +8,7 @@ from beamchain.identification.covariance import inverse
 from beamchain.identification.likelihood import Found, Likelihood, derivatives
 from beamchain.identification.response import Piece
 from beamchain.identification.result import Identification
-from beamchain.identification.structure import Parts, Structure, Unknown, turning
+from beamchain.identification.structure import Parts, Structure, Unknown, frozen_inertia, turning
 from beamchain.ports.motions import Array
 
 SPLIT = 1.0  # trial separation in half widths of the mode
@@ -67,8 +67,7 @@ def images(structure: Structure, found: Found, likelihood: Likelihood) -> list[t
         return []  # logs of different rates tell a mode from its image
     parts = structure.parts(found.theta)
     moments = turning(parts).moments
-    none = Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros((6, 6)), parts.hub)
-    gained = turning(parts).inertia - turning(none).inertia
+    gained = turning(parts).inertia - frozen_inertia(parts.hub)
     out = list[tuple[float, float]]()
     for w, row in zip(parts.frequencies.tolist(), moments, strict=True):
         higher = w + rates[0]

@@ -18,7 +18,6 @@ Complex = NDArray[np.complex128]
 
 DECAY = 5.0  # nepers that a block of unequal steps may decay before double precision suffers
 RIDGE = 1e-13  # relative, added to the normal matrix of what is eliminated
-KEEP = 3  # samples per linear unknown below which a piece is too short to tell anything
 
 
 class Raw(NamedTuple):

@@ -22,7 +22,7 @@ from beamchain.identification.response import Piece, Raw, Spectrum
 from beamchain.identification.result import Identification
 from beamchain.identification.sanity import check_rigid, folded
 from beamchain.identification.start import Started, frozen, started
-from beamchain.identification.structure import Body, Parts, Structure, Unknown, clamped, turning
+from beamchain.identification.structure import Body, Parts, Structure, Unknown, clamped, frozen_inertia
 from beamchain.ports.motions import Array
 
 ITERATIONS = 60
@@ -61,7 +61,7 @@ class Run:
         """Start, refine, judge."""
         data = self.data
         shown, hidden = self._parted()
-        inertia = turning(Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), self._rigid(), self.known.mass)).inertia
+        inertia = frozen_inertia(self.known.mass, self._rigid())
         guess = data.outputs @ np.linalg.solve(inertia, data.inputs.T)
         if isinstance(data.pieces[0], Piece):
             check_rigid(frozen(shown, guess, data.scale).rigid, data, self.known, self._rigid(), roughly=True)
@@ -152,7 +152,7 @@ class Run:
         raw, self.aliased = folded(begun.raw, data.pieces, data.inputs, data.outputs, data.axes)
         total, w, z, moments = clamped(raw, data.inputs, data.outputs, data.axes)
         none = np.zeros((3, 0))
-        hub = turning(Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros((6, 6)), known.mass)).inertia
+        hub = frozen_inertia(known.mass)
         if prior is None:
             rest = total - data.axes.T @ hub @ data.axes - moments.T @ moments
             least = max(float(np.linalg.eigvalsh(rest)[0]), 1e-4 * float(np.trace(total)))
@@ -165,13 +165,11 @@ class Run:
             rows = np.hstack([np.zeros((w.size, 3)), moments @ data.axes.T])
             for _ in range(2):  # the stated mass and the hub's offset take a little of the inertia
                 own = body.theta(rest)
-                now = turning(
-                    Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), body.matrix(moments, own), known.mass)
-                ).inertia
+                now = frozen_inertia(known.mass, body.matrix(moments, own))
                 rest = body.rest(own) + total - data.axes.T @ now @ data.axes
             return structure, structure.theta(Parts(w, z, rows, np.zeros((6, 6)), known.mass), body.theta(rest)), None
         rigid = np.zeros(Body.count)
-        there = data.axes.T @ turning(Parts(w[:0], z[:0], rows6(0), prior.parts.rigid, known.mass)).inertia @ data.axes
+        there = data.axes.T @ frozen_inertia(known.mass, prior.parts.rigid) @ data.axes
         bare_there = data.axes.T @ hub @ data.axes
         factor = (np.trace(total) - np.trace(bare_there)) / (np.trace(there) - np.trace(bare_there))
         rigid[[0, 2, 3, 4]] = np.log(np.clip(factor, 0.2, 5.0)) if not self.free_hub else 0.0
@@ -305,11 +303,6 @@ def _unpredicted(result: Identification, predicted: Array) -> Identification:
         replace(mode, determined=False, remark=f"it predicts nothing; {mode.remark}") for mode in result.modes
     )
     return replace(result, modes=doubted, undetermined=(said, *result.undetermined))
-
-
-def rows6(n: int) -> Array:
-    """No participation of `n` modes."""
-    return np.zeros((n, 6))
 
 
 def replace_pieces(likelihood: Likelihood, pieces: Sequence[Piece | Spectrum]) -> Likelihood:

@@ -10,7 +10,7 @@ from beamchain.errors import InputError
 from beamchain.identification.hub import Bare
 from beamchain.identification.pieces import Cut
 from beamchain.identification.response import Piece, Raw, Spectrum
-from beamchain.identification.structure import Parts, turning
+from beamchain.identification.structure import frozen_inertia
 from beamchain.ports.motions import Array
 
 DEGREE = 180.0 / np.pi
@@ -78,9 +78,7 @@ def check_rigid(gain: Array, data: Any, known: Bare, rigid: Array, *, roughly: b
     Raises:
         InputError: it is negative, less than the hub's alone, or far from what the prior says.
     """
-    none = Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros((6, 6)), known.mass)
-    bare = turning(none).inertia
-    whole = turning(none._replace(rigid=rigid)).inertia
+    bare, whole = frozen_inertia(known.mass), frozen_inertia(known.mass, rigid)
     inverse = np.linalg.pinv(data.outputs @ data.axes) @ gain @ np.linalg.pinv((data.inputs @ data.axes).T)
     there = bool(np.any(rigid))
     for i, axis in enumerate(data.axes.T):

@@ -6,7 +6,7 @@ that on the same craft nothing changes that the log has shown, and the lever arm
 
 import numpy as np
 
-from beamchain.identification.structure import Parts, turning
+from beamchain.identification.structure import Parts, frozen_inertia, turning
 from beamchain.ports.motions import Array, body_mass_matrix
 
 SLIGHT = 1e-9  # of the hub's mass
@@ -23,8 +23,7 @@ def stated(parts: Parts, axes: Array) -> tuple[Array, Array, float]:
         parts: as identified, without force.
         axes: `(3, a)` that were driven.
     """
-    none = Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros((6, 6)), parts.hub)
-    gained = axes.T @ (turning(parts).inertia - turning(none).inertia) @ axes
+    gained = axes.T @ (turning(parts).inertia - frozen_inertia(parts.hub)) @ axes
     inertia = axes @ gained @ axes.T
     across = [i for i in (1, 2) if inertia[i, i] > 0.0]
     size = min((float(inertia[i, i]) for i in across), default=float(inertia[0, 0]))

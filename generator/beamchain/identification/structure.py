@@ -223,6 +223,12 @@ def turning(parts: Parts) -> Turning:
     return Turning(inertia, rows[:, 3:] - rows[:, :3] @ back[:, :3], np.eye(rows.shape[0]) - rows[:, :3] @ back[:, 3:])
 
 
+def frozen_inertia(hub: Array, rigid: Array | None = None) -> Array:
+    """`(3, 3)` inertia against rotation of the free craft with a hub and a rigid appendage, or none."""
+    none = np.zeros((6, 6)) if rigid is None else rigid
+    return turning(Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), none, hub)).inertia
+
+
 def seen(parts: Parts, inputs: Array, outputs: Array) -> Raw:
     """The free craft's poles and residues of rates per torque."""
     inertia, moments, modal = turning(parts)

@@ -23,15 +23,14 @@ def from_table(table: ModalTable, prior: Prior, at: str) -> Identification:
     """
     w = table.frequencies
     first = None
-    of, frequencies = _nearest(w, prior.parts.frequencies, table.source)
+    of = _nearest(w, prior.parts.frequencies, table.source)
     wanted = np.log(w)
     if prior.spec.imported is None:
         first = update(prior, of, wanted, ACCURACY**2 * np.eye(w.size), None, moments=False)
         assert first is not None
         better = read_prior(scaled(prior.spec, np.array([np.log(first.ratio), 0.0])), prior.parts.hub)
-        of, frequencies = _nearest(w, better.parts.frequencies, table.source)
+        of = _nearest(w, better.parts.frequencies, table.source)
         first = update(prior, of, wanted, ACCURACY**2 * np.eye(w.size), None, moments=False)
-    del frequencies
     said = [
         "participation and rigid mass: a table of frequencies says nothing of them; they are the prior's, with "
         "its width."
@@ -81,7 +80,7 @@ def from_table(table: ModalTable, prior: Prior, at: str) -> Identification:
     )
 
 
-def _nearest(measured: Array, known: Array, source: str) -> tuple[list[int], Array]:
+def _nearest(measured: Array, known: Array, source: str) -> list[int]:
     cost = np.abs(np.log(measured[:, None] / known[None, :]))
     of = [-1] * measured.size
     for i, j in zip(*linear_sum_assignment(cost), strict=True):
@@ -92,4 +91,4 @@ def _nearest(measured: Array, known: Array, source: str) -> tuple[list[int], Arr
                 f"{source}: the prior has no mode near {measured[i]:.5g} rad/s; give it more modes, or check "
                 "the unit (frequency is in Hz)."
             )
-    return of, known[of]
+    return of

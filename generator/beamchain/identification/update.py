@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.varied import scaled_segment
 from beamchain.identification.prior import Prior, free_modes, read_prior
-from beamchain.identification.structure import Parts, turning
+from beamchain.identification.structure import Parts, frozen_inertia, turning
 from beamchain.ports.motions import Array
 
 UNKNOWN = 0.25  # relative standard deviation beyond which a factor is not determined
@@ -65,8 +65,7 @@ def scaled(spec: Spec, logs: Array) -> Spec:
 def seen_of(parts: Parts, axes: Array, which: list[int]) -> Array:
     """Logarithms of frequencies and moments of some modes, rotation held and translation free, and of the inertia gained."""
     w, moments = free_modes(parts, axes, which)
-    none = Parts(np.zeros(0), np.zeros(0), np.zeros((0, 6)), np.zeros((6, 6)), parts.hub)
-    gained = float(np.trace(axes.T @ (turning(parts).inertia - turning(none).inertia) @ axes))
+    gained = float(np.trace(axes.T @ (turning(parts).inertia - frozen_inertia(parts.hub)) @ axes))
     return np.log(np.maximum(np.concatenate([w, np.linalg.norm(moments, axis=1), [gained]]), 1e-300))
 
 

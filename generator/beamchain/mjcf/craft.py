@@ -11,6 +11,7 @@ from lxml import etree
 from lxml.etree import _Element as Element
 
 from beamchain.errors import InputError
+from beamchain.files import no_file
 from beamchain.mjcf import marks
 
 LARGEST_FILE = 50_000_000  # bytes
@@ -26,8 +27,7 @@ def parse(path: Path, what: str = "spacecraft") -> Any:
         InputError: it cannot be read, is no XML, or declares a document type.
     """
     try:
-        if not path.is_file():
-            kind = "is a folder" if path.is_dir() else "does not exist" if not path.exists() else "is no regular file"
+        if kind := no_file(path):
             raise InputError(f"{what} {str(path)!r} {kind}; give the path of an MJCF (.xml) file.")
         if path.stat().st_size > LARGEST_FILE:
             raise InputError(f"{what} {str(path)!r} is larger than the {LARGEST_FILE} bytes taken; is it MJCF?")

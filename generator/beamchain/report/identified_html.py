@@ -45,7 +45,7 @@ def identification_html(found: Identification) -> str:
     """The modes and what to know of them, for a notebook cell."""
     notes = [*found.undetermined, *(f"warning: {text}" for text in found.warnings)]
     return block(
-        f"Identification of {found.source}: {_sentence(found)}", _HEAD[:6], [row[:6] for row in _modes(found)], notes
+        f"Identification of {found.source}: {_sentence(found)}", _HEAD[:6], [row[:6] for row in mode_rows(found)], notes
     )
 
 
@@ -61,7 +61,7 @@ def identification_page(found: Identification, name: str) -> str:
         name=name,
         found=found,
         verdict=Verdict(all(m.determined for m in found.modes), _sentence(found)),
-        modes=Table(_modes(found), _HEAD, note="Intervals are of 95 %."),
+        modes=Table(mode_rows(found), _HEAD, note="Intervals are of 95 %."),
         rows=_rows(found),
         orders=_orders(found),
         channels=_channels(found),
@@ -78,7 +78,8 @@ def _sentence(found: Identification) -> str:
     return f"{sure} of {len(found.modes)} modes are determined in frequency and damping."
 
 
-def _modes(found: Identification) -> list[tuple[str, ...]]:
+def mode_rows(found: Identification) -> list[tuple[str, ...]]:
+    """Numbers, intervals of 95 % and remarks of the modes, as texts."""
     return [
         (
             str(m.number),
