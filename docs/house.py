@@ -1,4 +1,4 @@
-"""Draw the house for CONTRIBUTING, house.svg, from the imports as they are: part of make docs-pictures."""
+"""Draw the folders and their imports for CONTRIBUTING, house.svg: part of make docs-pictures."""
 
 import re
 from collections import Counter
@@ -7,7 +7,7 @@ from pathlib import Path
 import beamchain
 
 SOURCE = Path(beamchain.__file__).parent
-ROOMS = {
+FOLDERS = {
     "ports": "pushes back",
     "structure": "what bends",
     "chain": "rigid links",
@@ -25,30 +25,30 @@ INK, PALE = "#1f3b57", "#6f8faf"
 
 
 def arrows() -> Counter[tuple[str, str]]:
-    """How many import lines lead from room to room."""
+    """How many import lines lead from folder to folder."""
     found: Counter[tuple[str, str]] = Counter()
     for path in SOURCE.rglob("*.py"):
         here = path.relative_to(SOURCE).with_suffix("").parts[0]
         for name in re.findall(r"^\s*from beamchain\.(\w+)", path.read_text(encoding="utf-8"), re.M):
-            if here in ROOMS and name in ROOMS and here != name:
+            if here in FOLDERS and name in FOLDERS and here != name:
                 found[here, name] += 1
     return found
 
 
 def sizes() -> Counter[str]:
-    """Modules in each room."""
+    """Modules in each folder."""
     names = (path.relative_to(SOURCE).with_suffix("").parts for path in SOURCE.rglob("*.py"))
     return Counter(parts[0] for parts in names if parts[-1] != "__init__")
 
 
 def draw() -> str:
     """The picture."""
-    order, count = list(ROOMS), sizes()
+    order, count = list(FOLDERS), sizes()
     middle = {name: 20 + i * (WIDTH + GAP) + WIDTH / 2 for i, name in enumerate(order)}
     width = 20 + len(order) * (WIDTH + GAP) - GAP + 20
     out = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} 232" role="img" font-family="sans-serif">',
-        "<title>The house: rooms from left to right, and what imports what</title>",
+        "<title>Folders of the package from left to right, and their imports</title>",
         f'<rect width="{width}" height="232" fill="#ffffff"/>',
     ]
     for (here, there), lines in sorted(arrows().items(), key=lambda item: item[1]):
@@ -59,7 +59,7 @@ def draw() -> str:
             f'stroke-width="{0.6 + 0.5 * lines**0.5:.1f}" stroke-opacity="0.55">'
             f"<title>{here} imports {there}: {lines} lines</title></path>"
         )
-    for name, words in ROOMS.items():
+    for name, words in FOLDERS.items():
         x = middle[name] - WIDTH / 2
         modules = f"{count[name]} module{'s' if count[name] != 1 else ''}"
         out += [
@@ -71,7 +71,7 @@ def draw() -> str:
             ),
         ]
     out += [
-        f'<text x="20" y="218" font-size="11" fill="{INK}">Arcs: a room imports what stands to its left; the thicker, '
+        f'<text x="20" y="218" font-size="11" fill="{INK}">Arcs: a folder imports what stands to its left; the thicker, '
         "the more. Below all: errors, checks, files.</text>",
         "</svg>",
     ]

@@ -15,7 +15,7 @@ import beamchain
 
 SOURCE = Path(beamchain.__file__).parent
 SENTENCE = (
-    "ports", "structure", "chain", "mjcf", "engine", "steps", "fitting", "craft", "studies", "identification", "report", "cli",
+    "ports", "structure", "chain", "mjcf", "engine", "steps", "fitting", "craft", "studies", "report", "cli",
 )  # fmt: skip
 HEAVY = ("mujoco", "lxml", "matplotlib", "control")
 
@@ -138,6 +138,10 @@ def test_each_folder_imports_only_what_stands_before_it():
         assert unit in graph
         later = graph[unit] & set(SENTENCE[SENTENCE.index(unit) + 1 :])
         assert not later, f"{unit} imports {sorted(later)}"
+
+
+def test_studies_are_of_appendages_alone():
+    assert "craft" not in units()["studies"]
 
 
 def test_every_folder_has_its_place():

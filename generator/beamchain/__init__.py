@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded as Embedded
     from beamchain.craft.embedding import embed as embed
+    from beamchain.craft.identification.identify import identify as identify
     from beamchain.craft.plants.plant import plant as plant
+    from beamchain.craft.variants.sweep import sweep as sweep
     from beamchain.craft.worlds.worlds import worlds as worlds
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
     from beamchain.fitting.result import Fit as Fit
     from beamchain.fitting.spec import Spec as Spec
     from beamchain.fitting.spec import read_spec as read_spec
-    from beamchain.identification.identify import identify as identify
     from beamchain.ports.compare import compare as compare
     from beamchain.ports.model import PortModel as PortModel
     from beamchain.steps.retime import retime as retime
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
     from beamchain.structure.segment import Segment as Segment
     from beamchain.studies.stability import stability as stability
     from beamchain.studies.study import study as study
-    from beamchain.studies.sweep import sweep as sweep
 
 _PLACES = {
     "craft.embedded": ("Embedded",),
@@ -73,7 +73,7 @@ _PLACES = {
     ),
     "craft.plants.plant": ("plant",),
     "craft.worlds.worlds": ("worlds",),
-    "identification.identify": ("identify",),
+    "craft.identification.identify": ("identify",),
     "ports.compare": ("compare",),
     "ports.model": ("PortModel",),
     "steps.retime": ("retime",),
@@ -94,7 +94,7 @@ _PLACES = {
     "structure.segment": ("Joint", "Lump", "Segment"),
     "studies.stability": ("stability",),
     "studies.study": ("study",),
-    "studies.sweep": ("sweep",),
+    "craft.variants.sweep": ("sweep",),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 

@@ -18,10 +18,10 @@ from scipy.signal import csd, welch
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "support"))
 
-from beamchain.identification.channels import of_time
-from beamchain.identification.hub import bare
-from beamchain.identification.logs import read_logs
-from beamchain.identification.start import started
+from beamchain.craft.identification.channels import of_time
+from beamchain.craft.identification.hub import bare
+from beamchain.craft.identification.logs import read_logs
+from beamchain.craft.identification.start import started
 from flight_log import Gyro, Hub, motion, record, steps_at, wings
 
 HUB, STEP = Hub(), 0.05

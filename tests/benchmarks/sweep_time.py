@@ -10,8 +10,8 @@ from importlib.resources import files
 from pathlib import Path
 
 import beamchain as bc
+from beamchain.engine.jobs import workers
 from beamchain.fitting.uncertain import UncertainBody, UncertainCraft, UncertainModes, Uncertainty
-from beamchain.studies.jobs import workers
 
 CRAFT = """<mujoco><option timestep="0.02" integrator="Euler" gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
 <inertial pos="0.01 0 0.02" mass="300" diaginertia="90 80 70"/><site name="left" pos="0 0.5 0" euler="0 0 90"/>

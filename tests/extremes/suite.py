@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from beamchain.engine.jobs import workers
 from beamchain.engine.library import mujoco, quiet
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import BeamchainError
 from beamchain.fitting.fit import fit
 from beamchain.fitting.result import Fit
 from beamchain.ports.motions import Array
-from beamchain.studies.jobs import workers
 from extremes.cases import Case
 from extremes.compiled import frequencies
 from extremes.truth import Rod

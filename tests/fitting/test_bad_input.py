@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from beamchain.studies.sweep import STORE
+from beamchain.craft.variants.sweep import STORE
 from command import run
 
 SEGMENT = """

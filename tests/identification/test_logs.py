@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.identification.logs import read_logs
-from beamchain.identification.pieces import active, cut, even, saturated
+from beamchain.craft.identification.logs import read_logs
+from beamchain.craft.identification.pieces import active, cut, even, saturated
 from command import run
 
 CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/>

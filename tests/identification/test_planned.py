@@ -8,7 +8,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.cli import main
-from beamchain.identification.planned import planned
+from beamchain.craft.identification.planned import planned
 from flight_log import Gyro, Hub, cramer_rao, record, steps_at, wings
 from modes_file import write_prior
 

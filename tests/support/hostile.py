@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 import beamchain as bc
 from beamchain.cli.study import read_text
 from beamchain.craft.embedding import take_out
+from beamchain.engine.jobs import run_jobs
 from beamchain.fitting.spec import read_spec
 from beamchain.mjcf.craft import read_craft
 from beamchain.structure.readers import read_modes
-from beamchain.studies.jobs import run_jobs
 from beamchain.studies.scenario import parse_profile
 from prints import plate, whole
 from spacecraft import APPENDAGES, CRAFTS

@@ -11,7 +11,7 @@ from beamchain.cli.progress import spinner
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    from beamchain.identification.result import Identification
+    from beamchain.craft.identification.result import Identification
 
 
 def identify(
@@ -80,8 +80,8 @@ def identify(
 
     Example: beamchain identify torques.csv --craft craft.xml --at mount --prior array.toml --plan 1e-5
     """
+    from beamchain.craft.identification.identify import identify as find
     from beamchain.files import check_free
-    from beamchain.identification.identify import identify as find
 
     renamed = _renamed(names)
     if plan is not None:
@@ -124,7 +124,7 @@ def _plan(
     logs: list[Path], craft: Path, at: str, prior: Path | None, noise: float, renamed: dict[str, str], as_json: bool,
     quiet: bool,
 ) -> None:  # fmt: skip
-    from beamchain.identification.planned import planned
+    from beamchain.craft.identification.planned import planned
 
     if prior is None or len(logs) != 1:
         raise InputError("identify: --plan needs --prior, whose modes are to be found, and one file of torques.")

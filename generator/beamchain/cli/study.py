@@ -51,9 +51,9 @@ def study(
     Example: beamchain study boom.toml -o study
     """
     from beamchain.checks import positive
+    from beamchain.engine.jobs import workers as pool
     from beamchain.files import check_free
     from beamchain.fitting.spec import read_spec
-    from beamchain.studies.jobs import workers as pool
     from beamchain.studies.study import study as measure
 
     read = read_spec(spec)

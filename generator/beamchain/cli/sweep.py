@@ -11,7 +11,7 @@ from beamchain.cli.output import print_table, print_warnings, tell
 from beamchain.cli.progress import job_bar
 
 if TYPE_CHECKING:
-    from beamchain.studies.sweep import Sweep
+    from beamchain.craft.variants.sweep import Sweep
 
 Source = Annotated[
     Path,
@@ -78,9 +78,9 @@ def sweep(
 
     Example: beamchain sweep craft.xml --at mount=array.toml --uncertain craft.toml -o variants
     """
+    from beamchain.craft.variants.sweep import sweep as draw
+    from beamchain.engine.jobs import workers as pool
     from beamchain.files import check_free
-    from beamchain.studies.jobs import workers as pool
-    from beamchain.studies.sweep import sweep as draw
 
     wanted = places(at) if at else None
     check_free(output / "sweep.json", force=force)

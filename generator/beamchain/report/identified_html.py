@@ -6,7 +6,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamchain.identification.result import Identification, IdentifiedMode
+from beamchain.craft.identification.result import Identification, IdentifiedMode
 from beamchain.report.notebook import block
 from beamchain.report.page import Table, Verdict, page_text
 from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE

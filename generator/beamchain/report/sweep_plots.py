@@ -11,7 +11,7 @@ from beamchain.report.plots import OURS, STYLE, WIDTH, literal
 from beamchain.report.svg import to_svg
 
 if TYPE_CHECKING:
-    from beamchain.studies.sweep import Sweep
+    from beamchain.craft.variants.sweep import Sweep
 
 MOST = 12  # modes in a picture
 NONE = 1e-9  # of the largest gain: a mode below it is not driven or not seen

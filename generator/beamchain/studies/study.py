@@ -15,6 +15,7 @@ from msgspec import structs
 
 from beamchain import report
 from beamchain.caution import at
+from beamchain.engine.jobs import Progress, run_jobs, stamp
 from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
 from beamchain.fitting.choose import make_plan, whole_beam
@@ -28,7 +29,6 @@ from beamchain.studies import field, front
 from beamchain.studies.field import Entry, Task
 from beamchain.studies.fine_chain import LINEAR, large_reference, nonlinear
 from beamchain.studies.front import TARGETS, Metric, Reach, recommended_name
-from beamchain.studies.jobs import Progress, run_jobs, stamp
 from beamchain.studies.run_time import Growth, Ladder, Point, Run, climb, growth, in_turns
 from beamchain.studies.scenario import Scenario, make_scenario, parse_profile
 

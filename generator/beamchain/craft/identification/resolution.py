@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamchain.identification.covariance import inverse
-from beamchain.identification.likelihood import Found, Likelihood, derivatives
-from beamchain.identification.response import Piece
-from beamchain.identification.result import Identification
-from beamchain.identification.structure import Parts, Structure, Unknown, frozen_inertia, turning
+from beamchain.craft.identification.covariance import inverse
+from beamchain.craft.identification.likelihood import Found, Likelihood, derivatives
+from beamchain.craft.identification.response import Piece
+from beamchain.craft.identification.result import Identification
+from beamchain.craft.identification.structure import Parts, Structure, Unknown, frozen_inertia, turning
 from beamchain.ports.motions import Array
 
 SPLIT = 1.0  # trial separation in half widths of the mode

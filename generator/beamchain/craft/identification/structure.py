@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
 
-from beamchain.identification.response import Raw
+from beamchain.craft.identification.response import Raw
 from beamchain.ports.motions import Array, body_mass_matrix
 
 LOOSE = 1e-3  # of the inertia

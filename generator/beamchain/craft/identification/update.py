@@ -7,10 +7,10 @@ import numpy as np
 from msgspec import structs
 from scipy.optimize import least_squares
 
+from beamchain.craft.identification.prior import Prior, free_modes, read_prior
+from beamchain.craft.identification.structure import Parts, frozen_inertia, turning
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.varied import scaled_segment
-from beamchain.identification.prior import Prior, free_modes, read_prior
-from beamchain.identification.structure import Parts, frozen_inertia, turning
 from beamchain.ports.motions import Array
 
 UNKNOWN = 0.25  # relative standard deviation beyond which a factor is not determined

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from beamchain.identification.response import Piece, Raw, Spectrum
+from beamchain.craft.identification.response import Piece, Raw, Spectrum
 from beamchain.ports.motions import Array
 
 DIFFERENCE = 1e-5  # step of the derivatives of raw numbers by central differences: leaves ten digits

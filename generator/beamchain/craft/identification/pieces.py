@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.caution import Caution
+from beamchain.craft.identification.logs import TimeLog
+from beamchain.craft.identification.response import Piece
 from beamchain.errors import InputError
-from beamchain.identification.logs import TimeLog
-from beamchain.identification.response import Piece
 from beamchain.ports.motions import Array
 
 GAP = 1.5  # steps; where steps are unequal by themselves, more

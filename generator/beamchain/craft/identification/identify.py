@@ -5,15 +5,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from beamchain.checks import number, one_of, whole_number
+from beamchain.craft.identification.channels import of_spectra, of_time
+from beamchain.craft.identification.hub import bare
+from beamchain.craft.identification.logs import read_logs
+from beamchain.craft.identification.prior import read_prior
+from beamchain.craft.identification.result import Identification
+from beamchain.craft.identification.run import Run
+from beamchain.craft.identification.start import MOST_MODES
+from beamchain.craft.identification.tables import from_table
 from beamchain.errors import InputError
-from beamchain.identification.channels import of_spectra, of_time
-from beamchain.identification.hub import bare
-from beamchain.identification.logs import read_logs
-from beamchain.identification.prior import read_prior
-from beamchain.identification.result import Identification
-from beamchain.identification.run import Run
-from beamchain.identification.start import MOST_MODES
-from beamchain.identification.tables import from_table
 
 if TYPE_CHECKING:
     from beamchain.engine.library import mujoco

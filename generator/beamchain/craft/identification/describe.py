@@ -8,16 +8,16 @@ import numpy as np
 from scipy.signal import detrend, welch
 
 from beamchain.caution import Caution
-from beamchain.identification.advice import advice
-from beamchain.identification.covariance import inverse
-from beamchain.identification.likelihood import Found, derivatives
-from beamchain.identification.prior import WIDTH, Matched, Prior
-from beamchain.identification.response import Piece, Raw
-from beamchain.identification.result import Identification, IdentifiedMode
-from beamchain.identification.start import Order
-from beamchain.identification.stated import stated
-from beamchain.identification.structure import Body, Parts, Structure, Unknown, turning
-from beamchain.identification.update import Update, seen_of, update
+from beamchain.craft.identification.advice import advice
+from beamchain.craft.identification.covariance import inverse
+from beamchain.craft.identification.likelihood import Found, derivatives
+from beamchain.craft.identification.prior import WIDTH, Matched, Prior
+from beamchain.craft.identification.response import Piece, Raw
+from beamchain.craft.identification.result import Identification, IdentifiedMode
+from beamchain.craft.identification.start import Order
+from beamchain.craft.identification.stated import stated
+from beamchain.craft.identification.structure import Body, Parts, Structure, Unknown, turning
+from beamchain.craft.identification.update import Update, seen_of, update
 from beamchain.ports.motions import Array
 
 USEFUL_FREQUENCY = 0.03  # relative standard deviation beyond which a frequency is not determined

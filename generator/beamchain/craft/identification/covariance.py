@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.stats import chi2
 
-from beamchain.identification.likelihood import Likelihood
-from beamchain.identification.response import Piece
+from beamchain.craft.identification.likelihood import Likelihood
+from beamchain.craft.identification.response import Piece
 from beamchain.ports.motions import Array
 
 LAGS = 25  # of the test

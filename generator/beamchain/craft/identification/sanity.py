@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from beamchain.craft.identification.hub import Bare
+from beamchain.craft.identification.pieces import Cut
+from beamchain.craft.identification.response import Piece, Raw, Spectrum
+from beamchain.craft.identification.structure import frozen_inertia
 from beamchain.errors import InputError
-from beamchain.identification.hub import Bare
-from beamchain.identification.pieces import Cut
-from beamchain.identification.response import Piece, Raw, Spectrum
-from beamchain.identification.structure import frozen_inertia
 from beamchain.ports.motions import Array
 
 DEGREE = 180.0 / np.pi

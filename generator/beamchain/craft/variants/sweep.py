@@ -21,6 +21,7 @@ from beamchain.craft.variants.quantities import Quantity
 from beamchain.craft.variants.refit import Refit
 from beamchain.craft.variants.samples import Case, unpacked, vary
 from beamchain.craft.variants.spread import Gain, gain, usual_gain
+from beamchain.engine.jobs import Progress, run_jobs, stamp
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError
@@ -33,7 +34,6 @@ from beamchain.mjcf.craft import Craft, read_craft, relocate
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.modal_data import ModalData
-from beamchain.studies.jobs import Progress, run_jobs, stamp
 
 NAMES = {"body": "nbody", "jnt": "njnt", "site": "nsite", "tendon": "ntendon"}
 CHUNK, QUICK_CHUNK = 10, 100  # samples per job: with fits, without

@@ -6,11 +6,11 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
+from beamchain.craft.identification.structure import Body, Parts, turning
 from beamchain.errors import InputError
 from beamchain.fitting.fit import as_spec
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.uncertain import Uncertainty
-from beamchain.identification.structure import Body, Parts, turning
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 from beamchain.structure.modal_data import ModalData
 

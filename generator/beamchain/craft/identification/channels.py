@@ -7,13 +7,13 @@ import numpy as np
 from scipy.linalg import orth
 
 from beamchain.caution import Caution
+from beamchain.craft.identification.hub import Bare, directions
+from beamchain.craft.identification.logs import SENSED, TORQUES
+from beamchain.craft.identification.pieces import Cut, active, cut
+from beamchain.craft.identification.prior import Prior
+from beamchain.craft.identification.response import Piece, Spectrum
+from beamchain.craft.identification.sanity import check_swapped
 from beamchain.errors import InputError
-from beamchain.identification.hub import Bare, directions
-from beamchain.identification.logs import SENSED, TORQUES
-from beamchain.identification.pieces import Cut, active, cut
-from beamchain.identification.prior import Prior
-from beamchain.identification.response import Piece, Spectrum
-from beamchain.identification.sanity import check_swapped
 from beamchain.ports.motions import Array
 
 PROPORTIONAL = 1e-6  # one less the cosine between the torques of two axes over time

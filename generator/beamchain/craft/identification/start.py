@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from beamchain.identification.likelihood import Likelihood
-from beamchain.identification.response import Piece, Raw, Spectrum
+from beamchain.craft.identification.likelihood import Likelihood
+from beamchain.craft.identification.response import Piece, Raw, Spectrum
 from beamchain.ports.motions import Array
 
 MOST_MODES = 14

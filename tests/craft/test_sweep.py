@@ -16,11 +16,11 @@ from typer.testing import CliRunner
 
 import beamchain as bc
 from beamchain.cli import app
+from beamchain.craft.variants import sweep as sweeps
 from beamchain.fitting.spec import spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.fitting.uncertain import Uncertain, Uncertainty
 from beamchain.fitting.varied import varied
-from beamchain.studies import sweep as sweeps
 
 ARRAY = Path(str(files("beamchain"))) / "examples" / "array_uncertain.toml"
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
@@ -199,6 +199,6 @@ def test_same_seed_same_variants_on_any_workers(variants):
 
 
 def sweeps_pool():
-    from beamchain.studies.jobs import workers
+    from beamchain.engine.jobs import workers
 
     return workers(2)

@@ -4,12 +4,12 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from beamchain.caution import Caution
+from beamchain.craft.identification.logs import ModalTable
+from beamchain.craft.identification.prior import FAR, Prior, read_prior
+from beamchain.craft.identification.result import Identification, IdentifiedMode
+from beamchain.craft.identification.start import Order
+from beamchain.craft.identification.update import scaled, update
 from beamchain.errors import InputError
-from beamchain.identification.logs import ModalTable
-from beamchain.identification.prior import FAR, Prior, read_prior
-from beamchain.identification.result import Identification, IdentifiedMode
-from beamchain.identification.start import Order
-from beamchain.identification.update import scaled, update
 from beamchain.ports.motions import Array
 
 ACCURACY = 1e-3  # relative, of frequencies of a test whose accuracy is not stated

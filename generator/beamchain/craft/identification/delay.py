@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from beamchain.identification.channels import Channels
-from beamchain.identification.response import Piece
-from beamchain.identification.start import fewer, refined, searched
+from beamchain.craft.identification.channels import Channels
+from beamchain.craft.identification.response import Piece
+from beamchain.craft.identification.start import fewer, refined, searched
 from beamchain.ports.motions import Array
 
 MOST = 15  # steps of lag that are tried

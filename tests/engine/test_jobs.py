@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import beamchain as bc
-from beamchain.studies.jobs import run_jobs, workers
+from beamchain.engine.jobs import run_jobs, workers
 
 
 def square(value: int, log: str) -> int:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamchain.caution import warnings_record
+from beamchain.craft.identification.start import Order
+from beamchain.craft.identification.update import Update
 from beamchain.files import write_files
-from beamchain.identification.start import Order
-from beamchain.identification.update import Update
 from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
 

@@ -6,7 +6,7 @@ that on the same craft nothing changes that the log has shown, and the lever arm
 
 import numpy as np
 
-from beamchain.identification.structure import Parts, frozen_inertia, turning
+from beamchain.craft.identification.structure import Parts, frozen_inertia, turning
 from beamchain.ports.motions import Array, body_mass_matrix
 
 SLIGHT = 1e-9  # of the hub's mass

@@ -9,9 +9,9 @@ from typing import Any, cast
 import numpy as np
 
 from beamchain.checks import meant
+from beamchain.craft.identification.frequency_logs import Response, read_uff, responses
 from beamchain.errors import InputError
 from beamchain.files import no_file
-from beamchain.identification.frequency_logs import Response, read_uff, responses
 from beamchain.ports.motions import Array
 
 LARGEST_FILE = 2_000_000_000  # bytes

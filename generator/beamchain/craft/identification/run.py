@@ -8,21 +8,21 @@ import numpy as np
 from scipy.stats import chi2
 
 from beamchain.caution import Caution
+from beamchain.craft.identification.channels import Channels
+from beamchain.craft.identification.covariance import COLOURED, covariance, whiteness
+from beamchain.craft.identification.delay import aligned
+from beamchain.craft.identification.describe import TWO, described
+from beamchain.craft.identification.hub import Bare
+from beamchain.craft.identification.likelihood import Found, Likelihood, compressed, derivatives
+from beamchain.craft.identification.pieces import FEWEST
+from beamchain.craft.identification.prior import DAMPING, SMALL, Matched, Prior, matched
+from beamchain.craft.identification.resolution import resolved
+from beamchain.craft.identification.response import Piece, Raw, Spectrum
+from beamchain.craft.identification.result import Identification
+from beamchain.craft.identification.sanity import check_rigid, folded
+from beamchain.craft.identification.start import Started, frozen, started
+from beamchain.craft.identification.structure import Body, Parts, Structure, Unknown, clamped, frozen_inertia
 from beamchain.errors import InputError
-from beamchain.identification.channels import Channels
-from beamchain.identification.covariance import COLOURED, covariance, whiteness
-from beamchain.identification.delay import aligned
-from beamchain.identification.describe import TWO, described
-from beamchain.identification.hub import Bare
-from beamchain.identification.likelihood import Found, Likelihood, compressed, derivatives
-from beamchain.identification.pieces import FEWEST
-from beamchain.identification.prior import DAMPING, SMALL, Matched, Prior, matched
-from beamchain.identification.resolution import resolved
-from beamchain.identification.response import Piece, Raw, Spectrum
-from beamchain.identification.result import Identification
-from beamchain.identification.sanity import check_rigid, folded
-from beamchain.identification.start import Started, frozen, started
-from beamchain.identification.structure import Body, Parts, Structure, Unknown, clamped, frozen_inertia
 from beamchain.ports.motions import Array
 
 ITERATIONS = 60

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamchain.checks import positive
+from beamchain.craft.identification.advice import advice
+from beamchain.craft.identification.channels import driven
+from beamchain.craft.identification.covariance import inverse
+from beamchain.craft.identification.describe import SIGNIFICANT, USEFUL_DAMPING, USEFUL_FREQUENCY
+from beamchain.craft.identification.hub import bare, directions
+from beamchain.craft.identification.likelihood import derivatives
+from beamchain.craft.identification.logs import read_torques
+from beamchain.craft.identification.pieces import active, even
+from beamchain.craft.identification.prior import read_prior, seen_modes
+from beamchain.craft.identification.response import Piece, Raw
+from beamchain.craft.identification.structure import Parts, seen
 from beamchain.errors import InputError
-from beamchain.identification.advice import advice
-from beamchain.identification.channels import driven
-from beamchain.identification.covariance import inverse
-from beamchain.identification.describe import SIGNIFICANT, USEFUL_DAMPING, USEFUL_FREQUENCY
-from beamchain.identification.hub import bare, directions
-from beamchain.identification.likelihood import derivatives
-from beamchain.identification.logs import read_torques
-from beamchain.identification.pieces import active, even
-from beamchain.identification.prior import read_prior, seen_modes
-from beamchain.identification.response import Piece, Raw
-from beamchain.identification.structure import Parts, seen
 from beamchain.ports.motions import Array
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def planned(
 
     Example:
         >>> import beamchain as bc, numpy as np
-        >>> from beamchain.identification.planned import planned
+        >>> from beamchain.craft.identification.planned import planned
         >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
         ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
         >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
