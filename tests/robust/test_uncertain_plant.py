@@ -320,6 +320,17 @@ def test_one_loop_of_a_craft_whose_axes_couple(small):
     assert abs(found.simulated / found.gain - 1.0) < PEAK
 
 
+def test_loops_on_one_input_add_up(small):
+    """One loop, and the same as two of unequal share."""
+    one = LOOPS.loop[2]
+    parts = [msgspec.structs.replace(one, numerator=tuple(share * v for v in one.numerator)) for share in (0.3, 0.7)]
+    ends = ("torque_z", "attitude_z", [1.0])
+    whole, both = (small.worst_case(Controller(loop=tuple(loops)), *ends, samples=5) for loops in ([one], parts))
+    assert both.gain == pytest.approx(whole.gain, rel=1e-6)
+    assert both.upper == pytest.approx(whole.upper, rel=1e-3)
+    assert abs(both.simulated / both.gain - 1.0) < PEAK
+
+
 def test_a_plant_per_angle(embedded):
     scheduled = bc.plant(embedded, ["torque:bus"], at={"drive": [0.0, 0.5]})
     for one, uncertain in zip(scheduled.plants, scheduled.uncertain(SINGLE), strict=True):

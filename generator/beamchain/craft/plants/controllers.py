@@ -42,7 +42,7 @@ class Filter(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Loop(Filter, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One loop of a controller, `input = -K(s) output`: negative feedback."""
+    """One loop of a controller, `input = -K(s) output`: negative feedback. Loops on one input add up."""
 
     input: Annotated[str, field("input of the plant that the loop drives")]
     output: Annotated[str, field("output of the plant that the loop measures")]
@@ -75,16 +75,16 @@ def places(controller: Controller, inputs: list[str], outputs: list[str]) -> tup
     """Outputs and inputs of a plant that the loops take, by number.
 
     Raises:
-        InputError: a loop names no signal of the plant, or two drive the same input.
+        InputError: there is no loop, or one names no signal of the plant.
     """
+    if not controller.loop:
+        raise InputError(
+            "the controller has no loop; give at least one [[loop]] with input, output, numerator, denominator."
+        )
     rows, columns = (
         [place(getattr(loop, kind), labels, kind) for loop in controller.loop]
         for kind, labels in (("output", outputs), ("input", inputs))
     )
-    if not controller.loop or len(set(columns)) < len(columns):
-        raise InputError(
-            "the controller needs at least one [[loop]], and every input at most one; add them up into one."
-        )
     return rows, columns
 
 

@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain.engine.library import mujoco
 from beamchain.ports.motions import Array
+from beamchain.steps.modal import FILLER, modal_tendons
 
 SLACK = 1e-13  # relative: springs weaker than this hold nothing
 HINGE = re.compile(r"(.+)_hinge\d+_(xy|xz|torsion|axial)$")
@@ -97,9 +98,13 @@ def dof_names(model: "mujoco.MjModel") -> list[tuple[str, str]]:
 def cantilever_names(model: "mujoco.MjModel", mass: Array, stiffness: Array) -> tuple[list[str], Array]:
     """Names of the appendages' own modes (root held) and of other sprung joints, and `(c, nv)` what they take of a shape.
 
+    What chiefly strains tendons that make up a chain's mass beyond its kept modes is named `filler`, not `mode`.
     The square of what a row takes of a shape is the strain energy in that mode or joint.
     """
     joints = [str(model.joint(int(j)).name) for j in model.dof_jntid]
+    modal = modal_tendons(model)
+    fillers = [i for i, name in enumerate(modal.names) if FILLER.search(name)]
+    beyond = np.sqrt(modal.stiffness[fillers])[:, None] * modal.rows[fillers]
     parts: dict[str, list[int]] = {}
     for i, joint in enumerate(joints):
         if found := HINGE.fullmatch(joint):
@@ -108,9 +113,9 @@ def cantilever_names(model: "mujoco.MjModel", mass: Array, stiffness: Array) -> 
     rows: list[Array] = []
     for name, dofs in parts.items():
         pick = np.ix_(dofs, dofs)
-        inverse, shapes = eigh(mass[pick], stiffness[pick] + 1e-300 * np.eye(len(dofs)))
+        _, shapes = eigh(mass[pick], stiffness[pick] + 1e-300 * np.eye(len(dofs)))
         counts: dict[str, int] = {}
-        for value, shape in zip(inverse[::-1], shapes.T[::-1], strict=True):
+        for shape in shapes.T[::-1]:
             row = np.zeros(mass.shape[0])
             row[dofs] = stiffness[pick] @ shape  # shapes of unit strain energy
             shares = np.abs(shape * row[dofs])
@@ -120,10 +125,10 @@ def cantilever_names(model: "mujoco.MjModel", mass: Array, stiffness: Array) -> 
                 port = found[2] if found else ""
                 by_port[port] = by_port.get(port, 0.0) + float(share)
             port = max(by_port, key=lambda key: by_port[key])
-            counts[port] = counts.get(port, 0) + 1
-            names.append(f"{name}_mode{counts[port]}_{port}")
+            kind = "filler" if float(np.sum((beyond[:, dofs] @ shape) ** 2)) > 0.5 else "mode"
+            counts[kind + port] = counts.get(kind + port, 0) + 1
+            names.append(f"{name}_{kind}{counts[kind + port]}_{port}")
             rows.append(row)
-            del value
     taken = {i for dofs in parts.values() for i in dofs}
     for i, (name, _) in enumerate(dof_names(model)):
         if i not in taken and stiffness[i, i] > 0.0:

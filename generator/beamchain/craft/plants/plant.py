@@ -23,6 +23,7 @@ from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import InputError
 from beamchain.fitting.uncertain import UncertainCraft
 from beamchain.ports.motions import locked
+from beamchain.steps.modal import FILLER
 
 GROWS = 1e-5  # of a mode's discrete pole beyond the unit circle: more than what turning wheels do to it
 ROUNDING = 1e-9
@@ -136,6 +137,12 @@ class _Given:
         modes = [name for name in names if {name, f"{name}_rate"} <= set(form.names)]
         if not modes:
             said = [*said, "no flexible mode is both driven by the inputs and seen by the outputs."]
+        if beyond := [name for name in modes if FILLER.search(name)]:
+            said = [
+                *said,
+                f"{', '.join(beyond)}: no mode of an appendage, but what makes up a chain's mass beyond the modes kept; its "
+                "frequency predicts nothing. Keep more modes if a loop acts up there.",
+            ]
         signals = [[i.label for i in craft.inputs], [label for o in craft.outputs for label in o.labels],
                    [i.unit for i in craft.inputs], [unit for o in craft.outputs for unit in o.units]]  # fmt: skip
         if self.step is not None:

@@ -113,7 +113,7 @@ def inputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Input]
                     f"actuator {name!r} of inputs has an activation that is not linear; only dyntype none, integrator, filter "
                     "and filterexact are; leave it out, or change its dyntype."
                 )
-            mine, place = [Input(name, "", number)], name
+            mine, place = [Input(name, _unit(model, number), number)], name
         groups.append((place, mine))
     said = Counter(i.label for _, mine in groups for i in mine)
     return [
@@ -145,6 +145,27 @@ def outputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Outpu
 def actuator_names(model: "mujoco.MjModel") -> list[str]:
     """Names of the actuators, numbers where they have none."""
     return [str(model.actuator(i).name) or f"actuator {i}" for i in range(model.nu)]
+
+
+def _unit(model: "mujoco.MjModel", number: int) -> str:
+    """Unit of an actuator's control: of a force, or of the set point of a servo; empty where MuJoCo does not say."""
+    kinds, (gain, *_), (_, stiffness, damping, *_) = (
+        model.actuator_trntype, model.actuator_gainprm[number], model.actuator_biasprm[number],
+    )  # fmt: skip
+    kind, target, gear = int(kinds[number]), int(model.actuator_trnid[number, 0]), model.actuator_gear[number]
+    if kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)):
+        turns = model.jnt_type[target] in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_BALL))
+        straight = model.jnt_type[target] == int(mujoco.mjtJoint.mjJNT_SLIDE)
+    else:
+        straight, turns = (
+            kind == int(mujoco.mjtTrn.mjTRN_SITE) and not gear[part].any() for part in (slice(3, 6), slice(3))
+        )
+    if straight == turns or int(model.actuator_dyntype[number]) == int(mujoco.mjtDyn.mjDYN_INTEGRATOR):
+        return ""
+    if int(model.actuator_biastype[number]) == int(mujoco.mjtBias.mjBIAS_NONE):
+        return "N m" if turns else "N"
+    unit = "rad" if turns else "m"
+    return unit if stiffness == -gain != 0.0 else f"{unit}/s" if stiffness == 0.0 and damping == -gain != 0.0 else ""
 
 
 def _named(model: "mujoco.MjModel", kind: str, name: str, field: str, cure: str = "") -> int:

@@ -76,7 +76,7 @@ def amplitude(
         before = read()
         if through.any():  # what the loops' own inputs do to their outputs at once
             before[rows] = solve @ (before[rows] - through @ (own[2] @ x[n:]))
-        u[columns] -= own[2] @ x[n:] + own[3] @ before[rows]
+        np.subtract.at(u, columns, own[2] @ x[n:] + own[3] @ before[rows])
         set_up(x, u)
         slopes = np.concatenate([x[nv : 2 * nv], data.qacc, data.act_dot, own[0] @ x[n:] + own[1] @ before[rows]])
         return slopes, read()

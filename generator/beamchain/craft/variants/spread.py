@@ -1,6 +1,5 @@
 """What spreads over the variants of a craft: its coupled frequencies, and the gains of its modes."""
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +10,8 @@ from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
+from beamchain.steps.modal import FILLER
 
-FILLER = re.compile(r"(?:^|_)filler\d+(?:_(?:xy|xz|torsion|axial)\d*)?$")
 ZERO = 1e-12  # relative: squares of frequencies below it are of springs that others make superfluous
 
 
