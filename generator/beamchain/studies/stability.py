@@ -28,8 +28,8 @@ def silent(_: str) -> None:
 class StepRow:
     """A step limit, predicted from the linearised model and measured in simulations [s]; infinity: none."""
 
-    name: str
-    integrator: str
+    name: str  #: of the model
+    integrator: str  #: MuJoCo's name
     predicted: float
     measured: float
 
@@ -41,13 +41,30 @@ class StepRow:
 
 @dataclass(frozen=True, eq=False)
 class StabilityStudy:
-    """Everything `stability.json` holds."""
+    """Everything `stability.json` holds.
 
-    rows: list[StepRow]  # limits predicted and measured
-    budgets: list[Budget]  # per model
-    large: dict[str, LargeMotion]  # per plane; empty for a foreign model
+    Args:
+        rows: limits predicted and measured, per model and integrator.
+        budgets: per model: on its hub, then alone.
+        large: large-motion limits per bending plane; empty for a foreign model.
+        warnings: sentences with codes.
+        own_step: whether the file's own integrator is stable at the file's own step, in a sentence.
+
+    Example:
+        >>> import beamchain as bc
+        >>> oscillator = '''<mujoco model="rod"><option timestep="0.01"/><worldbody><body><joint type="slide" stiffness="16"/>
+        ... <inertial pos="0 0 0" mass="4" diaginertia="1 1 1"/></body></worldbody></mujoco>'''
+        >>> from pathlib import Path
+        >>> _ = Path("rod.xml").write_text(oscillator)
+        >>> bc.stability("rod.xml").own_step
+        'rod: stable as it is, with Euler at 0.01 s; Euler is stable up to 1 s.'
+    """
+
+    rows: list[StepRow]
+    budgets: list[Budget]
+    large: dict[str, LargeMotion]
     warnings: list[str]
-    own_step: str  # whether the file's own integrator is stable at the file's own step, in a sentence
+    own_step: str
 
     def as_dict(self) -> dict[str, Any]:
         """For stability.json; `extremes` counts no cases: the suite is a test of beamchain itself."""

@@ -52,16 +52,26 @@ class Options(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Everything measured."""
+    """Everything measured. `metric` is "error", of the hub's motion, or "error_appendage", without the integrator's own.
 
-    spec: Spec
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> spec = bc.read_spec(files("beamchain") / "examples" / "seed_boom.toml")
+        >>> measured = bc.study(spec, models=["exact, clamped"], duration=2.0, budget=0.01)
+        >>> measured.best(1e-9, "error") is None  # else a `Reach`: seconds, and the `Point` with n, integrator and step
+        True
+        >>> nearest = measured.nearest("error")  # the `Point` with the least error
+    """
+
+    spec: Spec  #: what was studied
     options: Options
-    kept: dict[str, int]  # modes per port of the spec; the planes' numbers were varied
+    kept: dict[str, int]  #: modes per port of the spec; the planes' numbers were varied
     scenario: Scenario
-    ladders: tuple[Ladder, ...]  # per entry, its points
-    growth: Growth  # time against n
-    seconds: float
-    warnings: tuple[str, ...] = ()  # where the load drives a recommended chain beyond what it is right for
+    ladders: tuple[Ladder, ...]  #: per entry, its points
+    growth: Growth  #: time against n
+    seconds: float  #: taken by the study
+    warnings: tuple[str, ...] = ()  #: where the load drives a recommended chain beyond what it is right for
 
     @property
     def points(self) -> list[Point]:

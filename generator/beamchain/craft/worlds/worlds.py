@@ -104,6 +104,21 @@ class Worlds:
         observe: names of what is read; None: all.
         threads: of the host "mujoco".
         seed: of the draws.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> shipped = files("beamchain") / "examples"
+        >>> arrays = {"left": shipped / "array.toml", "right": shipped / "array.toml"}
+        >>> flexible = bc.embed(shipped / "satellite.xml", arrays, retime=True)
+        >>> many = bc.worlds(flexible, {"frequency": 0.05}, count=4)
+        >>> seen = many.reset([0, 1], draw=True)  # two of them, with new modes
+        >>> kept = many.state()
+        >>> seen = many.step([0.1, 0.0, 0.0], nstep=8)  # N m on the wheels of all, for 8 steps of 0.125 s
+        >>> seen["rate"].shape, many.timestep, many.model_of(2).nv == many.model.nv
+        ((4, 3), 0.125, True)
+        >>> seen = many.restore(kept)
+        >>> many.retime(0.25)  # the same modes at another step, from rest
     """
 
     model: Any
