@@ -241,7 +241,7 @@ def python() -> dict[str, str]:
     for group in ("Functions", "Results", "Classes", "Errors"):
         head = "| name | what it is |\n|---|---|"
         if group == "Results":
-            text.append("(results)=\n## What the functions return\n")
+            text.append("## What the functions return\n")
             head = "| class | returned by | what it is |\n|---|---|---|"
             gym = 'gymnasium.make("beamchain.gym:beamchain/FlexibleSatellite-v0")'
             rows[group].append(f"| [beamchain.gym](../results/gym.md) | `{gym}` | the Gymnasium environment |")

@@ -100,7 +100,7 @@ class Retimed:
         return self.phase < SCHEMES[self.integrator].phase
 
     def undo(self, model: "mujoco.MjModel") -> None:
-        """Every array back as it was before the call, bit for bit."""
+        """Every array of `model` back as it was before the call, bit for bit."""
         for name, values in self.before.items():
             getattr(model, name)[:] = values
 

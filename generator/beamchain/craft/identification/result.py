@@ -122,7 +122,7 @@ class Identification:
         return report.identification_html(self)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Measured, modelled and remaining spectrum of the first channel."""
+        """Measured, modelled and remaining spectrum of the first channel, drawn into `ax`. Returns the axes; shows nothing."""
         from beamchain import report
 
         return report.plot_identification(self, ax)

@@ -167,7 +167,7 @@ class Worlds:
 
     # -- running ---------------------------------------------------------------------------------------------------------
     def step(self, ctrl: ArrayLike, nstep: int = 1) -> dict[str, Array]:
-        """Hold an input `(count, nu)`, or `(nu,)` for all worlds, over `nstep` steps. Returns what `observe` does.
+        """Hold an input `ctrl` `(count, nu)`, or `(nu,)` for all worlds, over `nstep` steps. Returns what `observe` does.
 
         Raises:
             InputError: the input has another shape, or is not finite.
@@ -227,7 +227,7 @@ class Worlds:
         return self.observe()
 
     def retime(self, timestep: float) -> None:
-        """Make every world exact in time for another step [s], each for its own modes, and start all again."""
+        """Make every world exact in time for another `timestep` [s], each for its own modes, and start all again."""
         model = with_fields(self.model, {})
         model.opt.timestep = positive("timestep", timestep, "s")
         if modal_tendons(model).names:
@@ -269,7 +269,7 @@ class Worlds:
         }
 
     def restore(self, state: Mapping[str, Any]) -> dict[str, Array]:
-        """Continue from a checkpoint of these worlds. Returns what `observe` does.
+        """Continue from a checkpoint of these worlds, what `state()` gave. Returns what `observe` does.
 
         Raises:
             InputError: the checkpoint is that of other worlds.
