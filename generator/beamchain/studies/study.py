@@ -97,7 +97,7 @@ class Study:
         return {model: reach for model, reach in found.items() if reach is not None}
 
     def best(self, target: float, metric: Metric) -> Reach | None:
-        """The cheapest measured setting for a `target` in a `metric` among our chains, which keep their geometry in large motion."""
+        """The cheapest measured setting for a `target` in a `metric` among our chains, which keep their geometry."""
         ours = [r for r in self.reach(target, metric).values() if r.model in field.OURS and not r.extrapolated]
         return min(ours, key=lambda r: r.seconds, default=None)
 
