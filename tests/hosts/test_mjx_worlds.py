@@ -136,6 +136,6 @@ def test_the_co_design_on_the_page_runs(tmp_path, monkeypatch):
         with contextlib.redirect_stdout(io.StringIO()):
             for block in (first[1], *blocks):
                 exec(compile(block, PAGE.name, "exec"), names)
-        assert float(names["value"]) < float(names["ringing"](names["nominal"][0])) - 1.0
+        assert float(names["value"]) < 0.2 * float(names["start"])
     finally:
         jax.config.update("jax_enable_x64", before)
