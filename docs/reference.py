@@ -236,7 +236,9 @@ def python() -> dict[str, str]:
         pages[f"reference/results/{name}.md"] = _page(name, f"{about}\n\n", shown, name)
         rows.setdefault("Results", []).append(f"| [{name}](../results/{name}.md) | `{call}` | {_first(thing)} |")
     shown = "".join(_shown("autoclass", name, ":members:", ":no-inherited-members:") for name in GYM)
-    pages["reference/results/gym.md"] = _page("beamchain.gym", "", _shown("automodule", "gym") + shown, "")
+    pages["reference/results/gym.md"] = _page(
+        "beamchain.gym", "", _shown("automodule", "gym", ":no-index:") + shown, ""
+    )
     text = ["# Python\n\n`import beamchain as bc`. Every example is run by the tests.\n"]
     for group in ("Functions", "Results", "Classes", "Errors"):
         head = "| name | what it is |\n|---|---|"
