@@ -179,7 +179,7 @@ def _show(result: "Embedded", files: list[Path]) -> None:
     for column in ("at", "prefix", "rigidly behind it kg", "on", "target"):
         table.add_column(column, justify="left")
     for a in result.appendages:
-        on = ", ".join(f"{joint.kind} joint {joint.name}" for joint in a.mount.joints)
+        on = ", ".join(joint.words for joint in a.mount.joints)
         table.add_row(a.at, a.prefix, f"{a.hub.mass:.6g}", on, a.fit.kept_for)
     out.print(table)
     modes = Table(title="coupled modes of the whole spacecraft, rad/s", title_justify="left")

@@ -61,6 +61,7 @@ class Held(NamedTuple):
         squares: `(n,)` frequencies squared, ascending [1/s^2].
         reaction: `(m, n)` wrench of each mode on the root.
         drive: `(n, m)` of the root's acceleration on each mode; `reaction x drive` is the sum of `W^2 L L^T`.
+        ratios: `(n,)` damping ratios.
     """
 
     apparent: Array

@@ -72,6 +72,21 @@ class Identification:
         length: of the appendage [m], for sharing out its mass.
         source: of what.
         stated: rigid mass `(6, 6)` and participation `(n, 6)` of the file of modes, where no prior tells mass and force.
+        advice: sentences on what a further test would need.
+
+    Example:
+        >>> import beamchain as bc
+        >>> import numpy as np
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> omega = np.linspace(0.2, 8.0, 300)
+        >>> s = 1j * omega
+        >>> log = {"omega": omega, "rate_z/torque_z": 1.0 / (s * (130.0 - 36.0 * s**2 / (s**2 + 0.02 * s + 4.0)))}
+        >>> found = bc.identify(log, craft, "mount")
+        >>> [round(mode.frequency, 3) for mode in found.modes]
+        [2.0]
+        >>> found.data().participation.shape  # of the modes, as [imported] and bc.embed take them
+        (1, 6)
     """
 
     modes: tuple[IdentifiedMode, ...]
@@ -107,7 +122,7 @@ class Identification:
         return report.identification_html(self)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Measured, modelled and remaining spectrum of the first channel."""
+        """Measured, modelled and remaining spectrum of the first channel, drawn into `ax`. Returns the axes; shows nothing."""
         from beamchain import report
 
         return report.plot_identification(self, ax)

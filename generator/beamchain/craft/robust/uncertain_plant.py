@@ -45,6 +45,25 @@ class WorstCase:
         deltas, values: of the worst sample.
         gain, frequency: peak of the worst sample, and where [rad/s]; infinite, and where the loop begins to ring.
         simulated: the same gain by a simulation in MuJoCo; NaN where there is none.
+
+    Example:
+        >>> import beamchain as bc
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> from beamchain.craft.plants.controllers import Controller, Loop
+        >>> from beamchain.fitting.uncertain import Uncertain, Uncertainty
+        >>> tenth = Uncertain(frequency=Uncertainty(relative=0.1, distribution="uniform"))
+        >>> segment = bc.Segment(length=8.0, section=section)
+        >>> boom = bc.Spec(segment=(segment,), damping=bc.Damping(ratio=0.01), uncertain=tenth)
+        >>> plant = bc.plant(bc.embed(craft, {"mount": boom}), ["torque:bus"], ["attitude"])
+        >>> uncertain = plant.uncertain()
+        >>> loops = [Loop(input=f"torque_{a}", output=f"attitude_{a}", numerator=(600.0, 60.0), denominator=(0.05, 1.0))
+        ...          for a in "xyz"]
+        >>> controller = Controller(loop=tuple(loops))
+        >>> worst = uncertain.worst_case(controller, "torque_z", "attitude_z", samples=5, simulate=False)
+        >>> worst.stable, worst.gain <= worst.upper
+        (True, True)
     """
 
     input: str

@@ -18,6 +18,7 @@ from beamchain.ports.motions import Array
 
 GROWS = 1e-9  # relative real part of a pole, below which it is rounding
 STARTS = 4  # of the local search, from the worst samples
+STILL = 1e-2  # of the lowest frequency looked at: a gain that is largest at rest is taken there
 AROUND = np.sinh(np.linspace(-4.0, 4.0, 25))  # half widths of a resonance, at which it is looked at
 
 
@@ -107,8 +108,8 @@ class Loops:
             return np.abs((weight / (1j * omega[:, None] - poles)).sum(axis=1) + d[-1, -1])
 
         up = poles[poles.imag > 0.0]
-        omega = np.unique(np.concatenate([self._wide, (up.imag[:, None] - up.real[:, None] * AROUND).ravel()]))
-        omega = omega[omega > 0.0]
+        near, least = (up.imag[:, None] - up.real[:, None] * AROUND).ravel(), STILL * self._wide[0]
+        omega = np.unique(np.concatenate([[least], self._wide, near[near > least]]))
         at = int(np.argmax(size(omega)))
         ends = float(omega[max(at - 1, 0)]), float(omega[min(at + 1, omega.size - 1)])
         best = minimize_scalar(

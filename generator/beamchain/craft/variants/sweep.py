@@ -58,6 +58,13 @@ class Sweep:
         participation: of a single appendage, per port `(k, n, motions)`.
         left_out: samples without a variant and why.
         seconds: taken.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> variants = bc.sweep(files("beamchain") / "examples" / "array_uncertain.toml", samples=2, seed=1)
+        >>> variants.coupled.shape[0], variants.fields["tendon_stiffness"].shape[0], variants.left_out
+        (2, 2, {})
     """
 
     name: str

@@ -104,6 +104,21 @@ class Worlds:
         observe: names of what is read; None: all.
         threads: of the host "mujoco".
         seed: of the draws.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> shipped = files("beamchain") / "examples"
+        >>> arrays = {"left": shipped / "array.toml", "right": shipped / "array.toml"}
+        >>> flexible = bc.embed(shipped / "satellite.xml", arrays, retime=True)
+        >>> many = bc.worlds(flexible, {"frequency": 0.05}, count=4)
+        >>> seen = many.reset([0, 1], draw=True)  # two of them, with new modes
+        >>> kept = many.state()
+        >>> seen = many.step([0.1, 0.0, 0.0], nstep=8)  # N m on the wheels of all, for 8 steps of 0.125 s
+        >>> seen["rate"].shape, many.timestep, many.model_of(2).nv == many.model.nv
+        ((4, 3), 0.125, True)
+        >>> seen = many.restore(kept)
+        >>> many.retime(0.25)  # the same modes at another step, from rest
     """
 
     model: Any
@@ -152,7 +167,7 @@ class Worlds:
 
     # -- running ---------------------------------------------------------------------------------------------------------
     def step(self, ctrl: ArrayLike, nstep: int = 1) -> dict[str, Array]:
-        """Hold an input `(count, nu)`, or `(nu,)` for all worlds, over `nstep` steps. Returns what `observe` does.
+        """Hold an input `ctrl` `(count, nu)`, or `(nu,)` for all worlds, over `nstep` steps. Returns what `observe` does.
 
         Raises:
             InputError: the input has another shape, or is not finite.
@@ -212,7 +227,7 @@ class Worlds:
         return self.observe()
 
     def retime(self, timestep: float) -> None:
-        """Make every world exact in time for another step [s], each for its own modes, and start all again."""
+        """Make every world exact in time for another `timestep` [s], each for its own modes, and start all again."""
         model = with_fields(self.model, {})
         model.opt.timestep = positive("timestep", timestep, "s")
         if modal_tendons(model).names:
@@ -254,7 +269,7 @@ class Worlds:
         }
 
     def restore(self, state: Mapping[str, Any]) -> dict[str, Array]:
-        """Continue from a checkpoint of these worlds. Returns what `observe` does.
+        """Continue from a checkpoint of these worlds, what `state()` gave. Returns what `observe` does.
 
         Raises:
             InputError: the checkpoint is that of other worlds.
