@@ -54,6 +54,12 @@ class LinearCraft:
         """Rigid motions and normal modes."""
         return normal_modes(self.linear.mass, self.linear.stiffness)
 
+    @property
+    def signals(self) -> tuple[list[str], list[str], list[str], list[str]]:
+        """Labels of inputs and outputs, and their units."""
+        labels, units = ([w for one in self.outputs for w in getattr(one, words)] for words in ("labels", "units"))
+        return [i.label for i in self.inputs], labels, [i.unit for i in self.inputs], units
+
     @cached_property
     def mode_names(self) -> tuple[str, ...]:
         """Names of the normal modes."""

@@ -136,8 +136,6 @@ class _Given:
         modes = [name for name in names if {name, f"{name}_rate"} <= set(form.names)]
         if not modes:
             said = [*said, "no flexible mode is both driven by the inputs and seen by the outputs."]
-        signals = [[i.label for i in craft.inputs], [label for o in craft.outputs for label in o.labels],
-                   [i.unit for i in craft.inputs], [unit for o in craft.outputs for unit in o.units]]  # fmt: skip
         if self.step is not None:
             form, grown = self._discrete(form, craft, self.step)
             said = [*said, *grown]
@@ -148,15 +146,17 @@ class _Given:
 
         pulled = SAMPLED if self.step is not None else uncertain
         if embedded is None:
-            return Plant(form, signals, modes, said, self.step, uncertain=pulled)
+            return Plant(form, craft.signals, modes, said, self.step, uncertain=pulled)
 
         def exact(omega: float) -> Plant:
             true = exact_craft(embedded, craft.point, self.inputs, self.outputs, omega)
             whole = true.form()
             kept = whole.reduced(whole.active()).spanned()
-            return Plant(kept, signals, [name for name in true.mode_names if {name, f"{name}_rate"} <= set(kept.names)])
+            return Plant(
+                kept, craft.signals, [name for name in true.mode_names if {name, f"{name}_rate"} <= set(kept.names)]
+            )
 
-        return Plant(form, signals, modes, said, self.step, exact, pulled)
+        return Plant(form, craft.signals, modes, said, self.step, exact, pulled)
 
     def _discrete(self, form: ModalForm, craft: LinearCraft, step: float) -> tuple[ModalForm, list[str]]:
         """A step from `(A - 1)/h`, its input averaged where the integrator gives the whole impulse at once."""

@@ -48,11 +48,11 @@ class Input:
     centre: bool = False
 
     def apply(self, data: "mujoco.MjData", value: float) -> None:
-        """Set the input, all others untouched."""
-        if self.actuator >= 0:
-            data.ctrl[self.actuator] = value
+        """Add to the input, all others untouched."""
+        if self.wrench is None:
+            data.ctrl[self.actuator] += value
         else:
-            data.xfrc_applied[self.body] = value * np.asarray(self.wrench)
+            data.xfrc_applied[self.body] += value * self.wrench
 
 
 @dataclass(frozen=True, eq=False)

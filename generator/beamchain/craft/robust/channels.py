@@ -20,37 +20,24 @@ from beamchain.ports.motions import Array
 
 Through = Mapping[int, float]
 ACROSS = ((1, 2), (0, 2), (0, 1))  # components of `omega x e_i` that are not zero
-WORDS = ("position", "rate", "acceleration", "input")
 
 
 class Channels:
-    """Channels, collected one by one.
-
-    Args:
-        nv, inputs: numbers of degrees of freedom and of inputs.
-    """
+    """Channels of a craft with so many degrees of freedom and inputs, collected one by one."""
 
     def __init__(self, nv: int, inputs: int) -> None:
         self.of: list[int] = []
-        self._forces: list[Array] = []
-        self._rows: dict[str, list[Array]] = {word: [] for word in WORDS}
-        self._through: list[Through] = []
-        self._size = {word: inputs if word == "input" else nv for word in WORDS}
+        self._forces, self._rows, self._through = list[Array](), list[list[Array]](), list[Through]()
+        self._sizes = {"position": nv, "rate": nv, "acceleration": nv, "input": inputs}
 
-    def add(
-        self, quantity: int, force: Array, through: "Through | None" = None, own: float = 0.0, **rows: Array
-    ) -> int:
-        """One more channel; its number.
+    def add(self, quantity: int, force: Array, through: Through | None = None, own: float = 0.0, **rows: Array) -> int:
+        """One more channel of a quantity, with the generalised force `(nv,)` for w = 1; its number.
 
-        Args:
-            quantity: that acts here.
-            force: `(nv,)` generalised force for w = 1.
-            through: what z takes of the w of other channels; `own`: of its own.
-            rows: what z takes of `position`, `rate`, `acceleration`, `input`.
+        Its z takes `through` of the w of other channels, `own` of its own, and `rows` of `position`, `rate`,
+        `acceleration` and `input`.
         """
-        for word in WORDS:
-            self._rows[word].append(rows.get(word, np.zeros(self._size[word])))
         number = len(self.of)
+        self._rows.append([rows.get(word, np.zeros(size)) for word, size in self._sizes.items()])
         self._through.append({**(through or {}), number: own})
         self._forces.append(force)
         self.of.append(quantity)
@@ -64,7 +51,7 @@ class Channels:
             for j, value in those.items():
                 through[i, j] = value
         scale = reach[pick, None]
-        y0, y1, y2, yu = (np.array(self._rows[word])[pick] * scale for word in WORDS)
+        y0, y1, y2, yu = (np.array(part)[pick] * scale for part in zip(*self._rows, strict=True))
         direct = np.hstack([through[np.ix_(pick, pick)] * scale, yu])
         return replace(
             linear,

@@ -33,12 +33,8 @@ FITTED = {
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """An appendage whose structure is uncertain.
-
-    Args:
-        prefix: of its elements in the craft.
-        fit: the nominal one, in whose specification modes and target are stated.
-        owner: what tells its draws from those of other appendages.
+    """An appendage whose structure is uncertain: the prefix of its elements in the craft, its nominal fit, in whose
+    specification modes and target are stated, and what tells its draws from those of other appendages.
     """
 
     prefix: str

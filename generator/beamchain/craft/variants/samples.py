@@ -2,14 +2,14 @@
 
 from base64 import b64decode, b64encode
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from beamchain.craft.variants.changes import apply
-from beamchain.craft.variants.fields import FIELDS, Maker
+from beamchain.craft.variants.fields import FIELDS, Maker, apply
 from beamchain.craft.variants.quantities import Quantity, draws, quantities
 from beamchain.craft.variants.refit import Refit
 from beamchain.craft.variants.spread import Gain, normal_shapes
@@ -44,7 +44,7 @@ class Case:
     @cached_property
     def maker(self) -> Maker:
         """What makes the variants."""
-        return Maker(self.model)
+        return Maker(self.model, refitted=bool(self.refits))
 
     @cached_property
     def found(self) -> tuple[Quantity, ...]:
@@ -66,7 +66,7 @@ class Case:
         Raises:
             BeamchainError: it cannot be made.
         """
-        model, found, rows = self.maker.copy(), self.found, dict(self.participation)
+        model, found, rows = copy(self.maker.model), self.found, dict(self.participation)
         for refit in self.refits:
             participation = refit.into(model, seed, index)
             rows = {port: participation[port] for port in rows}
@@ -75,18 +75,16 @@ class Case:
             found = self.quantities(model)
         values = draws(found, [index], seed, self.together)[0]
         apply(model, found, values, self.maker.data)
-        mass = self.maker.mass(model, refitted=bool(self.refits))
+        mass = self.maker.mass(model)
         w, shapes = normal_shapes(model, mass)
         if w.size != self.modes_counted:
             raise RealisationError(f"{w.size} coupled modes where the nominal craft has {self.modes_counted}")
-        self.maker.time(model, mass, refitted=bool(self.refits))
+        self.maker.time(model, mass)
         factor = {q.owner: value for q, value in zip(found, values, strict=True) if q.kind == "participation"}
-        for port in rows:
-            scale = [
-                next((p for name, p in factor.items() if name.endswith(f"mode{k + 1}_{port}")), 1.0)
-                for k in range(len(rows[port]))
-            ]
-            rows[port] = rows[port] * np.array(scale)[:, None]
+        for port, row in rows.items():
+            names = [f"mode{k + 1}_{port}" for k in range(len(row))]
+            scale = [next((p for owner, p in factor.items() if owner.endswith(name)), 1.0) for name in names]
+            rows[port] = row * np.array(scale)[:, None]
         return {
             "values": values,
             "coupled": w,
@@ -103,18 +101,17 @@ class Case:
 
 def vary(case: Case, seed: int, first: int, end: int) -> dict[str, Any]:
     """One job: samples `first` to `end`, as text that `unpacked` reads."""
-    indices: list[int] = []
-    rows: list[dict[str, Any]] = []
+    rows: dict[int, dict[str, Any]] = {}
     why: dict[str, str] = {}
     with one_thread():
         for index in range(first, end):
             try:
-                rows.append(case.sample(seed, index))
-                indices.append(index)
+                rows[index] = case.sample(seed, index)
             except BeamchainError as error:
                 why[str(index)] = str(error)
-    packed = {name: _packed(np.array([row[name] for row in rows])) for name in (rows[0] if rows else ())}
-    return {"samples": indices, "why": why, "arrays": packed}
+    names = next(iter(rows.values()), {})
+    packed = {name: _packed(np.array([row[name] for row in rows.values()])) for name in names}
+    return {"samples": list(rows), "why": why, "arrays": packed}
 
 
 def _packed(values: Array) -> list[Any]:

@@ -18,13 +18,9 @@ ZERO = 1e-12  # relative: squares of frequencies below it are of springs that ot
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """A pair of signals whose modal gains are followed.
+    """A pair of signals, as `torque:bus=attitude`, whose modal gains are followed: the numerator over `s^2 + 2 zeta w s + w^2`.
 
-    Args:
-        name: as given, `torque:bus=attitude`.
-        unit: of the gain: the numerator over `s^2 + 2 zeta w s + w^2`.
-        force: `(nv, m)` what the inputs do to the degrees of freedom.
-        position, rate: `(p, nv)` what the outputs read of them.
+    `force` `(nv, m)` is what the inputs do to the degrees of freedom, `position` and `rate` `(p, nv)` what the outputs read.
     """
 
     name: str
@@ -35,10 +31,10 @@ class Gain:
 
     def sizes(self, frequency: Array, shapes: Array) -> Array:
         """`(n,)` largest singular value of the gain of each mode; damping left out."""
-        reads = np.hypot(
-            np.linalg.norm(self.position @ shapes, axis=0), frequency * np.linalg.norm(self.rate @ shapes, axis=0)
+        position, rate, force = (
+            np.linalg.norm(rows @ shapes, axis=0) for rows in (self.position, self.rate, self.force.T)
         )
-        return np.asarray(reads * np.linalg.norm(self.force.T @ shapes, axis=0), dtype=np.float64)
+        return np.asarray(np.hypot(position, frequency * rate) * force, dtype=np.float64)
 
 
 def gain(model: "mujoco.MjModel", pair: str) -> Gain:
@@ -78,19 +74,14 @@ def normal_shapes(model: "mujoco.MjModel", mass: Array) -> tuple[Array, Array]:
 
     Fillers, which only hold what the kept modes leave free, are not counted. `mass`: `(nv, nv)`, at rest.
     """
-    names = [str(model.tendon(i).name) for i in range(model.ntendon)]
-    sprung = [i for i in range(model.ntendon) if float(np.atleast_1d(model.tendon_stiffness[i])[0]) > 0.0]
-    rows = [np.sqrt(float(np.atleast_1d(model.tendon_stiffness[i])[0])) * along(model, i) for i in sprung]
-    for joint in range(model.njnt):
-        k = float(np.atleast_1d(model.jnt_stiffness[joint])[0])
-        if k > 0.0:
-            first = int(model.jnt_dofadr[joint])
-            rows += list(np.sqrt(k) * np.eye(model.nv)[first : first + (6, 3, 1, 1)[int(model.jnt_type[joint])]])
-    springs: Array = np.array(rows).reshape(-1, model.nv)
+    tendons, joints = (np.atleast_2d(k.T)[0] for k in (model.tendon_stiffness, model.jnt_stiffness))
+    sprung, joints = np.flatnonzero(tendons > 0.0), joints[model.dof_jntid]
+    rows = [np.sqrt(tendons[i]) * along(model, int(i)) for i in sprung]
+    springs = np.vstack([*rows, (np.sqrt(joints)[:, None] * np.eye(model.nv))[joints > 0.0]])
     spread = np.linalg.solve(mass, springs.T)
     flexible = springs @ spread
     squares, vectors = np.linalg.eigh((flexible + flexible.T) / 2.0)
     keep = squares > ZERO * max(float(np.max(squares, initial=0.0)), 1e-300)
-    fillers = sum(FILLER.search(names[i]) is not None for i in sprung)
+    fillers = sum(FILLER.search(str(model.tendon(int(i)).name)) is not None for i in sprung)
     w = np.sqrt(squares[keep])[: max(int(np.sum(keep)) - fillers, 0)]
     return w, np.asarray((spread @ vectors[:, keep])[:, : w.size] / w, dtype=np.float64)
