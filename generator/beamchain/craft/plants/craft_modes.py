@@ -28,16 +28,10 @@ FAR = 25.0  # times the highest kept frequency: modes beyond are gathered with t
 
 @dataclass(frozen=True, eq=False)
 class LinearCraft:
-    """A craft, linear at an operating point.
+    """A craft, linear at an operating point, whose model holds the step of a sampled plant.
 
-    Args:
-        linear: of second order.
-        inputs, outputs: signals.
-        labels: name and unit of every degree of freedom.
-        names: of appendages' modes and sprung joints.
-        rows: what those take of a shape.
-        lags: names of the actuators with a state.
-        point: where; its model holds the step of a sampled plant.
+    `labels`: name and unit of every degree of freedom. `names`: of appendages' modes and sprung joints, which take `rows` of
+    a shape. `lags`: names of the actuators with a state.
     """
 
     linear: SecondOrder
@@ -66,11 +60,9 @@ class LinearCraft:
         return tuple(mode_names(self.modes.shapes, self.names, self.rows))
 
     def form(self, sampled: bool = False, modes: NormalModes | None = None, names: Sequence[str] = ()) -> ModalForm:
-        """The craft in modal blocks; sampled: of `(A - 1)/h` and `B/h` of one step.
+        """The craft in modal blocks; sampled: of `(A - 1)/h` and `B/h` of one step of MuJoCo.
 
-        Args:
-            sampled: one step of MuJoCo instead of continuous time.
-            modes, names: the normal modes in another order; their own where left out.
+        `modes`, `names`: the normal modes in another order; their own where left out.
         """
         system = self.linear.first_order
         if sampled:
@@ -113,11 +105,7 @@ def exact_craft(
 ) -> LinearCraft:
     """The bare spacecraft with all modes of its appendages, at the pose and rates of a point of the whole model.
 
-    Args:
-        embedded: what was embedded.
-        point: of the model with its appendages.
-        inputs, outputs: names, as in `plant`.
-        omega: highest frequency of interest [rad/s].
+    `inputs` and `outputs` are names as in `plant`, `omega` the highest frequency of interest [rad/s].
 
     Raises:
         InputError: a signal belongs to an appendage, or reads what hangs on it.
@@ -125,13 +113,8 @@ def exact_craft(
     items = carried(embedded.model, embedded.appendages)
     new = {dof for item in items for dof in item.dofs}
     old = [i for i in range(embedded.model.nv) if i not in new]
-    joints = [j for j in range(embedded.model.njnt) if int(embedded.model.jnt_dofadr[j]) not in new]
-    places = [
-        int(embedded.model.jnt_qposadr[j]) + i
-        for j in joints
-        for i in range((7, 4, 1, 1)[int(embedded.model.jnt_type[j])])
-    ]
-    bare = operating_point(embedded.craft, point.qpos[places])
+    poses = zip(np.split(point.qpos, embedded.model.jnt_qposadr[1:]), embedded.model.jnt_dofadr, strict=True)
+    bare = operating_point(embedded.craft, np.concatenate([pose for pose, dof in poses if int(dof) not in new]))
     bare = OperatingPoint(bare.model, bare.qpos, point.qvel[old])
     try:
         driven, seen = inputs_of(bare, inputs), outputs_of(bare, outputs)
@@ -141,16 +124,15 @@ def exact_craft(
         raise InputError(
             f"output {far[0]!r} reads what hangs on its body, which the exact plant cannot; leave it out of outputs."
         )
-    data = bare.data()
+    data, labels = bare.data(), dof_names(bare.model)
     jacobians = [port_motion(bare.model, data, item) for item in items]
     models = [_whole(a, item, omega) for a, item in zip(embedded.appendages, items, strict=True)]
-    own = second_order(bare, driven, seen)
-    linear = own.with_appendages(jacobians, models)
-    labels = dof_names(bare.model)
+    linear = second_order(bare, driven, seen).with_appendages(jacobians, models)
     for a, model in zip(embedded.appendages, models, strict=True):
         labels += [(name, "") for name in _names(a.prefix, model)]
-    sprung = [i for i in range(linear.mass.shape[0]) if linear.stiffness[i, i] > 0.0]
-    rows = np.sqrt(np.diag(linear.stiffness))[sprung][:, None] * np.eye(linear.mass.shape[0])[sprung]
+    springs = np.diag(linear.stiffness)
+    sprung = np.flatnonzero(springs > 0.0)
+    rows = np.diag(np.sqrt(np.maximum(springs, 0.0)))[sprung]
     names = tuple(labels[i][0] for i in sprung)
     return LinearCraft(linear, tuple(driven), tuple(seen), tuple(labels), names, rows, _lags(bare.model), bare)
 

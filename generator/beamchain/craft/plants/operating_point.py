@@ -62,7 +62,7 @@ def left_out(model: "mujoco.MjModel") -> list[str]:
     found = (
         (gravity, "gravity", "the plant is one in free fall: the model's gravity is left out."),
         (medium, "medium", "the medium's density and viscosity are left out of the plant."),
-        (bool(model.neq), "equality", f"{model.neq} equality constraint(s) are left out of the plant."),
+        (model.neq, "equality", f"{model.neq} equality constraint(s) are left out of the plant."),
     )
     return [Caution(code, text) for there, code, text in found if there]
 
@@ -83,12 +83,7 @@ def grid_of(at: At) -> tuple[str, Array] | None:
 
 
 def operating_point(model: "mujoco.MjModel", at: At = None, rates: Mapping[str, float] | None = None) -> OperatingPoint:
-    """The point that `at` and `rates` name, in a copy of the model without gravity, medium, constraints and clamps.
-
-    Args:
-        model: compiled.
-        at: name or number of a keyframe, `(nq,)` positions, angles by joint, or None: the pose of rest.
-        rates: of wheels, by joint [rad/s]; those of the keyframe where left out.
+    """The point that `at` and `rates` name as in `plant`, in a copy of the model without gravity, medium, constraints, clamps.
 
     Raises:
         InputError: there is no such keyframe or joint, a joint is outside its range, shapes touch, or something turns

@@ -1,7 +1,8 @@
 """`plant`: the spacecraft as a control engineer's plant, at a pose or over the angles of a drive."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +17,11 @@ from beamchain.craft.plants.realisation import SAMPLED, Plant
 from beamchain.craft.plants.sampled import at_step, held_input
 from beamchain.craft.plants.scheduled import ScheduledPlant, follow
 from beamchain.craft.robust.lft import Made
-from beamchain.craft.robust.uncertain_plant import UncertainPlant, uncertain_plant
+from beamchain.craft.robust.uncertain_plant import uncertain_plant
 from beamchain.craft.timing import without_time
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import InputError
-from beamchain.fitting.uncertain import UncertainCraft
 from beamchain.ports.motions import locked
 
 GROWS = 1e-5  # of a mode's discrete pole beyond the unit circle: more than what turning wheels do to it
@@ -91,7 +91,7 @@ def plant(
     if grid is None:
         craft, said = given.craft(at)
         form = craft.form(step is not None)
-        return given.plant(craft, form.reduced(form.active()).spanned(), craft.mode_names, [*left_out(whole), *said])
+        return given.plant(craft, form.minimal(), craft.mode_names, [*left_out(whole), *said])
     name, angles = grid
     crafts = follow(lambda angle: given.craft({**at, name: angle})[0], angles)
     forms = [craft.form(step is not None, modes, crafts[0][0].mode_names) for craft, modes in crafts]
@@ -103,20 +103,16 @@ def plant(
     return ScheduledPlant(name, locked(angles), tuple(plants))
 
 
+@dataclass(frozen=True)
 class _Given:
     """What `plant` was asked for, apart from the pose."""
 
-    def __init__(
-        self,
-        embedded: Embedded | None,
-        model: "mujoco.MjModel",
-        rates: Mapping[str, float] | None,
-        inputs: Sequence[str] | None,
-        outputs: Sequence[str] | None,
-        step: float | None,
-    ) -> None:
-        self.embedded, self.model, self.rates, self.step = embedded, model, rates, step
-        self.inputs, self.outputs = inputs, outputs
+    embedded: Embedded | None
+    model: "mujoco.MjModel"
+    rates: Mapping[str, float] | None
+    inputs: Sequence[str] | None
+    outputs: Sequence[str] | None
+    step: float | None
 
     def craft(self, at: At) -> tuple[LinearCraft, list[str]]:
         """The craft at a pose, without time or at its step, and sentences on that step."""
@@ -133,37 +129,28 @@ class _Given:
 
     def plant(self, craft: LinearCraft, form: ModalForm, names: Sequence[str], said: Sequence[str]) -> Plant:
         """The plant of what is kept of a craft's modal form."""
-        modes = [name for name in names if {name, f"{name}_rate"} <= set(form.names)]
+        modes = form.oscillators(names)
         if not modes:
             said = [*said, "no flexible mode is both driven by the inputs and seen by the outputs."]
         if self.step is not None:
             form, grown = self._discrete(form, craft, self.step)
             said = [*said, *grown]
-        embedded = self.embedded
-
-        def uncertain(given: UncertainCraft | None) -> UncertainPlant:
-            return uncertain_plant(Made(craft, self.inputs, self.outputs), given, embedded)
-
-        pulled = SAMPLED if self.step is not None else uncertain
+        embedded, made = self.embedded, Made(craft, self.inputs, self.outputs)
+        pulled = SAMPLED if self.step is not None else partial(uncertain_plant, made, embedded)
         if embedded is None:
             return Plant(form, craft.signals, modes, said, self.step, uncertain=pulled)
 
         def exact(omega: float) -> Plant:
             true = exact_craft(embedded, craft.point, self.inputs, self.outputs, omega)
-            whole = true.form()
-            kept = whole.reduced(whole.active()).spanned()
-            return Plant(
-                kept, craft.signals, [name for name in true.mode_names if {name, f"{name}_rate"} <= set(kept.names)]
-            )
+            kept = true.form().minimal()
+            return Plant(kept, craft.signals, kept.oscillators(true.mode_names))
 
         return Plant(form, craft.signals, modes, said, self.step, exact, pulled)
 
     def _discrete(self, form: ModalForm, craft: LinearCraft, step: float) -> tuple[ModalForm, list[str]]:
         """A step from `(A - 1)/h`, its input averaged where the integrator gives the whole impulse at once."""
         said: list[str] = []
-        for name in form.names:
-            if f"{name}_rate" not in form.names or name.startswith("rigid_"):
-                continue
+        for name in form.oscillators([name for name in form.names if not name.startswith("rigid_")]):
             at = [form.names.index(word) for word in (name, f"{name}_rate")]
             size = float(np.abs(1.0 + step * np.linalg.eigvals(form.a[np.ix_(at, at)])).max())
             if size > 1.0 + GROWS and not name.startswith("nutation"):
@@ -178,9 +165,6 @@ class _Given:
         if NUMBERS[int(self.model.opt.integrator)] == "RK4":
             return replace(form, a=system[0], b=system[1]), said
         a, b, c, d = held_input(system)
-        more = [i.label for i in craft.inputs]
-        more_form = replace(
-            form, a=a, b=b, c=c, d=d, names=(*form.names, *(f"{label}_previous" for label in more)),
-            units=(*form.units, *(i.unit for i in craft.inputs)), weight=np.append(form.weight, np.ones(len(more))),
-        )  # fmt: skip
-        return more_form, said
+        names, units = (*form.names, *(f"{i.label}_previous" for i in craft.inputs)), (i.unit for i in craft.inputs)
+        weight = np.append(form.weight, np.ones(len(craft.inputs)))
+        return replace(form, a=a, b=b, c=c, d=d, names=names, units=(*form.units, *units), weight=weight), said

@@ -22,12 +22,9 @@ MOVED = 2e-4  # perturbation of positions: chains of hinges are far less linear 
 
 
 def at_step(model: "mujoco.MjModel", timestep: float, qpos: Array) -> "tuple[mujoco.MjModel, list[str]]":
-    """A copy of a model for a step, its appendages exact in time where they can be, and sentences on where not.
+    """A copy of a model for a step [s], its appendages exact in time where they can be, and sentences on where not.
 
-    Args:
-        model: compiled.
-        timestep: [s].
-        qpos: pose in which the craft's coupling is looked at.
+    The craft's coupling is looked at in the pose `qpos`.
     """
     out, said = copy.copy(model), list[str]()
     out.opt.timestep = timestep
@@ -45,15 +42,11 @@ def at_step(model: "mujoco.MjModel", timestep: float, qpos: Array) -> "tuple[muj
 def step_slopes(point: OperatingPoint, linear: SecondOrder, inputs: "list[Input]") -> tuple[Array, Array]:
     """A and B of one step of the model's own integrator over (q, q', a), by differences of `mj_step`.
 
-    Args:
-        point: with the model at its step.
-        linear: the same model in continuous time, which says how strong the inputs are.
-        inputs: of the plant.
+    `linear` is the same model in continuous time, which says how strong the inputs are.
     """
     model = point.model
     nv, na, h = model.nv, model.na, float(model.opt.timestep)
     data, balance = mujoco.MjData(model), np.array(point.data().qfrc_applied)
-
     fast = max(1.0, min(1.0 / h, 1.0 / MOVED))  # rates are moved by as much as moves positions alike
 
     def ends() -> Array:
@@ -93,13 +86,8 @@ def step_slopes(point: OperatingPoint, linear: SecondOrder, inputs: "list[Input]
 
 
 def held_input(system: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
-    """The same system fed with half of this and half of the previous input, which becomes a state.
-
-    Args:
-        system: A, B, C, D.
-    """
+    """The same system fed with half of this and half of the previous input, which becomes a state."""
     a, b, c, d = system
     n, m = b.shape
-    return (
-        np.block([[a, b / 2.0], [np.zeros((m, n + m))]]), np.vstack([b / 2.0, np.eye(m)]), np.hstack([c, d / 2.0]), d / 2.0,
-    )  # fmt: skip
+    both = np.block([[a, b / 2.0], [np.zeros((m, n + m))]])
+    return both, np.vstack([b / 2.0, np.eye(m)]), np.hstack([c, d / 2.0]), d / 2.0

@@ -5,7 +5,7 @@ comes out to rounding, small rotations to 1e-13. `mjd_transitionFD` is the proof
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -58,18 +58,14 @@ class SecondOrder:
         a = np.zeros((states, states))
         a[:nv, nv : 2 * nv], a[nv : 2 * nv], a[2 * nv :, 2 * nv :] = np.eye(nv), solved[:, :states], self.lag
         b = np.vstack([np.zeros((nv, self.force.shape[1])), solved[:, states:], self.feed])
-        y = (
-            np.hstack([self.of_position, self.of_rate, self.of_activation, self.of_input])
-            + self.of_acceleration @ solved
-        )
+        y = np.hstack([self.of_position, self.of_rate, self.of_activation, self.of_input])
+        y = y + self.of_acceleration @ solved
         return a, b, y[:, :states], y[:, states:]
 
     def with_appendages(self, jacobians: Sequence[Array], models: Sequence[PortModel]) -> "SecondOrder":
         """This bare craft with appendages as port models, their modal coordinates behind its own degrees of freedom.
 
-        Args:
-            jacobians: `(6, nv)` motion of each root, in its axes.
-            models: with six motions.
+        `jacobians` `(6, nv)`: motion of each root, in its axes.
         """
         nv, extra = self.mass.shape[0], sum(model.modes for model in models)
         mass, damping, stiffness = (np.pad(m, (0, extra)) for m in (self.mass, self.damping, self.stiffness))
@@ -83,22 +79,10 @@ class SecondOrder:
             stiffness[mine, mine] = np.diag(model.frequencies**2)
             damping[mine, mine] = np.diag(2.0 * model.damping * model.frequencies)
             start += model.modes
-        activation, force = (np.pad(m, ((0, extra), (0, 0))) for m in (self.activation, self.force))
-        y0, y1, y2 = (np.pad(m, ((0, 0), (0, extra))) for m in (self.of_position, self.of_rate, self.of_acceleration))
-        return SecondOrder(
-            mass,
-            damping,
-            stiffness,
-            activation,
-            force,
-            self.lag,
-            self.feed,
-            y0,
-            y1,
-            y2,
-            self.of_activation,
-            self.of_input,
-        )
+        wide = {name: np.pad(getattr(self, name), ((0, extra), (0, 0))) for name in ("activation", "force")}
+        rows = ("of_position", "of_rate", "of_acceleration")
+        wide |= {name: np.pad(getattr(self, name), ((0, 0), (0, extra))) for name in rows}
+        return replace(self, mass=mass, damping=damping, stiffness=stiffness, **wide)
 
 
 def slopes(function: "Callable[[int, float], Array]", size: int, step: float) -> Array:
@@ -108,12 +92,7 @@ def slopes(function: "Callable[[int, float], Array]", size: int, step: float) ->
 
 
 def second_order(point: OperatingPoint, inputs: Sequence[Input], outputs: Sequence[Output]) -> SecondOrder:
-    """The craft at an operating point, linear.
-
-    Args:
-        point: where.
-        inputs, outputs: its signals.
-    """
+    """The craft at an operating point, linear."""
     model, data = point.model, point.data()
     nv, na = model.nv, model.na
     mass, start = dense_mass(model, data), point.data()

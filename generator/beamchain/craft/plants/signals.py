@@ -30,14 +30,10 @@ UNITS = {
 
 @dataclass(frozen=True, eq=False)
 class Input:
-    """One input: an actuator's control, or a part of a wrench on a body.
+    """One input: the control of an actuator by its number, or a part of a wrench on a body.
 
-    Args:
-        label, unit: of the signal.
-        actuator: its number; -1: a wrench.
-        body: that the wrench acts on.
-        wrench: `(6,)` force and torque at the body's mass centre in world axes, as in `xfrc_applied`.
-        centre: the force acts at the mass centre, wherever that is.
+    `wrench` `(6,)`: force and torque at the body's mass centre in world axes, as in `xfrc_applied`; None: an actuator.
+    `centre`: the force acts at the mass centre, wherever that is.
     """
 
     label: str
@@ -57,12 +53,9 @@ class Input:
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """One or more outputs.
+    """One or more outputs, read from data that `mj_forward` has seen, as many numbers as labels; only their slopes count.
 
-    Args:
-        labels, units: of the signals.
-        read: from data that `mj_forward` has seen, as many numbers as labels; only their slopes count.
-        local: what is read does not depend on what hangs on the craft, given the craft's own motion.
+    `local`: what is read does not depend on what hangs on the craft, given the craft's own motion.
     """
 
     labels: tuple[str, ...]
@@ -84,9 +77,8 @@ def inputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Input]
     model, data = point.model, point.data()
     actuators = actuator_names(model)
     groups: list[tuple[str, list[Input]]] = []
-    for name in _listed(
-        "inputs", (actuators or [f"torque:{model.body(base(model)).name}"]) if names is None else names
-    ):
+    usual = actuators or [f"torque:{model.body(base(model)).name}"] if names is None else names
+    for name in _listed("inputs", usual):
         kind, _, place = name.partition(":")
         if kind in ("torque", "force", "wrench") and place:
             what = "site" if kind == "wrench" else "body"
@@ -196,12 +188,9 @@ def _motion(data: "mujoco.MjData", site: int) -> Output:
 def _sensor(point: OperatingPoint, data: "mujoco.MjData", number: int) -> Output:
     model, name = point.model, str(point.model.sensor(number).name)
     kinds = {int(getattr(mujoco.mjtSensor, k)): k[7:] for k in dir(mujoco.mjtSensor) if k.startswith("mjSENS_")}
-    kind, first, size = (
-        kinds[int(model.sensor_type[number])],
-        int(model.sensor_adr[number]),
-        int(model.sensor_dim[number]),
-    )
-    start, cutoff = data.sensordata[first : first + size].copy(), float(model.sensor_cutoff[number])
+    kind, first, size = kinds[int(model.sensor_type[number])], model.sensor_adr[number], int(model.sensor_dim[number])
+    mine, cutoff = slice(first, first + size), float(model.sensor_cutoff[number])
+    start = data.sensordata[mine].copy()
     why = f"a {kind.lower()} sensor has none" if kind in NOT_SMOOTH.split() else ""
     if not why and cutoff > 0.0 and np.any(np.abs(start) >= cutoff):
         why = f"it is at its cutoff, {cutoff:g}"
@@ -214,9 +203,9 @@ def _sensor(point: OperatingPoint, data: "mujoco.MjData", number: int) -> Output
 
     def read(data: "mujoco.MjData") -> Array:
         if kind not in QUATERNIONS:
-            return data.sensordata[first : first + size] - start
+            return data.sensordata[mine] - start
         out = np.zeros(3)
-        mujoco.mju_subQuat(out, data.sensordata[first : first + 4], start)
+        mujoco.mju_subQuat(out, data.sensordata[mine], start)
         return out
 
     count = 3 if kind in QUATERNIONS else size

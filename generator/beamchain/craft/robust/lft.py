@@ -85,8 +85,7 @@ class Lft:
         linear = taken.put(craft.linear, order, np.array([found[i].reach for i in taken.of]))
         self.blocks = tuple(self._block(number) for number in range(len(groups)))
         self._prove(linear.first_order)
-        form = replace(craft, linear=linear).form()
-        form = form.reduced(form.active()).spanned()
+        form = replace(craft, linear=linear).form().minimal()
         self._system: System = form.a, form.b, form.c, form.d
         names = [q.name.replace(".", "_") for q in found]  # control takes no points
         words = [f"{names[i]}_{list(self._of[:k]).count(i) + 1}" for k, i in enumerate(self._of)]

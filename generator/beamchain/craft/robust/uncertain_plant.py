@@ -224,7 +224,7 @@ def _grid(worst: Peak, peaks: Sequence[Peak], poles: Complex) -> Array:
     )
 
 
-def uncertain_plant(made: Made, given: UncertainCraft | None, embedded: Embedded | None) -> UncertainPlant:
+def uncertain_plant(made: Made, embedded: Embedded | None, given: UncertainCraft | None) -> UncertainPlant:
     """The uncertain plant of a craft; what is `given` goes before the specifications of embedded appendages.
 
     Raises:
