@@ -72,11 +72,7 @@ def read_controller(path: str | Path | Controller) -> Controller:
 
 
 def places(controller: Controller, inputs: list[str], outputs: list[str]) -> tuple[list[int], list[int]]:
-    """Outputs and inputs of a plant that the loops take, by number.
-
-    Raises:
-        InputError: a loop names no signal of the plant, or two drive the same input.
-    """
+    """Outputs and inputs of a plant that the loops take, by number."""
     rows, columns = (
         [place(getattr(loop, kind), labels, kind) for loop in controller.loop]
         for kind, labels in (("output", outputs), ("input", inputs))

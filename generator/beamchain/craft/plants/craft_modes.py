@@ -13,8 +13,7 @@ from beamchain.craft.error import port_motion
 from beamchain.craft.plants.modal_form import SAMPLED, ModalForm, modal_form
 from beamchain.craft.plants.normal_modes import NormalModes, cantilever_names, dof_names, mode_names, normal_modes
 from beamchain.craft.plants.operating_point import At, OperatingPoint, operating_point
-from beamchain.craft.plants.sampled import step_slopes
-from beamchain.craft.plants.second_order import SecondOrder, second_order
+from beamchain.craft.plants.second_order import SecondOrder, second_order, step_slopes
 from beamchain.craft.plants.signals import Input, Output, actuator_names, inputs_of, outputs_of
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
@@ -66,7 +65,7 @@ class LinearCraft:
         """
         system = self.linear.first_order
         if sampled:
-            a, b = step_slopes(self.point, self.linear, list(self.inputs))
+            a, b = step_slopes(self.point, self.linear, self.inputs)
             h = float(self.point.model.opt.timestep)
             system = (a - np.eye(a.shape[0])) / h, b / h, *system[2:]
         return modal_form(
@@ -81,11 +80,7 @@ def linear_craft(
     inputs: Sequence[str] | None,
     outputs: Sequence[str] | None,
 ) -> LinearCraft:
-    """A compiled model with its signals, linear at a point; arguments as in `plant`.
-
-    Raises:
-        InputError: nothing in the model is held by a spring.
-    """
+    """A compiled model with its signals, linear at a point; arguments as in `plant`."""
     point = operating_point(model, at, rates)
     driven, seen = inputs_of(point, inputs), outputs_of(point, outputs)
     linear = second_order(point, driven, seen)
@@ -106,9 +101,6 @@ def exact_craft(
     """The bare spacecraft with all modes of its appendages, at the pose and rates of a point of the whole model.
 
     `inputs` and `outputs` are names as in `plant`, `omega` the highest frequency of interest [rad/s].
-
-    Raises:
-        InputError: a signal belongs to an appendage, or reads what hangs on it.
     """
     items = carried(embedded.model, embedded.appendages)
     new = {dof for item in items for dof in item.dofs}

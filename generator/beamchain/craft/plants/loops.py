@@ -84,7 +84,7 @@ def _closed(plant: Plant, controller: Controller, rows: list[int], columns: list
     a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
     b, c = b[:, columns], c[rows]
     driven, seen = (np.abs(m).max(axis=1) > UNSEEN * np.abs(m).max(initial=1e-300) for m in (b, c.T))
-    keep = taking_part(np.abs(a) > 0.0, driven, seen).tolist()
+    keep = taking_part(np.abs(a) > 0.0, driven, seen)
     system = control.ss(a[np.ix_(keep, keep)], b[keep], c[:, keep], d[np.ix_(rows, columns)])
     own: Any = control.ss(*realised(controller))
     closed: Any = control.feedback(system, own)

@@ -83,12 +83,7 @@ def grid_of(at: At) -> tuple[str, Array] | None:
 
 
 def operating_point(model: "mujoco.MjModel", at: At = None, rates: Mapping[str, float] | None = None) -> OperatingPoint:
-    """The point that `at` and `rates` name as in `plant`, in a copy of the model without gravity, medium, constraints, clamps.
-
-    Raises:
-        InputError: there is no such keyframe or joint, a joint is outside its range, shapes touch, or something turns
-            that would change the plant while it turns.
-    """
+    """The point that `at` and `rates` name as in `plant`, in a copy of the model without gravity, medium, constraints, clamps."""
     qpos, qvel = np.array(model.qpos0), np.zeros(model.nv)
     if isinstance(at, str | int | np.integer):
         key = _keyframe(model, at)

@@ -1,6 +1,7 @@
 """`plant`: the spacecraft as a control engineer's plant, at a pose or over the angles of a drive."""
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,6 @@ from beamchain.craft.plants.craft_modes import LinearCraft, exact_craft, linear_
 from beamchain.craft.plants.modal_form import ModalForm
 from beamchain.craft.plants.operating_point import At, compiled_model, grid_of, left_out, operating_point
 from beamchain.craft.plants.realisation import SAMPLED, Plant
-from beamchain.craft.plants.sampled import at_step, held_input
 from beamchain.craft.plants.scheduled import ScheduledPlant, follow
 from beamchain.craft.robust.lft import Made
 from beamchain.craft.robust.uncertain_plant import uncertain_plant
@@ -22,7 +22,10 @@ from beamchain.craft.timing import without_time
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import InputError
-from beamchain.ports.motions import locked
+from beamchain.ports.motions import Array, locked
+from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.modal import modal_tendons
+from beamchain.steps.retime import retime
 
 GROWS = 1e-5  # of a mode's discrete pole beyond the unit circle: more than what turning wheels do to it
 ROUNDING = 1e-9
@@ -118,7 +121,7 @@ class _Given:
         """The craft at a pose, without time or at its step, and sentences on that step."""
         model, said = without_time(self.model), list[str]()
         if self.step is not None:
-            model, said = at_step(self.model, self.step, operating_point(model, at, self.rates).qpos)
+            model, said = _at_step(self.model, self.step, operating_point(model, at, self.rates).qpos)
         craft = linear_craft(model, at, self.rates, self.inputs, self.outputs)
         if not craft.modes.frequency.size:
             raise InputError(
@@ -164,7 +167,33 @@ class _Given:
         system = np.eye(form.a.shape[0]) + step * form.a, step * form.b, form.c, form.d
         if NUMBERS[int(self.model.opt.integrator)] == "RK4":
             return replace(form, a=system[0], b=system[1]), said
-        a, b, c, d = held_input(system)
+        a, b, c, d = _held_input(system)
         names, units = (*form.names, *(f"{i.label}_previous" for i in craft.inputs)), (i.unit for i in craft.inputs)
         weight = np.append(form.weight, np.ones(len(craft.inputs)))
         return replace(form, a=a, b=b, c=c, d=d, names=names, units=(*form.units, *units), weight=weight), said
+
+
+def _at_step(model: "mujoco.MjModel", timestep: float, qpos: Array) -> "tuple[mujoco.MjModel, list[str]]":
+    """A copy of a model for a step [s], its appendages exact in time where they can be, and sentences on where not.
+
+    The craft's coupling is looked at in the pose `qpos`.
+    """
+    out, said = copy(model), list[str]()
+    out.opt.timestep = timestep
+    name, modal = NUMBERS[int(model.opt.integrator)], modal_tendons(model)
+    if modal.names and SCHEMES[name].exact:
+        made = {None if mark is None else (mark.timestep, mark.integrator) for mark in modal.made_for}
+        right = made == {(timestep, name)}
+        said += retime(copy(out) if right else out, timestep, name, form=4, qpos=qpos).slowed
+    else:
+        why = f"{name} cannot be made exact in time" if modal.names else "its flexible parts have no modal tendons"
+        said.append(Caution("not-exact-in-time", f"the discrete plant has the step's own error: {why}."))
+    return out, said
+
+
+def _held_input(system: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
+    """The same system fed with half of this and half of the previous input, which becomes a state (docs/theory.md, 5)."""
+    a, b, c, d = system
+    n, m = b.shape
+    both = np.block([[a, b / 2.0], [np.zeros((m, n + m))]])
+    return both, np.vstack([b / 2.0, np.eye(m)]), np.hstack([c, d / 2.0]), d / 2.0

@@ -86,16 +86,12 @@ def inputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Input]
             body = int(model.site_bodyid[i]) if what == "site" else i
             axes = (data.site_xmat if what == "site" else data.xmat)[i].reshape(3, 3)
             arm = (data.site_xpos[i] if what == "site" else data.xipos[i]) - data.xipos[body]
-            parts = [
-                (part, unit, axis, line)
-                for part, unit in (("force", "N"), ("torque", "N m"))
-                if kind in (part, "wrench")
-                for axis, line in zip(AXES, axes.T, strict=True)
-            ]
-            mine = [
-                Input(f"{part}_{axis}", unit, -1, body, np.concatenate([line, np.cross(arm, line)] if part == "force" else
-                      [np.zeros(3), line]), kind == "force") for part, unit, axis, line in parts
-            ]  # fmt: skip
+            mine = list[Input]()
+            for part in ("force", "torque") if kind == "wrench" else (kind,):
+                for axis, line in zip(AXES, axes.T, strict=True):
+                    wrench = [line, np.cross(arm, line)] if part == "force" else [np.zeros(3), line]
+                    unit = "N" if part == "force" else "N m"
+                    mine.append(Input(f"{part}_{axis}", unit, -1, body, np.concatenate(wrench), kind == "force"))
         else:
             if name not in actuators:
                 raise unknown("actuator of inputs", name, actuators, "Or give torque:BODY, force:BODY, wrench:SITE.")

@@ -65,11 +65,7 @@ class Made(NamedTuple):
 
 
 class Lft:
-    """A plant whose uncertain quantities stand in a diagonal Delta: `[z, y] = M [w, u]`, `w = Delta z`.
-
-    Raises:
-        InputError: an output or input depends on a quantity otherwise than through the craft's motion.
-    """
+    """A plant whose uncertain quantities stand in a diagonal Delta: `[z, y] = M [w, u]`, `w = Delta z`."""
 
     def __init__(
         self, made: Made, found: Sequence[Quantity], correlations: Sequence[Correlation], warnings: Sequence[str]

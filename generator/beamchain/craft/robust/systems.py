@@ -39,11 +39,11 @@ def looped(system: System, controller: System, rows: Sequence[int], columns: Seq
     return closed((a, b, c, d), gain)
 
 
-def taking_part(a: NDArray[np.bool_], driven: NDArray[np.bool_], seen: NDArray[np.bool_]) -> NDArray[np.intp]:
+def taking_part(a: NDArray[np.bool_], driven: NDArray[np.bool_], seen: NDArray[np.bool_]) -> list[int]:
     """Which states are linked, by `a`, to one that is driven and to one that is seen."""
     for _ in range(a.shape[0]):
         driven, seen = driven | (a @ driven), seen | (a.T @ seen)
-    return np.flatnonzero(driven & seen)
+    return np.flatnonzero(driven & seen).tolist()
 
 
 def picked(system: System, outputs: list[int], inputs: list[int]) -> System:

@@ -225,11 +225,7 @@ def _grid(worst: Peak, peaks: Sequence[Peak], poles: Complex) -> Array:
 
 
 def uncertain_plant(made: Made, embedded: Embedded | None, given: UncertainCraft | None) -> UncertainPlant:
-    """The uncertain plant of a craft; what is `given` goes before the specifications of embedded appendages.
-
-    Raises:
-        InputError: nothing is uncertain, a name is unknown, or a range is impossible.
-    """
+    """The uncertain plant of a craft; what is `given` goes before the specifications of embedded appendages."""
     own = {a.prefix: a.spec.uncertain for a in embedded.appendages if a.spec.uncertain is not None} if embedded else {}
     said = [
         Caution("left-certain", f"the structural properties that {prefix!r} has uncertain (stiffness, density, ...) are left "

@@ -31,9 +31,6 @@ class Loops:
     """The closed loop N of M and a controller: exact in the frequency domain, its state space with dead times by Pade.
 
     `blocks` `(channels,)` is the number of the delta of each channel; `ends` are the input where d acts and the output e.
-
-    Raises:
-        InputError: a signal is unknown, or the nominal loop is unstable.
     """
 
     def __init__(

@@ -53,11 +53,7 @@ class Maker:
         self._margin = np.array(self.model.tendon_margin)
 
     def mass(self, model: "mujoco.MjModel") -> Array:
-        """`(nv, nv)` mass matrix of an untimed variant at rest, armature included.
-
-        Raises:
-            RealisationError: a participation takes more mass than there is.
-        """
+        """`(nv, nv)` mass matrix of an untimed variant at rest, armature included."""
         modal = self._drawn(model)
         margin = np.array(model.tendon_margin)[modal.index]
         model.tendon_armature[modal.index] -= margin  # so that MuJoCo never sees a mass matrix that is not positive

@@ -77,9 +77,6 @@ def quantities(
 
     What `uncertain` says of an appendage goes before `modes`, those of the appendages' own specifications by prefix;
     `correlations` are further ones than those of `uncertain`.
-
-    Raises:
-        InputError: a name is unknown, or a range leads through zero or to mass properties that no body has.
     """
     given = uncertain or UncertainCraft()
     of_modes = {**(modes or {}), **given.appendage}

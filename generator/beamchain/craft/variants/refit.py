@@ -49,11 +49,7 @@ class Refit:
         return cls(prefix, replace(fit, spec=structs.replace(fit.spec, modes=Modes(**counts), root=root)), owner)
 
     def into(self, model: "mujoco.MjModel", seed: int, index: int) -> Mapping[str, Array]:
-        """Put sample `index` into an untimed model of the craft, in place; the participation of its modes per port.
-
-        Raises:
-            BeamchainError: the sample cannot be made, or has another topology.
-        """
+        """Put sample `index` into an untimed model of the craft, in place; the participation of its modes per port."""
         sample, participation = self._fit(seed, index)
         own = _alone(sample)
         if {kind: _names(own, kind) for kind in KINDS} != self._topology:

@@ -19,8 +19,7 @@ from beamchain.craft.embedding import embed
 from beamchain.craft.variants.fields import FIELDS
 from beamchain.craft.variants.quantities import Quantity
 from beamchain.craft.variants.refit import Refit
-from beamchain.craft.variants.samples import Case, unpacked, vary
-from beamchain.craft.variants.spread import gain, usual_gain
+from beamchain.craft.variants.samples import Case, gain, unpacked, usual_gain, vary
 from beamchain.engine.jobs import Progress, run_jobs, stamp
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model

@@ -31,11 +31,7 @@ Flags = NDArray[np.bool_]
 
 
 def host_of(name: str, model: "mujoco.MjModel", count: int, threads: int, stage: int) -> "Batch | Rollouts":
-    """The host of that name.
-
-    Raises:
-        InputError: it is not installed.
-    """
+    """The host of that name."""
     if name in NEEDS:
         return _module(name).Host(model, count, stage)
     return Batch(model, count, threads, stage) if has_batch() else Rollouts(model, count, threads)
