@@ -1,6 +1,6 @@
 """A craft with its signals, linear at a point: normal modes and modal form, continuous, sampled, or exact."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,9 +12,9 @@ from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import port_motion
 from beamchain.craft.plants.modal_form import SAMPLED, ModalForm, modal_form
 from beamchain.craft.plants.normal_modes import NormalModes, cantilever_names, dof_names, mode_names, normal_modes
-from beamchain.craft.plants.operating_point import At, OperatingPoint, operating_point
+from beamchain.craft.plants.operating_point import At, OperatingPoint, Rates, operating_point
 from beamchain.craft.plants.second_order import SecondOrder, second_order, step_slopes
-from beamchain.craft.plants.signals import Input, Output, actuator_names, inputs_of, outputs_of
+from beamchain.craft.plants.signals import Input, Names, Output, actuator_names, inputs_of, outputs_of
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.ports.compose import in_space
@@ -68,36 +68,22 @@ class LinearCraft:
             a, b = step_slopes(self.point, self.linear, self.inputs)
             h = float(self.point.model.opt.timestep)
             system = (a - np.eye(a.shape[0])) / h, b / h, *system[2:]
-        return modal_form(
-            modes or self.modes, system, self.labels, names or self.mode_names, self.lags, SAMPLED if sampled else 1.0
-        )
+        noise, words = SAMPLED if sampled else 1.0, names or self.mode_names
+        return modal_form(modes or self.modes, system, self.labels, words, self.lags, noise)
 
 
-def linear_craft(
-    model: "mujoco.MjModel",
-    at: At,
-    rates: Mapping[str, float] | None,
-    inputs: Sequence[str] | None,
-    outputs: Sequence[str] | None,
-) -> LinearCraft:
+def linear_craft(model: "mujoco.MjModel", at: At, rates: Rates, inputs: Names, outputs: Names) -> LinearCraft:
     """A compiled model with its signals, linear at a point; arguments as in `plant`."""
     point = operating_point(model, at, rates)
     driven, seen = inputs_of(point, inputs), outputs_of(point, outputs)
     linear = second_order(point, driven, seen)
     ready = point.model
     names, rows = cantilever_names(ready, linear.mass, linear.stiffness)
-    return LinearCraft(
-        linear, tuple(driven), tuple(seen), tuple(dof_names(ready)), tuple(names), rows, _lags(ready), point
-    )
+    signals, labels = (tuple(driven), tuple(seen)), tuple(dof_names(ready))
+    return LinearCraft(linear, *signals, labels, tuple(names), rows, _lags(ready), point)
 
 
-def exact_craft(
-    embedded: Embedded,
-    point: OperatingPoint,
-    inputs: Sequence[str] | None,
-    outputs: Sequence[str] | None,
-    omega: float,
-) -> LinearCraft:
+def exact_craft(embedded: Embedded, point: OperatingPoint, inputs: Names, outputs: Names, omega: float) -> LinearCraft:
     """The bare spacecraft with all modes of its appendages, at the pose and rates of a point of the whole model.
 
     `inputs` and `outputs` are names as in `plant`, `omega` the highest frequency of interest [rad/s].

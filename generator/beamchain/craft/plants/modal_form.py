@@ -122,13 +122,9 @@ def _range(matrix: Array, limit: float) -> tuple[Array, list[int]]:
 
 
 def modal_form(
-    modes: NormalModes,
-    system: tuple[Array, Array, Array, Array],
-    labels: Sequence[tuple[str, str]],
-    names: Sequence[str],
-    lags: Sequence[str] = (),
-    noise: float = 1.0,
-) -> ModalForm:
+    modes: NormalModes, system: tuple[Array, Array, Array, Array], labels: Sequence[tuple[str, str]], names: Sequence[str],
+    lags: Sequence[str], noise: float,
+) -> ModalForm:  # fmt: skip
     """A craft's first-order system A, B, C, D over (q, q', a) in modal blocks; its normal modes give the coordinates.
 
     `labels`: name and unit of every degree of freedom. `names`: of the normal modes. `lags`: of the actuators' states.

@@ -62,9 +62,8 @@ def normal_modes(mass: Array, stiffness: Array) -> NormalModes:
         return NormalModes(rigid, pivots, free, np.zeros(0), mass)
     moving = free.T @ mass @ free
     springs = stiffness[np.ix_(rest, rest)]
-    inverse, shapes = (
-        v[..., ::-1] for v in eigh((moving + moving.T) / 2.0, springs)
-    )  # low frequencies keep their digits
+    inverse, shapes = eigh((moving + moving.T) / 2.0, springs)  # inverse, so that low frequencies keep their digits
+    inverse, shapes = inverse[::-1], shapes[:, ::-1]
     keep = inverse > 1e-15 * inverse[0]
     shapes = free @ (shapes[:, keep] / np.sqrt(inverse[keep]))
     leading = np.argmax(np.abs(shapes) * np.sqrt(np.diag(mass))[:, None], axis=0)

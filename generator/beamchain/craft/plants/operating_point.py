@@ -19,6 +19,7 @@ TURNED = 1.0  # rad by which a wheel is turned to see whether the mass matrix de
 CYCLIC = 1e-6  # relative change of the mass matrix below which it does not
 
 At = Any  # str | int | array of positions | Mapping[str, float | array]
+Rates = Mapping[str, float] | None  # of wheels, by joint [rad/s]
 
 
 class OperatingPoint(NamedTuple):
@@ -82,7 +83,7 @@ def grid_of(at: At) -> tuple[str, Array] | None:
     return name, np.array([number(f"at[{name!r}]", float(value), "rad") for value in values])
 
 
-def operating_point(model: "mujoco.MjModel", at: At = None, rates: Mapping[str, float] | None = None) -> OperatingPoint:
+def operating_point(model: "mujoco.MjModel", at: At = None, rates: Rates = None) -> OperatingPoint:
     """The point that `at` and `rates` name as in `plant`, in a copy of the model without gravity, medium, constraints, clamps."""
     qpos, qvel = np.array(model.qpos0), np.zeros(model.nv)
     if isinstance(at, str | int | np.integer):

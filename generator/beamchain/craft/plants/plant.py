@@ -13,9 +13,10 @@ from beamchain.checks import positive
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.plants.craft_modes import LinearCraft, exact_craft, linear_craft
 from beamchain.craft.plants.modal_form import ModalForm
-from beamchain.craft.plants.operating_point import At, compiled_model, grid_of, left_out, operating_point
+from beamchain.craft.plants.operating_point import At, Rates, compiled_model, grid_of, left_out, operating_point
 from beamchain.craft.plants.realisation import SAMPLED, Plant
 from beamchain.craft.plants.scheduled import ScheduledPlant, follow
+from beamchain.craft.plants.signals import Names
 from beamchain.craft.robust.lft import Made
 from beamchain.craft.robust.uncertain_plant import uncertain_plant
 from beamchain.craft.timing import without_time
@@ -97,13 +98,11 @@ def plant(
         return given.plant(craft, form.minimal(), craft.mode_names, [*left_out(whole), *said])
     name, angles = grid
     crafts = follow(lambda angle: given.craft({**at, name: angle})[0], angles)
-    forms = [craft.form(step is not None, modes, crafts[0][0].mode_names) for craft, modes in crafts]
-    keep = np.any([form.active() for form in forms], axis=0)
-    plants = [
-        given.plant(craft, form.reduced(keep), crafts[0][0].mode_names, left_out(whole))
-        for (craft, _), form in zip(crafts, forms, strict=True)
-    ]
-    return ScheduledPlant(name, locked(angles), tuple(plants))
+    names, said = crafts[0][0].mode_names, left_out(whole)
+    forms = [(craft, craft.form(step is not None, modes, names)) for craft, modes in crafts]
+    keep = np.any([form.active() for _, form in forms], axis=0)
+    plants = tuple(given.plant(craft, form.reduced(keep), names, said) for craft, form in forms)
+    return ScheduledPlant(name, locked(angles), plants)
 
 
 @dataclass(frozen=True)
@@ -112,9 +111,9 @@ class _Given:
 
     embedded: Embedded | None
     model: "mujoco.MjModel"
-    rates: Mapping[str, float] | None
-    inputs: Sequence[str] | None
-    outputs: Sequence[str] | None
+    rates: Rates
+    inputs: Names
+    outputs: Names
     step: float | None
 
     def craft(self, at: At) -> tuple[LinearCraft, list[str]]:

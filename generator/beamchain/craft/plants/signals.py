@@ -13,6 +13,7 @@ from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 
+Names = Sequence[str] | None  # of signals; None: the usual ones
 AXES = ("x", "y", "z")
 DYNAMICS = ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT")  # of actuators, those that are linear
 NOT_SMOOTH = (
@@ -72,7 +73,7 @@ def base(model: "mujoco.MjModel") -> int:
     return tops.most_common(1)[0][0]
 
 
-def inputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Input]:
+def inputs_of(point: OperatingPoint, names: Names) -> list[Input]:
     """The inputs that `names` ask for; all actuators where left out, a torque on the base where there is none."""
     model, data = point.model, point.data()
     actuators = actuator_names(model)
@@ -109,7 +110,7 @@ def inputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Input]
     ]
 
 
-def outputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Output]:
+def outputs_of(point: OperatingPoint, names: Names) -> list[Output]:
     """The outputs that `names` ask for; attitude and rate of the base where left out."""
     model, data = point.model, point.data()
     hub, out = base(model), list[tuple[str, Output]]()

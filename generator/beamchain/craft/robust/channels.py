@@ -70,7 +70,7 @@ def channels(craft: LinearCraft, found: Sequence[Quantity]) -> Channels:
     model, out = craft.point.model, Channels(craft.point.model.nv, len(craft.inputs))
     owners: dict[tuple[str, int], dict[str, int]] = {}
     for i, q in enumerate(found):
-        joint = q.kind in ("stiffness", "damping") and not _of_mode(model, q)
+        joint = q.kind in ("stiffness", "damping") and not q.of_mode(model)
         kind = "joint" if joint else "mode" if q.kind in OF_MODES else "body"
         owners.setdefault((kind, q.index), {})[q.kind] = i
     for (kind, index), those in owners.items():
@@ -85,10 +85,6 @@ def channels(craft: LinearCraft, found: Sequence[Quantity]) -> Channels:
     return out
 
 
-def _of_mode(model: "mujoco.MjModel", q: Quantity) -> bool:
-    return q.index < model.ntendon and model.tendon(q.index).name == q.owner
-
-
 def _mode(out: Channels, model: "mujoco.MjModel", tendon: int, those: Mapping[str, int]) -> None:
     """`f = -(E/p^2 - E0)` along the tendon, `E = eta'' + w (w eta + 2 zeta eta')`, in nested channels."""
     line, w = along(model, tendon), float(np.sqrt(model.tendon_stiffness[tendon]))
@@ -99,8 +95,7 @@ def _mode(out: Channels, model: "mujoco.MjModel", tendon: int, those: Mapping[st
     if "damping" in those:
         inner[out.add(those["damping"], -w * line, rate=2.0 * line)] = 1.0
     if "frequency" in those:
-        number = out.add(those["frequency"], -line, inner, position=w * line, rate=twice * line)
-        more[number] = 1.0
+        more[out.add(those["frequency"], -line, inner, position=w * line, rate=twice * line)] = 1.0
     more |= dict.fromkeys(inner, w)
     if "participation" in those:
         rows = {"position": w**2 * line, "rate": w * twice * line, "acceleration": line}
@@ -124,10 +119,9 @@ def _body(out: Channels, point: OperatingPoint, inputs: Sequence[Input], body: i
         for part in ACROSS[k]:
             added[part][out.add(i, -mass * moved[part], acceleration=swung[k][part])] = -mass
     if "mass" in those:
-        heavy = [out.add(those["mass"], -moved[part], {c: -v / mass for c, v in added[part].items()}, acceleration=moved[part])
-                 for part in range(3)]  # fmt: skip
-        for part, number in enumerate(heavy):
-            added[part][number] = -1.0
+        for part, before in enumerate(added):
+            through = {channel: -value / mass for channel, value in before.items()}
+            before[out.add(those["mass"], -moved[part], through, acceleration=moved[part])] = -1.0
     for i, k in centres:
         for part in ACROSS[k]:
             out.add(i, swung[k][part], added[part], acceleration=-mass * moved[part], input=pushed[part])

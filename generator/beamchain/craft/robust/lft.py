@@ -15,7 +15,7 @@ from beamchain.craft.plants.craft_modes import LinearCraft
 from beamchain.craft.plants.export import write
 from beamchain.craft.plants.operating_point import OperatingPoint
 from beamchain.craft.plants.second_order import second_order
-from beamchain.craft.plants.signals import inputs_of, outputs_of
+from beamchain.craft.plants.signals import Names, inputs_of, outputs_of
 from beamchain.craft.robust.channels import channels
 from beamchain.craft.robust.systems import System, response, with_deltas
 from beamchain.craft.variants.fields import apply
@@ -53,8 +53,8 @@ class Made(NamedTuple):
     """What a plant was made of: the craft, and names of its inputs and outputs as `bc.plant` was given them."""
 
     craft: LinearCraft
-    inputs: Sequence[str] | None
-    outputs: Sequence[str] | None
+    inputs: Names
+    outputs: Names
 
     def again(self, model: "mujoco.MjModel") -> LinearCraft:
         """The same of a model with other numbers, at the same point."""
@@ -85,12 +85,11 @@ class Lft:
         self._system: System = form.a, form.b, form.c, form.d
         names = [q.name.replace(".", "_") for q in found]  # control takes no points
         words = [f"{names[i]}_{list(self._of[:k]).count(i) + 1}" for k, i in enumerate(self._of)]
+        w, z = ([f"{kind}_{word}" for word in words] for kind in "wz")
         self.inputs, self.outputs, *units = craft.signals
         self.units = units[0], units[1]
         self._states = list(form.names)
-        self.nominal: control.StateSpace = self._space(
-            self._system, [f"w_{word}" for word in words] + self.inputs, [f"z_{word}" for word in words] + self.outputs
-        )
+        self.nominal = self._space(self._system, w + self.inputs, z + self.outputs)
 
     def __repr__(self) -> str:
         what = ", ".join(f"{block.name} x{block.repetitions}" for block in self.blocks)
@@ -104,15 +103,8 @@ class Lft:
         return Block(name, repetitions, tuple(q.name for q in mine), nominal, reach, mine[0].unit)
 
     def _space(self, system: System, inputs: list[str], outputs: list[str]) -> control.StateSpace:
-        return control.StateSpace(
-            *system,
-            0,
-            name="uncertain",
-            states=self._states,
-            inputs=inputs,
-            outputs=outputs,
-            remove_useless_states=False,
-        )
+        return control.StateSpace(*system, 0, name="uncertain", states=self._states, inputs=inputs, outputs=outputs,
+                                  remove_useless_states=False)  # fmt: skip
 
     def values(self, deltas: ArrayLike) -> dict[str, float]:
         """Values of all quantities for `(blocks,)` deltas."""

@@ -15,7 +15,6 @@ from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import dense_mass
 from beamchain.errors import InputError, RealisationError
-from beamchain.fitting.uncertain import OF_MODES
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2, form4
 from beamchain.steps.modal import Modal, condensed, modal_tendons
@@ -96,7 +95,7 @@ def apply(
     bodies: dict[int, list[tuple[Quantity, float]]] = {}
     modes: dict[int, dict[str, float]] = {}
     for q, value in zip(found, np.asarray(values, dtype=np.float64).tolist(), strict=True):
-        if q.kind in OF_MODES and q.index < model.ntendon and model.tendon(q.index).name == q.owner:
+        if q.of_mode(model):
             modes.setdefault(q.index, {})[q.kind] = value
         elif q.kind == "stiffness":
             model.jnt_stiffness[q.index] = value

@@ -12,6 +12,7 @@ from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.fitting.uncertain import (
     CUT,
+    OF_MODES,
     Correlation,
     UncertainBody,
     UncertainCraft,
@@ -61,6 +62,10 @@ class Quantity:
         """`frequency`, `damping`, `participation`, `mass`, `centre_x`, `inertia_xy`, `stiffness`, ..."""
         return self.name.rpartition(".")[2]
 
+    def of_mode(self, model: "mujoco.MjModel") -> bool:
+        """Whether it is one of a mode, whose tendon has its owner's name."""
+        return self.kind in OF_MODES and self.index < model.ntendon and model.tendon(self.index).name == self.owner
+
     @property
     def reach(self) -> float:
         """How far from the nominal value it may come."""
@@ -68,18 +73,16 @@ class Quantity:
 
 
 def quantities(
-    model: "mujoco.MjModel",
-    uncertain: UncertainCraft | None = None,
-    modes: Mapping[str, UncertainModes] | None = None,
-    correlations: Sequence[Correlation] = (),
-) -> tuple[Quantity, ...]:
+    model: "mujoco.MjModel", uncertain: UncertainCraft | None, modes: Mapping[str, UncertainModes],
+    correlations: Sequence[Correlation],
+) -> tuple[Quantity, ...]:  # fmt: skip
     """The uncertain quantities of a compiled craft, timed or not.
 
     What `uncertain` says of an appendage goes before `modes`, those of the appendages' own specifications by prefix;
     `correlations` are further ones than those of `uncertain`.
     """
     given = uncertain or UncertainCraft()
-    of_modes = {**(modes or {}), **given.appendage}
+    of_modes = {**modes, **given.appendage}
     found = [*_modes(model, of_modes, set(given.appendage))]
     modal = {int(i) for i in np.flatnonzero(np.any(modal_tendons(model).rows != 0.0, axis=0))}
     for name, body in given.body.items():
@@ -118,9 +121,7 @@ def _places(found: Sequence[Quantity]) -> dict[str, int]:
     return {q.alias: i for i, q in enumerate(found)} | {q.name: i for i, q in enumerate(found)}
 
 
-def draws(
-    found: Sequence[Quantity], indices: Sequence[int], seed: int = 0, correlations: Sequence[Correlation] = ()
-) -> Array:
+def draws(found: Sequence[Quantity], indices: Sequence[int], seed: int, correlations: Sequence[Correlation]) -> Array:
     """`(k, n)` values of the quantities in the samples `indices`; a sample depends on nothing but seed and index."""
     scores = np.array([[score(seed, index, q.key) for q in found] for index in indices])
     table = drawn(scores.reshape(len(indices), len(found)), _places(found), tuple(correlations))

@@ -259,12 +259,9 @@ def _one(spec: Spec, given: UncertainCraft) -> Fit:
 
 
 def _craft(
-    source: "Embedded | str | Path",
-    at: "Mapping[str, Spec | Beam | ModalData | str | Path] | None",
-    given: UncertainCraft,
-    prefixes: Sequence[str] | None,
-    retime: bool | None,
-) -> "Embedded | Craft":
+    source: "Embedded | str | Path", at: "Mapping[str, Spec | Beam | ModalData | str | Path] | None", given: UncertainCraft,
+    prefixes: Sequence[str] | None, retime: bool | None,
+) -> "Embedded | Craft":  # fmt: skip
     """The nominal craft with its appendages."""
     if isinstance(source, Embedded):
         if at is not None or source.document is None or source.form != "inline":

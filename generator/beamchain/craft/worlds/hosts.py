@@ -170,14 +170,8 @@ class Rollouts:
         control = np.repeat(then[:, None], count, axis=1)
         control[:, 0] = first
         with quiet():
-            state, sensors = self._engine.rollout(
-                self._models,
-                self._data,
-                self._state,
-                control,
-                control_spec=int(mujoco.mjtState.mjSTATE_CTRL),
-                nstep=count,
-            )
+            state, sensors = self._engine.rollout(self._models, self._data, self._state, control, nstep=count,
+                                                  control_spec=int(mujoco.mjtState.mjSTATE_CTRL))  # fmt: skip
         self._state[:], self.sensors[:] = state[:, -1], sensors[:, -1]
         return np.asarray(~(np.abs(self._state).max(axis=1) < LARGEST))
 

@@ -83,9 +83,8 @@ def worlds(
     if count is None and size is None:
         raise InputError("count is missing: say how many worlds to make, for example count=64.")
     whole_number("threads", threads, 0, 4096)
-    return Worlds(
-        compiled, whole_number("count", size if count is None else count, 1, MOST), host, given, observe, threads, seed
-    )
+    made = whole_number("count", size if count is None else count, 1, MOST)
+    return Worlds(compiled, made, host, given, observe, threads, seed)
 
 
 class Worlds:
@@ -235,12 +234,9 @@ class Worlds:
 
     def state(self) -> dict[str, Any]:
         """Everything that the worlds continue from: a checkpoint for `restore`."""
-        own = {name: getattr(self, f"_{name}").copy() for name in OWN}
-        return own | {
-            "simulation": self._host.state(),
-            "draws": self.rng.bit_generator.state,
-            "timestep": self.timestep,
-        }
+        own: dict[str, Any] = {name: getattr(self, f"_{name}").copy() for name in OWN}
+        own |= {"simulation": self._host.state(), "draws": self.rng.bit_generator.state}
+        return own | {"timestep": self.timestep}
 
     def restore(self, state: Mapping[str, Any]) -> dict[str, Array]:
         """Continue from a checkpoint of these worlds. Returns what `observe` does.
