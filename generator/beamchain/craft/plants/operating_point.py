@@ -84,7 +84,7 @@ def grid_of(at: At) -> tuple[str, Array] | None:
 
 
 def operating_point(model: "mujoco.MjModel", at: At = None, rates: Rates = None) -> OperatingPoint:
-    """The point that `at` and `rates` name as in `plant`, in a copy of the model without gravity, medium, constraints, clamps."""
+    """The point that `at` and `rates` of `plant` name, in a copy of the model without gravity, medium and constraints."""
     qpos, qvel = np.array(model.qpos0), np.zeros(model.nv)
     if isinstance(at, str | int | np.integer):
         key = _keyframe(model, at)

@@ -27,7 +27,7 @@ ZERO = 1e-12  # relative: squares of frequencies below it are of springs that ot
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """A pair of signals, as `torque:bus=attitude`, whose modal gains are followed: the numerator over `s^2 + 2 zeta w s + w^2`.
+    """A pair of signals, as `torque:bus=attitude`, whose modal gains, over `s^2 + 2 zeta w s + w^2`, are followed.
 
     `force` `(nv, m)` is what the inputs do to the degrees of freedom, `position` and `rate` `(p, nv)` what the outputs read.
     """
