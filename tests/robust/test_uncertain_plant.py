@@ -17,7 +17,7 @@ import beamchain as bc
 from beamchain.craft.plants.controllers import Controller, Loop
 from beamchain.craft.plants.loops import margins
 from beamchain.craft.robust.bounds import bounds
-from beamchain.craft.robust.systems import with_deltas
+from beamchain.craft.robust.systems import closed
 from beamchain.errors import InputError
 from beamchain.fitting.uncertain import (
     Uncertain,
@@ -68,6 +68,13 @@ LOOPS = Controller(loop=tuple(
     Loop(input=f"torque_{axis}", output=f"attitude_{axis}", numerator=(200.0, 40.0), denominator=(0.05, 1.0), delay=0.02)
     for axis in "xyz"
 ))  # fmt: skip
+
+
+def with_deltas(system, deltas):
+    """A system with its first signals closed by deltas; all its signals stay."""
+    gain = np.zeros(system[3].T.shape)
+    np.fill_diagonal(gain[: deltas.size, : deltas.size], deltas)
+    return closed(system, gain)
 
 
 @pytest.fixture(scope="module")

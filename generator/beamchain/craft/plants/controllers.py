@@ -72,19 +72,13 @@ def read_controller(path: str | Path | Controller) -> Controller:
 
 
 def places(controller: Controller, inputs: list[str], outputs: list[str]) -> tuple[list[int], list[int]]:
-    """Outputs and inputs of a plant that the loops take, by number.
-
-    Raises:
-        InputError: there is no loop, or one names no signal of the plant.
-    """
+    """Outputs and inputs of a plant that the loops take, by number."""
     if not controller.loop:
         raise InputError(
             "the controller has no loop; give at least one [[loop]] with input, output, numerator, denominator."
         )
-    rows, columns = (
-        [place(getattr(loop, kind), labels, kind) for loop in controller.loop]
-        for kind, labels in (("output", outputs), ("input", inputs))
-    )
+    rows = [place(loop.output, outputs, "output") for loop in controller.loop]
+    columns = [place(loop.input, inputs, "input") for loop in controller.loop]
     return rows, columns
 
 
@@ -109,9 +103,8 @@ def realised(controller: Controller) -> tuple[Array, Array, Array, Array]:
 
 def _balanced(loop: Loop) -> tuple[Array, Array, Array, Array]:
     """One loop with its states scaled alike; the companion form alone has entries as large as the delay's to the power -6."""
-    tops, bottoms = zip(
-        control.pade(loop.delay, ORDER), *((part.numerator, part.denominator) for part in loop.parts), strict=True
-    )
+    fractions = control.pade(loop.delay, ORDER), *((part.numerator, part.denominator) for part in loop.parts)
+    tops, bottoms = zip(*fractions, strict=True)
     top, bottom = (np.trim_zeros(reduce(np.polymul, polynomials), "f") for polynomials in (tops, bottoms))
     if bottom.size == 1:
         return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.full((1, 1), (top.sum() / bottom)[0])

@@ -8,6 +8,7 @@ import numpy as np
 
 from beamchain.craft.plants.controllers import Controller, Response, places, realised, response
 from beamchain.craft.plants.realisation import Plant
+from beamchain.craft.robust.systems import taking_part
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.modal import FILLER
@@ -130,11 +131,8 @@ def _closed(plant: Plant, controller: Controller, rows: list[int], columns: list
     """Whether the closed loop is stable, and its poles, of the states that take part in it."""
     a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
     b, c = b[:, columns], c[rows]
-    link = np.abs(a) > 0.0
     driven, seen = (np.abs(m).max(axis=1) > UNSEEN * np.abs(m).max(initial=1e-300) for m in (b, c.T))
-    for _ in range(a.shape[0]):
-        driven, seen = driven | (link @ driven), seen | (link.T @ seen)
-    keep = np.flatnonzero(driven & seen).tolist()
+    keep = taking_part(np.abs(a) > 0.0, driven, seen)
     system = control.ss(a[np.ix_(keep, keep)], b[keep], c[:, keep], d[np.ix_(rows, columns)])
     own: Any = control.ss(*realised(controller))
     closed: Any = control.feedback(system, own)
@@ -144,10 +142,9 @@ def _closed(plant: Plant, controller: Controller, rows: list[int], columns: list
 
 def _grid(plant: Plant, poles: Response) -> Array:
     """`(k,)` frequencies that resolve the modes and the closed loop's poles [rad/s]."""
-    size = np.abs(np.concatenate([poles[np.abs(poles) > 0.0], plant.frequency]))
-    ratio = np.abs(
-        np.concatenate([-poles.real[np.abs(poles) > 0.0] / np.abs(poles[np.abs(poles) > 0.0]), plant.damping_ratio])
-    )
+    poles = poles[np.abs(poles) > 0.0]
+    size = np.abs(np.concatenate([poles, plant.frequency]))
+    ratio = np.abs(np.concatenate([-poles.real / np.abs(poles), plant.damping_ratio]))
     near = np.sinh(np.linspace(-6.0, 6.0, 121))
     fine = size[:, None] * (1.0 + np.clip(ratio, 1e-6, 0.02)[:, None] * near)
     wide = np.geomspace(0.01 * size.min(), 10.0 * size.max(), 3000)
@@ -161,20 +158,14 @@ def _margins(name: str, outputs: tuple[str, ...], stable: bool, omega: Array, re
         no = float("nan")
         return Margins(name, outputs, stable, no, no, no, no, no, no, no, no, omega, response)
     frd = control.FrequencyResponseData(response, omega, smooth=True)
-    gains, phases, _, at_gain, at_phase, _ = control.stability_margins(frd, returnall=True)
-    gains, at_gain, phases, at_phase = (
-        np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (gains, at_gain, phases, at_phase)
+    gains, phases, _, at_gain, at_phase, _ = (
+        np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in control.stability_margins(frd, returnall=True)
     )
-    up, down = gains > 1.0, (gains < 1.0) & (gains > 0.0)
-    k = int(np.argmin(np.where(up, gains, np.inf))) if np.any(up) else -1
-    p = int(np.argmin(np.abs(phases))) if phases.size else -1
-    later = np.radians(np.mod(phases, 360.0)) / at_phase if phases.size else np.array([np.inf])
+    up, down = gains > 1.0, gains[(gains < 1.0) & (gains > 0.0)]
+    gain = min(zip(gains[up], at_gain[up], strict=True), default=(np.inf, np.inf))
+    phase = min(zip(phases, at_phase, strict=True), key=lambda found: abs(found[0]), default=(np.inf, np.inf))
+    later = np.radians(np.mod(phases, 360.0)) / at_phase
     size = np.abs((1.0 - response) / (1.0 + response))
-    worst = int(np.argmax(size))
-    nothing = float("inf")
-    return Margins(
-        name, outputs, stable, float(gains[k]) if k >= 0 else nothing, float(at_gain[k]) if k >= 0 else nothing,
-        float(np.max(gains[down], initial=0.0)), float(phases[p]) if p >= 0 else nothing,
-        float(at_phase[p]) if p >= 0 else nothing, float(later.min()), float(2.0 / size[worst]), float(omega[worst]),
-        omega, response,
-    )  # fmt: skip
+    worst = np.argmax(size)
+    numbers = *gain, down.max(initial=0.0), *phase, later.min(initial=np.inf), 2.0 / size[worst], omega[worst]
+    return Margins._make((name, outputs, stable, *(float(number) for number in numbers), omega, response))

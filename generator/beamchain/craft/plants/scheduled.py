@@ -103,22 +103,13 @@ class ScheduledPlant:
             force: replace a file that exists.
         """
         record = self.plants[0].record() | dict(zip("ABCD", self.matrices(), strict=True))
-        record |= {
-            "Frequency": self.frequency,
-            "DampingRatio": self.damping_ratio,
-            "Angle": self.angles,
-            "Joint": self.joint,
-        }
+        record |= {"Frequency": self.frequency, "DampingRatio": self.damping_ratio}
+        record |= {"Angle": self.angles, "Joint": self.joint}
         return write(path, record, force=force)
 
 
 def follow(craft: "Callable[[float], LinearCraft]", angles: Array) -> list[tuple[LinearCraft, NormalModes]]:
-    """The craft at every angle, and its normal modes in the order and with the signs of the first angle.
-
-    Args:
-        craft: at an angle.
-        angles: `(k,)` [rad].
-    """
+    """The craft at every angle `(k,)` [rad], and its normal modes in the order and with the signs of the first."""
     first = craft(float(angles[0]))
     out = [(first, first.modes)]
     for before, after in zip(angles[:-1], angles[1:], strict=True):
