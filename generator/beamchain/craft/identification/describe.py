@@ -15,8 +15,7 @@ from beamchain.craft.identification.prior import WIDTH, Matched, Prior
 from beamchain.craft.identification.response import Piece, Raw
 from beamchain.craft.identification.result import Identification, IdentifiedMode
 from beamchain.craft.identification.start import Order
-from beamchain.craft.identification.stated import stated
-from beamchain.craft.identification.structure import Body, Parts, Structure, Unknown, turning
+from beamchain.craft.identification.structure import Body, Parts, Structure, Unknown, stated, turning
 from beamchain.craft.identification.update import Update, seen_of, update
 from beamchain.ports.motions import Array
 

@@ -21,7 +21,7 @@ from beamchain.craft.identification.response import Piece, Raw, Spectrum
 from beamchain.craft.identification.result import Identification
 from beamchain.craft.identification.sanity import check_rigid, folded
 from beamchain.craft.identification.start import Started, frozen, started
-from beamchain.craft.identification.structure import Body, Parts, Structure, Unknown, clamped, frozen_inertia
+from beamchain.craft.identification.structure import Body, Parts, Structure, Unknown, body_of, clamped, frozen_inertia
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 
@@ -173,7 +173,8 @@ class Run:
         bare_there = data.axes.T @ hub @ data.axes
         factor = (np.trace(total) - np.trace(bare_there)) / (np.trace(there) - np.trace(bare_there))
         rigid[[0, 2, 3, 4]] = np.log(np.clip(factor, 0.2, 5.0)) if not self.free_hub else 0.0
-        matrix = prior.body.matrix(rigid)
+        body = Body(*body_of(prior.parts.rigid))
+        matrix = body.matrix(rigid)
         pairs = matched(prior, w, moments, data.axes, matrix)
         first = np.zeros((w.size, 6))
         frequencies = w.copy()
@@ -185,9 +186,8 @@ class Run:
             first[i] = prior.parts.participation[j] * float(moments[i] @ own) / float(own @ own)
             frequencies[i] = w[i] * prior.parts.frequencies[j] / pairs.frequencies[j]
         live = _live(prior.parts, pairs, data.axes)
-        structure = Structure(
-            known.mass, data.inputs, data.outputs, live, prior.body, data.axes if self.free_hub else none
-        )
+        scaled = data.axes if self.free_hub else none
+        structure = Structure(known.mass, data.inputs, data.outputs, live, body, scaled)
         return structure, structure.theta(Parts(frequencies, z, first, matrix, known.mass), rigid), pairs
 
     def _likelihood(
