@@ -11,7 +11,7 @@ from beamchain.craft.identification.hub import Bare, directions
 from beamchain.craft.identification.logs import SENSED, TORQUES
 from beamchain.craft.identification.pieces import Cut, active, cut
 from beamchain.craft.identification.prior import Prior
-from beamchain.craft.identification.response import Piece, Spectrum
+from beamchain.craft.identification.response import Data, Spectrum
 from beamchain.craft.identification.sanity import check_swapped
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
@@ -22,7 +22,7 @@ PROPORTIONAL = 1e-6  # one less the cosine between the torques of two axes over 
 class Channels(NamedTuple):
     """What the log has: pieces, names, directions in the mount's axes, the driven axes `(3, a)`."""
 
-    pieces: list[Piece | Spectrum]
+    pieces: list[Data]
     torques: tuple[str, ...]
     sensed: tuple[str, ...]
     inputs: Array
@@ -123,7 +123,7 @@ def of_spectra(spectra: Any, known: Bare, wanted: Sequence[str], prior: Prior | 
         )
     torques = tuple(dict.fromkeys(r.torque for r in own))
     axes, kept = driven(known, torques, [f"rate_{a}" for a in dict.fromkeys(r.sensed[-1] for r in own)], prior)
-    pieces: list[Piece | Spectrum] = [
+    pieces: list[Data] = [
         Spectrum(r.omega, r.value, kept.index(f"rate_{r.sensed[-1]}"), torques.index(r.torque), r.order, r.accuracy)
         for r in own
         if f"rate_{r.sensed[-1]}" in kept

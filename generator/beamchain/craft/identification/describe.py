@@ -9,8 +9,7 @@ from scipy.signal import detrend, welch
 
 from beamchain.caution import Caution
 from beamchain.craft.identification.advice import advice
-from beamchain.craft.identification.covariance import inverse
-from beamchain.craft.identification.likelihood import Found, derivatives
+from beamchain.craft.identification.likelihood import Found, derivatives, inverse
 from beamchain.craft.identification.prior import WIDTH, Matched, Prior
 from beamchain.craft.identification.response import Piece, Raw
 from beamchain.craft.identification.result import Identification, IdentifiedMode

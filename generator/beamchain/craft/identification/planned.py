@@ -10,10 +10,9 @@ import numpy as np
 from beamchain.checks import positive
 from beamchain.craft.identification.advice import advice
 from beamchain.craft.identification.channels import driven
-from beamchain.craft.identification.covariance import inverse
 from beamchain.craft.identification.describe import SIGNIFICANT, USEFUL_DAMPING, USEFUL_FREQUENCY
 from beamchain.craft.identification.hub import bare, directions
-from beamchain.craft.identification.likelihood import derivatives
+from beamchain.craft.identification.likelihood import derivatives, inverse
 from beamchain.craft.identification.logs import read_torques
 from beamchain.craft.identification.pieces import active, even
 from beamchain.craft.identification.prior import read_prior, seen_modes

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamchain.craft.identification.covariance import inverse
-from beamchain.craft.identification.likelihood import Found, Likelihood, derivatives
+from beamchain.craft.identification.likelihood import Found, Likelihood, derivatives, inverse
 from beamchain.craft.identification.response import Piece
 from beamchain.craft.identification.result import Identification
 from beamchain.craft.identification.structure import Parts, Structure, Unknown, frozen_inertia, turning
@@ -37,7 +36,7 @@ def resolution(structure: Structure, found: Found, likelihood: Likelihood, mode:
     *_, rigid, hub = structure.places
     theta = two.theta(Parts(frequencies, parts.damping[order], rows, parts.rigid, parts.hub), found.theta[rigid])
     theta[two.places[4]] = found.theta[hub]
-    split = Likelihood(likelihood.pieces, two.raw, lambda _: np.zeros(0), likelihood.scale)
+    split = Likelihood(likelihood.pieces, two.raw, likelihood.scale)
     try:
         _, matrix, _, _ = split.normal(theta, likelihood.weights(found.squares))
     except (np.linalg.LinAlgError, ValueError):

@@ -9,15 +9,14 @@ from scipy.stats import chi2
 
 from beamchain.caution import Caution
 from beamchain.craft.identification.channels import Channels
-from beamchain.craft.identification.covariance import COLOURED, covariance, whiteness
 from beamchain.craft.identification.delay import aligned
 from beamchain.craft.identification.describe import TWO, described
 from beamchain.craft.identification.hub import Bare
-from beamchain.craft.identification.likelihood import Found, Likelihood, compressed, derivatives
+from beamchain.craft.identification.likelihood import COLOURED, Found, Likelihood, compressed, derivatives
 from beamchain.craft.identification.pieces import FEWEST
 from beamchain.craft.identification.prior import DAMPING, SMALL, Matched, Prior, matched
 from beamchain.craft.identification.resolution import resolved
-from beamchain.craft.identification.response import Piece, Raw, Spectrum
+from beamchain.craft.identification.response import Data, Piece, Raw
 from beamchain.craft.identification.result import Identification
 from beamchain.craft.identification.sanity import check_rigid, folded
 from beamchain.craft.identification.start import Started, frozen, started
@@ -83,21 +82,22 @@ class Run:
             theta = min((theta, near), key=lambda x: likelihood.cost(likelihood.squares(structure.raw(x)), x))
         first = likelihood.best(theta, ITERATIONS)
         predicted = self._predicted(structure.raw(first.theta), hidden) if hidden else np.full(len(data.sensed), np.nan)
-        likelihood = replace_pieces(likelihood, data.pieces)
+        likelihood = replace(likelihood, pieces=data.pieces)
         found = likelihood.best(first.theta, ITERATIONS) if hidden else first
         return self._described(structure, likelihood, found, begun, pairs, predicted)
 
     def _rigid(self) -> Array:
         return np.zeros((6, 6)) if self.prior is None else self.prior.parts.rigid
 
-    def _parted(self) -> tuple[list[Piece | Spectrum], list[Piece]]:
+    def _parted(self) -> tuple[list[Data], list[Piece]]:
         """Pieces with their last part not used, and with nothing but it used."""
         data = self.data
         if self.held == 0.0 or not isinstance(data.pieces[0], Piece):
             return data.pieces, []
-        shown, hidden = list[Piece | Spectrum](), list[Piece]()
-        for log in {p.log for p in data.pieces}:
-            own = [p for p in data.pieces if isinstance(p, Piece) and p.log == log]
+        shown, hidden = list[Data](), list[Piece]()
+        pieces = [p for p in data.pieces if isinstance(p, Piece)]
+        for log in {p.log for p in pieces}:
+            own = [p for p in pieces if p.log == log]
             end = own[0].time[0] + (1.0 - self.held) * (own[-1].time[-1] - own[0].time[0])
             for piece in own:
                 late = (piece.time > end)[:, None]
@@ -191,10 +191,10 @@ class Run:
         return structure, structure.theta(Parts(frequencies, z, first, matrix, known.mass), rigid), pairs
 
     def _likelihood(
-        self, structure: Structure, theta: Array, pairs: Matched | None, pieces: Sequence[Piece | Spectrum]
+        self, structure: Structure, theta: Array, pairs: Matched | None, pieces: Sequence[Data]
     ) -> Likelihood:
         if self.prior is None or pairs is None:
-            return Likelihood(pieces, structure.raw, lambda _: np.zeros(0), self.data.scale)
+            return Likelihood(pieces, structure.raw, self.data.scale)
         prior, widths = self.prior, self.prior.widths
         parts, of = prior.parts, pairs.of
         scale = np.sqrt(np.maximum(np.diag(parts.rigid), 1e-12))
@@ -223,7 +223,7 @@ class Run:
                     out.append(np.log(said.damping[i : i + 1] / 0.005) / (3.0 * DAMPING))
             return np.concatenate([*out, x[place[3]] / widths[3], x[place[4]] / widths[3]])
 
-        return Likelihood(pieces, structure.raw, belief, self.data.scale)
+        return Likelihood(pieces, structure.raw, self.data.scale, belief)
 
     def _predicted(self, raw: Raw, hidden: Sequence[Piece]) -> Array:
         """`(p,)` error of what was held out, relative to its own variation: the free response is from the part before."""
@@ -253,12 +253,12 @@ class Run:
         raw = structure.raw(found.theta)
         weights = likelihood.weights(found.squares)
         residuals: list[Any] = [piece.assess(raw, weights)[1] for piece in likelihood.pieces]
-        white = whiteness(likelihood, residuals)
+        white = likelihood.whiteness(residuals)
         level = found.squares / np.maximum(found.counts, 1.0) / self.data.scale**2
         white = np.where(level < NO_NOISE, np.nan, white)
         coloured = bool(np.any(white < COLOURED))
         squares = np.maximum(level, NO_NOISE) * found.counts * self.data.scale**2
-        spread = self.widened * covariance(likelihood, structure.loosened(found.theta), squares, coloured=coloured)
+        spread = self.widened * likelihood.covariance(structure.loosened(found.theta), squares, coloured=coloured)
         if coloured:
             worst = self.data.sensed[int(np.nanargmin(white))]
             self.warnings.append(
@@ -303,11 +303,6 @@ def _unpredicted(result: Identification, predicted: Array) -> Identification:
         replace(mode, determined=False, remark=f"it predicts nothing; {mode.remark}") for mode in result.modes
     )
     return replace(result, modes=doubted, undetermined=(said, *result.undetermined))
-
-
-def replace_pieces(likelihood: Likelihood, pieces: Sequence[Piece | Spectrum]) -> Likelihood:
-    """The same of other pieces."""
-    return Likelihood(pieces, likelihood.model, likelihood.belief, likelihood.scale)
 
 
 def _live(parts: Parts, pairs: Matched, axes: Array) -> Any:

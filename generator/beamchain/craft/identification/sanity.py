@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from beamchain.craft.identification.hub import Bare
 from beamchain.craft.identification.pieces import Cut
-from beamchain.craft.identification.response import Piece, Raw, Spectrum
+from beamchain.craft.identification.response import Data, Piece, Raw
 from beamchain.craft.identification.structure import frozen_inertia
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
@@ -41,8 +41,7 @@ def check_swapped(made: Cut) -> None:
     for i, rate in enumerate(made.sensed):
         use = piece.use[:, i]
         for m, torque in enumerate(made.torques):
-            forward = (piece._twice if piece.angles[i] else piece._once)[:, m]
-            table[i, m] = _explained(piece.outputs[:, i], forward, use)
+            table[i, m] = _explained(piece.outputs[:, i], piece.driven(i)[:, m], use)
             if torque[-2:] == rate[-2:] and not piece.angles[i]:
                 back = _explained(piece.inputs[:, m], once[:, i], use)
                 if table[i, m] < LITTLE and back > EXPLAINS:
@@ -112,9 +111,7 @@ def _words(axis: Array) -> str:
     )
 
 
-def folded(
-    raw: Raw, pieces: Sequence[Piece | Spectrum], inputs: Array, outputs: Array, axes: Array
-) -> tuple[Raw, list[complex]]:
+def folded(raw: Raw, pieces: Sequence[Data], inputs: Array, outputs: Array, axes: Array) -> tuple[Raw, list[complex]]:
     """The model with poles put where they belong whose residue has the wrong sign: a mode above half the sample rate.
 
     Returns:
