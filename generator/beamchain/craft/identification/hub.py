@@ -1,5 +1,6 @@
 """What is known of the spacecraft: its mass properties about the mount, and how the log's torques act on it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -83,7 +84,7 @@ def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", at: str) -> Bare:
     return Bare(mass, turn, actuators, str(model.body(hub).name) or "hub")
 
 
-def directions(known: Bare, names: tuple[str, ...]) -> Array:
+def directions(known: Bare, names: Sequence[str]) -> Array:
     """`(channels, 3)` direction, in the mount's axes, of each column of a log by its name."""
     out = [known.actuators[n] if n in known.actuators else np.eye(3)[AXES.index(n[-1])] for n in names]
     return np.array(out).reshape(-1, 3) @ known.turn

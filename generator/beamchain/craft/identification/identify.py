@@ -102,7 +102,7 @@ def identify(
         raise InputError("time logs and frequency responses cannot be used together; give one kind.")
     wanted = _axes(axes)
     data = of_time(times, known, wanted, before) if times else of_spectra(spectra, known, wanted, before)
-    return Run(data, known, before, modes, held, hub == "estimate", offset, at).result()
+    return Run(data, known, before, modes, held, hub == "estimate").result(at, offset=offset)
 
 
 def _axes(axes: str | Sequence[str] | None) -> tuple[str, ...]:

@@ -82,10 +82,10 @@ class Likelihood:
         raw, slopes = self.model(theta), derivatives(lambda x: self.model(x).flat(), theta)
         said = [piece.assess(raw, weights, slopes, lags)[0] for piece in self.pieces]
         squares, matrix, gradient, meat = (np.sum(parts, axis=0) for parts in zip(*said, strict=True))
-        sure, tilt = self._believed(theta)
+        sure, tilt = self.believed(theta)
         return squares, matrix + sure, gradient - tilt, meat + sure
 
-    def _believed(self, theta: Array) -> tuple[Array, Array]:
+    def believed(self, theta: Array) -> tuple[Array, Array]:
         """What the belief adds to the normal matrix and takes from the gradient."""
         tilt = derivatives(self.belief, theta)
         return tilt.T @ tilt, tilt.T @ self.belief(theta)
@@ -131,7 +131,7 @@ class Likelihood:
                 squares, matrix, gradient, _ = self.normal(theta, self.weights(squares))
                 continue
             ratio = float(np.mean(factors))
-            sure, tilt = self._believed(theta)
+            sure, tilt = self.believed(theta)
             matrix, gradient = ratio * (matrix - sure) + sure, ratio * (gradient + tilt) - tilt
         return Found(theta, cost, squares, self.counts)
 

@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamchain.checks import positive
-from beamchain.craft.identification.advice import advice
-from beamchain.craft.identification.channels import driven
-from beamchain.craft.identification.describe import SIGNIFICANT, USEFUL_DAMPING, USEFUL_FREQUENCY
+from beamchain.craft.identification.channels import active, driven, even
+from beamchain.craft.identification.describe import SIGNIFICANT, USEFUL_DAMPING, USEFUL_FREQUENCY, advice
 from beamchain.craft.identification.hub import bare, directions
 from beamchain.craft.identification.likelihood import derivatives, inverse
 from beamchain.craft.identification.logs import read_torques
-from beamchain.craft.identification.pieces import active, even
-from beamchain.craft.identification.prior import read_prior, seen_modes
+from beamchain.craft.identification.prior import UNKNOWN_DAMPING, read_prior, seen_modes
 from beamchain.craft.identification.response import Piece, Raw
 from beamchain.craft.identification.structure import Parts, seen
 from beamchain.errors import InputError
@@ -25,7 +23,6 @@ if TYPE_CHECKING:
     from beamchain.engine.library import mujoco
 
 RATES = ("rate_x", "rate_y", "rate_z")
-UNKNOWN_DAMPING = 0.005  # where the prior has none
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +100,9 @@ def planned(
     log = read_torques(torques, map, list(known.actuators), RATES)
     names = active([log], list(log.torques))
     axes, sensors = driven(known, names, RATES, before)
-    inputs = directions(known, tuple(names))
+    inputs = directions(known, names)
     sensors = [n for n in sensors if np.linalg.norm(directions(known, (n,)) @ axes) > 1e-6]
-    outputs = directions(known, tuple(sensors))
+    outputs = directions(known, sensors)
     parts = before.parts
     which = seen_modes(parts, axes)
     if not which:

@@ -16,6 +16,7 @@ from beamchain.structure.modal_data import ModalData
 WIDTH = 0.3  # relative standard deviation of what the prior says, where it has no [uncertain]
 DAMPING = 1.0  # the same of the logarithm of damping
 SMALL = 0.1  # of a mode's whole participation: width of an element that the prior has as nearly zero, over WIDTH
+UNKNOWN_DAMPING = 0.005  # where the prior has none
 FAR = np.log(2.5)  # a prior mode whose frequency is off by more is another one
 SEEN = 1e-6  # part of the craft's inertia below which a prior mode does not turn the craft about an axis
 
