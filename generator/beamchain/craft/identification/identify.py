@@ -86,16 +86,15 @@ def identify(
         one_of("hub", hub, ("estimate",))
         if prior is None:
             raise InputError(
-                'hub = "estimate" needs a prior: a log determines only the sum of the hub\'s inertia and the '
-                "appendage's."
+                "hub = \"estimate\" needs a prior: a log determines only the sum of the hub's inertia and the appendage's."
             )
     times, spectra, tables = read_logs(logs, map, list(known.actuators))
     before = None if prior is None else read_prior(prior, known.mass)
     if tables:
         if times or spectra or before is None:
             raise InputError(
-                f"{tables[0].source} holds frequencies only, which need a prior for the participation and no "
-                "other log beside them."
+                f"{tables[0].source} holds frequencies only, which need a prior for the participation and no other log "
+                "beside them."
             )
         return from_table(tables[0], before, at)
     if bool(times) == bool(spectra):

@@ -182,7 +182,8 @@ def inverse(matrix: Array) -> Array:
 def _balanced(matrix: Array) -> tuple[Array, Array, Array]:
     """Roots of a matrix's diagonal; eigenvalues and vectors of the matrix over them."""
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    return size, *np.linalg.eigh(matrix / np.outer(size, size))
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    return size, values, vectors
 
 
 def derivatives(function: Callable[[Array], Any], theta: Array) -> Array:

@@ -45,16 +45,11 @@ class Planned:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        names = ("frequency_std", "damping_std", "participation_std")
-        rows = zip(self.frequency, self.damping, self.deviations, self.determined, strict=True)
-        return {
-            "modes": [
-                {"frequency": float(w), "damping": float(z), "determined": ok}
-                | dict(zip(names, (float(w * d[0]), float(z * d[1]), float(d[2])), strict=True))
-                for w, z, d, ok in rows
-            ],
-            "advice": list(self.advice),
-        }
+        names = ("frequency", "damping", "determined", "frequency_std", "damping_std", "participation_std")
+        w, z, std = self.frequency, self.damping, self.deviations.T
+        columns = (w, z, self.determined, w * std[0], z * std[1], std[2])
+        rows = zip(*(np.asarray(column).tolist() for column in columns), strict=True)
+        return {"modes": [dict(zip(names, row, strict=True)) for row in rows], "advice": list(self.advice)}
 
 
 def planned(

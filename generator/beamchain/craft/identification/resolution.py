@@ -18,12 +18,6 @@ def resolution(structure: Structure, found: Found, likelihood: Likelihood, mode:
     """Separation [rad/s] from which two modes of equal participation in place of `mode` would be told apart; inf if never.
 
     The mode is split in two; the information on their separation grows with its square, so that one trial tells.
-
-    Args:
-        structure: of the identified model, at `found`.
-        found: the estimate.
-        likelihood: of the data.
-        mode: which, from 0.
     """
     parts = structure.parts(found.theta)
     w, half = parts.frequencies[mode], parts.damping[mode] * parts.frequencies[mode] * SPLIT / 2.0
@@ -38,7 +32,7 @@ def resolution(structure: Structure, found: Found, likelihood: Likelihood, mode:
     theta[two.places[4]] = found.theta[hub]
     split = Likelihood(likelihood.pieces, two.raw, likelihood.scale)
     try:
-        _, matrix, _, _ = split.normal(theta, likelihood.weights(found.squares))
+        matrix = split.normal(theta, likelihood.weights(found.squares))[1]
     except (np.linalg.LinAlgError, ValueError):
         return float("inf")
 
@@ -65,14 +59,13 @@ def images(structure: Structure, found: Found, likelihood: Likelihood) -> list[t
     if np.ptp(rates) > 1e-3 * rates[0]:
         return []  # logs of different rates tell a mode from its image
     parts = structure.parts(found.theta)
-    moments = turning(parts).moments
-    gained = turning(parts).inertia - frozen_inertia(parts.hub)
-    out = list[tuple[float, float]]()
-    for w, row in zip(parts.frequencies.tolist(), moments, strict=True):
-        higher = w + rates[0]
-        if float(row @ row) ** 2 * higher / w < float(row @ gained @ row):
-            out.append((w, higher))
-    return out
+    inertia, moments, _ = turning(parts)
+    gained = inertia - frozen_inertia(parts.hub)
+    return [
+        (w, w + rates[0])
+        for w, row in zip(parts.frequencies.tolist(), moments, strict=True)
+        if float(row @ row) ** 2 * (w + rates[0]) / w < float(row @ gained @ row)
+    ]
 
 
 def resolved(result: Identification, structure: Structure, found: Found, likelihood: Likelihood) -> Identification:

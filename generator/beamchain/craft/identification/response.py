@@ -289,7 +289,7 @@ class Spectrum:
     @property
     def weight(self) -> Complex:
         """`(N,)` what a rate per torque is multiplied with to be relative."""
-        return (1j * self.omega) ** self.order / (self.accuracy * np.abs(self.value))
+        return np.asarray((1j * self.omega) ** self.order / (self.accuracy * np.abs(self.value)), dtype=np.complex128)
 
     def assess(
         self, raw: Raw, weights: Array, slopes: Array | None = None, lags: int = 0, *, whole: bool = False

@@ -82,7 +82,7 @@ class Unknown:
 
     def theta(self, rest: Array) -> Array:
         """The parameters of a rest `(a, a)`; what is negative of it is raised to a little."""
-        root = np.linalg.cholesky(raised(rest / self.size, LEAST))
+        root = np.asarray(np.linalg.cholesky(raised(rest / self.size, LEAST)), dtype=np.float64)
         root[np.diag_indices(root.shape[0])] = np.log(np.diag(root))
         return root[np.tril_indices(root.shape[0])]
 
