@@ -21,11 +21,8 @@ MODES = (2, 8)  # with which whole steps are tried, and with which the lag is re
 def aligned(data: Channels, guess: Array) -> tuple[float, Channels]:
     """The lag [s], and the channels with their torques delayed by it.
 
-    A torque that changes within a step acts with its mean over the step, which is exact for the rigid motion.
-
-    Args:
-        data: of time logs.
-        guess: `(p, m)` accelerations of the frozen craft per torque.
+    A torque that changes within a step acts with its mean over the step, which is exact for the rigid motion. `guess` `(p, m)`
+    is the accelerations of the frozen craft per torque.
     """
     part = [piece for piece in fewer(data.pieces) if isinstance(piece, Piece)]
     first = [piece.part(0, min(piece.time.size, FEW)) for piece in part[:1]]

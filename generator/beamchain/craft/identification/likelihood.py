@@ -196,16 +196,9 @@ def derivatives(function: Callable[[Array], Any], theta: Array) -> Array:
 def compressed(
     raw: Callable[[Array], Array], wanted: Array, matrix: Array, belief: Callable[[Array], Array], theta: Array
 ) -> Array:
-    """Parameters near `theta` whose raw numbers are most likely, the data replaced by a raw estimate and its information.
+    """Parameters near `theta` whose raw numbers are most likely, the data replaced by raw ones (`wanted`) and their information.
 
-    The information is raised to its full size in steps, for it makes a long narrow valley.
-
-    Args:
-        raw: raw parameters of parameters.
-        wanted: those of the data.
-        matrix: their information.
-        belief: as in `Likelihood`.
-        theta: where to start.
+    The information `matrix` is raised to its full size in steps, for it makes a long narrow valley.
     """
     size, values, vectors = _balanced(matrix)
     root = np.sqrt(np.maximum(values, 1e-14))[:, None] * vectors.T * size

@@ -95,11 +95,7 @@ class Form:
 def started(pieces: Sequence[Data], rigid: Array, scale: Array, modes: int | None) -> Started:
     """Modes one after another until the criterion rises, or until there are as many as asked for.
 
-    Args:
-        pieces: of the data.
-        rigid: `(p, m)` first guess of the accelerations of the frozen craft per torque.
-        scale: `(p,)` size of the outputs.
-        modes: how many; None: as the criterion says.
+    `rigid` `(p, m)` is a first guess of the accelerations of the frozen craft per torque, `scale` `(p,)` the size of the outputs.
     """
     size = float(np.max(np.abs(rigid)))
     part = fewer(pieces)

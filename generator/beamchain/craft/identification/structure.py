@@ -167,9 +167,7 @@ class Structure:
     def theta(self, parts: Parts, rigid: Array) -> Array:
         """Parameters of frequencies, damping and participation, the last cut where it is more than the rigid mass allows.
 
-        Args:
-            parts: what is wanted; its rigid mass and hub are not used.
-            rigid: parameters of the rigid mass.
+        The rigid mass and the hub of `parts` are not used; `rigid` holds the parameters of the rigid mass.
         """
         shares = np.zeros((self.modes, 6))
         if isinstance(self.body, Unknown):
