@@ -26,13 +26,8 @@ def field(
 ) -> msgspec.Meta:
     """What a field of a `Struct` means, for `Annotated`: checks, docstring, JSON schema and templates take it from here.
 
-    Args:
-        text: what it is, in words.
-        unit: of a number or of each number in a list, "" for a pure number; None where the field holds no number.
-        above: exclusive lower bound.
-        least: inclusive lower bound.
-        most: inclusive upper bound.
-        cure: what to do about a number that is out of bounds, for the error sentence.
+    `unit`: of each number, "" for a pure one, None where there is none; `above` is exclusive, `least` and `most` are
+    inclusive; `cure`: what to do about a number that is out of bounds.
     """
     limits = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
     return msgspec.Meta(
@@ -149,14 +144,7 @@ def _bounded(
 
 
 def number(field: str, value: object, unit: str, *, cure: str = "") -> float:
-    """A finite number, or an `InputError` that names the field.
-
-    Args:
-        field: name of the field, as the user wrote it.
-        value: what the user gave.
-        unit: unit shown in the message, `""` for a pure number.
-        cure: what to do, appended to the message.
-    """
+    """A finite number, or an `InputError` that names the `field` and ends with the `cure`; `unit` "": a pure number."""
     wanted = f"a finite number{f' in {unit}' if unit else ''} is needed"
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(f"{field} = {value!r} is not a number; {wanted}. {cure or f'Write {field} = 1.0.'}".strip())
@@ -218,10 +206,9 @@ def whole_number(field: str, value: object, least: int, most: int) -> int:
 
 
 def own_numbers(struct: msgspec.Struct) -> None:
-    """Turn what stands in a struct's fields into Python's own numbers and tuples, in place.
+    """Turn NumPy's scalars and arrays, fractions and lists in a struct's fields into Python's numbers and tuples, in place.
 
-    NumPy's scalars and arrays, fractions and lists are taken as what they mean, so that every struct can be hashed,
-    compared and written. What is no number stays, for the checks to name.
+    So every struct can be hashed, compared and written. What is no number stays, for the checks to name.
     """
     for name in struct.__struct_fields__:
         given = getattr(struct, name)

@@ -58,11 +58,9 @@ class Built:
 class Wishes:
     """What is asked of the realisation beside the modes.
 
-    Args:
-        springs: "auto": on the hinges where the recursion serves all ports; "hinges", "modes": one or the other.
-        lines: x where hinges must stand [m].
-        further: x of further ports, whose motion stands in the targets' `tip` columns [m].
-        neutral: per port, last frequency on the one hub [rad/s] that modes of surplus hinges must not disturb.
+    `springs` "auto": on the hinges where the recursion serves all ports; `lines`: x where hinges must stand, `further`: x
+    of further ports, whose motion stands in the `columns` of the targets' `tip` [m]; `neutral`: per port, last frequency
+    on the one hub [rad/s] that modes of surplus hinges must not disturb.
     """
 
     springs: Springs = "auto"

@@ -44,14 +44,10 @@ class Nodes:
 
 
 def realise(target: PortModel) -> Nodes:
-    """The canonical chain whose port model is `target`.
+    """The canonical chain whose port model is `target`, a plane's with n modes: n + 1 rods.
 
-    Args:
-        target: a plane's port model with n flexible modes; gives n + 1 rods. Where its residual mass is singular (all
-            mass of the root moves with the kept modes in one direction), the first rod is massless.
-
-    Raises:
-        RealisationError: a mass, length or stiffness would not be positive, or digits are lost (the message names it).
+    Where its residual mass is singular (all mass of the root moves with the kept modes in one direction), the first rod
+    is massless. Refused where a mass, length or stiffness would not be positive, or digits are lost.
     """
     n = target.modes
     rows = np.hstack([target.rigid_port_values, target.free_port_values.T])
@@ -175,16 +171,7 @@ def planar_links(nodes: Nodes, beam: MassLine) -> list[Link]:
 
 
 def planar_chain(nodes: Nodes, beam: MassLine, port: str = "xy") -> Chain:
-    """The chain of `nodes` in one bending plane: `planar_links` with the beam's own polar inertia, rigid in torsion.
-
-    Args:
-        nodes: from `realise`.
-        beam: gives mass and polar inertia between the hinges.
-        port: "xy" or "xz".
-
-    Raises:
-        RealisationError: the beam is too wide for its length to be a chain of thin links.
-    """
+    """The chain of `nodes` in one bending plane: `planar_links` with the beam's own polar inertia, rigid in torsion."""
     links = planar_links(nodes, beam)
     cuts = nodes.positions[1:-1]
     real = real_polar(beam, cuts)

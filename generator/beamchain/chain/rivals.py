@@ -42,16 +42,10 @@ def cut(beam: Beam, hinges: Array, stiffness: Array, port: str) -> Chain:
 
 
 def equal_links(beam: Beam, count: int, recipe: str, port: str = "xy") -> Chain:
-    """`count` equal segments with one hinge each.
+    """`count` equal segments with one hinge each, of EI N/L: the inverse compliance of the stretch that it stands for.
 
-    Args:
-        beam: the appendage.
-        count: number of hinges.
-        recipe: "naive": a hinge with EI N/L at the inner end of every link, the root included; "classical": the same
-            with 2 EI N/L at the root; "midpoint": a hinge with EI N/L in the middle of every segment.
-        port: "xy" or "xz".
-
-    Where EI varies, EI N/L is the inverse compliance of the stretch that the hinge stands for.
+    "naive": at the inner end of every link, the root included; "classical": the same with 2 EI N/L at the root;
+    "midpoint": in the middle of every segment.
     """
     one_of("recipe", recipe, RECIPES)
     whole_number("links", count, 1, 5000)

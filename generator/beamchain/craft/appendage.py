@@ -76,12 +76,7 @@ class Appendage:
 
 
 def driven_too_far(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
-    """Sentences for keyframes that start an appendage beyond what its chain is right for.
-
-    Args:
-        model: the spacecraft with its appendages.
-        appendages: what was embedded.
-    """
+    """Sentences for keyframes that start an appendage beyond what its chain is right for."""
     out: list[str] = []
     for a in appendages:
         for name, run in keyframes(model, f"{a.prefix}link1").items():
@@ -102,11 +97,7 @@ def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
 
 
 def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> None:
-    """No name is given twice.
-
-    Raises:
-        InputError: with the name and the cure.
-    """
+    """No name is given twice."""
     taken = appended(craft, names(appendages))
     for kind, word in NAMED.items():
         if taken[kind]:
@@ -127,12 +118,8 @@ def judged(
 ) -> list[str]:
     """Every number of the spacecraft and of the appendages is as it was; then what spoils the motion.
 
-    Args:
-        craft: the bare spacecraft.
-        model: with its appendages, timing taken out.
-        appendages: what was embedded.
-        final: as it will run.
-        defaults: attributes that the spacecraft's file sets by default, per tag.
+    `model`: with appendages, timing taken out; `final`: as it will run; `defaults`: attributes that the spacecraft's file
+    sets by default, per tag.
     """
     mine = appended(model, names(appendages))
     theirs = others(model, mine)
@@ -176,11 +163,7 @@ def judged(
 
 
 def _refuse(found: Difference, changed: Appendage, defaults: Mapping[str, Mapping[str, int]]) -> None:
-    """Say what the spacecraft would change of an appendage, and the way out that works.
-
-    Raises:
-        InputError: always.
-    """
+    """Say what the spacecraft would change of an appendage, and the way out that works."""
     if found.field == "number of elements" and found.element == "geom":
         raise InputError(
             f"the spacecraft's compiler would drop the appendage's shapes ({found.found:g} of {found.wanted:g} are left); "

@@ -28,14 +28,10 @@ RANK = 1e-9  # relative, below which the base body is held in a motion
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """One appendage on the spacecraft.
+    """One appendage on the spacecraft: `whole`: the beam in space, all its modes, damped.
 
-    Args:
-        mount: where.
-        whole: the beam in space, all its modes, with damping ratios.
-        kept: `(n,)` which of those modes the chain was asked to keep.
-        dofs: its degrees of freedom in the MuJoCo model.
-        band: last kept cantilever frequency of each kept port [rad/s].
+    `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the MuJoCo model; `band`:
+    last kept cantilever frequency of each kept port [rad/s].
     """
 
     mount: Mount
@@ -165,15 +161,10 @@ def prove(
     wanted: Sequence[int] = tuple(range(6)),
     points: int = 400,
 ) -> Assembly:
-    """Compare the MuJoCo model with the exact assembly.
+    """Compare the MuJoCo model with the exact assembly of the bare `craft` and what it carries.
 
-    Args:
-        craft: the bare spacecraft.
-        model: the spacecraft with its chains.
-        carried: the appendages.
-        asked: frequencies that matter end here [rad/s]; None: where the kept modes end.
-        wanted: motions of the hub that matter (0 to 5).
-        points: of the even part of the frequency grid.
+    `asked`: frequencies that matter end here [rad/s], else where the kept modes end; `wanted`: motions of the hub that
+    matter (0 to 5); `points`: of the even part of the frequency grid.
     """
     craft, model = quiet(craft), quiet(model)
     hub = int(craft.body_rootid[carried[0].mount.body])
@@ -314,13 +305,7 @@ def _matched(
 ) -> tuple[Mode, ...]:
     """Modes paired by frequency and by the direction in which they move the spacecraft, the kept ones first.
 
-    Args:
-        exact, exact_modes: the exact assembly.
-        carried: the appendages.
-        ours: `(n,)` MuJoCo's frequencies.
-        shapes: `(nv, n)` the spacecraft's part of MuJoCo's modes.
-        band: exact modes without a partner are listed up to here.
-        words: what moves in each exact mode.
+    `ours` `(n,)`, `shapes` `(nv, n)`: MuJoCo's, the spacecraft's part; exact modes without partner are listed to `band`.
     """
     frequencies, whole = exact_modes
     nv = shapes.shape[0]

@@ -253,12 +253,7 @@ def _proved(
 ) -> "tuple[tuple[Appendage, ...], mujoco.MjModel, list[str]]":
     """The appendages exact in time where that is worth it, the model with them, and what is to be said of it.
 
-    Args:
-        craft: the bare spacecraft.
-        appendages: fitted.
-        build: compiles the spacecraft with appendages.
-        retime: the user's word; None: where the step's error matters.
-        found: in the spacecraft's document that would spoil appendages.
+    `build` compiles the spacecraft with appendages; `found`: what in its document would spoil them.
     """
     model = build(appendages)
     if any(a.rigid for a in appendages):

@@ -126,14 +126,9 @@ def poses(model: "mujoco.MjModel") -> dict[str, Array]:
 
 
 class Pose:
-    """The bare craft at a pose, and the exact answer on it.
+    """The bare, quiet craft at a pose, and the exact answer on it.
 
-    Args:
-        craft: the bare spacecraft, quiet.
-        qpos: its positions.
-        carried: its appendages.
-        band: upper end [rad/s].
-        wanted: motions of the base body that count; those it cannot make are left out.
+    Motions of the base body that are `wanted` but that it cannot make are left out; `band`: upper end [rad/s].
     """
 
     def __init__(
@@ -238,11 +233,7 @@ class Pose:
 def modes_at(
     craft: "mujoco.MjModel", model: "mujoco.MjModel", carried: Sequence[Carried], band: float, key: str
 ) -> tuple[Mode, ...]:
-    """Coupled modes up to `band` [rad/s] at a keyframe: exact, and MuJoCo's that is nearest in frequency.
-
-    Raises:
-        InputError: there is no such keyframe.
-    """
+    """Coupled modes up to `band` [rad/s] at a keyframe: exact, and MuJoCo's that is nearest in frequency."""
     craft, model = quiet(craft), quiet(model)
     known = poses(craft)
     if key not in known:
@@ -282,14 +273,7 @@ def craft_poses(
 def craft_error(
     craft: "mujoco.MjModel", model: "mujoco.MjModel", carried: Sequence[Carried], found: Mapping[str, list[Pose]]
 ) -> CraftError:
-    """The craft's promise as the compiled model keeps it.
-
-    Args:
-        craft: the bare spacecraft.
-        model: the spacecraft with its appendages.
-        carried: the appendages, all their degrees of freedom known.
-        found: from `craft_poses`.
-    """
+    """The craft's promise as the compiled model keeps it, against what `craft_poses` found."""
     model = quiet(model)
     new = {dof for item in carried for dof in item.dofs}
     old = [i for i in range(model.nv) if i not in new]

@@ -105,9 +105,7 @@ def fit_all(
 class Fits:
     """Fits that were made already: equal appendages on equal hubs are fitted once.
 
-    Args:
-        ready: fits that were handed over, by place.
-        held: imported modes that were handed over, by place, instead of being read from the spec's file.
+    `ready`: fits, `held`: imported modes that were handed over, by place.
     """
 
     def __init__(self, ready: Mapping[str, Fit] | None = None, held: Mapping[str, ModalData] | None = None) -> None:

@@ -55,11 +55,7 @@ def free_ports(spec: Spec) -> tuple[str, ...]:
 class PerPort:
     """An appendage whose ports are independent: a beam, or imported modes that keep to their ports.
 
-    Args:
-        a: as it was fitted.
-        counts: modes per port.
-        changed: models of the ports that differ from the fit's.
-        last: port that the last mode was added to.
+    `changed`: models of the ports that differ from the fit's; `last`: port that the last mode was added to.
     """
 
     a: Appendage
@@ -147,13 +143,7 @@ class PerPort:
 
 @dataclass(frozen=True, eq=False)
 class Coupled:
-    """Imported modes that move in several ports at once, kept by their numbers.
-
-    Args:
-        a: as it was fitted.
-        numbers: of the modes in the file, from 1.
-        last: number of the mode that was added last.
-    """
+    """Imported modes that move in several ports at once, kept by their `numbers` in the file; `last`: added last."""
 
     a: Appendage
     numbers: tuple[int, ...]
@@ -193,11 +183,7 @@ class Coupled:
         return msgspec.structs.replace(self.a.spec, imported=imported, modes=None)
 
     def further(self, band: float) -> dict[str, "Growing"]:
-        """By number, the same with one mode more: of those that move the hub most.
-
-        Args:
-            band: upper end of what is compared [rad/s].
-        """
+        """By number, the same with one mode more: of those that move the hub most up to `band` [rad/s]."""
         space, free = self.a.fit.space, free_ports(self.a.spec)
         if space is None or len(self.numbers) >= MOST_NAMED:
             return {}

@@ -23,15 +23,9 @@ from beamchain.steps.retime import retime
 class Inspection:
     """What MuJoCo makes of a model about its rest pose.
 
-    Args:
-        composite: mass properties of every body that moves in the world, with all that hangs on it.
-        frequencies: `(n,)` of the oscillating modes [rad/s], with their `damping` ratios.
-        springs: name, stiffness, damping of every joint with a spring of its own.
-        tendons: name, stiffness, damping, armature of every sprung tendon.
-        limits: step limits, timing taken out.
-        made_for: the steps and integrators for which appendages are exact in time.
-        shown: the modes as the model's own step shows them; empty where nothing is exact in time.
-        warnings: where the model runs at another step than it was made for.
+    `composite`: of every body that moves in the world, with all that hangs on it; `frequencies` [rad/s] and `damping`
+    `(n,)` of the oscillating modes; `springs`, `tendons`: name, stiffness, damping (armature) of what has a spring;
+    `limits`: timing taken out; `shown`: the modes as the model's own step shows them, where appendages are exact in time.
     """
 
     name: str
@@ -73,12 +67,7 @@ class Inspection:
 
 
 def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
-    """Inspect a model: path, MJCF text or compiled.
-
-    Raises:
-        InputError: there is no such file.
-        EngineError: MuJoCo refuses it, or it has no degree of freedom.
-    """
+    """Inspect a model: path, MJCF text or compiled."""
     model = compile_model(source)
     plain = copy.copy(model)
     made = [mark for mark in made_for(model) if mark is not None]

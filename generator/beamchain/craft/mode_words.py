@@ -24,13 +24,9 @@ def mode_words(
 ) -> str:
     """One coupled mode in words, such as "left and right opposed, bending xz; bus about y".
 
-    Args:
-        names: of the places of the appendages.
-        models: the appendages in space.
-        axes: `(3, 3)` of each root in the world, in columns.
-        coordinates: `(n,)` modal coordinates of each appendage in the mass-normalised coupled mode.
-        own_energy: strain energy in the springs of the spacecraft itself, twice.
-        bus: `(6,)` motion of the base body in the mode, times the square root of the inertia that it feels.
+    Per appendage: name of its place, model in space, axes `(3, 3)` of its root in the world (columns), and modal
+    `coordinates` `(n,)` in the mass-normalised mode. `own_energy`: twice the strain energy in the spacecraft's own
+    springs; `bus` `(6,)`: motion of the base body times the square root of the inertia that it feels.
     """
     energies = [float(np.sum((m.frequencies * q) ** 2)) for m, q in zip(models, coordinates, strict=True)]
     total = max(sum(energies) + own_energy, 1e-300)

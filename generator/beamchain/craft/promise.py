@@ -22,12 +22,9 @@ ROUNDS = 3  # of growing and fitting: what comes out may miss what was foreseen
 
 @dataclass(frozen=True)
 class Asked:
-    """What the scenes of all appendages ask of the craft together.
+    """What the scenes of all appendages ask of the craft together; None where no scene states a band.
 
-    Args:
-        band: the largest [rad/s]; None where no scene states one.
-        tolerance: the smallest; None where no scene states a band.
-        motions: union of the motions asked for (0 to 5), in the base body's axes; all where nothing is asked.
+    `band`: the largest [rad/s]; `tolerance`: the smallest; `motions`: union of those asked for, or all (0 to 5).
     """
 
     band: float | None
@@ -60,15 +57,9 @@ def keep_promise(
     most: int,
     refit: Callable[[Appendage, Spec], Fit],
 ) -> tuple[tuple[Appendage, ...], tuple[str, ...]]:
-    """The appendages with as many modes as the craft's promise needs, and the steps taken.
+    """The appendages with as many modes as the craft's promise needs, and the steps taken; counts that were typed stay.
 
-    Counts that were typed stay.
-
-    Args:
-        craft: the bare spacecraft.
-        appendages: each fitted on its own hub.
-        most: modes of an appendage.
-        refit: fits an appendage anew with the modes that a spec asks for.
+    `most`: modes of an appendage; `refit` fits an appendage anew with the modes that a spec asks for.
     """
     want = asked([a.spec for a in appendages])
     if want.band is None or want.tolerance is None:
@@ -108,8 +99,7 @@ def _grow(
 ) -> list[Growing]:
     """The appendages with the modes with which their models keep the tolerance, or the best up to `most` each.
 
-    One mode at a time where it pays most; where none pays by itself, where its lack alone costs most. `steps` gets a line
-    each.
+    One mode at a time where it pays most; where none does, where its lack alone costs most. `steps` gets a line each.
     """
     ours = list(ours)
 

@@ -21,11 +21,7 @@ TENDON_DAMPING = "Euler treats the damping of tendons explicitly"
 
 
 def check_flags(model: "mujoco.MjModel") -> None:
-    """Refuse a model that switches its springs off.
-
-    Raises:
-        InputError: with the flag and the cure.
-    """
+    """Refuse a model that switches its springs off."""
     for name in ("PASSIVE", "SPRING", "DAMPER"):
         bit = getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", None)
         if bit is not None and int(model.opt.disableflags) & int(bit):
@@ -44,12 +40,7 @@ def spoilers(
 ) -> list[str]:
     """Warnings about a compiled spacecraft with its appendages.
 
-    Args:
-        model: compiled.
-        limits: its largest steps.
-        kept: kept cantilever frequencies of the appendages [rad/s].
-        zeta: smallest damping ratio of the appendages; 0: undamped.
-        geoms: ids of the appendages' geoms.
+    `kept`: their cantilever frequencies [rad/s]; `zeta`: smallest damping ratio; `geoms`: ids of their geoms.
     """
     out: list[str] = []
     option = model.opt

@@ -27,14 +27,9 @@ UNASKED = 1e-4  # the same where no scene states a tolerance
 
 
 def step_error(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> tuple[float, float]:
-    """Worst relative error of a pole that the model's own step makes, in the band asked for, and what is allowed.
+    """Worst relative error of a pole in the band asked for by the model's own step, and the largest that is left alone.
 
-    Args:
-        model: the spacecraft with its appendages, timing taken out.
-        appendages: what was embedded.
-
-    Returns:
-        the error, infinite where the step is unstable, and the largest that is left alone.
+    The error is infinite where the step is unstable; `model` is without timing.
     """
     scenes = [a.fit.spec.scene for a in appendages if a.fit.spec.scene is not None]
     asked = [scene for scene in scenes if scene.bandwidth is not None]
@@ -50,13 +45,7 @@ def step_error(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> tupl
 
 
 def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: bool | None) -> tuple[bool, str]:
-    """Whether the appendages are to be made exact in time, and the sentence that says why.
-
-    Args:
-        model: the spacecraft with its appendages, timing taken out.
-        appendages: what was embedded.
-        wanted: the user's word; None: decide by the step's error.
-    """
+    """Whether the appendages are to be made exact in time, and why; `wanted`: the user's word, None: by the step's error."""
     name = NUMBERS[int(model.opt.integrator)]
     step = f"{name} at {float(model.opt.timestep):g} s"
     scheme = SCHEMES[name]
@@ -81,12 +70,7 @@ def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: b
 
 
 def turned(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
-    """What the step does to the rigid spacecraft at the rates that the scenes state, where that is above a tolerance.
-
-    Args:
-        model: the spacecraft with its appendages.
-        appendages: what was embedded.
-    """
+    """What the step does to the rigid spacecraft at the rates that the scenes state, where that is above a tolerance."""
     name = NUMBERS[int(model.opt.integrator)]
     step, out = float(model.opt.timestep), list[str]()
     for a in appendages:

@@ -22,14 +22,10 @@ REFERENCE_MODES = 40  # most modes of the whole beam that are converged for a sc
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What the chain shall keep.
+    """What the chain shall keep: modes per port (without ports that have none), for a target "clamped", "free" or "hub".
 
-    Args:
-        kept: modes per port, ports without modes left out.
-        target: "clamped", "free" or "hub".
-        reduce: model of (target, port, modes).
-        choice: how the scene decided; None where the spec states the modes.
-        promise: the in-band error in space, where the scene states a bandwidth.
+    `reduce`: model of (target, port, modes); `choice`: how the scene decided, None where the spec states the modes;
+    `promise`: the in-band error in space, where the scene states a bandwidth.
     """
 
     kept: dict[str, int]
@@ -84,9 +80,6 @@ def everything(spec: Spec) -> Spec:
 
     All cantilever modes up to three times the scene's bandwidth, one to five each and no fewer than the scene needs; of
     imported modes all.
-
-    Raises:
-        InputError: the scene states no bandwidth, so that nothing would be left out.
     """
     if not spec.chooses or spec.scene is None or spec.scene.bandwidth is None:
         raise InputError("nothing is left out without scene.bandwidth; give [scene] bandwidth, or state [modes].")
@@ -110,14 +103,7 @@ def further_columns(spec: Spec) -> tuple[int, ...]:
 
 
 def make_plan(spec: Spec, full: Mapping[str, PortModel], rigid_mass: Array, hub: Array | None) -> Plan:
-    """Decide what is kept.
-
-    Args:
-        spec: modes, root and scene.
-        full: per port, the whole beam.
-        rigid_mass: `(6, 6)` of the appendage about the root.
-        hub: `(6, 6)`; None: not known.
-    """
+    """Decide what is kept of `full`, the whole beam per port; `rigid_mass`, `hub` `(6, 6)` about the root."""
 
     columns = further_columns(spec)
 

@@ -16,12 +16,7 @@ LISTED = 6  # modes left out whose cost is worked out each by itself; the rest s
 class SpacePromise:
     """The in-band error of some of the modes against all, on the hub in space, in the motions that matter.
 
-    Args:
-        full: all modes, with the motions `live`.
-        hub_mass: `(6, 6)`; None: the worst of three hubs.
-        live: motions of the root in which the appendage has inertia.
-        axes: names of the hub motions that matter.
-        bandwidth: [rad/s].
+    `full` holds the motions `live`, in which the appendage has inertia; without `hub_mass` `(6, 6)` the worst of three.
     """
 
     def __init__(
@@ -62,13 +57,7 @@ class SpacePromise:
 
 
 def weights(full: PortModel, hub: Array, band: float) -> Array:
-    """`(n,)` how much each mode can move a hub inside the band, roughly.
-
-    Args:
-        full: all modes, damped.
-        hub: mass matrix in the same motions.
-        band: upper end [rad/s].
-    """
+    """`(n,)` how much each mode of a damped model can move a hub `(m, m)` in the `band` [rad/s], roughly."""
     scale = np.sqrt(np.diag(full.rigid_mass + hub))
     size = np.sum((full.participation / scale) ** 2, axis=1)
     ratio = np.minimum(band / full.frequencies, 1.0)
@@ -81,14 +70,9 @@ def fewest(
 ) -> tuple[tuple[int, ...], Choice]:
     """The modes to keep, numbers from 1, and how they were chosen.
 
-    Modes are taken in the order of their weight until the error stays within the tolerance; then the lightest are tried without.
-
-    Args:
-        promise: the error measure.
-        belongs: port of each mode: where its participation is largest.
-        tolerance: of the in-band error.
-        fixed: ports whose number the user decided: their first modes stay, the others go.
-        tip: the tip's motion matters: keep every mode inside the band.
+    Modes are taken in the order of their weight until the error stays within the tolerance; then the lightest are tried
+    without. `belongs`: port of each mode; of a `fixed` port the first modes stay, and the others go; `tip`: keep every
+    mode inside the band.
     """
     n = promise.full.modes
     own = {port: [k for k in range(n) if belongs[k] == port] for port in PORTS}

@@ -96,14 +96,7 @@ def fit(
 
 
 def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
-    """What `fit` does with a whole specification.
-
-    Args:
-        spec: what is asked for.
-        data: its imported modes; read from its file where left out.
-
-    Raises: as `fit`.
-    """
+    """What `fit` does with a whole specification; `data`: its imported modes, else read from its file."""
     with one_thread():
         if spec.imported is not None:
             from beamchain.fitting.imported import fit_imported  # which returns a Fit
@@ -131,14 +124,10 @@ def on_modes(spec: Spec, *, wanted: bool = False) -> Spec:
 
 
 def _with_integrator(spec: Spec, rigid: Array) -> Spec:
-    """The spec with the integrator that is chosen for `integrator = "auto"`.
+    """The spec with the integrator that `integrator = "auto"` means, for `rigid` `(6, 6)` of the appendage about its root.
 
     Euler, exact in time, if its error in the rotation of the rigid spacecraft at the scene's rates is within the
     tolerance; otherwise RK4.
-
-    Args:
-        spec: what was asked for.
-        rigid: `(6, 6)` of the appendage about its root.
     """
     scene = spec.scene
     if scene is None or scene.integrator != "auto":
@@ -155,14 +144,7 @@ def _with_integrator(spec: Spec, rigid: Array) -> Spec:
 
 
 def as_spec(appendage: Beam | Spec | ModalData | str | Path) -> Spec:
-    """The appendage given to `fit` or `embed`, as a specification.
-
-    Args:
-        appendage: a specification or its path, a beam, or imported modes.
-
-    Raises:
-        InputError: it is something else.
-    """
+    """The appendage given to `fit` or `embed`, as a specification."""
     if isinstance(appendage, str | Path):
         return read_spec(appendage)
     if isinstance(appendage, Spec):
@@ -225,15 +207,7 @@ def _fit(spec: Spec) -> Fit:
 def build(
     spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None, *, per_mode: bool = False,
 ) -> Built:  # fmt: skip
-    """The chain of a plan, with what was tried and what came of it.
-
-    Args:
-        spec: what was asked for.
-        plan: what is kept.
-        beam: the appendage.
-        cut: where the hinges stand; chosen where left out.
-        per_mode: each mode gets its own damping, on a tendon.
-    """
+    """The chain of a plan; `cut`: where the hinges stand, else chosen; `per_mode`: a damping tendon per mode."""
     kept = plan.kept
 
     def target_of(port: str, count: int) -> PortModel:
@@ -301,10 +275,7 @@ def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
 
 
 def damped(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
-    """The chain of a plan with the wanted damping: on tendons per mode, or in its hinges where asked for or good enough.
-
-    Args: as of `build`.
-    """
+    """The chain of a plan with the wanted damping: on tendons per mode, or in its hinges where asked for or good enough."""
     timed = (
         bool(spec.exact_step) and spec.fit.springs == "auto" and spec.fit.method == "exact" and needs_time(spec, plan)
     )

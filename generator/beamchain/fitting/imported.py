@@ -33,16 +33,7 @@ A_BODY = 1e-5  # relative, how far a printed rigid mass matrix may be from a rig
 
 
 def fit_imported(spec: Spec, data: ModalData) -> Fit:
-    """Fit a chain to imported modes and prove it through MuJoCo's own linearisation.
-
-    Args:
-        spec: with [imported].
-        data: its modes, all of the file.
-
-    Raises:
-        InputError: what is asked for contradicts the data.
-        RealisationError: no chain has these modes.
-    """
+    """Fit a chain to all modes of a file, as `spec` asks, and prove it through MuJoCo's own linearisation."""
     clock = [time.perf_counter()]
     case = case_of(spec, data).chosen()
     clock.append(time.perf_counter())

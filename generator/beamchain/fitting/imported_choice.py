@@ -23,15 +23,9 @@ UNDAMPED = 1e-8  # ratio up to which a mode counts as undamped
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What a fit starts from.
+    """What a fit starts from: all modes of the file (`data`), damped, and those that are `kept`.
 
-    Args:
-        spec: what was asked for.
-        data: all modes of the file, damped.
-        kept: those asked for, or chosen for the scene; all before it chose.
-        numbers: of the kept modes in the file.
-        target: which modes a chain keeps: "clamped", "free" or "hub".
-        choice: how the scene decided; None where it did not.
+    `numbers`: of the kept modes in the file; `target`: "clamped", "free" or "hub"; `choice`: how the scene decided.
     """
 
     spec: Spec
@@ -74,11 +68,7 @@ class Case:
         return self.scene.bandwidth or float(model.frequencies[-1])
 
     def chosen(self, target: Target | None = None) -> "Case":
-        """The case with the fewest modes that the scene needs; as it is where the spec states the modes.
-
-        Args:
-            target: instead of the spec's.
-        """
+        """The case with the fewest modes that the scene needs; `target`: instead of the spec's."""
         if not self.chooses or self.promise is None:
             return self
         if any(len(ports) > 1 for ports in self.data.groups):
@@ -96,15 +86,7 @@ class Case:
 
 
 def case_of(spec: Spec, data: ModalData) -> Case:
-    """The case of a spec: damped as it says, and with the modes that it states.
-
-    Args:
-        spec: with [imported].
-        data: its modes, all of the file.
-
-    Raises:
-        InputError: modes are asked for that the file does not hold.
-    """
+    """The case of a spec: damped as it says, and with the modes that it states, or all."""
     data = with_length(data.untangled(), None)
     if spec.damping is not None:
         ratios = np.zeros(data.modes)

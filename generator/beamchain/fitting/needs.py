@@ -65,14 +65,7 @@ class Promise:
     """The in-band error of candidate models on the hub in space, evaluated block by block.
 
     Ports that neither the hub nor the appendage couples are independent blocks: the norm of the whole is the largest
-    of theirs, so that each is evaluated by itself.
-
-    Args:
-        full: per flexible port, the whole beam.
-        rigid_mass: `(6, 6)` of the appendage about the root.
-        hub_mass: `(6, 6)`; None: the worst of three hubs.
-        axes: names of the hub motions that matter.
-        bandwidth: [rad/s].
+    of theirs. `rigid_mass`, `hub_mass` `(6, 6)` about the root, without a hub the worst of three; `bandwidth` [rad/s].
     """
 
     def __init__(
@@ -166,15 +159,9 @@ def choose(
     fixed: Mapping[str, int],
     tip: bool = False,
 ) -> Choice:
-    """The fewest modes whose in-band error stays within `tolerance`.
+    """The fewest modes whose in-band error stays within `tolerance`; the first of `targets` wins a tie.
 
-    Args:
-        promise: the error measure.
-        reduce: model of (target, port, modes).
-        targets: targets to try; the first wins a tie.
-        tolerance: of the in-band error.
-        fixed: ports whose number the user decided.
-        tip: the tip's motion matters: keep every plane mode inside the band.
+    `fixed`: ports whose number the user decided; `tip`: keep every plane mode inside the band.
     """
     tried = [_choose_for(promise, reduce, target, tolerance, fixed, tip) for target in targets]
     best = min(tried, key=lambda c: (not c.met, sum(c.modes.values()) if c.met else c.error))
@@ -264,12 +251,7 @@ def _no_better_neighbour(
     """Mode counts that no change by one in a port, nor by one in each of two ports, makes better.
 
     Better: it keeps the tolerance with fewer modes, or with as many and less error; where none keeps it, less error.
-
-    Args:
-        counts: to start from.
-        error: of mode counts.
-        tolerance: of the error.
-        least, most: bounds per port; ports without an upper bound stay as they are.
+    Ports without an upper bound in `most` stay as they are.
     """
 
     def rank(some: Mapping[str, int]) -> tuple[bool, int, float]:

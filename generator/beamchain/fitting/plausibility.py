@@ -23,13 +23,7 @@ STOCKY = 10.0  # length over depth, below which Euler's theory misses shear
 def doubtful(
     segments: Sequence[Segment], damping: Damping | None = None, ports: Collection[str] = ("xy", "xz")
 ) -> list[str]:
-    """Warnings, one of a kind.
-
-    Args:
-        segments: of the appendage.
-        damping: of its modes.
-        ports: that are kept: what is rigid by choice needs no theory.
-    """
+    """Warnings, one of a kind; only the kept `ports` count: what is rigid by choice needs no theory."""
     out: dict[str, str] = {}
     for place, ratio in _ratios(damping):
         if ratio >= DAMPED:

@@ -16,13 +16,7 @@ _KINDS = {
 
 
 def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
-    """msgspec's words as a sentence: where, what was given, what is allowed, what to do.
-
-    Args:
-        message: msgspec's.
-        data: what was parsed.
-        root: the struct that the data should have become.
-    """
+    """msgspec's `message` on `data` as a sentence: where, what was given, what is allowed, what to do."""
     match = re.fullmatch(r"(.*?)(?: - at `(?:key in )?\$\.?(.*)`)?", message, re.DOTALL)
     assert match is not None
     what, place = match[1], match[2] or ""

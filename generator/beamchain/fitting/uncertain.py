@@ -181,21 +181,13 @@ class UncertainCraft(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 def read_uncertain(path: "str | Path | UncertainCraft") -> UncertainCraft:
-    """Read the uncertainties of a craft from TOML; those that were read already are returned.
-
-    Raises:
-        InputError: the file cannot be read, or a value is not allowed.
-    """
+    """The uncertainties of a craft from TOML; those that were read already are returned."""
     holds = "a TOML file with [body.NAME], [joint.NAME] or [appendage.PREFIX]"
     return read_struct(path, UncertainCraft, "uncertain", holds)
 
 
 def uncertain_from(data: Mapping[str, Any], source: str) -> "Uncertain":
-    """The table [uncertain] of a modes file.
-
-    Raises:
-        InputError: a key or a value is not allowed.
-    """
+    """The table [uncertain] of a modes file."""
     return converted(data, Uncertain, f"{source}, [uncertain]")
 
 
@@ -240,14 +232,10 @@ class Uncertain(UncertainModes, frozen=True, kw_only=True, forbid_unknown_fields
         return tuple(name for name in STRUCTURAL if getattr(self, name) is not None)
 
     def scores(self, seed: int, index: int, counts: dict[str, int], owner: str = "") -> dict[str, list[float]]:
-        """Standard normal scores of sample `index` of the structure: `counts[name]` per quantity, equal if drawn together.
+        """Standard normal scores of sample `index`: `counts[name]` per quantity of the structure, equal if drawn together.
 
-        A sample's scores depend on nothing but seed, index and owner, so that any machine draws the same.
-
-        Args:
-            seed, index: of the sample.
-            counts: scores per quantity.
-            owner: prefix of the appendage, where a craft has several: they draw apart but for what is in a group.
+        They depend on nothing but seed, index and `owner`, so that any machine draws the same; appendages with another
+        `owner` draw apart but for what is in a group.
         """
         out: dict[str, list[float]] = {}
         for name in self.structural:

@@ -73,13 +73,7 @@ def fit_warnings(
 
 
 def turn_warning(error: float | None, scene: Scene, integrator: str, timestep: float) -> tuple[str, ...]:
-    """Where a step turns the rigid spacecraft with more error than the scene allows.
-
-    Args:
-        error: of the rates after one radian, relative; None where no rates are stated.
-        scene: with rates and tolerance.
-        integrator, timestep: that run.
-    """
+    """Where a step turns the rigid spacecraft with more `error` of the rates per radian than the scene allows."""
     if error is None or scene.rates is None or error <= scene.tolerance:
         return ()
     rates = ", ".join(f"{rate:g}" for rate in scene.rates)
@@ -94,13 +88,7 @@ def turn_warning(error: float | None, scene: Scene, integrator: str, timestep: f
 
 
 def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice]) -> tuple[str, ...]:
-    """Where scene.xml's own step is unstable, or its vibration misses the scene's tolerance.
-
-    Args:
-        scene: with step and integrator.
-        limits: on its hub.
-        steps: that hold the tolerance, the best first.
-    """
+    """Where scene.xml's own step is unstable, or its vibration misses the scene's tolerance; the best of `steps` first."""
     largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.step:g} s"
     if scene.step > largest:
         return (
