@@ -7,7 +7,7 @@ is, all its cantilever modes hung on the port's Jacobian,
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,15 +108,15 @@ class Assembly:
 
 
 @dataclass(frozen=True, eq=False)
-class _System:
-    """`M q'' + D q' + K q = J^T f` with the motion `J` of the hub."""
+class Matrices:
+    """A model at a pose, at rest: `M q'' + D q' + K q = f`, and the base body's motion `(6, nv)` in its own axes."""
 
     mass: Array
     damping: Array
     stiffness: Array
-    motion: Array
+    base: Array
 
-    def modes(self, reach: float) -> tuple[Array, Array]:
+    def slow_modes(self, reach: float) -> tuple[Array, Array]:
         """Frequencies above zero, ascending, and mass-normalised shapes; `reach`: a frequency of interest."""
         shift = (0.1 * reach) ** 2  # eigenvalues of the inverse, so that low frequencies keep their digits
         values, shapes = eigh(self.mass, self.stiffness + shift * self.mass)
@@ -127,15 +127,55 @@ class _System:
         moving = squares > 1e-9 * shift
         return np.sqrt(squares[moving]), shapes[:, moving]
 
-    def accelerance(self, omega: Array, carried: Sequence[Carried] = ()) -> Response:
-        """`(m, m, k)` acceleration of the hub per wrench on it, `carried` hung on by its dynamic mass."""
+    def dynamic(self, omega: Array, models: Sequence[PortModel] = (), roots: Sequence[Array] = ()) -> Response:
+        """`(k, nv, nv)` dynamic mass at `omega` [rad/s], with that of appendages on Jacobians `roots` `(6, nv)`."""
         s = 1j * omega[:, None, None]
-        dynamic = self.mass + self.damping / s + self.stiffness / s**2
+        out = self.mass + self.damping / s + self.stiffness / s**2
+        for model, root in zip(models, roots, strict=True):
+            out = out + root.T @ np.moveaxis(damped(model).D(omega), -1, 0) @ root
+        return out
+
+    def coupled(self, models: Sequence[PortModel], roots: Sequence[Array]) -> "Matrices":
+        """The same with the cantilever modes of appendages as further coordinates."""
+        nv = self.mass.shape[0]
+        size = nv + sum(model.modes for model in models)
+        mass, damping, stiffness = np.eye(size), np.zeros((size, size)), np.zeros((size, size))
+        mass[:nv, :nv], damping[:nv, :nv], stiffness[:nv, :nv] = self.mass, self.damping, self.stiffness
+        start = nv
+        for model, root in zip(map(damped, models), roots, strict=True):
+            mine = slice(start, start + model.modes)
+            mass[:nv, :nv] += root.T @ model.rigid_mass @ root
+            mass[mine, :nv] = model.participation @ root
+            mass[:nv, mine] = mass[mine, :nv].T
+            stiffness[mine, mine] = np.diag(model.frequencies**2)
+            damping[mine, mine] = np.diag(2.0 * model.damping * model.frequencies)
+            start += model.modes
+        return Matrices(mass, damping, stiffness, np.hstack([self.base, np.zeros((6, size - nv))]))
+
+    def comparable(self, carried: Sequence[Carried], old: Sequence[int], extra: Array) -> "Matrices":
+        """The same with the damping that the exact answer adds: `extra` in the craft's own freedoms, and in modes without."""
+        damping = self.damping.copy()
+        damping[np.ix_(old, old)] += extra
         for item in carried:
-            own = np.moveaxis(damped(item.whole).D(omega), -1, 0)
-            dynamic = dynamic + item.mount.jacobian.T @ own @ item.mount.jacobian
-        drive = np.broadcast_to(self.motion.T, (omega.size, *self.motion.T.shape))
-        return np.moveaxis(self.motion @ np.linalg.solve(dynamic, drive), 0, -1)
+            if not np.any(item.whole.damping > 0.0) and item.dofs:  # the ratio that undamped cantilever modes are given
+                mine = np.ix_(item.dofs, item.dofs)
+                values, shapes = eigh(self.stiffness[mine], self.mass[mine])
+                push = self.mass[mine] @ shapes
+                damping[mine] += push @ np.diag(2.0 * DEFAULT_RATIO * np.sqrt(np.clip(values, 0.0, None))) @ push.T
+        return replace(self, damping=damping)
+
+
+def accelerance(dynamic: Response, base: Array) -> Response:
+    """`(k, m, m)` acceleration of the base body per wrench on it, in motions `base` `(m, nv)`."""
+    drive = np.broadcast_to(base.T, (dynamic.shape[0], *base.T.shape))
+    return base @ np.linalg.solve(dynamic, drive)
+
+
+def motion(model: "mujoco.MjModel", data: "mujoco.MjData", body: int, origin: Array, axes: Array) -> Array:
+    """`(6, nv)` motion of a frame on a body, in the frame's axes (columns of `axes`)."""
+    translation, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    mujoco.mj_jac(model, data, translation, rotation, origin, body)
+    return np.vstack([axes.T @ translation, axes.T @ rotation])
 
 
 def quiet(model: "mujoco.MjModel") -> "mujoco.MjModel":
@@ -171,14 +211,18 @@ def prove(
     name = craft.body(hub).name or f"body {hub}"
     new = {dof for item in carried for dof in item.dofs}
     old = [i for i in range(model.nv) if i not in new]
-    alone = _craft(craft, hub)
-    exact = _exact(alone, carried)
-    ours = _ours(craft, model, hub, old, carried)
+    wholes, roots = [item.whole for item in carried], [item.mount.jacobian for item in carried]
+    bare = _matrices(craft, hub)
+    alone = replace(bare, damping=craft_damping(bare.damping, bare.stiffness, bare.mass))
+    exact = alone.coupled(wholes, roots)
+    there = int(model.body(craft.body(hub).name).id) if craft.body(hub).name else hub
+    ours = _matrices(model, there).comparable(carried, old, alone.damping - bare.damping)
     first = min(w for item in carried for w in item.band.values())
     band = asked or max(w for item in carried for w in item.band.values())
     common = asked or first
-    exact_modes, ours_modes = exact.modes(first), ours.modes(first)
-    rigid = _rigid(craft, hub, carried)
+    exact_modes, ours_modes = exact.slow_modes(first), ours.slow_modes(first)
+    frozen = sum((root.T @ whole.rigid_mass @ root for whole, root in zip(wholes, roots, strict=True)), bare.mass)
+    rigid = bare.base @ np.linalg.solve(frozen, bare.base.T)  # accelerance of the hub with every appendage frozen
     words = _words(exact, exact_modes[1], carried, rigid)
     modes = _matched(exact, exact_modes, carried, ours_modes[0], ours_modes[1][old], band, words)
     peaks = np.concatenate([exact_modes[0], ours_modes[0]])
@@ -189,7 +233,8 @@ def prove(
     able = [int(i) for i in np.flatnonzero(np.diag(rigid) > 1e-9 * np.diag(rigid).max())]
     motions = tuple(i for i in able if i in wanted) or tuple(able)
     pick = np.ix_(motions, motions)
-    ha, hb = ours.accelerance(omega)[pick], alone.accelerance(omega, carried)[pick]
+    both = accelerance(ours.dynamic(omega), ours.base), accelerance(alone.dynamic(omega, wholes, roots), alone.base)
+    ha, hb = (np.moveaxis(h, 0, -1)[pick] for h in both)
     rigid = rigid[pick]
     full = np.linalg.matrix_rank(rigid) == len(motions)
     scale = np.sqrt(np.diag(np.linalg.inv(rigid))) if full else 1.0 / np.sqrt(np.diag(rigid))
@@ -200,20 +245,12 @@ def prove(
     return Assembly(modes, band, common, omega, hb, ha, motions, error, float(error[inside].max()), name)
 
 
-def _jacobian(model: "mujoco.MjModel", body: int) -> Array:
-    """`(6, nv)` motion of a body's frame, in its own axes."""
-    data = rest(model)
-    translation, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-    mujoco.mj_jac(model, data, translation, rotation, data.xpos[body], body)
-    axes = data.xmat[body].reshape(3, 3)
-    return np.vstack([axes.T @ translation, axes.T @ rotation])
-
-
-def _matrices(model: "mujoco.MjModel") -> tuple[Array, Array, Array]:
-    """Mass, damping and stiffness at rest, the latter two from A of `mjd_transitionFD`."""
-    mass, linear = mass_matrix(model), linearise(model)
+def _matrices(model: "mujoco.MjModel", body: int) -> Matrices:
+    """A model at rest, damping and stiffness from A of `mjd_transitionFD`, with the motion of `body`."""
+    mass, linear, data = mass_matrix(model), linearise(model), rest(model)
     stiffness = mass @ linear.stiffness
-    return mass, mass @ linear.damping, (stiffness + stiffness.T) / 2.0
+    base = motion(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
+    return Matrices(mass, mass @ linear.damping, (stiffness + stiffness.T) / 2.0, base)
 
 
 def craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
@@ -226,64 +263,11 @@ def craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
     return push @ np.diag(2.0 * DEFAULT_RATIO * np.sqrt(values[moving])) @ push.T
 
 
-def _craft(craft: "mujoco.MjModel", hub: int) -> _System:
-    """The bare spacecraft."""
-    mass, damping, stiffness = _matrices(craft)
-    return _System(mass, craft_damping(damping, stiffness, mass), stiffness, _jacobian(craft, hub))
-
-
-def _exact(craft: _System, carried: Sequence[Carried]) -> _System:
-    """The spacecraft and all cantilever modes of its beams, undamped: for the coupled modes."""
-    nv = craft.mass.shape[0]
-    total = nv + sum(item.whole.modes for item in carried)
-    m, k = np.eye(total), np.zeros((total, total))
-    m[:nv, :nv], k[:nv, :nv] = craft.mass, craft.stiffness
-    start = nv
-    for item in carried:
-        jacobian, whole = item.mount.jacobian, item.whole
-        mine = slice(start, start + whole.modes)
-        m[:nv, :nv] += jacobian.T @ whole.rigid_mass @ jacobian
-        m[mine, :nv] = whole.participation @ jacobian
-        m[:nv, mine] = m[mine, :nv].T
-        k[mine, mine] = np.diag(whole.frequencies**2)
-        start += whole.modes
-    return _System(m, np.zeros_like(m), k, np.hstack([craft.motion, np.zeros((6, total - nv))]))
-
-
-def _ours(
-    craft: "mujoco.MjModel", model: "mujoco.MjModel", hub: int, old: list[int], carried: Sequence[Carried]
-) -> _System:
-    mass, damping, stiffness = _matrices(model)
-    own_mass, own_damping, own_stiffness = _matrices(craft)
-    extra = craft_damping(own_damping, own_stiffness, own_mass) - own_damping
-    damping[np.ix_(old, old)] += extra
-    for item in carried:
-        if not np.any(item.whole.damping > 0.0) and item.dofs:  # the ratio that undamped cantilever modes are given
-            mine = np.ix_(item.dofs, item.dofs)
-            values, shapes = eigh(stiffness[mine], mass[mine])
-            push = mass[mine] @ shapes
-            damping[mine] += push @ np.diag(2.0 * DEFAULT_RATIO * np.sqrt(np.clip(values, 0.0, None))) @ push.T
-    name = craft.body(hub).name
-    body = model.body(name).id if name else hub
-    return _System(mass, damping, stiffness, _jacobian(model, int(body)))
-
-
-def _rigid(craft: "mujoco.MjModel", hub: int, carried: Sequence[Carried]) -> Array:
-    """`(6, 6)` accelerance of the hub with every appendage frozen."""
-    mass = mass_matrix(craft)
-    for item in carried:
-        mass += item.mount.jacobian.T @ item.whole.rigid_mass @ item.mount.jacobian
-    motion = _jacobian(craft, hub)
-    return motion @ np.linalg.solve(mass, motion.T)
-
-
-def _words(exact: _System, shapes: Array, carried: Sequence[Carried], rigid: Array) -> list[str]:
+def _words(exact: Matrices, shapes: Array, carried: Sequence[Carried], rigid: Array) -> list[str]:
     """What moves in each exact mode; `rigid` `(6, 6)`: accelerance of the base body, every appendage frozen."""
     nv = shapes.shape[0] - sum(item.whole.modes for item in carried)
     ends = nv + np.cumsum([item.whole.modes for item in carried])
-    bus = np.sqrt(np.diag(np.linalg.pinv(rigid, rcond=RANK, hermitian=True)).clip(0.0))[:, None] * (
-        exact.motion @ shapes
-    )
+    bus = np.sqrt(np.diag(np.linalg.pinv(rigid, rcond=RANK, hermitian=True)).clip(0.0))[:, None] * (exact.base @ shapes)
     own = np.einsum("ik,ij,jk->k", shapes[:nv], exact.stiffness[:nv, :nv], shapes[:nv])
     return [
         mode_words(
@@ -295,7 +279,7 @@ def _words(exact: _System, shapes: Array, carried: Sequence[Carried], rigid: Arr
 
 
 def _matched(
-    exact: _System,
+    exact: Matrices,
     exact_modes: tuple[Array, Array],
     carried: Sequence[Carried],
     ours: Array,
