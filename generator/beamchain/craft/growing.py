@@ -7,7 +7,7 @@ from functools import cached_property
 import msgspec
 import numpy as np
 
-from beamchain.craft.appendage import Appendage, carried
+from beamchain.craft.appendage import Appendage, carried, spatial
 from beamchain.errors import InputError
 from beamchain.fitting.fewest import weights
 from beamchain.fitting.hub import port_hub_mass
@@ -26,11 +26,7 @@ TRIED = 16  # modes of an imported appendage that are tried at a time: those tha
 def in_six(fit: Fit, changed: Mapping[str, PortModel] | None = None) -> PortModel:
     """A fit in six motions as MuJoCo has it; `changed`: other models of some ports, which must be independent."""
     if fit.space is not None and not changed:
-        live, model = list(fit.space.live), fit.space.achieved
-        rigid, rows = np.zeros((6, 6)), np.zeros((model.modes, 6))
-        rigid[np.ix_(live, live)], rows[:, live] = model.rigid_mass, model.participation
-        rigid += np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(fit.measured.rigid_mass)))
-        return PortModel(rigid, model.frequencies, rows, model.damping)
+        return spatial(fit, fit.space.achieved)
     return in_space({**fit.achieved, **(changed or {})}, fit.measured.rigid_mass)
 
 
@@ -43,9 +39,8 @@ def growing(a: Appendage) -> "Growing":
 
 def free_ports(spec: Spec) -> tuple[str, ...]:
     """Ports whose number of modes was not typed."""
-    if spec.fit.method != "exact" or (spec.modes is not None and not spec.chooses):
-        return ()
-    if spec.imported is not None and spec.imported.modes is not None:
+    typed = spec.modes is not None and not spec.chooses
+    if spec.fit.method != "exact" or typed or (spec.imported is not None and spec.imported.modes is not None):
         return ()
     given = {} if spec.modes is None else spec.modes.given()
     return tuple(port for port in PORTS if port not in given)
@@ -108,9 +103,8 @@ class PerPort:
                 model = self.a.spec.with_ratios(port, model)
             else:
                 model = model.replaced(damping=full.damping[:count])
-            out[port] = replace(
-                self, counts={**self.counts, port: count}, changed={**self.changed, port: model}, last=port
-            )
+            counts, changed = {**self.counts, port: count}, {**self.changed, port: model}
+            out[port] = replace(self, counts=counts, changed=changed, last=port)
         return out
 
     def alone(self, key: str) -> PortModel:

@@ -9,7 +9,6 @@ from beamchain.craft.growing import Growing, growing, in_six
 from beamchain.engine.library import mujoco
 from beamchain.errors import RealisationError
 from beamchain.fitting.needs import AXES
-from beamchain.fitting.options import Scene
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
@@ -38,12 +37,7 @@ def asked(specs: Sequence[Spec]) -> Asked:
     if not scenes:
         return Asked(None, None, tuple(range(6)))
     motions = tuple(sorted({AXES[axis] for scene in scenes for axis in scene.axes}))
-    return Asked(max(_band(scene) for scene in scenes), min(scene.tolerance for scene in scenes), motions)
-
-
-def _band(scene: Scene) -> float:
-    assert scene.bandwidth is not None
-    return scene.bandwidth
+    return Asked(max(s.bandwidth or 0.0 for s in scenes), min(s.tolerance for s in scenes), motions)
 
 
 def kept_band(appendages: Sequence[Appendage]) -> float:

@@ -31,14 +31,10 @@ def step_error(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> tupl
 
     The error is infinite where the step is unstable; `model` is without timing.
     """
-    scenes = [a.fit.spec.scene for a in appendages if a.fit.spec.scene is not None]
-    asked = [scene for scene in scenes if scene.bandwidth is not None]
+    asked = [s for a in appendages if (s := a.fit.spec.scene) is not None and s.bandwidth is not None]
     band = max((float(scene.bandwidth or 0.0) for scene in asked), default=np.inf)
     allowed = SHARE * min((scene.tolerance for scene in asked), default=UNASKED / SHARE)
-    try:
-        rows = pole_rows(model)
-    except EngineError:
-        return 0.0, allowed
+    rows = _rows(model)
     if any(row.grows for row in rows):
         return float("inf"), allowed
     return max((row.error for row in rows if row.frequency <= band), default=0.0), allowed
@@ -60,8 +56,8 @@ def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: b
         text = f"{step} would be unstable: the modes beyond it are slowed."
         return (True, Caution("slowed-modes", text)) if grown else (False, "")
     if wanted or error > allowed:
-        own = "it would be unstable by itself" if error == float("inf") else f"its own error would be {error:.2g}"
-        why = "as asked" if wanted else own if error == float("inf") else f"{own}, above {allowed:.2g}"
+        own = f"its own error would be {error:.2g}, above {allowed:.2g}"
+        why = "as asked" if wanted else "it would be unstable by itself" if error == float("inf") else own
         text = (
             f"the appendages are exact in time for {step} ({why}); give actuators the mean of this and the last input."
         )
@@ -108,12 +104,11 @@ def on_tendons(fit: Fit) -> Fit:
     chain = fit.chain
     if chain.tendons and any(t.stiffness > 0.0 for t in chain.tendons):
         return fit
-    ratios = {port: chain.damped(port).damping * (not _joint_damped(fit, port)) for port in chain.ports}
+    ratios = {
+        port: chain.damped(port).damping * (not any(port in hinge.damping for hinge in chain.hinges))
+        for port in chain.ports
+    }
     return replace(fit, chain=springs_as_modes(chain, ratios))
-
-
-def _joint_damped(fit: Fit, port: str) -> bool:
-    return any(port in hinge.damping for hinge in fit.chain.hinges)
 
 
 def timed(model: "mujoco.MjModel") -> "tuple[mujoco.MjModel, list[str]]":

@@ -1,6 +1,6 @@
 """What to know before a fit's files are used: dampers, steps, ports that are not independent."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from beamchain.caution import Caution
 from beamchain.chain.chain import Chain
@@ -14,18 +14,20 @@ from beamchain.steps.limits import StepChoice, StepLimits
 DECOUPLED = 1e-9  # relative: what two independent ports may share
 
 
+def rigid_plane(port: str) -> str:
+    """The sentence for a bending plane that [modes] leaves out, without its end."""
+    return (
+        f"{port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, {port} = 0 says "
+        "that it shall be rigid"
+    )
+
+
 def fit_warnings(
     spec: Spec, measured: Measured, achieved: Mapping[str, PortModel], chain: Chain, limits: StepLimits
-) -> tuple[str, ...]:
+) -> Iterator[str]:
     """What to know before the file is used."""
-    out: list[str] = [
-        Caution(
-            "rigid-plane",
-            f"{port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, {port} = 0 says "
-            "that it shall be rigid",
-        )
-        for port in spec.unsaid
-    ]
+    for port in spec.unsaid:
+        yield Caution("rigid-plane", rigid_plane(port))
     modes = [(t, port) for port, model in achieved.items() for t in chain.tendons
              if t.is_mode and t.damping > 0.0 and t.label.endswith(f"_{port}") and model.modes]  # fmt: skip
     euler_runs = spec.scene is None or spec.scene.integrator == "Euler"  # a scene that says another is heard
@@ -47,7 +49,7 @@ def fit_warnings(
                 f"; at the scene's step of {scene.step:g} s mode {number} in {port} will show a damping "
                 f"ratio of {shown:.4g} instead of {zeta:.4g}"
             )
-        out.append(Caution("tendon-damping", f'{text}. Use implicitfast, or damping.form = "hinge".'))
+        yield Caution("tendon-damping", f'{text}. Use implicitfast, or damping.form = "hinge".')
     if spec.damping is not None and spec.damping.form == "hinge":
         missed: list[str] = []
         for port, model in achieved.items():
@@ -58,55 +60,44 @@ def fit_warnings(
                 if abs(have - want) > 0.01 * want
             ]
         if missed:
-            out.append(
-                Caution(
-                    "hinge-damping",
-                    f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}); "
-                    'damping.form = "modal" is exact.',
-                )
+            yield Caution(
+                "hinge-damping",
+                f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}); "
+                'damping.form = "modal" is exact.',
             )
     for pair, value in measured.couplings.items():
         if value > DECOUPLED:
             text = f"MuJoCo sees the ports {pair} coupled, by {value:.1e} relative: they are not independent."
-            out.append(Caution("ports-coupled", text))
-    return tuple(out)
+            yield Caution("ports-coupled", text)
 
 
-def turn_warning(error: float | None, scene: Scene, integrator: str, timestep: float) -> tuple[str, ...]:
+def turn_warning(error: float | None, scene: Scene, integrator: str, timestep: float) -> Iterator[str]:
     """Where a step turns the rigid spacecraft with more `error` of the rates per radian than the scene allows."""
-    if error is None or scene.rates is None or error <= scene.tolerance:
-        return ()
-    rates = ", ".join(f"{rate:g}" for rate in scene.rates)
-    return (
-        Caution(
+    if error is not None and scene.rates is not None and error > scene.tolerance:
+        rates = ", ".join(f"{rate:g}" for rate in scene.rates)
+        yield Caution(
             "turn-error",
             f"{integrator} at {timestep:g} s turns the rigid spacecraft from rates of ({rates}) rad/s with an error of "
             f"{error:.2g} of them in one radian, above the tolerance {scene.tolerance:g}, whatever the appendages do; take RK4, "
             "for which modes beyond the step are slowed, or a shorter step.",
-        ),
-    )
+        )
 
 
-def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice]) -> tuple[str, ...]:
+def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice]) -> Iterator[str]:
     """Where scene.xml's own step is unstable, or its vibration misses the scene's tolerance; the best of `steps` first."""
     largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.step:g} s"
-    if scene.step > largest:
-        return (
-            Caution(
-                "unstable-step",
-                f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
-                "give scene.timestep half of that, or less.",
-            ),
-        )
     kept = next((choice for choice in steps if choice.integrator == scene.integrator), None)
-    if kept is None or scene.step <= kept.step:
-        return ()
-    best = steps[0]
-    return (
-        Caution(
+    if scene.step > largest:
+        yield Caution(
+            "unstable-step",
+            f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
+            "give scene.timestep half of that, or less.",
+        )
+    elif kept is not None and scene.step > kept.step:
+        best = steps[0]
+        yield Caution(
             "inaccurate-step",
             f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: it keeps that up to "
             f"{kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; give scene.integrator and scene.timestep, or "
             "fit.timestep for a chain made for its step.",
-        ),
-    )
+        )
