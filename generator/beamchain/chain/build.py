@@ -303,10 +303,7 @@ def cut_chain(
         return chain, f"{how}, bodies of the appendage's rigid mass as it is too wide for thin links", cut
     hinges = tuple(Hinge(x=float(x), stiffness=dict.fromkeys(p, 0.0)) for x, p in zip(cut.x, cut.ports, strict=True))
     chain = Chain(tuple(links), hinges, line.length)
-    placed: list[ModeGroup] = []
-    for group in groups:
-        at = np.array([hinges[i].x for i, _ in chain.freedoms(group.ports)])
-        placed.append(group.on(at))
+    placed = [group.on(np.array([hinges[i].x for i, _ in chain.freedoms(group.ports)])) for group in groups]
     damped = any(np.any(group.damping > 0.0) for group in groups)
     chain = given_modes(chain, placed, further, ratio=FILLER_RATIO if damped else 0.0)
     short = shortest_link(cut.x, line.length)
@@ -365,9 +362,9 @@ def _fixed(line: MassLine, group: ModeGroup, lines: Sequence[float], rigid: Arra
 
 def with_real_polar(chain: Chain) -> Chain:
     """A recipe's chain with a little polar inertia where the appendage states none."""
-    links = list(chain.links)
-    for i, link in enumerate(links):
-        ix, iy, iz = link.inertia
-        if link.mass > 0.0 and ix <= 0.0:
-            links[i] = replace(link, inertia=(max(TINY * iz, abs(iz - iy)), iy, iz))
-    return replace(chain, links=tuple(links))
+    polars = [
+        max(TINY * iz, abs(iz - iy)) if link.mass > 0.0 and ix <= 0.0 else ix
+        for link in chain.links
+        for ix, iy, iz in [link.inertia]
+    ]
+    return replace(chain, links=tuple(with_polar(chain.links, polars)))

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import msgspec
-import numpy as np
 
 from beamchain.craft.appendage import Appendage, carried, spatial
 from beamchain.errors import InputError
@@ -195,9 +194,7 @@ class Coupled:
         return carried(None, [self.a])[0].whole
 
     def _only(self, numbers: "tuple[int, ...] | list[int]") -> PortModel:
-        pick = np.array(numbers, dtype=int) - 1
-        full = self._exact
-        return PortModel(full.rigid_mass, full.frequencies[pick], full.participation[pick], full.damping[pick])
+        return self._exact.picked([k - 1 for k in numbers])
 
 
 #: An appendage and the modes it would keep.

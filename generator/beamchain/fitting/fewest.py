@@ -41,13 +41,7 @@ class SpacePromise:
         """In-band error with these modes only, numbers from 0."""
         key = tuple(sorted(modes))
         if key not in self._known:
-            pick = list(key)
-            self._known[key] = self.error(
-                self.full.replaced(
-                    frequencies=self.full.frequencies[pick], participation=self.full.participation[pick],
-                    damping=self.full.damping[pick], tip=None,
-                )
-            )  # fmt: skip
+            self._known[key] = self.error(self.full.picked(key))
         return self._known[key]
 
     def weights(self) -> Array:

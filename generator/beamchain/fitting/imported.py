@@ -195,12 +195,7 @@ def _shown(data: ModalData, port: str) -> PortModel:
     share = np.sqrt(data.shares[:, PORTS.index(port)])
     model = data.port(port)
     strong = np.flatnonzero(share > max(SLIGHT, data.precision))
-    pick = [int(np.flatnonzero(model.frequencies == data.frequencies[k])[0]) for k in strong]
-    pick = sorted(set(pick))
-    return model.replaced(
-        frequencies=model.frequencies[pick], participation=model.participation[pick], damping=model.damping[pick],
-        tip=None if model.tip is None else model.tip[pick],
-    )  # fmt: skip
+    return model.picked(sorted({int(np.flatnonzero(model.frequencies == data.frequencies[k])[0]) for k in strong}))
 
 
 # -- the proof -----------------------------------------------------------------------------------------------------------

@@ -4,6 +4,8 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from beamchain.chain.build import Built
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
@@ -11,7 +13,7 @@ from beamchain.fitting.choose import ledger, verdict
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.needs import Choice
 from beamchain.fitting.options import Scene
-from beamchain.fitting.result import Fit, InSpace, seconds_taken
+from beamchain.fitting.result import Fit, InSpace
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import Comparison, compare, in_band_error
 from beamchain.ports.model import PortModel
@@ -71,7 +73,7 @@ def proved(
         measured=measured,
         limits=limits,
         status=verdict(spec, built.status, promise),
-        seconds=seconds_taken(clock),
+        seconds=dict(zip(("model", "realise", "write", "verify"), np.diff(clock).tolist(), strict=True)),
         bandwidth=bandwidth,
         kept_for=kept_for,
         choice=choice,

@@ -101,9 +101,13 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
         """Root to tip [m]."""
         return sum(segment.length for segment in self.segments)
 
-    @cached_property
-    def starts(self) -> tuple[float, ...]:
+    @property
+    def starts(self) -> list[float]:
         """x of the root end of each segment [m]."""
+        return list(self._starts)
+
+    @cached_property
+    def _starts(self) -> tuple[float, ...]:
         return (0.0, *accumulate(segment.length for segment in self.segments[:-1]))
 
     @property
@@ -145,7 +149,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
 
     def hinge_lines(self, port: str) -> tuple[float, ...]:
         """x of its joints that are compliant in a port [m]."""
-        ends = [*self.starts, self.length]
+        ends = [*self._starts, self.length]
         return tuple(ends[joint.after_segment] for joint in self.joints if joint.stiffness(port) is not None)
 
     def rigid_mass(self) -> Array:
@@ -155,14 +159,14 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
     @cached_property
     def _whole(self) -> Array:
         """`(s, 6)` as in `Moments`, of every segment."""
-        ends = [*self.starts[1:], self.length]
+        ends = [*self._starts[1:], self.length]
         return np.vstack([
-            self._stretch(i, np.array([a]), b) for i, (a, b) in enumerate(zip(self.starts, ends, strict=True))
+            self._stretch(i, np.array([a]), b) for i, (a, b) in enumerate(zip(self._starts, ends, strict=True))
         ])  # fmt: skip
 
     def _stretch(self, index: int, start: Array, end: float) -> Array:
         """`(k, 6)` as in `Moments`, of a segment between each of `start` `(k,)` and `end` [m]."""
-        segment, x0 = self.segments[index], self.starts[index]
+        segment, x0 = self.segments[index], self._starts[index]
         xi, weights = elements.gauss(6)
         half = (end - start)[:, None] / 2.0
         x = start[:, None] + half * (1.0 + xi)
@@ -175,7 +179,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
     def moments(self, start: float, end: float, *, closed: bool = False) -> Moments:
         """Moments of the stretch `[start, end)` about the root; `closed` takes in a lump at `end` itself."""
         total = np.zeros(6)
-        for i, (x0, segment) in enumerate(zip(self.starts, self.segments, strict=True)):
+        for i, (x0, segment) in enumerate(zip(self._starts, self.segments, strict=True)):
             a, b = max(start, x0), min(end, x0 + segment.length)
             if b > a:
                 total += (
@@ -193,11 +197,11 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
         """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m]; a lump there hangs before it."""
         edge = 1e-9 * self.length
         beyond = np.vstack([np.cumsum(self._whole[::-1], axis=0)[::-1], np.zeros((1, 6))])
-        index = np.maximum(np.searchsorted(np.array(self.starts), x, side="right") - 1, 0)
+        index = np.maximum(np.searchsorted(np.array(self._starts), x, side="right") - 1, 0)
         total = beyond[index + 1]
         for i in np.unique(index).tolist():
-            end, here = self.starts[i] + self.segments[i].length, index == i
-            total[here] += self._stretch(i, np.clip(x[here], self.starts[i], end), end)
+            end, here = self._starts[i] + self.segments[i].length, index == i
+            total[here] += self._stretch(i, np.clip(x[here], self._starts[i], end), end)
         for lump in self.lumps:
             ix, iy, iz = lump.inertia
             own = lump.mass * np.array([1.0, lump.x, lump.x**2, 0.0, 0.0, 0.0]) + np.array([0.0, 0.0, 0.0, ix, iz, iy])
@@ -206,9 +210,9 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
 
     def density(self, x: float, port: str) -> Array:
         """`(3,)` derivative of mass, first and second moment of a `port` at `x` [m], without lumps."""
-        index = max(bisect_right(self.starts, x) - 1, 0)
+        index = max(bisect_right(self._starts, x) - 1, 0)
         segment = self.segments[index]
-        at = segment.at(np.array([(x - self.starts[index]) / segment.length]))
+        at = segment.at(np.array([(x - self._starts[index]) / segment.length]))
         mass = float(at.mass[0])
         rotary = float((at.rotary_xy if port == "xy" else at.rotary_xz)[0]) if segment.theory == "timoshenko" else 0.0
         return np.array([mass, mass * x, mass * x**2 + rotary])
@@ -217,7 +221,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
         """Rotation of the stretch `[start, end)` in a `port` per unit moment, joints inside included [rad/(N m)]."""
         total = 0.0
         xi, weights = elements.gauss(24)
-        for x0, segment in zip(self.starts, self.segments, strict=True):
+        for x0, segment in zip(self._starts, self.segments, strict=True):
             a, b = max(start, x0), min(end, x0 + segment.length)
             pieces = 1 if segment.taper == 1.0 else 8
             for i in range(pieces if b > a else 0):
@@ -226,7 +230,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
                 stiffness = at.bending_xy if port == "xy" else at.bending_xz if port == "xz" else at.torsion
                 total += float(weights @ (1.0 / stiffness)) * wide / 2.0
         edge = 1e-9 * self.length
-        ends = [*self.starts, self.length]
+        ends = [*self._starts, self.length]
         for joint in self.joints:
             c = joint.stiffness(port)
             if c is not None and start - edge <= ends[joint.after_segment] < end - edge:
@@ -235,9 +239,9 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
 
     def depth(self, x: float, plane: str) -> float:
         """Extent of the section at `x` in a plane [m], for drawing; 0 where the shape is not known."""
-        index = max(bisect_right(self.starts, x) - 1, 0)
+        index = max(bisect_right(self._starts, x) - 1, 0)
         segment = self.segments[index]
-        f = min(max((x - self.starts[index]) / segment.length, 0.0), 1.0)
+        f = min(max((x - self._starts[index]) / segment.length, 0.0), 1.0)
         end = segment.section if segment.section_end is None else segment.section_end
         first, last = segment.section.depth(plane), end.depth(plane)
         return (1.0 - f) * (first or last) + f * (last or first)  # one end may say nothing

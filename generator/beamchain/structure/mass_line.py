@@ -5,10 +5,12 @@ Theory: docs/theory.md, section 4.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import KroghInterpolator
 
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, body_mass_matrix, locked
@@ -37,16 +39,11 @@ class MassPiece:
 
     def at(self, fraction: Array) -> Array:
         """`(f, 4)` densities at fractions of the length."""
-        k = self.densities.shape[0]
-        if k == 1:
-            return np.repeat(self.densities, fraction.size, axis=0)
-        stations = np.linspace(0.0, 1.0, k)
-        weights = np.ones((fraction.size, k))
-        for i in range(k):
-            for j in range(k):
-                if j != i:
-                    weights[:, i] *= (fraction - stations[j]) / (stations[i] - stations[j])
-        return weights @ self.densities
+        return np.asarray(self._polynomial(fraction), dtype=np.float64)
+
+    @cached_property
+    def _polynomial(self) -> KroghInterpolator:
+        return KroghInterpolator(np.linspace(0.0, 1.0, len(self.densities)), self.densities)
 
 
 @dataclass(frozen=True, eq=False)
