@@ -320,11 +320,7 @@ def nodes_to_rods(masses: Numbers, lengths: Numbers, stiffness: Numbers) -> Rods
     return Rods(x[:-1], total, x[:-1] + lengths * b / total, a * b / total * lengths**2, stiffness)
 
 
-def jacobian(function: Callable[[Numbers], Numbers], at: Array, step: float = 1e-30) -> Array:
+def jacobian(function: Callable[[Numbers], Numbers], at: Array) -> Array:
     """Complex-step Jacobian `(r, p)` of an analytic `function` at `at` `(p,)`."""
-    columns = []
-    for i in range(at.size):
-        moved = at.astype(np.complex128)
-        moved[i] += 1j * step
-        columns.append(np.imag(function(moved)) / step)
-    return np.array(columns).T
+    steps = 1e-30 * np.eye(at.size)
+    return np.array([np.imag(function(at + 1j * step)) for step in steps]).T / 1e-30

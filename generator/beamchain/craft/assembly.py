@@ -14,15 +14,20 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from beamchain.craft.mode_words import mode_words
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import linearise, mass_matrix
 from beamchain.engine.mount import Mount, rest
 from beamchain.ports.compare import DEFAULT_RATIO, damped, relative
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import Array, square_root
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, square_root
 
 Response = NDArray[np.complex128]
+SHARE = 0.1  # of the strain energy, above which an appendage is named
+STILL = 1e-4  # of the kinetic energy, below which the bus is called still
+ALONG = 0.5  # cosine between the momenta of two appendages, above which they move in phase
+WORDS = {"xy": "bending xy", "xz": "bending xz", "torsion": "torsion", "axial": "axial"}
+AXIS = ("along x", "along y", "along z", "about x", "about y", "about z")
+POINTS = 400  # of the even part of the frequency grid
 RANK = 1e-9  # relative, below which the base body is held in a motion
 
 
@@ -199,12 +204,11 @@ def prove(
     carried: Sequence[Carried],
     asked: float | None = None,
     wanted: Sequence[int] = tuple(range(6)),
-    points: int = 400,
 ) -> Assembly:
     """Compare the MuJoCo model with the exact assembly of the bare `craft` and what it carries.
 
     `asked`: frequencies that matter end here [rad/s], else where the kept modes end; `wanted`: motions of the hub that
-    matter (0 to 5); `points`: of the even part of the frequency grid.
+    matter (0 to 5).
     """
     craft, model = quiet(craft), quiet(model)
     hub = int(craft.body_rootid[carried[0].mount.body])
@@ -228,7 +232,7 @@ def prove(
     peaks = np.concatenate([exact_modes[0], ours_modes[0]])
     peaks = peaks[peaks < 1.3 * band]
     width = 1.0 + DEFAULT_RATIO * np.concatenate([-np.geomspace(0.02, 40.0, 25), [0.0], np.geomspace(0.02, 40.0, 25)])
-    grid = np.concatenate([np.geomspace(0.02 * common, 1.3 * band, points), np.outer(peaks, width).ravel()])
+    grid = np.concatenate([np.geomspace(0.02 * common, 1.3 * band, POINTS), np.outer(peaks, width).ravel()])
     omega = np.unique(grid[grid > 0.0])
     able = [int(i) for i in np.flatnonzero(np.diag(rigid) > 1e-9 * np.diag(rigid).max())]
     motions = tuple(i for i in able if i in wanted) or tuple(able)
@@ -316,3 +320,51 @@ def _matched(
     ]
     modes += [Mode(None, float(w), False) for i, w in enumerate(ours) if i not in pairs.values()]
     return tuple(sorted(modes, key=lambda mode: mode.mujoco or mode.exact or 0.0))
+
+
+def mode_words(
+    names: Sequence[str],
+    models: Sequence[PortModel],
+    axes: Sequence[Array],
+    coordinates: Sequence[Array],
+    own_energy: float,
+    bus: Array,
+) -> str:
+    """One coupled mode in words, such as "left and right opposed, bending xz; bus about y".
+
+    Per appendage: name of its place, model in space, axes `(3, 3)` of its root in the world (columns), and modal
+    `coordinates` `(n,)` in the mass-normalised mode. `own_energy`: twice the strain energy in the spacecraft's own
+    springs; `bus` `(6,)`: motion of the base body times the square root of the inertia that it feels.
+    """
+    energies = [float(np.sum((m.frequencies * q) ** 2)) for m, q in zip(models, coordinates, strict=True)]
+    total = max(sum(energies) + own_energy, 1e-300)
+    moving = [i for i, energy in enumerate(energies) if energy > SHARE * total]
+    parts: list[str] = []
+    if moving:
+        phase = _phase([axes[i] @ models[i].participation[:, :3].T @ coordinates[i] for i in moving])
+        first = max(moving, key=lambda i: energies[i])
+        port = WORDS[_port(models[first], coordinates[first])]
+        parts.append(f"{' and '.join(names[i] for i in moving)}{phase}, {port}")
+    if own_energy > SHARE * total:
+        parts.append("springs of the spacecraft")
+    k = int(np.argmax(np.abs(bus)))
+    parts.append(f"bus {AXIS[k]}" if float(np.sum(bus**2)) > STILL else "bus still")
+    return "; ".join(parts)
+
+
+def _phase(momenta: Sequence[Array]) -> str:
+    """Whether two appendages move the same way."""
+    if len(momenta) != 2:
+        return ""
+    a, b = momenta
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    cosine = float(a @ b) / size if size > 0.0 else 0.0
+    return " in phase" if cosine > ALONG else " opposed" if cosine < -ALONG else ""
+
+
+def _port(model: PortModel, coordinates: Array) -> str:
+    """The port in which the cantilever mode with the most strain energy participates most."""
+    k = int(np.argmax((model.frequencies * coordinates) ** 2))
+    scale = np.sqrt(np.where(np.diag(model.rigid_mass) > 0.0, np.diag(model.rigid_mass), np.inf))
+    row = model.participation[k] / scale
+    return max(PORTS, key=lambda port: float(np.sum((np.abs(PORT_MOTION[port]).T @ np.abs(row)) ** 2)))

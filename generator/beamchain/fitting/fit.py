@@ -11,10 +11,10 @@ import numpy as np
 from beamchain.caution import Caution
 from beamchain.chain.build import Built, Wishes, build_exact, with_real_polar
 from beamchain.chain.chain import Chain
-from beamchain.chain.compared import build_least_squares, build_recipe
 from beamchain.chain.cut import Cut
 from beamchain.chain.least_squares import TipBody
 from beamchain.chain.links import raised
+from beamchain.chain.rivals import build_least_squares, build_recipe
 from beamchain.chain.tendons import damped_modes, joint_damping
 from beamchain.engine.bench import measure, root_body
 from beamchain.engine.library import one_thread
