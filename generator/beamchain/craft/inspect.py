@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from beamchain.caution import warnings_record
 from beamchain.engine.composite import Composite, composite
@@ -75,22 +76,22 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         retime(plain, 0.0)
     linear = linear_model(plain)
     frequencies, ratios = oscillations(linear.poles())
-    springs: list[tuple[str, float, float]] = []
-    for j in range(model.njnt):
-        stiffness = float(np.atleast_1d(model.jnt_stiffness[j])[0])
-        if stiffness > 0.0:
-            dof = int(model.jnt_dofadr[j])
-            springs.append(
-                (model.joint(j).name or f"joint {j}", stiffness, float(np.atleast_1d(model.dof_damping[dof])[0]))
-            )
-    tendons: list[tuple[str, float, float, float]] = []
-    for i in range(model.ntendon):
-        stiffness, damping, armature = (
-            float(np.atleast_1d(values[i])[0])
-            for values in (model.tendon_stiffness, model.tendon_damping, model.tendon_armature)
+    damping = np.asarray(model.dof_damping)[model.jnt_dofadr]
+    springs = [
+        (model.joint(j).name or f"joint {j}", stiffness, _first(damping[j]))
+        for j in range(model.njnt)
+        if (stiffness := _first(model.jnt_stiffness[j])) > 0.0
+    ]
+    tendons = [
+        (
+            model.tendon(i).name or f"tendon {i}",
+            stiffness,
+            _first(model.tendon_damping[i]),
+            float(model.tendon_armature[i]),
         )
-        if stiffness > 0.0:
-            tendons.append((model.tendon(i).name or f"tendon {i}", stiffness, damping, armature))
+        for i in range(model.ntendon)
+        if (stiffness := _first(model.tendon_stiffness[i])) > 0.0
+    ]
     return Inspection(
         name=model.names[: model.names.index(b"\0")].decode(),
         bodies=model.nbody - 1,
@@ -111,3 +112,8 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         shown=pole_rows(model) if made else [],
         warnings=mismatch(model),
     )
+
+
+def _first(value: ArrayLike) -> float:
+    """A stiffness or damping, of which newer versions of MuJoCo have further coefficients."""
+    return float(np.atleast_1d(value)[0])

@@ -145,11 +145,8 @@ def verdict(spec: Spec, status: Status, promise: float | None) -> Status:
     if promise <= tolerance:
         ok = status.ok or spec.chooses  # the promise is what a scene asks for, however it is kept
         return replace(status, ok=ok, message=f"{status.message} {said}, within the tolerance {tolerance:g}.")
-    return replace(
-        status,
-        ok=False,
-        message=f"{status.message} {said}, above the tolerance {tolerance:g}: the best model is written.",
-    )
+    said += f", above the tolerance {tolerance:g}: the best model is written."
+    return replace(status, ok=False, message=f"{status.message} {said}")
 
 
 def ledger(spec: Spec, choice: Choice | None, tendons: bool) -> tuple[LeftOut, ...]:
@@ -157,15 +154,11 @@ def ledger(spec: Spec, choice: Choice | None, tendons: bool) -> tuple[LeftOut, .
     scene = spec.scene
     if choice is None or scene is None:
         return ()
-    out = list(choice.left_out)
-    if not scene.visuals:
-        out.append(LeftOut("geoms", "scene.visuals = false", 0.0))
-    if not scene.contacts:
-        out.append(LeftOut("contacts", "scene.contacts = false: geoms are massless and touch nothing", 0.0))
-    if not scene.tip:
-        out.append(LeftOut("tip site", "scene.tip = false", 0.0))
-    if not tendons:
-        why = "the springs stand on the hinges"
-        why += ", no damping is wanted" if spec.damping is None else ", plain hinge damping keeps the tolerance"
-        out.append(LeftOut("modal tendons", why, 0.0))
-    return tuple(out)
+    why = "no damping is wanted" if spec.damping is None else "plain hinge damping keeps the tolerance"
+    rest = (
+        (scene.visuals, "geoms", "scene.visuals = false"),
+        (scene.contacts, "contacts", "scene.contacts = false: geoms are massless and touch nothing"),
+        (scene.tip, "tip site", "scene.tip = false"),
+        (tendons, "modal tendons", f"the springs stand on the hinges, {why}"),
+    )
+    return *choice.left_out, *(LeftOut(what, said, 0.0) for there, what, said in rest if not there)

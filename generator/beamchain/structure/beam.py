@@ -43,6 +43,12 @@ def straight_mass_matrices(moments: Array) -> Array:
     return out
 
 
+def _moments(lump: Lump) -> Array:
+    """`(6,)` as in `Moments`, of a body."""
+    ix, iy, iz = lump.inertia
+    return np.array([lump.mass, lump.mass * lump.x, lump.mass * lump.x**2, ix, iz, iy])
+
+
 class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
     """A straight elastic appendage.
 
@@ -188,9 +194,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
         edge = 1e-9 * self.length
         for lump in self.lumps:
             if start - edge <= lump.x < end - edge or (closed and abs(lump.x - end) <= edge):
-                ix, iy, iz = lump.inertia
-                m, x = lump.mass, lump.x
-                total += [m, m * x, m * x**2, ix, iz, iy]
+                total += _moments(lump)
         return Moments(*(float(v) for v in total))
 
     def behind(self, x: Array) -> Array:
@@ -203,16 +207,18 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
             end, here = self._starts[i] + self.segments[i].length, index == i
             total[here] += self._stretch(i, np.clip(x[here], self._starts[i], end), end)
         for lump in self.lumps:
-            ix, iy, iz = lump.inertia
-            own = lump.mass * np.array([1.0, lump.x, lump.x**2, 0.0, 0.0, 0.0]) + np.array([0.0, 0.0, 0.0, ix, iz, iy])
-            total += np.where(lump.x > x + edge, 1.0, 0.0)[:, None] * own
+            total += np.where(lump.x > x + edge, 1.0, 0.0)[:, None] * _moments(lump)
         return straight_mass_matrices(total)
+
+    def _at(self, x: float) -> tuple[Segment, float]:
+        """The segment at `x` [m] and the fraction of its length there."""
+        index = max(bisect_right(self._starts, x) - 1, 0)
+        return self.segments[index], (x - self._starts[index]) / self.segments[index].length
 
     def density(self, x: float, port: str) -> Array:
         """`(3,)` derivative of mass, first and second moment of a `port` at `x` [m], without lumps."""
-        index = max(bisect_right(self._starts, x) - 1, 0)
-        segment = self.segments[index]
-        at = segment.at(np.array([(x - self._starts[index]) / segment.length]))
+        segment, fraction = self._at(x)
+        at = segment.at(np.array([fraction]))
         mass = float(at.mass[0])
         rotary = float((at.rotary_xy if port == "xy" else at.rotary_xz)[0]) if segment.theory == "timoshenko" else 0.0
         return np.array([mass, mass * x, mass * x**2 + rotary])
@@ -227,7 +233,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
             for i in range(pieces if b > a else 0):
                 low, wide = a + (b - a) * i / pieces, (b - a) / pieces
                 at = segment.at((low + wide * (1.0 + xi) / 2.0 - x0) / segment.length)
-                stiffness = at.bending_xy if port == "xy" else at.bending_xz if port == "xz" else at.torsion
+                stiffness = getattr(at, port if port == "torsion" else f"bending_{port}")
                 total += float(weights @ (1.0 / stiffness)) * wide / 2.0
         edge = 1e-9 * self.length
         ends = [*self._starts, self.length]
@@ -239,9 +245,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
 
     def depth(self, x: float, plane: str) -> float:
         """Extent of the section at `x` in a plane [m], for drawing; 0 where the shape is not known."""
-        index = max(bisect_right(self._starts, x) - 1, 0)
-        segment = self.segments[index]
-        f = min(max((x - self._starts[index]) / segment.length, 0.0), 1.0)
-        end = segment.section if segment.section_end is None else segment.section_end
-        first, last = segment.section.depth(plane), end.depth(plane)
+        segment, fraction = self._at(x)
+        f = min(max(fraction, 0.0), 1.0)
+        first, last = segment.section.depth(plane), segment.end.depth(plane)
         return (1.0 - f) * (first or last) + f * (last or first)  # one end may say nothing

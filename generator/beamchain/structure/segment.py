@@ -94,16 +94,17 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     @property
     def taper(self) -> float:
         """Largest ratio between a dimension at the two ends, at least 1."""
-        return self.section.ratio(self._end)
+        return self.section.ratio(self.end)
 
     @property
-    def _end(self) -> Section:
+    def end(self) -> Section:
+        """The section at the tip end."""
         return self.section if self.section_end is None else self.section_end
 
     def at(self, fraction: Array) -> Stations:
         """Stiffness and inertia at `fraction` `(k,)` of the length."""
         if isinstance(self.section, Equivalent):
-            v = self.section.at(self._end, fraction)
+            v = self.section.at(self.end, fraction)
             nothing = np.zeros_like(fraction)
             return Stations(
                 v["bending_stiffness_xy"], v["bending_stiffness_xz"], v["torsion_stiffness"], v["axial_stiffness"],
@@ -111,7 +112,7 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             )  # fmt: skip
         assert self.material is not None
         e, g, rho, nu = self.material.youngs_modulus, self.material.g, self.material.density, self.material.nu
-        s = self.section.geometry(self._end, fraction)
+        s = self.section.geometry(self.end, fraction)
         kxy, kxz = (
             self.section.cowper(nu, plane) if self.shear_factor is None else self.shear_factor for plane in ("xy", "xz")
         )
@@ -124,7 +125,7 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     @property
     def shrinks(self) -> bool:
         """Whether the dimension with the largest ratio is smaller at the tip end."""
-        a, b = max(self.section.pairs(self._end), key=lambda p: max(p[0] / p[1], p[1] / p[0]))
+        a, b = max(self.section.pairs(self.end), key=lambda p: max(p[0] / p[1], p[1] / p[0]))
         return a > b
 
 

@@ -69,15 +69,15 @@ def _slopes(at: Stations, port: str, square: Array, *, rotary: bool) -> Array:
         out[:, :, 0, 1] = (1.0 / stiffness)[:, None]
         out[:, :, 1, 0] = -inertia[:, None] * square
         return out
-    xy = port == "xy"
+    bending, shear, turn = (getattr(at, f"{kind}_{port}") for kind in ("bending", "shear", "rotary"))
     out = np.zeros((k, m, 4, 4))
     out[:, :, 0, 1] = 1.0
-    out[:, :, 1, 2] = (1.0 / (at.bending_xy if xy else at.bending_xz))[:, None]
+    out[:, :, 1, 2] = (1.0 / bending)[:, None]
     out[:, :, 2, 3] = 1.0
     out[:, :, 3, 0] = at.mass[:, None] * square
     if rotary:
-        out[:, :, 0, 3] = -(1.0 / (at.shear_xy if xy else at.shear_xz))[:, None]
-        out[:, :, 2, 1] = -(at.rotary_xy if xy else at.rotary_xz)[:, None] * square
+        out[:, :, 0, 3] = -(1.0 / shear)[:, None]
+        out[:, :, 2, 1] = -turn[:, None] * square
     return out
 
 
