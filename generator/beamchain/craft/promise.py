@@ -46,10 +46,7 @@ def kept_band(appendages: Sequence[Appendage]) -> float:
 
 
 def keep_promise(
-    craft: "mujoco.MjModel",
-    appendages: tuple[Appendage, ...],
-    most: int,
-    refit: Callable[[Appendage, Spec], Fit],
+    craft: "mujoco.MjModel", appendages: tuple[Appendage, ...], most: int, refit: Callable[[Appendage, Spec], Fit]
 ) -> tuple[tuple[Appendage, ...], tuple[str, ...]]:
     """The appendages with as many modes as the craft's promise needs, and the steps taken; counts that were typed stay.
 
@@ -84,12 +81,7 @@ def keep_promise(
 
 
 def _grow(
-    poses: Mapping[str, Pose],
-    ours: Sequence[Growing],
-    tolerance: float,
-    most: int,
-    barred: set[int],
-    steps: list[str],
+    poses: Mapping[str, Pose], ours: Sequence[Growing], tolerance: float, most: int, barred: set[int], steps: list[str]
 ) -> list[Growing]:
     """The appendages with the modes with which their models keep the tolerance, or the best up to `most` each.
 

@@ -204,9 +204,7 @@ def _fit(spec: Spec) -> Fit:
     )  # fmt: skip
 
 
-def build(
-    spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None, *, per_mode: bool = False,
-) -> Built:  # fmt: skip
+def build(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None, *, per_mode: bool = False) -> Built:
     """The chain of a plan; `cut`: where the hinges stand, else chosen; `per_mode`: a damping tendon per mode."""
     kept = plan.kept
 
@@ -224,11 +222,9 @@ def build(
         wishes = Wishes(options.springs, per_mode, options.cuts, further, columns, cut, _last_on_hub(spec, plan))
         return build_exact(beam, kept, target_of, wishes)
     if options.method == "least_squares":
-        loads = None
+        axes, loads = {"xy": 2, "xz": 1}, None
         if payload is not None:
-            ix, iy, iz = payload.inertia
-            del ix
-            loads = {"xy": TipBody(payload.mass, iz), "xz": TipBody(payload.mass, iy)}
+            loads = {port: TipBody(payload.mass, payload.inertia[axis]) for port, axis in axes.items()}
         return build_least_squares(beam, kept, _links(spec, beam, kept), options.free, loads, target_of)
     links = options.links if isinstance(options.links, int) else None
     built = build_recipe(beam, options.method, kept, links, target_of)
@@ -276,24 +272,19 @@ def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
 
 def damped(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
     """The chain of a plan with the wanted damping: on tendons per mode, or in its hinges where asked for or good enough."""
-    timed = (
-        bool(spec.exact_step) and spec.fit.springs == "auto" and spec.fit.method == "exact" and needs_time(spec, plan)
-    )
-    if timed or (spec.sensors.modes and spec.fit.method == "exact"):
-        options = msgspec.structs.replace(spec.fit, springs="modes")
-        spec = msgspec.structs.replace(spec, fit=options)
-    ratios = (
-        {} if spec.damping is None else {port: spec.damping.ratios(port, count) for port, count in plan.kept.items()}
-    )
-    if spec.damping is None or not any(np.any(values > 0.0) for values in ratios.values()):
+    if spec.fit.method == "exact" and spec.fit.springs == "auto":
+        spec = on_modes(spec, wanted=spec.sensors.modes or (bool(spec.exact_step) and needs_time(spec, plan)))
+    given = spec.damping or Damping()
+    ratios = {port: given.ratios(port, count) for port, count in plan.kept.items()}
+    if not any(np.any(values > 0.0) for values in ratios.values()):
         return build(spec, plan, beam, cut)
-    scene, hinge = spec.scene, spec.damping.form == "hinge"
+    scene, hinge = spec.scene, given.form == "hinge"
     tried = hinge or (plan.choice is not None and plan.promise is not None and spec.fit.springs == "auto")
     if tried or spec.fit.method != "exact":
         built = build(spec, plan, beam, cut)
         chain = built.chain
         for port in built.targets:
-            chain = joint_damping(chain, port, spec.damping.ratios(port, chain.port(port).modes))
+            chain = joint_damping(chain, port, given.ratios(port, chain.port(port).modes))
         if hinge:
             return replace(built, chain=chain)
         if plan.promise is not None and scene is not None and not chain.tendons:
@@ -323,8 +314,5 @@ def needs_time(spec: Spec, plan: Plan) -> bool:
     scheme = SCHEMES[spec.integrator]
     if scheme.exact or spec.integrator != "RK4":
         return scheme.exact
-    fastest = max(
-        (float(np.max(plan.reduce(plan.target, p, n).free_frequencies, initial=0.0)) for p, n in plan.kept.items()),
-        default=0.0,
-    )
-    return fastest * spec.exact_step > scheme.phase
+    free = [plan.reduce(plan.target, port, count).free_frequencies for port, count in plan.kept.items()]
+    return float(np.max(np.concatenate([np.zeros(1), *free]))) * spec.exact_step > scheme.phase

@@ -78,9 +78,9 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         if self.root.target == "auto" and not self.chooses:
             raise InputError('root.target = "auto" chooses for a scene; give scene.bandwidth, or target = "clamped".')
         typed = None if self.scene is None else self.scene.timestep
-        if self.scene is not None and self.fit.timestep > 0.0 and typed is not None and self.fit.timestep != typed:
+        if self.fit.timestep > 0.0 and typed is not None and self.fit.timestep != typed:
             raise InputError(
-                f"fit.timestep = {self.fit.timestep!r} and scene.timestep = {self.scene.timestep!r} differ; "
+                f"fit.timestep = {self.fit.timestep!r} and scene.timestep = {typed!r} differ; "
                 "the chain is right at one step only: give the same, or leave fit.timestep out."
             )
         if self.modes is not None and not self.modes.counts() and not self.chooses:

@@ -75,8 +75,7 @@ class UncertainMode(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     number: Annotated[int, field("number of the mode in its port, from 1", "", least=1, most=1000)]
     port: Annotated[
-        Literal["xy", "xz", "torsion", "axial", ""],
-        field("its port; left out: number among all kept modes"),
+        Literal["xy", "xz", "torsion", "axial", ""], field("its port; left out: number among all kept modes")
     ] = ""
     frequency: Annotated[Uncertainty | None, field("frequency with the root held [rad/s]")] = None
     damping: Annotated[Uncertainty | None, field("damping ratio")] = None
