@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from beamchain.chain.chain import Chain, Hinge
+from beamchain.chain.chain import Chain, Hinge, sprung
 from beamchain.chain.cut import Cut, choose_cut
 from beamchain.chain.links import NO_POLAR, TINY, bodies, polar_inertias, real_polar, settled, with_polar
 from beamchain.chain.margin import Wanted, shortest_link
@@ -262,10 +262,7 @@ def _plane(
         try:
             target = target_of(port, modes)
             nodes = realise(target)
-            springs = tuple(
-                Hinge(x=float(x), stiffness={port: float(c)})
-                for x, c in zip(nodes.positions[1:-1], nodes.stiffness, strict=True)
-            )
+            springs = sprung(port, nodes.positions[1:-1], nodes.stiffness)
             probe = Chain(tuple(planar_links(nodes, beam)), springs, beam.length).port(port)
             miss = float(np.max(np.abs(probe.frequencies / target.frequencies - 1.0)))
             if miss > LOST_DIGITS:

@@ -130,6 +130,12 @@ def polar_inertias(
     raise reason
 
 
+def rigid_in_torsion(beam: MassLine, links: list[Link], cuts: Array) -> list[Link]:
+    """The links with the beam's own polar inertia, shared out so that each can carry its part."""
+    real = real_polar(beam, cuts)
+    return with_polar(links, polar_inertias(beam, links, cuts, np.array([real.sum()]), real)[1])
+
+
 def raised(chain: Chain, least: float) -> tuple[Chain, str]:
     """The chain with no polar inertia below `least` [kg m^2], and a sentence that says so; both as before where none is.
 

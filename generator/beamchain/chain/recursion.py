@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamchain.chain.chain import Chain, Hinge, Link
-from beamchain.chain.links import polar_inertias, real_polar, with_polar
+from beamchain.chain.chain import Chain, Link, sprung
+from beamchain.chain.links import rigid_in_torsion
 from beamchain.errors import RealisationError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
@@ -170,12 +170,9 @@ def planar_links(nodes: Nodes, beam: MassLine) -> list[Link]:
 
 def planar_chain(nodes: Nodes, beam: MassLine, port: str = "xy") -> Chain:
     """The chain of `nodes` in one bending plane: `planar_links` with the beam's own polar inertia, rigid in torsion."""
-    links = planar_links(nodes, beam)
     cuts = nodes.positions[1:-1]
-    real = real_polar(beam, cuts)
-    _, inertias = polar_inertias(beam, links, cuts, np.array([real.sum()]), real)
-    hinges = tuple(Hinge(x=float(x), stiffness={port: float(c)}) for x, c in zip(cuts, nodes.stiffness, strict=True))
-    return Chain(links=tuple(with_polar(links, inertias)), hinges=hinges, length=beam.length)
+    links = rigid_in_torsion(beam, planar_links(nodes, beam), cuts)
+    return Chain(tuple(links), sprung(port, cuts, nodes.stiffness), beam.length)
 
 
 def realise_scalar(target: PortModel) -> tuple[Array, Array]:

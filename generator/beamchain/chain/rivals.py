@@ -12,9 +12,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from beamchain.chain.build import Built, Status, TargetOf
-from beamchain.chain.chain import Chain, Hinge, Link
+from beamchain.chain.chain import Chain, Link, sprung
 from beamchain.chain.least_squares import TipBody, fit_planar, fit_stiffness, payload_cases
-from beamchain.chain.links import polar_inertias, real_polar, with_polar
+from beamchain.chain.links import rigid_in_torsion
 from beamchain.chain.recursion import planar_links
 from beamchain.checks import one_of, whole_number
 from beamchain.errors import InputError
@@ -44,8 +44,7 @@ def cut(beam: Beam, hinges: Array, stiffness: Array, port: str) -> Chain:
     links = [
         Link(0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)) if b <= a else rigid_link(beam, a, b) for a, b in pairwise(edges)
     ]
-    springs = tuple(Hinge(x=float(x), stiffness={port: float(c)}) for x, c in zip(hinges, stiffness, strict=True))
-    return Chain(links=tuple(links), hinges=springs, length=beam.length)
+    return Chain(tuple(links), sprung(port, hinges, stiffness), beam.length)
 
 
 def equal_links(beam: Beam, count: int, recipe: str, port: str = "xy") -> Chain:
@@ -118,22 +117,14 @@ def build_least_squares(
     first = max(planes, key=lambda port: kept[port])
     cases = payload_cases(beam, first, kept[first], None if payload is None else payload[first])
     found = fit_planar(beam, first, cases, links, free)
-    if found.nodes is not None:
-        pieces = planar_links(found.nodes, beam)
-    else:
-        edges = [0.0, *found.positions.tolist(), beam.length]
+    edges = [0.0, *found.positions.tolist(), beam.length]
+    if found.nodes is None:
         pieces = [rigid_link(beam, a, b) for a, b in pairwise(edges)]
-    real = real_polar(beam, found.positions)
-    if found.nodes is not None:
-        _, polars = polar_inertias(beam, pieces, found.positions, np.array([real.sum()]), real)
-        pieces = with_polar(pieces, polars)
-    hinges = tuple(
-        Hinge(x=float(x), stiffness={first: float(c)}) for x, c in zip(found.positions, found.stiffness, strict=True)
-    )
-    chain = Chain(tuple(pieces), hinges, beam.length)
+    else:
+        pieces = rigid_in_torsion(beam, planar_links(found.nodes, beam), found.positions)
+    chain = Chain(tuple(pieces), sprung(first, found.positions, found.stiffness), beam.length)
     targets = {first: target_of(first, kept[first])}
     notes = [f"{first}: {found.message}"]
-    edges = [0.0, *found.positions.tolist(), beam.length]
     for port in kept:
         if port == first:
             continue

@@ -10,12 +10,12 @@ from beamchain.caution import Caution
 from beamchain.chain.tendons import springs_as_modes
 from beamchain.craft.appendage import Appendage
 from beamchain.craft.error import base_body
+from beamchain.engine.composite import composite
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import EngineError
 from beamchain.fitting.result import Fit
 from beamchain.fitting.warnings import turn_warning
-from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import made_for
 from beamchain.steps.poles import PoleRow, pole_rows
@@ -73,23 +73,9 @@ def turned(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str
         scene = a.fit.spec.scene
         if scene is not None and scene.rates is not None:
             base = base_body(model, model.body(f"{a.prefix}link1").id)
-            error = turn_error(_inertia(model, base), scene.rates, step, name)
+            error = turn_error(composite(model, base).inertia, scene.rates, step, name)
             out += turn_warning(error, scene, name, step)
     return list(dict.fromkeys(out))
-
-
-def _inertia(model: "mujoco.MjModel", base: int) -> Array:
-    """`(3, 3)` inertia of a body and all it carries about their mass centre, in its axes, at rest [kg m^2]."""
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    total = np.zeros((3, 3))
-    for body in range(1, model.nbody):
-        if model.body_rootid[body] == model.body_rootid[base]:
-            frame, arm = data.ximat[body].reshape(3, 3), data.xipos[body] - data.subtree_com[base]
-            total += frame @ np.diag(model.body_inertia[body]) @ frame.T
-            total += model.body_mass[body] * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    axes = data.xmat[base].reshape(3, 3)
-    return np.asarray(axes.T @ total @ axes, dtype=np.float64)
 
 
 def _rows(model: "mujoco.MjModel") -> list[PoleRow]:

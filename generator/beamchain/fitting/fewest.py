@@ -1,5 +1,6 @@
 """The fewest modes a scene needs where modes move in several ports at once, proved against all of them in space."""
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -75,13 +76,8 @@ def fewest(
     if tip:
         held |= {k for k in range(n) if promise.full.frequencies[k] <= promise.bandwidth} - barred
     order = [int(k) for k in np.argsort(-promise.weights()) if k not in held | barred]
-    low, high = 0, len(order)
-    while low < high:  # the error falls with every mode but for trifles, which the trials afterwards find
-        middle = (low + high) // 2
-        if promise.of([*held, *order[:middle]]) <= tolerance:
-            high = middle
-        else:
-            low = middle + 1
+    # the error falls with every mode but for trifles, which the trials afterwards find
+    low = bisect_left(range(len(order)), True, key=lambda count: promise.of([*held, *order[:count]]) <= tolerance)
     kept = [*held, *order[:low]]
     for k in reversed(order[max(low - TRIED, 0) : low]):
         fewer = [j for j in kept if j != k]

@@ -101,8 +101,6 @@ class Correlation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
                 f"correlation: {n} names in `of` need a {n} x {n} matrix, each name once; it has {len(self.matrix)} rows."
             )
         r = np.array(self.matrix)
-        if not np.all(np.isfinite(r)):
-            raise InputError(f"correlation of {', '.join(self.of)}: every coefficient must be a finite number.")
         low = float(np.linalg.eigvalsh((r + r.T) / 2.0)[0])
         if np.any(np.abs(np.diag(r) - 1.0) > ROUNDING) or np.any(np.abs(r - r.T) > ROUNDING) or low < -ROUNDING:
             raise InputError(
