@@ -3,7 +3,7 @@
 import difflib
 import inspect
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache, partial
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
@@ -29,11 +29,26 @@ def field(
     `unit`: of each number, "" for a pure one, None where there is none; `above` is exclusive, `least` and `most` are
     inclusive; `cure`: what to do about a number that is out of bounds.
     """
+
+    def check(name: str, value: Any, *, whole: bool = False) -> None:
+        if isinstance(value, tuple):
+            for i, item in enumerate(value):
+                check(f"{name}[{i}]", item, whole=whole)
+        elif whole:
+            whole_number(name, value, int(least or 0), int(most or LARGEST))
+        elif most is not None:
+            given, low = number(name, value, unit or "", cure=cure), -math.inf if above is None else above
+            if not low < given <= most:
+                raise InputError(f"{name} = {given!r} must lie above {low:g} and be at most {most:g}. {cure}".strip())
+        else:
+            plain = positive if above == 0.0 else not_negative if least == 0.0 else number
+            plain(name, value, unit or "", cure=cure)
+
     limits = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
     return msgspec.Meta(
         description=f"{text} [{unit}]" if unit else text,
         extra_json_schema={key: value for key, value in limits.items() if value is not None},
-        extra={"check": None if unit is None else partial(_bounded, unit, above, least, most, cure)},
+        extra={"check": None if unit is None else check},
     )
 
 
@@ -97,8 +112,7 @@ def _checks(struct: type) -> list[tuple[str, bool, Callable[[str, Any], object]]
     for name, hint in get_type_hints(struct).items():
         kinds = get_args(hint) if get_origin(hint) not in (None, Literal, tuple) else (hint,)
         optional = type(None) in kinds
-        words = tuple(word for kind in kinds if get_origin(kind) is Literal for word in get_args(kind))
-        words += tuple(w for k in kinds if get_origin(k) is tuple for item in get_args(k) for w in _words(item))
+        words = tuple(literals(hint))
         check = ((metas[name].extra or {}).get("check") if name in metas else None) or (
             partial(_each_word, words) if words else None
         )
@@ -107,40 +121,15 @@ def _checks(struct: type) -> list[tuple[str, bool, Callable[[str, Any], object]]
     return out
 
 
-def _words(kind: Any) -> tuple[str, ...]:
-    return get_args(kind) if get_origin(kind) is Literal else ()
+def literals(hint: Any) -> Iterator[str]:
+    """The words that a type allows."""
+    for part in get_args(hint):
+        yield from (part,) if get_origin(hint) is Literal else literals(part)
 
 
 def _each_word(words: tuple[str, ...], name: str, value: object) -> None:
     for word in value if isinstance(value, tuple) else (value,):
         one_of(name, word, words)
-
-
-def _bounded(
-    unit: str,
-    above: float | None,
-    least: float | None,
-    most: float | None,
-    cure: str,
-    name: str,
-    value: Any,
-    *,
-    whole: bool = False,
-) -> None:
-    """Check a number, or every number of nested lists, against the bounds of its field."""
-    if isinstance(value, tuple):
-        for i, item in enumerate(value):
-            _bounded(unit, above, least, most, cure, f"{name}[{i}]", item, whole=whole)
-    elif whole:
-        whole_number(name, value, int(least or 0), int(most or LARGEST))
-    elif most is not None:
-        given = number(name, value, unit, cure=cure)
-        low = -math.inf if above is None else above
-        if not low < given <= most:
-            raise InputError(f"{name} = {given!r} must lie above {low:g} and be at most {most:g}. {cure}".strip())
-    else:
-        check = positive if above == 0.0 else not_negative if least == 0.0 else number
-        check(name, value, unit, cure=cure)
 
 
 def number(field: str, value: object, unit: str, *, cure: str = "") -> float:

@@ -15,10 +15,9 @@ from beamchain.engine.library import mujoco, one_thread
 from beamchain.fitting.fit import fit_spec
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import Root, Target
-from beamchain.fitting.plausibility import doubtful
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
-from beamchain.fitting.warnings import rigid_plane
+from beamchain.fitting.warnings import doubtful, rigid_plane
 from beamchain.structure.modal_data import ModalData
 
 SAME_HUB = 1e-12  # relative: hubs that are one

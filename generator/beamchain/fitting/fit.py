@@ -23,12 +23,11 @@ from beamchain.fitting.choose import Plan, further_columns, make_plan, whole_bea
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import Hub, port_hub_mass
 from beamchain.fitting.options import Damping, FitOptions, Modes, Root, Scene, Target
-from beamchain.fitting.plausibility import doubtful
 from beamchain.fitting.proof import proved, step_limits
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import uncertain_from
-from beamchain.fitting.warnings import fit_warnings
+from beamchain.fitting.warnings import doubtful, fit_warnings
 from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.ports.compare import coupling_error
 from beamchain.ports.compose import in_space

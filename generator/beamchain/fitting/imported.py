@@ -17,10 +17,10 @@ from beamchain.fitting.fewest import SpacePromise, fewest
 from beamchain.fitting.hub import default_hub, port_hub_mass
 from beamchain.fitting.needs import Choice
 from beamchain.fitting.options import Scene, Target
-from beamchain.fitting.plausibility import doubtful
 from beamchain.fitting.proof import proved, step_limits
 from beamchain.fitting.result import Fit, InSpace
 from beamchain.fitting.spec import Spec
+from beamchain.fitting.warnings import doubtful
 from beamchain.ports.compare import DEFAULT_RATIO, compare, in_band_error
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array

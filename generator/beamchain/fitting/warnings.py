@@ -1,16 +1,25 @@
-"""What to know before a fit's files are used: dampers, steps, ports that are not independent."""
+"""What to know before a fit's files are used: dampers, steps, ports that are not independent, probable slips of units."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+import numpy as np
 
 from beamchain.caution import Caution
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
-from beamchain.fitting.options import Scene
+from beamchain.fitting.options import Damping, Scene
 from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
 from beamchain.steps.integrators import seen, step_pole
 from beamchain.steps.limits import StepChoice, StepLimits
+from beamchain.structure.section import Custom, Equivalent
+from beamchain.structure.segment import Segment
 
+SOFT = 1e6  # N/m^2: rubber has more
+LIGHT = 5.0  # kg/m^3: a foam has more
+HUGE = 0.25  # of the appendage's length: a section as wide, and wider than 1 m, is likelier one in mm
+DAMPED = 0.1  # ratio from which an aerospace structure is asked about: rubber has as much
+STOCKY = 10.0  # length over depth, below which Euler's theory misses shear
 DECOUPLED = 1e-9  # relative: what two independent ports may share
 
 
@@ -101,3 +110,55 @@ def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice])
             f"{kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; give scene.integrator and scene.timestep, or "
             "fit.timestep for a chain made for its step.",
         )
+
+
+# -- numbers of a spec that can be meant, but are more often a slip of units or of theory -----------------------------
+def doubtful(
+    segments: Sequence[Segment], damping: Damping | None = None, ports: Collection[str] = ("xy", "xz")
+) -> list[str]:
+    """Warnings, one of a kind; only the kept `ports` count: what is rigid by choice needs no theory."""
+    out: dict[str, str] = {}
+    for place, ratio in [(place, ratio) for place, ratio in _ratios(damping) if ratio >= DAMPED][:1]:
+        out["high-damping"] = (
+            f"damping.{place} = {ratio:g} is {ratio:.0%} of critical, where structures have 0.001 to 0.02: a likely "
+            f"slip; if {ratio:g} % were meant, write {ratio * 1e-2:g}."
+        )
+    length = sum(segment.length for segment in segments)
+    for i, segment in enumerate(segments):
+        where, material = f"segment[{i}]", segment.material
+        if material is not None and (e := material.youngs_modulus) < SOFT:
+            out["soft-material"] = (
+                f"{where}: youngs_modulus = {e:g} N/m^2 is softer than rubber; if GPa were meant, write {e * 1e9:g}."
+            )
+        if material is not None and (rho := material.density) < LIGHT:
+            out["light-material"] = (
+                f"{where}: density = {rho:g} kg/m^3 is lighter than foam; if g/cm^3 were meant, write {rho * 1e3:g}."
+            )
+        sizes = {} if isinstance(segment.section, Custom | Equivalent) else segment.section.dimensions()
+        if sizes and max(sizes.values()) > max(HUGE * length, 1.0):
+            name, size = max(sizes.items(), key=lambda item: item[1])
+            meant = ", ".join(f"{key} = {value * 1e-3:g}" for key, value in sizes.items())
+            out["huge-section"] = (
+                f"{where}: {name} = {size:g} m on an appendage {length:g} m long; if mm were meant, write {meant}."
+            )
+            continue
+        at = segment.at(np.array([0.0]))
+        axial = float(at.axial[0])
+        if segment.theory == "euler" and axial > 0.0:
+            bending = {"xy": float(at.bending_xy[0]), "xz": float(at.bending_xz[0])}
+            depth = np.sqrt(12.0 * max((bending[port] for port in ports if port in bending), default=0.0) / axial)
+            if length < STOCKY * depth:
+                out["stocky-beam"] = (
+                    f"{where}: the appendage is only {length / depth:.2g} times as long as it is deep; Euler's theory "
+                    'leaves shear out: set theory = "timoshenko".'
+                )
+    return [Caution(code, text) for code, text in out.items()]
+
+
+def _ratios(damping: Damping | None) -> list[tuple[str, float]]:
+    """Every ratio stated, with its place."""
+    if damping is None:
+        return []
+    if not isinstance(damping.ratio, dict):
+        return [("ratio", damping.ratio)]
+    return [(f"ratio.{port}[{i}]", v) for port, values in damping.ratio.items() for i, v in enumerate(values)]

@@ -1,7 +1,4 @@
-"""Port models composed: of independent ports, and of mass-weighted motion rows.
-
-Theory: docs/theory.md, section 1.
-"""
+"""Port models composed: of independent ports, and of mass-weighted motion rows. Theory: docs/theory.md, section 1."""
 
 from collections.abc import Callable, Mapping
 
