@@ -195,7 +195,7 @@ def whole_number(field: str, value: object, least: int, most: int) -> int:
 
 
 def own_numbers(struct: msgspec.Struct) -> None:
-    """Turn NumPy's scalars and arrays, fractions and lists in a struct's fields into Python's numbers and tuples, in place.
+    """Turn NumPy's scalars and arrays, fractions and lists in a struct into Python's numbers and tuples, in place.
 
     So every struct can be hashed, compared and written. What is no number stays, for the checks to name.
     """

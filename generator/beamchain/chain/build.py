@@ -58,9 +58,9 @@ class Built:
 class Wishes:
     """What is asked of the realisation beside the modes.
 
-    `springs` "auto": on the hinges where the recursion serves all ports; `lines`: x where hinges must stand, `further`: x
-    of further ports, whose motion stands in the `columns` of the targets' `tip` [m]; `neutral`: per port, last frequency
-    on the one hub [rad/s] that modes of surplus hinges must not disturb.
+    `springs` "auto": on the hinges where the recursion serves all ports; `lines`: x where hinges must stand [m];
+    `further`: x of further ports [m], whose motion stands in the `columns` of the targets' `tip`; `neutral`: per port,
+    last frequency on the one hub [rad/s] that modes of surplus hinges must not disturb.
     """
 
     springs: Springs = "auto"

@@ -27,8 +27,8 @@ NEAR_ROOT = 1e-9  # of the distance of the mass centre: a hinge closer to the ro
 class Nodes:
     """The canonical planar chain: massless rods between point masses, springs at the inner nodes.
 
-    `masses` `(N + 1,)` from the root [kg], the first 0: a hinge at the root or a massless first rod; `lengths` `(N,)` of
-    the rods [m], the first may be 0 then; `stiffness` `(N - 1,)` at nodes 1..N-1 [N m/rad].
+    `masses` `(N + 1,)` from the root [kg], the first 0: a hinge at the root or a massless first rod; `lengths` `(N,)`
+    of the rods [m], the first may be 0 then; `stiffness` `(N - 1,)` at nodes 1..N-1 [N m/rad].
     """
 
     masses: Array

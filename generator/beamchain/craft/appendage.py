@@ -118,8 +118,8 @@ def judged(
 ) -> list[str]:
     """Every number of the spacecraft and of the appendages is as it was; then what spoils the motion.
 
-    `model`: with appendages, timing taken out; `final`: as it will run; `defaults`: attributes that the spacecraft's file
-    sets by default, per tag.
+    `model`: with appendages, timing taken out; `final`: as it will run; `defaults`: attributes that the file of the
+    spacecraft sets by default, per tag.
     """
     mine = appended(model, names(appendages))
     theirs = others(model, mine)

@@ -35,8 +35,8 @@ RANK = 1e-9  # relative, below which the base body is held in a motion
 class Carried:
     """One appendage on the spacecraft: `whole`: the beam in space, all its modes, damped.
 
-    `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the MuJoCo model; `band`:
-    last kept cantilever frequency of each kept port [rad/s].
+    `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the MuJoCo model;
+    `band`: last kept cantilever frequency of each kept port [rad/s].
     """
 
     mount: Mount
@@ -158,7 +158,7 @@ class Matrices:
         return Matrices(mass, damping, stiffness, np.hstack([self.base, np.zeros((6, size - nv))]))
 
     def comparable(self, carried: Sequence[Carried], old: Sequence[int], extra: Array) -> "Matrices":
-        """The same with the damping that the exact answer adds: `extra` in the craft's own freedoms, and in modes without."""
+        """The same with the damping of the exact answer: `extra` in the craft's `old` freedoms, and in undamped modes."""
         damping = self.damping.copy()
         damping[np.ix_(old, old)] += extra
         for item in carried:
@@ -293,7 +293,7 @@ def _matched(
 ) -> tuple[Mode, ...]:
     """Modes paired by frequency and by the direction in which they move the spacecraft, the kept ones first.
 
-    `ours` `(n,)`, `shapes` `(nv, n)`: MuJoCo's, the spacecraft's part; exact modes without partner are listed to `band`.
+    `ours` `(n,)`, `shapes` `(nv, n)`: MuJoCo's, the spacecraft's part; exact modes alone are listed up to `band`.
     """
     frequencies, whole = exact_modes
     nv = shapes.shape[0]

@@ -26,7 +26,7 @@ class Inspection:
 
     `composite`: of every body that moves in the world, with all that hangs on it; `frequencies` [rad/s] and `damping`
     `(n,)` of the oscillating modes; `springs`, `tendons`: name, stiffness, damping (armature) of what has a spring;
-    `limits`: timing taken out; `shown`: the modes as the model's own step shows them, where appendages are exact in time.
+    `limits`: timing taken out; `shown`: the modes as the model's own step shows them, where anything is exact in time.
     """
 
     name: str

@@ -41,7 +41,7 @@ def step_error(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> tupl
 
 
 def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: bool | None) -> tuple[bool, str]:
-    """Whether the appendages are to be made exact in time, and why; `wanted`: the user's word, None: by the step's error."""
+    """Whether to make the appendages exact in time, and why; `wanted`: the user's word, None: by the step's error."""
     name = NUMBERS[int(model.opt.integrator)]
     step = f"{name} at {float(model.opt.timestep):g} s"
     scheme = SCHEMES[name]
@@ -66,7 +66,7 @@ def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: b
 
 
 def turned(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
-    """What the step does to the rigid spacecraft at the rates that the scenes state, where that is above a tolerance."""
+    """What the step does to the rigid spacecraft at the rates that scenes state, where that is above a tolerance."""
     name = NUMBERS[int(model.opt.integrator)]
     step, out = float(model.opt.timestep), list[str]()
     for a in appendages:

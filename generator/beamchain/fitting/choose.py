@@ -22,7 +22,7 @@ REFERENCE_MODES = 40  # most modes of the whole beam that are converged for a sc
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What the chain shall keep: modes per port (without ports that have none), for a target "clamped", "free" or "hub".
+    """What the chain shall keep: modes per port that has any, for a target "clamped", "free" or "hub".
 
     `reduce`: model of (target, port, modes); `choice`: how the scene decided, None where the spec states the modes;
     `promise`: the in-band error in space, where the scene states a bandwidth.

@@ -123,7 +123,7 @@ def on_modes(spec: Spec, *, wanted: bool = False) -> Spec:
 
 
 def _with_integrator(spec: Spec, rigid: Array) -> Spec:
-    """The spec with the integrator that `integrator = "auto"` means, for `rigid` `(6, 6)` of the appendage about its root.
+    """The spec with the integrator that "auto" means, for `rigid` `(6, 6)` of the appendage about its root.
 
     Euler, exact in time, if its error in the rotation of the rigid spacecraft at the scene's rates is within the
     tolerance; otherwise RK4.
@@ -270,7 +270,7 @@ def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
 
 
 def damped(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
-    """The chain of a plan with the wanted damping: on tendons per mode, or in its hinges where asked for or good enough."""
+    """The chain of a plan, damped as wanted: by a tendon per mode, or in its hinges where asked for or good enough."""
     if spec.fit.method == "exact" and spec.fit.springs == "auto":
         spec = on_modes(spec, wanted=spec.sensors.modes or (bool(spec.exact_step) and needs_time(spec, plan)))
     given = spec.damping or Damping()

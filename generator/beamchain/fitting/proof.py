@@ -23,7 +23,7 @@ from beamchain.structure.mass_line import MassLine
 
 
 def step_limits(chain: Chain, motion: PortModel, hub: Array | None) -> StepLimits:
-    """Largest stable steps of a written chain on a hub; `motion` and `hub` in the same motions of the root, None: alone."""
+    """Largest stable steps of a written chain; `motion` and `hub` (None: alone) in the same motions of the root."""
     damped, sprung = (any(getattr(t, kind) > 0.0 for t in chain.tendons) for kind in ("damping", "stiffness"))
     return coupled_limits(motion, hub, tendon=damped, sprung=sprung)
 
@@ -48,9 +48,9 @@ def proved(
 ) -> Fit:
     """The fit of a chain that was measured: errors per port, verdict, and what was left out.
 
-    `clock`: times at which modelling, realising, writing and verifying began [s]; `truth`: per port all modes, damped as
-    asked for; `achieved`: read back, with damping that can be compared with it; `kept`: modes that are kept per port,
-    where the targets hold more. The others are fields of `Fit`.
+    `clock`: times at which modelling, realising, writing and verifying began [s]; `truth`: per port all modes, damped
+    as asked for; `achieved`: read back, with damping that can be compared with it; `kept`: modes that are kept per
+    port, where the targets hold more. The others are fields of `Fit`.
     """
     scene, hub = spec.scene or Scene(), None if spec.root.hub is None else spec.root.hub.mass_matrix()
     bandwidth: dict[str, float] = {}

@@ -229,7 +229,7 @@ class Uncertain(UncertainModes, frozen=True, kw_only=True, forbid_unknown_fields
         return tuple(name for name in STRUCTURAL if getattr(self, name) is not None)
 
     def scores(self, seed: int, index: int, counts: dict[str, int], owner: str = "") -> dict[str, list[float]]:
-        """Standard normal scores of sample `index`: `counts[name]` per quantity of the structure, equal if drawn together.
+        """Standard normal scores of sample `index`, `counts[name]` per quantity equal if drawn together.
 
         They depend on nothing but seed, index and `owner`, so that any machine draws the same; appendages with another
         `owner` draw apart but for what is in a group.

@@ -1,4 +1,4 @@
-"""What to know before a fit's files are used: dampers, steps, ports that are not independent, probable slips of units."""
+"""What to know before a fit's files are used: dampers, steps, ports that are coupled, probable slips of units."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
@@ -93,7 +93,7 @@ def turn_warning(error: float | None, scene: Scene, integrator: str, timestep: f
 
 
 def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice]) -> Iterator[str]:
-    """Where scene.xml's own step is unstable, or its vibration misses the scene's tolerance; the best of `steps` first."""
+    """Where scene.xml's own step is unstable, or its vibration misses the tolerance; the best of `steps` first."""
     largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.step:g} s"
     kept = next((choice for choice in steps if choice.integrator == scene.integrator), None)
     if scene.step > largest:
