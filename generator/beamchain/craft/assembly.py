@@ -158,7 +158,7 @@ class Matrices:
         return Matrices(mass, damping, stiffness, np.hstack([self.base, np.zeros((6, size - nv))]))
 
     def comparable(self, carried: Sequence[Carried], old: Sequence[int], extra: Array) -> "Matrices":
-        """The same with the damping of the exact answer: `extra` in the craft's `old` freedoms, and in undamped modes."""
+        """The same with the damping of the exact answer: `extra` in the `old` freedoms, and that of undamped modes."""
         damping = self.damping.copy()
         damping[np.ix_(old, old)] += extra
         for item in carried:
