@@ -98,7 +98,7 @@ def embed(
         data = made.space.data if made is not None and made.space is not None else one
         if isinstance(data, ModalData):
             held[name] = with_length(data, None)
-        spec = made.spec if made is not None else as_spec(one)
+        spec = one.spec if isinstance(one, Fit) else as_spec(one)
         prefix = given[i] if given else ""
         if given:
             insert.check_prefix(prefix)

@@ -33,8 +33,9 @@ def mode_shapes(beam: Beam, port: str, model: PortModel) -> tuple[Array, Array]:
     hinges = [(ends[j.after_segment], c) for j in beam.joints if (c := j.stiffness(port)) is not None]
     stops = sorted({0.0, *starts, *(at for at, _ in bodies), length})
     for start, end in zip(stops, [*stops[1:], None], strict=True):
-        here = ([thing for at, thing in placed if abs(at - start) <= close] for placed in (bodies, hinges))
-        state = _stop(*here, port, state, square)
+        lumps = [lump for at, lump in bodies if abs(at - start) <= close]
+        joints = [stiffness for at, stiffness in hinges if abs(at - start) <= close]
+        state = _stop(lumps, joints, port, state, square)
         if end is None or end - start <= close:
             continue
         index = bisect_right(starts, start + close) - 1
