@@ -3,7 +3,7 @@
 import difflib
 import inspect
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache, partial
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
@@ -26,19 +26,29 @@ def field(
 ) -> msgspec.Meta:
     """What a field of a `Struct` means, for `Annotated`: checks, docstring, JSON schema and templates take it from here.
 
-    Args:
-        text: what it is, in words.
-        unit: of a number or of each number in a list, "" for a pure number; None where the field holds no number.
-        above: exclusive lower bound.
-        least: inclusive lower bound.
-        most: inclusive upper bound.
-        cure: what to do about a number that is out of bounds, for the error sentence.
+    `unit`: of each number, "" for a pure one, None where there is none; `above` is exclusive, `least` and `most` are
+    inclusive; `cure`: what to do about a number that is out of bounds.
     """
+
+    def check(name: str, value: Any, *, whole: bool = False) -> None:
+        if isinstance(value, tuple):
+            for i, item in enumerate(value):
+                check(f"{name}[{i}]", item, whole=whole)
+        elif whole:
+            whole_number(name, value, int(least or 0), int(most or LARGEST))
+        elif most is not None:
+            given, low = number(name, value, unit or "", cure=cure), -math.inf if above is None else above
+            if not low < given <= most:
+                raise InputError(f"{name} = {given!r} must lie above {low:g} and be at most {most:g}. {cure}".strip())
+        else:
+            plain = positive if above == 0.0 else not_negative if least == 0.0 else number
+            plain(name, value, unit or "", cure=cure)
+
     limits = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
     return msgspec.Meta(
         description=f"{text} [{unit}]" if unit else text,
         extra_json_schema={key: value for key, value in limits.items() if value is not None},
-        extra={"check": None if unit is None else partial(_bounded, unit, above, least, most, cure)},
+        extra={"check": None if unit is None else check},
     )
 
 
@@ -102,8 +112,7 @@ def _checks(struct: type) -> list[tuple[str, bool, Callable[[str, Any], object]]
     for name, hint in get_type_hints(struct).items():
         kinds = get_args(hint) if get_origin(hint) not in (None, Literal, tuple) else (hint,)
         optional = type(None) in kinds
-        words = tuple(word for kind in kinds if get_origin(kind) is Literal for word in get_args(kind))
-        words += tuple(w for k in kinds if get_origin(k) is tuple for item in get_args(k) for w in _words(item))
+        words = tuple(literals(hint))
         check = ((metas[name].extra or {}).get("check") if name in metas else None) or (
             partial(_each_word, words) if words else None
         )
@@ -112,8 +121,10 @@ def _checks(struct: type) -> list[tuple[str, bool, Callable[[str, Any], object]]
     return out
 
 
-def _words(kind: Any) -> tuple[str, ...]:
-    return get_args(kind) if get_origin(kind) is Literal else ()
+def literals(hint: Any) -> Iterator[str]:
+    """The words that a type allows."""
+    for part in get_args(hint):
+        yield from (part,) if get_origin(hint) is Literal else literals(part)
 
 
 def _each_word(words: tuple[str, ...], name: str, value: object) -> None:
@@ -121,42 +132,8 @@ def _each_word(words: tuple[str, ...], name: str, value: object) -> None:
         one_of(name, word, words)
 
 
-def _bounded(
-    unit: str,
-    above: float | None,
-    least: float | None,
-    most: float | None,
-    cure: str,
-    name: str,
-    value: Any,
-    *,
-    whole: bool = False,
-) -> None:
-    """Check a number, or every number of nested lists, against the bounds of its field."""
-    if isinstance(value, tuple):
-        for i, item in enumerate(value):
-            _bounded(unit, above, least, most, cure, f"{name}[{i}]", item, whole=whole)
-    elif whole:
-        whole_number(name, value, int(least or 0), int(most or LARGEST))
-    elif most is not None:
-        given = number(name, value, unit, cure=cure)
-        low = -math.inf if above is None else above
-        if not low < given <= most:
-            raise InputError(f"{name} = {given!r} must lie above {low:g} and be at most {most:g}. {cure}".strip())
-    else:
-        check = positive if above == 0.0 else not_negative if least == 0.0 else number
-        check(name, value, unit, cure=cure)
-
-
 def number(field: str, value: object, unit: str, *, cure: str = "") -> float:
-    """A finite number, or an `InputError` that names the field.
-
-    Args:
-        field: name of the field, as the user wrote it.
-        value: what the user gave.
-        unit: unit shown in the message, `""` for a pure number.
-        cure: what to do, appended to the message.
-    """
+    """A finite number, or an `InputError` that names the `field` and ends with the `cure`; `unit` "": a pure number."""
     wanted = f"a finite number{f' in {unit}' if unit else ''} is needed"
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(f"{field} = {value!r} is not a number; {wanted}. {cure or f'Write {field} = 1.0.'}".strip())
@@ -218,10 +195,9 @@ def whole_number(field: str, value: object, least: int, most: int) -> int:
 
 
 def own_numbers(struct: msgspec.Struct) -> None:
-    """Turn what stands in a struct's fields into Python's own numbers and tuples, in place.
+    """Turn NumPy's scalars and arrays, fractions and lists in a struct into Python's numbers and tuples, in place.
 
-    NumPy's scalars and arrays, fractions and lists are taken as what they mean, so that every struct can be hashed,
-    compared and written. What is no number stays, for the checks to name.
+    So every struct can be hashed, compared and written. What is no number stays, for the checks to name.
     """
     for name in struct.__struct_fields__:
         given = getattr(struct, name)

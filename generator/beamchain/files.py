@@ -28,14 +28,10 @@ NOT_FILES = {
 
 
 def write_files(files: Mapping[Path, str | bytes], *, force: bool) -> None:
-    """Write all files, or none.
+    """Write all files, or none, in the order given: the last one's presence means that all are there.
 
-    Args:
-        files: content by path, in the order in which they shall appear; the last one's presence means all are there.
-        force: replace files that exist.
-
-    Raises:
-        OutputError: a file exists and `force` is False, or a folder cannot be made or written; nothing is left behind.
+    An `OutputError` says that a file exists and `force` is False, or that a folder cannot be written; nothing is left
+    behind.
     """
     for path in files:
         check_free(path, force=force)
@@ -68,11 +64,7 @@ def write_files(files: Mapping[Path, str | bytes], *, force: bool) -> None:
 
 
 def check_free(path: Path, *, force: bool) -> None:
-    """Refuse a place where something stands that may not be replaced, before long work is done for it.
-
-    Raises:
-        OutputError: there is something other than a file, whatever `force` says, or a file and `force` is False.
-    """
+    """Refuse a place where something stands that may not be replaced, before long work is done for it."""
     check_regular(path)
     if os.path.lexists(path) and not force:
         raise OutputError(f"output {str(path)!r} exists; use --force to replace it, or give another place.")
@@ -81,9 +73,7 @@ def check_free(path: Path, *, force: bool) -> None:
 def check_regular(path: Path) -> None:
     """Refuse a place where something stands that is no file: a rename would put a file in a device's place.
 
-    Raises:
-        OutputError: there is a folder, device, fifo or socket, or a link that leads to one or stands among devices; or
-            the place is below something that is no folder.
+    Also a link that leads to or stands among devices, and a place below something that is no folder.
     """
     try:
         mode = path.stat().st_mode
@@ -116,12 +106,7 @@ def no_file(path: Path) -> str | None:
 
 
 def tables(content: str) -> dict[str, Any]:
-    """The tables of TOML text.
-
-    Raises:
-        ValueError: it is no TOML, or a number has thousands of digits.
-        RecursionError: it is nested too deeply.
-    """
+    """The tables of TOML text; a `ValueError` says that it is none, a `RecursionError` that it is nested too deeply."""
     if _DEEP_KEY.search(content):
         raise RecursionError("a dotted key of 50 parts or more")
     return tomllib.loads(content)

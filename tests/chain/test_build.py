@@ -10,8 +10,8 @@ from appendages import close, panels, seed_boom, timoshenko_boom, unit_beam
 from arrays import ALUMINIUM, deployed_array, flat_bar, space_beam, tube
 from beamchain.chain import cut
 from beamchain.chain.build import Wishes, build_exact
-from beamchain.chain.compared import build_recipe
 from beamchain.chain.recursion import realise_scalar
+from beamchain.chain.rivals import build_recipe
 from beamchain.chain.tendons import ModeGroup
 from beamchain.engine.bench import measure
 from beamchain.engine.linearise import compile_model

@@ -10,7 +10,6 @@ import pytest
 
 from appendages import close, dense_port, panels, seed_boom, stepped_boom, tapered_boom, unit_beam
 from arrays import deployed_array, tube
-from beamchain.chain.compared import build_least_squares
 from beamchain.chain.least_squares import (
     FREE,
     RodModes,
@@ -24,6 +23,7 @@ from beamchain.chain.least_squares import (
     payload_cases,
 )
 from beamchain.chain.recursion import planar_chain, realise
+from beamchain.chain.rivals import build_least_squares
 from beamchain.engine.linearise import linearise
 from beamchain.errors import InputError
 from beamchain.fitting.fit import fit

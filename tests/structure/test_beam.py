@@ -8,8 +8,9 @@ from scipy.integrate import quad
 
 from appendages import STEEL, close, panels, seed_boom, stepped_boom, tapered_boom, timoshenko_boom, unit_beam
 from beamchain.errors import InputError
-from beamchain.structure.beam import Beam, Joint, Lump, Segment, body_inertia
+from beamchain.structure.beam import Beam, Joint, Lump, Segment
 from beamchain.structure.section import Box, Equivalent, Rectangle, Round, Tube
+from beamchain.structure.segment import body_inertia
 
 QUADRATURE = 1e-12  # scipy's quad on a smooth integrand, asked for 1e-13
 CLOSED = 1e-13  # a closed form in another order, summed over a few segments

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from beamchain.chain.chain import Chain, Hinge
+from beamchain.chain.chain import Chain, Hinge, sprung
 from beamchain.chain.cut import Cut, choose_cut
 from beamchain.chain.links import NO_POLAR, TINY, bodies, polar_inertias, real_polar, settled, with_polar
 from beamchain.chain.margin import Wanted, shortest_link
@@ -58,11 +58,9 @@ class Built:
 class Wishes:
     """What is asked of the realisation beside the modes.
 
-    Args:
-        springs: "auto": on the hinges where the recursion serves all ports; "hinges", "modes": one or the other.
-        lines: x where hinges must stand [m].
-        further: x of further ports, whose motion stands in the targets' `tip` columns [m].
-        neutral: per port, last frequency on the one hub [rad/s] that modes of surplus hinges must not disturb.
+    `springs` "auto": on the hinges where the recursion serves all ports; `lines`: x where hinges must stand [m];
+    `further`: x of further ports [m], whose motion stands in the `columns` of the targets' `tip`; `neutral`: per port,
+    last frequency on the one hub [rad/s] that modes of surplus hinges must not disturb.
     """
 
     springs: Springs = "auto"
@@ -264,10 +262,7 @@ def _plane(
         try:
             target = target_of(port, modes)
             nodes = realise(target)
-            springs = tuple(
-                Hinge(x=float(x), stiffness={port: float(c)})
-                for x, c in zip(nodes.positions[1:-1], nodes.stiffness, strict=True)
-            )
+            springs = sprung(port, nodes.positions[1:-1], nodes.stiffness)
             probe = Chain(tuple(planar_links(nodes, beam)), springs, beam.length).port(port)
             miss = float(np.max(np.abs(probe.frequencies / target.frequencies - 1.0)))
             if miss > LOST_DIGITS:
@@ -305,10 +300,7 @@ def cut_chain(
         return chain, f"{how}, bodies of the appendage's rigid mass as it is too wide for thin links", cut
     hinges = tuple(Hinge(x=float(x), stiffness=dict.fromkeys(p, 0.0)) for x, p in zip(cut.x, cut.ports, strict=True))
     chain = Chain(tuple(links), hinges, line.length)
-    placed: list[ModeGroup] = []
-    for group in groups:
-        at = np.array([hinges[i].x for i, _ in chain.freedoms(group.ports)])
-        placed.append(group.on(at))
+    placed = [group.on(np.array([hinges[i].x for i, _ in chain.freedoms(group.ports)])) for group in groups]
     damped = any(np.any(group.damping > 0.0) for group in groups)
     chain = given_modes(chain, placed, further, ratio=FILLER_RATIO if damped else 0.0)
     short = shortest_link(cut.x, line.length)
@@ -367,9 +359,9 @@ def _fixed(line: MassLine, group: ModeGroup, lines: Sequence[float], rigid: Arra
 
 def with_real_polar(chain: Chain) -> Chain:
     """A recipe's chain with a little polar inertia where the appendage states none."""
-    links = list(chain.links)
-    for i, link in enumerate(links):
-        ix, iy, iz = link.inertia
-        if link.mass > 0.0 and ix <= 0.0:
-            links[i] = replace(link, inertia=(max(TINY * iz, abs(iz - iy)), iy, iz))
-    return replace(chain, links=tuple(links))
+    polars = [
+        max(TINY * iz, abs(iz - iy)) if link.mass > 0.0 and ix <= 0.0 else ix
+        for link in chain.links
+        for ix, iy, iz in [link.inertia]
+    ]
+    return replace(chain, links=tuple(with_polar(chain.links, polars)))

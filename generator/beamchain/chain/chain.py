@@ -93,6 +93,11 @@ class Hinge:
         return Hinge, (self.x, dict(self.stiffness), dict(self.damping))  # a proxy cannot be pickled
 
 
+def sprung(port: str, x: Array, stiffness: Array) -> tuple[Hinge, ...]:
+    """Hinges at `x` `(h,)` [m] that move in one port, on springs."""
+    return tuple(Hinge(float(at), {port: float(c)}) for at, c in zip(x, stiffness, strict=True))
+
+
 @dataclass(frozen=True, eq=False)
 class Tendon:
     """A fixed tendon over hinges of the chain: a mode, a filler mode, or inertia alone.

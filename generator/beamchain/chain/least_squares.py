@@ -4,6 +4,7 @@ Logarithms keep every number positive, the rigid mass properties are held exactl
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -75,13 +76,7 @@ class Found:
     history: tuple[str, ...]
 
 
-def fit_planar(
-    beam: MassLine,
-    port: str,
-    cases: Sequence[LoadCase],
-    links: Array,
-    free: Sequence[str] = FREE,
-) -> Found:
+def fit_planar(beam: MassLine, port: str, cases: Sequence[LoadCase], links: Array, free: Sequence[str] = FREE) -> Found:
     """Fit a planar chain from links `(N,)` [m]; `free`: some of `FREE`."""
     starts = _starts(beam, port, links, "lengths" in free)
     best: Found | None = None
@@ -146,19 +141,13 @@ def _starts(beam: MassLine, port: str, links: Array, lengths_free: bool) -> list
     """Link lengths to start from: the user's, the exact chain's, graded ones."""
     out = [("given links", links)]
     if lengths_free:
-        for modes in range(links.size - 1, 0, -1):
-            if not isinstance(beam, Beam):
-                break  # no exact chain to start from
-            try:
-                nodes = realise(beam.port(port, modes + 2).truncated(modes))
-            except RealisationError:
-                continue
-            if modes == links.size - 1:
-                exact = nodes.lengths.copy()
+        modes = links.size - 1
+        if modes and isinstance(beam, Beam):
+            with suppress(RealisationError):
+                exact = realise(beam.port(port, modes + 2).truncated(modes)).lengths.copy()
                 exact[-1] += beam.length - exact.sum()
                 if np.all(exact > 0.0):
                     out.insert(0, ("exact chain", exact))
-            break
         graded = np.linspace(1.0, 3.0, links.size)
         out.append(("graded links", graded / graded.sum() * beam.length))
     return out
@@ -320,11 +309,7 @@ def nodes_to_rods(masses: Numbers, lengths: Numbers, stiffness: Numbers) -> Rods
     return Rods(x[:-1], total, x[:-1] + lengths * b / total, a * b / total * lengths**2, stiffness)
 
 
-def jacobian(function: Callable[[Numbers], Numbers], at: Array, step: float = 1e-30) -> Array:
+def jacobian(function: Callable[[Numbers], Numbers], at: Array) -> Array:
     """Complex-step Jacobian `(r, p)` of an analytic `function` at `at` `(p,)`."""
-    columns = []
-    for i in range(at.size):
-        moved = at.astype(np.complex128)
-        moved[i] += 1j * step
-        columns.append(np.imag(function(moved)) / step)
-    return np.array(columns).T
+    steps = 1e-30 * np.eye(at.size)
+    return np.array([np.imag(function(at + 1j * step)) for step in steps]).T / 1e-30

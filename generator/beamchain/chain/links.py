@@ -5,7 +5,6 @@ Theory: docs/theory.md, section 3.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -70,23 +69,13 @@ def with_polar(links: Sequence[Link], inertias: Sequence[float]) -> list[Link]:
     ]
 
 
-@lru_cache(maxsize=4)
-def _running(beam: MassLine) -> tuple[Array, Array, Array]:
-    """x, and mass and polar inertia of the beam up to x."""
-    grid = np.linspace(0.0, beam.length, 201)
-    pieces = [beam.moments(a, b, closed=b >= beam.length) for a, b in pairwise(grid.tolist())]
-    mass, polar = (np.cumsum([0.0, *(getattr(piece, kind) for piece in pieces)]) for kind in ("mass", "polar"))
-    return grid, mass, polar
-
-
-def natural_positions(beam: MassLine, shares: Array, kind: str) -> Array:
-    """`(n,)` x [m] at which the beam's own inertia reaches `shares` `(n + 1,)`."""
-    grid, masses, polars = _running(beam)
-    own = masses if kind == "mass" else polars
+def _natural_positions(beam: MassLine, shares: Array) -> Array:
+    """`(n,)` x [m] at which the beam's own polar inertia reaches `shares` `(n + 1,)`."""
     if not np.sum(shares) > 0.0:
         return np.zeros(shares.size - 1)
-    wanted = np.cumsum(shares)[:-1] * (own[-1] / np.sum(shares))
-    return np.interp(wanted, own, grid)
+    grid = np.linspace(0.0, beam.length, 201)
+    own = np.cumsum([0.0, *real_polar(beam, grid[1:-1])])
+    return np.interp(np.cumsum(shares)[:-1] * (own[-1] / np.sum(shares)), own, grid)
 
 
 def share(links: list[Link], wanted: list[float], groups: list[list[int]], real: Array) -> list[float]:
@@ -128,7 +117,7 @@ def polar_inertias(
     `inertias` `(n + 1,)`: of the groups; one entry: rigid in torsion. `real` `(c + 1,)`: of the real pieces.
     """
     n = inertias.size - 1
-    wish = natural_positions(beam, inertias, "polar") if n else np.zeros(0)
+    wish = _natural_positions(beam, inertias) if n else np.zeros(0)
     choices = sorted(combinations(range(cuts.size), n), key=lambda c: float(np.sum((cuts[list(c)] - wish) ** 2)))
     reason = RealisationError(f"{n} torsion modes need {n} hinges, but there are {cuts.size}.")
     for choice in choices[:TRIES]:
@@ -139,6 +128,12 @@ def polar_inertias(
         except RealisationError as error:
             reason = error
     raise reason
+
+
+def rigid_in_torsion(beam: MassLine, links: list[Link], cuts: Array) -> list[Link]:
+    """The links with the beam's own polar inertia, shared out so that each can carry its part."""
+    real = real_polar(beam, cuts)
+    return with_polar(links, polar_inertias(beam, links, cuts, np.array([real.sum()]), real)[1])
 
 
 def raised(chain: Chain, least: float) -> tuple[Chain, str]:

@@ -15,22 +15,11 @@ from beamchain.ports.motions import PORT_MOTION, Array, shifted
 from beamchain.structure.mass_line import MassLine
 
 MARGIN = 0.02  # of the residual mass, that the inequality must leave
-
-
 SHORTEST = 1e-3  # of the length: a shorter link is none
-
-
 MOST_CHOICES = 8  # of hinges for a port that needs fewer than there are
-
-
 NOTHING_LEFT = 1e-11  # of the rigid mass: less residual mass than this is none
-
-
 SAME_PLACE = 1e-9  # of the length
-
-
 TABLE = 1001  # stations of the mass behind them, between which is interpolated
-
 
 #: Motion of the root equal to a unit motion of a hinge at x: the first vector less x times the second.
 TURNS = {

@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from beamchain.chain.chain import Chain, Hinge, Link
-from beamchain.chain.links import polar_inertias, real_polar, with_polar
+from beamchain.chain.chain import Chain, Link, sprung
+from beamchain.chain.links import rigid_in_torsion
 from beamchain.errors import RealisationError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
@@ -27,10 +27,8 @@ NEAR_ROOT = 1e-9  # of the distance of the mass centre: a hinge closer to the ro
 class Nodes:
     """The canonical planar chain: massless rods between point masses, springs at the inner nodes.
 
-    Args:
-        masses: `(N + 1,)` at the nodes, from the root [kg]; the first 0: a hinge at the root or a massless first rod.
-        lengths: `(N,)` of the rods [m]; the first may be 0 then.
-        stiffness: `(N - 1,)` at nodes 1..N-1 [N m/rad].
+    `masses` `(N + 1,)` from the root [kg], the first 0: a hinge at the root or a massless first rod; `lengths` `(N,)`
+    of the rods [m], the first may be 0 then; `stiffness` `(N - 1,)` at nodes 1..N-1 [N m/rad].
     """
 
     masses: Array
@@ -44,14 +42,10 @@ class Nodes:
 
 
 def realise(target: PortModel) -> Nodes:
-    """The canonical chain whose port model is `target`.
+    """The canonical chain whose port model is `target`, a plane's with n modes: n + 1 rods.
 
-    Args:
-        target: a plane's port model with n flexible modes; gives n + 1 rods. Where its residual mass is singular (all
-            mass of the root moves with the kept modes in one direction), the first rod is massless.
-
-    Raises:
-        RealisationError: a mass, length or stiffness would not be positive, or digits are lost (the message names it).
+    Where its residual mass is singular (all mass of the root moves with the kept modes in one direction), the first rod
+    is massless. Refused where a mass, length or stiffness would not be positive, or digits are lost.
     """
     n = target.modes
     rows = np.hstack([target.rigid_port_values, target.free_port_values.T])
@@ -175,22 +169,10 @@ def planar_links(nodes: Nodes, beam: MassLine) -> list[Link]:
 
 
 def planar_chain(nodes: Nodes, beam: MassLine, port: str = "xy") -> Chain:
-    """The chain of `nodes` in one bending plane: `planar_links` with the beam's own polar inertia, rigid in torsion.
-
-    Args:
-        nodes: from `realise`.
-        beam: gives mass and polar inertia between the hinges.
-        port: "xy" or "xz".
-
-    Raises:
-        RealisationError: the beam is too wide for its length to be a chain of thin links.
-    """
-    links = planar_links(nodes, beam)
+    """The chain of `nodes` in one bending plane: `planar_links` with the beam's own polar inertia, rigid in torsion."""
     cuts = nodes.positions[1:-1]
-    real = real_polar(beam, cuts)
-    _, inertias = polar_inertias(beam, links, cuts, np.array([real.sum()]), real)
-    hinges = tuple(Hinge(x=float(x), stiffness={port: float(c)}) for x, c in zip(cuts, nodes.stiffness, strict=True))
-    return Chain(links=tuple(with_polar(links, inertias)), hinges=hinges, length=beam.length)
+    links = rigid_in_torsion(beam, planar_links(nodes, beam), cuts)
+    return Chain(tuple(links), sprung(port, cuts, nodes.stiffness), beam.length)
 
 
 def realise_scalar(target: PortModel) -> tuple[Array, Array]:

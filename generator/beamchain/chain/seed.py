@@ -32,6 +32,7 @@ PRINTED: dict[str, tuple[float, float]] = {
     "n2.T0_phi1": (2.9837, 3.4521),
     "n2.M0_phi1": (2.5745, 3.1515),
 }
+#: The others, in the order in which they are computed.
 PRINTED_OTHER = {
     "beam.mass": 13.232,
     "beam.omega1": 1.533,
@@ -87,16 +88,8 @@ def seed_table() -> SeedTable:
     omega1, omega2 = (float(w) for w in model.free_frequencies)
     k, c = rivals.seed_parameters(mass, beam.length, omega1, omega2)
     chain = rivals.seed_chain(beam, k, c).port("xy")
-    values = {
-        "beam.mass": mass,
-        "beam.omega1": omega1,
-        "beam.omega2": omega2,
-        "chain.k": k,
-        "chain.c": c,
-        "chain.omega1": float(chain.free_frequencies[0]),
-        "chain.omega2": float(chain.free_frequencies[1]),
-    }
-    rows = [SeedRow(name, printed, values[name]) for name, printed in PRINTED_OTHER.items()]
+    values = mass, omega1, omega2, k, c, *chain.free_frequencies[:2].tolist()
+    rows = [SeedRow(name, printed, own) for (name, printed), own in zip(PRINTED_OTHER.items(), values, strict=True)]
     for i, (owner, port) in enumerate((("beam", model), ("chain", chain))):
         computed = port_parameters(port)
         rows += [SeedRow(f"{owner}.{name}", pair[i], computed[name]) for name, pair in PRINTED.items()]

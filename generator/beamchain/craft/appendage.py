@@ -76,12 +76,7 @@ class Appendage:
 
 
 def driven_too_far(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
-    """Sentences for keyframes that start an appendage beyond what its chain is right for.
-
-    Args:
-        model: the spacecraft with its appendages.
-        appendages: what was embedded.
-    """
+    """Sentences for keyframes that start an appendage beyond what its chain is right for."""
     out: list[str] = []
     for a in appendages:
         for name, run in keyframes(model, f"{a.prefix}link1").items():
@@ -102,11 +97,7 @@ def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
 
 
 def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> None:
-    """No name is given twice.
-
-    Raises:
-        InputError: with the name and the cure.
-    """
+    """No name is given twice."""
     taken = appended(craft, names(appendages))
     for kind, word in NAMED.items():
         if taken[kind]:
@@ -127,12 +118,8 @@ def judged(
 ) -> list[str]:
     """Every number of the spacecraft and of the appendages is as it was; then what spoils the motion.
 
-    Args:
-        craft: the bare spacecraft.
-        model: with its appendages, timing taken out.
-        appendages: what was embedded.
-        final: as it will run.
-        defaults: attributes that the spacecraft's file sets by default, per tag.
+    `model`: with appendages, timing taken out; `final`: as it will run; `defaults`: attributes that the file of the
+    spacecraft sets by default, per tag.
     """
     mine = appended(model, names(appendages))
     theirs = others(model, mine)
@@ -157,30 +144,16 @@ def judged(
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     pull = preload(model, data)
+    out: list[str] = []
+    if pull:
+        text = f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, move its springref."
+        out.append(Caution("preloaded-spring", text))
     spoilt = spoilers(final, limits, kept, min(ratios, default=0.0), mine["geom"])
-    if final is not model:
-        spoilt = [text for text in spoilt if not text.startswith(TENDON_DAMPING)]
-    return [
-        *(
-            [
-                Caution(
-                    "preloaded-spring",
-                    f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, move its springref.",
-                )
-            ]
-            if pull
-            else []
-        ),
-        *spoilt,
-    ]
+    return out + [text for text in spoilt if final is model or not text.startswith(TENDON_DAMPING)]
 
 
 def _refuse(found: Difference, changed: Appendage, defaults: Mapping[str, Mapping[str, int]]) -> None:
-    """Say what the spacecraft would change of an appendage, and the way out that works.
-
-    Raises:
-        InputError: always.
-    """
+    """Say what the spacecraft would change of an appendage, and the way out that works."""
     if found.field == "number of elements" and found.element == "geom":
         raise InputError(
             f"the spacecraft's compiler would drop the appendage's shapes ({found.found:g} of {found.wanted:g} are left); "
@@ -203,14 +176,13 @@ def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str
     """What MuJoCo itself does otherwise with the spacecraft as soon as its bodies carry something (alignfree)."""
     own = _without_probes(loaded)
     moved = differences(craft, loaded, {kind: (ids, own[kind]) for kind, ids in others(craft, {}).items()})
-    if not moved:
-        return []
     return [
         Caution(
             "alignfree",
-            f"as soon as it carries something, MuJoCo lays {moved[0].element}'s frame otherwise ({_told(moved[0])}; "
+            f"as soon as it carries something, MuJoCo lays {first.element}'s frame otherwise ({_told(first)}; "
             'alignfree or align); positions and keyframes now mean the frame as written: write align="false" to keep it.',
         )
+        for first in moved[:1]
     ]
 
 
@@ -251,25 +223,29 @@ def _beam(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]
     band = {port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes}
     flags = np.concatenate([np.arange(own.modes) < counts.get(port, 0) for port, own in ports.items()])
     order = np.argsort(np.concatenate([own.frequencies for own in ports.values()]), kind="stable")
-    return in_space(ports, _with_inertia(a, spec.beam.rigid_mass())), flags[order], band
+    return in_space(ports, _with_inertia(a.fit, spec.beam.rigid_mass())), flags[order], band
 
 
 def _imported(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]:
     """The same of imported modes."""
     space = a.fit.space
     assert space is not None
-    live, full = list(space.live), space.full
-    rigid, participation = np.zeros((6, 6)), np.zeros((full.modes, 6))
-    rigid[np.ix_(live, live)], participation[:, live] = full.rigid_mass, full.participation
-    flags = np.array([bool(np.any(np.abs(w / space.target.frequencies - 1.0) < SAME)) for w in full.frequencies])
-    whole = PortModel(_with_inertia(a, rigid), full.frequencies, participation, full.damping)
-    band = {"space": float(space.target.frequencies[-1])} if space.target.modes else {}
-    return whole, flags, band
+    wanted = space.target.frequencies
+    flags = np.array([bool(np.any(np.abs(w / wanted - 1.0) < SAME)) for w in space.full.frequencies])
+    return spatial(a.fit, space.full), flags, {"space": float(wanted[-1])} if space.target.modes else {}
 
 
-def _with_inertia(a: Appendage, rigid: Array) -> Array:
+def spatial(fit: Fit, model: PortModel) -> PortModel:
+    """A model in the motions that imported modes have (`fit.space.live`), in all six."""
+    assert fit.space is not None
+    live, rigid, rows = list(fit.space.live), np.zeros((6, 6)), np.zeros((model.modes, 6))
+    rigid[np.ix_(live, live)], rows[:, live] = model.rigid_mass, model.participation
+    return PortModel(_with_inertia(fit, rigid), model.frequencies, rows, model.damping)
+
+
+def _with_inertia(fit: Fit, rigid: Array) -> Array:
     """A rod without polar inertia gets the little that MuJoCo needs."""
-    return rigid + np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(a.fit.measured.rigid_mass)))
+    return rigid + np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(fit.measured.rigid_mass)))
 
 
 def rigid_mass(spec: Spec, data: ModalData | None = None) -> Array:

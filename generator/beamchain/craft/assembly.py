@@ -7,35 +7,36 @@ is, all its cantilever modes hung on the port's Jacobian,
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from beamchain.craft.mode_words import mode_words
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import linearise, mass_matrix
 from beamchain.engine.mount import Mount, rest
 from beamchain.ports.compare import DEFAULT_RATIO, damped, relative
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import Array, square_root
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, square_root
 
 Response = NDArray[np.complex128]
+SHARE = 0.1  # of the strain energy, above which an appendage is named
+STILL = 1e-4  # of the kinetic energy, below which the bus is called still
+ALONG = 0.5  # cosine between the momenta of two appendages, above which they move in phase
+WORDS = {"xy": "bending xy", "xz": "bending xz", "torsion": "torsion", "axial": "axial"}
+AXIS = ("along x", "along y", "along z", "about x", "about y", "about z")
+POINTS = 400  # of the even part of the frequency grid
 RANK = 1e-9  # relative, below which the base body is held in a motion
 
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """One appendage on the spacecraft.
+    """One appendage on the spacecraft: `whole`: the beam in space, all its modes, damped.
 
-    Args:
-        mount: where.
-        whole: the beam in space, all its modes, with damping ratios.
-        kept: `(n,)` which of those modes the chain was asked to keep.
-        dofs: its degrees of freedom in the MuJoCo model.
-        band: last kept cantilever frequency of each kept port [rad/s].
+    `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the MuJoCo model;
+    `band`: last kept cantilever frequency of each kept port [rad/s].
     """
 
     mount: Mount
@@ -112,15 +113,15 @@ class Assembly:
 
 
 @dataclass(frozen=True, eq=False)
-class _System:
-    """`M q'' + D q' + K q = J^T f` with the motion `J` of the hub."""
+class Matrices:
+    """A model at a pose, at rest: `M q'' + D q' + K q = f`, and the base body's motion `(6, nv)` in its own axes."""
 
     mass: Array
     damping: Array
     stiffness: Array
-    motion: Array
+    base: Array
 
-    def modes(self, reach: float) -> tuple[Array, Array]:
+    def slow_modes(self, reach: float) -> tuple[Array, Array]:
         """Frequencies above zero, ascending, and mass-normalised shapes; `reach`: a frequency of interest."""
         shift = (0.1 * reach) ** 2  # eigenvalues of the inverse, so that low frequencies keep their digits
         values, shapes = eigh(self.mass, self.stiffness + shift * self.mass)
@@ -131,15 +132,55 @@ class _System:
         moving = squares > 1e-9 * shift
         return np.sqrt(squares[moving]), shapes[:, moving]
 
-    def accelerance(self, omega: Array, carried: Sequence[Carried] = ()) -> Response:
-        """`(m, m, k)` acceleration of the hub per wrench on it, `carried` hung on by its dynamic mass."""
+    def dynamic(self, omega: Array, models: Sequence[PortModel] = (), roots: Sequence[Array] = ()) -> Response:
+        """`(k, nv, nv)` dynamic mass at `omega` [rad/s], with that of appendages on Jacobians `roots` `(6, nv)`."""
         s = 1j * omega[:, None, None]
-        dynamic = self.mass + self.damping / s + self.stiffness / s**2
+        out = self.mass + self.damping / s + self.stiffness / s**2
+        for model, root in zip(models, roots, strict=True):
+            out = out + root.T @ np.moveaxis(damped(model).D(omega), -1, 0) @ root
+        return out
+
+    def coupled(self, models: Sequence[PortModel], roots: Sequence[Array]) -> "Matrices":
+        """The same with the cantilever modes of appendages as further coordinates."""
+        nv = self.mass.shape[0]
+        size = nv + sum(model.modes for model in models)
+        mass, damping, stiffness = np.eye(size), np.zeros((size, size)), np.zeros((size, size))
+        mass[:nv, :nv], damping[:nv, :nv], stiffness[:nv, :nv] = self.mass, self.damping, self.stiffness
+        start = nv
+        for model, root in zip(map(damped, models), roots, strict=True):
+            mine = slice(start, start + model.modes)
+            mass[:nv, :nv] += root.T @ model.rigid_mass @ root
+            mass[mine, :nv] = model.participation @ root
+            mass[:nv, mine] = mass[mine, :nv].T
+            stiffness[mine, mine] = np.diag(model.frequencies**2)
+            damping[mine, mine] = np.diag(2.0 * model.damping * model.frequencies)
+            start += model.modes
+        return Matrices(mass, damping, stiffness, np.hstack([self.base, np.zeros((6, size - nv))]))
+
+    def comparable(self, carried: Sequence[Carried], old: Sequence[int], extra: Array) -> "Matrices":
+        """The same with the damping of the exact answer: `extra` in the `old` freedoms, and that of undamped modes."""
+        damping = self.damping.copy()
+        damping[np.ix_(old, old)] += extra
         for item in carried:
-            own = np.moveaxis(damped(item.whole).D(omega), -1, 0)
-            dynamic = dynamic + item.mount.jacobian.T @ own @ item.mount.jacobian
-        drive = np.broadcast_to(self.motion.T, (omega.size, *self.motion.T.shape))
-        return np.moveaxis(self.motion @ np.linalg.solve(dynamic, drive), 0, -1)
+            if not np.any(item.whole.damping > 0.0) and item.dofs:  # the ratio that undamped cantilever modes are given
+                mine = np.ix_(item.dofs, item.dofs)
+                values, shapes = eigh(self.stiffness[mine], self.mass[mine])
+                push = self.mass[mine] @ shapes
+                damping[mine] += push @ np.diag(2.0 * DEFAULT_RATIO * np.sqrt(np.clip(values, 0.0, None))) @ push.T
+        return replace(self, damping=damping)
+
+
+def accelerance(dynamic: Response, base: Array) -> Response:
+    """`(k, m, m)` acceleration of the base body per wrench on it, in motions `base` `(m, nv)`."""
+    drive = np.broadcast_to(base.T, (dynamic.shape[0], *base.T.shape))
+    return base @ np.linalg.solve(dynamic, drive)
+
+
+def motion(model: "mujoco.MjModel", data: "mujoco.MjData", body: int, origin: Array, axes: Array) -> Array:
+    """`(6, nv)` motion of a frame on a body, in the frame's axes (columns of `axes`)."""
+    translation, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    mujoco.mj_jac(model, data, translation, rotation, origin, body)
+    return np.vstack([axes.T @ translation, axes.T @ rotation])
 
 
 def quiet(model: "mujoco.MjModel") -> "mujoco.MjModel":
@@ -163,42 +204,41 @@ def prove(
     carried: Sequence[Carried],
     asked: float | None = None,
     wanted: Sequence[int] = tuple(range(6)),
-    points: int = 400,
 ) -> Assembly:
-    """Compare the MuJoCo model with the exact assembly.
+    """Compare the MuJoCo model with the exact assembly of the bare `craft` and what it carries.
 
-    Args:
-        craft: the bare spacecraft.
-        model: the spacecraft with its chains.
-        carried: the appendages.
-        asked: frequencies that matter end here [rad/s]; None: where the kept modes end.
-        wanted: motions of the hub that matter (0 to 5).
-        points: of the even part of the frequency grid.
+    `asked`: frequencies that matter end here [rad/s], else where the kept modes end; `wanted`: motions of the hub that
+    matter (0 to 5).
     """
     craft, model = quiet(craft), quiet(model)
     hub = int(craft.body_rootid[carried[0].mount.body])
     name = craft.body(hub).name or f"body {hub}"
     new = {dof for item in carried for dof in item.dofs}
     old = [i for i in range(model.nv) if i not in new]
-    alone = _craft(craft, hub)
-    exact = _exact(alone, carried)
-    ours = _ours(craft, model, hub, old, carried)
+    wholes, roots = [item.whole for item in carried], [item.mount.jacobian for item in carried]
+    bare = _matrices(craft, hub)
+    alone = replace(bare, damping=craft_damping(bare.damping, bare.stiffness, bare.mass))
+    exact = alone.coupled(wholes, roots)
+    there = int(model.body(craft.body(hub).name).id) if craft.body(hub).name else hub
+    ours = _matrices(model, there).comparable(carried, old, alone.damping - bare.damping)
     first = min(w for item in carried for w in item.band.values())
     band = asked or max(w for item in carried for w in item.band.values())
     common = asked or first
-    exact_modes, ours_modes = exact.modes(first), ours.modes(first)
-    rigid = _rigid(craft, hub, carried)
+    exact_modes, ours_modes = exact.slow_modes(first), ours.slow_modes(first)
+    frozen = sum((root.T @ whole.rigid_mass @ root for whole, root in zip(wholes, roots, strict=True)), bare.mass)
+    rigid = bare.base @ np.linalg.solve(frozen, bare.base.T)  # accelerance of the hub with every appendage frozen
     words = _words(exact, exact_modes[1], carried, rigid)
     modes = _matched(exact, exact_modes, carried, ours_modes[0], ours_modes[1][old], band, words)
     peaks = np.concatenate([exact_modes[0], ours_modes[0]])
     peaks = peaks[peaks < 1.3 * band]
     width = 1.0 + DEFAULT_RATIO * np.concatenate([-np.geomspace(0.02, 40.0, 25), [0.0], np.geomspace(0.02, 40.0, 25)])
-    grid = np.concatenate([np.geomspace(0.02 * common, 1.3 * band, points), np.outer(peaks, width).ravel()])
+    grid = np.concatenate([np.geomspace(0.02 * common, 1.3 * band, POINTS), np.outer(peaks, width).ravel()])
     omega = np.unique(grid[grid > 0.0])
     able = [int(i) for i in np.flatnonzero(np.diag(rigid) > 1e-9 * np.diag(rigid).max())]
     motions = tuple(i for i in able if i in wanted) or tuple(able)
     pick = np.ix_(motions, motions)
-    ha, hb = ours.accelerance(omega)[pick], alone.accelerance(omega, carried)[pick]
+    both = accelerance(ours.dynamic(omega), ours.base), accelerance(alone.dynamic(omega, wholes, roots), alone.base)
+    ha, hb = (np.moveaxis(h, 0, -1)[pick] for h in both)
     rigid = rigid[pick]
     full = np.linalg.matrix_rank(rigid) == len(motions)
     scale = np.sqrt(np.diag(np.linalg.inv(rigid))) if full else 1.0 / np.sqrt(np.diag(rigid))
@@ -209,20 +249,12 @@ def prove(
     return Assembly(modes, band, common, omega, hb, ha, motions, error, float(error[inside].max()), name)
 
 
-def _jacobian(model: "mujoco.MjModel", body: int) -> Array:
-    """`(6, nv)` motion of a body's frame, in its own axes."""
-    data = rest(model)
-    translation, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-    mujoco.mj_jac(model, data, translation, rotation, data.xpos[body], body)
-    axes = data.xmat[body].reshape(3, 3)
-    return np.vstack([axes.T @ translation, axes.T @ rotation])
-
-
-def _matrices(model: "mujoco.MjModel") -> tuple[Array, Array, Array]:
-    """Mass, damping and stiffness at rest, the latter two from A of `mjd_transitionFD`."""
-    mass, linear = mass_matrix(model), linearise(model)
+def _matrices(model: "mujoco.MjModel", body: int) -> Matrices:
+    """A model at rest, damping and stiffness from A of `mjd_transitionFD`, with the motion of `body`."""
+    mass, linear, data = mass_matrix(model), linearise(model), rest(model)
     stiffness = mass @ linear.stiffness
-    return mass, mass @ linear.damping, (stiffness + stiffness.T) / 2.0
+    base = motion(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
+    return Matrices(mass, mass @ linear.damping, (stiffness + stiffness.T) / 2.0, base)
 
 
 def craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
@@ -235,64 +267,11 @@ def craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
     return push @ np.diag(2.0 * DEFAULT_RATIO * np.sqrt(values[moving])) @ push.T
 
 
-def _craft(craft: "mujoco.MjModel", hub: int) -> _System:
-    """The bare spacecraft."""
-    mass, damping, stiffness = _matrices(craft)
-    return _System(mass, craft_damping(damping, stiffness, mass), stiffness, _jacobian(craft, hub))
-
-
-def _exact(craft: _System, carried: Sequence[Carried]) -> _System:
-    """The spacecraft and all cantilever modes of its beams, undamped: for the coupled modes."""
-    nv = craft.mass.shape[0]
-    total = nv + sum(item.whole.modes for item in carried)
-    m, k = np.eye(total), np.zeros((total, total))
-    m[:nv, :nv], k[:nv, :nv] = craft.mass, craft.stiffness
-    start = nv
-    for item in carried:
-        jacobian, whole = item.mount.jacobian, item.whole
-        mine = slice(start, start + whole.modes)
-        m[:nv, :nv] += jacobian.T @ whole.rigid_mass @ jacobian
-        m[mine, :nv] = whole.participation @ jacobian
-        m[:nv, mine] = m[mine, :nv].T
-        k[mine, mine] = np.diag(whole.frequencies**2)
-        start += whole.modes
-    return _System(m, np.zeros_like(m), k, np.hstack([craft.motion, np.zeros((6, total - nv))]))
-
-
-def _ours(
-    craft: "mujoco.MjModel", model: "mujoco.MjModel", hub: int, old: list[int], carried: Sequence[Carried]
-) -> _System:
-    mass, damping, stiffness = _matrices(model)
-    own_mass, own_damping, own_stiffness = _matrices(craft)
-    extra = craft_damping(own_damping, own_stiffness, own_mass) - own_damping
-    damping[np.ix_(old, old)] += extra
-    for item in carried:
-        if not np.any(item.whole.damping > 0.0) and item.dofs:  # the ratio that undamped cantilever modes are given
-            mine = np.ix_(item.dofs, item.dofs)
-            values, shapes = eigh(stiffness[mine], mass[mine])
-            push = mass[mine] @ shapes
-            damping[mine] += push @ np.diag(2.0 * DEFAULT_RATIO * np.sqrt(np.clip(values, 0.0, None))) @ push.T
-    name = craft.body(hub).name
-    body = model.body(name).id if name else hub
-    return _System(mass, damping, stiffness, _jacobian(model, int(body)))
-
-
-def _rigid(craft: "mujoco.MjModel", hub: int, carried: Sequence[Carried]) -> Array:
-    """`(6, 6)` accelerance of the hub with every appendage frozen."""
-    mass = mass_matrix(craft)
-    for item in carried:
-        mass += item.mount.jacobian.T @ item.whole.rigid_mass @ item.mount.jacobian
-    motion = _jacobian(craft, hub)
-    return motion @ np.linalg.solve(mass, motion.T)
-
-
-def _words(exact: _System, shapes: Array, carried: Sequence[Carried], rigid: Array) -> list[str]:
+def _words(exact: Matrices, shapes: Array, carried: Sequence[Carried], rigid: Array) -> list[str]:
     """What moves in each exact mode; `rigid` `(6, 6)`: accelerance of the base body, every appendage frozen."""
     nv = shapes.shape[0] - sum(item.whole.modes for item in carried)
     ends = nv + np.cumsum([item.whole.modes for item in carried])
-    bus = np.sqrt(np.diag(np.linalg.pinv(rigid, rcond=RANK, hermitian=True)).clip(0.0))[:, None] * (
-        exact.motion @ shapes
-    )
+    bus = np.sqrt(np.diag(np.linalg.pinv(rigid, rcond=RANK, hermitian=True)).clip(0.0))[:, None] * (exact.base @ shapes)
     own = np.einsum("ik,ij,jk->k", shapes[:nv], exact.stiffness[:nv, :nv], shapes[:nv])
     return [
         mode_words(
@@ -304,7 +283,7 @@ def _words(exact: _System, shapes: Array, carried: Sequence[Carried], rigid: Arr
 
 
 def _matched(
-    exact: _System,
+    exact: Matrices,
     exact_modes: tuple[Array, Array],
     carried: Sequence[Carried],
     ours: Array,
@@ -314,13 +293,7 @@ def _matched(
 ) -> tuple[Mode, ...]:
     """Modes paired by frequency and by the direction in which they move the spacecraft, the kept ones first.
 
-    Args:
-        exact, exact_modes: the exact assembly.
-        carried: the appendages.
-        ours: `(n,)` MuJoCo's frequencies.
-        shapes: `(nv, n)` the spacecraft's part of MuJoCo's modes.
-        band: exact modes without a partner are listed up to here.
-        words: what moves in each exact mode.
+    `ours` `(n,)`, `shapes` `(nv, n)`: MuJoCo's, the spacecraft's part; exact modes alone are listed up to `band`.
     """
     frequencies, whole = exact_modes
     nv = shapes.shape[0]
@@ -347,3 +320,51 @@ def _matched(
     ]
     modes += [Mode(None, float(w), False) for i, w in enumerate(ours) if i not in pairs.values()]
     return tuple(sorted(modes, key=lambda mode: mode.mujoco or mode.exact or 0.0))
+
+
+def mode_words(
+    names: Sequence[str],
+    models: Sequence[PortModel],
+    axes: Sequence[Array],
+    coordinates: Sequence[Array],
+    own_energy: float,
+    bus: Array,
+) -> str:
+    """One coupled mode in words, such as "left and right opposed, bending xz; bus about y".
+
+    Per appendage: name of its place, model in space, axes `(3, 3)` of its root in the world (columns), and modal
+    `coordinates` `(n,)` in the mass-normalised mode. `own_energy`: twice the strain energy in the spacecraft's own
+    springs; `bus` `(6,)`: motion of the base body times the square root of the inertia that it feels.
+    """
+    energies = [float(np.sum((m.frequencies * q) ** 2)) for m, q in zip(models, coordinates, strict=True)]
+    total = max(sum(energies) + own_energy, 1e-300)
+    moving = [i for i, energy in enumerate(energies) if energy > SHARE * total]
+    parts: list[str] = []
+    if moving:
+        phase = _phase([axes[i] @ models[i].participation[:, :3].T @ coordinates[i] for i in moving])
+        first = max(moving, key=lambda i: energies[i])
+        port = WORDS[_port(models[first], coordinates[first])]
+        parts.append(f"{' and '.join(names[i] for i in moving)}{phase}, {port}")
+    if own_energy > SHARE * total:
+        parts.append("springs of the spacecraft")
+    k = int(np.argmax(np.abs(bus)))
+    parts.append(f"bus {AXIS[k]}" if float(np.sum(bus**2)) > STILL else "bus still")
+    return "; ".join(parts)
+
+
+def _phase(momenta: Sequence[Array]) -> str:
+    """Whether two appendages move the same way."""
+    if len(momenta) != 2:
+        return ""
+    a, b = momenta
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    cosine = float(a @ b) / size if size > 0.0 else 0.0
+    return " in phase" if cosine > ALONG else " opposed" if cosine < -ALONG else ""
+
+
+def _port(model: PortModel, coordinates: Array) -> str:
+    """The port in which the cantilever mode with the most strain energy participates most."""
+    k = int(np.argmax((model.frequencies * coordinates) ** 2))
+    scale = np.sqrt(np.where(np.diag(model.rigid_mass) > 0.0, np.diag(model.rigid_mass), np.inf))
+    row = model.participation[k] / scale
+    return max(PORTS, key=lambda port: float(np.sum((np.abs(PORT_MOTION[port]).T @ np.abs(row)) ** 2)))

@@ -99,9 +99,9 @@ def layout_of(original: Craft, appendages: Sequence[Appendage], craft: "mujoco.M
     qpos: list[int | None] = [None] * model.nq
     qvel: list[int | None] = [None] * model.nv
     for was, now in enumerate(old):
-        positions, velocities = sizes[int(craft.jnt_type[was])]
-        for i in range(positions):
-            qpos[int(model.jnt_qposadr[now]) + i] = int(craft.jnt_qposadr[was]) + i
-        for i in range(velocities):
-            qvel[int(model.jnt_dofadr[now]) + i] = int(craft.jnt_dofadr[was]) + i
+        for place, key, size in zip(
+            (qpos, qvel), ("jnt_qposadr", "jnt_dofadr"), sizes[int(craft.jnt_type[was])], strict=True
+        ):
+            new, own = int(getattr(model, key)[now]), int(getattr(craft, key)[was])
+            place[new : new + size] = range(own, own + size)
     return {"qpos": qpos, "qvel": qvel, "rest": [float(v) for v in model.qpos0]}

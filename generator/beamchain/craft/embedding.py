@@ -11,15 +11,7 @@ from lxml import etree
 
 from beamchain.checks import one_of
 from beamchain.checks import whole_number as checked_int
-from beamchain.craft.appendage import (
-    PROBE,
-    Appendage,
-    check_names,
-    driven_too_far,
-    judged,
-    lightest,
-    moved_by_load,
-)
+from beamchain.craft.appendage import PROBE, Appendage, check_names, driven_too_far, judged, lightest, moved_by_load
 from beamchain.craft.documents import compiled, layout_of, read_bare
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.fits import Fits, fit_all
@@ -32,7 +24,7 @@ from beamchain.engine.linearise import compile_model
 from beamchain.errors import EngineError, InputError
 from beamchain.fitting.fit import as_spec
 from beamchain.fitting.result import Fit
-from beamchain.fitting.spec import Spec, read_spec
+from beamchain.fitting.spec import Spec
 from beamchain.mjcf import compatibility, insert, write
 from beamchain.mjcf.craft import Craft, relocate
 from beamchain.mjcf.place import find_target, split
@@ -101,15 +93,12 @@ def embed(
     ready: dict[str, Fit] = {}
     held: dict[str, ModalData] = {}
     most = checked_int("max_modes", max_modes, 0, 1000)
-    for i, (name, spec) in enumerate(at.items()):
-        made = spec if isinstance(spec, Fit) else None
-        if isinstance(spec, ModalData):
-            held[name] = with_length(spec, None)
-        if isinstance(spec, Fit):
-            if spec.space is not None:
-                held[name] = spec.space.data
-            spec = spec.spec
-        spec = read_spec(spec) if isinstance(spec, str | Path) else as_spec(spec)
+    for i, (name, one) in enumerate(at.items()):
+        made = one if isinstance(one, Fit) else None
+        data = made.space.data if made is not None and made.space is not None else one
+        if isinstance(data, ModalData):
+            held[name] = with_length(data, None)
+        spec = one.spec if isinstance(one, Fit) else as_spec(one)
         prefix = given[i] if given else ""
         if given:
             insert.check_prefix(prefix)
@@ -146,17 +135,9 @@ def _prefixed(before: dict[str, tuple[Spec, str]], wanted: dict[str, tuple[Spec,
 
 
 def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
-    """The spacecraft without its appendages, or without those at some places.
+    """The original document that `embed` was given, or its result without the appendages `at` some places.
 
-    Args:
-        craft: path or text of a file that `embed` wrote.
-        at: places whose appendages are removed; all if empty.
-
-    Returns:
-        The original document, or the result of `embed` if some appendages remain.
-
-    Raises:
-        InputError: there is no such appendage.
+    `craft`: path or text of a file that `embed` wrote.
     """
     original, before, form = read_bare(craft)
     missing = [name for name in at if name not in before]
@@ -171,14 +152,9 @@ def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
 
 # -- into a document -------------------------------------------------------------------------------------------------
 def _embed_in_document(
-    original: Craft,
-    wanted: dict[str, tuple[Spec, str]],
-    form: str,
-    retime: bool | None = None,
-    most: int = MOST_MODES,
-    fits: "Fits | None" = None,
-    rigid: bool = False,
-) -> Embedded:
+    original: Craft, wanted: dict[str, tuple[Spec, str]], form: str, retime: bool | None = None,
+    most: int = MOST_MODES, fits: "Fits | None" = None, rigid: bool = False,
+) -> Embedded:  # fmt: skip
     # an empty body at every place: a hub whose frame MuJoCo would move while it carries nothing stays where it is
     probe = relocate(original, None)
     targets = {name: find_target(probe, name) for name in wanted}
@@ -201,12 +177,7 @@ def _embed_in_document(
 
 # -- into an MjSpec --------------------------------------------------------------------------------------------------
 def _embed_in_spec(
-    spec: "mujoco.MjSpec",
-    wanted: dict[str, tuple[Spec, str]],
-    retime: bool | None,
-    most: int,
-    fits: "Fits",
-    rigid: bool,
+    spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]], retime: bool | None, most: int, fits: Fits, rigid: bool
 ) -> Embedded:
     places: dict[str, tuple[str, str]] = {}
     probe = spec.copy()
@@ -253,12 +224,7 @@ def _proved(
 ) -> "tuple[tuple[Appendage, ...], mujoco.MjModel, list[str]]":
     """The appendages exact in time where that is worth it, the model with them, and what is to be said of it.
 
-    Args:
-        craft: the bare spacecraft.
-        appendages: fitted.
-        build: compiles the spacecraft with appendages.
-        retime: the user's word; None: where the step's error matters.
-        found: in the spacecraft's document that would spoil appendages.
+    `build` compiles the spacecraft with appendages; `found`: what in its document would spoil them.
     """
     model = build(appendages)
     if any(a.rigid for a in appendages):

@@ -7,7 +7,7 @@ Theory: docs/theory.md, section 6.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from beamchain.craft.assembly import Carried, Mode, craft_damping, quiet
+from beamchain.craft.assembly import Carried, Matrices, Mode, accelerance, craft_damping, motion, quiet
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import dense_mass
 from beamchain.errors import InputError
-from beamchain.ports.compare import DEFAULT_RATIO, damped, grid_of, relative
+from beamchain.ports.compare import grid_of, relative
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 
@@ -46,36 +46,22 @@ class CraftError:
     body: str
 
 
-@dataclass(frozen=True, eq=False)
-class Matrices:
-    """A model at a pose, at rest: `M q'' + D q' + K q = f`, and the base body's motion `(6, nv)` in its own axes."""
-
-    mass: Array
-    damping: Array
-    stiffness: Array
-    base: Array
-
-    @cached_property
-    def modes(self) -> tuple[Array, Array]:
-        """Peaks `(n, 2)`: frequency [rad/s] and damping ratio; and their shapes `(nv, n)`."""
-        return _modes(self.mass, self.damping, self.stiffness)
-
-    def peaks(self) -> Array:
-        """Peaks `(k, 2)` with the base free, and with its own joints held."""
-        held = np.abs(self.base).max(axis=0, initial=0.0) <= 0.0
-        parts = [self.modes[0]]
-        if np.any(held):
-            pick = np.ix_(held, held)
-            parts.append(_modes(self.mass[pick], self.damping[pick], self.stiffness[pick])[0])
-        return np.vstack(parts)
+def peaks_of_craft(craft: Matrices) -> Array:
+    """Peaks `(k, 2)`, frequency [rad/s] and damping ratio, with the base free, and with its own joints held."""
+    held = np.abs(craft.base).max(axis=0, initial=0.0) <= 0.0
+    parts = [_modes(craft.mass, craft.damping, craft.stiffness)]
+    if np.any(held):
+        pick = np.ix_(held, held)
+        parts.append(_modes(craft.mass[pick], craft.damping[pick], craft.stiffness[pick]))
+    return np.vstack(parts)
 
 
-def _modes(mass: Array, damping: Array, stiffness: Array) -> tuple[Array, Array]:
+def _modes(mass: Array, damping: Array, stiffness: Array) -> Array:
     values, shapes = eigh(stiffness, mass)
     moving = values > 1e-12 * max(float(np.max(values, initial=0.0)), 1e-300)
     w, shapes = np.sqrt(values[moving]), shapes[:, moving]
     ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (2.0 * w)
-    return np.column_stack([w, np.clip(ratios, 0.0, 1.0)]), shapes
+    return np.column_stack([w, np.clip(ratios, 0.0, 1.0)])
 
 
 def matrices(model: "mujoco.MjModel", qpos: Array, body: int) -> Matrices:
@@ -102,13 +88,6 @@ def matrices(model: "mujoco.MjModel", qpos: Array, body: int) -> Matrices:
     return Matrices(dense_mass(model, data), (damping + damping.T) / 2.0, (stiffness + stiffness.T) / 2.0, base)
 
 
-def motion(model: "mujoco.MjModel", data: "mujoco.MjData", body: int, origin: Array, axes: Array) -> Array:
-    """`(6, nv)` motion of a frame on a body, in the frame's axes (columns of `axes`)."""
-    translation, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-    mujoco.mj_jac(model, data, translation, rotation, origin, body)
-    return np.vstack([axes.T @ translation, axes.T @ rotation])
-
-
 def base_body(model: "mujoco.MjModel", body: int) -> int:
     """The body that carries everything: the farthest out from `body` towards the world that still moves."""
     top = int(model.body_weldid[body])
@@ -126,14 +105,9 @@ def poses(model: "mujoco.MjModel") -> dict[str, Array]:
 
 
 class Pose:
-    """The bare craft at a pose, and the exact answer on it.
+    """The bare, quiet craft at a pose, and the exact answer on it.
 
-    Args:
-        craft: the bare spacecraft, quiet.
-        qpos: its positions.
-        carried: its appendages.
-        band: upper end [rad/s].
-        wanted: motions of the base body that count; those it cannot make are left out.
+    Motions of the base body that are `wanted` but that it cannot make are left out; `band`: upper end [rad/s].
     """
 
     def __init__(
@@ -141,9 +115,7 @@ class Pose:
     ) -> None:
         body = base_body(craft, carried[0].mount.body)
         own = matrices(craft, qpos, body)
-        self.own: Matrices = Matrices(
-            own.mass, craft_damping(own.damping, own.stiffness, own.mass), own.stiffness, own.base
-        )
+        self.own: Matrices = replace(own, damping=craft_damping(own.damping, own.stiffness, own.mass))
         self.extra: Array = self.own.damping - own.damping
         data = mujoco.MjData(craft)
         data.qpos[:] = qpos
@@ -169,34 +141,8 @@ class Pose:
 
     def response(self, models: Sequence[PortModel], omega: Array) -> NDArray[np.complex128]:
         """`(k, n, n)` dimensionless accelerance of the base body with these appendages."""
-        s = 1j * omega[:, None, None]
-        dynamic = self.own.mass + self.own.damping / s + self.own.stiffness / s**2
-        for model, jacobian in zip(models, self.jacobians, strict=True):
-            dynamic = dynamic + jacobian.T @ np.moveaxis(damped(model).D(omega), -1, 0) @ jacobian
-        return self._seen(dynamic, self.own.base)
-
-    def _seen(self, dynamic: NDArray[np.complex128], base: Array) -> NDArray[np.complex128]:
-        pick = list(self.motions)
-        drive = np.broadcast_to(base[pick].T, (dynamic.shape[0], base.shape[1], len(pick)))
-        return (base[pick] @ np.linalg.solve(dynamic, drive)) * self.scale
-
-    def coupled(self, models: Sequence[PortModel]) -> Matrices:
-        """The craft with these appendages."""
-        nv = self.own.mass.shape[0]
-        size = nv + sum(model.modes for model in models)
-        mass, damping, stiffness = np.eye(size), np.zeros((size, size)), np.zeros((size, size))
-        mass[:nv, :nv], damping[:nv, :nv], stiffness[:nv, :nv] = self.own.mass, self.own.damping, self.own.stiffness
-        start = nv
-        for model, jacobian in zip(models, self.jacobians, strict=True):
-            model = damped(model)
-            mine = slice(start, start + model.modes)
-            mass[:nv, :nv] += jacobian.T @ model.rigid_mass @ jacobian
-            mass[mine, :nv] = model.participation @ jacobian
-            mass[:nv, mine] = mass[mine, :nv].T
-            stiffness[mine, mine] = np.diag(model.frequencies**2)
-            damping[mine, mine] = np.diag(2.0 * model.damping * model.frequencies)
-            start += model.modes
-        return Matrices(mass, damping, stiffness, np.hstack([self.own.base, np.zeros((6, size - nv))]))
+        dynamic = self.own.dynamic(omega, models, self.jacobians)
+        return accelerance(dynamic, self.own.base[list(self.motions)]) * self.scale
 
     @cached_property
     def near(self) -> list[PortModel]:
@@ -206,31 +152,20 @@ class Pose:
     @cached_property
     def known(self) -> tuple[Array, Array, NDArray[np.complex128]]:
         """Peaks of the exact craft, a grid that resolves them, and the exact response there."""
-        peaks = self.coupled(self.near).peaks()
+        peaks = peaks_of_craft(self.own.coupled(self.near, self.jacobians))
         omega = grid_of([peaks], self.band)
         return peaks, omega, self.response([item.whole for item in self.carried], omega)
 
     def of_models(self, models: Sequence[PortModel]) -> float:
         """In-band error with `models` for appendages."""
-        peaks, omega, exact = self.known
-        del peaks
+        _, omega, exact = self.known
         return float(relative(self.response(models, omega), exact, self.frozen).max())
 
     def of_mujoco(self, model: "mujoco.MjModel", qpos: Array, body: int, old: Sequence[int]) -> float:
         """In-band error of the compiled `model` at `qpos`; `old`: the craft's own degrees of freedom in it."""
-        found = matrices(model, qpos, body)
-        damping = found.damping.copy()
-        damping[np.ix_(old, old)] += self.extra
-        for item in self.carried:
-            if not np.any(item.whole.damping > 0.0) and item.dofs:  # the ratio that undamped cantilever modes are given
-                mine = np.ix_(item.dofs, item.dofs)
-                values, shapes = eigh(found.stiffness[mine], found.mass[mine])
-                push = found.mass[mine] @ shapes
-                damping[mine] += push @ np.diag(2.0 * DEFAULT_RATIO * np.sqrt(np.clip(values, 0.0, None))) @ push.T
-        ours = Matrices(found.mass, damping, found.stiffness, found.base)
-        omega = grid_of([self.known[0], ours.peaks()], self.band)
-        s = 1j * omega[:, None, None]
-        achieved = self._seen(ours.mass + ours.damping / s + ours.stiffness / s**2, ours.base)
+        ours = matrices(model, qpos, body).comparable(self.carried, old, self.extra)
+        omega = grid_of([self.known[0], peaks_of_craft(ours)], self.band)
+        achieved = accelerance(ours.dynamic(omega), ours.base[list(self.motions)]) * self.scale
         exact = self.response([item.whole for item in self.carried], omega)
         return float(relative(achieved, exact, self.frozen).max())
 
@@ -238,19 +173,17 @@ class Pose:
 def modes_at(
     craft: "mujoco.MjModel", model: "mujoco.MjModel", carried: Sequence[Carried], band: float, key: str
 ) -> tuple[Mode, ...]:
-    """Coupled modes up to `band` [rad/s] at a keyframe: exact, and MuJoCo's that is nearest in frequency.
-
-    Raises:
-        InputError: there is no such keyframe.
-    """
+    """Coupled modes up to `band` [rad/s] at a keyframe: exact, and MuJoCo's that is nearest in frequency."""
     craft, model = quiet(craft), quiet(model)
     known = poses(craft)
     if key not in known:
         raise InputError(f"keyframe {key!r} is not in the spacecraft; choose from {', '.join(known)}.")
     pose = Pose(craft, known[key], carried, band, range(6))
-    exact = pose.coupled([item.whole for item in carried]).modes[0][:, 0]
+    whole = pose.own.coupled([item.whole for item in carried], pose.jacobians)
+    exact = _modes(whole.mass, whole.damping, whole.stiffness)[:, 0]
     body = base_body(model, int(model.body(craft.body(base_body(craft, carried[0].mount.body)).name).id))
-    ours = matrices(model, poses(model)[key], body).modes[0][:, 0]
+    found = matrices(model, poses(model)[key], body)
+    ours = _modes(found.mass, found.damping, found.stiffness)[:, 0]
     exact = np.sort(exact[exact <= band])
     first, second = linear_sum_assignment(np.abs(np.log(exact[:, None] / ours[None, :])))
     pairs = dict(zip(first.tolist(), second.tolist(), strict=True))
@@ -282,14 +215,7 @@ def craft_poses(
 def craft_error(
     craft: "mujoco.MjModel", model: "mujoco.MjModel", carried: Sequence[Carried], found: Mapping[str, list[Pose]]
 ) -> CraftError:
-    """The craft's promise as the compiled model keeps it.
-
-    Args:
-        craft: the bare spacecraft.
-        model: the spacecraft with its appendages.
-        carried: the appendages, all their degrees of freedom known.
-        found: from `craft_poses`.
-    """
+    """The craft's promise as the compiled model keeps it, against what `craft_poses` found."""
     model = quiet(model)
     new = {dof for item in carried for dof in item.dofs}
     old = [i for i in range(model.nv) if i not in new]

@@ -1,6 +1,6 @@
 """Every appendage of a spacecraft fitted to the hub that it meets, with the modes that the promise needs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import cast
 
 import msgspec
@@ -15,9 +15,9 @@ from beamchain.engine.library import mujoco, one_thread
 from beamchain.fitting.fit import fit_spec
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import Root, Target
-from beamchain.fitting.plausibility import doubtful
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
+from beamchain.fitting.warnings import doubtful, rigid_plane
 from beamchain.structure.modal_data import ModalData
 
 SAME_HUB = 1e-12  # relative: hubs that are one
@@ -46,39 +46,7 @@ def fit_all(
         size = np.sqrt(np.diag(behind[name]))
         if np.max(np.abs(felt[name] - behind[name]) / np.outer(size, size)) > RIGID:
             hub = msgspec.structs.replace(hub, apparent=tuple(tuple(float(v) for v in row) for row in felt[name]))
-        for joint in place.joints:
-            taken = "locked, since a spring holds it" if joint.sprung else "free, since no spring holds it"
-            if not joint.own:
-                text = (
-                    f"{name}: stands behind the {joint.words}; {hub.mass:.6g} kg are rigidly "
-                    f"behind its root. The fit takes that joint as {taken}."
-                )
-                warnings.append(Caution("joints-behind", text))
-        held = place.held(spec.kept)
-        if held:
-            text = (
-                f"{name}: the spacecraft's joints hold port {', '.join(held)}, wholly or in part; what they hold counts "
-                "as infinitely heavy."
-            )
-            warnings.append(Caution("held-ports", text))
-        warnings += [
-            Caution(
-                "rigid-plane",
-                f"{name}: {port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, "
-                f"{port} = 0 says that it shall be rigid.",
-            )
-            for port in spec.unsaid
-            if not place.held([port])
-        ]
-        given = spec.root.hub
-        if given is not None and not np.allclose(
-            given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=1e-9 * hub.mass
-        ):
-            text = (
-                f"{name}: the hub of the spec ({_words(given)}) is not what the spacecraft has behind the root "
-                f"({_words(hub)}), which was used instead."
-            )
-            warnings.append(Caution("other-hub", text))
+        warnings += _notes(name, spec, place, hub)
         result = fits.ready.get(name)
         if result is None or not _same_hub(result, hub):
             result = fits(name, spec, Root(target=spec.root.target, hub=hub))
@@ -94,20 +62,44 @@ def fit_all(
     for a in appendages:
         if not a.fit.status.ok:
             warnings.append(Caution("fit-missed", f"{a.at}: {a.fit.status.message}"))
-        if a.spec.damping is not None and a.spec.damping.form == "hinge":
-            # tendons are judged by the craft's own integrator
-            warnings += [said_of(a.at, warning) for warning in a.fit.cautions]
-        else:
-            warnings += [said_of(a.at, warning) for warning in doubtful(a.spec.segment, a.spec.damping, a.fit.target)]
+        hinged = a.spec.damping is not None and a.spec.damping.form == "hinge"  # the craft's integrator judges tendons
+        found = a.fit.cautions if hinged else doubtful(a.spec.segment, a.spec.damping, a.fit.target)
+        warnings += [said_of(a.at, warning) for warning in found]
     return appendages, warnings, steps
+
+
+def _notes(name: str, spec: Spec, place: mounting.Mount, hub: Hub) -> Iterator[str]:
+    """What the spacecraft makes of an appendage that its spec does not say."""
+    for joint in place.joints:
+        taken = "locked, since a spring holds it" if joint.sprung else "free, since no spring holds it"
+        if not joint.own:
+            yield Caution(
+                "joints-behind",
+                f"{name}: stands behind the {joint.words}; {hub.mass:.6g} kg are rigidly "
+                f"behind its root. The fit takes that joint as {taken}.",
+            )
+    if held := place.held(spec.kept):
+        yield Caution(
+            "held-ports",
+            f"{name}: the spacecraft's joints hold port {', '.join(held)}, wholly or in part; what they hold counts "
+            "as infinitely heavy.",
+        )
+    for port in spec.unsaid:
+        if not place.held([port]):
+            yield Caution("rigid-plane", f"{name}: {rigid_plane(port)}.")
+    given, rounding = spec.root.hub, 1e-9 * hub.mass
+    if given is not None and not np.allclose(given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=rounding):
+        yield Caution(
+            "other-hub",
+            f"{name}: the hub of the spec ({_words(given)}) is not what the spacecraft has behind the root "
+            f"({_words(hub)}), which was used instead.",
+        )
 
 
 class Fits:
     """Fits that were made already: equal appendages on equal hubs are fitted once.
 
-    Args:
-        ready: fits that were handed over, by place.
-        held: imported modes that were handed over, by place, instead of being read from the spec's file.
+    `ready`: fits, `held`: imported modes that were handed over, by place.
     """
 
     def __init__(self, ready: Mapping[str, Fit] | None = None, held: Mapping[str, ModalData] | None = None) -> None:

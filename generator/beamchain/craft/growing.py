@@ -5,9 +5,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import msgspec
-import numpy as np
 
-from beamchain.craft.appendage import Appendage, carried
+from beamchain.craft.appendage import Appendage, carried, spatial
 from beamchain.errors import InputError
 from beamchain.fitting.fewest import weights
 from beamchain.fitting.hub import port_hub_mass
@@ -26,11 +25,7 @@ TRIED = 16  # modes of an imported appendage that are tried at a time: those tha
 def in_six(fit: Fit, changed: Mapping[str, PortModel] | None = None) -> PortModel:
     """A fit in six motions as MuJoCo has it; `changed`: other models of some ports, which must be independent."""
     if fit.space is not None and not changed:
-        live, model = list(fit.space.live), fit.space.achieved
-        rigid, rows = np.zeros((6, 6)), np.zeros((model.modes, 6))
-        rigid[np.ix_(live, live)], rows[:, live] = model.rigid_mass, model.participation
-        rigid += np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(fit.measured.rigid_mass)))
-        return PortModel(rigid, model.frequencies, rows, model.damping)
+        return spatial(fit, fit.space.achieved)
     return in_space({**fit.achieved, **(changed or {})}, fit.measured.rigid_mass)
 
 
@@ -43,9 +38,8 @@ def growing(a: Appendage) -> "Growing":
 
 def free_ports(spec: Spec) -> tuple[str, ...]:
     """Ports whose number of modes was not typed."""
-    if spec.fit.method != "exact" or (spec.modes is not None and not spec.chooses):
-        return ()
-    if spec.imported is not None and spec.imported.modes is not None:
+    typed = spec.modes is not None and not spec.chooses
+    if spec.fit.method != "exact" or typed or (spec.imported is not None and spec.imported.modes is not None):
         return ()
     given = {} if spec.modes is None else spec.modes.given()
     return tuple(port for port in PORTS if port not in given)
@@ -55,11 +49,7 @@ def free_ports(spec: Spec) -> tuple[str, ...]:
 class PerPort:
     """An appendage whose ports are independent: a beam, or imported modes that keep to their ports.
 
-    Args:
-        a: as it was fitted.
-        counts: modes per port.
-        changed: models of the ports that differ from the fit's.
-        last: port that the last mode was added to.
+    `changed`: models of the ports that differ from the fit's; `last`: port that the last mode was added to.
     """
 
     a: Appendage
@@ -112,9 +102,8 @@ class PerPort:
                 model = self.a.spec.with_ratios(port, model)
             else:
                 model = model.replaced(damping=full.damping[:count])
-            out[port] = replace(
-                self, counts={**self.counts, port: count}, changed={**self.changed, port: model}, last=port
-            )
+            counts, changed = {**self.counts, port: count}, {**self.changed, port: model}
+            out[port] = replace(self, counts=counts, changed=changed, last=port)
         return out
 
     def alone(self, key: str) -> PortModel:
@@ -147,13 +136,7 @@ class PerPort:
 
 @dataclass(frozen=True, eq=False)
 class Coupled:
-    """Imported modes that move in several ports at once, kept by their numbers.
-
-    Args:
-        a: as it was fitted.
-        numbers: of the modes in the file, from 1.
-        last: number of the mode that was added last.
-    """
+    """Imported modes that move in several ports at once, kept by their `numbers` in the file; `last`: added last."""
 
     a: Appendage
     numbers: tuple[int, ...]
@@ -193,11 +176,7 @@ class Coupled:
         return msgspec.structs.replace(self.a.spec, imported=imported, modes=None)
 
     def further(self, band: float) -> dict[str, "Growing"]:
-        """By number, the same with one mode more: of those that move the hub most.
-
-        Args:
-            band: upper end of what is compared [rad/s].
-        """
+        """By number, the same with one mode more: of those that move the hub most up to `band` [rad/s]."""
         space, free = self.a.fit.space, free_ports(self.a.spec)
         if space is None or len(self.numbers) >= MOST_NAMED:
             return {}
@@ -215,9 +194,7 @@ class Coupled:
         return carried(None, [self.a])[0].whole
 
     def _only(self, numbers: "tuple[int, ...] | list[int]") -> PortModel:
-        pick = np.array(numbers, dtype=int) - 1
-        full = self._exact
-        return PortModel(full.rigid_mass, full.frequencies[pick], full.participation[pick], full.damping[pick])
+        return self._exact.picked([k - 1 for k in numbers])
 
 
 #: An appendage and the modes it would keep.

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from beamchain.caution import warnings_record
 from beamchain.engine.composite import Composite, composite
@@ -23,15 +24,9 @@ from beamchain.steps.retime import retime
 class Inspection:
     """What MuJoCo makes of a model about its rest pose.
 
-    Args:
-        composite: mass properties of every body that moves in the world, with all that hangs on it.
-        frequencies: `(n,)` of the oscillating modes [rad/s], with their `damping` ratios.
-        springs: name, stiffness, damping of every joint with a spring of its own.
-        tendons: name, stiffness, damping, armature of every sprung tendon.
-        limits: step limits, timing taken out.
-        made_for: the steps and integrators for which appendages are exact in time.
-        shown: the modes as the model's own step shows them; empty where nothing is exact in time.
-        warnings: where the model runs at another step than it was made for.
+    `composite`: of every body that moves in the world, with all that hangs on it; `frequencies` [rad/s] and `damping`
+    `(n,)` of the oscillating modes; `springs`, `tendons`: name, stiffness, damping (armature) of what has a spring;
+    `limits`: timing taken out; `shown`: the modes as the model's own step shows them, where anything is exact in time.
     """
 
     name: str
@@ -73,12 +68,7 @@ class Inspection:
 
 
 def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
-    """Inspect a model: path, MJCF text or compiled.
-
-    Raises:
-        InputError: there is no such file.
-        EngineError: MuJoCo refuses it, or it has no degree of freedom.
-    """
+    """Inspect a model: path, MJCF text or compiled."""
     model = compile_model(source)
     plain = copy.copy(model)
     made = [mark for mark in made_for(model) if mark is not None]
@@ -86,22 +76,22 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         retime(plain, 0.0)
     linear = linear_model(plain)
     frequencies, ratios = oscillations(linear.poles())
-    springs: list[tuple[str, float, float]] = []
-    for j in range(model.njnt):
-        stiffness = float(np.atleast_1d(model.jnt_stiffness[j])[0])
-        if stiffness > 0.0:
-            dof = int(model.jnt_dofadr[j])
-            springs.append(
-                (model.joint(j).name or f"joint {j}", stiffness, float(np.atleast_1d(model.dof_damping[dof])[0]))
-            )
-    tendons: list[tuple[str, float, float, float]] = []
-    for i in range(model.ntendon):
-        stiffness, damping, armature = (
-            float(np.atleast_1d(values[i])[0])
-            for values in (model.tendon_stiffness, model.tendon_damping, model.tendon_armature)
+    damping = np.asarray(model.dof_damping)[model.jnt_dofadr]
+    springs = [
+        (model.joint(j).name or f"joint {j}", stiffness, _first(damping[j]))
+        for j in range(model.njnt)
+        if (stiffness := _first(model.jnt_stiffness[j])) > 0.0
+    ]
+    tendons = [
+        (
+            model.tendon(i).name or f"tendon {i}",
+            stiffness,
+            _first(model.tendon_damping[i]),
+            float(model.tendon_armature[i]),
         )
-        if stiffness > 0.0:
-            tendons.append((model.tendon(i).name or f"tendon {i}", stiffness, damping, armature))
+        for i in range(model.ntendon)
+        if (stiffness := _first(model.tendon_stiffness[i])) > 0.0
+    ]
     return Inspection(
         name=model.names[: model.names.index(b"\0")].decode(),
         bodies=model.nbody - 1,
@@ -122,3 +112,8 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         shown=pole_rows(model) if made else [],
         warnings=mismatch(model),
     )
+
+
+def _first(value: ArrayLike) -> float:
+    """A stiffness or damping, of which newer versions of MuJoCo have further coefficients."""
+    return float(np.atleast_1d(value)[0])

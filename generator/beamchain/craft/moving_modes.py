@@ -13,14 +13,9 @@ SWING = 0.05  # of the size that MuJoCo gives the spacecraft: the largest displa
 
 
 class MovingMode(NamedTuple):
-    """One mode.
+    """One mode, named after the cantilever mode or joint with most of its strain energy; `omega` [rad/s].
 
-    Args:
-        name: that of the cantilever mode or joint that holds most of its strain energy.
-        omega: [rad/s].
-        positions: `(k, nq)` over one oscillation, from rest.
-        rest: `(nq,)`.
-        body: the spacecraft's.
+    `positions` `(k, nq)` over one oscillation, from rest; `body`: the spacecraft's.
     """
 
     name: str
@@ -31,11 +26,7 @@ class MovingMode(NamedTuple):
 
 
 def moving_modes(model: "mujoco.MjModel", count: int, frames: int, exaggerate: float = 1.0) -> list[MovingMode]:
-    """The first `count` coupled modes of a model at rest, in `frames` positions each, `exaggerate` times as large.
-
-    Raises:
-        InputError: the model has fewer modes, or nothing in it is held by a spring.
-    """
+    """The first `count` coupled modes of a model at rest, in `frames` positions each, `exaggerate` times as large."""
     craft = linear_craft(model, None, None, None, None)
     modes, rest = craft.modes, craft.point.qpos
     if count > modes.frequency.size:

@@ -9,7 +9,6 @@ from beamchain.craft.growing import Growing, growing, in_six
 from beamchain.engine.library import mujoco
 from beamchain.errors import RealisationError
 from beamchain.fitting.needs import AXES
-from beamchain.fitting.options import Scene
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
@@ -22,12 +21,9 @@ ROUNDS = 3  # of growing and fitting: what comes out may miss what was foreseen
 
 @dataclass(frozen=True)
 class Asked:
-    """What the scenes of all appendages ask of the craft together.
+    """What the scenes of all appendages ask of the craft together; None where no scene states a band.
 
-    Args:
-        band: the largest [rad/s]; None where no scene states one.
-        tolerance: the smallest; None where no scene states a band.
-        motions: union of the motions asked for (0 to 5), in the base body's axes; all where nothing is asked.
+    `band`: the largest [rad/s]; `tolerance`: the smallest; `motions`: union of those asked for, or all (0 to 5).
     """
 
     band: float | None
@@ -41,12 +37,7 @@ def asked(specs: Sequence[Spec]) -> Asked:
     if not scenes:
         return Asked(None, None, tuple(range(6)))
     motions = tuple(sorted({AXES[axis] for scene in scenes for axis in scene.axes}))
-    return Asked(max(_band(scene) for scene in scenes), min(scene.tolerance for scene in scenes), motions)
-
-
-def _band(scene: Scene) -> float:
-    assert scene.bandwidth is not None
-    return scene.bandwidth
+    return Asked(max(s.bandwidth or 0.0 for s in scenes), min(s.tolerance for s in scenes), motions)
 
 
 def kept_band(appendages: Sequence[Appendage]) -> float:
@@ -55,20 +46,11 @@ def kept_band(appendages: Sequence[Appendage]) -> float:
 
 
 def keep_promise(
-    craft: "mujoco.MjModel",
-    appendages: tuple[Appendage, ...],
-    most: int,
-    refit: Callable[[Appendage, Spec], Fit],
+    craft: "mujoco.MjModel", appendages: tuple[Appendage, ...], most: int, refit: Callable[[Appendage, Spec], Fit]
 ) -> tuple[tuple[Appendage, ...], tuple[str, ...]]:
-    """The appendages with as many modes as the craft's promise needs, and the steps taken.
+    """The appendages with as many modes as the craft's promise needs, and the steps taken; counts that were typed stay.
 
-    Counts that were typed stay.
-
-    Args:
-        craft: the bare spacecraft.
-        appendages: each fitted on its own hub.
-        most: modes of an appendage.
-        refit: fits an appendage anew with the modes that a spec asks for.
+    `most`: modes of an appendage; `refit` fits an appendage anew with the modes that a spec asks for.
     """
     want = asked([a.spec for a in appendages])
     if want.band is None or want.tolerance is None:
@@ -99,17 +81,11 @@ def keep_promise(
 
 
 def _grow(
-    poses: Mapping[str, Pose],
-    ours: Sequence[Growing],
-    tolerance: float,
-    most: int,
-    barred: set[int],
-    steps: list[str],
+    poses: Mapping[str, Pose], ours: Sequence[Growing], tolerance: float, most: int, barred: set[int], steps: list[str]
 ) -> list[Growing]:
     """The appendages with the modes with which their models keep the tolerance, or the best up to `most` each.
 
-    One mode at a time where it pays most; where none pays by itself, where its lack alone costs most. `steps` gets a line
-    each.
+    One mode at a time where it pays most; where none does, where its lack alone costs most. `steps` gets a line each.
     """
     ours = list(ours)
 

@@ -1,6 +1,6 @@
 """What in a compiled spacecraft spoils its appendages' motion: each with the figure and the cure."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,17 +15,11 @@ from beamchain.steps.budget import linear_model
 from beamchain.steps.limits import StepLimits
 
 DAMPS = 0.5  # numerical damping is worth a word from this share of the structure's own
-
-
 TENDON_DAMPING = "Euler treats the damping of tendons explicitly"
 
 
 def check_flags(model: "mujoco.MjModel") -> None:
-    """Refuse a model that switches its springs off.
-
-    Raises:
-        InputError: with the flag and the cure.
-    """
+    """Refuse a model that switches its springs off."""
     for name in ("PASSIVE", "SPRING", "DAMPER"):
         bit = getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", None)
         if bit is not None and int(model.opt.disableflags) & int(bit):
@@ -36,83 +30,61 @@ def check_flags(model: "mujoco.MjModel") -> None:
 
 
 def spoilers(
-    model: "mujoco.MjModel",
-    limits: StepLimits,
-    kept: ArrayLike,
-    zeta: float,
-    geoms: Sequence[int],
-) -> list[str]:
+    model: "mujoco.MjModel", limits: StepLimits, kept: ArrayLike, zeta: float, geoms: Sequence[int]
+) -> Iterator[str]:
     """Warnings about a compiled spacecraft with its appendages.
 
-    Args:
-        model: compiled.
-        limits: its largest steps.
-        kept: kept cantilever frequencies of the appendages [rad/s].
-        zeta: smallest damping ratio of the appendages; 0: undamped.
-        geoms: ids of the appendages' geoms.
+    `kept`: their cantilever frequencies [rad/s]; `zeta`: smallest damping ratio; `geoms`: ids of their geoms.
     """
-    out: list[str] = []
     option = model.opt
+    off = int(option.disableflags)
     gravity = np.asarray(option.gravity)
-    if np.any(gravity != 0.0) and not int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
-        out.append(
-            Caution(
-                "gravity",
-                f"gravity is {' '.join(f'{g:g}' for g in gravity)} m/s^2: it falls, and where it is held its appendages "
-                'bend; in orbit write <option gravity="0 0 0">.',
-            )
+    if np.any(gravity != 0.0) and not off & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+        yield Caution(
+            "gravity",
+            f"gravity is {' '.join(f'{g:g}' for g in gravity)} m/s^2: it falls, and where it is held its appendages "
+            'bend; in orbit write <option gravity="0 0 0">.',
         )
     if option.density > 0.0 or option.viscosity > 0.0:
-        out.append(
-            Caution(
-                "medium",
-                f"the medium (density {option.density:g}, viscosity {option.viscosity:g}) drags on the links as on all "
-                "bodies; in space set both to 0.",
-            )
+        yield Caution(
+            "medium",
+            f"the medium (density {option.density:g}, viscosity {option.viscosity:g}) drags on the links as on all "
+            "bodies; in space set both to 0.",
         )
     collide = [i for i in geoms if int(model.geom_contype[i]) or int(model.geom_conaffinity[i])]
-    if collide and not int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
-        out.append(
-            Caution(
-                "collisions",
-                f"{len(collide)} shapes of the appendages collide, and neighbouring links touch; leave scene.contacts off.",
-            )
+    if collide and not off & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
+        yield Caution(
+            "collisions",
+            f"{len(collide)} shapes of the appendages collide, and neighbouring links touch; leave scene.contacts off.",
         )
     if int(model.neq):
-        out.append(
-            Caution(
-                "equality",
-                f"{int(model.neq)} equality constraints of the spacecraft are left out of the proof of coupled modes.",
-            )
+        yield Caution(
+            "equality",
+            f"{int(model.neq)} equality constraints of the spacecraft are left out of the proof of coupled modes.",
         )
-    integrator = NUMBERS[int(option.integrator)]
-    step = float(option.timestep)
-    tendon = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0.0))
+    integrator, step = NUMBERS[int(option.integrator)], float(option.timestep)
     largest = limits.largest_step[integrator]
     if step > largest:
-        out.append(
-            Caution(
-                "unstable-step",
-                f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes unstable (fastest "
-                f"coupled mode {limits.omega_max:.5g} rad/s{_held_by(model)}); write "
-                f'<option timestep="{_round_down(0.5 * largest):g}">.',
-            )
+        yield Caution(
+            "unstable-step",
+            f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes unstable (fastest "
+            f"coupled mode {limits.omega_max:.5g} rad/s{_held_by(model)}); write "
+            f'<option timestep="{_round_down(0.5 * largest):g}">.',
         )
     if integrator == "discrete":
-        added = step * float(np.max(np.asarray(kept))) / 2.0
-        if added > DAMPS * max(zeta, 1e-3):
-            out.append(
-                Caution(
-                    "discrete-damping",
-                    f"the integrator discrete adds a damping ratio of {added:.2g} to the fastest kept mode at timestep "
-                    f"{step:g} s (the structure has {zeta:g}); take implicitfast, or a timestep below "
-                    f"{_round_down(DAMPS * max(zeta, 1e-3) * 2.0 / float(np.max(np.asarray(kept)))):g} s.",
-                )
+        fastest, own = float(np.max(np.asarray(kept))), DAMPS * max(zeta, 1e-3)
+        added = step * fastest / 2.0
+        if added > own:
+            yield Caution(
+                "discrete-damping",
+                f"the integrator discrete adds a damping ratio of {added:.2g} to the fastest kept mode at timestep "
+                f"{step:g} s (the structure has {zeta:g}); take implicitfast, or a timestep below "
+                f"{_round_down(own * 2.0 / fastest):g} s.",
             )
-    eulerdamp = int(option.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    tendon = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0.0))
+    eulerdamp = off & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     if integrator == "Euler" and (tendon or eulerdamp) and zeta > 0.0:
-        out.append(Caution("tendon-damping", f"{TENDON_DAMPING}, which shifts it by about w h; take implicitfast."))
-    return out
+        yield Caution("tendon-damping", f"{TENDON_DAMPING}, which shifts it by about w h; take implicitfast.")
 
 
 def _round_down(value: float) -> float:

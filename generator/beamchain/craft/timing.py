@@ -10,12 +10,12 @@ from beamchain.caution import Caution
 from beamchain.chain.tendons import springs_as_modes
 from beamchain.craft.appendage import Appendage
 from beamchain.craft.error import base_body
+from beamchain.engine.composite import composite
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import EngineError
 from beamchain.fitting.result import Fit
 from beamchain.fitting.warnings import turn_warning
-from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import made_for
 from beamchain.steps.poles import PoleRow, pole_rows
@@ -27,36 +27,21 @@ UNASKED = 1e-4  # the same where no scene states a tolerance
 
 
 def step_error(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> tuple[float, float]:
-    """Worst relative error of a pole that the model's own step makes, in the band asked for, and what is allowed.
+    """Worst relative error of a pole in the band asked for by the model's own step, and the largest that is left alone.
 
-    Args:
-        model: the spacecraft with its appendages, timing taken out.
-        appendages: what was embedded.
-
-    Returns:
-        the error, infinite where the step is unstable, and the largest that is left alone.
+    The error is infinite where the step is unstable; `model` is without timing.
     """
-    scenes = [a.fit.spec.scene for a in appendages if a.fit.spec.scene is not None]
-    asked = [scene for scene in scenes if scene.bandwidth is not None]
+    asked = [s for a in appendages if (s := a.fit.spec.scene) is not None and s.bandwidth is not None]
     band = max((float(scene.bandwidth or 0.0) for scene in asked), default=np.inf)
     allowed = SHARE * min((scene.tolerance for scene in asked), default=UNASKED / SHARE)
-    try:
-        rows = pole_rows(model)
-    except EngineError:
-        return 0.0, allowed
+    rows = _rows(model)
     if any(row.grows for row in rows):
         return float("inf"), allowed
     return max((row.error for row in rows if row.frequency <= band), default=0.0), allowed
 
 
 def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: bool | None) -> tuple[bool, str]:
-    """Whether the appendages are to be made exact in time, and the sentence that says why.
-
-    Args:
-        model: the spacecraft with its appendages, timing taken out.
-        appendages: what was embedded.
-        wanted: the user's word; None: decide by the step's error.
-    """
+    """Whether to make the appendages exact in time, and why; `wanted`: the user's word, None: by the step's error."""
     name = NUMBERS[int(model.opt.integrator)]
     step = f"{name} at {float(model.opt.timestep):g} s"
     scheme = SCHEMES[name]
@@ -71,8 +56,8 @@ def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: b
         text = f"{step} would be unstable: the modes beyond it are slowed."
         return (True, Caution("slowed-modes", text)) if grown else (False, "")
     if wanted or error > allowed:
-        own = "it would be unstable by itself" if error == float("inf") else f"its own error would be {error:.2g}"
-        why = "as asked" if wanted else own if error == float("inf") else f"{own}, above {allowed:.2g}"
+        own = f"its own error would be {error:.2g}, above {allowed:.2g}"
+        why = "as asked" if wanted else "it would be unstable by itself" if error == float("inf") else own
         text = (
             f"the appendages are exact in time for {step} ({why}); give actuators the mean of this and the last input "
             "(in Python bc.HeldInput)."
@@ -82,35 +67,16 @@ def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: b
 
 
 def turned(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
-    """What the step does to the rigid spacecraft at the rates that the scenes state, where that is above a tolerance.
-
-    Args:
-        model: the spacecraft with its appendages.
-        appendages: what was embedded.
-    """
+    """What the step does to the rigid spacecraft at the rates that scenes state, where that is above a tolerance."""
     name = NUMBERS[int(model.opt.integrator)]
     step, out = float(model.opt.timestep), list[str]()
     for a in appendages:
         scene = a.fit.spec.scene
         if scene is not None and scene.rates is not None:
             base = base_body(model, model.body(f"{a.prefix}link1").id)
-            error = turn_error(_inertia(model, base), scene.rates, step, name)
+            error = turn_error(composite(model, base).inertia, scene.rates, step, name)
             out += turn_warning(error, scene, name, step)
     return list(dict.fromkeys(out))
-
-
-def _inertia(model: "mujoco.MjModel", base: int) -> Array:
-    """`(3, 3)` inertia of a body and all it carries about their mass centre, in its axes, at rest [kg m^2]."""
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    total = np.zeros((3, 3))
-    for body in range(1, model.nbody):
-        if model.body_rootid[body] == model.body_rootid[base]:
-            frame, arm = data.ximat[body].reshape(3, 3), data.xipos[body] - data.subtree_com[base]
-            total += frame @ np.diag(model.body_inertia[body]) @ frame.T
-            total += model.body_mass[body] * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    axes = data.xmat[base].reshape(3, 3)
-    return np.asarray(axes.T @ total @ axes, dtype=np.float64)
 
 
 def _rows(model: "mujoco.MjModel") -> list[PoleRow]:
@@ -125,12 +91,11 @@ def on_tendons(fit: Fit) -> Fit:
     chain = fit.chain
     if chain.tendons and any(t.stiffness > 0.0 for t in chain.tendons):
         return fit
-    ratios = {port: chain.damped(port).damping * (not _joint_damped(fit, port)) for port in chain.ports}
+    ratios = {
+        port: chain.damped(port).damping * (not any(port in hinge.damping for hinge in chain.hinges))
+        for port in chain.ports
+    }
     return replace(fit, chain=springs_as_modes(chain, ratios))
-
-
-def _joint_damped(fit: Fit, port: str) -> bool:
-    return any(port in hinge.damping for hinge in fit.chain.hinges)
 
 
 def timed(model: "mujoco.MjModel") -> "tuple[mujoco.MjModel, list[str]]":

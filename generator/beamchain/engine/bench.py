@@ -122,7 +122,7 @@ def _direct(model: "mujoco.MjModel", linear: Linearisation, extra: Array, live: 
     own = port_of(signed, root, inner, extra)
     mass = own.rigid_mass
     scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
-    rows = into_planes(own.frequencies, own.participation, scale, near_groups(own.frequencies, TOGETHER)).participation
+    rows = into_planes(own.participation, scale, near_groups(own.frequencies, TOGETHER))[0] @ own.participation
     return PortModel(mass[np.ix_(live, live)], own.frequencies, rows[:, live], own.damping)
 
 
@@ -149,7 +149,7 @@ def _port(linear: Linearisation, extra: Array, live: list[int]) -> PortModel:
         rows[group[: values.size - top]] = (vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))).T[::-1]
     mass = apparent + rows.T @ rows - extra
     scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
-    rows = into_planes(w, rows, scale, groups).participation
+    rows = into_planes(rows, scale, groups)[0] @ rows
     return PortModel(mass[np.ix_(live, live)], w, rows[:, live], held.ratios)
 
 

@@ -22,14 +22,10 @@ REFERENCE_MODES = 40  # most modes of the whole beam that are converged for a sc
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What the chain shall keep.
+    """What the chain shall keep: modes per port that has any, for a target "clamped", "free" or "hub".
 
-    Args:
-        kept: modes per port, ports without modes left out.
-        target: "clamped", "free" or "hub".
-        reduce: model of (target, port, modes).
-        choice: how the scene decided; None where the spec states the modes.
-        promise: the in-band error in space, where the scene states a bandwidth.
+    `reduce`: model of (target, port, modes); `choice`: how the scene decided, None where the spec states the modes;
+    `promise`: the in-band error in space, where the scene states a bandwidth.
     """
 
     kept: dict[str, int]
@@ -84,9 +80,6 @@ def everything(spec: Spec) -> Spec:
 
     All cantilever modes up to three times the scene's bandwidth, one to five each and no fewer than the scene needs; of
     imported modes all.
-
-    Raises:
-        InputError: the scene states no bandwidth, so that nothing would be left out.
     """
     if not spec.chooses or spec.scene is None or spec.scene.bandwidth is None:
         raise InputError("nothing is left out without scene.bandwidth; give [scene] bandwidth, or state [modes].")
@@ -110,14 +103,7 @@ def further_columns(spec: Spec) -> tuple[int, ...]:
 
 
 def make_plan(spec: Spec, full: Mapping[str, PortModel], rigid_mass: Array, hub: Array | None) -> Plan:
-    """Decide what is kept.
-
-    Args:
-        spec: modes, root and scene.
-        full: per port, the whole beam.
-        rigid_mass: `(6, 6)` of the appendage about the root.
-        hub: `(6, 6)`; None: not known.
-    """
+    """Decide what is kept of `full`, the whole beam per port; `rigid_mass`, `hub` `(6, 6)` about the root."""
 
     columns = further_columns(spec)
 
@@ -159,11 +145,8 @@ def verdict(spec: Spec, status: Status, promise: float | None) -> Status:
     if promise <= tolerance:
         ok = status.ok or spec.chooses  # the promise is what a scene asks for, however it is kept
         return replace(status, ok=ok, message=f"{status.message} {said}, within the tolerance {tolerance:g}.")
-    return replace(
-        status,
-        ok=False,
-        message=f"{status.message} {said}, above the tolerance {tolerance:g}: the best model is written.",
-    )
+    said += f", above the tolerance {tolerance:g}: the best model is written."
+    return replace(status, ok=False, message=f"{status.message} {said}")
 
 
 def ledger(spec: Spec, choice: Choice | None, tendons: bool) -> tuple[LeftOut, ...]:
@@ -171,15 +154,11 @@ def ledger(spec: Spec, choice: Choice | None, tendons: bool) -> tuple[LeftOut, .
     scene = spec.scene
     if choice is None or scene is None:
         return ()
-    out = list(choice.left_out)
-    if not scene.visuals:
-        out.append(LeftOut("geoms", "scene.visuals = false", 0.0))
-    if not scene.contacts:
-        out.append(LeftOut("contacts", "scene.contacts = false: geoms are massless and touch nothing", 0.0))
-    if not scene.tip:
-        out.append(LeftOut("tip site", "scene.tip = false", 0.0))
-    if not tendons:
-        why = "the springs stand on the hinges"
-        why += ", no damping is wanted" if spec.damping is None else ", plain hinge damping keeps the tolerance"
-        out.append(LeftOut("modal tendons", why, 0.0))
-    return tuple(out)
+    why = "no damping is wanted" if spec.damping is None else "plain hinge damping keeps the tolerance"
+    rest = (
+        (scene.visuals, "geoms", "scene.visuals = false"),
+        (scene.contacts, "contacts", "scene.contacts = false: geoms are massless and touch nothing"),
+        (scene.tip, "tip site", "scene.tip = false"),
+        (tendons, "modal tendons", f"the springs stand on the hinges, {why}"),
+    )
+    return *choice.left_out, *(LeftOut(what, said, 0.0) for there, what, said in rest if not there)

@@ -1,7 +1,5 @@
 """The written appendage: its MJCF, and its timing."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from lxml.etree import _Element as Element
 
@@ -14,9 +12,6 @@ from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.retime import retime
 from beamchain.steps.retime_file import put_hinge_armature, put_time
 from beamchain.structure.mass_line import MassLine
-
-if TYPE_CHECKING:
-    pass
 
 
 def appendage_tree(spec: Spec, chain: Chain, line: MassLine) -> Element:
@@ -36,11 +31,7 @@ def appendage_tree(spec: Spec, chain: Chain, line: MassLine) -> Element:
 def put_timing(tree: Element, spec: Spec, *, sprung: bool, form: int) -> None:
     """Make a document with the appendage exact in time for the specification's step; unchanged where none is stated.
 
-    Args:
-        tree: the document.
-        spec: with step and integrator.
-        sprung: whether the modes stand on tendons.
-        form: 2: for any hub, 4: tuned for the hub that the document has.
+    `sprung`: the modes stand on tendons; `form`: 2: for any hub, 4: tuned for the hub that the document has.
     """
     step, integrator = spec.exact_step, spec.integrator
     if not step or integrator not in SCHEMES:

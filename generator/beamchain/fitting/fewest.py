@@ -1,5 +1,6 @@
 """The fewest modes a scene needs where modes move in several ports at once, proved against all of them in space."""
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -16,12 +17,7 @@ LISTED = 6  # modes left out whose cost is worked out each by itself; the rest s
 class SpacePromise:
     """The in-band error of some of the modes against all, on the hub in space, in the motions that matter.
 
-    Args:
-        full: all modes, with the motions `live`.
-        hub_mass: `(6, 6)`; None: the worst of three hubs.
-        live: motions of the root in which the appendage has inertia.
-        axes: names of the hub motions that matter.
-        bandwidth: [rad/s].
+    `full` holds the motions `live`, in which the appendage has inertia; without `hub_mass` `(6, 6)` the worst of three.
     """
 
     def __init__(
@@ -46,13 +42,7 @@ class SpacePromise:
         """In-band error with these modes only, numbers from 0."""
         key = tuple(sorted(modes))
         if key not in self._known:
-            pick = list(key)
-            self._known[key] = self.error(
-                self.full.replaced(
-                    frequencies=self.full.frequencies[pick], participation=self.full.participation[pick],
-                    damping=self.full.damping[pick], tip=None,
-                )
-            )  # fmt: skip
+            self._known[key] = self.error(self.full.picked(key))
         return self._known[key]
 
     def weights(self) -> Array:
@@ -62,13 +52,7 @@ class SpacePromise:
 
 
 def weights(full: PortModel, hub: Array, band: float) -> Array:
-    """`(n,)` how much each mode can move a hub inside the band, roughly.
-
-    Args:
-        full: all modes, damped.
-        hub: mass matrix in the same motions.
-        band: upper end [rad/s].
-    """
+    """`(n,)` how much each mode of a damped model can move a hub `(m, m)` in the `band` [rad/s], roughly."""
     scale = np.sqrt(np.diag(full.rigid_mass + hub))
     size = np.sum((full.participation / scale) ** 2, axis=1)
     ratio = np.minimum(band / full.frequencies, 1.0)
@@ -81,14 +65,9 @@ def fewest(
 ) -> tuple[tuple[int, ...], Choice]:
     """The modes to keep, numbers from 1, and how they were chosen.
 
-    Modes are taken in the order of their weight until the error stays within the tolerance; then the lightest are tried without.
-
-    Args:
-        promise: the error measure.
-        belongs: port of each mode: where its participation is largest.
-        tolerance: of the in-band error.
-        fixed: ports whose number the user decided: their first modes stay, the others go.
-        tip: the tip's motion matters: keep every mode inside the band.
+    Modes are taken in the order of their weight until the error stays within the tolerance; then the lightest are tried
+    without. `belongs`: port of each mode; of a `fixed` port the first modes stay, and the others go; `tip`: keep every
+    mode inside the band.
     """
     n = promise.full.modes
     own = {port: [k for k in range(n) if belongs[k] == port] for port in PORTS}
@@ -97,13 +76,8 @@ def fewest(
     if tip:
         held |= {k for k in range(n) if promise.full.frequencies[k] <= promise.bandwidth} - barred
     order = [int(k) for k in np.argsort(-promise.weights()) if k not in held | barred]
-    low, high = 0, len(order)
-    while low < high:  # the error falls with every mode but for trifles, which the trials afterwards find
-        middle = (low + high) // 2
-        if promise.of([*held, *order[:middle]]) <= tolerance:
-            high = middle
-        else:
-            low = middle + 1
+    # the error falls with every mode but for trifles, which the trials afterwards find
+    low = bisect_left(range(len(order)), True, key=lambda count: promise.of([*held, *order[:count]]) <= tolerance)
     kept = [*held, *order[:low]]
     for k in reversed(order[max(low - TRIED, 0) : low]):
         fewer = [j for j in kept if j != k]

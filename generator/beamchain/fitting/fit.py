@@ -11,10 +11,10 @@ import numpy as np
 from beamchain.caution import Caution
 from beamchain.chain.build import Built, Wishes, build_exact, with_real_polar
 from beamchain.chain.chain import Chain
-from beamchain.chain.compared import build_least_squares, build_recipe
 from beamchain.chain.cut import Cut
 from beamchain.chain.least_squares import TipBody
 from beamchain.chain.links import raised
+from beamchain.chain.rivals import build_least_squares, build_recipe
 from beamchain.chain.tendons import damped_modes, joint_damping
 from beamchain.engine.bench import measure, root_body
 from beamchain.engine.library import one_thread
@@ -23,12 +23,11 @@ from beamchain.fitting.choose import Plan, further_columns, make_plan, whole_bea
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import Hub, port_hub_mass
 from beamchain.fitting.options import Damping, FitOptions, Modes, Root, Scene, Target
-from beamchain.fitting.plausibility import doubtful
 from beamchain.fitting.proof import proved, step_limits
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import uncertain_from
-from beamchain.fitting.warnings import fit_warnings
+from beamchain.fitting.warnings import doubtful, fit_warnings
 from beamchain.mjcf.write import SMALLEST, check_hub
 from beamchain.ports.compare import coupling_error
 from beamchain.ports.compose import in_space
@@ -96,14 +95,7 @@ def fit(
 
 
 def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
-    """What `fit` does with a whole specification.
-
-    Args:
-        spec: what is asked for.
-        data: its imported modes; read from its file where left out.
-
-    Raises: as `fit`.
-    """
+    """What `fit` does with a whole specification; `data`: its imported modes, else read from its file."""
     with one_thread():
         if spec.imported is not None:
             from beamchain.fitting.imported import fit_imported  # which returns a Fit
@@ -131,14 +123,10 @@ def on_modes(spec: Spec, *, wanted: bool = False) -> Spec:
 
 
 def _with_integrator(spec: Spec, rigid: Array) -> Spec:
-    """The spec with the integrator that is chosen for `integrator = "auto"`.
+    """The spec with the integrator that "auto" means, for `rigid` `(6, 6)` of the appendage about its root.
 
     Euler, exact in time, if its error in the rotation of the rigid spacecraft at the scene's rates is within the
     tolerance; otherwise RK4.
-
-    Args:
-        spec: what was asked for.
-        rigid: `(6, 6)` of the appendage about its root.
     """
     scene = spec.scene
     if scene is None or scene.integrator != "auto":
@@ -155,14 +143,7 @@ def _with_integrator(spec: Spec, rigid: Array) -> Spec:
 
 
 def as_spec(appendage: Beam | Spec | ModalData | str | Path) -> Spec:
-    """The appendage given to `fit` or `embed`, as a specification.
-
-    Args:
-        appendage: a specification or its path, a beam, or imported modes.
-
-    Raises:
-        InputError: it is something else.
-    """
+    """The appendage given to `fit` or `embed`, as a specification."""
     if isinstance(appendage, str | Path):
         return read_spec(appendage)
     if isinstance(appendage, Spec):
@@ -222,18 +203,8 @@ def _fit(spec: Spec) -> Fit:
     )  # fmt: skip
 
 
-def build(
-    spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None, *, per_mode: bool = False,
-) -> Built:  # fmt: skip
-    """The chain of a plan, with what was tried and what came of it.
-
-    Args:
-        spec: what was asked for.
-        plan: what is kept.
-        beam: the appendage.
-        cut: where the hinges stand; chosen where left out.
-        per_mode: each mode gets its own damping, on a tendon.
-    """
+def build(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None, *, per_mode: bool = False) -> Built:
+    """The chain of a plan; `cut`: where the hinges stand, else chosen; `per_mode`: a damping tendon per mode."""
     kept = plan.kept
 
     def target_of(port: str, count: int) -> PortModel:
@@ -250,11 +221,9 @@ def build(
         wishes = Wishes(options.springs, per_mode, options.cuts, further, columns, cut, _last_on_hub(spec, plan))
         return build_exact(beam, kept, target_of, wishes)
     if options.method == "least_squares":
-        loads = None
+        axes, loads = {"xy": 2, "xz": 1}, None
         if payload is not None:
-            ix, iy, iz = payload.inertia
-            del ix
-            loads = {"xy": TipBody(payload.mass, iz), "xz": TipBody(payload.mass, iy)}
+            loads = {port: TipBody(payload.mass, payload.inertia[axis]) for port, axis in axes.items()}
         return build_least_squares(beam, kept, _links(spec, beam, kept), options.free, loads, target_of)
     links = options.links if isinstance(options.links, int) else None
     built = build_recipe(beam, options.method, kept, links, target_of)
@@ -301,28 +270,20 @@ def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
 
 
 def damped(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
-    """The chain of a plan with the wanted damping: on tendons per mode, or in its hinges where asked for or good enough.
-
-    Args: as of `build`.
-    """
-    timed = (
-        bool(spec.exact_step) and spec.fit.springs == "auto" and spec.fit.method == "exact" and needs_time(spec, plan)
-    )
-    if timed or (spec.sensors.modes and spec.fit.method == "exact"):
-        options = msgspec.structs.replace(spec.fit, springs="modes")
-        spec = msgspec.structs.replace(spec, fit=options)
-    ratios = (
-        {} if spec.damping is None else {port: spec.damping.ratios(port, count) for port, count in plan.kept.items()}
-    )
-    if spec.damping is None or not any(np.any(values > 0.0) for values in ratios.values()):
+    """The chain of a plan, damped as wanted: by a tendon per mode, or in its hinges where asked for or good enough."""
+    if spec.fit.method == "exact" and spec.fit.springs == "auto":
+        spec = on_modes(spec, wanted=spec.sensors.modes or (bool(spec.exact_step) and needs_time(spec, plan)))
+    given = spec.damping or Damping()
+    ratios = {port: given.ratios(port, count) for port, count in plan.kept.items()}
+    if not any(np.any(values > 0.0) for values in ratios.values()):
         return build(spec, plan, beam, cut)
-    scene, hinge = spec.scene, spec.damping.form == "hinge"
+    scene, hinge = spec.scene, given.form == "hinge"
     tried = hinge or (plan.choice is not None and plan.promise is not None and spec.fit.springs == "auto")
     if tried or spec.fit.method != "exact":
         built = build(spec, plan, beam, cut)
         chain = built.chain
         for port in built.targets:
-            chain = joint_damping(chain, port, spec.damping.ratios(port, chain.port(port).modes))
+            chain = joint_damping(chain, port, given.ratios(port, chain.port(port).modes))
         if hinge:
             return replace(built, chain=chain)
         if plan.promise is not None and scene is not None and not chain.tendons:
@@ -352,8 +313,5 @@ def needs_time(spec: Spec, plan: Plan) -> bool:
     scheme = SCHEMES[spec.integrator]
     if scheme.exact or spec.integrator != "RK4":
         return scheme.exact
-    fastest = max(
-        (float(np.max(plan.reduce(plan.target, p, n).free_frequencies, initial=0.0)) for p, n in plan.kept.items()),
-        default=0.0,
-    )
-    return fastest * spec.exact_step > scheme.phase
+    free = [plan.reduce(plan.target, port, count).free_frequencies for port, count in plan.kept.items()]
+    return float(np.max(np.concatenate([np.zeros(1), *free]))) * spec.exact_step > scheme.phase

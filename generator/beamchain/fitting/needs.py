@@ -7,7 +7,7 @@ Theory: docs/theory.md, section 6.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
 
@@ -65,14 +65,7 @@ class Promise:
     """The in-band error of candidate models on the hub in space, evaluated block by block.
 
     Ports that neither the hub nor the appendage couples are independent blocks: the norm of the whole is the largest
-    of theirs, so that each is evaluated by itself.
-
-    Args:
-        full: per flexible port, the whole beam.
-        rigid_mass: `(6, 6)` of the appendage about the root.
-        hub_mass: `(6, 6)`; None: the worst of three hubs.
-        axes: names of the hub motions that matter.
-        bandwidth: [rad/s].
+    of theirs. `rigid_mass`, `hub_mass` `(6, 6)` about the root, without a hub the worst of three; `bandwidth` [rad/s].
     """
 
     def __init__(
@@ -87,17 +80,13 @@ class Promise:
         size = float(np.max(np.diag(rigid)[3:]))
         for i in range(6):  # an appendage that states no polar inertia has a trace of it
             rigid[i, i] = max(rigid[i, i], 1e-9 * size)
-        self.full: dict[str, PortModel] = {
-            port: damped(model).condensed(FAR * bandwidth) for port, model in full.items()
-        }
+        self.full: dict[str, PortModel] = {p: damped(model).condensed(FAR * bandwidth) for p, model in full.items()}
         self.frequencies: dict[str, Array] = {port: model.frequencies for port, model in full.items()}
         self.rigid: Array = rigid
         self.bandwidth: float = bandwidth
         self.keep: list[int] = sorted({AXES[axis] for axis in axes})
         hubs = [hub_mass] if hub_mass is not None else [factor * rigid for factor in STANDARD_HUBS]
-        self.groups: list[list[tuple[str, ...]]] = [
-            [block for block in self._blocks(hub) if self._kept(block)] for hub in hubs
-        ]
+        self.groups: list[list[tuple[str, ...]]] = [list(filter(self._kept, self._blocks(hub))) for hub in hubs]
         self._known: dict[tuple[object, ...], float] = {}
         self._references = [
             Reference([self._block(hub, block) for block in groups], bandwidth)
@@ -166,31 +155,19 @@ def choose(
     fixed: Mapping[str, int],
     tip: bool = False,
 ) -> Choice:
-    """The fewest modes whose in-band error stays within `tolerance`.
+    """The fewest modes whose in-band error stays within `tolerance`; the first of `targets` wins a tie.
 
-    Args:
-        promise: the error measure.
-        reduce: model of (target, port, modes).
-        targets: targets to try; the first wins a tie.
-        tolerance: of the in-band error.
-        fixed: ports whose number the user decided.
-        tip: the tip's motion matters: keep every plane mode inside the band.
+    `fixed`: ports whose number the user decided; `tip`: keep every plane mode inside the band.
     """
     tried = [_choose_for(promise, reduce, target, tolerance, fixed, tip) for target in targets]
     best = min(tried, key=lambda c: (not c.met, sum(c.modes.values()) if c.met else c.error))
-    lines = [
-        f'target "{c.target}": {_people(c.modes)}, in-band error {c.error:.2e}'
-        f"{'' if c.met else f' (above the tolerance {tolerance:g})'}"
-        for c in tried
-    ]
+    lines: list[str] = []
+    for c in tried:
+        kept = ", ".join(f"{count} in {port}" for port, count in c.modes.items() if count) or "rigid"
+        above = "" if c.met else f" (above the tolerance {tolerance:g})"
+        lines.append(f'target "{c.target}": {kept}, in-band error {c.error:.2e}{above}')
     chosen = f'chosen: target "{best.target}", {sum(best.modes.values())} flexible modes'
-    return Choice(
-        best.modes, best.target, best.error, best.met, best.left_out, best.cannot, (*lines, chosen, *best.reasoning)
-    )
-
-
-def _people(modes: Mapping[str, int]) -> str:
-    return ", ".join(f"{count} in {port}" for port, count in modes.items() if count) or "rigid"
+    return replace(best, reasoning=(*lines, chosen, *best.reasoning))
 
 
 def _choose_for(
@@ -243,15 +220,9 @@ def _choose_for(
             counts = fewer
     counts = _no_better_neighbour(counts, error, tolerance, least, {p: n for p, n in most.items() if p not in fixed})
     total = error(counts)
-    return Choice(
-        counts,
-        target,
-        total,
-        total <= tolerance,
-        tuple(_ledger(promise, counts, error)),
-        tuple(_cannot(promise, counts, tip)),
-        tuple(f"{port} alone, the others whole: {alone[port]:.2e} with {counts[port]} modes" for port in counts),
-    )
+    reasons = (f"{port} alone, the others whole: {alone[port]:.2e} with {counts[port]} modes" for port in counts)
+    left_out, cannot = _ledger(promise, counts, error), _cannot(promise, counts, tip)
+    return Choice(counts, target, total, total <= tolerance, tuple(left_out), tuple(cannot), tuple(reasons))
 
 
 def _no_better_neighbour(
@@ -264,12 +235,7 @@ def _no_better_neighbour(
     """Mode counts that no change by one in a port, nor by one in each of two ports, makes better.
 
     Better: it keeps the tolerance with fewer modes, or with as many and less error; where none keeps it, less error.
-
-    Args:
-        counts: to start from.
-        error: of mode counts.
-        tolerance: of the error.
-        least, most: bounds per port; ports without an upper bound stay as they are.
+    Ports without an upper bound in `most` stay as they are.
     """
 
     def rank(some: Mapping[str, int]) -> tuple[bool, int, float]:

@@ -4,6 +4,8 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from beamchain.chain.build import Built
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
@@ -11,7 +13,7 @@ from beamchain.fitting.choose import ledger, verdict
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.needs import Choice
 from beamchain.fitting.options import Scene
-from beamchain.fitting.result import Fit, InSpace, seconds_taken
+from beamchain.fitting.result import Fit, InSpace
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import Comparison, compare, in_band_error
 from beamchain.ports.model import PortModel
@@ -21,13 +23,7 @@ from beamchain.structure.mass_line import MassLine
 
 
 def step_limits(chain: Chain, motion: PortModel, hub: Array | None) -> StepLimits:
-    """Largest stable steps of a chain on a hub.
-
-    Args:
-        chain: as it is written.
-        motion: its model in all motions of the root at once.
-        hub: mass matrix of the hub in those motions; None: alone.
-    """
+    """Largest stable steps of a written chain; `motion` and `hub` (None: alone) in the same motions of the root."""
     damped, sprung = (any(getattr(t, kind) > 0.0 for t in chain.tendons) for kind in ("damping", "stiffness"))
     return coupled_limits(motion, hub, tendon=damped, sprung=sprung)
 
@@ -52,17 +48,9 @@ def proved(
 ) -> Fit:
     """The fit of a chain that was measured: errors per port, verdict, and what was left out.
 
-    Args:
-        spec: what was asked for.
-        built: the chain and its targets.
-        measured: the bench.
-        limits: step limits.
-        clock: times at which modelling, realising, writing and verifying began [s].
-        full: per port, all modes.
-        truth: per port, all modes with the damping that is asked for.
-        achieved: per port, what was read back, with damping that can be compared with that of `truth`.
-        kept: number of modes that are kept per port, where the targets hold more.
-        kept_for, choice, promise, cautions, line, space: see `Fit`.
+    `clock`: times at which modelling, realising, writing and verifying began [s]; `truth`: per port all modes, damped
+    as asked for; `achieved`: read back, with damping that can be compared with it; `kept`: modes that are kept per
+    port, where the targets hold more. The others are fields of `Fit`.
     """
     scene, hub = spec.scene or Scene(), None if spec.root.hub is None else spec.root.hub.mass_matrix()
     bandwidth: dict[str, float] = {}
@@ -85,7 +73,7 @@ def proved(
         measured=measured,
         limits=limits,
         status=verdict(spec, built.status, promise),
-        seconds=seconds_taken(clock),
+        seconds=dict(zip(("model", "realise", "write", "verify"), np.diff(clock).tolist(), strict=True)),
         bandwidth=bandwidth,
         kept_for=kept_for,
         choice=choice,

@@ -1,6 +1,5 @@
 """The result of a fit: the chain, its verification through MuJoCo, and its files."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -390,9 +389,3 @@ class Fit:
         }
         write_files(files, force=force)
         return list(files)
-
-
-def seconds_taken(clock: Sequence[float]) -> dict[str, float]:
-    """Seconds per step of a fit, from the times between its steps [s]."""
-    steps = zip(("model", "realise", "write", "verify"), clock[:-1], clock[1:], strict=True)
-    return {step: after - before for step, before, after in steps}

@@ -2,11 +2,11 @@
 
 import re
 from collections.abc import Mapping
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import msgspec
 
-from beamchain.checks import meant
+from beamchain.checks import literals, meant
 
 _KINDS = {
     "float": "a number", "int": "a whole number", "str": "a text in quotes", "object": "a table { ... }",
@@ -16,13 +16,7 @@ _KINDS = {
 
 
 def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
-    """msgspec's words as a sentence: where, what was given, what is allowed, what to do.
-
-    Args:
-        message: msgspec's.
-        data: what was parsed.
-        root: the struct that the data should have become.
-    """
+    """msgspec's `message` on `data` as a sentence: where, what was given, what is allowed, what to do."""
     match = re.fullmatch(r"(.*?)(?: - at `(?:key in )?\$\.?(.*)`)?", message, re.DOTALL)
     assert match is not None
     what, place = match[1], match[2] or ""
@@ -64,9 +58,7 @@ def _choose(word: str, key: str, root: type) -> str:
     tags = [struct.__struct_config__ for struct in structs]
     allowed = [str(config.tag) for config in tags if config.tag is not None and config.tag_field == key]
     for struct in structs:
-        hint = get_type_hints(struct).get(key)
-        literals = [hint, *get_args(hint), *(a for h in get_args(hint) for a in get_args(h))]
-        allowed += [str(w) for h in literals if get_origin(h) is Literal for w in get_args(h)]
+        allowed += literals(get_type_hints(struct).get(key))
     return (
         f"{meant(word, allowed)}choose one of {', '.join(dict.fromkeys(allowed))}."
         if allowed

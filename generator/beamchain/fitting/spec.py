@@ -1,6 +1,5 @@
 """SPEC.toml: the appendage, the modes to keep and the needs of the scene; read once, checked on construction."""
 
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +10,6 @@ import msgspec
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
 from beamchain.fitting.hub import Hub
-from beamchain.fitting.hub import port_hub_mass as port_hub_mass
 from beamchain.fitting.options import (
     DEFAULT_MODES,
     RECIPES,
@@ -80,9 +78,9 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         if self.root.target == "auto" and not self.chooses:
             raise InputError('root.target = "auto" chooses for a scene; give scene.bandwidth, or target = "clamped".')
         typed = None if self.scene is None else self.scene.timestep
-        if self.scene is not None and self.fit.timestep > 0.0 and typed is not None and self.fit.timestep != typed:
+        if self.fit.timestep > 0.0 and typed is not None and self.fit.timestep != typed:
             raise InputError(
-                f"fit.timestep = {self.fit.timestep!r} and scene.timestep = {self.scene.timestep!r} differ; "
+                f"fit.timestep = {self.fit.timestep!r} and scene.timestep = {typed!r} differ; "
                 "the chain is right at one step only: give the same, or leave fit.timestep out."
             )
         if self.modes is not None and not self.modes.counts() and not self.chooses:
@@ -227,11 +225,7 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     @property
     def beam(self) -> Beam:
-        """The elastic appendage.
-
-        Raises:
-            InputError: the modes are imported, so that there is no beam.
-        """
+        """The elastic appendage; refused where the modes are imported, so that there is no beam."""
         if self.imported is not None:
             raise InputError(
                 f"the appendage {self.name!r} is imported modes ({self.imported.file}), but this needs a beam; give it "
@@ -299,8 +293,3 @@ def schema() -> dict[str, Any]:
     for table in out["$defs"].values():
         table["description"] = table.get("description", "").split("\n\n")[0]
     return out
-
-
-def finite_or_none(value: float) -> float | None:
-    """The number, or None (null in JSON) if it is infinite, which means no limit."""
-    return float(value) if math.isfinite(value) else None

@@ -14,17 +14,7 @@ T = TypeVar("T")
 
 
 def read_struct(path: "str | Path | T", kind: type[T], word: str, holds: str) -> T:
-    """A struct from its TOML file; one that was read already is returned.
-
-    Args:
-        path: of the file, or the struct.
-        kind: of the struct.
-        word: what messages call the file.
-        holds: what the file must have, as messages say it.
-
-    Raises:
-        InputError: the file cannot be read, or a value is not allowed.
-    """
+    """A struct from its TOML file, or as it was given; messages call the file `word` and say what it `holds`."""
     if isinstance(path, kind):
         return path
     if not isinstance(path, str | Path):
@@ -35,7 +25,7 @@ def read_struct(path: "str | Path | T", kind: type[T], word: str, holds: str) ->
 
 
 def read_tables(path: Path, word: str, holds: str) -> dict[str, Any]:
-    """The tables of a TOML file; arguments and errors as of `read_struct`."""
+    """The tables of a TOML file; arguments as of `read_struct`."""
     try:
         if kind := no_file(path):
             raise InputError(f"{word} {str(path)!r} {kind}; give the path of {holds}.")
@@ -66,11 +56,7 @@ def read_tables(path: Path, word: str, holds: str) -> dict[str, Any]:
 
 
 def converted(data: Mapping[str, Any], kind: type[T], source: str) -> T:
-    """A checked struct from parsed TOML; errors name the `source`.
-
-    Raises:
-        InputError: a key or a value is not allowed.
-    """
+    """A checked struct from parsed TOML; errors name the `source`."""
     try:
         return msgspec.convert(data, kind)
     except msgspec.ValidationError as error:

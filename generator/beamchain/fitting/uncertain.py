@@ -75,8 +75,7 @@ class UncertainMode(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     number: Annotated[int, field("number of the mode in its port, from 1", "", least=1, most=1000)]
     port: Annotated[
-        Literal["xy", "xz", "torsion", "axial", ""],
-        field("its port; left out: number among all kept modes"),
+        Literal["xy", "xz", "torsion", "axial", ""], field("its port; left out: number among all kept modes")
     ] = ""
     frequency: Annotated[Uncertainty | None, field("frequency with the root held [rad/s]")] = None
     damping: Annotated[Uncertainty | None, field("damping ratio")] = None
@@ -102,8 +101,6 @@ class Correlation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
                 f"correlation: {n} names in `of` need a {n} x {n} matrix, each name once; it has {len(self.matrix)} rows."
             )
         r = np.array(self.matrix)
-        if not np.all(np.isfinite(r)):
-            raise InputError(f"correlation of {', '.join(self.of)}: every coefficient must be a finite number.")
         low = float(np.linalg.eigvalsh((r + r.T) / 2.0)[0])
         if np.any(np.abs(np.diag(r) - 1.0) > ROUNDING) or np.any(np.abs(r - r.T) > ROUNDING) or low < -ROUNDING:
             raise InputError(
@@ -181,21 +178,13 @@ class UncertainCraft(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 def read_uncertain(path: "str | Path | UncertainCraft") -> UncertainCraft:
-    """Read the uncertainties of a craft from TOML; those that were read already are returned.
-
-    Raises:
-        InputError: the file cannot be read, or a value is not allowed.
-    """
+    """The uncertainties of a craft from TOML; those that were read already are returned."""
     holds = "a TOML file with [body.NAME], [joint.NAME] or [appendage.PREFIX]"
     return read_struct(path, UncertainCraft, "uncertain", holds)
 
 
 def uncertain_from(data: Mapping[str, Any], source: str) -> "Uncertain":
-    """The table [uncertain] of a modes file.
-
-    Raises:
-        InputError: a key or a value is not allowed.
-    """
+    """The table [uncertain] of a modes file."""
     return converted(data, Uncertain, f"{source}, [uncertain]")
 
 
@@ -240,14 +229,10 @@ class Uncertain(UncertainModes, frozen=True, kw_only=True, forbid_unknown_fields
         return tuple(name for name in STRUCTURAL if getattr(self, name) is not None)
 
     def scores(self, seed: int, index: int, counts: dict[str, int], owner: str = "") -> dict[str, list[float]]:
-        """Standard normal scores of sample `index` of the structure: `counts[name]` per quantity, equal if drawn together.
+        """Standard normal scores of sample `index`, `counts[name]` per quantity equal if drawn together.
 
-        A sample's scores depend on nothing but seed, index and owner, so that any machine draws the same.
-
-        Args:
-            seed, index: of the sample.
-            counts: scores per quantity.
-            owner: prefix of the appendage, where a craft has several: they draw apart but for what is in a group.
+        They depend on nothing but seed, index and `owner`, so that any machine draws the same; appendages with another
+        `owner` draw apart but for what is in a group.
         """
         out: dict[str, list[float]] = {}
         for name in self.structural:

@@ -10,10 +10,7 @@ from beamchain.fitting.spec import Spec
 def varied(spec: Spec, seed: int, index: int, owner: str = "") -> Spec:
     """The spec of one sample, its structure drawn; refused where a value is not allowed, such as a mass below zero.
 
-    Args:
-        spec: with [uncertain].
-        seed, index: of the sample.
-        owner: prefix of the appendage, where a craft has several.
+    `owner`: prefix of the appendage, where a craft has several.
     """
     given = spec.uncertain
     assert given is not None

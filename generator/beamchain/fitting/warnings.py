@@ -1,31 +1,43 @@
-"""What to know before a fit's files are used: dampers, steps, ports that are not independent."""
+"""What to know before a fit's files are used: dampers, steps, ports that are coupled, probable slips of units."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+import numpy as np
 
 from beamchain.caution import Caution
 from beamchain.chain.chain import Chain
 from beamchain.engine.bench import Measured
-from beamchain.fitting.options import Scene
+from beamchain.fitting.options import Damping, Scene
 from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
 from beamchain.steps.integrators import seen, step_pole
 from beamchain.steps.limits import StepChoice, StepLimits
+from beamchain.structure.section import Custom, Equivalent
+from beamchain.structure.segment import Segment
 
+SOFT = 1e6  # N/m^2: rubber has more
+LIGHT = 5.0  # kg/m^3: a foam has more
+HUGE = 0.25  # of the appendage's length: a section as wide, and wider than 1 m, is likelier one in mm
+THIN = 0.05  # m: a section with a dimension below was given in metres, unless another one is longer than the appendage
+DAMPED = 0.1  # ratio from which an aerospace structure is asked about: rubber has as much
+STOCKY = 10.0  # length over depth, below which Euler's theory misses shear
 DECOUPLED = 1e-9  # relative: what two independent ports may share
+
+
+def rigid_plane(port: str) -> str:
+    """The sentence for a bending plane that [modes] leaves out, without its end."""
+    return (
+        f"{port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, {port} = 0 says "
+        "that it shall be rigid"
+    )
 
 
 def fit_warnings(
     spec: Spec, measured: Measured, achieved: Mapping[str, PortModel], chain: Chain, limits: StepLimits
-) -> tuple[str, ...]:
+) -> Iterator[str]:
     """What to know before the file is used."""
-    out: list[str] = [
-        Caution(
-            "rigid-plane",
-            f"{port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, {port} = 0 says "
-            "that it shall be rigid",
-        )
-        for port in spec.unsaid
-    ]
+    for port in spec.unsaid:
+        yield Caution("rigid-plane", rigid_plane(port))
     modes = [(t, port) for port, model in achieved.items() for t in chain.tendons
              if t.is_mode and t.damping > 0.0 and t.label.endswith(f"_{port}") and model.modes]  # fmt: skip
     euler_runs = spec.scene is None or spec.scene.integrator == "Euler"  # a scene that says another is heard
@@ -47,7 +59,7 @@ def fit_warnings(
                 f"; at the scene's step of {scene.step:g} s mode {number} in {port} will show a damping "
                 f"ratio of {shown:.4g} instead of {zeta:.4g}"
             )
-        out.append(Caution("tendon-damping", f'{text}. Use implicitfast, or damping.form = "hinge".'))
+        yield Caution("tendon-damping", f'{text}. Use implicitfast, or damping.form = "hinge".')
     if spec.damping is not None and spec.damping.form == "hinge":
         missed: list[str] = []
         for port, model in achieved.items():
@@ -58,67 +70,97 @@ def fit_warnings(
                 if abs(have - want) > 0.01 * want
             ]
         if missed:
-            out.append(
-                Caution(
-                    "hinge-damping",
-                    f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}); "
-                    'damping.form = "modal" is exact.',
-                )
+            yield Caution(
+                "hinge-damping",
+                f"plain joint damping cannot give every mode its ratio ({'; '.join(missed)}); "
+                'damping.form = "modal" is exact.',
             )
     for pair, value in measured.couplings.items():
         if value > DECOUPLED:
             text = f"MuJoCo sees the ports {pair} coupled, by {value:.1e} relative: they are not independent."
-            out.append(Caution("ports-coupled", text))
-    return tuple(out)
+            yield Caution("ports-coupled", text)
 
 
-def turn_warning(error: float | None, scene: Scene, integrator: str, timestep: float) -> tuple[str, ...]:
-    """Where a step turns the rigid spacecraft with more error than the scene allows.
-
-    Args:
-        error: of the rates after one radian, relative; None where no rates are stated.
-        scene: with rates and tolerance.
-        integrator, timestep: that run.
-    """
-    if error is None or scene.rates is None or error <= scene.tolerance:
-        return ()
-    rates = ", ".join(f"{rate:g}" for rate in scene.rates)
-    return (
-        Caution(
+def turn_warning(error: float | None, scene: Scene, integrator: str, timestep: float) -> Iterator[str]:
+    """Where a step turns the rigid spacecraft with more `error` of the rates per radian than the scene allows."""
+    if error is not None and scene.rates is not None and error > scene.tolerance:
+        rates = ", ".join(f"{rate:g}" for rate in scene.rates)
+        yield Caution(
             "turn-error",
             f"{integrator} at {timestep:g} s turns the rigid spacecraft from rates of ({rates}) rad/s with an error of "
             f"{error:.2g} of them in one radian, above the tolerance {scene.tolerance:g}, whatever the appendages do; take RK4, "
             "for which modes beyond the step are slowed, or a shorter step.",
-        ),
-    )
-
-
-def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice]) -> tuple[str, ...]:
-    """Where scene.xml's own step is unstable, or its vibration misses the scene's tolerance.
-
-    Args:
-        scene: with step and integrator.
-        limits: on its hub.
-        steps: that hold the tolerance, the best first.
-    """
-    largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.step:g} s"
-    if scene.step > largest:
-        return (
-            Caution(
-                "unstable-step",
-                f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
-                "give scene.timestep half of that, or less.",
-            ),
         )
+
+
+def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice]) -> Iterator[str]:
+    """Where scene.xml's own step is unstable, or its vibration misses the tolerance; the best of `steps` first."""
+    largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.step:g} s"
     kept = next((choice for choice in steps if choice.integrator == scene.integrator), None)
-    if kept is None or scene.step <= kept.step:
-        return ()
-    best = steps[0]
-    return (
-        Caution(
+    if scene.step > largest:
+        yield Caution(
+            "unstable-step",
+            f"scene.xml takes {taken}, which is unstable above {largest:.4g} s; "
+            "give scene.timestep half of that, or less.",
+        )
+    elif kept is not None and scene.step > kept.step:
+        best = steps[0]
+        yield Caution(
             "inaccurate-step",
             f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: it keeps that up to "
             f"{kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; give scene.integrator and scene.timestep, or "
             "fit.timestep for a chain made for its step.",
-        ),
-    )
+        )
+
+
+# -- numbers of a spec that can be meant, but are more often a slip of units or of theory -----------------------------
+def doubtful(
+    segments: Sequence[Segment], damping: Damping | None = None, ports: Collection[str] = ("xy", "xz")
+) -> list[str]:
+    """Warnings, one of a kind; only the kept `ports` count: what is rigid by choice needs no theory."""
+    out: dict[str, str] = {}
+    for place, ratio in [(place, ratio) for place, ratio in _ratios(damping) if ratio >= DAMPED][:1]:
+        out["high-damping"] = (
+            f"damping.{place} = {ratio:g} is {ratio:.0%} of critical, where structures have 0.001 to 0.02: a likely "
+            f"slip; if {ratio:g} % were meant, write {ratio * 1e-2:g}."
+        )
+    length = sum(segment.length for segment in segments)
+    for i, segment in enumerate(segments):
+        where, material = f"segment[{i}]", segment.material
+        if material is not None and (e := material.youngs_modulus) < SOFT:
+            out["soft-material"] = (
+                f"{where}: youngs_modulus = {e:g} N/m^2 is softer than rubber; if GPa were meant, write {e * 1e9:g}."
+            )
+        if material is not None and (rho := material.density) < LIGHT:
+            out["light-material"] = (
+                f"{where}: density = {rho:g} kg/m^3 is lighter than foam; if g/cm^3 were meant, write {rho * 1e3:g}."
+            )
+        sizes = {} if isinstance(segment.section, Custom | Equivalent) else segment.section.dimensions()
+        most, thin = max(sizes.values(), default=0.0), min(sizes.values(), default=0.0) < THIN
+        if most > max(length if thin else HUGE * length, 1.0):  # a panel is wide, but thin
+            name, size = max(sizes.items(), key=lambda item: item[1])
+            meant = ", ".join(f"{key} = {value * 1e-3:g}" for key, value in sizes.items())
+            out["huge-section"] = (
+                f"{where}: {name} = {size:g} m on an appendage {length:g} m long; if mm were meant, write {meant}."
+            )
+            continue
+        at = segment.at(np.array([0.0]))
+        axial = float(at.axial[0])
+        if segment.theory == "euler" and axial > 0.0:
+            bending = {"xy": float(at.bending_xy[0]), "xz": float(at.bending_xz[0])}
+            depth = np.sqrt(12.0 * max((bending[port] for port in ports if port in bending), default=0.0) / axial)
+            if length < STOCKY * depth:
+                out["stocky-beam"] = (
+                    f"{where}: the appendage is only {length / depth:.2g} times as long as it is deep; Euler's theory "
+                    'leaves shear out: set theory = "timoshenko".'
+                )
+    return [Caution(code, text) for code, text in out.items()]
+
+
+def _ratios(damping: Damping | None) -> list[tuple[str, float]]:
+    """Every ratio stated, with its place."""
+    if damping is None:
+        return []
+    if not isinstance(damping.ratio, dict):
+        return [("ratio", damping.ratio)]
+    return [(f"ratio.{port}[{i}]", v) for port, values in damping.ratio.items() for i, v in enumerate(values)]

@@ -120,11 +120,8 @@ def in_band_error(
 ) -> float:
     """The in-band error of `a` against `b`, frequency by frequency; see `Reference`.
 
-    Args:
-        a, b: models; a model without damping gets 0.5 % in every cantilever mode.
-        hub_mass: `(m, m)`; none: the worst of three hubs, 0.1, 1 and 10 times the rigid mass of `b`.
-        bandwidth: [rad/s].
-        keep: motions of the hub that matter; all where left out.
+    A model without damping gets 0.5 % in every cantilever mode; without `hub_mass` `(m, m)` the worst of three hubs,
+    0.1, 1 and 10 times the rigid mass of `b`; `keep`: motions of the hub that matter.
     """
     if hub_mass is None:
         return max(in_band_error(a, b, factor * b.rigid_mass, bandwidth, keep) for factor in STANDARD_HUBS)

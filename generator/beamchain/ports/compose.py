@@ -1,7 +1,4 @@
-"""Port models composed: of independent ports, and of mass-weighted motion rows.
-
-Theory: docs/theory.md, section 1.
-"""
+"""Port models composed: of independent ports, and of mass-weighted motion rows. Theory: docs/theory.md, section 1."""
 
 from collections.abc import Callable, Mapping
 
@@ -27,11 +24,8 @@ def port_from_rows(
 ) -> PortModel:
     """The port model of mass-weighted motion rows, by singular values, so that every frequency keeps its digits.
 
-    Args:
-        rigid: `(r, m)` per unit motion of the port.
-        elastic: `(r, n)` per elastic coordinate, scaled so that the strain energy is `|y|^2 / 2`.
-        tip: `(t, n)` tip motion per elastic coordinate.
-        shapes: makes the shapes from the modes' mass-weighted motion `(n, r)`.
+    `rigid` `(r, m)` per unit motion of the port; `elastic` `(r, n)` and `tip` `(t, n)` per elastic coordinate, scaled
+    so that the strain energy is `|y|^2 / 2`; `shapes` makes the shapes from the modes' mass-weighted motion `(n, r)`.
     """
     u, s, vt = np.linalg.svd(elastic, full_matrices=False)
     keep = s > 1e-14 * s.max(initial=0.0)

@@ -132,13 +132,8 @@ class PortModel:
             tip = None if tip is None else tip * signs
             if self.shapes is not None and np.any(signs < 0.0):
                 object.__setattr__(self, "shapes", self.shapes.combined(np.diag(signs[:, 0])))
-        for name, values in (
-            ("rigid_mass", mass),
-            ("frequencies", frequencies),
-            ("participation", locked(participation)),
-            ("damping", locked(damping)),
-            ("tip", None if tip is None else locked(tip)),
-        ):
+        given |= {"participation": locked(participation), "damping": locked(damping)}
+        for name, values in {**given, "tip": None if tip is None else locked(tip)}.items():
             object.__setattr__(self, name, values)
         scale = np.sqrt(np.clip(np.diag(mass), 1e-300, None))
         smallest = float(np.linalg.eigvalsh(self.residual_mass / np.outer(scale, scale))[0])
@@ -315,13 +310,16 @@ class PortModel:
         """Only the first `modes` cantilever modes; the rigid mass stays."""
         if not 0 <= modes <= self.modes:
             raise InputError(f"modes = {modes} must lie between 0 and {self.modes}, the number this model has.")
+        return self.picked(range(modes))
+
+    def picked(self, modes: Sequence[int]) -> "PortModel":
+        """Only some cantilever modes, numbers from 0 ascending; the rigid mass stays."""
+        pick = np.array(modes, dtype=np.int64)
         return self.replaced(
-            frequencies=self.frequencies[:modes],
-            participation=self.participation[:modes],
-            damping=self.damping[:modes],
-            tip=None if self.tip is None else self.tip[:modes],
-            shapes=None if self.shapes is None else self.shapes.combined(np.eye(modes, self.modes)),
-        )
+            frequencies=self.frequencies[pick], participation=self.participation[pick], damping=self.damping[pick],
+            tip=None if self.tip is None else self.tip[pick],
+            shapes=None if self.shapes is None else self.shapes.combined(np.eye(self.modes)[pick]),
+        )  # fmt: skip
 
     def condensed(self, above: float) -> "PortModel":
         """The modes above a frequency [rad/s] gathered into as many as the port has motions, with their static flexibility."""

@@ -16,7 +16,6 @@ from beamchain.ports.motions import PORTS, Array
 from beamchain.structure import elements
 from beamchain.structure.discretise import Parts, converged
 from beamchain.structure.segment import Joint, Lump, Segment, check_carried, repeated
-from beamchain.structure.segment import body_inertia as body_inertia
 
 MOST_SEGMENTS = 1000
 MOST_LUMPS = 1000
@@ -33,13 +32,8 @@ class Moments(NamedTuple):
     rotary_xz: float
 
 
-def straight_mass_matrix(m: Moments) -> Array:
-    """`(6, 6)` mass matrix about the root of a stretch with its mass on the x axis."""
-    return straight_mass_matrices(np.array([m]))[0]
-
-
 def straight_mass_matrices(moments: Array) -> Array:
-    """`(k, 6, 6)` mass matrices about the root from `(k, 6)` as in `Moments`."""
+    """`(k, 6, 6)` mass matrices about the root of stretches with their mass on the x axis: `(k, 6)` as in `Moments`."""
     mass, first, second, polar, rotary_xy, rotary_xz = moments.T
     out = np.zeros((len(moments), 6, 6))
     for i, values in enumerate((mass, mass, mass, polar, second + rotary_xz, second + rotary_xy)):
@@ -47,6 +41,12 @@ def straight_mass_matrices(moments: Array) -> Array:
     out[:, 1, 5] = out[:, 5, 1] = first
     out[:, 2, 4] = out[:, 4, 2] = -first
     return out
+
+
+def _moments(lump: Lump) -> Array:
+    """`(6,)` as in `Moments`, of a body."""
+    ix, iy, iz = lump.inertia
+    return np.array([lump.mass, lump.mass * lump.x, lump.mass * lump.x**2, ix, iz, iy])
 
 
 class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
@@ -102,13 +102,9 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
                 )
             check_carried("lump", lump.mass, lump.inertia, own, length)
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Root to tip [m]."""
-        return self._length
-
-    @cached_property
-    def _length(self) -> float:
         return sum(segment.length for segment in self.segments)
 
     @property
@@ -135,13 +131,8 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
     def uniform(self) -> bool:
         """One prismatic Euler segment and nothing else: the transcendental solution holds."""
         only = self.segments[0]
-        return (
-            len(self.segments) == 1
-            and only.taper == 1.0
-            and only.theory == "euler"
-            and not self.joints
-            and not self.lumps
-        )
+        plain = only.taper == 1.0 and only.theory == "euler"
+        return len(self.segments) == 1 and plain and not self.joints and not self.lumps
 
     def port(self, port: str = "xy", modes: int = 8, stations: Sequence[float] = ()) -> PortModel:
         """The port model of the appendage at its root.
@@ -169,7 +160,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
 
     def rigid_mass(self) -> Array:
         """`(6, 6)` mass matrix of the frozen appendage about the root, motions (x, y, z, rotations)."""
-        return straight_mass_matrix(self.moments(0.0, self.length, closed=True))
+        return straight_mass_matrices(np.array([self.moments(0.0, self.length, closed=True)]))[0]
 
     @cached_property
     def _whole(self) -> Array:
@@ -203,9 +194,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
         edge = 1e-9 * self.length
         for lump in self.lumps:
             if start - edge <= lump.x < end - edge or (closed and abs(lump.x - end) <= edge):
-                ix, iy, iz = lump.inertia
-                m, x = lump.mass, lump.x
-                total += [m, m * x, m * x**2, ix, iz, iy]
+                total += _moments(lump)
         return Moments(*(float(v) for v in total))
 
     def behind(self, x: Array) -> Array:
@@ -218,16 +207,18 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
             end, here = self._starts[i] + self.segments[i].length, index == i
             total[here] += self._stretch(i, np.clip(x[here], self._starts[i], end), end)
         for lump in self.lumps:
-            ix, iy, iz = lump.inertia
-            own = lump.mass * np.array([1.0, lump.x, lump.x**2, 0.0, 0.0, 0.0]) + np.array([0.0, 0.0, 0.0, ix, iz, iy])
-            total += np.where(lump.x > x + edge, 1.0, 0.0)[:, None] * own
+            total += np.where(lump.x > x + edge, 1.0, 0.0)[:, None] * _moments(lump)
         return straight_mass_matrices(total)
+
+    def _at(self, x: float) -> tuple[Segment, float]:
+        """The segment at `x` [m] and the fraction of its length there."""
+        index = max(bisect_right(self._starts, x) - 1, 0)
+        return self.segments[index], (x - self._starts[index]) / self.segments[index].length
 
     def density(self, x: float, port: str) -> Array:
         """`(3,)` derivative of mass, first and second moment of a `port` at `x` [m], without lumps."""
-        index = max(bisect_right(self._starts, x) - 1, 0)
-        segment = self.segments[index]
-        at = segment.at(np.array([(x - self._starts[index]) / segment.length]))
+        segment, fraction = self._at(x)
+        at = segment.at(np.array([fraction]))
         mass = float(at.mass[0])
         rotary = float((at.rotary_xy if port == "xy" else at.rotary_xz)[0]) if segment.theory == "timoshenko" else 0.0
         return np.array([mass, mass * x, mass * x**2 + rotary])
@@ -242,10 +233,10 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
             for i in range(pieces if b > a else 0):
                 low, wide = a + (b - a) * i / pieces, (b - a) / pieces
                 at = segment.at((low + wide * (1.0 + xi) / 2.0 - x0) / segment.length)
-                stiffness = at.bending_xy if port == "xy" else at.bending_xz if port == "xz" else at.torsion
+                stiffness = getattr(at, port if port == "torsion" else f"bending_{port}")
                 total += float(weights @ (1.0 / stiffness)) * wide / 2.0
         edge = 1e-9 * self.length
-        ends = [*self.starts, self.length]
+        ends = [*self._starts, self.length]
         for joint in self.joints:
             c = joint.stiffness(port)
             if c is not None and start - edge <= ends[joint.after_segment] < end - edge:
@@ -254,9 +245,7 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
 
     def depth(self, x: float, plane: str) -> float:
         """Extent of the section at `x` in a plane [m], for drawing; 0 where the shape is not known."""
-        index = max(bisect_right(self._starts, x) - 1, 0)
-        segment = self.segments[index]
-        f = min(max((x - self._starts[index]) / segment.length, 0.0), 1.0)
-        end = segment.section if segment.section_end is None else segment.section_end
-        first, last = segment.section.depth(plane), end.depth(plane)
+        segment, fraction = self._at(x)
+        f = min(max(fraction, 0.0), 1.0)
+        first, last = segment.section.depth(plane), segment.end.depth(plane)
         return (1.0 - f) * (first or last) + f * (last or first)  # one end may say nothing

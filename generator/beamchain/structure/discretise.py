@@ -71,17 +71,14 @@ def _joined(parts: Parts) -> Parts:
     place = {0: 0}  # of each segment's far end, before and after
     for i, segment in enumerate(parts.segments):
         last = out[-1] if out else None
-        if last is not None and i not in hinged and segment.section_end is None and _alike(last, segment):
+        alike = last is not None and msgspec.structs.replace(last, length=segment.length) == segment
+        if last is not None and alike and i not in hinged and segment.section_end is None:
             out[-1] = msgspec.structs.replace(last, length=last.length + segment.length)
         else:
             out.append(segment)
         place[i + 1] = len(out)
     joints = tuple(msgspec.structs.replace(j, after_segment=place[j.after_segment]) for j in parts.joints)
     return Parts(tuple(out), joints, parts.lumps)
-
-
-def _alike(a: Segment, b: Segment) -> bool:
-    return msgspec.structs.replace(a, length=b.length) == b
 
 
 def _discretised(parts: Parts, port: str, functions: int, wanted: int, stations: tuple[float, ...]) -> PortModel:
@@ -92,25 +89,19 @@ def _discretised(parts: Parts, port: str, functions: int, wanted: int, stations:
             f'port "{port}": a segment states no stiffness there (an "equivalent" section with 0, rigid); '
             f"set modes.{port} = 0 or give its stiffness."
         )
-    if (
-        port == "torsion"
-        and not any(np.any(p.inertia > 0.0) for p in pieces)
-        and not any(b.inertia[0] for b in parts.lumps)
-    ):
+    turning = any(np.any(p.inertia > 0.0) for p in pieces) or any(b.inertia[0] for b in parts.lumps)
+    if port == "torsion" and not turning:
         raise InputError(
             'port "torsion": the appendage has no polar inertia; give polar_inertia or set modes.torsion = 0.'
         )
     ends = parts.ends
     hinges = [elements.Spring(ends[j.after_segment], c) for j in parts.joints if (c := j.stiffness(port)) is not None]
-    about = {"xy": 2, "xz": 1, "torsion": 0}
+    about = {"xy": 2, "xz": 1}
     bodies = [
-        elements.Body(
-            lump.x,
-            lump.inertia[0] if port == "torsion" else lump.mass,
-            lump.inertia[about.get(port, 0)] if bending else 0.0,
-        )
-        for lump in parts.lumps
-    ]
+        elements.Body(b.x, b.mass, b.inertia[about[port]]) if bending
+        else elements.Body(b.x, b.inertia[0] if port == "torsion" else b.mass)
+        for b in parts.lumps
+    ]  # fmt: skip
     rows = elements.MotionRows(pieces, hinges, bodies, functions, bending=bending, stations=stations)
     large = functions * (len(pieces) + sum(p.shear_stiffness is not None for p in pieces)) > WRITTEN
     return elements.assemble_lowest(rows, wanted) if large else elements.assemble(rows)
@@ -157,14 +148,7 @@ def _pieces(parts: Parts, port: str, functions: int, stations: tuple[float, ...]
     out: list[elements.Piece] = []
     for segment, a, b, at in _sampled(parts, functions, stations):
         sheared = bending and segment.theory == "timoshenko"
-        out.append(
-            elements.Piece(
-                start=a,
-                length=b - a,
-                stiffness=getattr(at, stiffness),
-                inertia=at.polar if port == "torsion" else at.mass,
-                shear_stiffness=(at.shear_xy if port == "xy" else at.shear_xz) if sheared else None,
-                rotary_inertia=(at.rotary_xy if port == "xy" else at.rotary_xz) if sheared else None,
-            )
-        )
+        shear, rotary = (getattr(at, f"{kind}_{port}") if sheared else None for kind in ("shear", "rotary"))
+        inertia = at.polar if port == "torsion" else at.mass
+        out.append(elements.Piece(a, b - a, getattr(at, stiffness), inertia, shear, rotary))
     return out

@@ -34,13 +34,7 @@ def krylov(z: float) -> tuple[float, float, float, float]:
 
 @dataclass(frozen=True)
 class UniformBeam:
-    """A uniform Euler beam in one bending plane.
-
-    Args:
-        length: [m].
-        bending_stiffness: EI [N m^2].
-        linear_mass: [kg/m].
-    """
+    """A uniform Euler beam in one bending plane: [m], EI [N m^2], [kg/m]."""
 
     length: float
     bending_stiffness: float
@@ -96,23 +90,17 @@ class UniformBeam:
         return (out + out.T) / 2.0
 
     def coupled_frequencies(self, hub_mass: ArrayLike, count: int) -> Array:
-        """`(count,)` frequencies [rad/s] of the beam on a free hub with mass matrix `(2, 2)` at the port.
+        """`(count,)` frequencies [rad/s] of the beam on a free hub with mass matrix `(2, 2)` about the port.
 
         Zero gives the free-free beam. Roots of `det(M_hub + D)` by bracketing between the poles of D.
-
-        Args:
-            hub_mass: `(2, 2)` about the port [kg, kg m, kg m^2].
-            count: how many, from the lowest.
         """
         m, length = self.linear_mass * self.length, self.length
         unit = np.array([[m, m * length], [m * length, m * length**2]])
         hub = np.asarray(hub_mass, dtype=np.float64) / unit
         if not np.any(hub):
             return _roots(_loose, count) * self.unit_frequency
-        return (
-            _roots(lambda z: float(np.linalg.det(hub + self._unit_dynamic_mass(z))) * _held(z), count)
-            * self.unit_frequency
-        )
+        both = _roots(lambda z: float(np.linalg.det(hub + self._unit_dynamic_mass(z))) * _held(z), count)
+        return both * self.unit_frequency
 
     def cantilever_frequencies(self, count: int) -> Array:
         """`(count,)` frequencies [rad/s] of the clamped-free beam: `1 + cos cosh = 0`."""

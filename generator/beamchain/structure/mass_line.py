@@ -5,67 +5,21 @@ Theory: docs/theory.md, section 4.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import KroghInterpolator
 
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, body_mass_matrix, locked
-from beamchain.structure.beam import Moments, straight_mass_matrix
+from beamchain.structure.beam import Beam, Moments, straight_mass_matrices
 from beamchain.structure.elements import gauss
 from beamchain.structure.segment import Lump
 
 FLAT = 1e-9  # of the second moment along x: a spread across it that is negative by less is none
 INNER = 0.2  # of the length: nearer to the root no point stands, unless the moments leave nothing else
-
-
-class MassLine(Protocol):
-    """What chain-making asks of an appendage."""
-
-    @property
-    def length(self) -> float:
-        """Root to tip [m]."""
-        ...
-
-    @property
-    def lumps(self) -> tuple[Lump, ...]:
-        """Bodies carried along the way, for drawing."""
-        ...
-
-    @property
-    def uniform(self) -> bool:
-        """One prismatic segment, for which the transcendental solution holds."""
-        ...
-
-    @property
-    def steps(self) -> tuple[float, ...]:
-        """x where mass is concentrated [m]."""
-        ...
-
-    def hinge_lines(self, port: str) -> tuple[float, ...]:
-        """x of its compliant joints in a port [m]."""
-        ...
-
-    def rigid_mass(self) -> Array:
-        """`(6, 6)` mass matrix of the frozen appendage about the root."""
-        ...
-
-    def moments(self, start: float, end: float, *, closed: bool = False) -> Moments:
-        """Moments of the stretch `[start, end)` about the root."""
-        ...
-
-    def behind(self, x: Array) -> Array:
-        """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m]."""
-        ...
-
-    def compliance(self, start: float, end: float, port: str) -> float:
-        """Rotation of the stretch per unit moment [rad/(N m)]."""
-        ...
-
-    def depth(self, x: float, plane: str) -> float:
-        """Extent of the section, for drawing [m]; 0: not known."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,16 +39,11 @@ class MassPiece:
 
     def at(self, fraction: Array) -> Array:
         """`(f, 4)` densities at fractions of the length."""
-        k = self.densities.shape[0]
-        if k == 1:
-            return np.repeat(self.densities, fraction.size, axis=0)
-        stations = np.linspace(0.0, 1.0, k)
-        weights = np.ones((fraction.size, k))
-        for i in range(k):
-            for j in range(k):
-                if j != i:
-                    weights[:, i] *= (fraction - stations[j]) / (stations[i] - stations[j])
-        return weights @ self.densities
+        return np.asarray(self._polynomial(fraction), dtype=np.float64)
+
+    @cached_property
+    def _polynomial(self) -> KroghInterpolator:
+        return KroghInterpolator(np.linspace(0.0, 1.0, len(self.densities)), self.densities)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,20 +78,12 @@ class SpreadMass:
     stiffness: Mapping[str, float] = field(default_factory=dict)
     beside: "Beside | None" = None
 
-    @property
-    def lumps(self) -> tuple[Lump, ...]:
-        """None are drawn."""
-        return ()
+    lumps: ClassVar[tuple[Lump, ...]] = ()  # none are drawn
 
     @property
     def steps(self) -> tuple[float, ...]:
         """x of its points [m]."""
         return tuple(self.points[:, 0].tolist())
-
-    @property
-    def uniform(self) -> bool:
-        """Never: there is no beam to solve."""
-        return False
 
     def hinge_lines(self, port: str) -> tuple[float, ...]:
         """None are known."""
@@ -178,13 +119,11 @@ class SpreadMass:
 
     def behind(self, x: Array) -> Array:
         """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m]; a point there hangs before it."""
-        out: list[Array] = []
-        for at in np.asarray(x).tolist():
-            m = Moments(*self._moments(at, self.length, self.points[:, 0] > at + 1e-9 * self.length))
-            out.append(
-                straight_mass_matrix(m) if self.beside is None else self.beside.mass_matrix(m.mass, m.first, m.second)
-            )
-        return np.array(out)
+        edge, places = 1e-9 * self.length, self.points[:, 0]
+        moments = [self._moments(at, self.length, places > at + edge) for at in np.asarray(x).tolist()]
+        if self.beside is None:
+            return straight_mass_matrices(np.array(moments))
+        return np.array([self.beside.mass_matrix(*along[:3]) for along in moments])
 
     def compliance(self, start: float, end: float, port: str) -> float:
         """Rotation per unit moment from the average stiffness [rad/(N m)]."""
@@ -194,6 +133,10 @@ class SpreadMass:
         """Not known."""
         del x, plane
         return 0.0
+
+
+#: What chain-making asks of an appendage: how its mass lies along x, whatever it was made from.
+MassLine = Beam | SpreadMass
 
 
 def default_length(rigid_mass: Array) -> float:

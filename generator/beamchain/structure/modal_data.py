@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse.csgraph import connected_components
 
 from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
@@ -185,16 +186,9 @@ class ModalData:
         for i, a in enumerate(PORTS):
             for j, b in enumerate(PORTS):
                 linked[i, j] |= bool(np.any((np.abs(PORT_MOTION[a]).T @ across @ np.abs(PORT_MOTION[b])) > 0.0))
-        left, out = set(range(4)), list[tuple[str, ...]]()
-        while left:
-            group, reached = set[int](), {min(left)}
-            while reached != group:
-                group = reached
-                reached = group | {j for i in group for j in range(4) if linked[i, j]}
-            left -= group
-            if np.any(parts[:, sorted(group)] > 0.0):
-                out.append(tuple(PORTS[i] for i in sorted(group)))
-        return tuple(out)
+        count, owner = connected_components(linked, directed=False)
+        groups = [np.flatnonzero(owner == k).tolist() for k in range(count)]
+        return tuple(tuple(PORTS[i] for i in group) for group in groups if np.any(parts[:, group] > 0.0))
 
     # -- port models -----------------------------------------------------------------------------------------------
     def space(self) -> PortModel:
@@ -231,20 +225,15 @@ class ModalData:
         if length == 1.0 and mass == 1.0:
             return self
         turn = np.array([1.0, 1.0, 1.0, length, length, length])
-        points = self.points * np.array([length, mass, *([mass * length**2] * 3)])
-        pieces = [
-            MassPiece(
-                p.start * length, p.length * length, p.densities * mass * np.array([1 / length, length, length, length])
-            )
-            for p in self.pieces
-        ]
+        per_length = np.array([1 / length, length, length, length])
+        pieces = [MassPiece(p.start * length, p.length * length, p.densities * mass * per_length) for p in self.pieces]
         return replace(
             self,
             rigid_mass=self.rigid_mass * mass * np.outer(turn, turn),
             participation=self.participation * np.sqrt(mass) * turn,
             tip=None if self.tip is None else self.tip / np.sqrt(mass) / turn,
             length=None if self.length is None else self.length * length,
-            points=points,
+            points=self.points * np.array([length, mass, *([mass * length**2] * 3)]),
             pieces=tuple(pieces),
             steps=(*self.steps, f"units: 1 length unit = {length:g} m, 1 mass unit = {mass:g} kg"),
         )
@@ -300,37 +289,32 @@ class ModalData:
                 )
         if len(set(modes)) != len(modes) or not modes:
             raise InputError(f"modes = {list(modes)!r} must name at least one mode, and each only once.")
-        pick = np.array(sorted(modes)) - 1
-        return replace(
-            self,
-            frequencies=self.frequencies[pick],
-            participation=self.participation[pick],
-            damping=self.damping[pick],
-            tip=None if self.tip is None else self.tip[pick],
-            steps=(*self.steps, f"modes {', '.join(str(k) for k in sorted(modes))} of {self.modes} taken"),
-        )
+        said = f"modes {', '.join(str(k) for k in sorted(modes))} of {self.modes} taken"
+        return replace(self._picked([k - 1 for k in sorted(modes)]), steps=(*self.steps, said))
 
     def frozen(self) -> "ModalData":
         """The data without modes: a rigid appendage."""
-        none = np.zeros(0)
-        tip = None if self.tip is None else self.tip[:0]
-        return replace(self, frequencies=none, participation=self.participation[:0], damping=none, tip=tip)
+        return self._picked([])
+
+    def _picked(self, modes: Sequence[int]) -> "ModalData":
+        pick = np.array(modes, dtype=np.int64)
+        return replace(
+            self, frequencies=self.frequencies[pick], participation=self.participation[pick],
+            damping=self.damping[pick], tip=None if self.tip is None else self.tip[pick],
+        )  # fmt: skip
 
     def untangled(self) -> "ModalData":
         """The data with modes of equal frequency, whose directions are arbitrary, rotated into the bending planes."""
         groups = near_groups(self.frequencies, max(self.tolerance, 1e-9))
-        turned = into_planes(self.frequencies, self.participation, self.scale, groups)
-        if not turned.changed:
+        turn, changed = into_planes(self.participation, self.scale, groups)
+        if not changed:
             return self
-        tip = None if self.tip is None else turned.turn @ self.tip
-        words = ", ".join("/".join(str(k + 1) for k in group) for group in turned.changed)
+        words = ", ".join("/".join(str(k + 1) for k in group) for group in changed)
         return replace(
-            self,
-            frequencies=turned.frequencies,
-            participation=turned.participation,
-            tip=tip,
+            self, frequencies=np.sqrt((turn**2) @ self.frequencies**2), participation=turn @ self.participation,
+            tip=None if self.tip is None else turn @ self.tip,
             steps=(*self.steps, f"modes {words} of equal frequency turned into the planes"),
-        )
+        )  # fmt: skip
 
     def line(self, power: int = 0) -> MassLine:
         """Mass distribution along x: that of the file, otherwise the simplest that the rigid mass allows.

@@ -1,7 +1,6 @@
 """Imported modes put in order: equal frequencies turned into the planes, rounding of printed digits cleared away."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,32 +16,18 @@ WRONG = 0.1  # a residual this far below zero is no rounding, however few digits
 NOISE = 1e-9  # a residual may be this far below zero whatever the print
 
 
-class Turned(NamedTuple):
-    """Modes after `into_planes`; `turn` `(n, n)`: new ones in terms of old."""
-
-    frequencies: Array
-    participation: Array
-    turn: Array
-    changed: list[list[int]]
-
-
 def near_groups(frequencies: Array, tolerance: float) -> list[list[int]]:
     """Runs of two or more ascending frequencies within a relative `tolerance`."""
-    groups: list[list[int]] = [[0]] if frequencies.size else []
-    for k in range(1, frequencies.size):
-        if frequencies[k] - frequencies[k - 1] <= tolerance * frequencies[k]:
-            groups[-1].append(k)
-        else:
-            groups.append([k])
-    return [group for group in groups if len(group) > 1]
+    apart = np.flatnonzero(np.diff(frequencies) > tolerance * frequencies[1:]) + 1
+    return [group.tolist() for group in np.split(np.arange(frequencies.size), apart) if group.size > 1]
 
 
-def into_planes(frequencies: Array, participation: Array, scale: Array, groups: Sequence[Sequence[int]]) -> Turned:
-    """Turn each group of equal frequency so that its modes diagonalise the ports' effective masses.
+def into_planes(participation: Array, scale: Array, groups: Sequence[Sequence[int]]) -> tuple[Array, list[list[int]]]:
+    """Modes `(n, n)` in terms of the old that diagonalise the ports' effective masses in each group of equal frequency.
 
-    `participation` `(n, 6)`; `scale` `(6,)` makes the motions comparable.
+    `participation` `(n, 6)`; `scale` `(6,)` makes the motions comparable. Also the groups that were turned.
     """
-    turn = np.eye(frequencies.size)
+    turn = np.eye(len(participation))
     changed: list[list[int]] = []
     for group in groups:
         rows = participation[list(group)] / scale
@@ -54,8 +39,7 @@ def into_planes(frequencies: Array, participation: Array, scale: Array, groups: 
         if np.sum(_best(vectors @ rows)) > np.sum(_best(rows)) * (1.0 + GAIN):
             turn[np.ix_(list(group), list(group))] = vectors
             changed.append(list(group))
-    squares = (turn**2) @ frequencies**2
-    return Turned(np.sqrt(squares), turn @ participation, turn, changed)
+    return turn, changed
 
 
 def _best(rows: Array) -> Array:

@@ -92,8 +92,12 @@ class _Section(Struct, frozen=True, kw_only=True):
 
     def ratio(self, end: "_Section") -> float:
         """Largest ratio of a dimension between the two ends, at least 1."""
-        pairs = [(getattr(self, name), getattr(end, name)) for name in self.__struct_fields__ if name != "draw"]
-        return max([1.0, *(max(a / b, b / a) for a, b in pairs if a > 0.0 and b > 0.0)])
+        return max([1.0, *(max(a / b, b / a) for a, b in self.pairs(end))])
+
+    def pairs(self, end: "_Section") -> list[tuple[float, float]]:
+        """Every dimension at the two ends, without those that are 0."""
+        both = [(getattr(self, name), getattr(end, name)) for name in self.__struct_fields__ if name != "draw"]
+        return [(a, b) for a, b in both if a > 0.0 and b > 0.0]
 
     def depth(self, plane: str) -> float:
         """Extent in the plane of bending [m], for drawing; 0 where the shape is not known."""
@@ -235,14 +239,8 @@ class Box(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_fie
         n = b / h
         m = n  # m = b t_flange / (h t_web)
         above = 10.0 * (1.0 + nu) * (1.0 + 3.0 * m) ** 2
-        below = (
-            12.0
-            + 72.0 * m
-            + 150.0 * m**2
-            + 90.0 * m**3
-            + nu * (11.0 + 66.0 * m + 135.0 * m**2 + 90.0 * m**3)
-            + 10.0 * n**2 * ((3.0 + nu) * m + 3.0 * m**2)
-        )
+        bend = 12.0 + 72.0 * m + 150.0 * m**2 + 90.0 * m**3 + nu * (11.0 + 66.0 * m + 135.0 * m**2 + 90.0 * m**3)
+        below = bend + 10.0 * n**2 * ((3.0 + nu) * m + 3.0 * m**2)
         return above / below
 
 

@@ -1,5 +1,6 @@
 """What a beam is made of: segments, compliant joints between them, rigid bodies carried along the way."""
 
+from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
@@ -93,13 +94,17 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     @property
     def taper(self) -> float:
         """Largest ratio between a dimension at the two ends, at least 1."""
-        return self.section.ratio(self.section if self.section_end is None else self.section_end)
+        return self.section.ratio(self.end)
+
+    @property
+    def end(self) -> Section:
+        """The section at the tip end."""
+        return self.section if self.section_end is None else self.section_end
 
     def at(self, fraction: Array) -> Stations:
         """Stiffness and inertia at `fraction` `(k,)` of the length."""
-        end = self.section if self.section_end is None else self.section_end
         if isinstance(self.section, Equivalent):
-            v = self.section.at(end, fraction)
+            v = self.section.at(self.end, fraction)
             nothing = np.zeros_like(fraction)
             return Stations(
                 v["bending_stiffness_xy"], v["bending_stiffness_xz"], v["torsion_stiffness"], v["axial_stiffness"],
@@ -107,7 +112,7 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             )  # fmt: skip
         assert self.material is not None
         e, g, rho, nu = self.material.youngs_modulus, self.material.g, self.material.density, self.material.nu
-        s = self.section.geometry(end, fraction)
+        s = self.section.geometry(self.end, fraction)
         kxy, kxz = (
             self.section.cowper(nu, plane) if self.shear_factor is None else self.shear_factor for plane in ("xy", "xz")
         )
@@ -120,9 +125,7 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     @property
     def shrinks(self) -> bool:
         """Whether the dimension with the largest ratio is smaller at the tip end."""
-        end = self.section if self.section_end is None else self.section_end
-        pairs = [(getattr(self.section, n), getattr(end, n)) for n in self.section.dimensions()]
-        a, b = max(((a, b) for a, b in pairs if a > 0 and b > 0), key=lambda p: max(p[0] / p[1], p[1] / p[0]))
+        a, b = max(self.section.pairs(self.end), key=lambda p: max(p[0] / p[1], p[1] / p[0]))
         return a > b
 
 
@@ -138,6 +141,9 @@ def _shape(section: Any) -> str:
     return type(section).__name__.lower()
 
 
+_spring = partial(field, unit="N m/rad", above=0.0, cure="Leave it out for a rigid joint.")
+
+
 class Joint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A compliant hinge line between segments; a stiffness left out is rigid.
 
@@ -150,18 +156,9 @@ class Joint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     after_segment: Annotated[
         int, field("number of the segment at whose tip end it stands; 0 is the root", "", least=0, most=10000)
     ]
-    stiffness_xy: Annotated[
-        float | None,
-        field("rotational stiffness in plane xy", "N m/rad", above=0.0, cure="Leave it out for a rigid joint."),
-    ] = None
-    stiffness_xz: Annotated[
-        float | None,
-        field("rotational stiffness in plane xz", "N m/rad", above=0.0, cure="Leave it out for a rigid joint."),
-    ] = None
-    stiffness_torsion: Annotated[
-        float | None,
-        field("rotational stiffness about x", "N m/rad", above=0.0, cure="Leave it out for a rigid joint."),
-    ] = None
+    stiffness_xy: Annotated[float | None, _spring("rotational stiffness in plane xy")] = None
+    stiffness_xz: Annotated[float | None, _spring("rotational stiffness in plane xz")] = None
+    stiffness_torsion: Annotated[float | None, _spring("rotational stiffness about x")] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -3,8 +3,7 @@
 Good for some six modes: the march amplifies an error by exp(wave number x length).
 """
 
-from bisect import bisect_left, bisect_right
-from typing import TypeVar
+from bisect import bisect_right
 
 import numpy as np
 
@@ -13,9 +12,6 @@ from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.segment import Lump, Stations
 
-T = TypeVar("T")
-Place = tuple[float, T]
-
 STEPS = 240  # of fourth order, over the whole appendage
 
 
@@ -23,9 +19,8 @@ def mode_shapes(beam: Beam, port: str, model: PortModel) -> tuple[Array, Array]:
     """`x` `(k,)` [m] and displacement (or angle) `(n, k)` in the modes of `model`."""
     bending = port in ("xy", "xz")
     square = model.frequencies**2
-    state = np.zeros(
-        (4 if bending else 2, model.modes)
-    )  # displacement, rotation, moment, force; or motion, strain force
+    # displacement, rotation, moment, force; or motion, strain force
+    state = np.zeros((4 if bending else 2, model.modes))
     if bending:
         state[2], state[3] = square * model.participation[:, 1], -square * model.participation[:, 0]
     else:
@@ -33,12 +28,14 @@ def mode_shapes(beam: Beam, port: str, model: PortModel) -> tuple[Array, Array]:
     x, shapes = [0.0], [state[0]]
     length, starts = beam.length, beam.starts
     close = 1e-9 * length
-    bodies = _places([(min(lump.x, length), lump) for lump in beam.lumps])
+    bodies = [(min(lump.x, length), lump) for lump in beam.lumps]
     ends = [*starts, length]
-    hinges = _places([(ends[j.after_segment], c) for j in beam.joints if (c := j.stiffness(port)) is not None])
+    hinges = [(ends[j.after_segment], c) for j in beam.joints if (c := j.stiffness(port)) is not None]
     stops = sorted({0.0, *starts, *(at for at, _ in bodies), length})
     for start, end in zip(stops, [*stops[1:], None], strict=True):
-        state = _stop(_near(bodies, start, close), _near(hinges, start, close), port, state, square)
+        lumps = [lump for at, lump in bodies if abs(at - start) <= close]
+        joints = [stiffness for at, stiffness in hinges if abs(at - start) <= close]
+        state = _stop(lumps, joints, port, state, square)
         if end is None or end - start <= close:
             continue
         index = bisect_right(starts, start + close) - 1
@@ -73,28 +70,16 @@ def _slopes(at: Stations, port: str, square: Array, *, rotary: bool) -> Array:
         out[:, :, 0, 1] = (1.0 / stiffness)[:, None]
         out[:, :, 1, 0] = -inertia[:, None] * square
         return out
-    xy = port == "xy"
+    bending, shear, turn = (getattr(at, f"{kind}_{port}") for kind in ("bending", "shear", "rotary"))
     out = np.zeros((k, m, 4, 4))
     out[:, :, 0, 1] = 1.0
-    out[:, :, 1, 2] = (1.0 / (at.bending_xy if xy else at.bending_xz))[:, None]
+    out[:, :, 1, 2] = (1.0 / bending)[:, None]
     out[:, :, 2, 3] = 1.0
     out[:, :, 3, 0] = at.mass[:, None] * square
     if rotary:
-        out[:, :, 0, 3] = -(1.0 / (at.shear_xy if xy else at.shear_xz))[:, None]
-        out[:, :, 2, 1] = -(at.rotary_xy if xy else at.rotary_xz)[:, None] * square
+        out[:, :, 0, 3] = -(1.0 / shear)[:, None]
+        out[:, :, 2, 1] = -turn[:, None] * square
     return out
-
-
-def _places(things: list[Place[T]]) -> list[Place[T]]:
-    """Things with their x, ascending."""
-    return sorted(things, key=lambda one: one[0])
-
-
-def _near(things: list[Place[T]], x: float, close: float) -> list[T]:
-    """Those of `_places` at `x`."""
-    first = bisect_left(things, x - close, key=lambda one: one[0])
-    last = bisect_right(things, x + close, key=lambda one: one[0])
-    return [thing for _, thing in things[first:last]]
 
 
 def _stop(lumps: list[Lump], hinges: list[float], port: str, state: Array, square: Array) -> Array:

@@ -11,7 +11,7 @@ from lxml import etree
 from beamchain.chain import rivals
 from beamchain.chain.build import Built, Wishes, build_exact, with_real_polar
 from beamchain.chain.chain import Chain
-from beamchain.chain.compared import build_least_squares
+from beamchain.chain.rivals import build_least_squares
 from beamchain.chain.tendons import damped_modes, joint_damping
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model

@@ -107,11 +107,8 @@ def _scan(path: Path) -> tuple[dict[int, _Subcase], _Subcase]:
             case.fractions |= table == "fractions"
             continue
         if "REFERENCEPOINT" in squeezed:
-            where = (
-                "the origin"
-                if "ORIGIN" in squeezed or re.search(r"=0$", squeezed)
-                else f"grid {squeezed.split('POINT')[-1].lstrip('=')}"
-            )
+            origin = "ORIGIN" in squeezed or squeezed.endswith("=0")
+            where = "the origin" if origin else f"grid {squeezed.split('POINT')[-1].lstrip('=')}"
             (shared if table == "weight" else case).points["grid point mass" if table == "weight" else "modes"] = where
             continue
         if table in ("a-set mass", "grid point mass"):
@@ -138,9 +135,8 @@ def _scan(path: Path) -> tuple[dict[int, _Subcase], _Subcase]:
             values = [_real(token, path, number) for token in tokens]
             rows = case.tables.setdefault(table, {})
             mode = int(row[1])
-            if mode in rows and max(abs(a - b) for a, b in zip(rows[mode], values, strict=True)) > 1e-6 * max(
-                map(abs, values)
-            ):
+            gap = max(abs(a - b) for a, b in zip(rows.get(mode, values), values, strict=True))
+            if gap > 1e-6 * max(map(abs, values)):
                 where = (
                     f"file {str(path)!r}, line {number}: mode {mode} stands twice in the {table} table with different "
                 )
