@@ -121,11 +121,7 @@ def embed(
 
 
 def places(at: "Sequence[str]") -> dict[str, str]:
-    """The specification for each place that --at names.
-
-    Raises:
-        InputError: an entry is not NAME=SPEC.toml, or a place is named twice.
-    """
+    """The specification for each place that --at names, each once."""
     found = [_split(word, False) for word in at]
     named = [name for name, _ in found]
     if len(set(named)) < len(named):

@@ -6,25 +6,18 @@ import numpy as np
 
 from beamchain.engine.bench import frozen_mass
 from beamchain.engine.library import mujoco
-from beamchain.ports.motions import Array
+from beamchain.ports.motions import Array, shifted
 
 NOTHING = 1e-9  # relative, below which a number is printed as zero
 
 
 class Composite(NamedTuple):
-    """Mass properties of a body with all that hangs on it.
-
-    Args:
-        body: its name.
-        mass: [kg].
-        centre: `(3,)` centre of mass from the body's origin, in its axes [m].
-        inertia: `(3, 3)` about the centre of mass, in its axes [kg m^2].
-    """
+    """Mass properties of a body with all that hangs on it."""
 
     body: str
-    mass: float
-    centre: Array
-    inertia: Array
+    mass: float  # [kg]
+    centre: Array  # (3,) of mass from the body's origin, in its axes [m]
+    inertia: Array  # (3, 3) about the centre of mass, in its axes [kg m^2]
 
     @property
     def sentence(self) -> str:
@@ -40,24 +33,18 @@ class Composite(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        return {"body": self.body, "mass": self.mass, "centre": self.centre, "inertia": self.inertia}
+        return self._asdict()
 
 
 def composite(model: "mujoco.MjModel", body: int, qpos: Array | None = None) -> Composite:
-    """Mass properties of a body and all that hangs on it.
-
-    Args:
-        model: compiled.
-        body: its id.
-        qpos: the pose; that of rest where left out.
-    """
+    """Mass properties of a body, by its id, and all that hangs on it; at rest where no pose is given."""
     data = mujoco.MjData(model)
     if qpos is not None:
         data.qpos[:] = qpos
     mujoco.mj_kinematics(model, data)
     matrix = frozen_mass(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
     mass = float(np.trace(matrix[:3, :3])) / 3.0
-    x, y, z = centre = np.array([matrix[1, 5], matrix[2, 3], matrix[0, 4]]) / max(mass, 1e-300)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    centre = np.array([matrix[1, 5], matrix[2, 3], matrix[0, 4]]) / max(mass, 1e-300)
+    cross = shifted(centre)[:3, 3:]
     inertia = matrix[3:, 3:] + mass * cross @ cross
     return Composite(model.body(body).name or f"body {body}", mass, centre, (inertia + inertia.T) / 2.0)

@@ -20,12 +20,9 @@ WAYS = ((-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0))  # corners of a trus
 
 
 def decorate(model: "mujoco.MjModel", scene: Any, slim: float) -> None:
-    """Draw the panels and trusses among the geoms of a scene in detail.
+    """Draw the panels and trusses among the geoms of a renderer's scene, known by name and colour, in detail.
 
-    Args:
-        model: what is drawn; its panels and trusses are known by name and colour.
-        scene: of a renderer, updated.
-        slim: least radius of a strut [m].
+    `slim`: least radius of a strut [m].
     """
     solid, box = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtGeom.mjGEOM_BOX)
     for i in range(int(scene.ngeom)):

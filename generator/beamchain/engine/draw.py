@@ -30,8 +30,7 @@ CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 def staged(source: str | Path) -> "mujoco.MjModel":
     """A compiled model with stars, where the file gives no sky but a plain one, and light, where it gives none.
 
-    Args:
-        source: MJCF text or a path; a compiled .mjb file stays as it is.
+    A compiled .mjb file stays as it is.
     """
     model = compile_model(source)
     text = isinstance(source, str) and source.lstrip().startswith("<")
@@ -61,15 +60,8 @@ def drawn(
 ) -> Iterator[Frame]:
     """Frames `(height, width, 3)`, all from one place, from which they are seen as large and as moving as can be.
 
-    Args:
-        model: from `staged`; thin solids in it are made thick enough to be seen.
-        body: the spacecraft's, which has no ghost.
-        shown: `(k, nq)` positions.
-        ghosts: `(k, nq)` positions drawn faintly for comparison.
-        width, height: in pixels.
-
-    Raises:
-        EngineError: MuJoCo cannot draw here.
+    `shown`, `ghosts` `(k, nq)`: positions, and those drawn faintly for comparison, of all but the spacecraft's `body`. Thin
+    solids of the model are made thick enough to be seen.
     """
     camera, extent = _camera(model, body, shown, ghosts, width / height)
     _thicken(model, SLIMMEST * extent)

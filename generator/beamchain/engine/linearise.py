@@ -54,20 +54,13 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
 
 
 class Held(NamedTuple):
-    """A linearised model with its root held, `n` modes and `m` motions.
+    """A linearised model with its root held, `n` modes and `m` motions; `reaction x drive` is the sum of `W^2 L L^T`."""
 
-    Args:
-        apparent: `(m, m)` mass of the port with the joints loose.
-        squares: `(n,)` frequencies squared, ascending [1/s^2].
-        reaction: `(m, n)` wrench of each mode on the root.
-        drive: `(n, m)` of the root's acceleration on each mode; `reaction x drive` is the sum of `W^2 L L^T`.
-    """
-
-    apparent: Array
-    squares: Array
-    reaction: Array
-    drive: Array
-    ratios: Array
+    apparent: Array  # (m, m) mass of the port with the joints loose
+    squares: Array  # (n,) frequencies squared, ascending [1/s^2]
+    reaction: Array  # (m, n) wrench of each mode on the root
+    drive: Array  # (n, m) of the root's acceleration on each mode
+    ratios: Array  # (n,) of damping
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -167,13 +160,7 @@ class Linearisation:
         return PortModel(rigid + participation.T @ participation, np.sqrt(held.squares), participation, held.ratios)
 
     def held(self, root: list[int], inner: list[int], columns: list[int], turn: Array) -> Held:
-        """The model with its root held.
-
-        Args:
-            root, inner: degrees of freedom of the root, and of all else.
-            columns: inputs that drive the root.
-            turn: `(m, m)` signs of its motions.
-        """
+        """The model with its `root` held; `columns`: inputs that drive it; `turn` `(m, m)`: signs of its motions."""
         apparent: Array = np.asarray(np.linalg.inv(turn @ self.inputs[np.ix_(root, columns)] @ turn), dtype=np.float64)
         follow = self.inputs[np.ix_(inner, columns)] @ turn @ apparent
         pull = turn @ self.stiffness[np.ix_(root, inner)]

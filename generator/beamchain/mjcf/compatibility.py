@@ -65,8 +65,7 @@ def hostile(parts: Iterable[Element]) -> dict[str, dict[str, int]]:
 def shield(appendage: Element, found: Mapping[str, Mapping[str, int]]) -> None:
     """Say explicitly what a parent's default would otherwise set on the appendage's elements.
 
-    Raises:
-        InputError: a default turns or replaces shapes or sites; MuJoCo 3 and 4 differ in what overrules that.
+    One that turns or replaces shapes or sites is refused: MuJoCo 3 and 4 differ in what overrules that.
     """
     for tag, names in found.items():
         turned = (TURNS | REPLACES) & set(names) if tag in ("geom", "site") else set()
@@ -91,13 +90,7 @@ def shield(appendage: Element, found: Mapping[str, Mapping[str, int]]) -> None:
 def check_compiler(parts: Iterable[Element], least_mass: float, least_inertia: float) -> None:
     """Refuse compiler switches that would change the links' masses.
 
-    Args:
-        parts: the document and what it includes.
-        least_mass: of the moving links [kg].
-        least_inertia: their smallest principal inertia [kg m^2].
-
-    Raises:
-        InputError: with the attribute, its value and the cure.
+    `least_mass` [kg] of the moving links, `least_inertia` their smallest principal inertia [kg m^2].
     """
     settings: dict[str, str] = {}
     for part in parts:

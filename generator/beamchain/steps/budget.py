@@ -114,16 +114,9 @@ def _holds_nothing(model: "mujoco.MjModel") -> bool:
 
 
 def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = None, name: str | None = None) -> Budget:
-    """The step budget of a model about its rest pose.
+    """The step budget of a model about its rest pose; refused where nothing oscillates in it, or it falls over by itself.
 
-    Args:
-        source: a compiled model, MJCF text, or a path.
-        timestep: at which the added damping is stated; the model's own where left out [s].
-        name: shown; the model's own where left out.
-
-    Raises:
-        EngineError: MuJoCo refuses the model, nothing oscillates in it, or it falls over by itself.
-        InputError: there is no such file.
+    `timestep` [s] at which the added damping is stated and the `name` shown are the model's own where left out.
     """
     model = engine.compile_model(source)
     linear = linear_model(model)

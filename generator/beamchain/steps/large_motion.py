@@ -158,15 +158,9 @@ class LargeMotion:
 def large_motion(
     chain: Chain, beam: Beam, port: str, *, modes: int, radius: float = 0.0, fine: Chain | None = None
 ) -> LargeMotion:
-    """The large-motion limits of a chain in one bending plane.
+    """The large-motion limits of a chain in a bending plane, "xy" or "xz", against 60 equal links or `fine`.
 
-    Args:
-        chain: the chain.
-        beam: what it stands for.
-        port: "xy" or "xz".
-        modes: kept; their frequencies are compared in spin.
-        radius: from the axis of spin to the root [m].
-        fine: the reference; 60 equal links of `beam` where left out.
+    `modes`: kept, whose frequencies are compared in spin; `radius`: from the axis of spin to the root [m].
     """
     ours = _plane(chain, port)
     theirs = _plane(fine or equal_links(beam, FINE, "midpoint", port), port)

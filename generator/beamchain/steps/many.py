@@ -13,12 +13,8 @@ HALVINGS = 14  # of the phase limit, as in forms.py
 def form2_many(integrator: str, c: Array, stiffness: Array, damping: Array, timestep: float) -> Timed:
     """What `form2` gives each of k crafts: every mode of the held appendages exact, the phase limit lowered where needed.
 
-    Args:
-        integrator: MuJoCo's name.
-        c: condensed mass of the modal coordinates, `(n, n)` or `(k, n, n)`.
-        stiffness: `(k, n)` of the tendons [1/s^2].
-        damping: `(k, n)` of the tendons before they were made exact [1/s].
-        timestep: [s].
+    `c` `(n, n)` or `(k, n, n)`: condensed mass of the modal coordinates; `stiffness` [1/s^2] and `damping` [1/s] `(k, n)` of
+    the tendons before they were made exact.
     """
     w = np.sqrt(stiffness)
     zeta, c = damping / (2.0 * w), np.broadcast_to(c, (w.shape[0], *c.shape[-2:]))

@@ -42,15 +42,8 @@ def measured_limit(
 ) -> float:
     """Largest stable step of a model [s], by bisection; infinity where a step of 1000 guesses is still stable.
 
-    Args:
-        model: compiled; gravity and contacts are switched off for the measurement.
-        integrator: MuJoCo's name.
-        guess: where the search starts [s]; it widens until it holds the limit, so that a wrong guess costs time only.
-        accuracy: relative.
-        seed: of the perturbation.
-
-    Raises:
-        EngineError: no step is stable.
+    Gravity and contacts are switched off meanwhile. The search widens from `guess` [s] until it holds the limit, so that a
+    wrong one costs time only.
     """
     kept = int(model.opt.integrator), model.opt.gravity.copy(), int(model.opt.disableflags)
     model.opt.integrator = INTEGRATORS[integrator]

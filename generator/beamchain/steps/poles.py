@@ -21,21 +21,13 @@ GROWN = 1e-6  # negative damping ratio beyond rounding
 
 @dataclass(frozen=True)
 class PoleRow:
-    """One oscillating mode of the craft.
+    """One oscillating mode of the craft."""
 
-    Args:
-        frequency: [rad/s] `|s|` of the model with timing taken out.
-        ratio: of damping, likewise.
-        achieved_frequency: that the step shows, `|log(z)|/h`.
-        achieved_ratio: likewise.
-        slowed: it turns by more than the model's phase limit.
-    """
-
-    frequency: float
-    ratio: float
-    achieved_frequency: float
+    frequency: float  # [rad/s] |s| of the model with timing taken out
+    ratio: float  # of damping, likewise
+    achieved_frequency: float  # that the step shows, |log(z)|/h
     achieved_ratio: float
-    slowed: bool
+    slowed: bool  # it turns by more than the model's phase limit
 
     @property
     def grows(self) -> bool:
@@ -55,12 +47,7 @@ class PoleRow:
 def pole_rows(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> list[PoleRow]:
     """Every oscillating mode of a craft at its own step and integrator, against the same craft without timing.
 
-    Args:
-        model: compiled.
-        data: the state to linearise about; the initial one where left out. It is not changed.
-
-    Raises:
-        EngineError: MuJoCo cannot linearise the model.
+    `data`: the state to linearise about, which is not changed; the initial one where left out.
     """
     plain = copy.copy(model)
     if modal_tendons(plain).names:

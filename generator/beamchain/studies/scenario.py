@@ -55,11 +55,8 @@ class Scenario:
     def error(self, motion: Array, timestep: float, rigid: Array | None = None, shift: float = 0.0) -> float:
         """Largest error of the hub's simulated motion `(t, 6)` over the largest elastic part of it.
 
-        Args:
-            motion: at the ends of the steps.
-            timestep: [s].
-            rigid: of the frozen appendage by the same integrator; with it only the elastic parts are compared.
-            shift: the simulated time after step k is `(k + shift) timestep`: the integrator's own clock.
+        With `rigid`, that of the frozen appendage by the same integrator, only the elastic parts are compared. The simulated
+        time after step k is `(k + shift) timestep`: the integrator's own clock.
         """
         at = timestep * (np.arange(1, motion.shape[0] + 1) + shift)
         if not np.all(np.isfinite(motion)):
