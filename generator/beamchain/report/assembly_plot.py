@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from beamchain.checks import one_of
 from beamchain.fitting.needs import AXES
-from beamchain.report.plots import BEAM, OURS, STYLE, WIDTH, frame, in_hz, percent
+from beamchain.report.plots import BEAM, OURS, STYLE, WIDTH, frame, in_hz, over_frequency, panel, percent
 from beamchain.report.svg import to_svg
 
 if TYPE_CHECKING:
@@ -47,28 +47,20 @@ def _panel(ax: "Axes", assembly: "Assembly", place: int) -> None:
     frame(ax, (float(assembly.omega[0]), float(assembly.omega[-1])), heights, assembly.common)
     ax.plot(assembly.omega, ours, color=OURS, linewidth=3.0, label="MuJoCo, from A and B of mjd_transitionFD")
     ax.plot(assembly.omega, exact, color=BEAM, linewidth=1.0, label="exact beams on the same hub")
-    ax.set_title(title)
-    ax.set_ylabel(f"|H|, {unit}")
+    ax.set(title=title, ylabel=f"|H|, {unit}")
 
 
 def plot_assembly(assembly: "Assembly", ax: "Axes | None" = None, motion: str | None = None) -> "Axes":
     """Draw the hub's accelerance in one motion: the exact spacecraft, and the one read back through MuJoCo.
 
-    Args:
-        assembly: what was proved.
-        ax: drawn into; those of a new figure where left out.
-        motion: "tx", "ty", "tz", "x", "y" or "z"; the first that matters where left out.
-
-    Raises:
-        InputError: the hub does not have that motion, or it does not matter.
+    `motion`: "tx", "ty", "tz", "x", "y" or "z"; the first that matters where left out.
     """
     known = {name: assembly.motions.index(i) for name, i in AXES.items() if i in assembly.motions}
     motion = next(iter(known)) if motion is None else motion
     one_of("motion", motion, known)
-    ax = Figure(figsize=(WIDTH, 3.6), layout="constrained").add_subplot() if ax is None else ax
+    ax = panel(3.6)[1] if ax is None else ax
     _panel(ax, assembly, known[motion])
-    in_hz(ax)
-    ax.set_xlabel("frequency, rad/s")
+    over_frequency(ax, ax.get_ylabel())
     ax.legend(loc="best")
     return ax
 
@@ -76,8 +68,7 @@ def plot_assembly(assembly: "Assembly", ax: "Axes | None" = None, motion: str | 
 @mpl.rc_context(STYLE)
 def difference_figure(assembly: "Assembly") -> Figure:
     """Error of the hub's motion over frequency, the band shaded and its largest error marked."""
-    figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
-    ax = figure.add_subplot()
+    figure, ax = panel(3.4)
     error = np.maximum(assembly.error, 1e-9 * float(assembly.error.max()))
     limits = float(assembly.omega[0]), float(assembly.omega[-1])
     frame(ax, limits, (float(error.min()) / 2.0, 3.0 * float(error.max())), assembly.common)
@@ -85,9 +76,7 @@ def difference_figure(assembly: "Assembly") -> Figure:
     at = int(np.argmax(np.where(assembly.omega <= assembly.common, error, -1.0)))
     label = f"largest drawn in the band: {percent(assembly.in_band)}"
     ax.plot(assembly.omega[at], error[at], marker="o", markersize=5.5, color=OURS, linestyle="none", label=label)
-    in_hz(ax)
-    ax.set_xlabel("frequency, rad/s")
-    ax.set_ylabel("error of the hub's motion, relative")
+    over_frequency(ax, "error of the hub's motion, relative")
     figure.legend(loc="outside upper left", ncols=3)
     return figure
 
