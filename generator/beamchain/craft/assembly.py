@@ -15,9 +15,9 @@ from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
 from beamchain.craft.mode_words import mode_words
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, rest
 from beamchain.engine.linearise import linearise, mass_matrix
-from beamchain.engine.mount import Mount, rest
+from beamchain.engine.mount import Mount
 from beamchain.ports.compare import DEFAULT_RATIO, damped, relative
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, square_root

@@ -41,6 +41,21 @@ def rollout_engine() -> "Rollout":
     return Rollout(nthread=0)
 
 
+def rest(model: "mujoco.MjModel") -> "mujoco.MjData":
+    """Data at the rest pose, kinematics and Jacobians ready."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    return data
+
+
+def hangs_on(model: "mujoco.MjModel", body: int, top: int) -> bool:
+    """Whether a body is `top` or is carried by it."""
+    while body not in (0, top):
+        body = int(model.body_parentid[body])
+    return body == top
+
+
 @contextmanager
 def quiet() -> Generator[None]:
     """Keeps MuJoCo's warnings out of MUJOCO_LOG.TXT in the working folder."""

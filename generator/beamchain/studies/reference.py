@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import Array, locked
+from beamchain.ports.motions import Array, locked, shifted
 
 Complex = NDArray[np.complex128]
 
@@ -84,9 +84,7 @@ class HubResponse:
 def hub_response(full: Mapping[str, PortModel], rigid_mass: Array, hub_mass: Array, offset: Array) -> HubResponse:
     """The response of a hub that carries an appendage; mass matrices about the root, `offset` from centre to root [m]."""
     model = in_space(full, rigid_mass + hub_mass)
-    x, y, z = offset
-    centre = np.eye(6)  # motion of the centre from that of the root: u - rotation x offset
-    centre[:3, 3:] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+    centre = shifted(-offset)  # motion of the centre from that of the root
     mobility = centre @ np.linalg.inv(model.rigid_mass) @ centre.T
     values = model.free_port_values @ centre.T
     w, shapes = model.free_frequencies, model._free[2]
