@@ -137,15 +137,9 @@ def _port(linear: Linearisation, root: list[int], inner: list[int], extra: Array
     columns = [linear.driven.index(dof) for dof in root]
     held = linear.held(root, inner, columns, np.diag(SIGNS))
     apparent, w = (held.apparent + held.apparent.T) / 2.0, np.sqrt(held.squares)
-    rows = np.zeros((w.size, 6))
     groups = near_groups(w, TOGETHER)
     singles = [[k] for k in range(w.size) if not any(k in group for group in groups)]
-    for group in [*singles, *groups]:
-        # the sum over a group of W^2 L L^T is its own, whatever its eigenvectors: the leading eigenpairs are the rows
-        both = (held.reaction[:, group] / held.squares[group]) @ held.drive[group]
-        values, vectors = np.linalg.eigh((both + both.T) / 2.0)
-        top = max(values.size - len(group), 0)  # more modes than motions: those left over move nothing
-        rows[group[: values.size - top]] = (vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))).T[::-1]
+    rows = held.rows([*singles, *groups])
     return _in_planes(apparent + rows.T @ rows - extra, w, rows, held.ratios, groups, live)
 
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beamchain.engine.bench import frozen_mass
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, rest
 from beamchain.ports.motions import Array, shifted
 
 NOTHING = 1e-9  # relative, below which a number is printed as zero
@@ -38,10 +38,7 @@ class Composite(NamedTuple):
 
 def composite(model: "mujoco.MjModel", body: int, qpos: Array | None = None) -> Composite:
     """Mass properties of a body, by its id, and all that hangs on it; at rest where no pose is given."""
-    data = mujoco.MjData(model)
-    if qpos is not None:
-        data.qpos[:] = qpos
-    mujoco.mj_kinematics(model, data)
+    data = rest(model, qpos)
     matrix = frozen_mass(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
     mass = float(np.trace(matrix[:3, :3])) / 3.0
     centre = np.array([matrix[1, 5], matrix[2, 3], matrix[0, 4]]) / max(mass, 1e-300)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.engine.decor import decorate
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, rest
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array
@@ -115,10 +115,7 @@ def _camera(model: "mujoco.MjModel", body: str, shown: Array, ghosts: Array, asp
     some = range(0, len(shown), max(len(shown) // SAMPLES, 1))
     points, faint = (np.array([_corners(model, positions[k]) for k in some]) for positions in (shown, ghosts))
     moved, points = points - faint, np.concatenate([points, faint])
-    data = mujoco.MjData(model)
-    data.qpos[:] = shown[0]
-    mujoco.mj_kinematics(model, data)
-    out = points.mean(axis=(0, 1)) - data.body(body).xpos
+    out = points.mean(axis=(0, 1)) - rest(model, shown[0]).body(body).xpos
     heading = np.degrees(np.arctan2(out[1], out[0]))
     up = float(np.tan(np.radians(float(model.vis.global_.fovy)) / 2.0))
     best: tuple[float, Any] = (-1.0, None)
@@ -156,9 +153,7 @@ def _fitted(points: Array, tangents: Array) -> tuple[Array, float]:
 
 def _corners(model: "mujoco.MjModel", positions: Array) -> Array:
     """`(n, 3)` corners of all solids that are seen."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = positions
-    mujoco.mj_kinematics(model, data)
+    data = rest(model, positions)
     out: Sequence[Array] = [
         data.geom_xpos[i]
         + (CORNERS * model.geom_aabb[i, 3:] + model.geom_aabb[i, :3]) @ data.geom_xmat[i].reshape(3, 3).T

@@ -8,7 +8,7 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain.caution import Caution
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import EPSILON, NUMBERS, runge_kutta_step, system_matrix, transition
+from beamchain.engine.linearise import NUMBERS, Linearisation, linearise, system_matrix
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES, Complex, seen, step_pole
 from beamchain.steps.modal import modal_tendons
@@ -52,7 +52,8 @@ def pole_rows(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> l
     plain = copy.copy(model)
     if modal_tendons(plain).names:
         retime(plain, 0.0)
-    wanted = _oscillating(continuous_matrix(plain, data))
+    linear = _linear(plain, data)
+    wanted = _oscillating(system_matrix(linear.stiffness, linear.damping))
     h = float(model.opt.timestep)
     z = np.linalg.eigvals(step_matrix(model, data)).astype(np.complex128)
     z = z[(np.abs(z - 1.0) > AT_REST) & (z.imag > -1e-12)]
@@ -94,22 +95,11 @@ def phase_limit(model: "mujoco.MjModel") -> float:
 
 def step_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> Array:
     """`(2 nv, 2 nv)` one step of the model's own integrator, states (position, velocity)."""
-    name = NUMBERS[int(model.opt.integrator)]
-    if name != "RK4":
-        return _transition(model, data, name)
-    return runge_kutta_step(continuous_matrix(model, data) * float(model.opt.timestep))
+    return _linear(model, data).a[: 2 * model.nv, : 2 * model.nv]
 
 
-def continuous_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> Array:
-    """`(2 nv, 2 nv)` the continuous system behind the model as it stands."""
-    a, nv, h = _transition(model, data, "implicitfast"), model.nv, float(model.opt.timestep)
-    x = np.linalg.inv(a[nv:, nv:])
-    return system_matrix(-x @ a[nv:, :nv] / h, (x - np.eye(nv)) / h)
-
-
-def _transition(model: "mujoco.MjModel", data: "mujoco.MjData | None", integrator: str) -> Array:
-    mine = mujoco.MjData(model) if data is None else copy.copy(data)
-    return transition(model, mine, EPSILON, integrator)[0][: 2 * model.nv, : 2 * model.nv]
+def _linear(model: "mujoco.MjModel", data: "mujoco.MjData | None") -> Linearisation:
+    return linearise(model, None if data is None else copy.copy(data))
 
 
 def _oscillating(f: Array) -> Complex:
