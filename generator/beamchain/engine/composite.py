@@ -36,9 +36,9 @@ class Composite(NamedTuple):
         return self._asdict()
 
 
-def composite(model: "mujoco.MjModel", body: int, qpos: Array | None = None) -> Composite:
-    """Mass properties of a body, by its id, and all that hangs on it; at rest where no pose is given."""
-    data = rest(model, qpos)
+def composite(model: "mujoco.MjModel", body: int) -> Composite:
+    """Mass properties of a body, by its id, and all that hangs on it, at rest."""
+    data = rest(model)
     matrix = frozen_mass(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
     mass = float(np.trace(matrix[:3, :3])) / 3.0
     centre = np.array([matrix[1, 5], matrix[2, 3], matrix[0, 4]]) / max(mass, 1e-300)

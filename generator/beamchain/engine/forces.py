@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from beamchain.engine.library import mujoco
 from beamchain.ports.model import PortModel
@@ -39,24 +38,17 @@ def readings(model: "mujoco.MjModel") -> Readings:
         rows += [np.sqrt(float(model.body_mass[i])) * moves, inertia]
     tendons = along_all(model)
     rows += [np.sqrt(float(a)) * t[None] for a, t in zip(model.tendon_armature, tendons, strict=True) if a > 0.0]
-    joints, stiffness = linear_part(model.jnt_stiffness), linear_part(model.tendon_stiffness)
-    springs = [np.sqrt(k) * np.eye(nv)[int(dof)] for k, dof in zip(joints, model.jnt_dofadr, strict=True) if k > 0.0]
-    springs += [np.sqrt(k) * t for k, t in zip(stiffness, tendons, strict=True) if k > 0.0]
-    dampers = zip(linear_part(model.tendon_damping), tendons, strict=True)
-    damping = np.diag(linear_part(model.dof_damping)) + sum(c * np.outer(t, t) for c, t in dampers)
+    own = zip(model.jnt_stiffness, np.eye(nv)[model.jnt_dofadr], strict=True)
+    springs = [np.sqrt(k) * row for k, row in (*own, *zip(model.tendon_stiffness, tendons, strict=True)) if k > 0.0]
+    dampers = zip(model.tendon_damping, tendons, strict=True)
+    damping = np.diag(model.dof_damping) + sum(c * np.outer(t, t) for c, t in dampers)
     return Readings(np.vstack(rows), np.array(springs).reshape(-1, nv), damping)
-
-
-def linear_part(values: ArrayLike) -> Array:
-    """`(n,)` linear springs or dampers of a model; MuJoCo 4 holds the higher powers beside them."""
-    given = np.asarray(values, dtype=np.float64)
-    return given.reshape(len(given), -1)[:, 0] if len(given) else np.zeros(0)
 
 
 def sprung(model: "mujoco.MjModel") -> list[int]:
     """Joints that a spring holds, their own or that of a fixed tendon over them."""
-    held = set(np.flatnonzero(linear_part(model.jnt_stiffness) > 0.0).tolist())
-    for i in np.flatnonzero(linear_part(model.tendon_stiffness) > 0.0):
+    held = set(np.flatnonzero(model.jnt_stiffness > 0.0).tolist())
+    for i in np.flatnonzero(model.tendon_stiffness > 0.0):
         joint = int(mujoco.mjtWrap.mjWRAP_JOINT)
         held |= {int(model.wrap_objid[k]) for k in wraps(model, i) if int(model.wrap_type[k]) == joint}
     return sorted(held)

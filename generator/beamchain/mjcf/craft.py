@@ -193,18 +193,18 @@ def read_craft(path: str | Path) -> Craft:
     path = Path(path)
     tree = parse(path)
     declared = path.read_bytes().lstrip().startswith(b"<?xml")
-    craft = Craft(tree, path.parent, f"spacecraft {str(path)!r}", declared)
-    if craft.root.tag != "mujoco":
-        raise InputError(f"{craft.label} has root element <{craft.root.tag}>, not <mujoco>; give an MJCF file.")
-    craft.includes()
-    return craft
+    return _whole(Craft(tree, path.parent, f"spacecraft {str(path)!r}", declared), "an MJCF file")
 
 
-def craft_from_text(content: str, folder: str | Path = ".") -> Craft:
-    """A spacecraft from MJCF text; relative paths in it start at `folder`."""
-    craft = Craft(parse_text(content.encode("utf-8"), "spacecraft text"), Path(folder), "spacecraft text")
+def craft_from_text(content: str) -> Craft:
+    """A spacecraft from MJCF text; relative paths in it start at the working folder."""
+    return _whole(Craft(parse_text(content.encode("utf-8"), "spacecraft text"), Path(), "spacecraft text"), "MJCF")
+
+
+def _whole(craft: Craft, wanted: str) -> Craft:
+    """The document itself, if it is MJCF and its includes can be followed."""
     if craft.root.tag != "mujoco":
-        raise InputError(f"{craft.label} has root element <{craft.root.tag}>, not <mujoco>; give MJCF.")
+        raise InputError(f"{craft.label} has root element <{craft.root.tag}>, not <mujoco>; give {wanted}.")
     craft.includes()
     return craft
 

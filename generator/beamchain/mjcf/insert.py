@@ -83,11 +83,11 @@ def put_in(craft: Craft, insertions: Sequence[Insertion], form: str, files: Mapp
 
 def _place(body: Element, frame: dict[str, str]) -> None:
     """Position and attitude right behind the name, as people write them."""
-    rest = {str(k): str(v) for k, v in body.attrib.items() if k not in ("name", "pos", "quat")}
-    name = body.get("name") or ""
+    given = {str(key): str(value) for key, value in body.attrib.items()}
     body.attrib.clear()
-    for key, value in ({"name": name} | frame | rest).items():
-        body.set(key, value)
+    body.attrib.update(
+        {"name": given.get("name", "")} | frame | {k: v for k, v in given.items() if k not in ("name", *frame)}
+    )
 
 
 def child_text(item: Insertion) -> str:

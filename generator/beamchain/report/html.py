@@ -285,12 +285,10 @@ def _embedded_verdict(embedded: "Embedded") -> Verdict:
         f"{short(assembly.band)} rad/s: the worst is off by {percent(assembly.worst)} from beams on the same "
         "spacecraft, read back through MuJoCo."
     )
-    if embedded.met is False:
-        return Verdict(False, text)
     short_of = [a.at for a in embedded.appendages if not a.fit.status.ok]
-    if short_of:
-        return Verdict(False, f"Less than was asked for at {', '.join(short_of)}. {text}")
-    return Verdict(True, text)
+    if short_of and embedded.met is not False:
+        text = f"Less than was asked for at {', '.join(short_of)}. {text}"
+    return Verdict(embedded.met is not False and not short_of, text)
 
 
 def _command(embedded: "Embedded", craft: str, output: str, files: list[str]) -> str:

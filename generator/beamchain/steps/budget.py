@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from beamchain.engine import linearise as engine
-from beamchain.engine.forces import along_all, linear_part
+from beamchain.engine.forces import along_all
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array
@@ -72,13 +72,13 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
     mujoco.mj_forward(model, data)
     own = engine.dense_mass(model, data)
     implicit = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-    joints = linear_part(model.dof_damping) * implicit
+    joints = model.dof_damping * implicit
     spring = linear.stiffness
     if "discrete" in engine.INTEGRATORS:
         spring = engine.implicit_stiffness(model, data, linear.damping)
     euler = np.asarray(np.linalg.solve(own, np.diag(joints)), dtype=np.float64)
     rows = along_all(model)
-    held = rows.T @ (linear_part(model.tendon_stiffness)[:, None] * rows)
+    held = rows.T @ (model.tendon_stiffness[:, None] * rows)
     tendons = np.asarray(np.linalg.solve(own, held), dtype=np.float64)
     return LinearModel(linear.stiffness, linear.damping, euler, spring, tendons, preloaded(model, data))
 
@@ -112,10 +112,10 @@ def _holds_nothing(model: "mujoco.MjModel") -> bool:
     return not any(np.any(np.asarray(part) != 0.0) for part in parts)
 
 
-def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = None, name: str | None = None) -> Budget:
+def budget(source: "str | Path | mujoco.MjModel", *, name: str | None = None) -> Budget:
     """The step budget of a model about its rest pose; refused where nothing oscillates in it, or it falls over by itself.
 
-    `timestep` [s] at which the added damping is stated and the `name` shown are the model's own where left out.
+    The `name` shown is the model's own where left out.
     """
     model = engine.compile_model(source)
     linear = linear_model(model)
@@ -128,7 +128,7 @@ def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = No
             "nothing oscillates in the model: every sprung mode is overdamped (fastest rate "
             f"{limits.omega_max:.4g} 1/s), so that there is no frequency to keep; largest stable steps: {steps}."
         )
-    h = float(model.opt.timestep) if timestep is None else timestep
+    h = float(model.opt.timestep)
     frequencies, ratios = np.abs(wanted), np.clip(-wanted.real / np.abs(wanted), 0.0, None)
     ratios = np.where(ratios < 1e-9, 0.0, ratios)
     largest = {integrator: limits.largest_step[integrator] for integrator in engine.INTEGRATORS}

@@ -155,15 +155,13 @@ class LargeMotion:
         return asdict(self)
 
 
-def large_motion(
-    chain: Chain, beam: Beam, port: str, *, modes: int, radius: float = 0.0, fine: Chain | None = None
-) -> LargeMotion:
-    """The large-motion limits of a chain in a bending plane, "xy" or "xz", against 60 equal links or `fine`.
+def large_motion(chain: Chain, beam: Beam, port: str, *, modes: int, radius: float = 0.0) -> LargeMotion:
+    """The large-motion limits of a chain in a bending plane, "xy" or "xz", against 60 equal links.
 
     `modes`: kept, whose frequencies are compared in spin; `radius`: from the axis of spin to the root [m].
     """
     ours = _plane(chain, port)
-    theirs = _plane(fine or equal_links(beam, FINE, "midpoint", port), port)
+    theirs = _plane(equal_links(beam, FINE, "midpoint", port), port)
     kept = min(modes, ours.hinges.size)
 
     def spin_error(rate: float) -> float:
@@ -202,14 +200,11 @@ def large_motion(
 
 def _leaves(error: Callable[[float], float], start: float, end: float) -> float:
     """First x at which the error passes 1 %; infinity where it does not."""
-    grid = np.geomspace(start, end, 16)
-    values = [error(float(x)) - LEFT for x in grid]
-    if values[0] > 0.0:
-        return start
-    for i in range(1, grid.size):
-        if values[i] > 0.0:
-            return float(brentq(lambda x: error(x) - LEFT, float(grid[i - 1]), float(grid[i]), rtol=1e-4))
-    return float("inf")
+    grid = np.geomspace(start, end, 16).tolist()
+    beyond = next((i for i, left in enumerate([error(x) > LEFT for x in grid]) if left), None)
+    if not beyond:
+        return float("inf") if beyond is None else start
+    return float(brentq(lambda x: error(x) - LEFT, grid[beyond - 1], grid[beyond], rtol=1e-4))
 
 
 def large_limits(

@@ -13,6 +13,7 @@ STEPS = 1000  # per trial
 GROWTH = 300.0  # of the velocity's norm: above what a stable step near its limit swings up to
 SMALL = 1e-7  # of the fastest mode's angle: what is measured is the linear model
 CHECK = 10  # steps between two looks
+ACCURACY = 5e-4  # relative, of the limit
 MOVED = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 BLOWN_UP = tuple(
     int(w)
@@ -34,9 +35,7 @@ def stable(model: "mujoco.MjModel", timestep: float, velocity: Array) -> bool:
     return True
 
 
-def measured_limit(
-    model: "mujoco.MjModel", integrator: str, guess: float, *, accuracy: float = 5e-4, seed: int = 0
-) -> float:
+def measured_limit(model: "mujoco.MjModel", integrator: str, guess: float) -> float:
     """Largest stable step of a model [s], by bisection; infinity where a step of 1000 guesses is still stable.
 
     Gravity and contacts are switched off meanwhile. The search widens from `guess` [s] until it holds the limit, so that a
@@ -46,12 +45,14 @@ def measured_limit(
     model.opt.integrator = INTEGRATORS[integrator]
     model.opt.gravity[:] = 0.0
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    velocity = _perturbation(model, guess, seed)
+    scale = np.zeros(model.nv)
+    scale[model.jnt_dofadr[np.isin(model.jnt_type, MOVED)]] = 1.0
+    velocity = SMALL / guess * scale * np.random.default_rng(0).standard_normal(model.nv)
     with quiet():  # what blows up is what is looked for
-        return _bisect(model, integrator, guess, velocity, accuracy)
+        return _bisect(model, integrator, guess, velocity)
 
 
-def _bisect(model: "mujoco.MjModel", integrator: str, guess: float, velocity: Array, accuracy: float) -> float:
+def _bisect(model: "mujoco.MjModel", integrator: str, guess: float, velocity: Array) -> float:
     low, high = 0.7 * guess, 1.4 * guess
     while not stable(model, low, velocity):
         low, high = low / 4.0, low
@@ -61,14 +62,7 @@ def _bisect(model: "mujoco.MjModel", integrator: str, guess: float, velocity: Ar
         low, high = high, high * 4.0
         if high > 1e3 * guess:
             return float("inf")
-    while high / low > 1.0 + accuracy:
+    while high / low > 1.0 + ACCURACY:
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if stable(model, middle, velocity) else (low, middle)
     return float(np.sqrt(low * high))
-
-
-def _perturbation(model: "mujoco.MjModel", guess: float, seed: int) -> Array:
-    """Velocities that move all hinges and slides by some `SMALL` per step."""
-    scale = np.zeros(model.nv)
-    scale[model.jnt_dofadr[np.isin(model.jnt_type, MOVED)]] = 1.0
-    return SMALL / guess * scale * np.random.default_rng(seed).standard_normal(model.nv)

@@ -8,7 +8,7 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain.caution import Caution
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import NUMBERS, Linearisation, linearise, system_matrix
+from beamchain.engine.linearise import NUMBERS, linearise, system_matrix
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES, Complex, seen, step_pole
 from beamchain.steps.modal import modal_tendons
@@ -44,18 +44,15 @@ class PoleRow:
         return abs(got - wanted) / abs(wanted)
 
 
-def pole_rows(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> list[PoleRow]:
-    """Every oscillating mode of a craft at its own step and integrator, against the same craft without timing.
-
-    `data`: the state to linearise about, which is not changed; the initial one where left out.
-    """
+def pole_rows(model: "mujoco.MjModel") -> list[PoleRow]:
+    """Every oscillating mode of a craft at its own step and integrator, against the same craft without timing."""
     plain = copy.copy(model)
     if modal_tendons(plain).names:
         retime(plain, 0.0)
-    linear = _linear(plain, data)
+    linear = linearise(plain)
     wanted = _oscillating(system_matrix(linear.stiffness, linear.damping))
     h = float(model.opt.timestep)
-    z = np.linalg.eigvals(step_matrix(model, data)).astype(np.complex128)
+    z = np.linalg.eigvals(step_matrix(model)).astype(np.complex128)
     z = z[(np.abs(z - 1.0) > AT_REST) & (z.imag > -1e-12)]
     s = np.log(z) / h
     if wanted.size == 0 or s.size == 0:
@@ -81,25 +78,18 @@ def phase_limit(model: "mujoco.MjModel") -> float:
     if not marks:
         return float("inf")
     limits = [SCHEMES[mark.integrator].phase for mark in marks]
-    for j, i in enumerate(modal.index):
-        mark = modal.made_for[j]
-        if mark is None:
-            continue
-        w, h = float(np.sqrt(modal.stiffness[j])), mark.timestep
-        z = step_pole(mark.integrator, 1.0 + model.tendon_armature[i], model.tendon_damping[i], w**2, h)
-        shown = float(np.abs(np.log(z)))
-        if w * h > 1.2 * shown:  # nothing but slowing shifts a mode so far
-            limits.append(shown)
+    for i, k, mark in zip(modal.index, modal.stiffness, modal.made_for, strict=True):
+        if mark is not None:
+            z = step_pole(mark.integrator, 1.0 + model.tendon_armature[i], model.tendon_damping[i], k, mark.timestep)
+            shown = float(np.abs(np.log(z)))
+            if np.sqrt(k) * mark.timestep > 1.2 * shown:  # nothing but slowing shifts a mode so far
+                limits.append(shown)
     return min(limits)
 
 
-def step_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> Array:
+def step_matrix(model: "mujoco.MjModel") -> Array:
     """`(2 nv, 2 nv)` one step of the model's own integrator, states (position, velocity)."""
-    return _linear(model, data).a[: 2 * model.nv, : 2 * model.nv]
-
-
-def _linear(model: "mujoco.MjModel", data: "mujoco.MjData | None") -> Linearisation:
-    return linearise(model, None if data is None else copy.copy(data))
+    return linearise(model).a[: 2 * model.nv, : 2 * model.nv]
 
 
 def _oscillating(f: Array) -> Complex:
