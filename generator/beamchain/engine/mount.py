@@ -103,14 +103,8 @@ def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
 
 def held_joints(model: "mujoco.MjModel") -> set[int]:
     """Joints that a spring or a position servo holds."""
-    springs = {j for j in range(model.njnt) if np.any(np.atleast_1d(model.jnt_stiffness[j]) > 0.0)}
-    on_joint = int(mujoco.mjtTrn.mjTRN_JOINT)
-    servos = {
-        int(model.actuator_trnid[i, 0])
-        for i in range(model.nu)
-        if int(model.actuator_trntype[i]) == on_joint and float(model.actuator_biasprm[i][1]) < 0.0
-    }
-    return springs | servos
+    servos = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)) & (model.actuator_biasprm[:, 1] < 0.0)
+    return {*np.flatnonzero(model.jnt_stiffness > 0.0).tolist(), *model.actuator_trnid[servos, 0].tolist()}
 
 
 def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
