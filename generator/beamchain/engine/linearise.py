@@ -68,7 +68,7 @@ class Held(NamedTuple):
         out = np.zeros(self.drive.shape)
         for group in map(list, groups):
             # the sum over a group of W^2 L L^T is its own, whatever its eigenvectors: the leading eigenpairs are the rows
-            both = (self.reaction[:, group] / self.squares[group]) @ self.drive[group]
+            both = (self.reaction[:, group, None] * self.drive[group] / self.squares[group, None]).sum(axis=1)
             values, vectors = np.linalg.eigh((both + both.T) / 2.0)
             top = max(values.size - len(group), 0)  # more modes than motions: those left over move nothing
             out[group[: values.size - top]] = (vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))).T[::-1]
