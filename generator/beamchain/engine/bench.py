@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import combinations
+from typing import Any, NamedTuple
 
 import numpy as np
 from lxml.etree import _Element as Element
@@ -15,7 +16,7 @@ from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import write
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array, body_mass_matrix
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, body_mass_matrix, shifted
 from beamchain.structure.planes import into_planes, near_groups
 
 STRAIGHT = 1e-8  # perturbation: of a straight chain at rest only curvature is lost
@@ -27,6 +28,7 @@ ROOT = tuple(
 )
 SIGNS = np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0])  # the bench turns about -y
 TOGETHER = 1e-6  # relative: frequencies this close are taken together
+NOTHING = 1e-9  # relative, below which a number is printed as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,3 +196,39 @@ def root_body(chain: Chain) -> Array:
             f"nothing below {write.SMALLEST:g}. {write.UNITS}"
         )
     return out
+
+
+class Composite(NamedTuple):
+    """Mass properties of a body with all that hangs on it."""
+
+    body: str
+    mass: float  # [kg]
+    centre: Array  # (3,) of mass from the body's origin, in its axes [m]
+    inertia: Array  # (3, 3) about the centre of mass, in its axes [kg m^2]
+
+    @property
+    def sentence(self) -> str:
+        """The numbers in a line."""
+        largest = float(np.max(np.abs(self.inertia)))
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = np.where(np.abs(self.inertia) > NOTHING * largest, self.inertia, 0.0)
+        size = np.sqrt(largest / self.mass)
+        centre = ", ".join(f"{value:.5g}" for value in np.where(np.abs(self.centre) > NOTHING * size, self.centre, 0.0))
+        return (
+            f"{self.body} with all that it carries: {self.mass:.6g} kg, centre of mass at ({centre}) m, inertia about it "
+            f"Ixx {xx:.5g}, Iyy {yy:.5g}, Izz {zz:.5g}, Ixy {xy:.3g}, Ixz {xz:.3g}, Iyz {yz:.3g} kg m^2"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return self._asdict()
+
+
+def composite(model: "mujoco.MjModel", body: int) -> Composite:
+    """Mass properties of a body, by its id, and all that hangs on it, at rest."""
+    data = rest(model)
+    matrix = frozen_mass(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
+    mass = float(np.trace(matrix[:3, :3])) / 3.0
+    centre = np.array([matrix[1, 5], matrix[2, 3], matrix[0, 4]]) / max(mass, 1e-300)
+    cross = shifted(centre)[:3, 3:]
+    inertia = matrix[3:, 3:] + mass * cross @ cross
+    return Composite(model.body(body).name or f"body {body}", mass, centre, (inertia + inertia.T) / 2.0)

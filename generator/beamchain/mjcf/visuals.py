@@ -1,7 +1,7 @@
 """What a link looks like: panels, tubes, trusses and what they carry, from the sections it is made of.
 
 Shapes have no mass and touch nothing; they cost MuJoCo a frame transform each, so there are as few as the eye needs. Cells
-and lattices are added where pictures are drawn (`engine/decor.py`), which knows panels and trusses by their colours.
+and lattices are added where pictures are drawn (`engine/draw.py`), which knows panels and trusses by their colours.
 """
 
 from typing import NamedTuple
