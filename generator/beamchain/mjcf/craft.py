@@ -22,19 +22,18 @@ ASSETS = {"mesh": "mesh", "hfield": "mesh", "skin": "mesh", "texture": "texture"
 
 def parse(path: Path, what: str = "spacecraft") -> Any:
     """The lxml tree of a file, comments and whitespace kept, nothing fetched or expanded."""
+    label = f"{what} {str(path)!r}"
     try:
-        if kind := no_file(path):
-            raise InputError(f"{what} {str(path)!r} {kind}; give the path of an MJCF (.xml) file.")
-        if path.stat().st_size > LARGEST_FILE:
-            raise InputError(f"{what} {str(path)!r} is larger than the {LARGEST_FILE} bytes taken; is it MJCF?")
-        content = path.read_bytes()
+        kind = no_file(path)
+        large = not kind and path.stat().st_size > LARGEST_FILE
+        content = b"" if kind or large else path.read_bytes()
     except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            f"{what} {str(path)!r} cannot be read ({error}); check the path and its permissions."
-        ) from None
-    return parse_text(content, f"{what} {str(path)!r}")
+        raise InputError(f"{label} cannot be read ({error}); check the path and its permissions.") from None
+    if kind:
+        raise InputError(f"{label} {kind}; give the path of an MJCF (.xml) file.")
+    if large:
+        raise InputError(f"{label} is larger than the {LARGEST_FILE} bytes taken; is it MJCF?")
+    return parse_text(content, label)
 
 
 def parse_text(content: bytes, what: str) -> Any:

@@ -104,14 +104,12 @@ def accelerance_figure(fit: "Fit", port: str) -> Figure:
     for i in range(panels):
         ax, below = (figure.add_subplot(grid[3 * i + k]) for k in (0, 1))
         _panel(ax, fit, port, i, curves)
-        ax.tick_params(labelbottom=False)
-        ax.xaxis.set_minor_locator(NullLocator())
         _phase(below, fit, port, i, curves)
         if i == 0:
             in_hz(ax)
-        if i < panels - 1:  # ticks are most of what drawing costs
-            below.tick_params(labelbottom=False)
-            below.xaxis.set_minor_locator(NullLocator())
+        for shared in (ax, *([below] if i < panels - 1 else [])):  # ticks are most of what drawing costs
+            shared.tick_params(labelbottom=False)
+            shared.xaxis.set_minor_locator(NullLocator())
     figure.axes[-1].set_xlabel("frequency, rad/s")
     figure.subplots_adjust(left=0.095, right=0.965, bottom=0.48 / figure.get_figheight(), hspace=0.16)
     _legend(figure, figure.axes[0], list(curves)[:2])
@@ -220,10 +218,7 @@ def frame(
     ax: "Axes", limits: tuple[float, float], heights: tuple[float, float], band: float = 0.0, *, decades: bool = True
 ) -> None:
     """Logarithmic axes (upwards only with `decades`) with the kept band, if any, shaded and what is beyond it hatched."""
-    ax.set_xscale("log")
-    ax.set_yscale("log" if decades else "linear")
-    ax.set_xlim(*limits)
-    ax.set_ylim(*heights)
+    ax.set(xscale="log", yscale="log" if decades else "linear", xlim=limits, ylim=heights)
     log_axis(ax.xaxis, limits, plain)
     if decades:
         log_axis(ax.yaxis, heights, power)
@@ -302,8 +297,7 @@ def chain_figure(fit: "Fit") -> Figure:
 def _draw_chain(ax: "Axes", chain: Chain, beam: MassLine, plane: str, title: str, color: str) -> None:
     length = chain.length
     left, right = -0.055 * length, 1.03 * length
-    ax.set_xlim(left, right)
-    ax.set_ylim(-1.05, 1.05)
+    ax.set(xlim=(left, right), ylim=(-1.05, 1.05))
     ax.yaxis.set_visible(False)
     ax.spines["left"].set_visible(False)
     x = np.linspace(0.0, length, 121)

@@ -112,10 +112,10 @@ def _holds_nothing(model: "mujoco.MjModel") -> bool:
     return not any(np.any(np.asarray(part) != 0.0) for part in parts)
 
 
-def budget(source: "str | Path | mujoco.MjModel", *, name: str | None = None) -> Budget:
+def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = None, name: str | None = None) -> Budget:
     """The step budget of a model about its rest pose; refused where nothing oscillates in it, or it falls over by itself.
 
-    The `name` shown is the model's own where left out.
+    `timestep` [s] at which the added damping is stated and the `name` shown are the model's own where left out.
     """
     model = engine.compile_model(source)
     linear = linear_model(model)
@@ -128,7 +128,7 @@ def budget(source: "str | Path | mujoco.MjModel", *, name: str | None = None) ->
             "nothing oscillates in the model: every sprung mode is overdamped (fastest rate "
             f"{limits.omega_max:.4g} 1/s), so that there is no frequency to keep; largest stable steps: {steps}."
         )
-    h = float(model.opt.timestep)
+    h = float(model.opt.timestep) if timestep is None else timestep
     frequencies, ratios = np.abs(wanted), np.clip(-wanted.real / np.abs(wanted), 0.0, None)
     ratios = np.where(ratios < 1e-9, 0.0, ratios)
     largest = {integrator: limits.largest_step[integrator] for integrator in engine.INTEGRATORS}

@@ -170,12 +170,8 @@ def form4(modal: Modal, c: Array, integrator: str, h: float, plan: TendonValues)
         found = tune(integrator, c, modal.stiffness, plan.armature, plan.damping, wanted, h)
         largest = stability(integrator, c, np.diag(modal.stiffness), np.diag(found.damping), np.diag(found.armature), h)
         if largest <= _limit(integrator) and (found.error < EXACT or phase == plan.phase):
-            t = Timed(
-                1.0 + found.armature,
-                found.damping,
-                np.array([mode.slowed for mode in plan.modes]),
-                np.array([mode.clamped for mode in plan.modes]),
-            )
+            slowed, clamped = np.array([(mode.slowed, mode.clamped) for mode in plan.modes]).T
+            t = Timed(1.0 + found.armature, found.damping, slowed, clamped)
             w = modal.frequency
             modes = _modes(modal.names, integrator, w, modal.damping / (2.0 * w), modal.stiffness, t, h)
             return replace(
@@ -248,9 +244,7 @@ def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: f
     flexible = np.linalg.inv(c)
 
     def at(phase: float) -> tuple[tuple[Timed, Array, Array, Array, Array], float]:
-        t = placed(
-            integrator, w**2, poles[:, 0], poles[:, 1], h, phase=phase, damping=np.diag(couples)
-        )  # fmt: skip
+        t = placed(integrator, w**2, *poles.T, h, phase=phase, damping=np.diag(couples))
         mu, d = (a * (t.mass - 1.0)) @ a.T, (a * t.damping) @ a.T
         turn = np.zeros((n, n))
         stiffness, damping, armature = np.zeros(n), np.zeros(n), np.zeros(n)
@@ -281,11 +275,9 @@ def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: f
 
     ((t, turn, stiffness, damping, armature), largest), phase = _lowered(integrator, at)
     zeta = -np.real(poles[:, 0]) / np.abs(poles[:, 0])
-    names = (
-        tuple(modal.names[i] for i in np.argsort(modal.stiffness))
-        if len(groups) == 1
-        else tuple(f"coupled{i + 1}" for i in range(n))
-    )
+    names = tuple(f"coupled{i + 1}" for i in range(n))
+    if len(groups) == 1:
+        names = tuple(modal.names[i] for i in np.argsort(modal.stiffness))
     modes = _modes(names, integrator, np.abs(poles[:, 0]), zeta + 0.0, w**2, t, h)
     return TendonValues(stiffness, damping, armature, turn, phase, largest, left_out, modes)
 

@@ -135,19 +135,15 @@ class LargeMotion:
 
     def exceeded(self, *, spin: float = 0.0, acceleration: float = 0.0, slew: float = 0.0) -> list[str]:
         """Sentences for what a run exceeded; empty where the chain is within 1 %."""
-        given = {
-            "spin": (spin, self.spin, "rad/s"),
-            "acceleration": (acceleration, self.acceleration, "m/s^2"),
-            "slew": (slew, self.slew, "rad/s^2"),
-        }
+        given = (("spin", spin, "rad/s"), ("acceleration", acceleration, "m/s^2"), ("slew", slew, "rad/s^2"))
         return [
             Caution(
                 "large-motion",
-                f"{what} reached {value:.4g} {unit}, beyond the {limit:.4g} {unit} up to which the chain stays within 1 % "
-                f"of a fine one in {self.port}; keep more modes.",
+                f"{what} reached {value:.4g} {unit}, beyond the {getattr(self, what):.4g} {unit} up to which the chain stays "
+                f"within 1 % of a fine one in {self.port}; keep more modes.",
             )
-            for what, (value, limit, unit) in given.items()
-            if abs(value) > limit
+            for what, value, unit in given
+            if abs(value) > getattr(self, what)
         ]
 
     def as_dict(self) -> dict[str, float | str]:

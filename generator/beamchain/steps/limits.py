@@ -4,7 +4,7 @@ Theory: docs/theory.md, sections 5 and 6.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -268,9 +268,7 @@ def choose_step(
             step = low
         out.append(StepChoice(name, step, bound, RELATIVE_COST[name] / step))
     cheapest = min(c.cost for c in out)
-    return tuple(
-        sorted((StepChoice(c.integrator, c.step, c.bound, c.cost / cheapest) for c in out), key=lambda c: c.cost)
-    )
+    return tuple(sorted((replace(c, cost=c.cost / cheapest) for c in out), key=lambda c: c.cost))
 
 
 def _flexible(omega: Array, w: Array, ratios: Array, p: Array, s: Array) -> Complex:
