@@ -12,7 +12,7 @@ from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.compare import in_band_error
 from beamchain.report import plots
-from beamchain.report.assembly_plot import assembly_figure, difference_figure
+from beamchain.report.craft_plots import assembly_figure, difference_figure
 from beamchain.report.curves import METHODS, beam_model, chain_label, count, rival_chains, rival_model
 from beamchain.report.notebook import kept_word
 from beamchain.report.page import Table, Verdict, number, page_text, vector
