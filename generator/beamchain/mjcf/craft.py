@@ -106,10 +106,6 @@ class Craft:
         head = [f'<?xml version="1.0" encoding="{encoding}"?>'.encode()] if self.declared else []
         return b"\n".join([*head, *before, body, *after]) + b"\n"
 
-    def canonical(self) -> bytes:
-        """Canonical XML, for comparing documents."""
-        return etree.tostring(self.tree, method="c14n")
-
     def parts(self) -> list[Element]:
         """The root of the document and the root of every file it includes, in order."""
         return [self.root, *(include.content for include in self.includes())]
