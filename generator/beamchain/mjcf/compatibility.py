@@ -6,13 +6,15 @@ from lxml.etree import _Element as Element
 
 from beamchain.errors import InputError
 
+_HELD = {
+    "group": "0", "solreflimit": "0.02 1", "solimplimit": "0.9 0.95 0.001 0.5 2", "solreffriction": "0.02 1",
+    "solimpfriction": "0.9 0.95 0.001 0.5 2", "range": "0 0", "margin": "0", "armature": "0", "frictionloss": "0",
+    "limited": "false", "actuatorfrclimited": "false", "actuatorfrcrange": "0 0",
+}  # fmt: skip
 #: MuJoCo's own values of what a parent's default could set; an attribute that is not here is judged after compiling
 NEUTRAL: dict[str, dict[str, str]] = {
-    "joint": {
-        "group": "0", "springdamper": "0 0", "solreflimit": "0.02 1", "solimplimit": "0.9 0.95 0.001 0.5 2",
-        "solreffriction": "0.02 1", "solimpfriction": "0.9 0.95 0.001 0.5 2", "range": "0 0", "margin": "0",
-        "ref": "0", "springref": "0", "armature": "0", "frictionloss": "0", "limited": "false",
-        "actuatorfrclimited": "false", "actuatorfrcrange": "0 0", "actuatorgravcomp": "false", "align": "auto",
+    "joint": _HELD | {
+        "springdamper": "0 0", "ref": "0", "springref": "0", "actuatorgravcomp": "false", "align": "auto",
     },
     "geom": {
         "group": "0", "condim": "3", "priority": "0", "friction": "1 0.005 0.0001", "solmix": "1", "margin": "0",
@@ -20,13 +22,7 @@ NEUTRAL: dict[str, dict[str, str]] = {
         "contype": "0",
     },
     "site": {"group": "0", "type": "sphere", "size": "0.005", "rgba": "0.5 0.5 0.5 1", "pos": "0 0 0"},
-    "fixed": {
-        "group": "0", "limited": "false", "range": "0 0", "margin": "0", "frictionloss": "0", "stiffness": "0",
-        "springlength": "-1", "width": "0.003",
-        "rgba": "0.5 0.5 0.5 1", "armature": "0", "solreflimit": "0.02 1", "solimplimit": "0.9 0.95 0.001 0.5 2",
-        "solreffriction": "0.02 1", "solimpfriction": "0.9 0.95 0.001 0.5 2", "actuatorfrclimited": "false",
-        "actuatorfrcrange": "0 0",
-    },
+    "fixed": _HELD | {"stiffness": "0", "springlength": "-1", "width": "0.003", "rgba": "0.5 0.5 0.5 1"},
 }  # fmt: skip
 
 TURNS = {"quat", "euler", "axisangle", "xyaxes", "zaxis"}
