@@ -199,12 +199,19 @@ def root_body(chain: Chain) -> Array:
 
 
 class Composite(NamedTuple):
-    """Mass properties of a body with all that hangs on it."""
+    """Mass properties of a body with all that hangs on it.
+
+    Args:
+        body: its name.
+        mass: [kg].
+        centre: `(3,)` centre of mass from the body's origin, in its axes [m].
+        inertia: `(3, 3)` about the centre of mass, in its axes [kg m^2].
+    """
 
     body: str
-    mass: float  # [kg]
-    centre: Array  # (3,) of mass from the body's origin, in its axes [m]
-    inertia: Array  # (3, 3) about the centre of mass, in its axes [kg m^2]
+    mass: float
+    centre: Array
+    inertia: Array
 
     @property
     def sentence(self) -> str:

@@ -21,13 +21,21 @@ GROWN = 1e-6  # negative damping ratio beyond rounding
 
 @dataclass(frozen=True)
 class PoleRow:
-    """One oscillating mode of the craft."""
+    """One oscillating mode of the craft.
 
-    frequency: float  # [rad/s] |s| of the model with timing taken out
-    ratio: float  # of damping, likewise
-    achieved_frequency: float  # that the step shows, |log(z)|/h
+    Args:
+        frequency: [rad/s] `|s|` of the model with timing taken out.
+        ratio: of damping, likewise.
+        achieved_frequency: that the step shows, `|log(z)|/h`.
+        achieved_ratio: likewise.
+        slowed: it turns by more than the model's phase limit.
+    """
+
+    frequency: float
+    ratio: float
+    achieved_frequency: float
     achieved_ratio: float
-    slowed: bool  # it turns by more than the model's phase limit
+    slowed: bool
 
     @property
     def grows(self) -> bool:

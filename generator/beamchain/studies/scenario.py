@@ -23,7 +23,6 @@ from beamchain.studies.field import Task
 Complex = NDArray[np.complex128]
 
 COLUMNS = ("fx", "fy", "fz", "mx", "my", "mz")
-MOTIONS = ("tx", "ty", "tz", "x", "y", "z")  # names of hub motions as in [scene] axes
 
 #: Motion of the hub that the default doublet drives, per port, in the order in which ports are looked for.
 DRIVEN = {"xy": 5, "xz": 4, "torsion": 3, "axial": 0}
