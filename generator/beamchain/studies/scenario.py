@@ -99,7 +99,7 @@ class HubResponse:
 def hub_response(full: Mapping[str, PortModel], rigid_mass: Array, hub_mass: Array, offset: Array) -> HubResponse:
     """The response of a hub that carries an appendage; mass matrices about the root, `offset` from centre to root [m]."""
     model = in_space(full, rigid_mass + hub_mass)
-    centre = shifted(-offset)  # motion of the centre from that of the root
+    centre = shifted(-np.asarray(offset))  # motion of the centre from that of the root
     mobility = centre @ np.linalg.inv(model.rigid_mass) @ centre.T
     values = model.free_port_values @ centre.T
     w, shapes = model.free_frequencies, model._free[2]
