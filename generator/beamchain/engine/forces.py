@@ -48,7 +48,7 @@ def readings(model: "mujoco.MjModel") -> Readings:
 def sprung(model: "mujoco.MjModel") -> list[int]:
     """Joints that a spring holds, their own or that of a fixed tendon over them."""
     held = set(np.flatnonzero(model.jnt_stiffness > 0.0).tolist())
-    for i in np.flatnonzero(model.tendon_stiffness > 0.0):
+    for i in np.flatnonzero(model.tendon_stiffness > 0.0).tolist():
         joint = int(mujoco.mjtWrap.mjWRAP_JOINT)
         held |= {int(model.wrap_objid[k]) for k in wraps(model, i) if int(model.wrap_type[k]) == joint}
     return sorted(held)

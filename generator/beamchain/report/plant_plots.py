@@ -129,7 +129,7 @@ def bode_figure(plants: "Sequence[Plant]") -> Figure:
     plant, omega = plants[0], _grid(plants)
     responses = [_response(one, omega) for one in plants]
     seen = np.abs(responses[0]).max(axis=-1) > 0.0  # zeros have no logarithm
-    pairs: list[tuple[int, int]] = [tuple(pair) for pair in np.argwhere(seen).tolist()]
+    pairs: list[tuple[int, int]] = [(i, j) for i, j in np.argwhere(seen).tolist()]
     pairs = sorted(pairs, key=lambda at: -float(plant.gain[:, at[0], at[1]].max(initial=0.0)))[:PAIRS] or [(0, 0)]
     figure = Figure(figsize=(WIDTH, 2.6 * len(pairs) + 0.6), layout="constrained")
     for place, (i, j) in enumerate(pairs):

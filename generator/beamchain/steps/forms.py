@@ -244,7 +244,7 @@ def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: f
     flexible = np.linalg.inv(c)
 
     def at(phase: float) -> tuple[tuple[Timed, Array, Array, Array, Array], float]:
-        t = placed(integrator, w**2, *poles.T, h, phase=phase, damping=np.diag(couples))
+        t = placed(integrator, w**2, poles[:, 0], poles[:, 1], h, phase=phase, damping=np.diag(couples))
         mu, d = (a * (t.mass - 1.0)) @ a.T, (a * t.damping) @ a.T
         turn = np.zeros((n, n))
         stiffness, damping, armature = np.zeros(n), np.zeros(n), np.zeros(n)
