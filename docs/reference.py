@@ -7,6 +7,7 @@
 import inspect
 import json
 import re
+from importlib import import_module
 from typing import Any
 
 import msgspec
@@ -29,6 +30,57 @@ FILES = (
         UncertainCraft,
     ),
 )
+#: classes that public functions return, where each is defined, and which call returns it
+RESULTS = {
+    "Comparison": ("ports.compare", "bc.compare(a, b)"),
+    "Identification": ("craft.identification.result", "bc.identify(logs, craft, at)"),
+    "Linearisation": ("engine.linearise", "bc.linearise(model)"),
+    "Plant": ("craft.plants.realisation", "bc.plant(model, inputs, outputs)"),
+    "ScheduledPlant": ("craft.plants.scheduled", 'bc.plant(model, inputs, outputs, at={"drive": angles})'),
+    "UncertainPlant": ("craft.robust.uncertain_plant", "plant.uncertain(craft)"),
+    "WorstCase": ("craft.robust.uncertain_plant", "plant.uncertain(craft).worst_case(controller)"),
+    "Retimed": ("steps.retime", "bc.retime(model, timestep)"),
+    "StabilityStudy": ("studies.stability", "bc.stability(source)"),
+    "Study": ("studies.study", "bc.study(spec)"),
+    "Sweep": ("craft.variants.sweep", "bc.sweep(source, samples)"),
+    "Worlds": ("craft.worlds.worlds", "bc.worlds(model, variants)"),
+}
+#: classes that these and public classes hold: shown on the same page
+PARTS = {
+    "Beam": ("structure.beam.Moments",),
+    "Embedded": (
+        "craft.appendage.Appendage",
+        "craft.assembly.Assembly",
+        "craft.assembly.Mode",
+        "craft.error.CraftError",
+        "engine.composite.Composite",
+    ),
+    "Fit": (
+        "chain.build.Status",
+        "fitting.result.ModeRow",
+        "fitting.needs.Choice",
+        "fitting.needs.LeftOut",
+        "steps.limits.StepLimits",
+        "steps.limits.StepChoice",
+        "steps.poles.PoleRow",
+        "fitting.result.InSpace",
+        "chain.chain.Chain",
+        "structure.mass_line.MassLine",
+    ),
+    "Identification": (
+        "craft.identification.result.IdentifiedMode",
+        "craft.identification.start.Order",
+        "craft.identification.update.Update",
+    ),
+    "Linearisation": ("engine.linearise.Held",),
+    "Retimed": ("steps.forms.ModeTime",),
+    "Segment": ("structure.segment.Stations", "structure.section.Geometry"),
+    "StabilityStudy": ("studies.stability.StepRow", "steps.budget.Budget", "steps.large_motion.LargeMotion"),
+    "Study": ("studies.front.Reach", "studies.run_time.Point", "studies.field.Entry"),
+    "Sweep": ("craft.variants.quantities.Quantity",),
+    "UncertainPlant": ("craft.robust.lft.Block", "craft.robust.worst.Loops", "craft.robust.worst.Peak"),
+}
+GYM = "craft.worlds.satellite.Satellite", "craft.worlds.satellite.Satellites", "craft.worlds.fleet.Fleet"
 WORDS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false", "null": ""}
 
 
@@ -164,23 +216,69 @@ def names() -> list[str]:
 
 
 def python() -> dict[str, str]:
-    """A page per public name, and the list of all."""
+    """A page per public name and per class that public functions return, and the list of all."""
     pages, rows = {}, {}
     for name in names():
         thing = getattr(bc, name)
         group = "Functions" if not inspect.isclass(thing) else "Errors" if issubclass(thing, Exception) else "Classes"
         what = "autofunction" if group == "Functions" else "autoclass"
-        members = "\n   :members:" if group == "Classes" else "\n   :show-inheritance:" if group == "Errors" else ""
-        pages[f"reference/python/{name}.md"] = (
-            f"# bc.{name}\n\n```{{eval-rst}}\n.. {what}:: beamchain.{name}{members}\n```\n"
+        options = {"Classes": (":members:",), "Errors": (":show-inheritance:",)}.get(group, ())
+        pages[f"reference/python/{name}.md"] = _page(f"bc.{name}", "", _shown(what, name, *options), name)
+        rows.setdefault(group, []).append(f"| [{name}]({name}.md) | {_first(thing)} |")
+    for name, (module, call) in RESULTS.items():
+        thing = getattr(import_module(f"beamchain.{module}"), name)
+        function = re.match(r"bc\.(\w+)", call)
+        about = f"Returned by `{call}`" + (
+            f", see [bc.{function[1]}](../python/{function[1]}.md)." if function else "."
         )
-        about = (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").replace("|", "\\|")
-        rows.setdefault(group, []).append(f"| [{name}]({name}.md) | {about} |")
+        ours = thing.__base__.__module__.startswith("beamchain.")
+        shown = _shown("autoclass", f"{module}.{name}", ":members:", *([":inherited-members:"] if ours else []))
+        pages[f"reference/results/{name}.md"] = _page(name, f"{about}\n\n", shown, name)
+        rows.setdefault("Results", []).append(f"| [{name}](../results/{name}.md) | `{call}` | {_first(thing)} |")
+    shown = "".join(_shown("autoclass", name, ":members:", ":no-inherited-members:") for name in GYM)
+    pages["reference/results/gym.md"] = _page(
+        "beamchain.gym", "", _shown("automodule", "gym", ":no-index:") + shown, ""
+    )
     text = ["# Python\n\n`import beamchain as bc`. Every example is run by the tests.\n"]
-    for group, lines in sorted(rows.items(), key=lambda item: item[0] != "Functions"):
-        text.append(f"## {group}\n\n| name | what it is |\n|---|---|\n" + "\n".join(lines) + "\n")
-    text.append("```{toctree}\n:hidden:\n\n" + "\n".join(names()) + "\n```\n")
+    for group in ("Functions", "Results", "Classes", "Errors"):
+        head = "| name | what it is |\n|---|---|"
+        if group == "Results":
+            text.append("## What the functions return\n")
+            head = "| class | returned by | what it is |\n|---|---|---|"
+            gym = 'gymnasium.make("beamchain.gym:beamchain/FlexibleSatellite-v0")'
+            rows[group].append(f"| [beamchain.gym](../results/gym.md) | `{gym}` | the Gymnasium environment |")
+        else:
+            text.append(f"## {group}\n")
+        text.append(f"{head}\n" + "\n".join(rows[group]) + "\n")
+    every = [*names(), *(f"../results/{name}" for name in (*RESULTS, "gym"))]
+    text.append("```{toctree}\n:hidden:\n\n" + "\n".join(every) + "\n```\n")
     return {**pages, "reference/python/index.md": "\n".join(text)}
+
+
+def _shown(what: str, name: str, *options: str) -> str:
+    """An autodoc directive."""
+    return f".. {what}:: beamchain.{name}\n" + "".join(f"   {option}\n" for option in options) + "\n"
+
+
+def _page(title: str, about: str, shown: str, name: str) -> str:
+    """A page of what autodoc shows, with the parts of a class below it."""
+    parts = "".join(_shown("autoclass", part, ":members:", *_told(part)) for part in PARTS.get(name, ()))
+    text = f"# {title}\n\n{about}```{{eval-rst}}\n{shown}```\n"
+    return text + (f"\n## Its parts\n\n```{{eval-rst}}\n{parts}```\n" if parts else "")
+
+
+def _told(part: str) -> list[str]:
+    """The option that leaves out fields of a tuple that its docstring tells, or which have a comment of their own."""
+    module, _, name = part.rpartition(".")
+    thing = getattr(import_module(f"beamchain.{module}"), name)
+    source = inspect.getsource(thing)
+    fields = [field for field in getattr(thing, "_fields", ()) if not re.search(rf"^    {field}: .*#:", source, re.M)]
+    return [f":exclude-members: {', '.join(fields)}"] if fields else []
+
+
+def _first(thing: Any) -> str:
+    """The first paragraph of a docstring, for a table."""
+    return (inspect.getdoc(thing) or "").split("\n\n")[0].replace("\n", " ").replace("|", "\\|")
 
 
 def pages() -> dict[str, str]:

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import beamchain as bc
+import returned
 from beamchain.cli import app, main
 from beamchain.engine import backend
 
@@ -191,18 +192,18 @@ def test_public_names_are_documented_with_every_argument(name):
     assert missing == []
 
 
+CLASSES = {name: getattr(bc, name) for name in PUBLIC if inspect.isclass(getattr(bc, name))} | returned.by_functions()
 METHODS = [
     (name, member)
-    for name in PUBLIC
-    if inspect.isclass(getattr(bc, name))
-    for member, value in vars(getattr(bc, name)).items()
+    for name, thing in CLASSES.items()
+    for member, value in vars(thing).items()
     if not member.startswith("_") and (inspect.isfunction(value) or isinstance(value, (classmethod, property)))
 ]
 
 
 @pytest.mark.parametrize(("name", "member"), METHODS)
 def test_methods_are_documented_with_every_argument(name, member):
-    thing = getattr(getattr(bc, name), member)
+    thing = getattr(CLASSES[name], member)
     text = inspect.getdoc(thing) or ""
     assert text, f"{name}.{member}"
     if not isinstance(thing, property):

@@ -155,6 +155,13 @@ def test_recipe_has_the_dependencies_of_the_package():
 
 
 @checkout
+def test_one_version_is_stated_everywhere():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("## ")[1].split()[0] == version
+
+
+@checkout
 def test_paper_is_short_and_cites_what_its_list_holds():
     folder = ROOT / "docs/paper"
     text, listed = ((folder / name).read_text(encoding="utf-8") for name in ("paper.md", "paper.bib"))

@@ -15,6 +15,7 @@ import pytest
 from lxml import html
 
 import beamchain as bc
+import returned
 from beamchain.cli import app
 from beamchain.craft.plants.loops import Controller
 from beamchain.fitting.spec import Spec
@@ -82,6 +83,25 @@ def test_every_public_name_has_a_page(pages):
     for name in NAMES:
         assert f":: beamchain.{name}" in pages[f"reference/python/{name}.md"]
         assert f"[{name}]({name}.md)" in pages["reference/python/index.md"]
+
+
+def test_every_class_that_a_function_returns_has_a_page(pages):
+    """By annotations: of public functions, and of the members of what they return."""
+    shown = "".join(text for path, text in pages.items() if path.startswith("reference/results/"))
+    for name, found in returned.by_functions().items():
+        assert f":: {found.__module__}.{name}\n   :members:" in pages[f"reference/results/{name}.md"]
+        assert f"(../results/{name}.md)" in pages["reference/python/index.md"]
+    every = shown + "".join(text for path, text in pages.items() if path.startswith("reference/python/"))
+    assert [name for name, one in returned.by_all().items() if f":: {one.__module__}.{name}\n" not in every] == []
+    assert {"Worlds", "Plant", "ScheduledPlant", "UncertainPlant", "WorstCase", "Sweep"} <= set(returned.by_all())
+
+
+def test_the_environment_has_a_page(pages):
+    text = pages["reference/results/gym.md"]
+    assert all(
+        f":: beamchain.{name}" in text
+        for name in ("gym", "craft.worlds.satellite.Satellite", "craft.worlds.fleet.Fleet")
+    )
 
 
 @sources
@@ -152,9 +172,11 @@ def test_headings_and_pictures(site):
 
 @pytest.mark.slow
 def test_every_name_is_shown_with_its_example(site):
-    shown = {path.stem: page.text_content() for path, page in site.items() if path.parent.name == "python"}
-    assert set(NAMES) <= set(shown)
-    assert [name for name in NAMES if ">>> import beamchain as bc" not in shown[name]] == []
+    folders = ("python", "results")
+    shown = {path.stem: page.text_content() for path, page in site.items() if path.parent.name in folders}
+    names = [*NAMES, *returned.by_functions(), "UncertainPlant", "WorstCase"]
+    assert set(names) <= set(shown)
+    assert [name for name in names if ">>> import beamchain as bc" not in shown[name]] == []
 
 
 @pytest.mark.slow

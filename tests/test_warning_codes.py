@@ -9,6 +9,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.caution import CODES, Caution, at
+from beamchain.cli import app
 from spacecraft import spec
 
 ROOT = Path(__file__).parent.parent
@@ -39,9 +40,21 @@ def codes(record) -> set[str]:
 
 @pytest.mark.skipif(not (ROOT / "docs").is_dir(), reason="docs are not beside the tests (an installed wheel)")
 def test_the_page_lists_every_code():
-    rows = re.findall(r"^\| `([a-z-]+)` \| (.+) \|$", (ROOT / "docs/warnings.md").read_text(), re.MULTILINE)
-    assert dict(rows) == CODES
+    """By its code, with what it means, the commands that raise it, and what to do."""
+    text = re.sub(r"\n  ", " ", (ROOT / "docs/warnings.md").read_text())
+    form = r"^## ([a-z-]+)\n\n\* \*\*Meaning:\*\* (.+)\.\n\* \*\*Raised by:\*\* (.+)\.\n\* \*\*Cure:\*\* (.+)\.$"
+    rows = re.findall(form, text, re.MULTILINE)
+    assert {code: meaning for code, meaning, _, _ in rows} == CODES
+    assert [code for code, *_ in rows] == sorted(CODES)
+    commands = {command.name for command in app.registered_commands}
+    assert all(word.strip("`") in commands for *_, raised, _ in rows for word in raised.split(", "))
     assert all(re.fullmatch(r"[a-z]+(-[a-z]+)*", code) for code in CODES)
+
+
+@pytest.mark.skipif(not (ROOT / "docs").is_dir(), reason="docs are not beside the tests (an installed wheel)")
+def test_the_page_lists_every_error():
+    rows = re.findall(r"^\| `(\w+)` \| .+ \| .+ \|$", (ROOT / "docs/warnings.md").read_text(), re.MULTILINE)
+    assert set(rows) == {one.__name__ for one in bc.BeamchainError.__subclasses__()}
 
 
 def test_every_code_is_used():

@@ -1,6 +1,30 @@
-"""Registers `beamchain/FlexibleSatellite-v0` with Gymnasium, which imports this module when asked for it.
+"""The environment `beamchain/FlexibleSatellite-v0` of Gymnasium, which imports this module when asked for it.
 
-`gymnasium.make("beamchain.gym:beamchain/FlexibleSatellite-v0")`, or `make_vec` for many; needs `pip install 'beamchain[gym]'`.
+A satellite with two arrays, or your own, is turned to a drawn attitude by its wheels and held there. Needs
+`pip install 'beamchain[gym]'`. `gymnasium.make("beamchain.gym:beamchain/FlexibleSatellite-v0")` makes one,
+`gymnasium.make_vec` with `num_envs=1024` many that are stepped together; the name starts with the module that registers it.
+
+* Action: a torque per wheel, from -1 to 1 of the largest, held over `period`; float32, `(wheels,)`.
+* Observation, float64, `(6 + wheels,)`: the rotation from the wanted attitude in body axes [rad], the mean rate over the last
+  period [rad/s], and each wheel's momentum over the largest.
+* Reward: `-(angle/slew)^2` less a hundredth of the mean square of the action.
+* Termination: where the simulation diverges. Truncation: after `episode` seconds.
+* `info`: the true `angle` [rad], and the amplitudes `modes` of the appendages.
+* Randomisation: every episode draws frequencies within 10 % and damping within 50 %; `variants=None` switches that off,
+  `variants={"frequency": 0.05}` or all else that `bc.worlds` takes replaces it. `noise=(0.0, 0.0)` takes noise off the sensors.
+* Further options are those of `Fleet`, given to `make` or `make_vec`: model, period, timestep, episode, slew, torque,
+  momentum, host, threads. `reset(options={"turn": (x, y, z)})` gives the turn [rad] instead of drawing it.
+
+Example:
+    >>> import gymnasium
+    >>> name = "beamchain.gym:beamchain/FlexibleSatellite-v0"
+    >>> many = gymnasium.make_vec(name, num_envs=4, variants=None, episode=60.0)
+    >>> seen, _ = many.reset(seed=0)
+    >>> seen.shape, many.single_action_space.shape
+    ((4, 9), (3,))
+    >>> seen, reward, terminated, truncated, info = many.step(many.action_space.sample())
+    >>> reward.shape, info["modes"].shape
+    ((4,), (4, 6))
 """
 
 from importlib import import_module

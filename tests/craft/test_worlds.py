@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.craft.worlds import hosts, memory
+from beamchain.craft.worlds import hosts
 from spacecraft import APPENDAGES, CRAFTS
 
 SAME = 1e-9
@@ -288,7 +288,7 @@ def test_what_does_not_fit_in_memory_is_refused_with_its_size(craft):
     with pytest.raises(bc.InputError, match=r"1000000000000 worlds need \S+ GB \(.* kB each\), and .* GB are free"):
         bc.worlds(craft, RANGES, count=10**12)
     with pytest.raises(bc.InputError, match="8 worlds need 8 kB .*at most 2 fit"):
-        memory.check(8, 1000.0, 2500.0)
+        hosts.check_memory(8, 1000.0, 2500.0)
 
 
 # -- refused -----------------------------------------------------------------------------------------------------------

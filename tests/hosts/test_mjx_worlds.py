@@ -4,7 +4,13 @@ DOUBLE: the same algebra in another order. SINGLE: of the peak; float32 carries 
 GRADIENT: what the issue asks for; the central differences themselves are good to 1e-7.
 """
 
+import contextlib
 import copy
+import io
+import re
+import subprocess
+import sys
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -17,6 +23,7 @@ pytest.importorskip("mujoco.mjx", reason="MJX is not installed: pip install 'bea
 jax = pytest.importorskip("jax", reason="JAX is not installed: pip install 'beamchain[mjx]'")
 
 DOUBLE, SINGLE, GRADIENT = 1e-9, 1e-4, 1e-4
+PAGE = Path(__file__).parent.parent.parent / "docs" / "worlds.md"
 COUNT, SECONDS, STEP = 8, 5.0, 0.05
 CRAFT = f"""<mujoco><option timestep="{STEP}" gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
 <inertial pos="0 0 0" mass="300" diaginertia="90 100 120"/><site name="mount" pos="0.5 0 0"/></body></worldbody>
@@ -112,3 +119,23 @@ def test_derivatives_are_those_of_differences():
             both = [ringing(w + s * move[0], ratio + s * move[1]) for s in (1.0, -1.0)]
             theirs = (both[0] - both[1]) / (2.0 * scale * change)
             assert abs(slope[row, i] - theirs) < GRADIENT * np.abs(slope[row]).max()
+
+
+@pytest.mark.skipif(not PAGE.is_file(), reason="the page is not beside the tests (an installed wheel)")
+def test_the_co_design_on_the_page_runs(tmp_path, monkeypatch):
+    """`py` blocks of docs/worlds.md need JAX; the first `python` block makes the spacecraft. Less is left ringing at the end."""
+    monkeypatch.chdir(tmp_path)
+    subprocess.run([sys.executable, "-m", "beamchain", "init", "array", "--quiet"], check=True)
+    text, names = PAGE.read_text(encoding="utf-8"), {}
+    first = re.search(r"^```python\n(.*?)^```", text, re.S | re.M)
+    blocks = re.findall(r"^```py\n(.*?)^```", text, re.S | re.M)
+    assert first is not None
+    assert len(blocks) == 1
+    before = jax.config.jax_enable_x64
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            for block in (first[1], *blocks):
+                exec(compile(block, PAGE.name, "exec"), names)
+        assert float(names["value"]) < 0.2 * float(names["start"])
+    finally:
+        jax.config.update("jax_enable_x64", before)

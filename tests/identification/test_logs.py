@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from beamchain.craft.identification.channels import active, cut, even, saturated
 from beamchain.craft.identification.logs import read_logs
-from beamchain.craft.identification.pieces import active, cut, even, saturated
 from command import run
 
 CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/>
@@ -160,9 +160,9 @@ def test_options_are_checked():
 # -- pieces ------------------------------------------------------------------------------------------------------------
 def test_gaps_make_pieces():
     (log,), _, _ = read_logs({name: np.delete(values, slice(100, 140)) for name, values in LOG.items()}, None, ())
-    made = cut([log], ["torque_z"], ["rate_z"])
-    assert [piece.time.size for piece in made.pieces] == [100, 260]
-    assert [w.code for w in made.warnings] == ["log-gaps"]
+    pieces, warnings = cut([log], ["torque_z"], ["rate_z"])
+    assert [piece.time.size for piece in pieces] == [100, 260]
+    assert [w.code for w in warnings] == ["log-gaps"]
 
 
 def test_equal_steps_are_seen_through_the_digits_of_the_column():

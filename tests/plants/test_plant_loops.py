@@ -8,7 +8,7 @@ import pytest
 
 import beamchain as bc
 from beamchain.craft.plants.controllers import Controller, Filter, Loop, read_controller
-from beamchain.craft.plants.loops import margins
+from beamchain.craft.plants.loops import beyond, margins
 from command import run
 
 ON_THE_CIRCLE = (
@@ -114,9 +114,49 @@ def test_wrong_loops_are_told(change, words, plant):
         margins(plant, Controller(loop=(msgspec.structs.replace(LOOPS.loop[0], **change),)))
 
 
-def test_two_loops_on_one_input_are_refused(plant):
-    with pytest.raises(bc.InputError, match="every input at most one"):
-        margins(plant, Controller(loop=(LOOPS.loop[0], LOOPS.loop[0])))
+def test_a_controller_without_loops_is_told(plant):
+    with pytest.raises(bc.InputError, match=r"has no loop; give at least one \[\[loop\]\]"):
+        margins(plant, Controller(loop=()))
+
+
+@pytest.fixture(scope="module")
+def of_two():
+    """A plant, and an attitude loop from a star tracker and a gyro, both on one input; another loop beside it."""
+    plant = bc.plant(bc.embed(CRAFT, {"mount": BOOM}), ["torque:bus"], ["attitude", "rate"])
+    angle = Loop(input="torque_y", output="attitude_y", numerator=(80.0,), denominator=(0.05, 1.0), delay=0.05)
+    rate = Loop(input="torque_y", output="rate_y", numerator=(900.0,), denominator=(0.05, 1.0), delay=0.02)
+    return plant, Controller(loop=(angle, LOOPS.loop[1], rate))
+
+
+def test_loops_on_one_input_add_up(of_two):
+    plant, both = of_two
+    found = margins(plant, both)
+    assert [one.name for one in found] == ["torque_y from attitude_y + rate_y", "torque_z from attitude_z"]
+    assert all(one.stable for one in found)
+    for one, factors in zip(found, ((found[0].gain, 1.0, found[0].gain), (1.0, found[1].gain, 1.0)), strict=True):
+        assert np.isfinite(one.gain)
+        assert abs(returned(plant, both, one.gain_frequency, factors)) < ON_THE_CIRCLE * abs(
+            returned(plant, both, one.gain_frequency, (1.0, 1.0, 1.0))
+        )
+    for factor, stable in ((0.995, True), (1.005, False)):
+        louder = scaled(scaled(both, 0, factor * found[0].gain), 2, factor * found[0].gain)
+        assert margins(plant, louder)[0].stable == stable
+
+
+def test_an_unstable_loop_has_no_margins(plant):
+    one = margins(plant, scaled(LOOPS, 0, -1.0))[0]
+    assert np.isnan([one.gain, one.lowest_gain, one.phase, one.delay, one.disk]).all()
+    assert one.as_dict()["gain"] is None
+    assert ("", "", "delay, s", "-", "") in one.rows()
+
+
+def test_margins_above_the_kept_modes_are_told(plant):
+    found = margins(plant, LOOPS)
+    top = max(w for name, w in zip(plant.modes, plant.frequency, strict=True) if "filler" not in name)
+    expected = [w > top for one in found for w in (one.gain_frequency, one.phase_frequency, one.disk_frequency)]
+    assert len(beyond(plant, found)) == sum(expected)
+    far = [one._replace(gain_frequency=1.01 * top) for one in found[:1]]
+    assert f"the gain margin of {found[0].name} is at {1.01 * top:.4g} rad/s" in beyond(plant, far)[0]
 
 
 def test_margins_are_of_continuous_plants():

@@ -55,6 +55,44 @@ def test_it_is_a_state_space_with_names_and_units():
         plant.A[0, 0] = 1.0
 
 
+def test_units_of_actuators():
+    """Motors are forces or torques, servos set points; what MuJoCo does not say is left empty."""
+    section = bc.Equivalent(bending_stiffness_xy=1e3, linear_mass=2.0)
+    spec = bc.Spec(segment=(bc.Segment(length=4.0, section=section),), modes=bc.Modes(xy=1))
+    craft = """<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="90" diaginertia="20 20 20"/>
+    <site name="mount"/><body><joint name="turn" axis="0 0 1" damping="1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+    <body><joint name="slide" type="slide" damping="1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+    </body></worldbody><tendon><fixed name="rope"><joint joint="slide" coef="1"/></fixed></tendon><actuator>
+    <motor name="wheel" joint="turn"/><motor name="pusher" joint="slide" gear="2"/><position name="angle" joint="turn" kp="3"/>
+    <velocity name="speed" joint="turn" kv="3"/><position name="place" joint="slide" kp="3" kv="1"/>
+    <intvelocity name="held" joint="turn" kp="3" actrange="-1 1"/><motor name="jet" site="mount" gear="1 0 0 0 0 0"/>
+    <motor name="torquer" site="mount" gear="0 0 0 0 1 0"/><motor name="both" site="mount" gear="1 0 0 0 1 0"/>
+    <motor name="winch" tendon="rope"/></actuator></mujoco>"""
+    plant = bc.plant(bc.embed(craft, {"mount": spec}), outputs=["attitude", "rate"])
+    units = dict(zip(plant.input_labels, plant.input_units, strict=True))
+    assert units == {
+        "wheel": "N m", "pusher": "N", "angle": "rad", "speed": "rad/s", "place": "m", "held": "", "jet": "N", "torquer": "N m",
+        "both": "", "winch": "",
+    }  # fmt: skip
+
+
+def test_what_makes_up_a_chain_is_no_mode():
+    section = bc.Equivalent(bending_stiffness_xy=1e3, bending_stiffness_xz=4e3, linear_mass=2.0)
+    spec = bc.Spec(
+        name="boom", segment=(bc.Segment(length=4.0, section=section),), modes=bc.Modes(xy=2, xz=1),
+        fit=bc.FitOptions(springs="modes"), damping=bc.Damping(ratio=0.003),
+    )  # fmt: skip
+    craft = """<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="90" diaginertia="20 20 20"/>
+    <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>"""
+    embedded = bc.embed(craft, {"mount": spec})
+    names = [mujoco.mj_id2name(embedded.model, mujoco.mjtObj.mjOBJ_TENDON, i) for i in range(embedded.model.ntendon)]
+    plant = bc.plant(embedded, ["torque:bus"])
+    fillers = [name for name in plant.modes if "filler" in name]
+    assert len(fillers) == sum("filler" in name for name in names) > 0
+    assert [name for name in plant.modes if name not in fillers] == ["boom_mode1_xy", "boom_mode1_xz", "boom_mode2_xy"]
+    assert any(fillers[0] in said and "predicts nothing" in said for said in plant.warnings)
+
+
 def test_defaults_are_all_actuators_and_attitude_with_rate():
     plant = bc.plant(embedded(NAME))
     assert plant.input_labels == [*(f"wheel{i}_motor" for i in range(1, 5)), "left_drive_motor", "right_drive_motor"]

@@ -172,7 +172,7 @@ def test_names_of_the_user_keep_their_letters():
     done = bc.embed(text, {"py": spec("rod")})
     assert any(warning.startswith("py: ") for warning in done.warnings)
     page = done.report()
-    assert "py: stands behind the joint drive" in page
+    assert "py: stands behind the hinge joint drive" in page
     assert "Py:" not in page
     assert "Gravity is 0 0 -9.81" in page
 

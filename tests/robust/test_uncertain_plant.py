@@ -17,7 +17,7 @@ import beamchain as bc
 from beamchain.craft.plants.controllers import Controller, Loop
 from beamchain.craft.plants.loops import margins
 from beamchain.craft.robust.bounds import bounds
-from beamchain.craft.robust.systems import with_deltas
+from beamchain.craft.robust.systems import closed
 from beamchain.errors import InputError
 from beamchain.fitting.uncertain import (
     Uncertain,
@@ -68,6 +68,13 @@ LOOPS = Controller(loop=tuple(
     Loop(input=f"torque_{axis}", output=f"attitude_{axis}", numerator=(200.0, 40.0), denominator=(0.05, 1.0), delay=0.02)
     for axis in "xyz"
 ))  # fmt: skip
+
+
+def with_deltas(system, deltas):
+    """A system with its first signals closed by deltas; all its signals stay."""
+    gain = np.zeros(system[3].T.shape)
+    np.fill_diagonal(gain[: deltas.size, : deltas.size], deltas)
+    return closed(system, gain)
 
 
 @pytest.fixture(scope="module")
@@ -318,6 +325,17 @@ def test_one_loop_of_a_craft_whose_axes_couple(small):
     assert found.stable
     assert found.frequency < 0.3
     assert abs(found.simulated / found.gain - 1.0) < PEAK
+
+
+def test_loops_on_one_input_add_up(small):
+    """One loop, and the same as two of unequal share."""
+    one = LOOPS.loop[2]
+    parts = [msgspec.structs.replace(one, numerator=tuple(share * v for v in one.numerator)) for share in (0.3, 0.7)]
+    ends = ("torque_z", "attitude_z", [1.0])
+    whole, both = (small.worst_case(Controller(loop=tuple(loops)), *ends, samples=5) for loops in ([one], parts))
+    assert both.gain == pytest.approx(whole.gain, rel=1e-6)
+    assert both.upper == pytest.approx(whole.upper, rel=1e-3)
+    assert abs(both.simulated / both.gain - 1.0) < PEAK
 
 
 def test_a_plant_per_angle(embedded):

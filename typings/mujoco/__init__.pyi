@@ -19,6 +19,8 @@ class mjtIntegrator:
 
 class mjtTrn:
     mjTRN_JOINT: mjtTrn
+    mjTRN_JOINTINPARENT: mjtTrn
+    mjTRN_SITE: mjtTrn
     def __int__(self) -> int: ...
 
 class mjtWrap:
@@ -46,6 +48,7 @@ class mjtEnableBit:
 
 class mjtJoint:
     mjJNT_FREE: mjtJoint
+    mjJNT_BALL: mjtJoint
     mjJNT_HINGE: mjtJoint
     mjJNT_SLIDE: mjtJoint
     def __int__(self) -> int: ...
@@ -85,7 +88,12 @@ class mjtWarning:
     mjWARN_BADQACC: mjtWarning
     def __int__(self) -> int: ...
 
+class mjtBias:
+    mjBIAS_NONE: mjtBias
+    def __int__(self) -> int: ...
+
 class mjtDyn:
+    mjDYN_INTEGRATOR: mjtDyn
     def __int__(self) -> int: ...
 
 class mjtSensor:

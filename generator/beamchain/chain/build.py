@@ -39,9 +39,9 @@ TargetOf = Callable[[str, int], PortModel]
 class Status:
     """What became of a fit: all reached or not, what was made, what was tried."""
 
-    ok: bool
-    message: str
-    history: tuple[str, ...] = ()
+    ok: bool  #: everything that was asked for is met
+    message: str  #: what was made, or what is missing, in a sentence
+    history: tuple[str, ...] = ()  #: what was tried before
 
 
 @dataclass(frozen=True, eq=False)

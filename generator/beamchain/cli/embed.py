@@ -153,7 +153,7 @@ def _show(result: "Embedded") -> None:
             a.at,
             a.prefix,
             f"{a.hub.mass:.6g}",
-            ", ".join(f"{j.kind} joint {j.name}" for j in a.mount.joints),
+            ", ".join(joint.words for joint in a.mount.joints),
             a.fit.kept_for,
         )
         for a in result.appendages

@@ -60,9 +60,13 @@ def fit(
 def _show(result: "Fit") -> None:
     from rich.markup import escape
 
+    from beamchain.fitting.hub import assumed_hub
+
     out, chain, damping = console(), result.chain, result.spec.damping
     out.print(f"[bold]{result.spec.name}[/bold]: {escape(result.status.message)}")
     out.print(escape(result.headline))
+    if result.spec.root.hub is None:
+        out.print(escape(assumed_hub(result.mass_line)))
     head = ("port", "mode", "cantilever rad/s", "free rad/s", "participation")
     head += ("readback, frequency", "readback, participation")
     head += ("damping wanted", "achieved") if damping is not None else ()

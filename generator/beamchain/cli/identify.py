@@ -1,5 +1,6 @@
 """`beamchain identify`: modes of an appendage from logs of a test or a flight."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,42 +14,29 @@ if TYPE_CHECKING:
     from beamchain.craft.identification.result import Identification
 
 
+option = partial(typer.Option, show_default=False)
+
+
 def identify(
     logs: Annotated[
         list[Path], typer.Argument(metavar="LOG...", help="Logs: .csv, .parquet, .npz, .mat, .uff.", show_default=False)
     ],
-    craft: Annotated[
-        Path, typer.Option("--craft", metavar="CRAFT.xml", help="The bare spacecraft.", show_default=False)
-    ],
-    at: Annotated[
-        str,
-        typer.Option("--at", metavar="NAME", help="Its site or body that carries the appendage.", show_default=False),
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="MODES.toml", help="File for the modes.", show_default=False),
-    ] = None,
+    craft: Annotated[Path, option("--craft", metavar="CRAFT.xml", help="The bare spacecraft.")],
+    at: Annotated[str, option("--at", metavar="NAME", help="Its site or body that carries the appendage.")],
+    output: Annotated[Path | None, option("-o", "--output", metavar="MODES.toml", help="File for the modes.")] = None,
     prior: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--prior",
             metavar="SPEC.toml",
             help="What is believed of the appendage; \\[uncertain] gives its widths.",
-            show_default=False,
         ),
     ] = None,
-    modes: Annotated[
-        int | None, typer.Option(min=1, help="Number of modes; default: as the criterion says.", show_default=False)
-    ] = None,
-    axes: Annotated[
-        str | None,
-        typer.Option(metavar="XYZ", help="Axes of the hub that are used, for example z.", show_default=False),
-    ] = None,
+    modes: Annotated[int | None, option(min=1, help="Number of modes; default: as the criterion says.")] = None,
+    axes: Annotated[str | None, option(metavar="XYZ", help="Axes of the hub that are used, for example z.")] = None,
     names: Annotated[
         list[str] | None,
-        typer.Option(
-            "--map", metavar="COLUMN=NAME", help="What a column of the log is. Repeatable.", show_default=False
-        ),
+        option("--map", metavar="COLUMN=NAME", help="What a column of the log is. Repeatable."),
     ] = None,
     free_hub: Annotated[
         bool, typer.Option("--estimate-hub", help="Estimate the hub's inertia too; needs --prior.")
@@ -59,12 +47,11 @@ def identify(
     ] = False,
     plan: Annotated[
         float | None,
-        typer.Option(
+        option(
             "--plan",
             metavar="NOISE",
             help="LOG holds only time and the torques of a test to come: print what it would determine of the prior's modes "
             "with gyros of this standard deviation per sample, in rad/s. Nothing is written.",
-            show_default=False,
         ),
     ] = None,
     as_json: Json = False,
@@ -129,17 +116,14 @@ def _plan(
         raise InputError("identify: --plan needs --prior, whose modes are to be found, and one file of torques.")
     with spinner("planning", quiet or as_json):
         found = planned(logs[0], craft, at, prior=prior, noise=noise, map=renamed)
-    rows = list[list[str]]()
-    for w, z, d, ok in zip(found.frequency, found.damping, 1.96 * found.deviations, found.determined, strict=True):
-        row = [
-            f"{w:.5g}",
-            f"{w * d[0]:.2g}",
-            f"{z:.3g}",
-            f"{z * d[1]:.2g}",
-            f"{100.0 * d[2]:.2g} %",
+    columns = zip(found.frequency, found.damping, *1.96 * found.deviations.T, found.determined, strict=True)
+    rows = [
+        [
+            *(str(i), f"{w:.5g}", f"{w * dw:.2g}", f"{z:.3g}", f"{z * dz:.2g}", f"{100.0 * row:.2g} %"),
             "yes" if ok else "no",
         ]
-        rows.append([str(len(rows) + 1), *row])
+        for i, (w, z, dw, dz, row, ok) in enumerate(columns, 1)
+    ]
     head = ("mode", "rad/s", "+- 95 %", "damping ratio", "+- 95 %", "participation +-", "determined")
 
     def show() -> None:
@@ -155,15 +139,11 @@ def _show(found: "Identification") -> None:
 
     head = ("mode", "rad/s", "+- 95 %", "damping ratio", "+- 95 %", "determined", "remark")
     print_table("modes with the root held", head, mode_rows(found), left=(0, 5, 6))
-    if found.update is not None:
-        for name, value in found.update.factors.items():
-            console().print(
-                f"factor on the prior's {name}: {value:.5g} +- {INTERVAL * found.update.std[name]:.2g}", markup=False
-            )
-        console().print(
-            f"factor on stiffness over mass: {found.update.ratio:.5g} +- {INTERVAL * found.update.ratio_std:.2g}",
-            markup=False,
-        )
-    for sentence in found.undetermined:
-        console().print(f"not determined: {sentence}", markup=False)
+    said = [f"not determined: {sentence}" for sentence in found.undetermined]
+    if (update := found.update) is not None:
+        factors = {f"the prior's {name}": (value, update.std[name]) for name, value in update.factors.items()}
+        factors["stiffness over mass"] = (update.ratio, update.ratio_std)
+        said = [f"factor on {name}: {v:.5g} +- {INTERVAL * std:.2g}" for name, (v, std) in factors.items()] + said
+    for sentence in said:
+        console().print(sentence, markup=False)
     print_warnings(found.warnings)

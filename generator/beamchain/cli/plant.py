@@ -1,5 +1,6 @@
 """`beamchain plant`: the spacecraft as a control engineer's plant."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -150,36 +151,25 @@ def _record(
 
 
 def _show(first: "Plant", of_loops: "list[list[Margins]]", worst: "list[WorstCase]") -> None:
+    from beamchain.craft.plants.loops import HEAD, beyond
+
     console().print(
         f"{first.nstates} states, {first.ninputs} inputs ({', '.join(first.input_labels)}), "
         f"{first.noutputs} outputs ({', '.join(first.output_labels)})", markup=False,
     )  # fmt: skip
+    pairs = [f"{output} per {given}" for output in first.output_labels for given in first.input_labels]
     rows = [
-        [name, f"{w:.6g}", f"{w / 6.283185307179586:.5g}", f"{z:.3g}", f"{g:.3g}"]
-        for name, w, z, g in zip(
-            first.modes, first.frequency, first.damping_ratio, first.gain.max(axis=(1, 2), initial=0.0), strict=True
-        )
+        [name, f"{w:.6g}", f"{w / math.tau:.5g}", f"{z:.3g}", f"{gain.max():.3g}", pairs[int(gain.argmax())]]
+        for name, w, z, gain in zip(first.modes, first.frequency, first.damping_ratio, first.gain, strict=True)
     ]
-    print_table("flexible modes", ("mode", "rad/s", "Hz", "damping ratio", "largest gain"), rows)
-    rows = [
-        [str(i), f"{m.loop.input} <- {m.loop.output}", "stable" if m.stable else "UNSTABLE", f"{m.gain:.4g}",
-         f"{m.gain_frequency:.4g}", f"{m.phase:.4g}", f"{m.delay:.4g}", f"{m.disk:.3g}"]
-        for i, several in enumerate(of_loops, 1) for m in several
-    ]  # fmt: skip
-    if rows:
-        head = (
-            "plant",
-            "loop",
-            "closed",
-            "gain margin",
-            "at rad/s",
-            "phase margin deg",
-            "delay margin s",
-            "disk margin",
-        )
-        print_table("margins, the other loops closed", head, rows, left=(0, 1, 2))
+    head = ("mode", "rad/s", "Hz", "damping ratio", "largest gain", "of")
+    print_table("flexible modes", head, rows, left=(0, 5))
+    for i, several in enumerate(of_loops, 1):
+        title = "margins, the other loops closed" + (f", plant {i}" if len(of_loops) > 1 else "")
+        if several:
+            print_table(title, HEAD, [row for one in several for row in one.rows()], left=(0, 1, 2))
     for one in worst:
         console().print(f"worst case, {one.sentence}", markup=False)
         values = [[name, f"{value:.6g}"] for name, value in one.values.items()]
         print_table("values of the worst sample", ("quantity", "value"), values)
-    print_warnings(first.warnings, "note")
+    print_warnings([*first.warnings, *(said for several in of_loops for said in beyond(first, several))], "note")

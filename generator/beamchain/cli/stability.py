@@ -54,6 +54,7 @@ def stability(
 
 
 def _show(result: "StabilityStudy") -> None:
+    console().print(result.own_step, markup=False)
     limits = [
         (row.name, row.integrator, "no limit", "no limit", "-")
         if row.predicted == row.measured
@@ -84,5 +85,7 @@ def _show_budget(budget: "Budget") -> None:
         rows.append([f"{w:.6g}", f"{z:.4g}", *ratios])
     steps = [f"{name} {one:.4g} / {tenth:.4g}" for name, (one, tenth) in budget.accuracy.items()]
     caption = f"steps for 1 % / 0.1 % of the first frequency, in seconds: {', '.join(steps)}"
+    if any("unstable" in row for row in rows):
+        caption += f"; unstable: the integrator's largest step is below {budget.timestep:g} s"
     title = f"{budget.name}: damping ratio shown at {budget.timestep:g} s"
     print_table(title, ("rad/s", "structure", *budget.shown), rows, left=(), caption=caption)

@@ -50,7 +50,7 @@ def fit_all(
             taken = "locked, since a spring holds it" if joint.sprung else "free, since no spring holds it"
             if not joint.own:
                 text = (
-                    f"{name}: stands behind the joint {joint.name} ({joint.kind}); {hub.mass:.6g} kg are rigidly "
+                    f"{name}: stands behind the {joint.words}; {hub.mass:.6g} kg are rigidly "
                     f"behind its root. The fit takes that joint as {taken}."
                 )
                 warnings.append(Caution("joints-behind", text))

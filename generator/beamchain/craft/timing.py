@@ -74,7 +74,8 @@ def worth_it(model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: b
         own = "it would be unstable by itself" if error == float("inf") else f"its own error would be {error:.2g}"
         why = "as asked" if wanted else own if error == float("inf") else f"{own}, above {allowed:.2g}"
         text = (
-            f"the appendages are exact in time for {step} ({why}); give actuators the mean of this and the last input."
+            f"the appendages are exact in time for {step} ({why}); give actuators the mean of this and the last input "
+            "(in Python bc.HeldInput)."
         )
         return True, Caution("exact-in-time", text)
     return False, ""  # what the step does is within what was asked for

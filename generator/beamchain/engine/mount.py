@@ -25,6 +25,11 @@ class Carrier(NamedTuple):
     own: bool
     sprung: bool
 
+    @property
+    def words(self) -> str:
+        """Its kind and its name, or its number: `hinge joint drive`, `free joint 0`."""
+        return f"{self.kind} joint {self.name.removeprefix('joint ')}"
+
 
 @dataclass(frozen=True, eq=False)
 class Mount:

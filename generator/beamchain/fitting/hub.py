@@ -100,3 +100,12 @@ def default_hub(beam: MassLine) -> Hub:
     mass, side = 10.0 * beam.rigid_mass()[0, 0], 0.1 * beam.length
     inertia = max(mass * side**2 / 6.0, 1e-12)
     return Hub(mass=mass, inertia=(inertia, inertia, inertia), offset=(side / 2.0, 0.0, 0.0))
+
+
+def assumed_hub(line: MassLine) -> str:
+    """What is taken for the hub where a specification has none, in a sentence."""
+    mass = line.rigid_mass()[0, 0]
+    return (
+        f"no hub is given ([root] hub): errors are the worst on hubs of 0.1, 1 and 10 times the appendage's {mass:.4g} kg, and "
+        f"scene.xml has a hub of {default_hub(line).mass:.4g} kg; beamchain embed reads the hub from your spacecraft."
+    )

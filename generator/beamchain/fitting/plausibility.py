@@ -12,6 +12,7 @@ from beamchain.structure.segment import Segment
 SOFT = 1e6  # N/m^2: rubber has more
 LIGHT = 5.0  # kg/m^3: a foam has more
 HUGE = 0.25  # of the appendage's length: a section as wide, and wider than 1 m, is likelier one in mm
+THIN = 0.05  # m: a section with a dimension below was given in metres, unless another one is longer than the appendage
 CODED = {
     "damped": "high-damping", "soft": "soft-material", "light": "light-material", "huge": "huge-section",
     "stocky": "stocky-beam",
@@ -52,7 +53,8 @@ def doubtful(
                 f"{where}: density = {rho:g} kg/m^3 is lighter than foam; if g/cm^3 were meant, write {rho * 1e3:g}."
             )
         sizes = {} if isinstance(segment.section, Custom | Equivalent) else segment.section.dimensions()
-        if sizes and max(sizes.values()) > max(HUGE * length, 1.0):
+        most, thin = max(sizes.values(), default=0.0), min(sizes.values(), default=0.0) < THIN
+        if most > max(length if thin else HUGE * length, 1.0):  # a panel is wide, but thin
             name, size = max(sizes.items(), key=lambda item: item[1])
             meant = ", ".join(f"{key} = {value * 1e-3:g}" for key, value in sizes.items())
             out["huge"] = (

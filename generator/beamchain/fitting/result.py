@@ -47,13 +47,13 @@ TIP_TOLD = 0.01  # error of the tip's motion that is told beside the model's
 class ModeRow(NamedTuple):
     """A kept mode: its target values, and the values read back from MuJoCo. Errors are relative."""
 
-    port: str
-    number: int
-    frequency_rad_s: float
-    achieved_rad_s: float
-    damping_ratio: float
-    frequency_error: float
-    participation_error: float
+    port: str  #: "xy", "xz", "torsion" or "axial"
+    number: int  #: from 1
+    frequency_rad_s: float  #: wanted
+    achieved_rad_s: float  #: read back from MuJoCo
+    damping_ratio: float  #: read back
+    frequency_error: float  #: of what was read back, relative to what was wanted
+    participation_error: float  #: the same of the participation
 
 
 @dataclass(frozen=True, eq=False)

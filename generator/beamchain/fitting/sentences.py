@@ -30,7 +30,8 @@ def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
     if unknown:
         cure = meant(unknown[1], _keys(root)).strip() or "remove it; `beamchain schema` has the keys."
         if unknown[1] in _keys(root):
-            cure = "it belongs elsewhere; see `beamchain schema` for what stands here."
+            here = _keys_at(root, place)
+            cure = f"it belongs elsewhere; {'choose from ' + ', '.join(here) if here else '`beamchain schema` has the keys'}."
         return f"{place + ': ' if place else ''}unknown key {unknown[1]!r}; {cure}"
     missing = re.fullmatch(r"Object missing required field `(.*)`", what)
     if missing:
@@ -91,6 +92,15 @@ def structs_of(root: Any) -> list[Any]:
 
 def _keys(root: type) -> list[str]:
     return sorted({field for struct in structs_of(root) for field in struct.__struct_fields__})
+
+
+def _keys_at(root: Any, place: str) -> list[str]:
+    """Keys of the table at a place; none where its shape decides on them."""
+    for step in re.findall(r"[A-Za-z_]\w*", place):
+        root = next(iter(structs_of(get_type_hints(root).get(step))), None)
+        if root is None or root.__struct_config__.tag is not None:
+            return []
+    return list(root.__struct_fields__)
 
 
 def _value(data: Any, place: str) -> Any:

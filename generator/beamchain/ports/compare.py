@@ -37,6 +37,14 @@ class Comparison:
             rigid mass.
         mass_error: relative, of the rigid mass matrix.
         accelerance_in_band: the in-band error; None if it was not requested.
+
+    Example:
+        >>> import beamchain as bc
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> full = bc.Beam(segments=(bc.Segment(length=8.0, section=section),)).port("xy")
+        >>> error = bc.compare(full.truncated(2), full)
+        >>> error.matches.tolist(), error.frequency
+        ([[0, 0], [1, 1]], 0.0)
     """
 
     matches: NDArray[np.int64]

@@ -8,7 +8,7 @@ import numpy as np
 
 from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import EngineError
-from beamchain.fitting.hub import port_hub_mass
+from beamchain.fitting.hub import assumed_hub, port_hub_mass
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.compare import in_band_error
 from beamchain.report import plots
@@ -46,6 +46,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         fit=fit,
         pictures=pictures,
         asked=_asked(fit),
+        assumed_hub=assumed_hub(fit.mass_line),
         carried=_carried(fit),
         mode_tables=[mode_table(fit, port) for port in fit.target],
         drawn_shapes=all_shapes(fit),

@@ -52,10 +52,7 @@ def identification_html(found: Identification) -> str:
 def identification_page(found: Identification, name: str) -> str:
     """The text of one HTML file."""
     figures = {f"spectrum{i}": _spectrum(found, channel) for i, channel in enumerate(found.spectra)}
-    drawn = {
-        key: to_svg(figure, key)
-        for key, figure in {**figures, "order": _stabilisation(found), "bars": _bars(found)}.items()
-    }
+    figures |= {"order": _stabilisation(found), "bars": _bars(found)}
     return page_text(
         "identification.html",
         name=name,
@@ -66,7 +63,7 @@ def identification_page(found: Identification, name: str) -> str:
         orders=_orders(found),
         channels=_channels(found),
         factors=_factors(found),
-        drawn=drawn,
+        drawn={key: to_svg(figure, key) for key, figure in figures.items()},
     )
 
 
@@ -97,20 +94,11 @@ def mode_rows(found: Identification) -> list[tuple[str, ...]]:
 def _rows(found: Identification) -> Table:
     def cell(mode: IdentifiedMode, k: int) -> str:
         value, std = float(mode.participation[k]), float(mode.participation_std[k])
-        return (
-            f"{value:.5g} ± {INTERVAL * std:.2g}"
-            if np.isfinite(std)
-            else "0, unknown"
-            if value == 0.0
-            else f"{value:.5g}, unknown"
-        )
+        return f"{value + 0.0:.5g}" + (f" ± {INTERVAL * std:.2g}" if np.isfinite(std) else ", unknown")
 
     cells = [(str(m.number), *(cell(m, k) for k in range(6))) for m in found.modes]
-    return Table(
-        cells,
-        ("mode", *MOTIONS),
-        note="Mass-normalised, about the port, in the appendage's axes: sqrt(kg), m sqrt(kg).",
-    )
+    note = "Mass-normalised, about the port, in the appendage's axes: sqrt(kg), m sqrt(kg)."
+    return Table(cells, ("mode", *MOTIONS), note=note)
 
 
 def _orders(found: Identification) -> Table:
@@ -118,12 +106,8 @@ def _orders(found: Identification) -> Table:
         (str(o.modes), f"{o.criterion:.6g}", f"{o.gain:.4g}", ", ".join(f"{w:.5g}" for w in o.frequencies))
         for o in found.order
     ]
-    return Table(
-        rows,
-        ("modes", "criterion", "gain", "coupled frequencies, rad/s"),
-        note="Bayesian information criterion of the raw model; gain: fall of "
-        "minus twice the log likelihood over one mode fewer.",
-    )
+    note = "Bayesian information criterion of the raw model; gain: fall of minus twice the log likelihood over one mode fewer."
+    return Table(rows, ("modes", "criterion", "gain", "coupled frequencies, rad/s"), note=note)
 
 
 def _channels(found: Identification) -> Table:
@@ -135,17 +119,12 @@ def _channels(found: Identification) -> Table:
 
 
 def _factors(found: Identification) -> Table:
-    if found.update is None:
+    update = found.update
+    if update is None:
         return Table([])
-    rows = [
-        (
-            name.replace("_", " "),
-            f"{value:.6g}",
-            f"{INTERVAL * found.update.std[name]:.2g}" if np.isfinite(found.update.std[name]) else "not determined",
-        )
-        for name, value in found.update.factors.items()
-    ]
-    rows.append(("stiffness over mass", f"{found.update.ratio:.6g}", f"{INTERVAL * found.update.ratio_std:.2g}"))
+    widths = {k: f"{INTERVAL * std:.2g}" if np.isfinite(std) else "not determined" for k, std in update.std.items()}
+    rows = [(name.replace("_", " "), f"{value:.6g}", widths[name]) for name, value in update.factors.items()]
+    rows.append(("stiffness over mass", f"{update.ratio:.6g}", f"{INTERVAL * update.ratio_std:.2g}"))
     return Table(rows, ("factor on the prior's", "value", "±"))
 
 
@@ -177,9 +156,8 @@ def _bars(found: Identification) -> Figure:
     for at, (kind, label) in enumerate((("frequency", "frequency"), ("damping", "damping ratio")), 1):
         ax = figure.add_subplot(1, 2, at)
         relative = [100.0 * INTERVAL * getattr(m, f"{kind}_std") / max(getattr(m, kind), 1e-300) for m in found.modes]
-        ax.bar(
-            [str(m.number) for m in found.modes], relative, color=[OURS if m.determined else RIVAL for m in found.modes]
-        )
+        colours = [OURS if m.determined else RIVAL for m in found.modes]
+        ax.bar([str(m.number) for m in found.modes], relative, color=colours)
         if any(v > 0.0 for v in relative):
             ax.set_yscale("log")
         ax.set_xlabel("mode")

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from beamchain.craft.plants.loops import Margins
+from beamchain.craft.plants.loops import HEAD, Margins
 from beamchain.craft.plants.realisation import Plant
 from beamchain.craft.robust.uncertain_plant import WorstCase
 from beamchain.report import plant_plots
@@ -56,7 +56,7 @@ def _verdict(plant: Plant, of_loops: Sequence[Sequence[Margins]], of_samples: Se
     return Verdict(
         True,
         f"{size}; every closed loop is stable, least disk margin {worst.disk:.3g} "
-        f"({worst.loop.input} from {worst.loop.output}) at {worst.disk_frequency:.4g} rad/s.",
+        f"({worst.name}) at {worst.disk_frequency:.4g} rad/s.",
     )
 
 
@@ -81,22 +81,15 @@ def _gains(plant: Plant) -> Table:
 
 
 def _margins(of_loops: Sequence[Sequence[Margins]]) -> Table:
-    def words(value: float) -> str:
-        return f"{value:.4g}" if math.isfinite(value) else "no limit"
-
     rows = [
-        (
-            f"{i}: {m.loop.input} from {m.loop.output}" if len(of_loops) > 1 else f"{m.loop.input} from {m.loop.output}",
-            "stable" if m.stable else "unstable", words(m.gain), words(m.gain_frequency), words(m.lowest_gain),
-            words(m.phase), words(m.delay), words(m.disk), words(m.disk_frequency),
-        )
+        ((f"{i}: " if row[0] and len(of_loops) > 1 else "") + row[0], *row[1:])
         for i, several in enumerate(of_loops, 1)
-        for m in several
-    ]  # fmt: skip
-    head = ("loop", "closed loop", "gain up to, factor", "rings at, rad/s", "gain down to, factor", "phase, degrees",
-            "delay, s", "disk margin", "at, rad/s")  # fmt: skip
-    return Table(rows, head, note="Each loop broken at the plant's input, the others closed; dead times are exact. Disk margin:"
-                 " balanced (skew 0), gain and phase changing together.")  # fmt: skip
+        for one in several
+        for row in one.rows()
+    ]
+    return Table(rows, HEAD, note="Each input of the plant broken, the loops of the others closed; dead times are exact. The "
+                 "least margins, over all crossovers. Disk margin: balanced (skew 0), gain and phase changing together. An "
+                 "unstable closed loop has no margins.")  # fmt: skip
 
 
 def _worst(several: Sequence[WorstCase]) -> Table:

@@ -191,7 +191,7 @@ def nichols_figure(loops: "Sequence[Margins]") -> Figure:
     for loop in loops:
         phase = np.degrees(np.unwrap(np.angle(loop.response)))
         phase -= 360.0 * np.round((phase[0] + 180.0) / 360.0)
-        label = literal(f"{loop.loop.input} from {loop.loop.output}")
+        label = literal(loop.name)
         ax.plot(phase, 20.0 * np.log10(np.maximum(np.abs(loop.response), 1e-6)), linewidth=1.0, label=label)
     ax.plot([-180.0], [0.0], "+", color=BEAM, markersize=10)
     ax.set(xlim=(-540.0, 180.0), ylim=(-60.0, 60.0), xlabel="phase, degrees", ylabel="gain, dB")

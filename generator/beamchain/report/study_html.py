@@ -169,7 +169,7 @@ def _steps_hold(study: "StabilityStudy") -> Verdict:
     limits = study.budgets[0]
     largest = {k: v for k, v in limits.largest_step.items() if math.isfinite(v)}
     safest = min(largest, key=lambda name: largest[name])
-    text = f"{limits.name}: every integrator is stable up to a step of {short(largest[safest])} s"
+    text = f"{study.own_step.rstrip('.')}; every integrator is stable up to a step of {short(largest[safest])} s"
     others = [
         f"{name} up to {short(v)} s" for name, v in largest.items() if v > 1.05 * largest[safest] and name == "RK4"
     ]

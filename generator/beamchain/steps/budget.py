@@ -29,7 +29,7 @@ class Budget:
         shown: `(n, 2)` frequency [rad/s] and damping ratio that the simulation shows at `timestep`; NaN: unstable.
     """
 
-    name: str
+    name: str  #: of the model
     frequencies: Array
     ratios: Array
     largest_step: dict[str, float]

@@ -47,14 +47,14 @@ STEADY = 1e-7  # weight that keeps unknowns where the poles do not ask for a cha
 class ModeTime:
     """One mode made exact in time; frequency [rad/s], pole [1/s]."""
 
-    name: str
+    name: str  #: of its tendon
     frequency: float
-    ratio: float
-    mass: float
-    damping: float
+    ratio: float  #: damping ratio
+    mass: float  #: modal mass that it is given, its own 1
+    damping: float  #: of its tendon [1/s]
     pole: complex
-    slowed: bool
-    clamped: bool
+    slowed: bool  #: too fast for the step
+    clamped: bool  #: a negative armature would be needed; the mass is 1 and the pole only near
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,6 +50,16 @@ class Retimed:
             their own; 0 with form 2.
         modes: one per modal tendon.
         before: the arrays as they were, for `undo`.
+
+    Example:
+        >>> import beamchain as bc, mujoco
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),), fit=bc.FitOptions(springs="modes"))
+        >>> model = mujoco.MjModel.from_xml_string(bc.fit(spec).scene_mjcf())
+        >>> done = bc.retime(model, 2.0, "Euler")
+        >>> [(mode.name, mode.slowed) for mode in done.modes][:2], done.slowed[0].code
+        ([('appendage_mode1_xy', True), ('appendage_mode2_xy', True)], 'slowed-modes')
+        >>> done.undo(model)
     """
 
     timestep: float
@@ -81,7 +91,7 @@ class Retimed:
         return self.phase < SCHEMES[self.integrator].phase
 
     def undo(self, model: "mujoco.MjModel") -> None:
-        """Every array back as it was before the call, bit for bit."""
+        """Every array of `model` back as it was before the call, bit for bit."""
         for name, values in self.before.items():
             getattr(model, name)[:] = values
 

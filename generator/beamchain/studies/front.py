@@ -21,11 +21,11 @@ STEEPEST = 3.0  # decades of time per decade of error that an extrapolation beli
 class Reach:
     """The cheapest way to a target error with one model."""
 
-    model: str
-    seconds: float  # time for the scenario
-    point: Point  # the setting; the last measured one where extrapolated
-    extrapolated: bool  # the target lies beyond what was measured; time follows the front's measured slope
-    slope: float | None = None  # decades of time per decade of error, where extrapolated
+    model: str  #: its name
+    seconds: float  #: time for the scenario [s]
+    point: Point  #: the setting; the last measured one where extrapolated
+    extrapolated: bool  #: the target lies beyond what was measured; time follows the front's measured slope
+    slope: float | None = None  #: decades of time per decade of error, where extrapolated
 
     @property
     def entry(self) -> Entry:

@@ -39,17 +39,17 @@ CLOCK = {"Euler": 0.5, "implicit": 0.5, "implicitfast": 0.5, "discrete": 0.5, "R
 class Point(NamedTuple):
     """One setting, measured."""
 
-    model: str
-    n: int
-    integrator: str
-    timestep: float  # [s]
-    error: float  # of the hub's motion, relative to its largest elastic part
-    error_appendage: float  # the same without the integrator's rigid-hub error, on its own clock; in study.json only
-    seconds: float  # median time to simulate the scenario
-    seconds_per_step: float
-    spread: float  # half the range of the middle half of the repetitions, relative
-    over_rigid_hub: float  # time per step relative to the rigid hub's, measured in turns with it
-    repeats: int
+    model: str  #: its name, such as "exact, hub"
+    n: int  #: modes, or links of a rival
+    integrator: str  #: MuJoCo's name
+    timestep: float  #: [s]
+    error: float  #: of the hub's motion, relative to its largest elastic part
+    error_appendage: float  #: the same without the integrator's rigid-hub error, on its own clock; in study.json only
+    seconds: float  #: median time to simulate the scenario [s]
+    seconds_per_step: float  #: [s]
+    spread: float  #: half the range of the middle half of the repetitions, relative
+    over_rigid_hub: float  #: time per step relative to the rigid hub's, measured in turns with it
+    repeats: int  #: of the timing
 
     @property
     def entry(self) -> Entry:

@@ -7,12 +7,12 @@ from typing import Any
 
 from beamchain.caution import Caution, warnings_record
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import INTEGRATORS, compile_model
+from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
 from beamchain.errors import EngineError
 from beamchain.fitting.fit import fit
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
-from beamchain.steps.budget import HOST, Budget, budget, preloaded
+from beamchain.steps.budget import Budget, budget, preloaded
 from beamchain.steps.large_motion import LargeMotion
 from beamchain.steps.measured_limit import measured_limit
 
@@ -28,8 +28,8 @@ def silent(_: str) -> None:
 class StepRow:
     """A step limit, predicted from the linearised model and measured in simulations [s]; infinity: none."""
 
-    name: str
-    integrator: str
+    name: str  #: of the model
+    integrator: str  #: MuJoCo's name
     predicted: float
     measured: float
 
@@ -41,12 +41,30 @@ class StepRow:
 
 @dataclass(frozen=True, eq=False)
 class StabilityStudy:
-    """Everything `stability.json` holds."""
+    """Everything `stability.json` holds.
 
-    rows: list[StepRow]  # limits predicted and measured
-    budgets: list[Budget]  # per model
-    large: dict[str, LargeMotion]  # per plane; empty for a foreign model
+    Args:
+        rows: limits predicted and measured, per model and integrator.
+        budgets: per model: on its hub, then alone.
+        large: large-motion limits per bending plane; empty for a foreign model.
+        warnings: sentences with codes.
+        own_step: whether the file's own integrator is stable at the file's own step, in a sentence.
+
+    Example:
+        >>> import beamchain as bc
+        >>> oscillator = '''<mujoco model="rod"><option timestep="0.01"/><worldbody><body><joint type="slide" stiffness="16"/>
+        ... <inertial pos="0 0 0" mass="4" diaginertia="1 1 1"/></body></worldbody></mujoco>'''
+        >>> from pathlib import Path
+        >>> _ = Path("rod.xml").write_text(oscillator)
+        >>> bc.stability("rod.xml").own_step
+        'rod: stable as it is, with Euler at 0.01 s; Euler is stable up to 1 s.'
+    """
+
+    rows: list[StepRow]
+    budgets: list[Budget]
+    large: dict[str, LargeMotion]
     warnings: list[str]
+    own_step: str
 
     def as_dict(self) -> dict[str, Any]:
         """For stability.json; `extremes` counts no cases: the suite is a test of beamchain itself."""
@@ -57,6 +75,7 @@ class StabilityStudy:
             "mujoco": mujoco.__version__,
             "models": [asdict(row) for row in self.rows],
             "budgets": [b.as_dict() for b in self.budgets],
+            "own_step": self.own_step,
             "large_motion": [limit.as_dict() for limit in self.large.values()],
             **warnings_record(self.warnings),
             "extremes": {"cases": 0, "passed": 0, "refused": 0, "failed": 0, "rows": []},
@@ -106,8 +125,9 @@ def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
         if said := preloaded(model, data):  # it would be simulated as it moves off
             raise EngineError(said)
         limits = budget(model)
-        warnings = _warnings(limits, float(model.opt.timestep))
-        return StabilityStudy(step_rows(model, limits, say), [limits], {}, warnings)
+        name = NUMBERS[int(model.opt.integrator)]
+        warnings = _warnings(limits, limits.timestep, name)
+        return StabilityStudy(step_rows(model, limits, say), [limits], {}, warnings, _own_step(limits, name))
     say("fitting the chain")
     return study_fit(fit(read_spec(source)), say)
 
@@ -133,14 +153,21 @@ def study_fit(result: Fit, say: Say = silent) -> StabilityStudy:
     large, reasons = result.large_motion
     scene = result.spec.scene
     unstable = [] if scene is None else _warnings(budgets[0], scene.step, scene.integrator)
-    return StabilityStudy(rows, budgets, large, [*reasons, *overdamped, *unstable])
+    own_step = _own_step(budgets[0], result.spec.integrator)
+    return StabilityStudy(rows, budgets, large, [*reasons, *overdamped, *unstable], own_step)
 
 
-def _warnings(limits: Budget, timestep: float, integrator: str | None = None) -> list[str]:
-    """Steps that the model asks for and cannot take."""
-    text = f"{limits.name}: the step asked for, {timestep:g} s, is beyond {{}}'s limit of {{:.4g}} s."
-    return [
-        Caution("unstable-step", text.format(name, step))
-        for name, step in limits.largest_step.items()
-        if name != HOST and timestep >= step and integrator in (None, name)
-    ]
+def _own_step(limits: Budget, integrator: str) -> str:
+    """Whether a model is stable with its own integrator at its own step, and from which step on it is not."""
+    largest, own = limits.largest_step[integrator], f"{integrator} at {limits.timestep:g} s"
+    if limits.timestep >= largest:
+        return f"{limits.name}: unstable as it is, with {own}; take a step below {largest:.4g} s."
+    most = "at every step" if largest == float("inf") else f"up to {largest:.4g} s"
+    return f"{limits.name}: stable as it is, with {own}; {integrator} is stable {most}."
+
+
+def _warnings(limits: Budget, timestep: float, integrator: str) -> list[str]:
+    """The step that the model asks for, where its integrator cannot take it."""
+    step = limits.largest_step[integrator]
+    text = f"{limits.name}: the step asked for, {timestep:g} s, is beyond {integrator}'s limit of {step:.4g} s."
+    return [Caution("unstable-step", text)] if timestep >= step else []

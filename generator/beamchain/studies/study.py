@@ -52,16 +52,29 @@ class Options(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Everything measured."""
+    """Everything measured.
 
-    spec: Spec
+    Below, `target` is an error, relative to the largest elastic part of the motion, and `metric` which one: "error", of the hub's
+    motion, or "error_appendage", the same without what the integrator makes of the rigid hub.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> spec = bc.read_spec(files("beamchain") / "examples" / "seed_boom.toml")
+        >>> measured = bc.study(spec, models=["exact, clamped"], duration=2.0, budget=0.01)
+        >>> measured.best(1e-9, "error") is None  # else a `Reach`: seconds, and the `Point` with n, integrator and step
+        True
+        >>> nearest = measured.nearest("error")  # the `Point` with the least error
+    """
+
+    spec: Spec  #: what was studied
     options: Options
-    kept: dict[str, int]  # modes per port of the spec; the planes' numbers were varied
+    kept: dict[str, int]  #: modes per port of the spec; the planes' numbers were varied
     scenario: Scenario
-    ladders: tuple[Ladder, ...]  # per entry, its points
-    growth: Growth  # time against n
-    seconds: float
-    warnings: tuple[str, ...] = ()  # where the load drives a recommended chain beyond what it is right for
+    ladders: tuple[Ladder, ...]  #: per entry, its points
+    growth: Growth  #: time against n
+    seconds: float  #: taken by the study
+    warnings: tuple[str, ...] = ()  #: where the load drives a recommended chain beyond what it is right for
 
     @property
     def points(self) -> list[Point]:
@@ -79,32 +92,32 @@ class Study:
         return list(dict.fromkeys(p.model for p in self.points))
 
     def reach(self, target: float, metric: Metric) -> dict[str, Reach]:
-        """Per model, the cheapest setting for a target error."""
+        """Per model, the cheapest setting for a `target` in a `metric`."""
         found = {model: front.reach(self.ladders, model, target, metric) for model in self.models}
         return {model: reach for model, reach in found.items() if reach is not None}
 
     def best(self, target: float, metric: Metric) -> Reach | None:
-        """The cheapest measured setting among our own chains, which keep their geometry in large motion."""
+        """The cheapest measured setting for a `target` in a `metric` among our chains, which keep their geometry."""
         ours = [r for r in self.reach(target, metric).values() if r.model in field.OURS and not r.extrapolated]
         return min(ours, key=lambda r: r.seconds, default=None)
 
     def nearest(self, metric: Metric) -> Point | None:
-        """The most accurate of our own chains, whatever it takes."""
+        """The most accurate of our own chains in a `metric`, whatever it takes."""
         found = front.front([x for x in self.ladders if x.entry.ours], metric)
         return found[-1][1] if found else None
 
     def rivals(self, target: float, metric: Metric) -> dict[str, Reach]:
-        """The rivals' cheapest settings, extrapolated where they did not reach the target."""
+        """The rivals' cheapest settings for a `target` in a `metric`, extrapolated where they did not reach it."""
         return {model: r for model, r in self.reach(target, metric).items() if model not in field.OURS}
 
     def short_of(self, target: float, metric: Metric) -> dict[str, float]:
-        """Rivals that do not reach the target and cannot be extrapolated, with the best error of each."""
+        """Rivals that do not reach the `target` and cannot be extrapolated, with the best error of each in that `metric`."""
         reached = self.reach(target, metric)
         fronts = {m: front.front([x for x in self.ladders if x.entry.model == m], metric) for m in self.models}
         return {m: f[-1][0] for m, f in fronts.items() if f and m not in reached and m not in field.OURS}
 
     def recommended(self, target: float, metric: Metric) -> Spec | None:
-        """The spec that gives the best setting for a target; one exact in time is for that step and Euler."""
+        """The spec that gives the best setting for a `target` in a `metric`; one exact in time is for that step and Euler."""
         best = self.best(target, metric)
         if best is None:
             return None

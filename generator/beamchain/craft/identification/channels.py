@@ -1,28 +1,36 @@
-"""What logs hold for an identification: pieces, channels by name, and the axes that are driven."""
+"""What logs hold for an identification: channels by name, the axes that are driven, pieces without gaps and saturation."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import orth
 
 from beamchain.caution import Caution
 from beamchain.craft.identification.hub import Bare, directions
-from beamchain.craft.identification.logs import SENSED, TORQUES
-from beamchain.craft.identification.pieces import Cut, active, cut
+from beamchain.craft.identification.logs import SENSED, TORQUES, Response, TimeLog
 from beamchain.craft.identification.prior import Prior
-from beamchain.craft.identification.response import Piece, Spectrum
+from beamchain.craft.identification.response import Data, Piece, Spectrum
 from beamchain.craft.identification.sanity import check_swapped
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 
 PROPORTIONAL = 1e-6  # one less the cosine between the torques of two axes over time
+GAP = 1.5  # steps; where steps are unequal by themselves, more
+UNEQUAL_GAP = 6.0
+ROUNDED = 0.75  # of the last printed digit of time, by which equal steps may seem to differ
+EQUAL = 1e-3  # of a step likewise
+RUN = 3  # equal extreme samples in a row that mean saturation
+FEWEST = 12  # samples of a piece
+CONSTANT = 1e-9  # relative variation of a torque that excites nothing
+COARSE = 0.2  # of the samples that repeat the last one: then a sensor's last digit is large beside its noise
 
 
 class Channels(NamedTuple):
     """What the log has: pieces, names, directions in the mount's axes, the driven axes `(3, a)`."""
 
-    pieces: list[Piece | Spectrum]
+    pieces: list[Data]
     torques: tuple[str, ...]
     sensed: tuple[str, ...]
     inputs: Array
@@ -34,23 +42,21 @@ class Channels(NamedTuple):
 
 def driven(known: Bare, torques: Sequence[str], sensed: Sequence[str], prior: Prior | None) -> tuple[Array, list[str]]:
     """Axes `(3, a)` that are driven, and the sensors that are used: without a prior those about driven axes only."""
-    inputs = directions(known, tuple(torques))
+    inputs = directions(known, torques)
     axes = orth(inputs.T, rcond=1e-6)
-    if axes.shape[1] == np.linalg.matrix_rank(np.abs(inputs) > 1e-9):
-        used = np.flatnonzero(np.any(np.abs(inputs) > 1e-9, axis=0))
-        axes = np.eye(3)[:, used] if used.size == axes.shape[1] else axes
-    elsewhere = [n for n in sensed if np.linalg.norm(directions(known, (n,)) @ axes) < 1.0 - 1e-6]
-    kept = [n for n in sensed if prior is not None or n not in elsewhere]
-    if not [n for n in kept if n not in elsewhere]:
+    used = np.flatnonzero(np.any(np.abs(inputs) > 1e-9, axis=0))
+    if axes.shape[1] == used.size == np.linalg.matrix_rank(np.abs(inputs) > 1e-9):
+        axes = np.eye(3)[:, used]
+    along = [n for n in sensed if np.linalg.norm(directions(known, (n,)) @ axes) >= 1.0 - 1e-6]
+    if not along:
         raise InputError(
             f"the torques ({', '.join(torques)}) act about other axes than those sensed ({', '.join(sensed)}); "
-            "the log must hold the "
-            "rate or attitude about an axis that is driven."
+            "the log must hold the rate or attitude about an axis that is driven."
         )
-    return axes, kept
+    return axes, along if prior is None else list(sensed)
 
 
-def of_time(logs: Any, known: Bare, wanted: Sequence[str], prior: Prior | None) -> Channels:
+def of_time(logs: Sequence[TimeLog], known: Bare, wanted: Sequence[str], prior: Prior | None) -> Channels:
     """The channels of time logs about the wanted axes.
 
     Raises:
@@ -65,76 +71,157 @@ def of_time(logs: Any, known: Bare, wanted: Sequence[str], prior: Prior | None) 
         )
     torques = active(logs, torques)
     axes, sensed = driven(known, torques, sensed, prior)
-    made: Cut = cut(logs, torques, sensed)
-    scale = np.sqrt(
-        np.mean([np.var(p.outputs, axis=0) * p.time.size for p in made.pieces], axis=0)
-        / np.mean([p.time.size for p in made.pieces])
-    )
+    pieces, warnings = cut(logs, torques, sensed)
+    sizes = np.array([p.time.size for p in pieces])
+    scale = np.sqrt(np.mean([np.var(p.outputs, axis=0) * p.time.size for p in pieces], axis=0) / np.mean(sizes))
     for name, size in zip(sensed, scale, strict=True):
         if not size > 0.0:
             raise InputError(
-                f"{name} is constant throughout the log; the sensor shows no motion: check the column and its "
-                "unit (rad/s)."
+                f"{name} is constant throughout the log; the sensor shows no motion: check the column and its unit (rad/s)."
             )
-    check_swapped(made)
-    alike = _proportional(made)
-    return Channels(
-        [*made.pieces],
-        tuple(torques),
-        tuple(sensed),
-        directions(known, made.torques),
-        directions(known, made.sensed),
-        axes,
-        scale,
-        [*made.warnings, *alike],
-    )
-
-
-def _proportional(made: Cut) -> list[str]:
-    """What is said of torques that are multiples of each other throughout."""
-    u = np.vstack([piece.inputs for piece in made.pieces])
-    u = u / np.linalg.norm(u, axis=0)
-    pairs = [(i, j) for j in range(u.shape[1]) for i in range(j) if 1.0 - abs(float(u[:, i] @ u[:, j])) < PROPORTIONAL]
-    return [
+    check_swapped(pieces, torques, sensed)
+    u = np.vstack([piece.inputs for piece in pieces])
+    u /= np.linalg.norm(u, axis=0)
+    alike = np.abs(u.T @ u)
+    warnings += [
         Caution(
             "proportional-torques",
-            f"{made.torques[i]} and {made.torques[j]} are proportional throughout: what one axis does cannot be told from "
+            f"{torques[j]} and {torques[i]} are proportional throughout: what one axis does cannot be told from "
             "the other, nor would exchanged columns be noticed; drive the axes one after the other.",
         )
-        for i, j in pairs
+        for i, j in np.argwhere(np.tril(1.0 - alike < PROPORTIONAL, -1))
     ]
+    inputs, outputs = directions(known, torques), directions(known, sensed)
+    return Channels([*pieces], tuple(torques), tuple(sensed), inputs, outputs, axes, scale, warnings)
 
 
-def of_spectra(spectra: Any, known: Bare, wanted: Sequence[str], prior: Prior | None) -> Channels:
+def of_spectra(spectra: Sequence[Response], known: Bare, wanted: Sequence[str], prior: Prior | None) -> Channels:
     """The channels of frequency responses about the wanted axes.
 
     Raises:
         InputError: none is from a torque about a wanted axis.
     """
-    own = [
-        r
-        for r in spectra
-        if r.sensed[-1] in wanted and (r.torque in known.actuators or (r.torque in TORQUES and r.torque[-1] in wanted))
-    ]
+    about = [*known.actuators, *(f"torque_{axis}" for axis in wanted)]
+    own = [r for r in spectra if r.sensed[-1] in wanted and r.torque in about]
     if not own:
         raise InputError(
             "no frequency response of the log is from a torque (torque_x|y|z or an actuator of the craft) "
             "about the wanted axes."
         )
     torques = tuple(dict.fromkeys(r.torque for r in own))
-    axes, kept = driven(known, torques, [f"rate_{a}" for a in dict.fromkeys(r.sensed[-1] for r in own)], prior)
-    pieces: list[Piece | Spectrum] = [
-        Spectrum(r.omega, r.value, kept.index(f"rate_{r.sensed[-1]}"), torques.index(r.torque), r.order, r.accuracy)
+    axes, kept = driven(known, torques, list(dict.fromkeys(f"rate_{r.sensed[-1]}" for r in own)), prior)
+    pieces: list[Data] = [
+        Spectrum(r.omega, r.value, kept.index(rate), torques.index(r.torque), r.order, r.accuracy)
         for r in own
-        if f"rate_{r.sensed[-1]}" in kept
+        if (rate := f"rate_{r.sensed[-1]}") in kept
     ]
-    return Channels(
-        pieces,
-        torques,
-        tuple(kept),
-        directions(known, torques),
-        directions(known, tuple(kept)),
-        axes,
-        np.ones(len(kept)),
-        [],
-    )
+    inputs, outputs = directions(known, torques), directions(known, kept)
+    return Channels(pieces, torques, tuple(kept), inputs, outputs, axes, np.ones(len(kept)), [])
+
+
+def cut(logs: Sequence[TimeLog], torques: Sequence[str], sensed: Sequence[str]) -> tuple[list[Piece], list[str]]:
+    """The channels `torques` and `sensed` of logs, in pieces without gaps, and what was noticed.
+
+    Raises:
+        InputError: a log lacks a channel that another has, or is nothing but gaps.
+    """
+    out, said = list[Piece](), list[str]()
+    angles = tuple(name.startswith("attitude") for name in sensed)
+    for number, log in enumerate(logs):
+        for name in (*torques, *sensed):
+            if name not in log.torques and name not in log.sensed:
+                raise InputError(
+                    f"{log.source} has no column {name!r}, which another log has; give all logs the same columns."
+                )
+        u = np.column_stack([log.torques[n] for n in torques])
+        y = np.column_stack([log.sensed[n] for n in sensed])
+        use = np.column_stack([~saturated(one) for one in y.T])
+        for name, one, full in zip(sensed, y.T, ~use.T, strict=True):
+            repeats = float(np.mean(np.diff(one) == 0.0))
+            if full.any():
+                text = (
+                    f"{log.source}: {int(full.sum())} samples of {name} stand at its extreme value in a row: taken as saturated "
+                    "and left out."
+                )
+                said.append(Caution("sensor", text))
+            elif repeats > COARSE:
+                text = (
+                    f"{log.source}: {100 * repeats:.0f} % of the samples of {name} repeat the one before: the last digit of the "
+                    "sensor is coarse beside its noise, so that errors are not quite random."
+                )
+                said.append(Caution("sensor", text))
+        steps = np.diff(log.time)
+        usual = float(np.median(steps))
+        unequal = float(np.mean(np.abs(steps / usual - 1.0) > 0.05)) > 0.1
+        gaps = np.flatnonzero(steps > (UNEQUAL_GAP if unequal else GAP) * usual)
+        if gaps.size:
+            text = (
+                f"{log.source} has {gaps.size} gap(s), the longest of {steps[gaps].max():.4g} s: after each the motion starts "
+                "anew, unknown."
+            )
+            said.append(Caution("log-gaps", text))
+        edges, short = [0, *(gaps + 1).tolist(), log.time.size], 0
+        for a, b in zip(edges, edges[1:], strict=False):
+            if b - a < FEWEST:
+                short += b - a
+            else:
+                out.append(Piece(log.time[a:b], u[a:b], y[a:b], use[a:b], angles, even(log.time[a:b]), number))
+        if short:
+            text = f"{log.source}: {short} samples stand in pieces of fewer than {FEWEST} and are left out."
+            said.append(Caution("log-gaps", text))
+    if not out:
+        raise InputError(f"the logs have no piece of {FEWEST} samples without a gap; check the column time (seconds).")
+    return out, said
+
+
+def even(time: Array) -> bool:
+    """Whether steps are equal but for the rounding of the column."""
+    ideal = np.linspace(time[0], time[-1], time.size)
+    off = float(np.max(np.abs(time - ideal)))
+    if off < EQUAL * (time[-1] - time[0]) / (time.size - 1):
+        return True
+    for digits in range(7):
+        if np.allclose(time, np.round(time, digits), rtol=0.0, atol=1e-9 * 10.0**-digits):
+            return off <= ROUNDED * 10.0**-digits
+    return False
+
+
+def saturated(values: Array) -> NDArray[np.bool_]:
+    """Samples at the largest or the smallest value, where they come in runs, and the one after each run."""
+    out = np.zeros(values.size, dtype=np.bool_)
+    levels, count = np.unique(values, return_counts=True)
+    if levels.size == 1:
+        return out
+    if levels.size < 50:  # a coarse sensor: at an extreme far more often than at the level next to it
+        often = max(count[0] / count[1], count[-1] / count[-2])
+        if levels.size <= 4 or often <= 5.0:
+            return out
+    for level in (levels[0], levels[-1]):
+        full = np.concatenate([[False], values == level, [False]])
+        starts, ends = np.flatnonzero(full[1:] & ~full[:-1]), np.flatnonzero(~full[1:] & full[:-1])
+        if np.max(ends - starts, initial=0) >= RUN:  # then single samples at this value are saturated too
+            for a, b in zip(starts, ends, strict=True):
+                out[a : b + 1] = True
+    return out
+
+
+def active(logs: Sequence[TimeLog], names: Sequence[str]) -> list[str]:
+    """The torques among `names` that are not zero all the time.
+
+    Raises:
+        InputError: none of them changes.
+    """
+    out, constant = list[str](), list[str]()
+    for name in names:
+        values = [log.torques[name] for log in logs if name in log.torques]
+        top = max((float(np.max(np.abs(v))) for v in values), default=0.0)
+        if any(float(np.ptp(v)) > CONSTANT * top for v in values):
+            out.append(name)
+        elif values:
+            constant.append(f"{name} is {values[0][0]:.4g} N m throughout")
+    if not out:
+        raise InputError(
+            f"nothing excites the craft: {', '.join(constant)}; what a log without changing torque shows depends on an unknown "
+            "beginning. Give a log with a torque that changes."
+        )
+    return out

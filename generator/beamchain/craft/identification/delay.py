@@ -21,11 +21,8 @@ MODES = (2, 8)  # with which whole steps are tried, and with which the lag is re
 def aligned(data: Channels, guess: Array) -> tuple[float, Channels]:
     """The lag [s], and the channels with their torques delayed by it.
 
-    A torque that changes within a step acts with its mean over the step, which is exact for the rigid motion.
-
-    Args:
-        data: of time logs.
-        guess: `(p, m)` accelerations of the frozen craft per torque.
+    A torque that changes within a step acts with its mean over the step, which is exact for the rigid motion. `guess` `(p, m)`
+    is the accelerations of the frozen craft per torque.
     """
     part = [piece for piece in fewer(data.pieces) if isinstance(piece, Piece)]
     first = [piece.part(0, min(piece.time.size, FEW)) for piece in part[:1]]
@@ -51,15 +48,12 @@ def aligned(data: Channels, guess: Array) -> tuple[float, Channels]:
 def delayed(piece: Piece, lag: float) -> Piece:
     """A piece whose torques act later [s]; what acted before it began is taken as its first torque."""
     t = piece.time
-    once = np.vstack([np.zeros((1, piece.inputs.shape[1])), np.cumsum(np.diff(t)[:, None] * piece.inputs[:-1], axis=0)])
+    once = np.vstack([0.0 * piece.inputs[:1], np.cumsum(np.diff(t)[:, None] * piece.inputs[:-1], axis=0)])
     at = t - lag
 
-    def impulse(column: int) -> Array:
-        """Of the torque, from the start of the piece until each time less the lag."""
-        before = np.minimum(at - t[0], 0.0) * piece.inputs[0, column]
-        after = np.maximum(at - t[-1], 0.0) * piece.inputs[-1, column]
-        return np.interp(at, t, once[:, column]) + before + after
-
-    total = np.column_stack([impulse(m) for m in range(piece.inputs.shape[1])])
+    before, after = np.minimum(at - t[0], 0.0)[:, None], np.maximum(at - t[-1], 0.0)[:, None]
+    # the impulse of the torque, from the start of the piece until each time less the lag
+    total = np.column_stack([np.interp(at, t, one) for one in once.T])
+    total += before * piece.inputs[0] + after * piece.inputs[-1]
     held = np.diff(total, axis=0) / np.diff(t)[:, None]
     return replace(piece, inputs=np.vstack([held, held[-1:]]))

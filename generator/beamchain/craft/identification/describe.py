@@ -1,24 +1,23 @@
-"""The estimate put into words and numbers: standard deviations, what is undetermined and why, spectra of the residuals."""
+"""The estimate put into words and numbers: standard deviations, what is undetermined and why, what would determine it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.signal import detrend, welch
 
 from beamchain.caution import Caution
-from beamchain.craft.identification.advice import advice
-from beamchain.craft.identification.covariance import inverse
-from beamchain.craft.identification.likelihood import Found, derivatives
-from beamchain.craft.identification.prior import WIDTH, Matched, Prior
-from beamchain.craft.identification.response import Piece, Raw
+from beamchain.craft.identification.channels import Channels
+from beamchain.craft.identification.likelihood import Found, Likelihood, derivatives, inverse
+from beamchain.craft.identification.prior import Matched, Prior
+from beamchain.craft.identification.response import Piece
 from beamchain.craft.identification.result import Identification, IdentifiedMode
 from beamchain.craft.identification.start import Order
-from beamchain.craft.identification.stated import stated
-from beamchain.craft.identification.structure import Body, Parts, Structure, Unknown, turning
+from beamchain.craft.identification.structure import Body, Structure, Unknown, stated, turning
 from beamchain.craft.identification.update import Update, seen_of, update
 from beamchain.ports.motions import Array
+from beamchain.structure.planes import MOTIONS
 
 USEFUL_FREQUENCY = 0.03  # relative standard deviation beyond which a frequency is not determined
 USEFUL_DAMPING = 0.5
@@ -27,356 +26,330 @@ TOLD = 0.5  # of the prior's width: what the log narrows less comes from the pri
 SURPRISE = 3.0  # widths of the prior
 TWO = 5.0  # half widths of a resonance, within which the next mode makes it doubtful
 CLOSE = 3.0  # half widths, of two resonances that the log may not tell apart
-MOTIONS = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 SPECTRUM = 2048  # samples of a stretch
+MOVED = ("mass", "mass centre", "inertia", "inertia", "inertia")  # by the parameters of a `Body`
 
 
-def described(
-    structure: Structure,
-    found: Found,
-    spread: Array,
-    belief: Array,
-    orders: Sequence[Order],
-    pairs: Matched | None,
-    prior: Prior | None,
-    aliased: Sequence[complex],
-    doubtful: Array,
-    white: Array,
-    predicted: Array,
-    warnings: list[str],
-    data: Any,
-    residuals: Sequence[Array],
-    raw: Raw,
-    noise: Array,
-    at: str,
-) -> Identification:
-    """The result of a search; arguments as `identify` has them."""
-    parts = structure.parts(found.theta)
-    n = structure.modes
-    place = structure.places
-    flat = derivatives(lambda x: structure.parts(x).participation.ravel(), structure.loosened(found.theta))
-    sd_rows = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", flat, spread, flat), 0.0)).reshape(n, 6)
-    sd_w, sd_z = (np.sqrt(np.diag(spread)[p]) for p in place[:2])
-    said, notes = list[str](), [list[str]() for _ in range(n)]
-    moments, sd_moments = _moments(structure, found.theta, spread, data.axes)
-    determined = [True] * n
-    half = float(np.pi / np.mean(data.pieces[0].steps)) if isinstance(data.pieces[0], Piece) else np.inf
-    for i in range(n):
-        if moments[i] < SIGNIFICANT * sd_moments[i]:
-            notes[i].append("its moment does not differ significantly from zero")
-            determined[i] = False
-        told = sd_w[i] < USEFUL_FREQUENCY and (
-            pairs is None or pairs.of[i] < 0 or sd_w[i] < TOLD * prior_width(prior, 0)
-        )
-        if not told:
-            notes[i].append("its frequency is not determined")
-        if sd_z[i] > USEFUL_DAMPING:
-            notes[i].append("its damping is not determined")
-        determined[i] &= told and sd_z[i] <= USEFUL_DAMPING
-        if parts.frequencies[i] > half and aliased:
-            notes[i].append(
-                f"it lies above half the sample rate ({half:.4g} rad/s): its frequency may be folded differently"
+@dataclass(eq=False)
+class Estimate:
+    """Where a search ended, and what is said of it.
+
+    Args:
+        data: channels and pieces.
+        prior, pairs: what was believed, and which of its modes were found; None without a prior.
+        structure, likelihood, found: the model, and its most likely parameters.
+        spread: their covariance.
+        residuals: of each piece.
+        white, predicted: `(p,)` probability of white residuals, error of the held-out part.
+        orders: numbers of modes that were tried.
+        aliased: poles that were moved above half the sample rate.
+        doubtful: frequencies of the free craft with one mode more.
+        warnings: so far.
+    """
+
+    data: Channels
+    prior: Prior | None
+    pairs: Matched | None
+    structure: Structure
+    likelihood: Likelihood
+    found: Found
+    spread: Array
+    residuals: Sequence[Any]
+    white: Array
+    predicted: Array
+    orders: tuple[Order, ...]
+    aliased: Sequence[complex]
+    doubtful: Array
+    warnings: list[str]
+
+    def __post_init__(self) -> None:
+        theta, pieces = self.found.theta, self.data.pieces
+        self.parts, self.raw = self.structure.parts(theta), self.structure.raw(theta)
+        self.sd_w, self.sd_z = (np.sqrt(np.diag(self.spread)[place]) for place in self.structure.places[:2])
+        self.half = float(np.pi / np.mean(pieces[0].steps)) if isinstance(pieces[0], Piece) else np.inf
+        self.said = list[str]()
+        self.notes = [list[str]() for _ in range(self.structure.modes)]
+        self.determined = [True] * self.structure.modes
+
+    def doubt(self, mode: int, why: str) -> None:
+        """Note that a mode is not determined."""
+        self.notes[mode].append(why)
+        self.determined[mode] = False
+
+    def warn(self, code: str, text: str) -> None:
+        """One warning more."""
+        self.warnings.append(Caution(code, text))
+
+    def result(self, at: str) -> Identification:
+        """The result of the search, at the place `at` of the craft."""
+        parts, data, prior, n = self.parts, self.data, self.prior, self.structure.modes
+        moments, sd_moments = self._moments()
+        self._judge(moments, sd_moments)
+        rows, sd_rows = self._rows()
+        modes = [
+            IdentifiedMode(
+                0,
+                float(parts.frequencies[i]),
+                float(parts.damping[i]),
+                rows[i],
+                float(parts.frequencies[i] * self.sd_w[i]),
+                float(parts.damping[i] * self.sd_z[i]),
+                sd_rows[i],
+                self.determined[i],
+                "; ".join(self.notes[i]),
             )
-            determined[i] = False
-        if pairs is not None and pairs.of[i] < 0:
-            notes[i].append("the prior has no mode like it: participation in force is zero, not known")
-    for i, pole in enumerate(raw.poles[np.argsort(np.argsort(parts.frequencies))]):
-        near = np.abs(doubtful - abs(pole)) < TWO * max(-pole.real, 0.0)
-        if int(near.sum()) > 1:
-            notes[i].append("it may stand for two close modes")
-            determined[i] = False
-    _close(parts, sd_w, notes, determined, warnings, float(np.nanmin(white)) if np.any(np.isfinite(white)) else 1.0)
-    rows, sd_rows = _rows(structure, parts, sd_rows, pairs, prior, data.axes, said, notes)
-    names, matrix = _covariance(structure, found.theta, spread, parts)
-    modes = [
-        IdentifiedMode(
-            0,
-            float(parts.frequencies[i]),
-            float(parts.damping[i]),
-            rows[i],
-            float(parts.frequencies[i] * sd_w[i]),
-            float(parts.damping[i] * sd_z[i]),
-            sd_rows[i],
-            determined[i],
-            "; ".join(notes[i]),
-        )
-        for i in range(n)
-    ]
-    if np.isfinite(half):
-        said.append(
-            f"modes above half the sample rate ({half:.4g} rad/s): sampling would show one folded, as a mode "
-            "below, which the log alone "
-            "cannot always tell."
-        )
-    if pairs is not None and prior is not None:
-        modes += _unseen(prior, pairs, parts, half, said, warnings)
-    for mode in modes[:n]:
-        if mode.remark and not mode.determined:
-            said.append(f"mode at {mode.frequency:.5g} rad/s: {mode.remark}.")
-    order = sorted(range(len(modes)), key=lambda i: modes[i].frequency)
-    numbers = {old: new + 1 for new, old in enumerate(order)}
-    renamed = tuple(f"mode{numbers[i]}.{kind}" for i, kind in names)
-    modes = [replace(modes[i], number=k + 1) for k, i in enumerate(order)]
-    if prior is not None and pairs is not None:
-        _surprises(prior, pairs, parts, structure, found, warnings)
-    updated = _update(structure, found, spread, belief, pairs, prior, data.axes)
-    if updated is not None:
-        said += updated.undetermined
-    if said:
-        warnings.append(
-            Caution("undetermined", f"the log leaves {len(said)} thing(s) undetermined; see `undetermined`.")
-        )
-    given, length = None, None
-    if isinstance(structure.body, Unknown):
-        rigid, rows, length = stated(parts, data.axes)
-        given = (rigid, rows[order])
-    wide = [
-        float(
-            max(
-                sd_w[k] / USEFUL_FREQUENCY,
-                sd_z[k] / USEFUL_DAMPING,
-                SIGNIFICANT * sd_moments[k] / max(moments[k], 1e-300),
+            for i in range(n)
+        ]
+        if np.isfinite(self.half):
+            self.said.append(
+                f"modes above half the sample rate ({self.half:.4g} rad/s): sampling would show one folded, as a mode below, "
+                "which the log alone cannot always tell."
             )
+        if prior is not None and self.pairs is not None:
+            modes += self._unseen(prior, self.pairs)
+            self._surprises(prior, self.pairs)
+        self.said += [
+            f"mode at {mode.frequency:.5g} rad/s: {mode.remark}."
+            for mode in modes[:n]
+            if mode.remark and not mode.determined
+        ]
+        updated = None if prior is None or self.pairs is None else self._update(prior, self.pairs)
+        self.said += () if updated is None else updated.undetermined
+        if self.said:
+            count = len(self.said)
+            self.warn("undetermined", f"the log leaves {count} thing(s) undetermined; see `undetermined`.")
+        order = sorted(range(len(modes)), key=lambda i: modes[i].frequency)
+        given, length = None, None
+        if isinstance(self.structure.body, Unknown):
+            rigid, rows, length = stated(parts, data.axes)
+            given = (rigid, rows[order])
+        needs = (
+            self.sd_w / USEFUL_FREQUENCY,
+            self.sd_z / USEFUL_DAMPING,
+            SIGNIFICANT * sd_moments / np.maximum(moments, 1e-300),
         )
-        for k in np.argsort(parts.frequencies)
-    ]
-    advised = advice(np.abs(raw.poles), wide, data.axes, prior=prior is not None)
-    return Identification(
-        tuple(modes),
-        renamed,
-        matrix,
-        parts.rigid,
-        tuple(orders),
-        dict(zip(data.sensed, white.tolist(), strict=True)),
-        tuple(warnings),
-        tuple(said),
-        updated,
-        dict(zip(data.sensed, predicted.tolist(), strict=True)),
-        dict(zip(data.sensed, noise.tolist(), strict=True)),
-        _spectra(data, residuals),
-        length,
-        f"log at {at}",
-        given,
-        advised,
-    )
+        wide = np.max(needs, axis=0)[np.argsort(parts.frequencies)]
+        return Identification(
+            tuple(replace(modes[i], number=k + 1) for k, i in enumerate(order)),
+            tuple(
+                f"mode{order.index(i) + 1}.{kind}"
+                for kind in ("frequency", "damping", "participation")
+                for i in range(n)
+            ),
+            self._covariance(),
+            parts.rigid,
+            self.orders,
+            self._by_channel(self.white),
+            tuple(self.warnings),
+            tuple(self.said),
+            updated,
+            self._by_channel(self.predicted),
+            self._by_channel(1.0 / self.likelihood.weights(self.found.squares)),
+            self._spectra(),
+            length,
+            f"log at {at}",
+            given,
+            advice(np.abs(self.raw.poles), wide, data.axes, prior=prior is not None),
+        )
 
+    def _by_channel(self, values: Array) -> dict[str, float]:
+        return dict(zip(self.data.sensed, values.tolist(), strict=True))
 
-def prior_width(prior: Prior | None, which: int) -> float:
-    """Relative width of what the prior says of frequency, damping, participation, rigid mass."""
-    return WIDTH if prior is None else prior.widths[which]
+    def _deviations(self, slopes: Array) -> Array:
+        """Standard deviations of what has these derivatives."""
+        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, self.spread, slopes), 0.0))
 
+    def _moments(self) -> tuple[Array, Array]:
+        """Size of each mode's effective moment about the driven axes, and its standard deviation."""
 
-def _moments(structure: Structure, theta: Array, spread: Array, axes: Array) -> tuple[Array, Array]:
-    """Size of each mode's effective moment about the driven axes, and its standard deviation."""
+        def size(x: Array) -> Array:
+            return turning(self.structure.parts(x)).moments @ self.data.axes
 
-    def size(x: Array) -> Array:
-        return turning(structure.parts(x)).moments @ axes
+        own = size(self.found.theta)
+        slopes = derivatives(size, self.found.theta).transpose(0, 2, 1)
+        length = np.linalg.norm(own, axis=1)
+        return length, self._deviations(np.einsum("ia,iap->ip", own / np.maximum(length, 1e-300)[:, None], slopes))
 
-    own = size(theta)
-    slopes = derivatives(lambda x: size(x).ravel(), theta).reshape(*own.shape, theta.size)
-    length = np.linalg.norm(own, axis=1)
-    along = np.einsum("ia,iap->ip", own / np.maximum(length, 1e-300)[:, None], slopes)
-    return length, np.sqrt(np.maximum(np.einsum("ip,pq,iq->i", along, spread, along), 0.0))
-
-
-def _close(
-    parts: Parts, sd: Array, notes: list[list[str]], determined: list[bool], warnings: list[str], white: float
-) -> None:
-    order = np.argsort(parts.frequencies)
-    for a, b in zip(order, order[1:], strict=False):
-        apart = float(parts.frequencies[b] - parts.frequencies[a])
-        band = float(parts.damping[a] * parts.frequencies[a] + parts.damping[b] * parts.frequencies[b])
-        blur = float(np.hypot(sd[a] * parts.frequencies[a], sd[b] * parts.frequencies[b]))
-        if apart < CLOSE * band and apart < 5.0 * blur:
-            for i in (a, b):
-                notes[i].append("it and its neighbour cannot be told apart")
-                determined[i] = False
-    if white < 1e-6:
-        warnings.append(
-            Caution(
+    def _judge(self, moments: Array, sd_moments: Array) -> None:
+        """What is not determined of each mode."""
+        parts, prior, pairs = self.parts, self.prior, self.pairs
+        w = parts.frequencies
+        for i in range(self.structure.modes):
+            if moments[i] < SIGNIFICANT * sd_moments[i]:
+                self.doubt(i, "its moment does not differ significantly from zero")
+            own = prior is None or pairs is None or pairs.of[i] < 0 or self.sd_w[i] < TOLD * prior.widths[0]
+            if not (self.sd_w[i] < USEFUL_FREQUENCY and own):
+                self.doubt(i, "its frequency is not determined")
+            if not self.sd_z[i] <= USEFUL_DAMPING:
+                self.doubt(i, "its damping is not determined")
+            if w[i] > self.half and self.aliased:
+                text = f"it lies above half the sample rate ({self.half:.4g} rad/s): its frequency may be folded differently"
+                self.doubt(i, text)
+            if pairs is not None and pairs.of[i] < 0:
+                self.notes[i].append("the prior has no mode like it: participation in force is zero, not known")
+        order = np.argsort(w)
+        for i, pole in enumerate(self.raw.poles[np.argsort(order)]):
+            if int((np.abs(self.doubtful - abs(pole)) < TWO * max(-pole.real, 0.0)).sum()) > 1:
+                self.doubt(i, "it may stand for two close modes")
+        for a, b in zip(order, order[1:], strict=False):
+            band = float(parts.damping[a] * w[a] + parts.damping[b] * w[b])
+            blur = float(np.hypot(self.sd_w[a] * w[a], self.sd_w[b] * w[b]))
+            if w[b] - w[a] < min(CLOSE * band, 5.0 * blur):
+                for i in (a, b):
+                    self.doubt(i, "it and its neighbour cannot be told apart")
+        if np.any(self.white < 1e-6):  # nan where there is no telling
+            self.warn(
                 "undetermined",
                 "the residuals are far from white, so that a mode may stand for two close ones or others are missing; "
                 "intervals hold only if what is missing is small.",
             )
-        )
 
-
-def _rows(
-    structure: Structure,
-    parts: Parts,
-    sd: Array,
-    pairs: Matched | None,
-    prior: Prior | None,
-    axes: Array,
-    said: list[str],
-    notes: list[list[str]],
-) -> tuple[Array, Array]:
-    """Participation and its deviations, nan where nothing is known; sentences on what comes from where."""
-    rows, out = parts.participation.copy(), sd.copy()
-    if isinstance(structure.body, Unknown) or prior is None or pairs is None:
-        driven = np.concatenate([np.zeros(3, dtype=bool), np.any(np.abs(axes) > 1e-9, axis=1)])
-        out[:, ~driven] = np.nan
-        for note in notes:
-            note.append(
-                "its frequency is that with the hub's rotation held and its translation free: participation in "
-                "force, which the log "
-                "does not show, would lower the clamped one"
-            )
-        others = ", ".join(m for m, d in zip(MOTIONS, driven, strict=True) if not d)
-        said.append(
-            f"participation in {others}: the log excites only the hub's rotation about "
-            f"{', '.join('xyz'[i] for i in range(3) if driven[3 + i])} "
-            "of the mount and there is no prior; it is set to zero. Moments are those about the mass centre of "
-            "the craft, frequencies those "
-            "with the hub's rotation held and its translation free: both hold on this craft."
-        )
-        said.append(
-            "mass and length of the appendage: the file of modes states a nearly massless, very long one with "
-            "the inertia found, which pushes as "
-            "little as a chain allows; it serves on this craft only, and not for pictures. Give a prior for both."
-        )
+    def _rows(self) -> tuple[Array, Array]:
+        """Participation and its deviations, nan where nothing is known; sentences on what comes from where."""
+        structure, prior, rows = self.structure, self.prior, self.parts.participation
+        slopes = derivatives(lambda x: structure.parts(x).participation.ravel(), structure.loosened(self.found.theta))
+        out = self._deviations(slopes).reshape(-1, 6)
+        if prior is None or self.pairs is None:
+            driven = np.concatenate([np.zeros(3, dtype=bool), np.any(np.abs(self.data.axes) > 1e-9, axis=1)])
+            out[:, ~driven] = np.nan
+            for note in self.notes:
+                note.append(
+                    "its frequency is that with the hub's rotation held and its translation free: participation in force, "
+                    "which the log does not show, would lower the clamped one"
+                )
+            others = ", ".join(m for m, d in zip(MOTIONS, driven, strict=True) if not d)
+            about = ", ".join(axis for axis, d in zip("xyz", driven[3:], strict=True) if d)
+            self.said += [
+                f"participation in {others}: the log excites only the hub's rotation about {about} of the mount and there is "
+                "no prior; it is set to zero. Moments are those about the mass centre of the craft, frequencies those with "
+                "the hub's rotation held and its translation free: both hold on this craft.",
+                "mass and length of the appendage: the file of modes states a nearly massless, very long one with the inertia "
+                "found, which pushes as little as a chain allows; it serves on this craft only, and not for pictures. Give a "
+                "prior for both.",
+            ]
+            return rows, out
+        told = set[str]()
+        for i, j in enumerate(self.pairs.of):
+            if j < 0:
+                out[i, :3] = np.nan
+                continue
+            width = prior.widths[2] * np.maximum(np.abs(prior.parts.participation[j]), 1e-300)
+            weak = np.flatnonzero(structure.live[i] & (np.abs(rows[i]) > 1e-9) & (out[i] > TOLD * width))
+            if weak.size:
+                text = f"participation in {', '.join(MOTIONS[k] for k in weak)} comes from the prior"
+                told.add(text)
+                self.notes[i].append(text)
+            out[i, ~structure.live[i]] = np.nan
+        if told:
+            words = "; ".join(sorted(told))
+            self.said.append(f"not determined by the log but taken from the prior, with its width: {words}.")
         return rows, out
-    own = prior.widths[2]
-    for i, j in enumerate(pairs.of):
-        if j < 0:
-            out[i, :3] = np.nan
-            continue
-        width = own * np.maximum(np.abs(prior.parts.participation[j]), 1e-300)
-        weak = [k for k in range(6) if structure.live[i, k] and abs(rows[i, k]) > 1e-9 and out[i, k] > TOLD * width[k]]
-        if weak:
-            notes[i].append(f"participation in {', '.join(MOTIONS[k] for k in weak)} comes from the prior")
-        out[i, ~structure.live[i]] = np.nan
-    told = sorted({word for note in notes for one in note if "comes from the prior" in one for word in [one]})
-    if told:
-        said.append("not determined by the log but taken from the prior, with its width: " + "; ".join(told) + ".")
-    return rows, out
 
+    def _covariance(self) -> Array:
+        """Covariance of frequency, damping and a factor on participation per mode."""
+        scale = np.sqrt(np.maximum(np.diag(self.parts.rigid), 1e-300))
+        base = self.parts.participation / scale
+        base /= np.maximum(np.sum(base**2, axis=1, keepdims=True), 1e-300)
 
-def _covariance(structure: Structure, theta: Array, spread: Array, parts: Parts) -> tuple[list[tuple[int, str]], Array]:
-    """Covariance of frequency, damping and a factor on participation per mode."""
-    n = structure.modes
-    scale = np.sqrt(np.maximum(np.diag(parts.rigid), 1e-300))
-    base = parts.participation / scale
+        def values(x: Array) -> Array:
+            now = self.structure.parts(x)
+            return np.concatenate([now.frequencies, now.damping, np.sum(now.participation / scale * base, axis=1)])
 
-    def values(x: Array) -> Array:
-        now = structure.parts(x)
-        factor = np.einsum("ij,ij->i", now.participation / scale, base) / np.maximum(
-            np.einsum("ij,ij->i", base, base), 1e-300
-        )
-        return np.concatenate([now.frequencies, now.damping, factor])
+        slopes = derivatives(values, self.found.theta)
+        return slopes @ self.spread @ slopes.T
 
-    slopes = derivatives(values, theta)
-    names = [(i, kind) for kind in ("frequency", "damping", "participation") for i in range(n)]
-    return names, slopes @ spread @ slopes.T
-
-
-def _unseen(
-    prior: Prior, pairs: Matched, parts: Parts, half: float, said: list[str], warnings: list[str]
-) -> list[IdentifiedMode]:
-    """Modes of the prior that do not turn the craft about a driven axis, scaled with the rigid mass; sentences on them."""
-    out = list[IdentifiedMode]()
-    top = float(parts.frequencies.max(initial=0.0))
-    before, now = (np.sqrt(np.maximum(np.diag(m), 1e-300)) for m in (prior.parts.rigid, parts.rigid))
-    kept = [j for j in pairs.unseen if prior.parts.frequencies[j] <= top or prior.chosen is not None]
-    for j in kept:
-        w, z = float(prior.parts.frequencies[j]), float(prior.parts.damping[j])
-        row = prior.parts.participation[j] * (now / before)
-        out.append(
-            IdentifiedMode(
-                0,
-                w,
-                z,
-                row,
-                w * prior.widths[0],
-                z * prior.widths[1],
-                np.abs(row) * prior.widths[2],
-                False,
-                "the log does not excite it: all of it comes from the prior",
+    def _unseen(self, prior: Prior, pairs: Matched) -> list[IdentifiedMode]:
+        """Modes of the prior that do not turn the craft about a driven axis, scaled with the rigid mass; sentences on them."""
+        known = prior.parts
+        top = float(self.parts.frequencies.max(initial=0.0))
+        before, now = (np.sqrt(np.maximum(np.diag(m), 1e-300)) for m in (known.rigid, self.parts.rigid))
+        out = list[IdentifiedMode]()
+        for j in pairs.unseen:
+            w, z, row = float(known.frequencies[j]), float(known.damping[j]), known.participation[j] * (now / before)
+            if w <= top or prior.chosen is not None:
+                widths = w * prior.widths[0], z * prior.widths[1], np.abs(row) * prior.widths[2]
+                remark = "the log does not excite it: all of it comes from the prior"
+                out.append(IdentifiedMode(0, w, z, row, *widths, False, remark))
+        if out:
+            self.said.append(
+                f"{len(out)} mode(s) of the prior do not turn the craft about a driven axis and stay as the prior has them."
             )
-        )
-    if kept:
-        said.append(
-            f"{len(kept)} mode(s) of the prior do not turn the craft about a driven axis and stay as the prior "
-            "has them."
-        )
-    beyond = [float(pairs.frequencies[j]) for j in pairs.missed if pairs.frequencies[j] > half]
-    if beyond:
-        said.append(
-            f"{len(beyond)} mode(s) of the prior, from {min(beyond):.4g} rad/s, lie above half the sample rate "
-            f"({half:.4g} rad/s): this log cannot determine them."
-        )
-    for w in (float(pairs.frequencies[j]) for j in pairs.missed):
-        if w <= min(half, 1.2 * top):
-            warnings.append(
-                Caution(
-                    "prior-contradicted", f"the prior's mode at {w:.4g} rad/s was not found in the log and is left out."
-                )
+        missed = [float(pairs.frequencies[j]) for j in pairs.missed]
+        if beyond := [w for w in missed if w > self.half]:
+            self.said.append(
+                f"{len(beyond)} mode(s) of the prior, from {min(beyond):.4g} rad/s, lie above half the sample rate "
+                f"({self.half:.4g} rad/s): this log cannot determine them."
             )
-    return out
-
-
-def _surprises(
-    prior: Prior, pairs: Matched, parts: Parts, structure: Structure, found: Found, warnings: list[str]
-) -> None:
-    off = found.theta[structure.places[3]] / prior.widths[3]
-    if isinstance(structure.body, Body) and np.max(np.abs(off)) > SURPRISE:
-        what = ("mass", "mass centre", "inertia", "inertia", "inertia")[int(np.argmax(np.abs(off)))]
-        warnings.append(
-            Caution(
-                "prior-contradicted",
-                f"the appendage's {what} found is {np.max(np.abs(off)):.2g} widths of the prior off it.",
-            )
-        )
-    for i, j in enumerate(pairs.of):
-        if j >= 0:
-            far = abs(np.log(parts.frequencies[i] / prior.parts.frequencies[j])) / prior.widths[0]
-            if far > SURPRISE:
-                warnings.append(
-                    Caution(
-                        "prior-contradicted",
-                        f"the mode at {parts.frequencies[i]:.5g} rad/s lies {far:.2g} widths off the prior's.",
-                    )
-                )
-
-
-def _update(
-    structure: Structure,
-    found: Found,
-    spread: Array,
-    belief: Array,
-    pairs: Matched | None,
-    prior: Prior | None,
-    axes: Array,
-) -> Update | None:
-    """The beam's factors from what the log alone says of frequencies with free translation, moments and inertia."""
-    if prior is None or pairs is None or prior.spec.imported is not None:
-        return None
-
-    which = list(range(structure.modes))
-
-    def values(x: Array) -> Array:
-        return seen_of(structure.parts(x), axes, which)
-
-    slopes = derivatives(values, found.theta)
-    alone = inverse(inverse(spread) - (1.0 - 1e-6) * belief)
-    return update(
-        prior, pairs.of, values(found.theta), slopes @ alone @ slopes.T, axes, moments=structure.scaled.shape[1] == 0
-    )
-
-
-def _spectra(data: Any, residuals: Sequence[Array]) -> dict[str, tuple[Array, Array, Array, Array]]:
-    out = dict[str, tuple[Array, Array, Array, Array]]()
-    if not isinstance(data.pieces[0], Piece):
+        for w in missed:
+            if w <= min(self.half, 1.2 * top):
+                text = f"the prior's mode at {w:.4g} rad/s was not found in the log and is left out."
+                self.warn("prior-contradicted", text)
         return out
-    which = int(np.argmax([p.time.size for p in data.pieces]))
-    piece, left = data.pieces[which], residuals[which]
-    n = min(SPECTRUM, piece.time.size)
-    rate = 1.0 / float(np.mean(piece.steps))
-    for i, name in enumerate(data.sensed):
-        use = piece.use[:, i]
-        measured = np.where(use, piece.outputs[:, i], piece.outputs[use, i].mean())
-        (f, a), (_, b), (_, c) = (
-            welch(detrend(v), rate, nperseg=n) for v in (measured, measured - left[:, i], left[:, i])
+
+    def _surprises(self, prior: Prior, pairs: Matched) -> None:
+        off = np.abs(self.found.theta[self.structure.places[3]] / prior.widths[3])
+        if isinstance(self.structure.body, Body) and off.max() > SURPRISE:
+            what = MOVED[int(np.argmax(off))]
+            text = f"the appendage's {what} found is {off.max():.2g} widths of the prior off it."
+            self.warn("prior-contradicted", text)
+        for w, j in zip(self.parts.frequencies, pairs.of, strict=True):
+            far = abs(np.log(w / prior.parts.frequencies[j])) / prior.widths[0]
+            if j >= 0 and far > SURPRISE:
+                self.warn("prior-contradicted", f"the mode at {w:.5g} rad/s lies {far:.2g} widths off the prior's.")
+
+    def _update(self, prior: Prior, pairs: Matched) -> Update | None:
+        """The beam's factors from what the log alone says of frequencies with free translation, moments and inertia."""
+        if prior.spec.imported is not None:
+            return None
+        theta, axes, which = self.found.theta, self.data.axes, list(range(self.structure.modes))
+
+        def values(x: Array) -> Array:
+            return seen_of(self.structure.parts(x), axes, which)
+
+        slopes = derivatives(values, theta)
+        alone = inverse(inverse(self.spread) - (1.0 - 1e-6) * self.likelihood.believed(theta)[0])
+        moments = self.structure.scaled.shape[1] == 0
+        return update(prior, pairs.of, values(theta), slopes @ alone @ slopes.T, axes, moments=moments)
+
+    def _spectra(self) -> dict[str, tuple[Array, Array, Array, Array]]:
+        out = dict[str, tuple[Array, Array, Array, Array]]()
+        both = zip(self.data.pieces, self.residuals, strict=True)
+        logs = [(piece, left) for piece, left in both if isinstance(piece, Piece)]
+        if not logs:
+            return out
+        piece, left = max(logs, key=lambda one: one[0].time.size)
+        n, rate = min(SPECTRUM, piece.time.size), 1.0 / float(np.mean(piece.steps))
+        for i, name in enumerate(self.data.sensed):
+            use = piece.use[:, i]
+            measured = np.where(use, piece.outputs[:, i], piece.outputs[use, i].mean())
+            three = np.vstack([measured, measured - left[:, i], left[:, i]])
+            f, density = welch(detrend(three), rate, nperseg=n)
+            out[name] = (2.0 * np.pi * f[1:], *density[:, 1:])
+        return out
+
+
+def advice(poles: Array, factors: Sequence[float] | Array, axes: Array, *, prior: bool) -> tuple[str, ...]:
+    """Sentences on a further test, as far as information grows with the square of the excitation.
+
+    Args:
+        poles: `(n,)` frequencies of the free craft [rad/s], of the modes in question.
+        factors: by which each mode's intervals are too wide; 1 or less where they are good.
+        axes: `(3, a)` that were driven.
+        prior: whether there was one.
+    """
+    out = [
+        f"for the mode near {w:.4g} rad/s on the free craft: torque steps of {np.pi / w:.3g} s each way, half its period, keep "
+        f"it swinging; at the excitation that this log has near it, {min(factor, 1e6):.3g} times the torque or "
+        f"{min(factor**2, 1e12):.3g} times the duration would determine it."
+        for w, factor in zip(poles, factors, strict=True)
+        if factor > 1.0
+    ]
+    if quiet := " and ".join(name for name, row in zip("xyz", axes, strict=True) if not np.any(np.abs(row) > 1e-9)):
+        text = f"torque about the mount's {quiet}, with the rates about it, would determine the moments about it."
+        out.append(text)
+    if not prior:
+        out.append(
+            "no torque determines participation in force while the craft floats freely: only a prior, a thruster's force, or "
+            "a test with the root held does."
         )
-        out[name] = (2.0 * np.pi * f[1:], a[1:], b[1:], c[1:])
-    return out
+    return tuple(out)

@@ -1,5 +1,6 @@
 """What is known of the spacecraft: its mass properties about the mount, and how the log's torques act on it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,48 +43,43 @@ def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", at: str) -> Bare:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     kinds, name = split(at)
-    place = next((k for k in kinds if name in _names(model, k)), None)
+    places = {kind: _names(model, kind) for kind in kinds}
+    place = next((kind for kind, names in places.items() if name in names), None)
     if place is None:
         raise unknown(
-            "at", at, [n for kind in kinds for n in _names(model, kind)], "It is the appendage's place on the craft."
+            "at", at, [n for names in places.values() for n in names], "It is the appendage's place on the craft."
         )
-    point, axes = (
-        (data.site(name).xpos, data.site(name).xmat)
-        if place == "site"
-        else (data.body(name).xpos, data.body(name).xmat)
-    )
+    there = getattr(data, place)(name)
     own = int(model.site(name).bodyid[0]) if place == "site" else int(model.body(name).id)
     while own not in (0, hub):
         own = int(model.body_parentid[own])
     free = model.body_dofnum[hub] == 6 and model.jnt_type[model.body_jntadr[hub]] == mujoco.mjtJoint.mjJNT_FREE
     if own != hub or not free:
         raise InputError(
-            f"at = {at!r}: the log is one of a spacecraft in free flight, but "
-            f"{model.body(hub).name or 'its body'!r} has no "
+            f"at = {at!r}: the log is one of a spacecraft in free flight, but {model.body(hub).name or 'its body'!r} has no "
             "<freejoint/> or does not carry that place; give the bare spacecraft with a free body."
         )
-    frame = np.array(axes).reshape(3, 3)
-    mass = frozen_mass(model, data, hub, np.array(point), frame)
-    turn = data.xmat[hub].reshape(3, 3).T @ frame
+    frame, back = np.array(there.xmat).reshape(3, 3), data.xmat[hub].reshape(3, 3).T
+    mass = frozen_mass(model, data, hub, np.array(there.xpos), frame)
     actuators = dict[str, Array]()
     for i, label in enumerate(actuator_names(model)):
         kind, target = int(model.actuator_trntype[i]), int(model.actuator_trnid[i, 0])
         gear = np.asarray(model.actuator_gear[i]) * float(model.actuator_gainprm[i, 0])
         if kind == _transmission("SITE") and not np.any(gear[:3]):
-            actuators[label] = data.xmat[hub].reshape(3, 3).T @ data.site_xmat[target].reshape(3, 3) @ gear[3:]
+            actuators[label] = back @ data.site_xmat[target].reshape(3, 3) @ gear[3:]
         elif kind in (_transmission("JOINT"), _transmission("JOINTINPARENT")):
             if int(model.jnt_type[target]) != int(mujoco.mjtJoint.mjJNT_HINGE):
                 continue
             body = int(model.jnt_bodyid[target])
             axis = data.xmat[body].reshape(3, 3) @ model.jnt_axis[target]
-            actuators[label] = -data.xmat[hub].reshape(3, 3).T @ axis * gear[0]
+            actuators[label] = -back @ axis * gear[0]
             spin = data.ximat[body].reshape(3, 3).T @ axis
             along = frame.T @ axis
             mass[3:, 3:] -= float(spin @ (model.body_inertia[body] * spin)) * np.outer(along, along)
-    return Bare(mass, turn, actuators, str(model.body(hub).name) or "hub")
+    return Bare(mass, back @ frame, actuators, str(model.body(hub).name) or "hub")
 
 
-def directions(known: Bare, names: tuple[str, ...]) -> Array:
+def directions(known: Bare, names: Sequence[str]) -> Array:
     """`(channels, 3)` direction, in the mount's axes, of each column of a log by its name."""
     out = [known.actuators[n] if n in known.actuators else np.eye(3)[AXES.index(n[-1])] for n in names]
     return np.array(out).reshape(-1, 3) @ known.turn

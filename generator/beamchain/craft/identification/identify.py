@@ -86,23 +86,22 @@ def identify(
         one_of("hub", hub, ("estimate",))
         if prior is None:
             raise InputError(
-                'hub = "estimate" needs a prior: a log determines only the sum of the hub\'s inertia and the '
-                "appendage's."
+                "hub = \"estimate\" needs a prior: a log determines only the sum of the hub's inertia and the appendage's."
             )
     times, spectra, tables = read_logs(logs, map, list(known.actuators))
     before = None if prior is None else read_prior(prior, known.mass)
     if tables:
         if times or spectra or before is None:
             raise InputError(
-                f"{tables[0].source} holds frequencies only, which need a prior for the participation and no "
-                "other log beside them."
+                f"{tables[0].source} holds frequencies only, which need a prior for the participation and no other log "
+                "beside them."
             )
         return from_table(tables[0], before, at)
     if bool(times) == bool(spectra):
         raise InputError("time logs and frequency responses cannot be used together; give one kind.")
     wanted = _axes(axes)
     data = of_time(times, known, wanted, before) if times else of_spectra(spectra, known, wanted, before)
-    return Run(data, known, before, modes, held, hub == "estimate", offset, at).result()
+    return Run(data, known, before, modes, held, hub == "estimate").result(at, offset=offset)
 
 
 def _axes(axes: str | Sequence[str] | None) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Maximum likelihood of a parametrised modal model over all pieces of the logs, by damped Gauss-Newton steps."""
+"""Maximum likelihood of a parametrised modal model over all pieces of the logs, and how far the estimate may be off."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import chi2
 
-from beamchain.craft.identification.response import Piece, Raw, Spectrum
+from beamchain.craft.identification.response import Data, Piece, Raw
 from beamchain.ports.motions import Array
 
 DIFFERENCE = 1e-5  # step of the derivatives of raw numbers by central differences: leaves ten digits
@@ -19,6 +20,9 @@ TEMPERED = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
 MOST_DAMPING = 1e8
 UNEQUAL = 0.02  # of the logarithm of the outputs' noise, by which it may change before all is weighted anew
 DIGITS = 1e-13  # relative change of the parameters below which no digit is gained
+LAGS = 25  # of the test for whiteness
+COLOURED = 1e-3  # probability of white residuals below which intervals are widened
+FAILURES = (np.linalg.LinAlgError, FloatingPointError, ValueError)  # of parameters too far off
 
 
 class Found(NamedTuple):
@@ -30,6 +34,11 @@ class Found(NamedTuple):
     counts: Array
 
 
+def no_belief(theta: Array) -> Array:
+    """Nothing is known beforehand."""
+    return theta[:0]
+
+
 @dataclass(eq=False)
 class Likelihood:
     """Of a model given by parameters.
@@ -37,14 +46,14 @@ class Likelihood:
     Args:
         pieces: of the data.
         model: raw model of parameters.
-        belief: weighted deviations of the parameters from what is known beforehand.
         scale: `(p,)` size of the outputs.
+        belief: weighted deviations of the parameters from what is known beforehand.
     """
 
-    pieces: Sequence[Piece | Spectrum]
+    pieces: Sequence[Data]
     model: Callable[[Array], Raw]
-    belief: Callable[[Array], Array]
     scale: Array
+    belief: Callable[[Array], Array] = no_belief
 
     @property
     def counts(self) -> Array:
@@ -68,17 +77,18 @@ class Likelihood:
         level = np.maximum(squares[on] / n[on] / self.scale[on] ** 2, SMALLEST)
         return float(np.sum(n[on] * np.log(level)) + np.sum(self.belief(theta) ** 2))
 
-    def slopes(self, theta: Array) -> Array:
-        """`(raw, parameters)` derivatives of the raw numbers."""
-        return derivatives(lambda x: self.model(x).flat(), theta)
-
     def normal(self, theta: Array, weights: Array, lags: int = 0) -> tuple[Array, Array, Array, Array]:
         """Squares, normal matrix, gradient and its covariance at `theta`, with weights on the outputs, beliefs included."""
-        raw, slopes = self.model(theta), self.slopes(theta)
+        raw, slopes = self.model(theta), derivatives(lambda x: self.model(x).flat(), theta)
         said = [piece.assess(raw, weights, slopes, lags)[0] for piece in self.pieces]
         squares, matrix, gradient, meat = (np.sum(parts, axis=0) for parts in zip(*said, strict=True))
-        believed, tilt = self.belief(theta), derivatives(self.belief, theta)
-        return squares, matrix + tilt.T @ tilt, gradient - tilt.T @ believed, meat + tilt.T @ tilt
+        sure, tilt = self.believed(theta)
+        return squares, matrix + sure, gradient - tilt, meat + sure
+
+    def believed(self, theta: Array) -> tuple[Array, Array]:
+        """What the belief adds to the normal matrix and takes from the gradient."""
+        tilt = derivatives(self.belief, theta)
+        return tilt.T @ tilt, tilt.T @ self.belief(theta)
 
     def weights(self, squares: Array) -> Array:
         """`(p,)` inverse standard deviations of the noise."""
@@ -86,7 +96,7 @@ class Likelihood:
         return 1.0 / np.sqrt(np.maximum(squares / n, SMALLEST * self.scale**2))
 
     def best(self, theta: Array, iterations: int) -> Found:
-        """The maximum near `theta`."""
+        """The maximum near `theta`, by damped Gauss-Newton steps."""
         weights = self.weights(self.squares(self.model(theta)))
         squares, matrix, gradient, _ = self.normal(theta, weights)
         cost, damping = self.cost(squares, theta), 1e-8
@@ -103,7 +113,7 @@ class Likelihood:
                     with np.errstate(over="raise", invalid="raise"):
                         trial = self.normal(theta + change, weights)
                         now = self.cost(trial[0], theta + change)
-                except (np.linalg.LinAlgError, FloatingPointError, ValueError):
+                except FAILURES:
                     now = np.inf
                 if now < cost:
                     gained = cost - now
@@ -121,52 +131,88 @@ class Likelihood:
                 squares, matrix, gradient, _ = self.normal(theta, self.weights(squares))
                 continue
             ratio = float(np.mean(factors))
-            believed, tilt = self.belief(theta), derivatives(self.belief, theta)
-            matrix = ratio * (matrix - tilt.T @ tilt) + tilt.T @ tilt
-            gradient = ratio * (gradient + tilt.T @ believed) - tilt.T @ believed
+            sure, tilt = self.believed(theta)
+            matrix, gradient = ratio * (matrix - sure) + sure, ratio * (gradient + tilt) - tilt
         return Found(theta, cost, squares, self.counts)
+
+    def whiteness(self, residuals: Sequence[Array]) -> Array:
+        """`(p,)` probability that residuals as correlated come from white noise (Ljung and Box), nan without a time log."""
+        out = np.full(self.scale.size, np.nan)
+        long = [
+            (piece.use, left)
+            for piece, left in zip(self.pieces, residuals, strict=True)
+            if isinstance(piece, Piece) and piece.time.size > 2 * LAGS
+        ]
+        for i in range(out.size):
+            count = sum(int(use[:, i].sum()) for use, _ in long)
+            products = np.sum(
+                [[v[: v.size - k] @ v[k:] for k in range(LAGS + 1)] for v in (r[:, i] for _, r in long)], axis=0
+            )
+            if count > 4 * LAGS and products[0] > 0.0:
+                rho = products[1:] / products[0]
+                out[i] = float(chi2.sf(count * (count + 2) * np.sum(rho**2 / (count - np.arange(1, LAGS + 1))), LAGS))
+        return out
+
+    def covariance(self, theta: Array, squares: Array, *, coloured: bool) -> Array:
+        """Covariance of the parameters; with coloured residuals that of Newey and West where it is larger.
+
+        The noise is estimated with the numbers that the parameters and the free responses take away from the data.
+        """
+        logs = [piece for piece in self.pieces if isinstance(piece, Piece)]
+        longest = max((piece.time.size for piece in logs), default=0)
+        lags = int(min(longest // 10, 4.0 * longest ** (1.0 / 3.0))) if coloured else 0
+        taken = theta.size + len(logs) * (2 * self.model(theta).poles.size + self.scale.size)
+        total = float(self.counts.sum())
+        _, matrix, _, meat = self.normal(theta, self.weights(squares * total / max(total - taken, 1.0)), lags)
+        plain = inverse(matrix)
+        if not lags:
+            return plain
+        wide = plain @ meat @ plain
+        grown = np.sqrt(np.maximum(np.diag(wide) / np.maximum(np.diag(plain), 1e-300), 1.0))
+        return plain * np.outer(grown, grown)
+
+
+def inverse(matrix: Array) -> Array:
+    """Inverse of a positive matrix; what nothing determines gets a huge variance."""
+    size, values, vectors = _balanced(matrix)
+    least = np.maximum(size, 1e-12 * float(np.max(size, initial=1e-300)))  # what nothing depends on stays finite
+    return (vectors / np.maximum(values, 1e-15)) @ vectors.T / np.outer(least, least)
+
+
+def _balanced(matrix: Array) -> tuple[Array, Array, Array]:
+    """Roots of a matrix's diagonal; eigenvalues and vectors of the matrix over them."""
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    return size, values, vectors
 
 
 def derivatives(function: Callable[[Array], Any], theta: Array) -> Array:
     """Jacobian by central differences."""
-    columns = list[Array]()
-    for i in range(theta.size):
-        high, low = theta.copy(), theta.copy()
-        high[i] += DIFFERENCE
-        low[i] -= DIFFERENCE
-        columns.append((function(high) - function(low)) / (2.0 * DIFFERENCE))
+    steps = DIFFERENCE * np.eye(theta.size)
+    columns = [(function(theta + step) - function(theta - step)) / (2.0 * DIFFERENCE) for step in steps]
     return np.stack(columns, axis=1) if columns else np.zeros((np.size(function(theta)), 0))
 
 
 def compressed(
     raw: Callable[[Array], Array], wanted: Array, matrix: Array, belief: Callable[[Array], Array], theta: Array
 ) -> Array:
-    """Parameters near `theta` whose raw numbers are most likely, the data replaced by a raw estimate and its information.
+    """Parameters near `theta` whose raw numbers are most likely, the data replaced by raw ones (`wanted`) and their information.
 
-    The information is raised to its full size in steps, for it makes a long narrow valley.
-
-    Args:
-        raw: raw parameters of parameters.
-        wanted: those of the data.
-        matrix: their information.
-        belief: as in `Likelihood`.
-        theta: where to start.
+    The information `matrix` is raised to its full size in steps, for it makes a long narrow valley.
     """
-    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    size, values, vectors = _balanced(matrix)
     root = np.sqrt(np.maximum(values, 1e-14))[:, None] * vectors.T * size
+    believed = belief(theta).size
 
     def residual(x: Array, part: float) -> Array:
         try:
             with np.errstate(over="raise", invalid="raise"):
                 return np.concatenate([part * (root @ (raw(x) - wanted)), belief(x)])
-        except (ValueError, FloatingPointError, np.linalg.LinAlgError):
+        except FAILURES:
             return np.full(root.shape[0] + believed, 1e30)
 
-    believed = belief(theta).size
     for part in TEMPERED:
-        largest = float(np.max(root)) * part
-        if largest > 1e-6:
+        if float(np.max(root)) * part > 1e-6:
             found = least_squares(
                 residual, theta, args=(part,), x_scale="jac", method="trf", max_nfev=40, xtol=1e-12, ftol=1e-10
             )

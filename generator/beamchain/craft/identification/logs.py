@@ -1,15 +1,15 @@
 """Logs of a test or a flight: files and mappings of arrays, their columns by name, refused where they contradict themselves."""
 
 import io
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamchain.checks import meant
-from beamchain.craft.identification.frequency_logs import Response, read_uff, responses
 from beamchain.errors import InputError
 from beamchain.files import no_file
 from beamchain.ports.motions import Array
@@ -17,22 +17,23 @@ from beamchain.ports.motions import Array
 LARGEST_FILE = 2_000_000_000  # bytes
 MOST_ROWS = 20_000_000
 FEWEST_ROWS = 20
+FEWEST_LINES = 8  # of a frequency response
 ENDINGS = (".csv", ".txt", ".parquet", ".npz", ".mat", ".uff", ".unv")
 TORQUES = tuple(f"torque_{a}" for a in "xyz")
 SENSED = tuple(f"{kind}_{a}" for kind in ("rate", "attitude") for a in "xyz")
+PAIR = re.compile(
+    r"(acceleration|rate|attitude)_([xyz])\s*/\s*(\w+)\s+(re|im|magnitude|phase|phase_deg|coherence)", re.IGNORECASE
+)
+ORDERS = {"acceleration": 1, "rate": 0, "attitude": -1}
+BY_TYPE = {8: "attitude", 11: "rate", 12: "acceleration"}
 
 Given = Any  # a path, a mapping of arrays, or a list of those
 
 
-@dataclass(frozen=True, eq=False)
-class TimeLog:
-    """A time log.
+class TimeLog(NamedTuple):
+    """A time log: ascending times [s]; torques [N m] or controls of actuators, rates [rad/s] and attitudes [rad] by column.
 
-    Args:
-        time: `(N,)` [s], ascending.
-        torques: by column, hub torques [N m] or controls of actuators.
-        sensed: by column, rates [rad/s] and attitudes [rad].
-        source: how messages call it.
+    `source` is how messages call it.
     """
 
     time: Array
@@ -41,13 +42,32 @@ class TimeLog:
     source: str
 
 
-@dataclass(frozen=True, eq=False)
-class ModalTable:
+class ModalTable(NamedTuple):
     """Frequencies [rad/s] of a modal test with the root held, and damping ratios where they were measured."""
 
     frequencies: Array
     damping: Array | None
     source: str
+
+
+class Response(NamedTuple):
+    """One measured pair.
+
+    Args:
+        omega: `(N,)` ascending [rad/s].
+        value: `(N,)` response per torque.
+        sensed: such as rate_z.
+        torque: such as torque_z.
+        order: 1 acceleration, 0 rate, -1 attitude.
+        accuracy: `(N,)` relative standard deviation up to a factor, from coherence where it is known.
+    """
+
+    omega: Array
+    value: NDArray[np.complex128]
+    sensed: str
+    torque: str
+    order: int
+    accuracy: Array
 
 
 def read_logs(
@@ -72,23 +92,22 @@ def read_logs(
     times, spectra, tables = list[TimeLog](), list[Response](), list[ModalTable]()
     for i, one in enumerate(given):
         if isinstance(one, str | Path) and Path(one).suffix.lower() in (".uff", ".unv"):
-            source = f"log {str(one)!r}"
-            _check_file(Path(one), source)
-            spectra += read_uff(Path(one), source)
+            spectra += _universal(Path(one), f"log {str(one)!r}")
             continue
         table, source = _table(one, f"log {i + 1}" if len(given) > 1 else "log", names)
         if "time" in table:
             times.append(_time_log(table, actuators, source))
         elif "frequency" in table or "omega" in table:
-            found = responses(table, source)
+            omega = np.real(table["omega"] if "omega" in table else 2.0 * np.pi * table["frequency"])
+            found = _responses(table, omega, source)
             spectra += found
             if not found:
-                tables.append(_modal(table, source))
+                tables.append(_modal(omega, table.get("damping"), source))
         else:
             raise InputError(
-                f"{source} has the columns {', '.join(map(str, list(table)[:12])) or 'none'}; a time log needs "
-                "`time`, torque_x|y|z and "
-                "rate_* or attitude_*, a frequency response `frequency` or `omega`; name them with map (--map OLD=NEW)."
+                f"{source} has the columns {', '.join(map(str, list(table)[:12])) or 'none'}; a time log needs `time`, "
+                "torque_x|y|z and rate_* or attitude_*, a frequency response `frequency` or `omega`; name them with map "
+                "(--map OLD=NEW)."
             )
     return times, spectra, tables
 
@@ -109,16 +128,29 @@ def read_torques(
 
 
 def _table(one: Any, called: str, names: Mapping[str, str] | None) -> tuple[dict[str, Array], str]:
-    """Columns of numbers of a mapping or a file, and how messages call it."""
+    """Columns of numbers of a mapping or a file, and how messages call it; columns of words are left out."""
     if isinstance(one, Mapping):
         columns, source = cast("Mapping[str, Any]", one), called
     elif isinstance(one, str | Path):
         source = f"{called.split()[0]} {str(one)!r}"
-        _check_file(Path(one), source)
         columns = _columns(Path(one), source)
     else:
         raise InputError(f"{called} is a {type(one).__name__}; give a path or a mapping of arrays.")
-    return _numbers(_renamed(columns, names or {}, source)), source
+    renamed = names or {}
+    for name in renamed:
+        if name not in columns:
+            raise InputError(
+                f"map names the column {name!r}, which {source} does not have; {meant(name, map(str, columns))}it has "
+                f"{', '.join(map(str, list(columns)[:20]))}."
+            )
+    out = dict[str, Array]()
+    for name, values in columns.items():
+        try:
+            own = np.asarray(values)
+            out[renamed.get(str(name), str(name))] = np.ravel(own if np.iscomplexobj(own) else own.astype(np.float64))
+        except (TypeError, ValueError):
+            continue
+    return out, source
 
 
 def _check_file(path: Path, source: str) -> None:
@@ -134,6 +166,7 @@ def _check_file(path: Path, source: str) -> None:
 
 
 def _columns(path: Path, source: str) -> Mapping[str, Any]:
+    _check_file(path, source)
     kind = path.suffix.lower()
     try:
         if kind in (".csv", ".txt"):
@@ -148,15 +181,21 @@ def _columns(path: Path, source: str) -> Mapping[str, Any]:
         try:
             from pyarrow import parquet  # pyright: ignore[reportMissingImports]
         except ImportError:
-            raise InputError(
-                f"{source}: Parquet needs pyarrow; pip install 'beamchain[identification]', or give CSV."
-            ) from None
+            raise _missing(f"{source}: Parquet needs pyarrow") from None
         table = parquet.read_table(path)
         return {name: table.column(name).to_numpy() for name in table.column_names}
     except InputError:
         raise
     except Exception as error:  # readers of damaged files raise almost anything
-        raise InputError(f"{source} cannot be read ({type(error).__name__}: {error!s:.80}); export it again.") from None
+        raise _damaged(source, error) from None
+
+
+def _missing(need: str) -> InputError:
+    return InputError(f"{need}; pip install 'beamchain[identification]', or give CSV.")
+
+
+def _damaged(source: str, error: Exception) -> InputError:
+    return InputError(f"{source} cannot be read ({type(error).__name__}: {error!s:.80}); export it again.")
 
 
 def _csv(path: Path, source: str) -> dict[str, Array]:
@@ -179,28 +218,7 @@ def _csv(path: Path, source: str) -> dict[str, Array]:
         raise InputError(f"{source} holds something that is no number ({error!s:.120}); export it again.") from None
     if table.shape[1] != len(names):
         raise InputError(f"{source} names {len(names)} columns, but its rows have {table.shape[1]}; export it again.")
-    return {name: table[:, i] for i, name in enumerate(names)}
-
-
-def _renamed(columns: Mapping[str, Any], names: Mapping[str, str], source: str) -> dict[str, Any]:
-    for name in names:
-        if name not in columns:
-            raise InputError(
-                f"map names the column {name!r}, which {source} does not have; {meant(name, map(str, columns))}it has "
-                f"{', '.join(map(str, list(columns)[:20]))}."
-            )
-    return {names.get(str(key), str(key)): value for key, value in columns.items()}
-
-
-def _numbers(columns: Mapping[str, Any]) -> dict[str, Array]:
-    out = dict[str, Array]()
-    for name, values in columns.items():
-        try:
-            one = np.asarray(values)
-            out[name] = np.ravel(one if np.iscomplexobj(one) else one.astype(np.float64))
-        except (TypeError, ValueError):
-            continue  # a column of words is none of ours
-    return out
+    return dict(zip(names, table.T, strict=True))
 
 
 def _time_log(table: Mapping[str, Array], actuators: Sequence[str], source: str) -> TimeLog:
@@ -225,25 +243,97 @@ def _time_log(table: Mapping[str, Array], actuators: Sequence[str], source: str)
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             raise InputError(
-                f"{source}: {name} = {values[bad[0]]} in sample {bad[0] + 1} ({bad.size} such samples); leave "
-                "out the rows "
+                f"{source}: {name} = {values[bad[0]]} in sample {bad[0] + 1} ({bad.size} such samples); leave out the rows "
                 "without a measurement, gaps are taken as such."
             )
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if back.size:
         i = int(back[0])
         raise InputError(
-            f"{source}: time goes from {time[i]!s} to {time[i + 1]!s} s at sample {i + 2}; it must ascend: sort "
-            "the rows, and give "
-            "logs that start again as several files."
+            f"{source}: time goes from {time[i]!s} to {time[i + 1]!s} s at sample {i + 2}; it must ascend: sort the rows, and "
+            "give logs that start again as several files."
         )
     return TimeLog(time, torques, sensed, source)
 
 
-def _modal(table: Mapping[str, Array], source: str) -> ModalTable:
-    w = table["omega"] if "omega" in table else 2.0 * np.pi * table["frequency"]
-    damping = table.get("damping")
+def _modal(w: Array, damping: Array | None, source: str) -> ModalTable:
     if w.size == 0 or not np.all(np.isfinite(w)) or np.any(w <= 0.0) or w.size > 1000:
         raise InputError(f"{source}: the measured frequencies must be positive numbers, at most 1000 of them.")
     order = np.argsort(w)
     return ModalTable(w[order], None if damping is None else damping[order], source)
+
+
+def _responses(table: Mapping[str, Array], omega: Array, source: str) -> list[Response]:
+    """The pairs of a table at its frequencies [rad/s], empty where it has none."""
+    found = dict[tuple[str, str], dict[str, Array]]()
+    for name, values in table.items():
+        match, parts = PAIR.fullmatch(name.strip()), {}
+        if match:
+            parts = {match[4].lower(): values}
+        elif np.iscomplexobj(values) and (match := PAIR.fullmatch(f"{name.strip()} re")):
+            parts = {"re": values.real, "im": values.imag}
+        if match:
+            found.setdefault((f"{match[1]}_{match[2]}".lower(), match[3]), {}).update(parts)
+    out = list[Response]()
+    for (sensed, torque), parts in found.items():
+        if "re" in parts and "im" in parts:
+            value = np.asarray(parts["re"] + 1j * parts["im"], dtype=np.complex128)
+        elif "magnitude" in parts and ("phase" in parts or "phase_deg" in parts):
+            angle = parts["phase"] if "phase" in parts else np.radians(parts["phase_deg"])
+            value = np.asarray(parts["magnitude"] * np.exp(1j * angle), dtype=np.complex128)
+        else:
+            label = f"{sensed}/{torque}"
+            raise InputError(
+                f"{source}: {label} needs the columns `{label} re` and `{label} im`, or magnitude and phase [rad] (phase_deg)."
+            )
+        out.append(_checked(omega, value, sensed, torque, parts.get("coherence"), source))
+    return out
+
+
+def _checked(
+    omega: Array, value: NDArray[np.complex128], sensed: str, torque: str, coherence: Array | None, source: str
+) -> Response:
+    label = f"{sensed}/{torque}"
+    if value.size != omega.size or omega.size < FEWEST_LINES:
+        raise InputError(
+            f"{source}: {label} has {value.size} lines and {omega.size} frequencies; at least {FEWEST_LINES} of each are needed."
+        )
+    keep = omega > 0.0
+    if not np.all(np.isfinite(omega)) or not np.all(np.isfinite(value[keep])):
+        raise InputError(f"{source}: {label} holds a value that is not a finite number; leave those lines out.")
+    if np.any(np.diff(omega) <= 0.0):
+        raise InputError(f"{source}: the frequencies do not ascend; sort the lines.")
+    if np.any(value[keep] == 0.0):
+        raise InputError(f"{source}: {label} is zero at some frequency; leave out the lines without a measurement.")
+    level = np.full(omega.size, 0.5) if coherence is None else np.clip(coherence, 1e-6, 1.0 - 1e-6)
+    accuracy = np.sqrt((1.0 - level) / level)
+    return Response(omega[keep], value[keep], sensed, torque, ORDERS[sensed[:-2]], accuracy[keep])
+
+
+def _universal(path: Path, source: str) -> list[Response]:
+    """Frequency responses to torques of a universal file: type 58, rotations 4, 5, 6 as response and reference."""
+    _check_file(path, source)
+    try:
+        import pyuff  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise _missing(f"{source}: universal files need pyuff") from None
+    try:
+        file: Any = pyuff.UFF(str(path))
+        sets: list[Any] = [file.read_sets(i) for i, kind in enumerate(file.get_set_types()) if int(kind) == 58]
+    except Exception as error:  # readers of damaged files raise almost anything
+        raise _damaged(source, error) from None
+    out = list[Response]()
+    for one in sets:
+        at, by = int(one.get("rsp_dir", 0)), int(one.get("ref_dir", 0))
+        if int(one.get("func_type", 0)) != 4 or abs(at) not in (4, 5, 6) or abs(by) not in (4, 5, 6):
+            continue
+        kind = BY_TYPE.get(int(one.get("ordinate_spec_data_type", 11)), "rate")
+        value = np.asarray(one["data"], dtype=np.complex128) * np.sign(at) * np.sign(by)
+        omega = 2.0 * np.pi * np.asarray(one["x"], dtype=np.float64)
+        sensed, torque = f"{kind}_{'xyz'[abs(at) - 4]}", f"torque_{'xyz'[abs(by) - 4]}"
+        out.append(_checked(omega, value, sensed, torque, None, source))
+    if not out:
+        raise InputError(
+            f"{source} holds no frequency response (type 58, function 4) between rotations (directions 4, 5, 6) of the hub."
+        )
+    return out

@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from beamchain.checks import positive
-from beamchain.craft.identification.advice import advice
-from beamchain.craft.identification.channels import driven
-from beamchain.craft.identification.covariance import inverse
-from beamchain.craft.identification.describe import SIGNIFICANT, USEFUL_DAMPING, USEFUL_FREQUENCY
+from beamchain.craft.identification.channels import active, driven, even
+from beamchain.craft.identification.describe import SIGNIFICANT, USEFUL_DAMPING, USEFUL_FREQUENCY, advice
 from beamchain.craft.identification.hub import bare, directions
-from beamchain.craft.identification.likelihood import derivatives
+from beamchain.craft.identification.likelihood import derivatives, inverse
 from beamchain.craft.identification.logs import read_torques
-from beamchain.craft.identification.pieces import active, even
-from beamchain.craft.identification.prior import read_prior, seen_modes
+from beamchain.craft.identification.prior import UNKNOWN_DAMPING, read_prior, seen_modes
 from beamchain.craft.identification.response import Piece, Raw
 from beamchain.craft.identification.structure import Parts, seen
 from beamchain.errors import InputError
@@ -26,7 +23,6 @@ if TYPE_CHECKING:
     from beamchain.engine.library import mujoco
 
 RATES = ("rate_x", "rate_y", "rate_z")
-UNKNOWN_DAMPING = 0.005  # where the prior has none
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,16 +45,11 @@ class Planned:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        names = ("frequency_std", "damping_std", "participation_std")
-        rows = zip(self.frequency, self.damping, self.deviations, self.determined, strict=True)
-        return {
-            "modes": [
-                {"frequency": float(w), "damping": float(z), "determined": ok}
-                | dict(zip(names, (float(w * d[0]), float(z * d[1]), float(d[2])), strict=True))
-                for w, z, d, ok in rows
-            ],
-            "advice": list(self.advice),
-        }
+        names = ("frequency", "damping", "determined", "frequency_std", "damping_std", "participation_std")
+        w, z, std = self.frequency, self.damping, self.deviations.T
+        columns = (w, z, self.determined, w * std[0], z * std[1], std[2])
+        rows = zip(*(np.asarray(column).tolist() for column in columns), strict=True)
+        return {"modes": [dict(zip(names, row, strict=True)) for row in rows], "advice": list(self.advice)}
 
 
 def planned(
@@ -104,9 +95,9 @@ def planned(
     log = read_torques(torques, map, list(known.actuators), RATES)
     names = active([log], list(log.torques))
     axes, sensors = driven(known, names, RATES, before)
-    inputs = directions(known, tuple(names))
+    inputs = directions(known, names)
     sensors = [n for n in sensors if np.linalg.norm(directions(known, (n,)) @ axes) > 1e-6]
-    outputs = directions(known, tuple(sensors))
+    outputs = directions(known, sensors)
     parts = before.parts
     which = seen_modes(parts, axes)
     if not which:

@@ -6,20 +6,19 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from beamchain.craft.identification.structure import Body, Parts, turning
+from beamchain.craft.identification.structure import Parts, turning
 from beamchain.errors import InputError
 from beamchain.fitting.fit import as_spec
 from beamchain.fitting.spec import Spec
-from beamchain.fitting.uncertain import Uncertainty
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 from beamchain.structure.modal_data import ModalData
 
 WIDTH = 0.3  # relative standard deviation of what the prior says, where it has no [uncertain]
 DAMPING = 1.0  # the same of the logarithm of damping
 SMALL = 0.1  # of a mode's whole participation: width of an element that the prior has as nearly zero, over WIDTH
+UNKNOWN_DAMPING = 0.005  # where the prior has none
 FAR = np.log(2.5)  # a prior mode whose frequency is off by more is another one
 SEEN = 1e-6  # part of the craft's inertia below which a prior mode does not turn the craft about an axis
-MOST = 40
 
 
 class Prior(NamedTuple):
@@ -29,25 +28,13 @@ class Prior(NamedTuple):
         parts: modes and rigid mass; `hub` is that of the craft.
         widths: relative, of frequency, damping, participation and rigid mass.
         spec: the specification.
-        ports: port of each mode, "" where it couples ports.
         chosen: modes that the specification itself keeps.
     """
 
     parts: Parts
-    widths: tuple[float, float, float, float]
+    widths: tuple[float, ...]
     spec: Spec
-    ports: tuple[str, ...]
     chosen: int | None
-
-    @property
-    def body(self) -> Body:
-        """The rigid mass as mass, centre, inertia."""
-        m = self.parts.rigid
-        mass = float(np.trace(m[:3, :3])) / 3.0
-        x, y, z = centre = np.array([m[1, 5] - m[2, 4], m[2, 3] - m[0, 5], m[0, 4] - m[1, 3]]) / (2.0 * mass)
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        about = m[3:, 3:] + mass * cross @ cross
-        return Body(mass, centre, (about + about.T) / 2.0)
 
 
 def read_prior(prior: Any, hub: Array) -> Prior:
@@ -61,10 +48,9 @@ def read_prior(prior: Any, hub: Array) -> Prior:
     if data is not None:
         kept = spec.imported.modes if spec.imported is not None else None
         data = data if kept is None else data.selected(kept)
-        belongs = tuple(b if leak < 1e-3 else "" for b, leak in zip(data.belongs, data.leaks, strict=True))
         parts = Parts(data.frequencies, data.damping, data.participation, data.rigid_mass, hub)
-        return Prior(parts, _widths(spec), spec, belongs, data.modes)
-    rows, w, z, ports = list[Array](), list[float](), list[float](), list[str]()
+        return Prior(parts, _widths(spec), spec, data.modes)
+    rows, w, z = list[Array](), list[float](), list[float]()
     for port in PORTS:
         try:
             model = spec.with_ratios(port, spec.beam.port(port, modes=8).truncated(8))
@@ -73,29 +59,22 @@ def read_prior(prior: Any, hub: Array) -> Prior:
         w += model.frequencies.tolist()
         z += model.damping.tolist()
         rows += list(model.participation @ PORT_MOTION[port].T)
-        ports += [port] * model.modes
     if not w:
         raise InputError(
             f"prior {spec.name!r} has no elastic mode; give it the stiffness of a bending plane or torsion."
         )
     order = np.argsort(w, kind="stable")
     parts = Parts(np.array(w)[order], np.array(z)[order], np.array(rows)[order], spec.beam.rigid_mass(), hub)
-    return Prior(parts, _widths(spec), spec, tuple(ports[i] for i in order), None)
+    return Prior(parts, _widths(spec), spec, None)
 
 
-def _widths(spec: Spec) -> tuple[float, float, float, float]:
-    given = spec.uncertain
+def _widths(spec: Spec) -> tuple[float, ...]:
+    def width(kind: str, other: float) -> float:
+        return getattr(getattr(spec.uncertain, kind, None), "relative", None) or other
 
-    def width(how: Uncertainty | None, other: float) -> float:
-        return other if how is None or how.relative is None else how.relative
-
-    if given is None:
-        return WIDTH, DAMPING, WIDTH, WIDTH
-    return (
-        width(given.frequency, WIDTH),
-        width(given.damping, DAMPING),
-        width(given.participation, WIDTH),
-        width(given.density, WIDTH),
+    return tuple(
+        width(*one)
+        for one in (("frequency", WIDTH), ("damping", DAMPING), ("participation", WIDTH), ("density", WIDTH))
     )
 
 
@@ -126,31 +105,20 @@ class Matched(NamedTuple):
 
 
 def matched(prior: Prior, frequencies: Array, moments: Array, axes: Array, rigid: Array) -> Matched:
-    """Which prior mode each found one is.
+    """Which prior mode each found one is, by frequencies and moments `(n, a)` with rotation held and translation free.
 
-    Args:
-        prior: the prior.
-        frequencies: `(n,)` found, the craft's rotation held, its translation free [rad/s].
-        moments: `(n, a)` about the axes.
-        axes: `(3, a)`.
-        rigid: `(6, 6)` rigid mass that the data suggest.
+    `rigid` `(6, 6)` is the rigid mass that the data suggest.
     """
     whole = prior.parts._replace(rigid=rigid)
-    inertia = axes.T @ turning(whole).inertia @ axes
-    root = np.linalg.cholesky(inertia)
+    root = np.linalg.cholesky(axes.T @ turning(whole).inertia @ axes)
     visible = seen_modes(whole, axes)
     w, own = np.array(whole.frequencies), turning(whole).moments @ axes
     if visible:
         w[visible], own[visible] = free_modes(whole, axes, visible)
-    share = np.linalg.norm(np.linalg.solve(root, own.T), axis=0)
-    found = np.linalg.norm(np.linalg.solve(root, moments.T), axis=0)
-    cost = np.zeros((frequencies.size, len(visible)))
-    for i, one in enumerate(frequencies):
-        for c, j in enumerate(visible):
-            alike = float(moments[i] @ np.linalg.solve(inertia, own[j])) / max(found[i] * share[j], 1e-300)
-            cost[i, c] = (
-                (np.log(one / w[j]) / WIDTH) ** 2 + (np.log(found[i] / share[j]) / 1.0) ** 2 + 8.0 * (1.0 - abs(alike))
-            )
+    known, found = np.linalg.solve(root, own[visible].T), np.linalg.solve(root, moments.T)
+    share, size = np.linalg.norm(known, axis=0), np.linalg.norm(found, axis=0)[:, None]
+    alike = np.abs(found.T @ known) / np.maximum(size * share, 1e-300)
+    cost = (np.log(frequencies[:, None] / w[visible]) / WIDTH) ** 2 + np.log(size / share) ** 2 + 8.0 * (1.0 - alike)
     of = [-1] * frequencies.size
     for i, c in zip(*linear_sum_assignment(cost), strict=True):
         if abs(np.log(frequencies[i] / w[visible[c]])) < FAR:

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from beamchain.craft.identification.covariance import inverse
-from beamchain.craft.identification.likelihood import Found, Likelihood, derivatives
+from beamchain.craft.identification.likelihood import Found, Likelihood, derivatives, inverse
 from beamchain.craft.identification.response import Piece
 from beamchain.craft.identification.result import Identification
 from beamchain.craft.identification.structure import Parts, Structure, Unknown, frozen_inertia, turning
@@ -19,12 +18,6 @@ def resolution(structure: Structure, found: Found, likelihood: Likelihood, mode:
     """Separation [rad/s] from which two modes of equal participation in place of `mode` would be told apart; inf if never.
 
     The mode is split in two; the information on their separation grows with its square, so that one trial tells.
-
-    Args:
-        structure: of the identified model, at `found`.
-        found: the estimate.
-        likelihood: of the data.
-        mode: which, from 0.
     """
     parts = structure.parts(found.theta)
     w, half = parts.frequencies[mode], parts.damping[mode] * parts.frequencies[mode] * SPLIT / 2.0
@@ -37,9 +30,9 @@ def resolution(structure: Structure, found: Found, likelihood: Likelihood, mode:
     *_, rigid, hub = structure.places
     theta = two.theta(Parts(frequencies, parts.damping[order], rows, parts.rigid, parts.hub), found.theta[rigid])
     theta[two.places[4]] = found.theta[hub]
-    split = Likelihood(likelihood.pieces, two.raw, lambda _: np.zeros(0), likelihood.scale)
+    split = Likelihood(likelihood.pieces, two.raw, likelihood.scale)
     try:
-        _, matrix, _, _ = split.normal(theta, likelihood.weights(found.squares))
+        matrix = split.normal(theta, likelihood.weights(found.squares))[1]
     except (np.linalg.LinAlgError, ValueError):
         return float("inf")
 
@@ -66,14 +59,13 @@ def images(structure: Structure, found: Found, likelihood: Likelihood) -> list[t
     if np.ptp(rates) > 1e-3 * rates[0]:
         return []  # logs of different rates tell a mode from its image
     parts = structure.parts(found.theta)
-    moments = turning(parts).moments
-    gained = turning(parts).inertia - frozen_inertia(parts.hub)
-    out = list[tuple[float, float]]()
-    for w, row in zip(parts.frequencies.tolist(), moments, strict=True):
-        higher = w + rates[0]
-        if float(row @ row) ** 2 * higher / w < float(row @ gained @ row):
-            out.append((w, higher))
-    return out
+    inertia, moments, _ = turning(parts)
+    gained = inertia - frozen_inertia(parts.hub)
+    return [
+        (w, w + rates[0])
+        for w, row in zip(parts.frequencies.tolist(), moments, strict=True)
+        if float(row @ row) ** 2 * (w + rates[0]) / w < float(row @ gained @ row)
+    ]
 
 
 def resolved(result: Identification, structure: Structure, found: Found, likelihood: Likelihood) -> Identification:

@@ -5,7 +5,7 @@ rate's sample depends on the torques before it. Within a piece of log without ga
 per mode) and the constants of the sensors are the linear unknowns that variable projection eliminates.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +35,17 @@ class Raw(NamedTuple):
     shapes: Complex
     rigid: Array
 
+    @classmethod
+    def frozen(cls, rigid: Array) -> "Raw":
+        """A model without modes."""
+        none = np.zeros((0, *rigid.shape), dtype=np.complex128)
+        return cls(none[:, 0, 0], none, none[:, :, 0], rigid)
+
+    def sorted(self) -> "Raw":
+        """Its modes by frequency."""
+        order = np.argsort(self.poles.imag)
+        return Raw(self.poles[order], self.residues[order], self.shapes[order], self.rigid)
+
     def flat(self) -> Array:
         """All as real numbers, mode by mode, the rigid part last."""
         rows = [
@@ -54,12 +65,12 @@ class Raw(NamedTuple):
 
 
 class Assessed(NamedTuple):
-    """What a model leaves of the data: sums of squares per output, normal matrix and gradient of the parameters."""
+    """Sums of squares per output that a model leaves; normal matrix, gradient and its covariance, of the parameters."""
 
     squares: Array
-    matrix: Array
-    gradient: Array
-    meat: Array
+    matrix: Array = np.zeros((0, 0))
+    gradient: Array = np.zeros(0)
+    meat: Array = np.zeros((0, 0))
 
 
 @dataclass(eq=False)
@@ -83,16 +94,15 @@ class Piece:
     angles: tuple[bool, ...]
     even: bool
     log: int = 0
-    drift: bool = False
-    _once: Array = field(init=False, repr=False)
-    _twice: Array = field(init=False, repr=False)
+    once: Array = field(init=False, repr=False)
+    twice: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         h = np.diff(self.time)[:, None]
         u = self.inputs[:-1]
-        self._once = np.vstack([np.zeros_like(u[:1]), np.cumsum(h * u, axis=0)])
-        turns = h * self._once[:-1] + h**2 / 2.0 * u
-        self._twice = np.vstack([np.zeros_like(u[:1]), np.cumsum(turns, axis=0)])
+        self.once = np.vstack([np.zeros_like(u[:1]), np.cumsum(h * u, axis=0)])
+        turns = h * self.once[:-1] + h**2 / 2.0 * u
+        self.twice = np.vstack([np.zeros_like(u[:1]), np.cumsum(turns, axis=0)])
 
     @property
     def steps(self) -> Array:
@@ -104,22 +114,13 @@ class Piece:
 
     def part(self, start: int, end: int) -> "Piece":
         """The samples from `start` to `end`."""
-        cut = slice(start, end)
-        return Piece(
-            self.time[cut],
-            self.inputs[cut],
-            self.outputs[cut],
-            self.use[cut],
-            self.angles,
-            self.even,
-            self.log,
-            self.drift,
-        )
+        columns = {name: getattr(self, name)[start:end] for name in ("time", "inputs", "outputs", "use")}
+        return replace(self, **columns)
 
     def constants(self, output: int) -> Array:
-        """What a sensor adds of its own: its bias, which grows in an attitude; a drift where that is asked for."""
+        """What a sensor adds of its own: its bias, which grows in an attitude."""
         t = (self.time - self.time[0]) / max(self.time[-1] - self.time[0], 1e-300)
-        return np.column_stack([np.ones_like(t), t] if self.angles[output] or self.drift else [np.ones_like(t)])
+        return np.column_stack([np.ones_like(t), t] if self.angles[output] else [np.ones_like(t)])
 
     def states(self, pole: complex, *, slope: bool = True) -> tuple[Complex, Complex]:
         """`(N, m)` modal state per unit of input, and its derivative with respect to the pole (empty without `slope`)."""
@@ -142,8 +143,7 @@ class Piece:
         most = DECAY / max(abs(pole.real), 1e-300)
         start = 0
         while start < v.shape[0]:
-            end = max(int(np.searchsorted(self.time, self.time[start] + most)), start + 1)
-            end = min(end, v.shape[0])
+            end = min(max(int(np.searchsorted(self.time, self.time[start] + most)), start + 1), v.shape[0])
             t = pole * (self.time[start : end + 1] - self.time[start])
             grown = np.cumsum(np.exp(-t[1:])[:, None] * v[start:end], axis=0)
             out[start + 1 : end + 1] = np.exp(t[1:])[:, None] * (out[start] + grown)
@@ -152,10 +152,8 @@ class Piece:
 
     def forced(self, raw: Raw) -> Array:
         """`(N, p)` motion that the inputs make of a model at rest."""
-        parts = [self.states(complex(pole), slope=False) for pole in raw.poles]
-        return np.column_stack([self._forced(raw, parts, i) for i in range(self.outputs.shape[1])])
+        return self._forced(raw, [self.states(complex(pole), slope=False) for pole in raw.poles])
 
-    # -- a model's response ----------------------------------------------------------------------------------------
     def assess(
         self, raw: Raw, weights: Array, slopes: Array | None = None, lags: int = 0, *, whole: bool = False
     ) -> tuple[Assessed, Array]:
@@ -175,29 +173,23 @@ class Piece:
         parts = [self.states(complex(pole), slope=slopes is not None) for pole in raw.poles]
         t = self.time - self.time[0]
         free = [np.exp(pole * t) for pole in raw.poles]
-        bases, forced = list[Array](), np.empty((n, p))
         own = [self.constants(i) for i in range(p)]
-        count = 2 * raw.poles.size + sum(c.shape[1] for c in own)
-        for i in range(p):
-            forced[:, i] = self._forced(raw, parts, i)
-            basis = np.zeros((n, count), order="F")
+        ends = np.cumsum([2 * raw.poles.size, *(c.shape[1] for c in own)])
+        count = int(ends[-1])
+        bases = [np.zeros((n, count), order="F") for _ in range(p)]
+        for i, basis in enumerate(bases):
             for k, pole in enumerate(raw.poles):
                 one = raw.shapes[k, i] / (pole if self.angles[i] else 1.0) * free[k]
                 basis[:, 2 * k], basis[:, 2 * k + 1] = one.real, -one.imag
-            at = 2 * raw.poles.size + sum(c.shape[1] for c in own[:i])
-            basis[:, at : at + own[i].shape[1]] = own[i]
-            bases.append(basis)
+            basis[:, ends[i] : ends[i + 1]] = own[i]
         used = [_used(self.use[:, i]) for i in range(p)]
-        normal = sum(
-            (weights[i] ** 2 * bases[i][used[i]].T @ bases[i][used[i]] for i in range(p)), np.zeros((count, count))
-        )
+        shown = [basis[use] for basis, use in zip(bases, used, strict=True)]
+        normal = np.sum([weights[i] ** 2 * shown[i].T @ shown[i] for i in range(p)], axis=0)
         size = np.sqrt(np.diag(normal)) + 1e-300
         scaled = normal / np.outer(size, size) + RIDGE * np.eye(count)
-        residual, held = self.outputs - forced, np.zeros(count)
+        residual, held = self.outputs - self._forced(raw, parts), np.zeros(count)
         for _ in range(3):  # the second and third time for the digits that the normal matrix loses
-            right = sum(
-                (weights[i] ** 2 * bases[i][used[i]].T @ residual[used[i], i] for i in range(p)), np.zeros(count)
-            )
+            right = np.sum([weights[i] ** 2 * shown[i].T @ residual[used[i], i] for i in range(p)], axis=0)
             change = np.linalg.solve(scaled, right / size) / size
             held += change
             residual -= np.column_stack([basis @ change for basis in bases])
@@ -205,7 +197,7 @@ class Piece:
         if not whole:
             residual = np.where(self.use, residual, 0.0)
         if slopes is None:
-            return Assessed(squares, np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0))), residual
+            return Assessed(squares), residual
         amplitudes = held[: 2 * raw.poles.size : 2] + 1j * held[1 : 2 * raw.poles.size : 2]
         m = slopes.shape[1]
         total, cross = np.zeros((m, m)), np.zeros((count, m))
@@ -215,24 +207,32 @@ class Piece:
             parted = self._parts(raw, parts, free, amplitudes, i)[used[i]] @ slopes[raw.columns(i)]
             parted *= weights[i]
             total += parted.T @ parted
-            cross += weights[i] * bases[i][used[i]].T @ parted
+            cross += weights[i] * shown[i].T @ parted
             gradient += parted.T @ (weights[i] * residual[used[i], i])
             if lags:
                 rows.append(parted)
         solved = np.linalg.solve(scaled, cross / size[:, None]) / size[:, None]
         for i, parted in enumerate(rows):
-            score = (parted - weights[i] * bases[i][used[i]] @ solved) * (weights[i] * residual[used[i], i])[:, None]
+            score = (parted - weights[i] * shown[i] @ solved) * (weights[i] * residual[used[i], i])[:, None]
             meat += score.T @ score
             for lag in range(1, min(lags, score.shape[0])):
                 one = (1.0 - lag / lags) * score[:-lag].T @ score[lag:]
                 meat += one + one.T
         return Assessed(squares, total - cross.T @ solved, gradient, meat), residual
 
-    def _forced(self, raw: Raw, parts: list[tuple[Complex, Complex]], i: int) -> Array:
-        out = (self._twice if self.angles[i] else self._once) @ raw.rigid[i]
-        for k, (state, _) in enumerate(parts):
-            seen = (state - self._once) / raw.poles[k] if self.angles[i] else state
-            out += 2.0 * (seen @ raw.residues[k, i]).real
+    def driven(self, output: int) -> Array:
+        """`(N, m)` motion of an output per unit of acceleration by each torque of a frozen craft."""
+        return self.twice if self.angles[output] else self.once
+
+    def seen(self, state: Complex, pole: complex, output: int) -> Complex:
+        """`(N, m)` what an output sees of the states of a mode."""
+        return (state - self.once) / pole if self.angles[output] else state
+
+    def _forced(self, raw: Raw, parts: list[tuple[Complex, Complex]]) -> Array:
+        out = np.column_stack([self.driven(i) @ rigid for i, rigid in enumerate(raw.rigid)])
+        for pole, residue, (state, _) in zip(raw.poles, raw.residues, parts, strict=True):
+            for i, own in enumerate(residue):
+                out[:, i] += 2.0 * (self.seen(state, pole, i) @ own).real
         return out
 
     def _parts(
@@ -245,19 +245,17 @@ class Piece:
         width = 4 + 2 * inputs
         for k, (state, slope) in enumerate(parts):
             pole = raw.poles[k]
-            own = raw.shapes[k, i] * amplitudes[k] * free[k] / 2.0  # halved: real parts are not doubled in the bases
+            seen = self.seen(state, pole, i)
+            held = amplitudes[k] * free[k] / 2.0  # halved: real parts are not doubled in the bases
             if self.angles[i]:
-                seen, slope = (state - self._once) / pole, slope / pole - (state - self._once) / pole**2
-                turned = slope @ raw.residues[k, i] + own / pole * (t - 1.0 / pole)
-                held = amplitudes[k] * free[k] / pole / 2.0
-            else:
-                seen, turned = state, slope @ raw.residues[k, i] + own * t
-                held = amplitudes[k] * free[k] / 2.0
+                held = held / pole
+                slope = (slope - seen) / pole
+            turned = slope @ raw.residues[k, i] + raw.shapes[k, i] * held * (t - 1.0 / pole if self.angles[i] else t)
             at = k * width
             for c, one in enumerate((turned, *seen.T, held)):
                 np.multiply(one.real, 2.0, out=out[:, at + 2 * c])
                 np.multiply(one.imag, -2.0, out=out[:, at + 2 * c + 1])
-        out[:, width * len(parts) :] = self._twice if self.angles[i] else self._once
+        out[:, width * len(parts) :] = self.driven(i)
         return out
 
 
@@ -287,7 +285,11 @@ class Spectrum:
     input: int
     order: int
     accuracy: Array
-    log: int = 0
+
+    @property
+    def weight(self) -> Complex:
+        """`(N,)` what a rate per torque is multiplied with to be relative."""
+        return np.asarray((1j * self.omega) ** self.order / (self.accuracy * np.abs(self.value)), dtype=np.complex128)
 
     def assess(
         self, raw: Raw, weights: Array, slopes: Array | None = None, lags: int = 0, *, whole: bool = False
@@ -295,7 +297,7 @@ class Spectrum:
         """As for `Piece`; residuals `(N,)` are complex and relative."""
         del lags, whole
         s = 1j * self.omega
-        scale = s**self.order / (self.accuracy * np.abs(self.value))
+        scale = self.weight
         i, m = self.output, self.input
         one, other = 1.0 / (s[:, None] - raw.poles), 1.0 / (s[:, None] - raw.poles.conj())
         g = raw.residues[:, i, m]
@@ -303,7 +305,7 @@ class Spectrum:
         squares = np.zeros(raw.rigid.shape[0])
         squares[i] = float(np.sum(np.abs(residual) ** 2))
         if slopes is None:
-            return Assessed(squares, np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0))), residual
+            return Assessed(squares), residual
         table = np.zeros((s.size, slopes.shape[0]), dtype=np.complex128)
         outputs, inputs = raw.rigid.shape
         size = 2 * (1 + outputs * inputs + outputs)
@@ -318,3 +320,6 @@ class Spectrum:
         both, left = np.vstack([parted.real, parted.imag]), weights[i] * np.concatenate([residual.real, residual.imag])
         meat = both.T @ (left[:, None] ** 2 * both)
         return Assessed(squares, both.T @ both, both.T @ left, meat), residual
+
+
+Data = Piece | Spectrum

@@ -1,7 +1,7 @@
 """What was identified: modes with their intervals, what is undetermined, and the file of modes made of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,8 +9,9 @@ import numpy as np
 
 from beamchain.caution import warnings_record
 from beamchain.craft.identification.start import Order
+from beamchain.craft.identification.structure import raised
 from beamchain.craft.identification.update import Update
-from beamchain.files import write_files
+from beamchain.files import to_json, write_files
 from beamchain.ports.motions import Array
 from beamchain.structure.modal_data import ModalData
 
@@ -21,6 +22,9 @@ LARGEST = 0.99  # relative half width that [uncertain] can take
 WIDE = 0.3  # relative standard deviation beyond which a normal draw, cut at three of them, may be negative
 LEAST = 1e-9
 CORRELATED = 0.05  # smallest coefficient that is written
+#: what the record says of a mode, in this order
+RECORDED = ("number", "frequency", "frequency_std", "damping", "damping_std", "participation", "participation_std",
+            "determined", "remark", "resolution")  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +76,21 @@ class Identification:
         length: of the appendage [m], for sharing out its mass.
         source: of what.
         stated: rigid mass `(6, 6)` and participation `(n, 6)` of the file of modes, where no prior tells mass and force.
+        advice: sentences on what a further test would need.
+
+    Example:
+        >>> import beamchain as bc
+        >>> import numpy as np
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> omega = np.linspace(0.2, 8.0, 300)
+        >>> s = 1j * omega
+        >>> log = {"omega": omega, "rate_z/torque_z": 1.0 / (s * (130.0 - 36.0 * s**2 / (s**2 + 0.02 * s + 4.0)))}
+        >>> found = bc.identify(log, craft, "mount")
+        >>> [round(mode.frequency, 3) for mode in found.modes]
+        [2.0]
+        >>> found.data().participation.shape  # of the modes, as [imported] and bc.embed take them
+        (1, 6)
     """
 
     modes: tuple[IdentifiedMode, ...]
@@ -85,9 +104,7 @@ class Identification:
     update: Update | None
     held_out: Mapping[str, float]
     noise: Mapping[str, float]
-    spectra: Mapping[str, tuple[Array, Array, Array, Array]] = field(
-        default_factory=dict[str, tuple[Array, Array, Array, Array]]
-    )
+    spectra: Mapping[str, tuple[Array, Array, Array, Array]]
     length: float | None = None
     source: str = "log"
     stated: tuple[Array, Array] | None = None
@@ -95,8 +112,8 @@ class Identification:
 
     def __repr__(self) -> str:
         rows = [
-            f"{m.number}: {m.frequency:.6g} +- {m.frequency_std:.2g} rad/s, damping {m.damping:.3g} +- "
-            f"{m.damping_std:.2g}" + ("" if m.determined else ", undetermined")
+            f"{m.number}: {m.frequency:.6g} +- {m.frequency_std:.2g} rad/s, damping {m.damping:.3g} +- {m.damping_std:.2g}"
+            + ("" if m.determined else ", undetermined")
             for m in self.modes
         ]
         return "\n  ".join([f"<Identification of {self.source}, {len(self.modes)} modes", *rows]) + ">"
@@ -107,7 +124,7 @@ class Identification:
         return report.identification_html(self)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Measured, modelled and remaining spectrum of the first channel."""
+        """Measured, modelled and remaining spectrum of the first channel, drawn into `ax`. Returns the axes; shows nothing."""
         from beamchain import report
 
         return report.plot_identification(self, ax)
@@ -116,44 +133,31 @@ class Identification:
     def uncertain(self) -> dict[str, Any]:
         """The table [uncertain] of the modes file."""
         out: dict[str, Any] = {"mode": []}
-        there = list[str]()
+        there, factors = list[str](), dict(zip(self.names, np.diag(self.covariance), strict=True))
         for mode in self.modes:
             one: dict[str, Any] = {"number": mode.number}
             for kind, value, std in (
                 ("frequency", mode.frequency, mode.frequency_std),
                 ("damping", mode.damping, mode.damping_std),
-                ("participation", 1.0, self._factor_std(mode)),
+                ("participation", 1.0, np.sqrt(factors.get(f"mode{mode.number}.participation", np.nan))),
             ):
-                relative = std / value if value > 0.0 else np.nan
+                relative = float(std / value) if value > 0.0 else np.nan
                 if np.isfinite(relative) and relative > WIDE:  # a normal one would be drawn negative
                     one[kind] = {"relative": float(min(np.sqrt(3.0) * relative, LARGEST)), "distribution": "uniform"}
                 elif np.isfinite(relative) and relative > LEAST:
-                    one[kind] = {"relative": float(relative)}
+                    one[kind] = {"relative": relative}
                     there.append(f"mode{mode.number}.{kind}")
             if len(one) > 1:
                 out["mode"].append(one)
         at = [i for i, name in enumerate(self.names) if name in there]
         if not out["mode"]:
             return {}
-        sd = np.sqrt(np.diag(self.covariance)[at])
-        matrix = self.covariance[np.ix_(at, at)] / np.outer(sd, sd)
-        if at and float(np.max(np.abs(matrix - np.eye(len(at))), initial=0.0)) > CORRELATED:
+        matrix = _over_its_diagonal(self.covariance[np.ix_(at, at)])
+        if np.max(np.abs(matrix - np.eye(len(at))), initial=0.0) > CORRELATED:
             np.fill_diagonal(matrix, 1.0)
-            values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
-            sound = (vectors * np.maximum(values, 1e-9)) @ vectors.T
-            scale = np.sqrt(np.diag(sound))
-            out["correlation"] = [
-                {"of": [self.names[i] for i in at], "matrix": (sound / np.outer(scale, scale)).tolist()}
-            ]
+            sound = _over_its_diagonal(raised((matrix + matrix.T) / 2.0, 1e-9))
+            out["correlation"] = [{"of": [self.names[i] for i in at], "matrix": sound.tolist()}]
         return out
-
-    def _factor_std(self, mode: IdentifiedMode) -> float:
-        name = f"mode{mode.number}.participation"
-        return (
-            float(np.sqrt(self.covariance[self.names.index(name)][self.names.index(name)]))
-            if name in self.names
-            else np.nan
-        )
 
     def data(self) -> ModalData:
         """The modes as `[imported]` of a specification reads them."""
@@ -176,33 +180,22 @@ class Identification:
             f"note = {_text(note)}",
             f"frequencies = {_row(data.frequencies)}  # rad/s",
             f"damping = {_row(data.damping)}",
-            "participation = [",
-            *(f"  {_row(row)}," for row in data.participation.T),
-            "]",
-            "mass = [",
-            *(f"  {_row(row)}," for row in data.rigid_mass),
-            "]",
+            *_table("participation", data.participation.T),
+            *_table("mass", data.rigid_mass),
             "digits = 15",
         ]
         if self.length is not None:
             lines.append(f"length = {self.length!r}")
-        for one in self.uncertain.get("mode", ()):
+        for one in data.uncertain.get("mode", ()):
             lines += ["", "[[uncertain.mode]]", f"number = {one['number']}"]
             lines += [
                 f"{kind} = {{ {', '.join(f'{k} = {v!r}' for k, v in how.items())} }}".replace("'", '"')
                 for kind, how in one.items()
                 if kind != "number"
             ]
-        for one in self.uncertain.get("correlation", ()):
+        for one in data.uncertain.get("correlation", ()):
             names = ", ".join(_text(name) for name in one["of"])
-            lines += [
-                "",
-                "[[uncertain.correlation]]",
-                f"of = [{names}]",
-                "matrix = [",
-                *(f"  {_row(row)}," for row in one["matrix"]),
-                "]",
-            ]
+            lines += ["", "[[uncertain.correlation]]", f"of = [{names}]", *_table("matrix", one["matrix"])]
         return "\n".join(lines) + "\n"
 
     def write(self, path: str | Path, *, force: bool = False) -> list[Path]:
@@ -216,7 +209,6 @@ class Identification:
             OutputError: a file exists, or the folder cannot be written.
         """
         from beamchain import report
-        from beamchain.files import to_json
 
         place = Path(path)
         files: dict[Path, str | bytes] = {
@@ -230,21 +222,7 @@ class Identification:
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            "modes": [
-                {
-                    "number": m.number,
-                    "frequency": m.frequency,
-                    "frequency_std": m.frequency_std,
-                    "damping": m.damping,
-                    "damping_std": m.damping_std,
-                    "participation": m.participation,
-                    "participation_std": m.participation_std,
-                    "determined": m.determined,
-                    "remark": m.remark,
-                    "resolution": m.resolution,
-                }
-                for m in self.modes
-            ],
+            "modes": [{name: getattr(mode, name) for name in RECORDED} for mode in self.modes],
             "names": list(self.names),
             "covariance": self.covariance,
             "rigid": self.rigid,
@@ -259,8 +237,16 @@ class Identification:
         }
 
 
+def _over_its_diagonal(matrix: Array) -> Array:
+    return matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
+
+
 def _row(values: Sequence[float] | Array) -> str:
     return "[" + ", ".join(repr(float(v) + 0.0) for v in values) + "]"
+
+
+def _table(name: str, rows: Sequence[Sequence[float]] | Array) -> list[str]:
+    return [f"{name} = [", *(f"  {_row(row)}," for row in rows), "]"]
 
 
 def _text(words: str) -> str:

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.craft.identification.hub import Bare
-from beamchain.craft.identification.pieces import Cut
-from beamchain.craft.identification.response import Piece, Raw, Spectrum
+from beamchain.craft.identification.response import Data, Piece, Raw
 from beamchain.craft.identification.structure import frozen_inertia
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
@@ -28,40 +27,34 @@ def _explained(target: Array, source: Array, use: NDArray[np.bool_]) -> float:
     return float((x @ y) ** 2 / max((x @ x) * (y @ y), 1e-300))
 
 
-def check_swapped(made: Cut) -> None:
+def check_swapped(pieces: Sequence[Piece], torques: Sequence[str], sensed: Sequence[str]) -> None:
     """Refuse a log whose torque is the integral of its rate, or whose rate follows another axis's torque.
 
     Raises:
         InputError: columns are swapped.
     """
-    piece = max(made.pieces, key=lambda p: p.time.size)
+    piece = max(pieces, key=lambda p: p.time.size)
     h = np.diff(piece.time)[:, None]
     once = np.vstack([np.zeros((1, piece.outputs.shape[1])), np.cumsum(h * piece.outputs[:-1], axis=0)])
-    table = np.zeros((len(made.sensed), len(made.torques)))
-    for i, rate in enumerate(made.sensed):
+    table, same = np.zeros((len(sensed), len(torques))), np.zeros((len(sensed), len(torques)), dtype=np.bool_)
+    for i, rate in enumerate(sensed):
         use = piece.use[:, i]
-        for m, torque in enumerate(made.torques):
-            forward = (piece._twice if piece.angles[i] else piece._once)[:, m]
-            table[i, m] = _explained(piece.outputs[:, i], forward, use)
-            if torque[-2:] == rate[-2:] and not piece.angles[i]:
+        for m, torque in enumerate(torques):
+            same[i, m] = torque[-2:] == rate[-2:]
+            table[i, m] = _explained(piece.outputs[:, i], piece.driven(i)[:, m], use)
+            if same[i, m] and not piece.angles[i]:
                 back = _explained(piece.inputs[:, m], once[:, i], use)
                 if table[i, m] < LITTLE and back > EXPLAINS:
                     raise InputError(
-                        f"{torque} follows from {rate} as a rate from a torque, and not the other way: the two "
-                        "columns are swapped; exchange "
-                        "them, or use map (--map)."
+                        f"{torque} follows from {rate} as a rate from a torque, and not the other way: the two columns are "
+                        "swapped; exchange them, or use map (--map)."
                     )
-    own = {
-        (i, m): table[i, m] for i, r in enumerate(made.sensed) for m, t in enumerate(made.torques) if r[-2:] == t[-2:]
-    }
-    for (i, m), value in own.items():
-        others = [(k, table[i, k]) for k in range(len(made.torques)) if (i, k) not in own]
-        if others and value < LITTLE and max(v for _, v in others) > EXPLAINS:
-            k = max(others, key=lambda one: one[1])[0]
+    for i, m in np.argwhere(same & (table < LITTLE)):
+        others = np.where(same[i], 0.0, table[i])
+        if others.max() > EXPLAINS:
             raise InputError(
-                f"{made.sensed[i]} follows {made.torques[k]} and not {made.torques[m]}: columns of different "
-                "axes are swapped; exchange them, "
-                "or use map (--map)."
+                f"{sensed[i]} follows {torques[int(np.argmax(others))]} and not {torques[m]}: columns of different axes are "
+                "swapped; exchange them, or use map (--map)."
             )
 
 
@@ -87,21 +80,19 @@ def check_rigid(gain: Array, data: Any, known: Bare, rigid: Array, *, roughly: b
         name = f"about {_words(axis)}"
         if value <= 0.0:
             raise InputError(
-                f"the craft turns against its torque {name} ({', '.join(data.torques)} to "
-                f"{', '.join(data.sensed)}): a sign or a "
-                "column is wrong; turn the sign of the torque, and see that each column is what its name says."
+                f"the craft turns against its torque {name} ({', '.join(data.torques)} to {', '.join(data.sensed)}): a sign or "
+                "a column is wrong; turn the sign of the torque, and see that each column is what its name says."
             )
         total = 1.0 / value
-        low, high = (ROUGH * own, MOST * own) if roughly else ((1.0 - LESS) * own, MOST * own)
+        low, high = (ROUGH if roughly else 1.0 - LESS) * own, MOST * own
         if there:
             low, high = max(low, believed / OFF_PRIOR * (ROUGH if roughly else 1.0)), believed * OFF_PRIOR
         if not low <= total <= high:
             raise InputError(
-                f"the log's total inertia {name} is {total:.4g} kg m^2, that of the bare "
-                f"craft{' with the prior' if there else ' alone'} is "
-                f"{believed:.4g}; with rates in degrees it would be {total * DEGREE:.4g}: check the units "
-                "(rad/s, N m), the columns, the "
-                f"craft's mass properties{' and the prior' if there else ''}."
+                f"the log's total inertia {name} is {total:.4g} kg m^2, that of the bare craft"
+                f"{' with the prior' if there else ' alone'} is {believed:.4g}; with rates in degrees it would be "
+                f"{total * DEGREE:.4g}: check the units (rad/s, N m), the columns, the craft's mass properties"
+                f"{' and the prior' if there else ''}."
             )
 
 
@@ -112,9 +103,7 @@ def _words(axis: Array) -> str:
     )
 
 
-def folded(
-    raw: Raw, pieces: Sequence[Piece | Spectrum], inputs: Array, outputs: Array, axes: Array
-) -> tuple[Raw, list[complex]]:
+def folded(raw: Raw, pieces: Sequence[Data], inputs: Array, outputs: Array, axes: Array) -> tuple[Raw, list[complex]]:
     """The model with poles put where they belong whose residue has the wrong sign: a mode above half the sample rate.
 
     Returns:
@@ -132,5 +121,4 @@ def folded(
             poles[k] = complex(pole.real, turn - pole.imag)
             residues[k] = -raw.residues[k].conj() * (turn - pole.imag) / pole.imag
             moved.append(complex(poles[k]))
-    order = np.argsort(poles.imag)
-    return Raw(poles[order], residues[order], raw.shapes[order], raw.rigid), moved
+    return Raw(poles, residues, raw.shapes, raw.rigid).sorted(), moved

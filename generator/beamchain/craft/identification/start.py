@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from beamchain.craft.identification.likelihood import Likelihood
-from beamchain.craft.identification.response import Piece, Raw, Spectrum
+from beamchain.craft.identification.response import Data, Piece, Raw, Spectrum
 from beamchain.ports.motions import Array
 
 MOST_MODES = 14
@@ -55,39 +55,30 @@ class Form:
     """Raw models as parameters: logarithms of frequency and damping, shape of the outputs, drive of the inputs, rigid part.
 
     Args:
-        outputs, inputs: how many.
         raw: a model whose residues give their size and, per mode, the output that moves most, whose shape is 1.
         rigid: size of the rigid part.
     """
 
-    def __init__(self, outputs: int, inputs: int, raw: Raw, rigid: float) -> None:
-        self.shape, self.rigid = (outputs, inputs), rigid
+    def __init__(self, raw: Raw, rigid: float) -> None:
+        self.shape, self.rigid = raw.rigid.shape, rigid
         self.sizes = [max(float(np.max(np.abs(g))), 1e-300) for g in raw.residues]
         self.lead = [int(np.argmax(np.linalg.norm(g, axis=1))) for g in raw.residues]
-
-    @property
-    def width(self) -> int:
-        """Numbers per mode."""
-        p, m = self.shape
-        return 2 + 2 * (p - 1) + 2 * m
 
     def raw(self, theta: Array) -> Raw:
         """The raw model of parameters."""
         p, m = self.shape
-        n = len(self.sizes)
-        table = theta[: n * self.width].reshape(n, self.width)
+        n, width = len(self.sizes), 2 * (p + m)
+        table = theta[: n * width].reshape(n, width)
         w, z = np.exp(table[:, 0]), np.exp(table[:, 1])
         if not np.all(z < 1.0):
             raise ValueError("overdamped")
         shapes, drives = np.ones((n, p), dtype=np.complex128), np.zeros((n, m), dtype=np.complex128)
         for k, (size, lead) in enumerate(zip(self.sizes, self.lead, strict=True)):
-            others = [i for i in range(p) if i != lead]
-            shapes[k, others] = table[k, 2 : 1 + p] + 1j * table[k, 1 + p : 2 * p]
+            shapes[k, np.arange(p) != lead] = table[k, 2 : 1 + p] + 1j * table[k, 1 + p : 2 * p]
             drives[k] = size * (table[k, 2 * p : 2 * p + m] + 1j * table[k, 2 * p + m :])
         poles = w * (-z + 1j * np.sqrt(1.0 - z**2))
-        return Raw(
-            poles, shapes[:, :, None] * drives[:, None, :], shapes, self.rigid * theta[n * self.width :].reshape(p, m)
-        )
+        residues = shapes[:, :, None] * drives[:, None, :]
+        return Raw(poles, residues, shapes, self.rigid * theta[n * width :].reshape(p, m))
 
     def theta(self, raw: Raw) -> Array:
         """The parameters of a raw model; of a residue the part of one shape."""
@@ -96,118 +87,80 @@ class Form:
             drive = g[lead]
             shape = np.delete(g @ drive.conj(), lead) / max(float(np.sum(np.abs(drive) ** 2)), 1e-300)
             drive = drive / size
-            out.append(
-                np.concatenate(
-                    [
-                        [np.log(abs(pole)), np.log(max(-pole.real / abs(pole), 1e-7))],
-                        shape.real,
-                        shape.imag,
-                        drive.real,
-                        drive.imag,
-                    ]
-                )
-            )
+            logs = np.log([abs(pole), max(-pole.real / abs(pole), 1e-7)])
+            out += [logs, shape.real, shape.imag, drive.real, drive.imag]
         return np.concatenate([*out, raw.rigid.ravel() / self.rigid])
 
 
-def started(
-    pieces: Sequence[Piece | Spectrum],
-    rigid: Array,
-    scale: Array,
-    modes: int | None,
-    hints: Sequence[complex] = (),
-) -> Started:
+def started(pieces: Sequence[Data], rigid: Array, scale: Array, modes: int | None) -> Started:
     """Modes one after another until the criterion rises, or until there are as many as asked for.
 
-    Args:
-        pieces: of the data.
-        rigid: `(p, m)` first guess of the accelerations of the frozen craft per torque.
-        scale: `(p,)` size of the outputs.
-        modes: how many; None: as the criterion says.
-        hints: poles that a prior expects.
+    `rigid` `(p, m)` is a first guess of the accelerations of the frozen craft per torque, `scale` `(p,)` the size of the outputs.
     """
-    none = np.zeros((0, *rigid.shape), dtype=np.complex128)
-    raw = Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid)
     size = float(np.max(np.abs(rigid)))
     part = fewer(pieces)
-    search = _Search(part, scale, size, hints)
-    search.begin(raw)
+    search = _Search(part, Raw.frozen(rigid), scale, size)
     most = MOST_MODES if modes is None else modes + 1
     search.go(most, 2 if modes is None else most + 1, 2)
     if part is not pieces:
-        first, search = search, _Search(pieces, scale, size, hints)
-        start = first.better if modes is None else min(modes, len(first.models) - 1)
-        search.begin(first.models[start])
-        search.prepend(first, start)
+        first, begin = search, search.better if modes is None else min(modes, len(search.models) - 1)
+        search = _Search(pieces, first.models[begin], scale, size)
+        search.prepend(first, begin)
         search.go(most, 1, 1, FEW_ITERATIONS)
     better = search.better
-    chosen = search.models[better if modes is None else min(modes, len(search.models) - 1)]
-    order = np.argsort(chosen.poles.imag)
-    final = Raw(chosen.poles[order], chosen.residues[order], chosen.shapes[order], chosen.rigid)
-    form = Form(rigid.shape[0], rigid.shape[1], final, size)
-    likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
+    final = search.models[better if modes is None else min(modes, len(search.models) - 1)].sorted()
+    form = Form(final, size)
+    likelihood = Likelihood(pieces, form.raw, scale)
     weights = likelihood.weights(likelihood.squares(final))
-    return Started(
-        final, tuple(search.orders), better, form, likelihood.normal(form.theta(final), weights)[1], search.each
-    )
+    matrix = likelihood.normal(form.theta(final), weights)[1]
+    return Started(final, tuple(search.orders), better, form, matrix, search.each)
 
 
-def frozen(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array) -> Raw:
+def frozen(pieces: Sequence[Data], rigid: Array, scale: Array) -> Raw:
     """The model without modes that fits best, on a part of long logs."""
-    none = np.zeros((0, *rigid.shape), dtype=np.complex128)
-    raw = Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid)
-    return refined(fewer(pieces), raw, scale, float(np.max(np.abs(rigid))), ITERATIONS)[0]
+    return refined(fewer(pieces), Raw.frozen(rigid), scale, float(np.max(np.abs(rigid))), ITERATIONS)[0]
 
 
-def searched(pieces: Sequence[Piece | Spectrum], rigid: Array, scale: Array, most: int) -> tuple[float, Raw]:
+def searched(pieces: Sequence[Data], rigid: Array, scale: Array, most: int) -> tuple[float, Raw]:
     """The lowest criterion with at most `most` modes, and its model."""
-    none = np.zeros((0, *rigid.shape), dtype=np.complex128)
-    search = _Search(pieces, scale, float(np.max(np.abs(rigid))), ())
-    search.begin(Raw(np.zeros(0, dtype=np.complex128), none, np.zeros((0, rigid.shape[0]), dtype=np.complex128), rigid))
+    search = _Search(pieces, Raw.frozen(rigid), scale, float(np.max(np.abs(rigid))))
     search.go(most, 1, 1)
-    best = min(search.orders, key=lambda one: one.criterion)
-    return best.criterion, search.models[best.modes]
+    return search.orders[search.better].criterion, search.models[search.better]
 
 
-def fewer(pieces: Sequence[Piece | Spectrum]) -> Sequence[Piece | Spectrum]:
+def fewer(pieces: Sequence[Data]) -> Sequence[Data]:
     """The beginnings of long pieces, with which a search is begun; the same pieces where they are short."""
-    if (
-        not all(isinstance(p, Piece) for p in pieces)
-        or sum(p.time.size for p in pieces if isinstance(p, Piece)) < 2 * ENOUGH
-    ):
+    longest = _longest(pieces)
+    if not longest or sum(p.time.size for p in pieces if isinstance(p, Piece)) < 2 * ENOUGH:
         return pieces
-    longest = sorted((p for p in pieces if isinstance(p, Piece)), key=lambda p: -p.time.size)[:PIECES]
     return [p.part(0, min(p.time.size, ENOUGH // len(longest))) for p in longest]
 
 
-class _Search:
-    """Modes added one after another on some pieces."""
+def _longest(pieces: Sequence[Data]) -> list[Piece]:
+    return sorted((p for p in pieces if isinstance(p, Piece)), key=lambda p: -p.time.size)[:PIECES]
 
-    def __init__(self, pieces: Sequence[Piece | Spectrum], scale: Array, size: float, hints: Sequence[complex]) -> None:
-        self.pieces, self.scale, self.size, self.hints = pieces, scale, size, hints
+
+class _Search:
+    """Modes added one after another on some pieces, from a model on."""
+
+    def __init__(self, pieces: Sequence[Data], raw: Raw, scale: Array, size: float) -> None:
+        self.pieces, self.scale, self.size = pieces, scale, size
         self.orders, self.models = list[Order](), list[Raw]()
-        self.each, self.cost, self.left, self.n = 0.0, 0.0, 0.0, 0.0
+        raw, self.cost, self.left, self.n = refined(pieces, raw, scale, size, LAST_ITERATIONS)
+        # a free response per piece and mode is fitted too
+        self.each = 2.0 * sum(raw.rigid.shape) + 2.0 * sum(isinstance(piece, Piece) for piece in pieces)
+        self._add(raw, 0.0)
 
     @property
     def better(self) -> int:
         """Modes with the lowest criterion."""
         return min(self.orders, key=lambda one: one.criterion).modes
 
-    def begin(self, raw: Raw) -> None:
-        """Start with a model."""
-        raw, self.cost, self.left, self.n = refined(self.pieces, raw, self.scale, self.size, LAST_ITERATIONS)
-        # a free response per piece and mode is fitted too
-        p, m = raw.rigid.shape
-        self.each = 2.0 * (p + m) + 2.0 * sum(isinstance(piece, Piece) for piece in self.pieces)
-        self._add(raw, 0.0)
-
     def _add(self, raw: Raw, gain: float) -> None:
-        k = raw.poles.size
-        order = np.argsort(np.abs(raw.poles))
-        ratios = -raw.poles.real / np.abs(raw.poles)
-        self.orders.append(
-            Order(k, self.cost + self.each * k * np.log(self.n), gain, np.abs(raw.poles)[order], ratios[order])
-        )
+        w = np.abs(raw.poles)
+        order = np.argsort(w)
+        criterion = self.cost + self.each * w.size * np.log(self.n)
+        self.orders.append(Order(w.size, criterion, gain, w[order], (-raw.poles.real / w)[order]))
         self.models.append(raw)
 
     def prepend(self, other: "_Search", modes: int) -> None:
@@ -221,74 +174,57 @@ class _Search:
         """Add modes, up to `most`, until the criterion has risen `failures` times; `trials` poles are tried for each."""
         failed = 0
         while len(self.models) <= most and self.left > NOTHING and failed < failures:
-            raw, best = self.models[-1], None
-            for pole, _ in _candidates(self.pieces, raw, self.scale, self.hints)[:trials]:
-                trial = refined(
-                    self.pieces, _with(raw, pole, self.pieces, self.scale), self.scale, self.size, iterations
-                )
-                if best is None or trial[1] < best[1]:
-                    best = trial
-                if trial[1] < self.cost - self.each * np.log(self.n):
+            raw, found = self.models[-1], list[tuple[Raw, float, float, float]]()
+            for pole in _candidates(self.pieces, raw, self.scale)[:trials]:
+                more = _with(raw, pole, self.pieces, self.scale)
+                found.append(refined(self.pieces, more, self.scale, self.size, iterations))
+                if found[-1][1] < self.cost - self.each * np.log(self.n):
                     break
-            if best is None:
+            if not found:
                 break
-            raw, now, self.left, self.n = best
+            raw, now, self.left, self.n = min(found, key=lambda one: one[1])
             gain, self.cost = self.cost - now, now
             self._add(raw, gain)
             failed = 0 if self.better == len(self.models) - 1 else failed + 1
 
 
 def refined(
-    pieces: Sequence[Piece | Spectrum], raw: Raw, scale: Array, rigid: float, iterations: int
+    pieces: Sequence[Data], raw: Raw, scale: Array, rigid: float, iterations: int
 ) -> tuple[Raw, float, float, float]:
     """The model refined, minus twice its log likelihood, mean square left relative to the data, and count of numbers."""
-    form = Form(raw.rigid.shape[0], raw.rigid.shape[1], raw, rigid)
-    likelihood = Likelihood(pieces, form.raw, lambda _: np.zeros(0), scale)
-    found = likelihood.best(form.theta(raw), iterations)
+    form = Form(raw, rigid)
+    found = Likelihood(pieces, form.raw, scale).best(form.theta(raw), iterations)
     left = float(np.max(found.squares / np.maximum(found.counts, 1.0) / scale**2))
     return form.raw(found.theta), found.cost, left, float(found.counts.sum())
 
 
-def _with(raw: Raw, pole: complex, pieces: Sequence[Piece | Spectrum], scale: Array) -> Raw:
+def _with(raw: Raw, pole: complex, pieces: Sequence[Data], scale: Array) -> Raw:
     """The model with one mode more, of the residue that fits best while all else is held."""
     p, m = raw.rigid.shape
     top, right = np.zeros((p, 2 * m, 2 * m)), np.zeros((p, 2 * m))
     for piece in pieces:
         left = piece.assess(raw, 1.0 / scale)[1]
         if isinstance(piece, Spectrum):
-            s = 1j * piece.omega
-            weight = s**piece.order / (piece.accuracy * np.abs(piece.value))
-            a, b = weight / (s - pole), weight / (s - pole.conjugate())
-            table, value = np.column_stack([a + b, 1j * (a - b)]), left
+            weight = piece.weight
+            a, b = weight / (1j * piece.omega - pole), weight / (1j * piece.omega - pole.conjugate())
+            table = np.column_stack([a + b, 1j * (a - b)])
             at = [2 * piece.input, 2 * piece.input + 1]
-            i = piece.output
-            top[i][np.ix_(at, at)] += (table.conj().T @ table).real
-            right[i][at] += (table.conj().T @ value).real
+            top[piece.output][np.ix_(at, at)] += (table.conj().T @ table).real
+            right[piece.output][at] += (table.conj().T @ left).real
             continue
-        state = piece.states(pole)[0]
-        t = piece.time - piece.time[0]
-        free = np.exp(pole * t)
+        state, free = piece.states(pole)[0], np.exp(pole * (piece.time - piece.time[0]))
         for i in range(p):
-            seen = (state - piece._once) / pole if piece.angles[i] else state
-            table = np.column_stack(
-                [
-                    np.stack([2.0 * seen.real, -2.0 * seen.imag], axis=2).reshape(t.size, -1),
-                    free.real,
-                    -free.imag,
-                    piece.constants(i),
-                ]
-            )[piece.use[:, i]]
-            held = table[:, 2 * m :]
-            solved = np.linalg.lstsq(
-                held.T @ held, held.T @ np.column_stack([table[:, : 2 * m], left[piece.use[:, i], i]])
-            )[0]
-            own = table[:, : 2 * m] - held @ solved[:, :-1]
+            use, seen = piece.use[:, i], piece.seen(state, pole, i)
+            own = np.stack([2.0 * seen.real, -2.0 * seen.imag], axis=2).reshape(free.size, -1)[use]
+            held = np.column_stack([free.real, -free.imag, piece.constants(i)])[use]
+            solved = np.linalg.lstsq(held.T @ held, held.T @ own)[0]
+            own = own - held @ solved
             top[i] += own.T @ own
-            right[i] += own.T @ left[piece.use[:, i], i]
+            right[i] += own.T @ left[use, i]
     g = np.array([np.linalg.lstsq(a, b)[0] for a, b in zip(top, right, strict=True)]).reshape(p, m, 2)
-    left, values, right = np.linalg.svd(g[..., 0] + 1j * g[..., 1])
-    shape = left[:, 0] / left[int(np.argmax(np.abs(left[:, 0]))), 0]
-    residue = values[0] * left[:, :1] @ right[:1]
+    shapes, values, drives = np.linalg.svd(g[..., 0] + 1j * g[..., 1])
+    shape = shapes[:, 0] / shapes[int(np.argmax(np.abs(shapes[:, 0]))), 0]
+    residue = values[0] * shapes[:, :1] @ drives[:1]
     return Raw(
         np.append(raw.poles, pole),
         np.concatenate([raw.residues, residue[None]]),
@@ -297,61 +233,46 @@ def _with(raw: Raw, pole: complex, pieces: Sequence[Piece | Spectrum], scale: Ar
     )
 
 
-def _candidates(
-    pieces: Sequence[Piece | Spectrum], raw: Raw, scale: Array, hints: Sequence[complex]
-) -> list[tuple[complex, float]]:
+def _candidates(pieces: Sequence[Data], raw: Raw, scale: Array) -> list[complex]:
     """Poles near peaks of the residuals' spectrum, that explains most first; of each stretch of the spectrum the best."""
     found = dict[complex, float]()
     weights = 1.0 / scale
-    longest = sorted((p for p in pieces if isinstance(p, Piece)), key=lambda p: -p.time.size)[:PIECES]
-    for piece in longest:
-        for pole, gain in _of_piece(piece, piece.assess(raw, weights)[1] * weights, hints):
+    for piece in _longest(pieces):
+        for pole, gain in _of_piece(piece, piece.assess(raw, weights)[1] * weights):
             found[pole] = found.get(pole, 0.0) + gain
-    spectra = [p for p in pieces if isinstance(p, Spectrum)]
-    if spectra:
-        omega = np.unique(np.concatenate([p.omega for p in spectra]))
-        tables = [(p, p.assess(raw, weights)[1]) for p in spectra]
-        for w in omega[:: max(1, omega.size // 800)]:
-            for z in DAMPINGS:
-                pole, gain = complex(-z * w, w), 0.0
-                for p, left in tables:
-                    near = np.abs(p.omega - w) < max(REACH * z * w, REACH * float(np.median(np.diff(p.omega))))
-                    if near.any():
-                        shape = (
-                            (1j * p.omega[near]) ** p.order
-                            / np.abs(p.value[near])
-                            / p.accuracy[near]
-                            / (1j * p.omega[near] - pole)
-                        )
-                        gain += float(abs(np.vdot(shape, left[near])) ** 2 / np.vdot(shape, shape).real)
-                found[pole] = gain
-    best = sorted(found.items(), key=lambda one: -one[1])
-    out = list[tuple[complex, float]]()
-    for pole, gain in best:
-        if all(abs(abs(pole) - abs(other)) > 0.02 * abs(pole) for other, _ in out):
-            out.append((pole, gain))
+    tables = [(p, p.assess(raw, weights)[1], p.weight) for p in pieces if isinstance(p, Spectrum)]
+    omega = np.unique(np.concatenate([np.zeros(0), *(p.omega for p, _, _ in tables)]))
+    for w in omega[:: max(1, omega.size // 800)]:
+        for z in DAMPINGS:
+            pole, gain = complex(-z * w, w), 0.0
+            for p, left, weight in tables:
+                near = np.abs(p.omega - w) < max(REACH * z * w, REACH * float(np.median(np.diff(p.omega))))
+                if near.any():
+                    shape = weight[near] / (1j * p.omega[near] - pole)
+                    gain += float(abs(np.vdot(shape, left[near])) ** 2 / np.vdot(shape, shape).real)
+            found[pole] = gain
+    out = list[complex]()
+    for pole in sorted(found, key=lambda one: -found[one]):
+        if all(abs(abs(pole) - abs(other)) > 0.02 * abs(pole) for other in out):
+            out.append(pole)
     return out
 
 
-def _of_piece(piece: Piece, left: Array, hints: Sequence[complex]) -> list[tuple[complex, float]]:
+def _of_piece(piece: Piece, left: Array) -> list[tuple[complex, float]]:
     n = piece.time.size
     h = float(piece.time[-1] - piece.time[0]) / (n - 1)
     u = piece.inputs
     if not piece.even:
         grid = piece.time[0] + h * np.arange(n)
-        left = np.column_stack([np.interp(grid, piece.time, one) for one in left.T])
-        u = np.column_stack([np.interp(grid, piece.time, one) for one in u.T])
-    rate = np.column_stack(
-        [np.gradient(one, h) if angle else one for one, angle in zip(left.T, piece.angles, strict=True)]
-    )
-    lines = np.fft.rfft(rate, axis=0)
-    torque = np.fft.rfft(u, axis=0)
+        left, u = (np.column_stack([np.interp(grid, piece.time, one) for one in table.T]) for table in (left, u))
+    rate = np.where(piece.angles, np.gradient(left, h, axis=0), left)
+    lines, torque = np.fft.rfft(rate, axis=0), np.fft.rfft(u, axis=0)
     omega = 2.0 * np.pi * np.arange(lines.shape[0]) / (n * h)
     step = omega[1]
     smooth = np.abs(lines[1:-1] - (lines[:-2] + lines[2:]) / 2.0) ** 2  # Hann's window
     energy = np.concatenate([[0.0], smooth.sum(axis=1), [0.0]])
     floor = float(np.median(energy[1:-1])) + 1e-300
-    trials = [s for s in hints if abs(s) < np.pi / h]
+    trials = list[complex]()
     for width in WIDTHS:
         if width > n // 16 and width > 1:
             break
@@ -367,8 +288,7 @@ def _of_piece(piece: Piece, left: Array, hints: Sequence[complex]) -> list[tuple
         pick = np.arange(low, high, stride)
         if pick.size < u.shape[1] + 3:
             continue
-        z = np.exp(1j * omega[pick] * h)
-        p = np.exp(pole * h)
+        z, p = np.exp(1j * omega[pick] * h), np.exp(pole * h)
         table = np.column_stack([torque[pick] * ((p - 1.0) / pole / (z - p))[:, None], z / (z - p)])
         q, _ = np.linalg.qr(table / np.maximum(np.linalg.norm(table, axis=0), 1e-300))
         out.append((pole, stride * float(np.sum(np.abs(q.conj().T @ lines[pick]) ** 2))))

@@ -1,4 +1,8 @@
-"""The coupled craft in physical parameters: clamped modes on a hub in free flight, physical at every value of them."""
+"""The coupled craft in physical parameters: clamped modes on a hub in free flight, physical at every value of them.
+
+A log without a prior leaves force and mass open. What the file of modes then states is a slender, nearly massless cantilever
+with the moments found: a chain needs mass along its length, and modes that push where they turn.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,6 +18,11 @@ LOOSE = 1e-3  # of the inertia
 MOST = 0.999  # of a rigid inertia that the modes may hold where a search starts
 TINY = 1e-12
 LEAST = 1e-4  # of the seen inertia that a search starts with where modes seem to hold all of it
+SLIGHT = 1e-9  # of the hub's mass, stated of an appendage of unknown mass: on the same craft nothing changes
+POLAR = 1e-6  # of the inertia across, where nothing turns about the length
+SAFE = 0.9  # factor on force and mass centre, until the residual mass is positive
+#: force over moment of a uniform cantilever's modes, times its length
+LEVERS = np.array([1.37650, 4.78081, 7.84867, 10.99591, 14.13715, 17.27876])
 
 
 class Parts(NamedTuple):
@@ -73,16 +82,9 @@ class Unknown:
 
     def theta(self, rest: Array) -> Array:
         """The parameters of a rest `(a, a)`; what is negative of it is raised to a little."""
-        values, vectors = np.linalg.eigh(rest / self.size)
-        root = np.linalg.cholesky((vectors * np.maximum(values, LEAST)) @ vectors.T)
+        root = np.asarray(np.linalg.cholesky(raised(rest / self.size, LEAST)), dtype=np.float64)
         root[np.diag_indices(root.shape[0])] = np.log(np.diag(root))
         return root[np.tril_indices(root.shape[0])]
-
-    @property
-    def arm(self) -> Array:
-        """`(a, a)` what the stated mass adds to the inertia about the axes."""
-        square = self.mass * self.centre**2
-        return self.axes.T @ np.diag([0.0, square, square]) @ self.axes
 
     def matrix(self, moments: Array, theta: Array) -> Array:
         """`(6, 6)` with modes of these moments `(n, a)` about the axes."""
@@ -130,19 +132,30 @@ class Structure:
     def parts(self, theta: Array) -> Parts:
         """The appendage and the hub at parameters."""
         w, z, x, r, h = (theta[place] for place in self.places)
-        shares = np.zeros((self.modes, 6))
-        shares[self.live] = x
+        shares = self._shares(x)
         if isinstance(self.body, Unknown):
-            moments = shares[:, 3 : 3 + self.body.axes.shape[1]] * np.sqrt(self.body.size)
+            moments = self._moments(self.body, shares)
             rigid = self.body.matrix(moments, r)
             rows = np.hstack([np.zeros((self.modes, 3)), moments @ self.body.axes.T])
         else:
             rigid = self.body.matrix(r)
             values, vectors = np.linalg.eigh(np.eye(6) + shares.T @ shares)
             rows = shares @ (vectors / np.sqrt(values)) @ vectors.T @ self._root(rigid).T
-        turn = np.eye(6)
-        turn[3:, 3:] += (self.scaled * (np.exp(h / 2.0) - 1.0)) @ self.scaled.T
-        return Parts(np.exp(w), np.exp(z), rows, rigid, _about_centre(self.hub, turn))
+        hub = self.hub
+        if h.size:  # the inertia about the mass centre changes by a congruence
+            turn = np.eye(3) + (self.scaled * (np.exp(h / 2.0) - 1.0)) @ self.scaled.T
+            mass, centre, inertia = body_of(hub)
+            hub = body_mass_matrix(mass, centre, turn @ inertia @ turn.T)
+        return Parts(np.exp(w), np.exp(z), rows, rigid, hub)
+
+    def _shares(self, x: Array) -> Array:
+        out = np.zeros((self.modes, 6))
+        out[self.live] = x
+        return out
+
+    def _moments(self, body: Unknown, shares: Array) -> Array:
+        """`(n, a)` about the axes."""
+        return shares[:, 3 : 3 + body.axes.shape[1]] * np.sqrt(body.size)
 
     def _root(self, rigid: Array) -> Array:
         used = self.live.any(axis=0)
@@ -154,9 +167,7 @@ class Structure:
     def theta(self, parts: Parts, rigid: Array) -> Array:
         """Parameters of frequencies, damping and participation, the last cut where it is more than the rigid mass allows.
 
-        Args:
-            parts: what is wanted; its rigid mass and hub are not used.
-            rigid: parameters of the rigid mass.
+        The rigid mass and the hub of `parts` are not used; `rigid` holds the parameters of the rigid mass.
         """
         shares = np.zeros((self.modes, 6))
         if isinstance(self.body, Unknown):
@@ -173,14 +184,11 @@ class Structure:
     def loosened(self, theta: Array) -> Array:
         """The parameters with a little inertia left to no mode, for sensitivities: at the limit itself they would vanish."""
         out, (_, _, x, r, _) = theta.copy(), self.places
-        shares = np.zeros((self.modes, 6))
-        shares[self.live] = theta[x]
+        shares = self._shares(theta[x])
         if isinstance(self.body, Unknown):
-            moments = shares[:, 3 : 3 + self.body.axes.shape[1]] * np.sqrt(self.body.size)
-            rest = self.body.rest(theta[r])
+            moments, rest = self._moments(self.body, shares), self.body.rest(theta[r])
             least = LOOSE * float(np.trace(moments.T @ moments + rest)) / rest.shape[0]
-            values, vectors = np.linalg.eigh(rest)
-            out[r] = self.body.theta((vectors * np.maximum(values, least)) @ vectors.T)
+            out[r] = self.body.theta(raised(rest, least))
         else:
             left, values, right = np.linalg.svd(shares, full_matrices=False)
             out[x] = ((left * np.minimum(values, np.sqrt(1.0 / LOOSE - 1.0))) @ right)[self.live]
@@ -191,20 +199,19 @@ class Structure:
         return seen(self.parts(theta), self.inputs, self.outputs)
 
 
-def _square_root(matrix: Array) -> Array:
+def raised(matrix: Array, least: float) -> Array:
+    """A symmetric matrix with no eigenvalue below `least`."""
     values, vectors = np.linalg.eigh(matrix)
-    return (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    return (vectors * np.maximum(values, least)) @ vectors.T
 
 
-def _about_centre(mass: Array, turn: Array) -> Array:
-    """A hub's mass matrix with its inertia about the mass centre changed by a congruence."""
-    m = mass[0, 0]
-    x, y, z = np.array([mass[1, 5], mass[2, 3], mass[0, 4]]) / m
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    out = mass.copy()
-    own = mass[3:, 3:] + m * cross @ cross
-    out[3:, 3:] += turn[3:, 3:] @ own @ turn[3:, 3:].T - own
-    return out
+def body_of(matrix: Array) -> tuple[float, Array, Array]:
+    """Mass, centre and inertia about it, of a rigid mass `(6, 6)`, as `body_mass_matrix` takes them."""
+    mass = float(np.trace(matrix[:3, :3])) / 3.0
+    coupling = matrix[3:, :3] - matrix[:3, 3:]
+    centre = np.array([coupling[2, 1], coupling[0, 2], coupling[1, 0]]) / (2.0 * mass)
+    about = matrix[3:, 3:] - body_mass_matrix(mass, centre, np.zeros((3, 3)))[3:, 3:]
+    return mass, centre, (about + about.T) / 2.0
 
 
 class Turning(NamedTuple):
@@ -234,13 +241,12 @@ def seen(parts: Parts, inputs: Array, outputs: Array) -> Raw:
     inertia, moments, modal = turning(parts)
     n, w = parts.frequencies.size, parts.frequencies
     mass = np.block([[inertia, moments.T], [moments, modal]])
-    force = np.zeros((3 + n, 3 + 2 * n))
-    force[3:, 3 : 3 + n], force[3:, 3 + n :] = -np.diag(2.0 * parts.damping * w), -np.diag(w)
-    system = np.vstack([np.linalg.solve(mass, force), np.zeros((n, 3 + 2 * n))])
+    force = np.zeros((3 + n, 3 + 2 * n + len(inputs)))  # of the states, and of the torques
+    force[3:, 3 : 3 + n], force[3:, 3 + n : 3 + 2 * n] = -np.diag(2.0 * parts.damping * w), -np.diag(w)
+    force[:3, 3 + 2 * n :] = inputs.T
+    system = np.vstack([np.linalg.solve(mass, force), np.zeros((n, force.shape[1]))])
     system[3 + n :, 3 : 3 + n] = np.diag(w)  # the last states are frequency times deflection
-    drive = np.vstack(
-        [np.linalg.solve(mass, np.vstack([inputs.T, np.zeros((n, inputs.shape[0]))])), np.zeros((n, inputs.shape[0]))]
-    )
+    system, drive = np.split(system, [3 + 2 * n], axis=1)
     values, vectors = (np.asarray(part, dtype=np.complex128) for part in np.linalg.eig(system))
     left = np.linalg.solve(vectors, drive.astype(np.complex128))
     up = np.flatnonzero(values.imag > 1e-9 * float(np.max(np.abs(values), initial=1e-300)))
@@ -255,12 +261,7 @@ def seen(parts: Parts, inputs: Array, outputs: Array) -> Raw:
 
 
 def clamped(raw: Raw, inputs: Array, outputs: Array, axes: Array) -> tuple[Array, Array, Array, Array]:
-    """Modes with the craft's rotation about `axes` held, from those of the free craft; damping is carried over as loss.
-
-    Args:
-        raw: of the data.
-        inputs, outputs: `(m, 3)`, `(p, 3)` directions.
-        axes: `(3, a)`.
+    """Modes with the craft's rotation about `axes` `(3, a)` held, from those of the free craft; damping is carried over as loss.
 
     Returns:
         Total inertia `(a, a)`, frequencies, damping `(n,)` and moments `(n, a)`.
@@ -269,23 +270,41 @@ def clamped(raw: Raw, inputs: Array, outputs: Array, axes: Array) -> tuple[Array
     rigid = to_out @ raw.rigid @ to_in
     values, vectors = np.linalg.eigh((rigid + rigid.T) / 2.0)
     values = np.maximum(values, 1e-6 * float(values[-1]))
-    inertia = (vectors / values) @ vectors.T
-    own = [2.0 * (to_out @ g @ to_in).real for g in raw.residues]
-    powers, directions = np.linalg.eigh(
-        np.array([(g + g.T) / 2.0 for g in own]).reshape(-1, axes.shape[1], axes.shape[1])
-    )
+    own = (to_out @ raw.residues @ to_in).real
+    powers, directions = np.linalg.eigh(own + own.transpose(0, 2, 1))
     least = LEAST * float(np.max(powers, initial=0.0))  # a mode without any moment would stay so
     rows = np.sqrt(np.maximum(powers[:, -1:], least)) * directions[:, :, -1]
-    n, a = raw.poles.size, axes.shape[1]
-    frozen = _square_root((vectors * values) @ vectors.T)
-    port = np.vstack([frozen, rows])
-    free = null_space(port.T)
-    omega = np.abs(raw.poles)
-    stiffness = np.diag(np.concatenate([np.zeros(a), omega**2]))
-    damping = np.diag(np.concatenate([np.zeros(a), -2.0 * raw.poles.real]))
-    squares, modes = np.linalg.eigh(free.T @ stiffness @ free)
-    shapes = free @ modes
+    a = axes.shape[1]
+    free = null_space(np.vstack([(vectors * np.sqrt(values)) @ vectors.T, rows]).T)
+    turned, swung = free[:a], free[a:]
+    squares, modes = np.linalg.eigh(swung.T @ (np.abs(raw.poles)[:, None] ** 2 * swung))
     w = np.sqrt(np.maximum(squares, 1e-12))
-    ratio = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (2.0 * w)
-    moments = shapes.T @ np.vstack([np.linalg.inv(frozen), np.zeros((n, a))])
-    return inertia, w, ratio, moments
+    ratio = -raw.poles.real @ (swung @ modes) ** 2 / w
+    moments = (turned @ modes).T @ (vectors / np.sqrt(values)) @ vectors.T
+    return (vectors / values) @ vectors.T, w, ratio, moments
+
+
+def stated(parts: Parts, axes: Array) -> tuple[Array, Array, float]:
+    """Rigid mass `(6, 6)`, participation `(n, 6)` and length [m] for the file of modes, where force and mass are open."""
+    gained = axes.T @ (turning(parts).inertia - frozen_inertia(parts.hub)) @ axes
+    inertia = axes @ gained @ axes.T
+    across = [i for i in (1, 2) if inertia[i, i] > 0.0]
+    size = min((float(inertia[i, i]) for i in across), default=float(inertia[0, 0]))
+    for i in range(3):
+        if inertia[i, i] <= 0.0:
+            inertia[i, i] = size if i else POLAR * size
+    mass = SLIGHT * float(parts.hub[0, 0])
+    length = float(np.sqrt(3.0 * size / mass))
+    rigid = body_mass_matrix(mass, np.array([length / 2.0, 0.0, 0.0]), np.zeros((3, 3)))
+    rigid[3:, 3:] = inertia
+    rows = parts.participation.copy()
+    for i, force, sign in ((2, 1, 1.0), (1, 2, -1.0)):  # a turn about z goes with a push along y, about y along -z
+        strong = np.argmax(np.abs(rows[:, 3:]), axis=1) == i
+        for rank, k in enumerate(np.flatnonzero(strong)[np.argsort(parts.frequencies[strong])]):
+            lever = LEVERS[rank] if rank < LEVERS.size else np.pi * (rank + 0.5)
+            rows[k, force] = sign * lever * rows[k, 3 + i] / length
+    scale = np.sqrt(np.outer(np.diag(rigid), np.diag(rigid)))
+    while np.linalg.eigvalsh((rigid - rows.T @ rows) / scale)[0] <= 0.0 and np.any(np.abs(rows[:, :3]) > 1e-9):
+        for block in (rows[:, :3], rigid[3:, :3], rigid[:3, 3:]):
+            block *= SAFE
+    return rigid, rows, length

@@ -22,48 +22,40 @@ def from_table(table: ModalTable, prior: Prior, at: str) -> Identification:
         InputError: the prior has no mode near a measured one.
     """
     w = table.frequencies
-    first = None
+    spread = ACCURACY**2 * np.eye(w.size)
     of = _nearest(w, prior.parts.frequencies, table.source)
-    wanted = np.log(w)
-    if prior.spec.imported is None:
-        first = update(prior, of, wanted, ACCURACY**2 * np.eye(w.size), None, moments=False)
-        assert first is not None
+    first = update(prior, of, np.log(w), spread, None, moments=False)
+    if first is not None:  # the scaled beam may have other modes near those measured
         better = read_prior(scaled(prior.spec, np.array([np.log(first.ratio), 0.0])), prior.parts.hub)
         of = _nearest(w, better.parts.frequencies, table.source)
-        first = update(prior, of, wanted, ACCURACY**2 * np.eye(w.size), None, moments=False)
+        first = update(prior, of, np.log(w), spread, None, moments=False)
     said = [
-        "participation and rigid mass: a table of frequencies says nothing of them; they are the prior's, with "
-        "its width."
+        "participation and rigid mass: a table of frequencies says nothing of them; they are the prior's, with its width."
     ]
-    modes = list[IdentifiedMode]()
-    for i, j in enumerate(of):
-        damping = prior.parts.damping[j] if table.damping is None else table.damping[i]
-        row = prior.parts.participation[j]
-        remark = "participation comes from the prior" + ("; damping too" if table.damping is None else "")
-        modes.append(
-            IdentifiedMode(
-                i + 1,
-                float(w[i]),
-                float(damping),
-                row,
-                ACCURACY * float(w[i]),
-                float(damping) * prior.widths[1],
-                np.abs(row) * prior.widths[2],
-                table.damping is not None,
-                remark,
-            )
+    damping = prior.parts.damping[of] if table.damping is None else table.damping
+    remark = "participation comes from the prior" + ("; damping too" if table.damping is None else "")
+    modes = [
+        IdentifiedMode(
+            i + 1,
+            float(w[i]),
+            float(z),
+            row,
+            ACCURACY * float(w[i]),
+            float(z) * prior.widths[1],
+            np.abs(row) * prior.widths[2],
+            table.damping is not None,
+            remark,
         )
+        for i, (z, row) in enumerate(zip(damping, prior.parts.participation[of], strict=True))
+    ]
     warnings = list[str]()
     if first is not None:
         said += first.undetermined
-        if any("beam model" in one for one in first.undetermined):
-            warnings.append(
-                Caution("prior-contradicted", next(one for one in first.undetermined if "beam model" in one))
-            )
+        warnings += [Caution("prior-contradicted", one) for one in first.undetermined if "beam model" in one][:1]
     warnings.append(Caution("undetermined", f"the log leaves {len(said)} thing(s) undetermined; see `undetermined`."))
     names = [f"mode{i + 1}.{kind}" for kind in ("frequency", "damping", "participation") for i in range(w.size)]
-    sd = np.concatenate([ACCURACY * w, [m.damping_std for m in modes], np.full(w.size, prior.widths[2])])
-    order = Order(w.size, float("nan"), float("nan"), w, np.array([m.damping for m in modes]))
+    sd = np.concatenate([ACCURACY * w, damping * prior.widths[1], np.full(w.size, prior.widths[2])])
+    order = Order(w.size, float("nan"), float("nan"), w, damping)
     return Identification(
         tuple(modes),
         tuple(names),
@@ -76,19 +68,17 @@ def from_table(table: ModalTable, prior: Prior, at: str) -> Identification:
         first,
         {},
         {},
+        {},
         source=f"table at {at}",
     )
 
 
 def _nearest(measured: Array, known: Array, source: str) -> list[int]:
     cost = np.abs(np.log(measured[:, None] / known[None, :]))
-    of = [-1] * measured.size
-    for i, j in zip(*linear_sum_assignment(cost), strict=True):
-        of[i] = int(j)
-    for i, j in enumerate(of):
-        if j < 0 or cost[i, j] > FAR:
+    of = {int(i): int(j) for i, j in zip(*linear_sum_assignment(cost), strict=True)}
+    for i, w in enumerate(measured):
+        if i not in of or cost[i, of[i]] > FAR:
             raise InputError(
-                f"{source}: the prior has no mode near {measured[i]:.5g} rad/s; give it more modes, or check "
-                "the unit (frequency is in Hz)."
+                f"{source}: the prior has no mode near {w:.5g} rad/s; give it more modes, or check the unit (frequency is in Hz)."
             )
-    return of
+    return [of[i] for i in range(measured.size)]

@@ -97,20 +97,18 @@ def update(
         return seen_of(parts, axes, [of[i] for i in pick])[: len(known)]
 
     def residual(logs: Array) -> Array:
-        return np.asarray(
-            np.concatenate([np.linalg.solve(noise, model(logs) - target), 1e-3 * logs / BELIEF]), dtype=np.float64
-        )
+        left = [np.linalg.solve(noise, model(logs) - target), 1e-3 * logs / BELIEF]
+        return np.concatenate(left, dtype=np.float64)
 
     def rough(logs: Array) -> Array:
         return np.concatenate([(model(logs) - target) / ROUGH, 1e-3 * logs / BELIEF])
 
-    near = least_squares(rough, np.zeros(len(names)), diff_step=np.full(len(names), 1e-4), max_nfev=15)
+    steps = np.ones(len(names))
+    near = least_squares(rough, 0.0 * steps, diff_step=1e-4 * steps, max_nfev=15)
     # the median rather than the mean of contradictory modes
-    found = least_squares(
-        residual, near.x, loss="soft_l1", diff_step=np.full(len(names), 1e-5), x_scale=1e-2, max_nfev=15
-    )
+    found = least_squares(residual, near.x, loss="soft_l1", diff_step=1e-5 * steps, x_scale=1e-2, max_nfev=15)
     logs = np.asarray(found.x)
-    left = np.asarray(residual(logs))[: len(known)]
+    left = residual(logs)[: len(known)]
     jacobian = np.array(
         [(residual(logs + step) - residual(logs - step)) / 2e-3 for step in 1e-3 * np.eye(len(names))]
     ).T[: len(known)]
@@ -123,28 +121,24 @@ def update(
     misfit[pick] = np.expm1((target - model(logs))[: len(pick)])
     said = list[str]()
     open_ones = [name for name, s in zip(names, sd, strict=True) if s > UNKNOWN]
+    ratio_sd = float(np.sqrt(ratio @ spread @ ratio))
     if open_ones:
-        said.append(
-            f"the beam's {' and '.join(open_ones)} cannot be told from these data"
-            + (
-                "; only stiffness over mass can."
-                if {"stiffness", "mass"} <= set(open_ones) and float(ratio @ spread @ ratio) < UNKNOWN**2
-                else "."
-            )
+        only = (
+            "; only stiffness over mass can" if {"stiffness", "mass"} <= set(open_ones) and ratio_sd < UNKNOWN else ""
         )
-    for i, value in zip(pick, left[: len(pick)], strict=True):
-        if abs(value) > MISFIT:
-            said.append(
-                f"mode {i + 1} lies {100 * misfit[i]:.2g} % off the updated beam, more than its accuracy: an "
-                "error of the beam model, "
-                "not of the factors."
-            )
-    values = np.exp(logs)
+        said.append(f"the beam's {' and '.join(open_ones)} cannot be told from these data{only}.")
+    said += [
+        f"mode {i + 1} lies {100 * misfit[i]:.2g} % off the updated beam, more than its accuracy: an error of the beam model, "
+        "not of the factors."
+        for i, value in zip(pick, left[: len(pick)], strict=True)
+        if abs(value) > MISFIT
+    ]
+    values, told = np.exp(logs), float(np.exp(ratio @ logs))
     return Update(
-        {n: float(v) if n not in open_ones else 1.0 for n, v in zip(names, values, strict=True)},
-        {n: float(v * s) if n not in open_ones else float("nan") for n, v, s in zip(names, values, sd, strict=True)},
-        float(np.exp(ratio @ logs)),
-        float(np.exp(ratio @ logs) * np.sqrt(ratio @ spread @ ratio)),
+        {n: 1.0 if n in open_ones else float(v) for n, v in zip(names, values, strict=True)},
+        {n: np.nan if n in open_ones else float(v) for n, v in zip(names, values * sd, strict=True)},
+        told,
+        told * ratio_sd,
         misfit,
         tuple(said),
     )

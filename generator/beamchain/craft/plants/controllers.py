@@ -42,7 +42,7 @@ class Filter(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Loop(Filter, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One loop of a controller, `input = -K(s) output`: negative feedback."""
+    """One loop of a controller, `input = -K(s) output`: negative feedback. Loops on one input add up."""
 
     input: Annotated[str, field("input of the plant that the loop drives")]
     output: Annotated[str, field("output of the plant that the loop measures")]
@@ -72,19 +72,13 @@ def read_controller(path: str | Path | Controller) -> Controller:
 
 
 def places(controller: Controller, inputs: list[str], outputs: list[str]) -> tuple[list[int], list[int]]:
-    """Outputs and inputs of a plant that the loops take, by number.
-
-    Raises:
-        InputError: a loop names no signal of the plant, or two drive the same input.
-    """
-    rows, columns = (
-        [place(getattr(loop, kind), labels, kind) for loop in controller.loop]
-        for kind, labels in (("output", outputs), ("input", inputs))
-    )
-    if not controller.loop or len(set(columns)) < len(columns):
+    """Outputs and inputs of a plant that the loops take, by number."""
+    if not controller.loop:
         raise InputError(
-            "the controller needs at least one [[loop]], and every input at most one; add them up into one."
+            "the controller has no loop; give at least one [[loop]] with input, output, numerator, denominator."
         )
+    rows = [place(loop.output, outputs, "output") for loop in controller.loop]
+    columns = [place(loop.input, inputs, "input") for loop in controller.loop]
     return rows, columns
 
 
@@ -109,9 +103,8 @@ def realised(controller: Controller) -> tuple[Array, Array, Array, Array]:
 
 def _balanced(loop: Loop) -> tuple[Array, Array, Array, Array]:
     """One loop with its states scaled alike; the companion form alone has entries as large as the delay's to the power -6."""
-    tops, bottoms = zip(
-        control.pade(loop.delay, ORDER), *((part.numerator, part.denominator) for part in loop.parts), strict=True
-    )
+    fractions = control.pade(loop.delay, ORDER), *((part.numerator, part.denominator) for part in loop.parts)
+    tops, bottoms = zip(*fractions, strict=True)
     top, bottom = (np.trim_zeros(reduce(np.polymul, polynomials), "f") for polynomials in (tops, bottoms))
     if bottom.size == 1:
         return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.full((1, 1), (top.sum() / bottom)[0])

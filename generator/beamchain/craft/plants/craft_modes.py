@@ -1,6 +1,6 @@
 """A craft with its signals, linear at a point: normal modes and modal form, continuous, sampled, or exact."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,10 +12,9 @@ from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import port_motion
 from beamchain.craft.plants.modal_form import SAMPLED, ModalForm, modal_form
 from beamchain.craft.plants.normal_modes import NormalModes, cantilever_names, dof_names, mode_names, normal_modes
-from beamchain.craft.plants.operating_point import At, OperatingPoint, operating_point
-from beamchain.craft.plants.sampled import step_slopes
-from beamchain.craft.plants.second_order import SecondOrder, second_order
-from beamchain.craft.plants.signals import Input, Output, actuator_names, inputs_of, outputs_of
+from beamchain.craft.plants.operating_point import At, OperatingPoint, Rates, operating_point
+from beamchain.craft.plants.second_order import SecondOrder, second_order, step_slopes
+from beamchain.craft.plants.signals import Input, Names, Output, actuator_names, inputs_of, outputs_of
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.ports.compose import in_space
@@ -28,16 +27,10 @@ FAR = 25.0  # times the highest kept frequency: modes beyond are gathered with t
 
 @dataclass(frozen=True, eq=False)
 class LinearCraft:
-    """A craft, linear at an operating point.
+    """A craft, linear at an operating point, whose model holds the step of a sampled plant.
 
-    Args:
-        linear: of second order.
-        inputs, outputs: signals.
-        labels: name and unit of every degree of freedom.
-        names: of appendages' modes and sprung joints.
-        rows: what those take of a shape.
-        lags: names of the actuators with a state.
-        point: where; its model holds the step of a sampled plant.
+    `labels`: name and unit of every degree of freedom. `names`: of appendages' modes and sprung joints, which take `rows` of
+    a shape. `lags`: names of the actuators with a state.
     """
 
     linear: SecondOrder
@@ -54,78 +47,52 @@ class LinearCraft:
         """Rigid motions and normal modes."""
         return normal_modes(self.linear.mass, self.linear.stiffness)
 
+    @property
+    def signals(self) -> tuple[list[str], list[str], list[str], list[str]]:
+        """Labels of inputs and outputs, and their units."""
+        labels, units = ([w for one in self.outputs for w in getattr(one, words)] for words in ("labels", "units"))
+        return [i.label for i in self.inputs], labels, [i.unit for i in self.inputs], units
+
     @cached_property
     def mode_names(self) -> tuple[str, ...]:
         """Names of the normal modes."""
         return tuple(mode_names(self.modes.shapes, self.names, self.rows))
 
     def form(self, sampled: bool = False, modes: NormalModes | None = None, names: Sequence[str] = ()) -> ModalForm:
-        """The craft in modal blocks; sampled: of `(A - 1)/h` and `B/h` of one step.
+        """The craft in modal blocks; sampled: of `(A - 1)/h` and `B/h` of one step of MuJoCo.
 
-        Args:
-            sampled: one step of MuJoCo instead of continuous time.
-            modes, names: the normal modes in another order; their own where left out.
+        `modes`, `names`: the normal modes in another order; their own where left out.
         """
         system = self.linear.first_order
         if sampled:
-            a, b = step_slopes(self.point, self.linear, list(self.inputs))
+            a, b = step_slopes(self.point, self.linear, self.inputs)
             h = float(self.point.model.opt.timestep)
             system = (a - np.eye(a.shape[0])) / h, b / h, *system[2:]
-        return modal_form(
-            modes or self.modes, system, self.labels, names or self.mode_names, self.lags, SAMPLED if sampled else 1.0
-        )
+        noise, words = SAMPLED if sampled else 1.0, names or self.mode_names
+        return modal_form(modes or self.modes, system, self.labels, words, self.lags, noise)
 
 
-def linear_craft(
-    model: "mujoco.MjModel",
-    at: At,
-    rates: Mapping[str, float] | None,
-    inputs: Sequence[str] | None,
-    outputs: Sequence[str] | None,
-) -> LinearCraft:
-    """A compiled model with its signals, linear at a point; arguments as in `plant`.
-
-    Raises:
-        InputError: nothing in the model is held by a spring.
-    """
+def linear_craft(model: "mujoco.MjModel", at: At, rates: Rates, inputs: Names, outputs: Names) -> LinearCraft:
+    """A compiled model with its signals, linear at a point; arguments as in `plant`."""
     point = operating_point(model, at, rates)
     driven, seen = inputs_of(point, inputs), outputs_of(point, outputs)
     linear = second_order(point, driven, seen)
     ready = point.model
     names, rows = cantilever_names(ready, linear.mass, linear.stiffness)
-    return LinearCraft(
-        linear, tuple(driven), tuple(seen), tuple(dof_names(ready)), tuple(names), rows, _lags(ready), point
-    )
+    signals, labels = (tuple(driven), tuple(seen)), tuple(dof_names(ready))
+    return LinearCraft(linear, *signals, labels, tuple(names), rows, _lags(ready), point)
 
 
-def exact_craft(
-    embedded: Embedded,
-    point: OperatingPoint,
-    inputs: Sequence[str] | None,
-    outputs: Sequence[str] | None,
-    omega: float,
-) -> LinearCraft:
+def exact_craft(embedded: Embedded, point: OperatingPoint, inputs: Names, outputs: Names, omega: float) -> LinearCraft:
     """The bare spacecraft with all modes of its appendages, at the pose and rates of a point of the whole model.
 
-    Args:
-        embedded: what was embedded.
-        point: of the model with its appendages.
-        inputs, outputs: names, as in `plant`.
-        omega: highest frequency of interest [rad/s].
-
-    Raises:
-        InputError: a signal belongs to an appendage, or reads what hangs on it.
+    `inputs` and `outputs` are names as in `plant`, `omega` the highest frequency of interest [rad/s].
     """
     items = carried(embedded.model, embedded.appendages)
     new = {dof for item in items for dof in item.dofs}
     old = [i for i in range(embedded.model.nv) if i not in new]
-    joints = [j for j in range(embedded.model.njnt) if int(embedded.model.jnt_dofadr[j]) not in new]
-    places = [
-        int(embedded.model.jnt_qposadr[j]) + i
-        for j in joints
-        for i in range((7, 4, 1, 1)[int(embedded.model.jnt_type[j])])
-    ]
-    bare = operating_point(embedded.craft, point.qpos[places])
+    poses = zip(np.split(point.qpos, embedded.model.jnt_qposadr[1:]), embedded.model.jnt_dofadr, strict=True)
+    bare = operating_point(embedded.craft, np.concatenate([pose for pose, dof in poses if int(dof) not in new]))
     bare = OperatingPoint(bare.model, bare.qpos, point.qvel[old])
     try:
         driven, seen = inputs_of(bare, inputs), outputs_of(bare, outputs)
@@ -135,16 +102,15 @@ def exact_craft(
         raise InputError(
             f"output {far[0]!r} reads what hangs on its body, which the exact plant cannot; leave it out of outputs."
         )
-    data = bare.data()
+    data, labels = bare.data(), dof_names(bare.model)
     jacobians = [port_motion(bare.model, data, item) for item in items]
     models = [_whole(a, item, omega) for a, item in zip(embedded.appendages, items, strict=True)]
-    own = second_order(bare, driven, seen)
-    linear = own.with_appendages(jacobians, models)
-    labels = dof_names(bare.model)
+    linear = second_order(bare, driven, seen).with_appendages(jacobians, models)
     for a, model in zip(embedded.appendages, models, strict=True):
         labels += [(name, "") for name in _names(a.prefix, model)]
-    sprung = [i for i in range(linear.mass.shape[0]) if linear.stiffness[i, i] > 0.0]
-    rows = np.sqrt(np.diag(linear.stiffness))[sprung][:, None] * np.eye(linear.mass.shape[0])[sprung]
+    springs = np.diag(linear.stiffness)
+    sprung = np.flatnonzero(springs > 0.0)
+    rows = np.diag(np.sqrt(np.maximum(springs, 0.0)))[sprung]
     names = tuple(labels[i][0] for i in sprung)
     return LinearCraft(linear, tuple(driven), tuple(seen), tuple(labels), names, rows, _lags(bare.model), bare)
 

@@ -3,7 +3,7 @@
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -14,32 +14,20 @@ SUFFIXES = (".npz", ".json", ".mat")
 
 
 def write(path: str | Path, record: Mapping[str, Any], *, force: bool) -> Path:
-    """Write a record of arrays, numbers and lists of words; whole or not at all.
-
-    Args:
-        path: its ending says the format.
-        record: by name.
-        force: replace a file that exists.
-
-    Raises:
-        InputError: the ending is unknown.
-        OutputError: the file exists and `force` is False, or cannot be written.
-    """
+    """Write a record of arrays, numbers and lists of words by name, in the format that the path's ending says."""
     place = Path(path)
     if place.suffix.lower() not in SUFFIXES:
         raise InputError(f"path = {str(place)!r} ends in {place.suffix!r}; write to a name in {', '.join(SUFFIXES)}.")
+    stream: Any = io.BytesIO()
     if place.suffix.lower() == ".json":
-        content: str | bytes = to_json(dict(record))
+        stream.write(to_json(dict(record)).encode())
+    elif place.suffix.lower() == ".npz":
+        np.savez(stream, allow_pickle=False, **{name: np.asarray(value) for name, value in record.items()})
     else:
-        stream = io.BytesIO()
-        if place.suffix.lower() == ".npz":
-            np.savez(stream, allow_pickle=False, **{name: np.asarray(value) for name, value in record.items()})
-        else:
-            from scipy.io import savemat
+        from scipy.io import savemat
 
-            savemat(cast("Any", stream), {name: _matlab(value) for name, value in record.items()})
-        content = stream.getvalue()
-    write_files({place: content}, force=force)
+        savemat(stream, {name: _matlab(value) for name, value in record.items()})
+    write_files({place: stream.getvalue()}, force=force)
     return place
 
 

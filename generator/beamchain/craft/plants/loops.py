@@ -1,24 +1,30 @@
-"""Margins of a controller on a plant: classical, delay and disk margins of every loop with the others closed."""
+"""Margins of a controller on a plant: classical, delay and disk margins at every input with the others closed."""
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import control
 import numpy as np
 
-from beamchain.craft.plants.controllers import Controller, Loop, Response, places, realised, response
+from beamchain.craft.plants.controllers import Controller, Response, places, realised, response
 from beamchain.craft.plants.realisation import Plant
+from beamchain.craft.robust.systems import taking_part
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
+from beamchain.steps.modal import FILLER
 
 UNSEEN = 1e-9  # relative, below which a state takes no part in a loop
+HEAD = ("input broken", "closed loop", "margin", "value", "at, rad/s")
 GROWS = 1e-9  # relative real part of a pole, below which it is rounding
 
 
 class Margins(NamedTuple):
-    """Margins of a loop at the input of the plant, the other loops closed; infinite where there is no limit.
+    """Margins at an input of the plant, the loops of all others closed; infinite where there is no limit.
+
+    Of an unstable closed loop they are not defined: NaN.
 
     Args:
-        loop: the loop.
+        input, outputs: the input that is broken, and what its loops measure.
         stable: whether the closed loop is stable, all loops together.
         gain: factor by which the gain may rise, and `gain_frequency` at which the loop then rings [rad/s].
         lowest_gain: factor below one to which it may fall; 0 where it may vanish.
@@ -28,7 +34,8 @@ class Margins(NamedTuple):
         omega, response: `(k,)` [rad/s] and the open loop's response.
     """
 
-    loop: Loop
+    input: str
+    outputs: tuple[str, ...]
     stable: bool
     gain: float
     gain_frequency: float
@@ -43,25 +50,45 @@ class Margins(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON, without the curve; None where there is no limit."""
-        values = {"input": self.loop.input, "output": self.loop.output, **self._asdict()}
+        values = {"input": self.input, "output": " + ".join(self.outputs), **self._asdict()}
         return {
             key: None if isinstance(value, float) and not np.isfinite(value) else value
             for key, value in values.items()
-            if key not in ("loop", "omega", "response")
+            if key not in ("outputs", "omega", "response")
         }
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Rows below `HEAD`, one per margin."""
+
+        def words(value: float) -> str:
+            return "no limit" if np.isinf(value) else "-" if np.isnan(value) else f"{value:.4g}"
+
+        state = "stable" if self.stable else "UNSTABLE"
+        return [
+            (self.name, state, "gain, factor", words(self.gain), words(self.gain_frequency)),
+            ("", "", "gain down to, factor", words(self.lowest_gain), ""),
+            ("", "", "phase, degrees", words(self.phase), words(self.phase_frequency)),
+            ("", "", "delay, s", words(self.delay), ""),
+            ("", "", "disk", words(self.disk), words(self.disk_frequency)),
+        ]
+
+    @property
+    def name(self) -> str:
+        """Input and what its loops measure."""
+        return f"{self.input} from {' + '.join(self.outputs)}"
 
 
 def margins(plant: Plant, controller: Controller) -> list[Margins]:
-    """Margins of every loop, the others closed.
+    """Margins at every input that a loop drives, the loops of the other inputs closed.
 
-    The open loop at an input with the other loops closed is `1/[(1 + K G)^-1]_ii - 1`; dead times are exact in it.
+    The open loop at an input with the others closed is `1/[(1 + K G)^-1]_ii - 1`; dead times are exact in it.
 
     Args:
         plant: continuous.
         controller: its loops.
 
     Raises:
-        InputError: a loop names no signal of the plant, two drive the same input, or the plant is discrete.
+        InputError: a loop names no signal of the plant, or the plant is discrete.
     """
     if plant.dt:
         raise InputError("margins are those of the continuous plant; leave discrete out and give each loop its delay.")
@@ -69,24 +96,43 @@ def margins(plant: Plant, controller: Controller) -> list[Margins]:
     stable, poles = _closed(plant, controller, rows, columns)
     omega = _grid(plant, poles)
     s = (1j * omega).astype(np.complex128)
+    inputs = list(dict.fromkeys(columns))
+    drives = np.equal.outer(inputs, columns).astype(np.float64)
     own = np.array([response(loop, s) for loop in controller.loop])
-    through = own[:, None, :] * np.asarray(plant(s, squeeze=False))[np.ix_(rows, columns, range(omega.size))]
-    inverse: Any = np.linalg.inv(np.eye(len(rows)) + np.moveaxis(through, -1, 0))
+    through = own[:, None, :] * np.asarray(plant(s, squeeze=False))[np.ix_(rows, inputs, range(omega.size))]
+    inverse: Any = np.linalg.inv(np.eye(len(inputs)) + np.einsum("il,ljk->kij", drives, through))
     return [
-        _margins(loop, stable, omega, (1.0 / inverse[:, i, i] - 1.0).astype(np.complex128))
-        for i, loop in enumerate(controller.loop)
-    ]
+        _margins(
+            plant.input_labels[column],
+            tuple(loop.output for loop, at in zip(controller.loop, columns, strict=True) if at == column),
+            stable, omega, (1.0 / inverse[:, i, i] - 1.0).astype(np.complex128),
+        )
+        for i, column in enumerate(inputs)
+    ]  # fmt: skip
+
+
+def beyond(plant: Plant, found: Iterable[Margins]) -> list[str]:
+    """What to say of margins at frequencies that the plant's kept modes do not reach."""
+    top = max(
+        (w for name, w in zip(plant.modes, plant.frequency, strict=True) if not FILLER.search(name)), default=np.inf
+    )
+    return [
+        f"the {what} margin of {margins.name} is at {omega:.4g} rad/s, above the highest mode kept ({top:.4g} rad/s); before it "
+        "is relied on keep more modes, for example by a scene with a larger bandwidth."
+        for margins in found
+        for what, omega in (
+            ("gain", margins.gain_frequency), ("phase", margins.phase_frequency), ("disk", margins.disk_frequency)
+        )
+        if top < omega < np.inf
+    ]  # fmt: skip
 
 
 def _closed(plant: Plant, controller: Controller, rows: list[int], columns: list[int]) -> tuple[bool, Response]:
     """Whether the closed loop is stable, and its poles, of the states that take part in it."""
     a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
     b, c = b[:, columns], c[rows]
-    link = np.abs(a) > 0.0
     driven, seen = (np.abs(m).max(axis=1) > UNSEEN * np.abs(m).max(initial=1e-300) for m in (b, c.T))
-    for _ in range(a.shape[0]):
-        driven, seen = driven | (link @ driven), seen | (link.T @ seen)
-    keep = np.flatnonzero(driven & seen).tolist()
+    keep = taking_part(np.abs(a) > 0.0, driven, seen)
     system = control.ss(a[np.ix_(keep, keep)], b[keep], c[:, keep], d[np.ix_(rows, columns)])
     own: Any = control.ss(*realised(controller))
     closed: Any = control.feedback(system, own)
@@ -96,10 +142,9 @@ def _closed(plant: Plant, controller: Controller, rows: list[int], columns: list
 
 def _grid(plant: Plant, poles: Response) -> Array:
     """`(k,)` frequencies that resolve the modes and the closed loop's poles [rad/s]."""
-    size = np.abs(np.concatenate([poles[np.abs(poles) > 0.0], plant.frequency]))
-    ratio = np.abs(
-        np.concatenate([-poles.real[np.abs(poles) > 0.0] / np.abs(poles[np.abs(poles) > 0.0]), plant.damping_ratio])
-    )
+    poles = poles[np.abs(poles) > 0.0]
+    size = np.abs(np.concatenate([poles, plant.frequency]))
+    ratio = np.abs(np.concatenate([-poles.real / np.abs(poles), plant.damping_ratio]))
     near = np.sinh(np.linspace(-6.0, 6.0, 121))
     fine = size[:, None] * (1.0 + np.clip(ratio, 1e-6, 0.02)[:, None] * near)
     wide = np.geomspace(0.01 * size.min(), 10.0 * size.max(), 3000)
@@ -107,23 +152,20 @@ def _grid(plant: Plant, poles: Response) -> Array:
     return grid[(grid >= wide[0]) & (grid <= wide[-1])]
 
 
-def _margins(loop: Loop, stable: bool, omega: Array, response: Response) -> Margins:
+def _margins(name: str, outputs: tuple[str, ...], stable: bool, omega: Array, response: Response) -> Margins:
     """Margins of one open loop, on its grid."""
+    if not stable:
+        no = float("nan")
+        return Margins(name, outputs, stable, no, no, no, no, no, no, no, no, omega, response)
     frd = control.FrequencyResponseData(response, omega, smooth=True)
-    gains, phases, _, at_gain, at_phase, _ = control.stability_margins(frd, returnall=True)
-    gains, at_gain, phases, at_phase = (
-        np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (gains, at_gain, phases, at_phase)
+    gains, phases, _, at_gain, at_phase, _ = (
+        np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in control.stability_margins(frd, returnall=True)
     )
-    up, down = gains > 1.0, (gains < 1.0) & (gains > 0.0)
-    k = int(np.argmin(np.where(up, gains, np.inf))) if np.any(up) else -1
-    p = int(np.argmin(np.abs(phases))) if phases.size else -1
-    later = np.radians(np.mod(phases, 360.0)) / at_phase if phases.size else np.array([np.inf])
+    up, down = gains > 1.0, gains[(gains < 1.0) & (gains > 0.0)]
+    gain = min(zip(gains[up], at_gain[up], strict=True), default=(np.inf, np.inf))
+    phase = min(zip(phases, at_phase, strict=True), key=lambda found: abs(found[0]), default=(np.inf, np.inf))
+    later = np.radians(np.mod(phases, 360.0)) / at_phase
     size = np.abs((1.0 - response) / (1.0 + response))
-    worst = int(np.argmax(size))
-    nothing = float("inf")
-    return Margins(
-        loop, stable, float(gains[k]) if k >= 0 else nothing, float(at_gain[k]) if k >= 0 else nothing,
-        float(np.max(gains[down], initial=0.0)), float(phases[p]) if p >= 0 else nothing,
-        float(at_phase[p]) if p >= 0 else nothing, float(later.min()), float(2.0 / size[worst]), float(omega[worst]),
-        omega, response,
-    )  # fmt: skip
+    worst = np.argmax(size)
+    numbers = *gain, down.max(initial=0.0), *phase, later.min(initial=np.inf), 2.0 / size[worst], omega[worst]
+    return Margins._make((name, outputs, stable, *(float(number) for number in numbers), omega, response))

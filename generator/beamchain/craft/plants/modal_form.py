@@ -6,7 +6,7 @@ is taken apart in the same way, by `(A - 1)/h` instead of A.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -42,12 +42,8 @@ class Block(NamedTuple):
 class ModalForm:
     """All states of a craft: rigid positions, rigid rates, what else there is, oscillators by mode.
 
-    Args:
-        a, b, c, d: over all states.
-        names, units: of the states.
-        weight: size of each, so that states compare.
-        rigid: number of rigid positions, and of rigid rates.
-        limit: relative, below which nothing is driven or seen.
+    `weight` is the size of each state, so that they compare; `rigid` the number of rigid positions, and of rigid rates;
+    relatively below `limit` nothing is driven or seen.
     """
 
     a: Array
@@ -70,12 +66,19 @@ class ModalForm:
             seen, driven = seen | (seen @ link > 0), driven | (link @ driven > 0)
         return seen & driven
 
+    def oscillators(self, names: Sequence[str]) -> list[str]:
+        """Those of the names that stand for a state and its rate."""
+        return [name for name in names if {name, f"{name}_rate"} <= set(self.names)]
+
+    def minimal(self) -> "ModalForm":
+        """Only the states that something drives and something sees."""
+        return self.reduced(self.active()).spanned()
+
     def picked(self, pick: list[int], rigid: tuple[int, int]) -> "ModalForm":
         """Some of the states, in this order."""
-        return ModalForm(
-            self.a[np.ix_(pick, pick)], self.b[pick], self.c[:, pick], self.d, tuple(self.names[i] for i in pick),
-            tuple(self.units[i] for i in pick), self.weight[pick], rigid, self.limit,
-        )  # fmt: skip
+        names, units = (tuple(words[i] for i in pick) for words in (self.names, self.units))
+        a, b, c, weight = self.a[np.ix_(pick, pick)], self.b[pick], self.c[:, pick], self.weight[pick]
+        return replace(self, a=a, b=b, c=c, names=names, units=units, weight=weight, rigid=rigid)
 
     def reduced(self, keep: Flags) -> "ModalForm":
         """Only the states that are kept; a rigid rate stands behind its position."""
@@ -119,22 +122,13 @@ def _range(matrix: Array, limit: float) -> tuple[Array, list[int]]:
 
 
 def modal_form(
-    modes: NormalModes,
-    system: tuple[Array, Array, Array, Array],
-    labels: Sequence[tuple[str, str]],
-    names: Sequence[str],
-    lags: Sequence[str] = (),
-    noise: float = 1.0,
-) -> ModalForm:
-    """A craft's first-order system in modal blocks.
+    modes: NormalModes, system: tuple[Array, Array, Array, Array], labels: Sequence[tuple[str, str]], names: Sequence[str],
+    lags: Sequence[str], noise: float,
+) -> ModalForm:  # fmt: skip
+    """A craft's first-order system A, B, C, D over (q, q', a) in modal blocks; its normal modes give the coordinates.
 
-    Args:
-        modes: its rigid motions and normal modes, which give the coordinates.
-        system: A, B, C, D over (q, q', a).
-        labels: name and unit of every degree of freedom.
-        names: of the normal modes.
-        lags: names of the actuators' states.
-        noise: of the system, beside that of continuous time.
+    `labels`: name and unit of every degree of freedom. `names`: of the normal modes. `lags`: of the actuators' states.
+    `noise`: of the system, beside that of continuous time.
     """
     nr, nf, own = modes.rigid.shape[1], modes.frequency.size, [labels[i] for i in modes.pivots]
     there, back = modes.transformation(len(lags))
@@ -192,10 +186,8 @@ def _separated(
     together = np.linalg.cond(v) > SKEW if live else False
     if together or (live < size and np.linalg.cond(left[:, live:].T @ right[live:].T) > SKEW):
         factor = np.array([1.0 / w[i] if i < nf else weights[i] for i in mine])  # eta instead of w eta
-        order = (2, mine[flexible[0]]) if flexible else (1, 0)
-        return [
-            Block(order, np.diag(1.0 / factor), m * np.outer(factor, 1.0 / factor), [words[i] for i in mine], factor)
-        ]
+        order, states = (2, mine[flexible[0]]) if flexible else (1, 0), [words[i] for i in mine]
+        return [Block(order, np.diag(1.0 / factor), m * np.outer(factor, 1.0 / factor), states, factor)]
     out: list[Block] = []
     if live < size:
         basis, rows = _range(right[live:].T, 0.0)
@@ -221,7 +213,6 @@ def _separated(
         second = x.imag / pole.imag
         basis = np.column_stack([x.real - pole.real * second, second])  # x1' = x2, x = X1 + pole X2
         matrix = np.array([[0.0, 1.0], [-(abs(pole) ** 2), 2.0 * pole.real]])
-        out.append(
-            Block(order, basis, matrix, [(name, unit), (f"{name}_rate", rate)], np.array([1.0, abs(pole)]) * weight)
-        )
+        states = [(name, unit), (f"{name}_rate", rate)]
+        out.append(Block(order, basis, matrix, states, np.array([1.0, abs(pole)]) * weight))
     return out

@@ -1,6 +1,7 @@
 """Rigid motions and normal modes of a craft, and their names: joints, and the appendages' cantilever modes."""
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain.engine.library import mujoco
 from beamchain.ports.motions import Array
+from beamchain.steps.modal import FILLER, modal_tendons
 
 SLACK = 1e-13  # relative: springs weaker than this hold nothing
 HINGE = re.compile(r"(.+)_hinge\d+_(xy|xz|torsion|axial)$")
@@ -19,12 +21,7 @@ HINGE = re.compile(r"(.+)_hinge\d+_(xy|xz|torsion|axial)$")
 class NormalModes:
     """`q = rigid r + shapes eta`: `K rigid = 0`, modes of unit mass, free of the rigid motions.
 
-    Args:
-        rigid: `(nv, nr)`, 1 at its own degree of freedom.
-        pivots: those degrees of freedom.
-        shapes: `(nv, nf)`.
-        frequency: `(nf,)` ascending [rad/s].
-        mass: `(nv, nv)`.
+    `rigid` `(nv, nr)` is 1 at its own degrees of freedom, `pivots`; `shapes` `(nv, nf)`, `frequency` ascending [rad/s].
     """
 
     rigid: Array
@@ -65,9 +62,8 @@ def normal_modes(mass: Array, stiffness: Array) -> NormalModes:
     if not rest:
         return NormalModes(rigid, pivots, free, np.zeros(0), mass)
     moving = free.T @ mass @ free
-    inverse, shapes = eigh(
-        (moving + moving.T) / 2.0, stiffness[np.ix_(rest, rest)]
-    )  # low frequencies keep their digits
+    springs = stiffness[np.ix_(rest, rest)]
+    inverse, shapes = eigh((moving + moving.T) / 2.0, springs)  # inverse, so that low frequencies keep their digits
     inverse, shapes = inverse[::-1], shapes[:, ::-1]
     keep = inverse > 1e-15 * inverse[0]
     shapes = free @ (shapes[:, keep] / np.sqrt(inverse[keep]))
@@ -84,9 +80,8 @@ def dof_names(model: "mujoco.MjModel") -> list[tuple[str, str]]:
         kind, name = int(model.jnt_type[j]), str(model.joint(j).name) or f"joint {j}"
         if kind == 0:
             own = f"{model.body(int(model.jnt_bodyid[j])).name}_" if free > 1 else ""
-            out += [(f"{own}position_{axis}", "m") for axis in "xyz"] + [
-                (f"{own}attitude_{axis}", "rad") for axis in "xyz"
-            ]
+            parts = (("position", "m"), ("attitude", "rad"))
+            out += [(f"{own}{part}_{axis}", unit) for part, unit in parts for axis in "xyz"]
         elif kind == 1:
             out += [(f"{name}_{axis}", "rad") for axis in "xyz"]
         else:
@@ -97,34 +92,32 @@ def dof_names(model: "mujoco.MjModel") -> list[tuple[str, str]]:
 def cantilever_names(model: "mujoco.MjModel", mass: Array, stiffness: Array) -> tuple[list[str], Array]:
     """Names of the appendages' own modes (root held) and of other sprung joints, and `(c, nv)` what they take of a shape.
 
+    What chiefly strains tendons that make up a chain's mass beyond its kept modes is named `filler`, not `mode`.
     The square of what a row takes of a shape is the strain energy in that mode or joint.
     """
-    joints = [str(model.joint(int(j)).name) for j in model.dof_jntid]
-    parts: dict[str, list[int]] = {}
-    for i, joint in enumerate(joints):
-        if found := HINGE.fullmatch(joint):
-            parts.setdefault(found[1], []).append(i)
+    modal = modal_tendons(model)
+    fillers = [i for i, name in enumerate(modal.names) if FILLER.search(name)]
+    beyond = np.sqrt(modal.stiffness[fillers])[:, None] * modal.rows[fillers]
+    parts: dict[str, list[tuple[int, str]]] = {}
+    for i, j in enumerate(model.dof_jntid):
+        if found := HINGE.fullmatch(str(model.joint(int(j)).name)):
+            parts.setdefault(found[1], []).append((i, found[2]))
     names: list[str] = []
     rows: list[Array] = []
-    for name, dofs in parts.items():
-        pick = np.ix_(dofs, dofs)
-        inverse, shapes = eigh(mass[pick], stiffness[pick] + 1e-300 * np.eye(len(dofs)))
-        counts: dict[str, int] = {}
-        for value, shape in zip(inverse[::-1], shapes.T[::-1], strict=True):
+    for name, hinges in parts.items():
+        dofs, ports = [dof for dof, _ in hinges], np.array([port for _, port in hinges])
+        pick, counts = np.ix_(dofs, dofs), Counter[str]()
+        _, shapes = eigh(mass[pick], stiffness[pick] + 1e-300 * np.eye(len(dofs)))
+        for shape in shapes.T[::-1]:
             row = np.zeros(mass.shape[0])
             row[dofs] = stiffness[pick] @ shape  # shapes of unit strain energy
-            shares = np.abs(shape * row[dofs])
-            by_port: dict[str, float] = {}
-            for dof, share in zip(dofs, shares, strict=True):
-                found = HINGE.fullmatch(joints[dof])
-                port = found[2] if found else ""
-                by_port[port] = by_port.get(port, 0.0) + float(share)
-            port = max(by_port, key=lambda key: by_port[key])
-            counts[port] = counts.get(port, 0) + 1
-            names.append(f"{name}_mode{counts[port]}_{port}")
+            share = np.abs(shape * row[dofs])
+            port = max(dict.fromkeys(ports.tolist()), key=lambda port: float(share[ports == port].sum()))
+            kind = "filler" if float(np.sum((beyond[:, dofs] @ shape) ** 2)) > 0.5 else "mode"
+            counts[kind + port] += 1
+            names.append(f"{name}_{kind}{counts[kind + port]}_{port}")
             rows.append(row)
-            del value
-    taken = {i for dofs in parts.values() for i in dofs}
+    taken = {dof for hinges in parts.values() for dof, _ in hinges}
     for i, (name, _) in enumerate(dof_names(model)):
         if i not in taken and stiffness[i, i] > 0.0:
             names.append(name)

@@ -19,6 +19,7 @@ TURNED = 1.0  # rad by which a wheel is turned to see whether the mass matrix de
 CYCLIC = 1e-6  # relative change of the mass matrix below which it does not
 
 At = Any  # str | int | array of positions | Mapping[str, float | array]
+Rates = Mapping[str, float] | None  # of wheels, by joint [rad/s]
 
 
 class OperatingPoint(NamedTuple):
@@ -62,7 +63,7 @@ def left_out(model: "mujoco.MjModel") -> list[str]:
     found = (
         (gravity, "gravity", "the plant is one in free fall: the model's gravity is left out."),
         (medium, "medium", "the medium's density and viscosity are left out of the plant."),
-        (bool(model.neq), "equality", f"{model.neq} equality constraint(s) are left out of the plant."),
+        (model.neq, "equality", f"{model.neq} equality constraint(s) are left out of the plant."),
     )
     return [Caution(code, text) for there, code, text in found if there]
 
@@ -82,18 +83,8 @@ def grid_of(at: At) -> tuple[str, Array] | None:
     return name, np.array([number(f"at[{name!r}]", float(value), "rad") for value in values])
 
 
-def operating_point(model: "mujoco.MjModel", at: At = None, rates: Mapping[str, float] | None = None) -> OperatingPoint:
-    """The point that `at` and `rates` name, in a copy of the model without gravity, medium, constraints and clamps.
-
-    Args:
-        model: compiled.
-        at: name or number of a keyframe, `(nq,)` positions, angles by joint, or None: the pose of rest.
-        rates: of wheels, by joint [rad/s]; those of the keyframe where left out.
-
-    Raises:
-        InputError: there is no such keyframe or joint, a joint is outside its range, shapes touch, or something turns
-            that would change the plant while it turns.
-    """
+def operating_point(model: "mujoco.MjModel", at: At = None, rates: Rates = None) -> OperatingPoint:
+    """The point that `at` and `rates` of `plant` name, in a copy of the model without gravity, medium and constraints."""
     qpos, qvel = np.array(model.qpos0), np.zeros(model.nv)
     if isinstance(at, str | int | np.integer):
         key = _keyframe(model, at)

@@ -1,7 +1,9 @@
 """`plant`: the spacecraft as a control engineer's plant, at a pose or over the angles of a drive."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,18 +13,20 @@ from beamchain.checks import positive
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.plants.craft_modes import LinearCraft, exact_craft, linear_craft
 from beamchain.craft.plants.modal_form import ModalForm
-from beamchain.craft.plants.operating_point import At, compiled_model, grid_of, left_out, operating_point
+from beamchain.craft.plants.operating_point import At, Rates, compiled_model, grid_of, left_out, operating_point
 from beamchain.craft.plants.realisation import SAMPLED, Plant
-from beamchain.craft.plants.sampled import at_step, held_input
 from beamchain.craft.plants.scheduled import ScheduledPlant, follow
+from beamchain.craft.plants.signals import Names
 from beamchain.craft.robust.lft import Made
-from beamchain.craft.robust.uncertain_plant import UncertainPlant, uncertain_plant
+from beamchain.craft.robust.uncertain_plant import uncertain_plant
 from beamchain.craft.timing import without_time
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import InputError
-from beamchain.fitting.uncertain import UncertainCraft
-from beamchain.ports.motions import locked
+from beamchain.ports.motions import Array, locked
+from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.modal import FILLER, modal_tendons
+from beamchain.steps.retime import retime
 
 GROWS = 1e-5  # of a mode's discrete pole beyond the unit circle: more than what turning wheels do to it
 ROUNDING = 1e-9
@@ -91,38 +95,32 @@ def plant(
     if grid is None:
         craft, said = given.craft(at)
         form = craft.form(step is not None)
-        return given.plant(craft, form.reduced(form.active()).spanned(), craft.mode_names, [*left_out(whole), *said])
+        return given.plant(craft, form.minimal(), craft.mode_names, [*left_out(whole), *said])
     name, angles = grid
     crafts = follow(lambda angle: given.craft({**at, name: angle})[0], angles)
-    forms = [craft.form(step is not None, modes, crafts[0][0].mode_names) for craft, modes in crafts]
-    keep = np.any([form.active() for form in forms], axis=0)
-    plants = [
-        given.plant(craft, form.reduced(keep), crafts[0][0].mode_names, left_out(whole))
-        for (craft, _), form in zip(crafts, forms, strict=True)
-    ]
-    return ScheduledPlant(name, locked(angles), tuple(plants))
+    names, said = crafts[0][0].mode_names, left_out(whole)
+    forms = [(craft, craft.form(step is not None, modes, names)) for craft, modes in crafts]
+    keep = np.any([form.active() for _, form in forms], axis=0)
+    plants = tuple(given.plant(craft, form.reduced(keep), names, said) for craft, form in forms)
+    return ScheduledPlant(name, locked(angles), plants)
 
 
+@dataclass(frozen=True)
 class _Given:
     """What `plant` was asked for, apart from the pose."""
 
-    def __init__(
-        self,
-        embedded: Embedded | None,
-        model: "mujoco.MjModel",
-        rates: Mapping[str, float] | None,
-        inputs: Sequence[str] | None,
-        outputs: Sequence[str] | None,
-        step: float | None,
-    ) -> None:
-        self.embedded, self.model, self.rates, self.step = embedded, model, rates, step
-        self.inputs, self.outputs = inputs, outputs
+    embedded: Embedded | None
+    model: "mujoco.MjModel"
+    rates: Rates
+    inputs: Names
+    outputs: Names
+    step: float | None
 
     def craft(self, at: At) -> tuple[LinearCraft, list[str]]:
         """The craft at a pose, without time or at its step, and sentences on that step."""
         model, said = without_time(self.model), list[str]()
         if self.step is not None:
-            model, said = at_step(self.model, self.step, operating_point(model, at, self.rates).qpos)
+            model, said = _at_step(self.model, self.step, operating_point(model, at, self.rates).qpos)
         craft = linear_craft(model, at, self.rates, self.inputs, self.outputs)
         if not craft.modes.frequency.size:
             raise InputError(
@@ -133,37 +131,34 @@ class _Given:
 
     def plant(self, craft: LinearCraft, form: ModalForm, names: Sequence[str], said: Sequence[str]) -> Plant:
         """The plant of what is kept of a craft's modal form."""
-        modes = [name for name in names if {name, f"{name}_rate"} <= set(form.names)]
+        modes = form.oscillators(names)
         if not modes:
             said = [*said, "no flexible mode is both driven by the inputs and seen by the outputs."]
-        signals = [[i.label for i in craft.inputs], [label for o in craft.outputs for label in o.labels],
-                   [i.unit for i in craft.inputs], [unit for o in craft.outputs for unit in o.units]]  # fmt: skip
+        if beyond := [name for name in modes if FILLER.search(name)]:
+            said = [
+                *said,
+                f"{', '.join(beyond)}: no mode of an appendage, but what makes up a chain's mass beyond the modes kept; its "
+                "frequency predicts nothing. Keep more modes if a loop acts up there.",
+            ]
         if self.step is not None:
             form, grown = self._discrete(form, craft, self.step)
             said = [*said, *grown]
-        embedded = self.embedded
-
-        def uncertain(given: UncertainCraft | None) -> UncertainPlant:
-            return uncertain_plant(Made(craft, self.inputs, self.outputs), given, embedded)
-
-        pulled = SAMPLED if self.step is not None else uncertain
+        embedded, made = self.embedded, Made(craft, self.inputs, self.outputs)
+        pulled = SAMPLED if self.step is not None else partial(uncertain_plant, made, embedded)
         if embedded is None:
-            return Plant(form, signals, modes, said, self.step, uncertain=pulled)
+            return Plant(form, craft.signals, modes, said, self.step, uncertain=pulled)
 
         def exact(omega: float) -> Plant:
             true = exact_craft(embedded, craft.point, self.inputs, self.outputs, omega)
-            whole = true.form()
-            kept = whole.reduced(whole.active()).spanned()
-            return Plant(kept, signals, [name for name in true.mode_names if {name, f"{name}_rate"} <= set(kept.names)])
+            kept = true.form().minimal()
+            return Plant(kept, craft.signals, kept.oscillators(true.mode_names))
 
-        return Plant(form, signals, modes, said, self.step, exact, pulled)
+        return Plant(form, craft.signals, modes, said, self.step, exact, pulled)
 
     def _discrete(self, form: ModalForm, craft: LinearCraft, step: float) -> tuple[ModalForm, list[str]]:
         """A step from `(A - 1)/h`, its input averaged where the integrator gives the whole impulse at once."""
         said: list[str] = []
-        for name in form.names:
-            if f"{name}_rate" not in form.names or name.startswith("rigid_"):
-                continue
+        for name in form.oscillators([name for name in form.names if not name.startswith("rigid_")]):
             at = [form.names.index(word) for word in (name, f"{name}_rate")]
             size = float(np.abs(1.0 + step * np.linalg.eigvals(form.a[np.ix_(at, at)])).max())
             if size > 1.0 + GROWS and not name.startswith("nutation"):
@@ -177,10 +172,33 @@ class _Given:
         system = np.eye(form.a.shape[0]) + step * form.a, step * form.b, form.c, form.d
         if NUMBERS[int(self.model.opt.integrator)] == "RK4":
             return replace(form, a=system[0], b=system[1]), said
-        a, b, c, d = held_input(system)
-        more = [i.label for i in craft.inputs]
-        more_form = replace(
-            form, a=a, b=b, c=c, d=d, names=(*form.names, *(f"{label}_previous" for label in more)),
-            units=(*form.units, *(i.unit for i in craft.inputs)), weight=np.append(form.weight, np.ones(len(more))),
-        )  # fmt: skip
-        return more_form, said
+        a, b, c, d = _held_input(system)
+        names, units = (*form.names, *(f"{i.label}_previous" for i in craft.inputs)), (i.unit for i in craft.inputs)
+        weight = np.append(form.weight, np.ones(len(craft.inputs)))
+        return replace(form, a=a, b=b, c=c, d=d, names=names, units=(*form.units, *units), weight=weight), said
+
+
+def _at_step(model: "mujoco.MjModel", timestep: float, qpos: Array) -> "tuple[mujoco.MjModel, list[str]]":
+    """A copy of a model for a step [s], its appendages exact in time where they can be, and sentences on where not.
+
+    The craft's coupling is looked at in the pose `qpos`.
+    """
+    out, said = copy(model), list[str]()
+    out.opt.timestep = timestep
+    name, modal = NUMBERS[int(model.opt.integrator)], modal_tendons(model)
+    if modal.names and SCHEMES[name].exact:
+        made = {None if mark is None else (mark.timestep, mark.integrator) for mark in modal.made_for}
+        right = made == {(timestep, name)}
+        said += retime(copy(out) if right else out, timestep, name, form=4, qpos=qpos).slowed
+    else:
+        why = f"{name} cannot be made exact in time" if modal.names else "its flexible parts have no modal tendons"
+        said.append(Caution("not-exact-in-time", f"the discrete plant has the step's own error: {why}."))
+    return out, said
+
+
+def _held_input(system: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
+    """The same system fed with half of this and half of the previous input, which becomes a state (docs/theory.md, 5)."""
+    a, b, c, d = system
+    n, m = b.shape
+    both = np.block([[a, b / 2.0], [np.zeros((m, n + m))]])
+    return both, np.vstack([b / 2.0, np.eye(m)]), np.hstack([c, d / 2.0]), d / 2.0

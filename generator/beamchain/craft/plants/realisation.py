@@ -25,7 +25,8 @@ SAMPLED = "uncertain plants are continuous; leave discrete out."
 class Plant(control.StateSpace):
     """A spacecraft as `control.StateSpace`, in modal form, with names and units; made by `bc.plant`.
 
-    A, B, C and D are read-only. `input_labels`, `output_labels` and `state_labels` are control's.
+    A, B, C and D are read-only. `input_labels`, `output_labels` and `state_labels` are control's, their units stand in
+    `input_units`, `output_units` and `state_units`; `modes` are the names of the flexible modes.
 
     Args:
         form: what is kept of the craft's modal form.
@@ -35,6 +36,16 @@ class Plant(control.StateSpace):
         timestep: [s]; None: continuous.
         exact: makes the plant with all modes of the appendages up to a frequency; or why there is none.
         uncertain: makes the uncertain plant; or why there is none.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> shipped = files("beamchain") / "examples"
+        >>> arrays = {"left": shipped / "array.toml", "right": shipped / "array.toml"}
+        >>> plant = bc.plant(bc.embed(shipped / "satellite.xml", arrays), ["torque:bus"], ["attitude"])
+        >>> plant.modes[:2], plant.frequency.shape, plant.gain.shape
+        (('array_left_mode1_xy', 'array_right_mode1_xy'), (6,), (6, 3, 3))
+        >>> error = plant.truncation([1.0, 100.0])  # (outputs, inputs, k): far beyond the kept modes it is large
     """
 
     state_units: tuple[str, ...]

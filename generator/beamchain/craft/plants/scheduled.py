@@ -32,6 +32,17 @@ class ScheduledPlant:
         joint: name.
         angles: `(k,)` [rad].
         plants: one per angle; `scheduled[i]` is one of them.
+
+    Example:
+        >>> import beamchain as bc
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <body name="yoke" pos="0.5 0 0"><joint name="drive" axis="1 0 0" stiffness="1e4"/>
+        ... <inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/><site name="mount"/></body></body></worldbody></mujoco>'''
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),), modes=bc.Modes(xy=1, xz=0))
+        >>> scheduled = bc.plant(bc.embed(craft, {"mount": spec}), ["torque:bus"], at={"drive": [0.0, 0.8, 1.6]})
+        >>> len(scheduled), scheduled.matrices()[0].shape[0], scheduled[1].dt
+        (3, 3, 0)
     """
 
     joint: str
@@ -92,22 +103,13 @@ class ScheduledPlant:
             force: replace a file that exists.
         """
         record = self.plants[0].record() | dict(zip("ABCD", self.matrices(), strict=True))
-        record |= {
-            "Frequency": self.frequency,
-            "DampingRatio": self.damping_ratio,
-            "Angle": self.angles,
-            "Joint": self.joint,
-        }
+        record |= {"Frequency": self.frequency, "DampingRatio": self.damping_ratio}
+        record |= {"Angle": self.angles, "Joint": self.joint}
         return write(path, record, force=force)
 
 
 def follow(craft: "Callable[[float], LinearCraft]", angles: Array) -> list[tuple[LinearCraft, NormalModes]]:
-    """The craft at every angle, and its normal modes in the order and with the signs of the first angle.
-
-    Args:
-        craft: at an angle.
-        angles: `(k,)` [rad].
-    """
+    """The craft at every angle `(k,)` [rad], and its normal modes in the order and with the signs of the first."""
     first = craft(float(angles[0]))
     out = [(first, first.modes)]
     for before, after in zip(angles[:-1], angles[1:], strict=True):

@@ -1,11 +1,11 @@
-"""`M q'' + C q' + K q = B u` of a craft at an operating point, and what its outputs read.
+"""`M q'' + C q' + K q = B u` of a craft at an operating point, what its outputs read, and what one step makes of it.
 
 Slopes by differences of five points: what is linear or cubic in the perturbation (springs, dampers, gyroscopic moments)
 comes out to rounding, small rotations to 1e-13. `mjd_transitionFD` is the proof in the tests.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 
 POSITION, RATE = 1e-3, 1.0  # perturbations
+MOVED = 2e-4  # of positions over a step: chains of hinges are far less linear than what is read off them
 STENCIL = ((1.0, 8.0 / 12.0), (-1.0, -8.0 / 12.0), (2.0, -1.0 / 12.0), (-2.0, 1.0 / 12.0))
 
 
@@ -58,18 +59,14 @@ class SecondOrder:
         a = np.zeros((states, states))
         a[:nv, nv : 2 * nv], a[nv : 2 * nv], a[2 * nv :, 2 * nv :] = np.eye(nv), solved[:, :states], self.lag
         b = np.vstack([np.zeros((nv, self.force.shape[1])), solved[:, states:], self.feed])
-        y = (
-            np.hstack([self.of_position, self.of_rate, self.of_activation, self.of_input])
-            + self.of_acceleration @ solved
-        )
+        y = np.hstack([self.of_position, self.of_rate, self.of_activation, self.of_input])
+        y = y + self.of_acceleration @ solved
         return a, b, y[:, :states], y[:, states:]
 
     def with_appendages(self, jacobians: Sequence[Array], models: Sequence[PortModel]) -> "SecondOrder":
         """This bare craft with appendages as port models, their modal coordinates behind its own degrees of freedom.
 
-        Args:
-            jacobians: `(6, nv)` motion of each root, in its axes.
-            models: with six motions.
+        `jacobians` `(6, nv)`: motion of each root, in its axes.
         """
         nv, extra = self.mass.shape[0], sum(model.modes for model in models)
         mass, damping, stiffness = (np.pad(m, (0, extra)) for m in (self.mass, self.damping, self.stiffness))
@@ -83,22 +80,10 @@ class SecondOrder:
             stiffness[mine, mine] = np.diag(model.frequencies**2)
             damping[mine, mine] = np.diag(2.0 * model.damping * model.frequencies)
             start += model.modes
-        activation, force = (np.pad(m, ((0, extra), (0, 0))) for m in (self.activation, self.force))
-        y0, y1, y2 = (np.pad(m, ((0, 0), (0, extra))) for m in (self.of_position, self.of_rate, self.of_acceleration))
-        return SecondOrder(
-            mass,
-            damping,
-            stiffness,
-            activation,
-            force,
-            self.lag,
-            self.feed,
-            y0,
-            y1,
-            y2,
-            self.of_activation,
-            self.of_input,
-        )
+        wide = {name: np.pad(getattr(self, name), ((0, extra), (0, 0))) for name in ("activation", "force")}
+        rows = ("of_position", "of_rate", "of_acceleration")
+        wide |= {name: np.pad(getattr(self, name), ((0, 0), (0, extra))) for name in rows}
+        return replace(self, mass=mass, damping=damping, stiffness=stiffness, **wide)
 
 
 def slopes(function: "Callable[[int, float], Array]", size: int, step: float) -> Array:
@@ -108,12 +93,7 @@ def slopes(function: "Callable[[int, float], Array]", size: int, step: float) ->
 
 
 def second_order(point: OperatingPoint, inputs: Sequence[Input], outputs: Sequence[Output]) -> SecondOrder:
-    """The craft at an operating point, linear.
-
-    Args:
-        point: where.
-        inputs, outputs: its signals.
-    """
+    """The craft at an operating point, linear."""
     model, data = point.model, point.data()
     nv, na = model.nv, model.na
     mass, start = dense_mass(model, data), point.data()
@@ -164,3 +144,49 @@ def _applied(model: "mujoco.MjModel", data: "mujoco.MjData", item: Input) -> Arr
     if item.wrench is not None:
         mujoco.mj_applyFT(model, data, item.wrench[:3], item.wrench[3:], data.xipos[item.body], item.body, out)
     return out
+
+
+def step_slopes(point: OperatingPoint, linear: SecondOrder, inputs: Sequence[Input]) -> tuple[Array, Array]:
+    """A and B of one step of the model's own integrator over (q, q', a), by differences of `mj_step`.
+
+    `linear` is the same model in continuous time, which says how strong the inputs are.
+    """
+    model = point.model
+    nv, na, h = model.nv, model.na, float(model.opt.timestep)
+    data, balance = mujoco.MjData(model), np.array(point.data().qfrc_applied)
+    fast = max(1.0, min(1.0 / h, 1.0 / MOVED))  # rates are moved by as much as moves positions alike
+
+    def ends() -> Array:
+        mujoco.mj_step(model, data)
+        return np.array(data.qpos)
+
+    def reset() -> None:
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:], data.qfrc_applied[:] = point.qpos, point.qvel, balance
+
+    reset()
+    nominal = ends()
+
+    def after() -> Array:
+        moved = np.zeros(nv)
+        mujoco.mj_differentiatePos(model, moved, 1.0, nominal, ends())
+        return np.concatenate([moved, data.qvel - point.qvel, data.act])
+
+    def state(i: int, by: float) -> Array:
+        reset()
+        if i < nv:
+            mujoco.mj_integratePos(model, data.qpos, np.eye(nv)[i], by)
+        elif i < 2 * nv:
+            data.qvel[i - nv] += by * fast
+        else:
+            data.act[i - 2 * nv] = by * fast
+        return after() / (1.0 if i < nv else fast)
+
+    def driven(i: int, by: float) -> Array:
+        reset()
+        inputs[i].apply(data, by * size[i])
+        return after() / size[i]
+
+    pushed = np.vstack([h * np.linalg.solve(linear.mass, linear.force), linear.feed * h])
+    size = 1.0 / np.maximum(np.abs(pushed).max(axis=0), 1e-300)  # so that the rates change by no more than the step
+    return slopes(state, 2 * nv + na, MOVED), slopes(driven, len(inputs), MOVED)

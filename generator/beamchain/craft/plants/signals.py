@@ -13,6 +13,7 @@ from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 
+Names = Sequence[str] | None  # of signals; None: the usual ones
 AXES = ("x", "y", "z")
 DYNAMICS = ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT")  # of actuators, those that are linear
 NOT_SMOOTH = (
@@ -30,14 +31,10 @@ UNITS = {
 
 @dataclass(frozen=True, eq=False)
 class Input:
-    """One input: an actuator's control, or a part of a wrench on a body.
+    """One input: the control of an actuator by its number, or a part of a wrench on a body.
 
-    Args:
-        label, unit: of the signal.
-        actuator: its number; -1: a wrench.
-        body: that the wrench acts on.
-        wrench: `(6,)` force and torque at the body's mass centre in world axes, as in `xfrc_applied`.
-        centre: the force acts at the mass centre, wherever that is.
+    `wrench` `(6,)`: force and torque at the body's mass centre in world axes, as in `xfrc_applied`; None: an actuator.
+    `centre`: the force acts at the mass centre, wherever that is.
     """
 
     label: str
@@ -48,21 +45,18 @@ class Input:
     centre: bool = False
 
     def apply(self, data: "mujoco.MjData", value: float) -> None:
-        """Set the input, all others untouched."""
-        if self.actuator >= 0:
-            data.ctrl[self.actuator] = value
+        """Add to the input, all others untouched."""
+        if self.wrench is None:
+            data.ctrl[self.actuator] += value
         else:
-            data.xfrc_applied[self.body] = value * np.asarray(self.wrench)
+            data.xfrc_applied[self.body] += value * self.wrench
 
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """One or more outputs.
+    """One or more outputs, read from data that `mj_forward` has seen, as many numbers as labels; only their slopes count.
 
-    Args:
-        labels, units: of the signals.
-        read: from data that `mj_forward` has seen, as many numbers as labels; only their slopes count.
-        local: what is read does not depend on what hangs on the craft, given the craft's own motion.
+    `local`: what is read does not depend on what hangs on the craft, given the craft's own motion.
     """
 
     labels: tuple[str, ...]
@@ -79,14 +73,13 @@ def base(model: "mujoco.MjModel") -> int:
     return tops.most_common(1)[0][0]
 
 
-def inputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Input]:
+def inputs_of(point: OperatingPoint, names: Names) -> list[Input]:
     """The inputs that `names` ask for; all actuators where left out, a torque on the base where there is none."""
     model, data = point.model, point.data()
     actuators = actuator_names(model)
     groups: list[tuple[str, list[Input]]] = []
-    for name in _listed(
-        "inputs", (actuators or [f"torque:{model.body(base(model)).name}"]) if names is None else names
-    ):
+    usual = actuators or [f"torque:{model.body(base(model)).name}"] if names is None else names
+    for name in _listed("inputs", usual):
         kind, _, place = name.partition(":")
         if kind in ("torque", "force", "wrench") and place:
             what = "site" if kind == "wrench" else "body"
@@ -94,16 +87,12 @@ def inputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Input]
             body = int(model.site_bodyid[i]) if what == "site" else i
             axes = (data.site_xmat if what == "site" else data.xmat)[i].reshape(3, 3)
             arm = (data.site_xpos[i] if what == "site" else data.xipos[i]) - data.xipos[body]
-            parts = [
-                (part, unit, axis, line)
-                for part, unit in (("force", "N"), ("torque", "N m"))
-                if kind in (part, "wrench")
-                for axis, line in zip(AXES, axes.T, strict=True)
-            ]
-            mine = [
-                Input(f"{part}_{axis}", unit, -1, body, np.concatenate([line, np.cross(arm, line)] if part == "force" else
-                      [np.zeros(3), line]), kind == "force") for part, unit, axis, line in parts
-            ]  # fmt: skip
+            mine = list[Input]()
+            for part in ("force", "torque") if kind == "wrench" else (kind,):
+                for axis, line in zip(AXES, axes.T, strict=True):
+                    wrench = [line, np.cross(arm, line)] if part == "force" else [np.zeros(3), line]
+                    unit = "N" if part == "force" else "N m"
+                    mine.append(Input(f"{part}_{axis}", unit, -1, body, np.concatenate(wrench), kind == "force"))
         else:
             if name not in actuators:
                 raise unknown("actuator of inputs", name, actuators, "Or give torque:BODY, force:BODY, wrench:SITE.")
@@ -113,7 +102,7 @@ def inputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Input]
                     f"actuator {name!r} of inputs has an activation that is not linear; only dyntype none, integrator, filter "
                     "and filterexact are; leave it out, or change its dyntype."
                 )
-            mine, place = [Input(name, "", number)], name
+            mine, place = [Input(name, _unit(model, number), number)], name
         groups.append((place, mine))
     said = Counter(i.label for _, mine in groups for i in mine)
     return [
@@ -121,7 +110,7 @@ def inputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Input]
     ]
 
 
-def outputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Output]:
+def outputs_of(point: OperatingPoint, names: Names) -> list[Output]:
     """The outputs that `names` ask for; attitude and rate of the base where left out."""
     model, data = point.model, point.data()
     hub, out = base(model), list[tuple[str, Output]]()
@@ -145,6 +134,27 @@ def outputs_of(point: OperatingPoint, names: Sequence[str] | None) -> list[Outpu
 def actuator_names(model: "mujoco.MjModel") -> list[str]:
     """Names of the actuators, numbers where they have none."""
     return [str(model.actuator(i).name) or f"actuator {i}" for i in range(model.nu)]
+
+
+def _unit(model: "mujoco.MjModel", number: int) -> str:
+    """Unit of an actuator's control: of a force, or of the set point of a servo; empty where MuJoCo does not say."""
+    kinds, (gain, *_), (_, stiffness, damping, *_) = (
+        model.actuator_trntype, model.actuator_gainprm[number], model.actuator_biasprm[number],
+    )  # fmt: skip
+    kind, target, gear = int(kinds[number]), int(model.actuator_trnid[number, 0]), model.actuator_gear[number]
+    if kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)):
+        turns = model.jnt_type[target] in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_BALL))
+        straight = model.jnt_type[target] == int(mujoco.mjtJoint.mjJNT_SLIDE)
+    else:
+        straight, turns = (
+            kind == int(mujoco.mjtTrn.mjTRN_SITE) and not gear[part].any() for part in (slice(3, 6), slice(3))
+        )
+    if straight == turns or int(model.actuator_dyntype[number]) == int(mujoco.mjtDyn.mjDYN_INTEGRATOR):
+        return ""
+    if int(model.actuator_biastype[number]) == int(mujoco.mjtBias.mjBIAS_NONE):
+        return "N m" if turns else "N"
+    unit = "rad" if turns else "m"
+    return unit if stiffness == -gain != 0.0 else f"{unit}/s" if stiffness == 0.0 and damping == -gain != 0.0 else ""
 
 
 def _named(model: "mujoco.MjModel", kind: str, name: str, field: str, cure: str = "") -> int:
@@ -196,12 +206,9 @@ def _motion(data: "mujoco.MjData", site: int) -> Output:
 def _sensor(point: OperatingPoint, data: "mujoco.MjData", number: int) -> Output:
     model, name = point.model, str(point.model.sensor(number).name)
     kinds = {int(getattr(mujoco.mjtSensor, k)): k[7:] for k in dir(mujoco.mjtSensor) if k.startswith("mjSENS_")}
-    kind, first, size = (
-        kinds[int(model.sensor_type[number])],
-        int(model.sensor_adr[number]),
-        int(model.sensor_dim[number]),
-    )
-    start, cutoff = data.sensordata[first : first + size].copy(), float(model.sensor_cutoff[number])
+    kind, first, size = kinds[int(model.sensor_type[number])], model.sensor_adr[number], int(model.sensor_dim[number])
+    mine, cutoff = slice(first, first + size), float(model.sensor_cutoff[number])
+    start = data.sensordata[mine].copy()
     why = f"a {kind.lower()} sensor has none" if kind in NOT_SMOOTH.split() else ""
     if not why and cutoff > 0.0 and np.any(np.abs(start) >= cutoff):
         why = f"it is at its cutoff, {cutoff:g}"
@@ -214,9 +221,9 @@ def _sensor(point: OperatingPoint, data: "mujoco.MjData", number: int) -> Output
 
     def read(data: "mujoco.MjData") -> Array:
         if kind not in QUATERNIONS:
-            return data.sensordata[first : first + size] - start
+            return data.sensordata[mine] - start
         out = np.zeros(3)
-        mujoco.mju_subQuat(out, data.sensordata[first : first + 4], start)
+        mujoco.mju_subQuat(out, data.sensordata[mine], start)
         return out
 
     count = 3 if kind in QUATERNIONS else size

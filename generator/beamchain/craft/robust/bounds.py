@@ -25,14 +25,10 @@ NONE = 1e-2  # a structured singular value below this is as good as none
 
 
 def bounds(n: Complex, groups: Sequence[Sequence[int]]) -> tuple[Array, Array]:
-    """Upper bounds of the structured singular value of Delta, and of the gain from d to e, at `(k,)` frequencies.
+    """Upper bounds `(k,)` of the structured singular value of Delta, and of the gain from d to e.
 
-    Args:
-        n: `(k, channels + 1, channels + 1)` N at these frequencies.
-        groups: channels that have a delta in common.
-
-    Returns:
-        `(k,)` each; the second is infinite where the first is not below one.
+    The second is infinite where the first is not below one. `n`: `(k, channels + 1, channels + 1)` N at k frequencies;
+    `groups`: channels that have a delta in common.
     """
     size = n.shape[1] - 1
     basis = _hermitian(size, groups)
@@ -85,10 +81,8 @@ def _hermitian(size: int, groups: Sequence[Sequence[int]]) -> Complex:
 class _Barrier:
     """Minus the logarithms of the determinants of the inequality, of D and of `top - D`.
 
-    Args:
-        n: N, with d and e; without them: the inequality of the structured singular value, `level` for its square root.
-        basis: of D and G, whose coordinates are the unknowns; behind them the square of the gain.
-        top: largest D.
+    The unknowns are the coordinates of D and G in `basis`, behind them the square of the gain. N without d and e gives the
+    inequality of the structured singular value, with `level` for its square root.
     """
 
     def __init__(self, n: Complex, basis: Complex, top: float) -> None:

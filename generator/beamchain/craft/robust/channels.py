@@ -20,37 +20,24 @@ from beamchain.ports.motions import Array
 
 Through = Mapping[int, float]
 ACROSS = ((1, 2), (0, 2), (0, 1))  # components of `omega x e_i` that are not zero
-WORDS = ("position", "rate", "acceleration", "input")
 
 
 class Channels:
-    """Channels, collected one by one.
-
-    Args:
-        nv, inputs: numbers of degrees of freedom and of inputs.
-    """
+    """Channels of a craft with so many degrees of freedom and inputs, collected one by one."""
 
     def __init__(self, nv: int, inputs: int) -> None:
         self.of: list[int] = []
-        self._forces: list[Array] = []
-        self._rows: dict[str, list[Array]] = {word: [] for word in WORDS}
-        self._through: list[Through] = []
-        self._size = {word: inputs if word == "input" else nv for word in WORDS}
+        self._forces, self._rows, self._through = list[Array](), list[list[Array]](), list[Through]()
+        self._sizes = {"position": nv, "rate": nv, "acceleration": nv, "input": inputs}
 
-    def add(
-        self, quantity: int, force: Array, through: "Through | None" = None, own: float = 0.0, **rows: Array
-    ) -> int:
-        """One more channel; its number.
+    def add(self, quantity: int, force: Array, through: Through | None = None, own: float = 0.0, **rows: Array) -> int:
+        """One more channel of a quantity, with the generalised force `(nv,)` for w = 1; its number.
 
-        Args:
-            quantity: that acts here.
-            force: `(nv,)` generalised force for w = 1.
-            through: what z takes of the w of other channels; `own`: of its own.
-            rows: what z takes of `position`, `rate`, `acceleration`, `input`.
+        Its z takes `through` of the w of other channels, `own` of its own, and `rows` of `position`, `rate`,
+        `acceleration` and `input`.
         """
-        for word in WORDS:
-            self._rows[word].append(rows.get(word, np.zeros(self._size[word])))
         number = len(self.of)
+        self._rows.append([rows.get(word, np.zeros(size)) for word, size in self._sizes.items()])
         self._through.append({**(through or {}), number: own})
         self._forces.append(force)
         self.of.append(quantity)
@@ -64,7 +51,7 @@ class Channels:
             for j, value in those.items():
                 through[i, j] = value
         scale = reach[pick, None]
-        y0, y1, y2, yu = (np.array(self._rows[word])[pick] * scale for word in WORDS)
+        y0, y1, y2, yu = (np.array(part)[pick] * scale for part in zip(*self._rows, strict=True))
         direct = np.hstack([through[np.ix_(pick, pick)] * scale, yu])
         return replace(
             linear,
@@ -83,7 +70,7 @@ def channels(craft: LinearCraft, found: Sequence[Quantity]) -> Channels:
     model, out = craft.point.model, Channels(craft.point.model.nv, len(craft.inputs))
     owners: dict[tuple[str, int], dict[str, int]] = {}
     for i, q in enumerate(found):
-        joint = q.kind in ("stiffness", "damping") and not _of_mode(model, q)
+        joint = q.kind in ("stiffness", "damping") and not q.of_mode(model)
         kind = "joint" if joint else "mode" if q.kind in OF_MODES else "body"
         owners.setdefault((kind, q.index), {})[q.kind] = i
     for (kind, index), those in owners.items():
@@ -98,10 +85,6 @@ def channels(craft: LinearCraft, found: Sequence[Quantity]) -> Channels:
     return out
 
 
-def _of_mode(model: "mujoco.MjModel", q: Quantity) -> bool:
-    return q.index < model.ntendon and model.tendon(q.index).name == q.owner
-
-
 def _mode(out: Channels, model: "mujoco.MjModel", tendon: int, those: Mapping[str, int]) -> None:
     """`f = -(E/p^2 - E0)` along the tendon, `E = eta'' + w (w eta + 2 zeta eta')`, in nested channels."""
     line, w = along(model, tendon), float(np.sqrt(model.tendon_stiffness[tendon]))
@@ -112,8 +95,7 @@ def _mode(out: Channels, model: "mujoco.MjModel", tendon: int, those: Mapping[st
     if "damping" in those:
         inner[out.add(those["damping"], -w * line, rate=2.0 * line)] = 1.0
     if "frequency" in those:
-        number = out.add(those["frequency"], -line, inner, position=w * line, rate=twice * line)
-        more[number] = 1.0
+        more[out.add(those["frequency"], -line, inner, position=w * line, rate=twice * line)] = 1.0
     more |= dict.fromkeys(inner, w)
     if "participation" in those:
         rows = {"position": w**2 * line, "rate": w * twice * line, "acceleration": line}
@@ -137,10 +119,9 @@ def _body(out: Channels, point: OperatingPoint, inputs: Sequence[Input], body: i
         for part in ACROSS[k]:
             added[part][out.add(i, -mass * moved[part], acceleration=swung[k][part])] = -mass
     if "mass" in those:
-        heavy = [out.add(those["mass"], -moved[part], {c: -v / mass for c, v in added[part].items()}, acceleration=moved[part])
-                 for part in range(3)]  # fmt: skip
-        for part, number in enumerate(heavy):
-            added[part][number] = -1.0
+        for part, before in enumerate(added):
+            through = {channel: -value / mass for channel, value in before.items()}
+            before[out.add(those["mass"], -moved[part], through, acceleration=moved[part])] = -1.0
     for i, k in centres:
         for part in ACROSS[k]:
             out.add(i, swung[k][part], added[part], acceleration=-mass * moved[part], input=pushed[part])

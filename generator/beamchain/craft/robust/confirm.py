@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from beamchain.craft.plants.controllers import Controller, realised
 from beamchain.craft.plants.craft_modes import LinearCraft
-from beamchain.craft.robust.systems import beside, closed
+from beamchain.craft.robust.systems import looped
 from beamchain.engine.library import mujoco
 from beamchain.ports.motions import Array
 
@@ -28,27 +28,17 @@ def amplitude(
 ) -> float:
     """Amplitude of an output per amplitude of a sine on an input in MuJoCo, dead times as Pade approximations.
 
-    Args:
-        craft: with its model in MuJoCo, and its linear part, of which only the corrections of the start are made.
-        controller: its loops.
-        signals: outputs and inputs that the loops take, by number.
-        ends: the input that is driven, the output that is read.
-        omega: [rad/s].
-
-    Returns:
-        NaN where no periodic motion was found.
+    NaN where no periodic motion was found. `signals` are outputs and inputs that the loops take, `ends` the input that is
+    driven and the output that is read; of the craft's linear part only the corrections of the start are made.
     """
     point, model = craft.point, craft.point.model
     data, nv, na, own = point.data(), model.nv, model.na, realised(controller)
     balance, start = np.array(data.qfrc_applied), np.zeros(sum(len(one.labels) for one in craft.outputs))
     rows, columns = signals
-    n, m, p, count = 2 * nv + na, len(craft.inputs), start.size, len(rows)
-    gain = np.zeros((m + count, p + count))
-    for k, (row, column) in enumerate(zip(rows, columns, strict=True)):
-        gain[m + k, row], gain[column, p + k] = 1.0, -1.0
-    whole = closed(beside(craft.linear.first_order, own), gain)
+    n, m = 2 * nv + na, len(craft.inputs)
+    whole = looped(craft.linear.first_order, own, rows, columns)
     through = craft.linear.first_order[3][np.ix_(rows, columns)]
-    solve = np.linalg.inv(np.eye(count) + through @ own[3])  # y = y without u - D u, u = -(C x + D y)
+    solve = np.linalg.inv(np.eye(len(rows)) + through @ own[3])  # y = y without u - D u, u = -(C x + D y)
     push = np.linalg.solve(1j * omega * np.eye(whole[0].shape[0]) - whole[0], whole[1][:, ends[0]])
     size = SMALL / float(np.abs(push[:nv]).max())
 
@@ -60,10 +50,7 @@ def amplitude(
         mujoco.mj_integratePos(model, data.qpos, x[:nv], 1.0)
         data.ctrl[:], data.xfrc_applied[:], data.qfrc_applied[:] = 0.0, 0.0, balance
         for value, one in zip(u, craft.inputs, strict=True):
-            if one.actuator >= 0:
-                data.ctrl[one.actuator] += value
-            else:
-                data.xfrc_applied[one.body] += value * np.asarray(one.wrench)
+            one.apply(data, value)
         mujoco.mj_forward(model, data)
 
     def run(t: float, x: Array) -> tuple[Array, Array]:
@@ -76,7 +63,7 @@ def amplitude(
         before = read()
         if through.any():  # what the loops' own inputs do to their outputs at once
             before[rows] = solve @ (before[rows] - through @ (own[2] @ x[n:]))
-        u[columns] -= own[2] @ x[n:] + own[3] @ before[rows]
+        np.subtract.at(u, columns, own[2] @ x[n:] + own[3] @ before[rows])
         set_up(x, u)
         slopes = np.concatenate([x[nv : 2 * nv], data.qacc, data.act_dot, own[0] @ x[n:] + own[1] @ before[rows]])
         return slopes, read()

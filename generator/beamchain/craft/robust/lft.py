@@ -1,6 +1,7 @@
 """The plant with its uncertain quantities pulled out: `w = Delta z` around a nominal M, proved against changed models."""
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -14,10 +15,10 @@ from beamchain.craft.plants.craft_modes import LinearCraft
 from beamchain.craft.plants.export import write
 from beamchain.craft.plants.operating_point import OperatingPoint
 from beamchain.craft.plants.second_order import second_order
-from beamchain.craft.plants.signals import inputs_of, outputs_of
+from beamchain.craft.plants.signals import Names, inputs_of, outputs_of
 from beamchain.craft.robust.channels import channels
 from beamchain.craft.robust.systems import System, response, with_deltas
-from beamchain.craft.variants.changes import changed
+from beamchain.craft.variants.fields import apply
 from beamchain.craft.variants.quantities import Quantity, draws
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
@@ -52,8 +53,8 @@ class Made(NamedTuple):
     """What a plant was made of: the craft, and names of its inputs and outputs as `bc.plant` was given them."""
 
     craft: LinearCraft
-    inputs: Sequence[str] | None
-    outputs: Sequence[str] | None
+    inputs: Names
+    outputs: Names
 
     def again(self, model: "mujoco.MjModel") -> LinearCraft:
         """The same of a model with other numbers, at the same point."""
@@ -64,23 +65,7 @@ class Made(NamedTuple):
 
 
 class Lft:
-    """A plant whose uncertain quantities stand in a diagonal Delta: `[z, y] = M [w, u]`, `w = Delta z`.
-
-    Args:
-        made: what the plant was made of.
-        found: its uncertain quantities.
-        correlations: with which `draw` draws.
-
-    Raises:
-        InputError: an output or input depends on a quantity otherwise than through the craft's motion.
-    """
-
-    quantities: tuple[Quantity, ...]
-    warnings: tuple[str, ...]
-    blocks: tuple[Block, ...]
-    inputs: list[str]
-    outputs: list[str]
-    units: tuple[list[str], list[str]]
+    """A plant whose uncertain quantities stand in a diagonal Delta: `[z, y] = M [w, u]`, `w = Delta z`."""
 
     def __init__(
         self, made: Made, found: Sequence[Quantity], correlations: Sequence[Correlation], warnings: Sequence[str]
@@ -96,18 +81,15 @@ class Lft:
         linear = taken.put(craft.linear, order, np.array([found[i].reach for i in taken.of]))
         self.blocks = tuple(self._block(number) for number in range(len(groups)))
         self._prove(linear.first_order)
-        form = replace(craft, linear=linear).form()
-        form = form.reduced(form.active()).spanned()
+        form = replace(craft, linear=linear).form().minimal()
         self._system: System = form.a, form.b, form.c, form.d
         names = [q.name.replace(".", "_") for q in found]  # control takes no points
         words = [f"{names[i]}_{list(self._of[:k]).count(i) + 1}" for k, i in enumerate(self._of)]
-        self.inputs = [i.label for i in craft.inputs]
-        self.outputs = [label for one in craft.outputs for label in one.labels]
-        self.units = [i.unit for i in craft.inputs], [unit for one in craft.outputs for unit in one.units]
+        w, z = ([f"{kind}_{word}" for word in words] for kind in "wz")
+        self.inputs, self.outputs, *units = craft.signals
+        self.units = units[0], units[1]
         self._states = list(form.names)
-        self.nominal: control.StateSpace = self._space(
-            self._system, [f"w_{word}" for word in words] + self.inputs, [f"z_{word}" for word in words] + self.outputs
-        )
+        self.nominal = self._space(self._system, w + self.inputs, z + self.outputs)
 
     def __repr__(self) -> str:
         what = ", ".join(f"{block.name} x{block.repetitions}" for block in self.blocks)
@@ -121,15 +103,8 @@ class Lft:
         return Block(name, repetitions, tuple(q.name for q in mine), nominal, reach, mine[0].unit)
 
     def _space(self, system: System, inputs: list[str], outputs: list[str]) -> control.StateSpace:
-        return control.StateSpace(
-            *system,
-            0,
-            name="uncertain",
-            states=self._states,
-            inputs=inputs,
-            outputs=outputs,
-            remove_useless_states=False,
-        )
+        return control.StateSpace(*system, 0, name="uncertain", states=self._states, inputs=inputs, outputs=outputs,
+                                  remove_useless_states=False)  # fmt: skip
 
     def values(self, deltas: ArrayLike) -> dict[str, float]:
         """Values of all quantities for `(blocks,)` deltas."""
@@ -167,9 +142,7 @@ class Lft:
         Raises:
             InputError: there is no such quantity.
         """
-        count, each = self._of.size, self._deltas(values)
-        a, b, c, d = with_deltas(self._system, each[self._of])
-        return self._space((a, b[:, count:], c[count:], d[count:, count:]), self.inputs, self.outputs)
+        return self._space(with_deltas(self._system, self._deltas(values)[self._of]), self.inputs, self.outputs)
 
     def draw(self, count: int, seed: int = 0) -> list[dict[str, float]]:
         """Values of the quantities in `count` samples, as the file of uncertainties says they are distributed."""
@@ -183,8 +156,10 @@ class Lft:
         return self._again(self._deltas(values)).point.model
 
     def _again(self, each: Array) -> LinearCraft:
-        there = [q.nominal + float(d) * q.reach for q, d in zip(self.quantities, each, strict=True)]
-        return self._made.again(changed(self._made.craft.point.model, self.quantities, np.array(there)))
+        model = copy(self._made.craft.point.model)
+        values = [q.nominal + float(d) * q.reach for q, d in zip(self.quantities, each, strict=True)]
+        apply(model, self.quantities, np.array(values))
+        return self._made.again(model)
 
     def write(self, path: str | Path, *, force: bool = False) -> Path:
         """Write M with its blocks to `.npz`, `.json` or `.mat`; w and z stand before the plant's own signals.
@@ -208,11 +183,9 @@ class Lft:
         """One sample, in the whole craft's own coordinates, against the model with those properties."""
         modes = self._made.craft.modes.frequency
         s = (np.geomspace(0.2 * modes.min(), 2.0 * modes.max(), 7) * (0.3 + 1.0j)).astype(np.complex128)
-        count = self._of.size
 
         def off(each: Array) -> tuple[float, int]:
-            a, b, c, d = with_deltas(system, each[self._of])
-            ours = response((a, b[:, count:], c[count:], d[count:, count:]), s)
+            ours = response(with_deltas(system, each[self._of]), s)
             true = response(self._again(each).linear.first_order, s)
             size = np.abs(true) + ROUNDING / PROVED * np.abs(true).max(axis=2, keepdims=True)
             error = (np.abs(ours - true) / np.maximum(size, 1e-300)).max(axis=(0, 2))
@@ -225,7 +198,7 @@ class Lft:
         for k in range(n):
             error, row = off(np.where(np.arange(n) == k, trial, 0.0))
             if error > PROVED:
-                label = [label for one in self._made.craft.outputs for label in one.labels][row]
+                label = self._made.craft.signals[1][row]
                 raise InputError(
                     f"uncertain: output {label!r} depends on {self.quantities[k].name} otherwise than through the motion of "
                     f"the craft (off by {error:.2g}): a sensor that reads it, or a body that turns; leave one of the two out."

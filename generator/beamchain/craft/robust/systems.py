@@ -1,5 +1,7 @@
 """State spaces as four arrays: feedback closed, states that take no part removed, responses."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
@@ -14,12 +16,7 @@ CHUNK = 100  # frequencies that are solved together
 
 
 def closed(system: System, gain: Array) -> System:
-    """A system with `input = gain output + further input`; all its signals stay.
-
-    Args:
-        system: A, B, C, D.
-        gain: `(inputs, outputs)`.
-    """
+    """A system with `input = gain output + further input`, `gain` `(inputs, outputs)`; all its signals stay."""
     a, b, c, d = system
     left = np.linalg.inv(np.eye(d.shape[0]) - d @ gain)
     back = b @ gain @ left
@@ -27,16 +24,26 @@ def closed(system: System, gain: Array) -> System:
 
 
 def with_deltas(system: System, deltas: Array) -> System:
-    """A system with its first signals closed by `(channels,)` deltas."""
-    gain = np.zeros((system[3].shape[1], system[3].shape[0]))
-    gain[np.arange(deltas.size), np.arange(deltas.size)] = deltas
-    return closed(system, gain)
+    """A system with its first signals closed by `(channels,)` deltas, and the signals that are left."""
+    n, gain = deltas.size, np.zeros(system[3].T.shape)
+    gain[:n, :n] = np.diag(deltas)
+    a, b, c, d = closed(system, gain)
+    return a, b[:, n:], c[n:], d[n:, n:]
 
 
-def beside(one: System, two: System) -> System:
-    """Two systems side by side."""
-    a, b, c, d = (np.asarray(block_diag(p, q), dtype=np.float64) for p, q in zip(one, two, strict=True))
-    return a, b, c, d
+def looped(system: System, controller: System, rows: Sequence[int], columns: Sequence[int]) -> System:
+    """A system with a controller from its outputs `rows` to its inputs `columns`, negative feedback; all signals stay."""
+    a, b, c, d = (np.asarray(block_diag(p, q), dtype=np.float64) for p, q in zip(system, controller, strict=True))
+    (p, m), loops, gain = system[3].shape, np.arange(len(rows)), np.zeros(d.T.shape)
+    gain[m + loops, rows], gain[columns, p + loops] = 1.0, -1.0
+    return closed((a, b, c, d), gain)
+
+
+def taking_part(a: NDArray[np.bool_], driven: NDArray[np.bool_], seen: NDArray[np.bool_]) -> list[int]:
+    """Which states are linked, by `a`, to one that is driven and to one that is seen."""
+    for _ in range(a.shape[0]):
+        driven, seen = driven | (a @ driven), seen | (a.T @ seen)
+    return np.flatnonzero(driven & seen).tolist()
 
 
 def picked(system: System, outputs: list[int], inputs: list[int]) -> System:
@@ -46,9 +53,7 @@ def picked(system: System, outputs: list[int], inputs: list[int]) -> System:
     link = np.abs(a) > LINKED * np.abs(a).max(axis=1, initial=1e-300)[:, None]
     driven = (np.abs(b) > UNSEEN * np.abs(b).max(axis=0, initial=1e-300)).any(axis=1)
     seen = (np.abs(c) > UNSEEN * np.abs(c).max(axis=1, initial=1e-300)[:, None]).any(axis=0)
-    for _ in range(a.shape[0]):
-        driven, seen = driven | (link @ driven), seen | (link.T @ seen)
-    keep = driven & seen
+    keep = taking_part(link, driven, seen)
     return a[np.ix_(keep, keep)], b[keep], c[:, keep], d
 
 

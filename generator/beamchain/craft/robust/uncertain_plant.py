@@ -20,7 +20,7 @@ from beamchain.craft.robust.systems import Complex
 from beamchain.craft.robust.worst import Loops, Peak, search
 from beamchain.craft.variants.quantities import quantities
 from beamchain.errors import InputError
-from beamchain.fitting.uncertain import OF_MODES, Correlation, UncertainCraft, UncertainModes
+from beamchain.fitting.uncertain import OF_MODES, Correlation, UncertainCraft
 from beamchain.ports.motions import Array, locked
 
 if TYPE_CHECKING:
@@ -45,6 +45,25 @@ class WorstCase:
         deltas, values: of the worst sample.
         gain, frequency: peak of the worst sample, and where [rad/s]; infinite, and where the loop begins to ring.
         simulated: the same gain by a simulation in MuJoCo; NaN where there is none.
+
+    Example:
+        >>> import beamchain as bc
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> from beamchain.craft.plants.controllers import Controller, Loop
+        >>> from beamchain.fitting.uncertain import Uncertain, Uncertainty
+        >>> tenth = Uncertain(frequency=Uncertainty(relative=0.1, distribution="uniform"))
+        >>> segment = bc.Segment(length=8.0, section=section)
+        >>> boom = bc.Spec(segment=(segment,), damping=bc.Damping(ratio=0.01), uncertain=tenth)
+        >>> plant = bc.plant(bc.embed(craft, {"mount": boom}), ["torque:bus"], ["attitude"])
+        >>> uncertain = plant.uncertain()
+        >>> loops = [Loop(input=f"torque_{a}", output=f"attitude_{a}", numerator=(600.0, 60.0), denominator=(0.05, 1.0))
+        ...          for a in "xyz"]
+        >>> controller = Controller(loop=tuple(loops))
+        >>> worst = uncertain.worst_case(controller, "torque_z", "attitude_z", samples=5, simulate=False)
+        >>> worst.stable, worst.gain <= worst.upper
+        (True, True)
     """
 
     input: str
@@ -132,14 +151,8 @@ class UncertainPlant(Lft):
 
     def loops(self, controller: Controller, input: str, output: str) -> Loops:
         """The controller's loops closed around M."""
-        return Loops(
-            self._system,
-            [int(g) for g in self._group[self._of]],
-            self.inputs,
-            self.outputs,
-            controller,
-            (input, output),
-        )
+        blocks = [int(number) for number in self._group[self._of]]
+        return Loops(self._system, blocks, self.inputs, self.outputs, controller, (input, output))
 
     def worst_case(
         self,
@@ -179,11 +192,9 @@ class UncertainPlant(Lft):
         drawn = np.array([self._of_draw(values) for values in self.draw(samples, seed)]).reshape(-1, len(self.blocks))
         deltas, worst, peaks = search(loops, drawn, seed)
         nominal = np.zeros(len(self.blocks))
-        if omega is None:
-            grid = _grid(worst, [*peaks, loops.peak(nominal)], loops.poles)
-        else:
-            grid = np.unique(np.append(asked, worst.omega))
-        grid, mu, bound = self._bounds(loops, grid, 0 if omega is not None else ROUNDS)
+        own = _grid(worst, [*peaks, loops.peak(nominal)], loops.poles)
+        grid, rounds = (own, ROUNDS) if omega is None else (np.unique(np.append(asked, worst.omega)), 0)
+        grid, mu, bound = self._bounds(loops, grid, rounds)
         ends = place(first, self.inputs, "input", ""), place(last, self.outputs, "output", "")
         simulated = float("nan")
         if simulate and np.isfinite(worst.gain):
@@ -232,24 +243,16 @@ def _grid(worst: Peak, peaks: Sequence[Peak], poles: Complex) -> Array:
     )
 
 
-def uncertain_plant(made: Made, given: UncertainCraft | None, embedded: Embedded | None) -> UncertainPlant:
-    """The uncertain plant of a craft.
-
-    Args:
-        made: what the plant was made of.
-        given: the craft's uncertainties; before those of the appendages' specifications.
-        embedded: where the model was embedded, for its specifications.
-
-    Raises:
-        InputError: nothing is uncertain, a name is unknown, or a range is impossible.
-    """
+def uncertain_plant(made: Made, embedded: Embedded | None, given: UncertainCraft | None) -> UncertainPlant:
+    """The uncertain plant of a craft; what is `given` goes before the specifications of embedded appendages."""
     own = {a.prefix: a.spec.uncertain for a in embedded.appendages if a.spec.uncertain is not None} if embedded else {}
     said = [
         Caution("left-certain", f"the structural properties that {prefix!r} has uncertain (stiffness, density, ...) are left "
                 "certain in the plant: they change the fit itself; beamchain sweep shows what they do to the modes.")
         for prefix, one in own.items() if one.structural
     ]  # fmt: skip
-    modal = {prefix: one for prefix, one in own.items() if any(_modal(one))}
+    modal = {prefix: one for prefix, one in own.items()
+             if any(getattr(part, kind) is not None for part in (one, *one.mode) for kind in OF_MODES)}  # fmt: skip
     correlations = [
         Correlation(of=tuple(f"{prefix}{name}" for name in one.of), matrix=one.matrix)
         for prefix, those in modal.items() if prefix not in (given.appendage if given else {}) for one in those.correlation
@@ -261,7 +264,3 @@ def uncertain_plant(made: Made, given: UncertainCraft | None, embedded: Embedded
             "frequency, damping or participation in an appendage's specification."
         )
     return UncertainPlant(made, found, [*correlations, *(given.correlation if given else ())], said)
-
-
-def _modal(one: UncertainModes) -> list[bool]:
-    return [getattr(part, kind) is not None for part in (one, *one.mode) for kind in OF_MODES]

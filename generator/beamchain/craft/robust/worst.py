@@ -7,17 +7,17 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
 from beamchain.craft.plants.controllers import Controller, place, places, realised
 from beamchain.craft.plants.controllers import response as of_loop
-from beamchain.craft.robust.systems import Complex, System, beside, closed, picked, response, with_deltas
+from beamchain.craft.robust.systems import Complex, System, looped, picked, response, with_deltas
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 
 GROWS = 1e-9  # relative real part of a pole, below which it is rounding
 STARTS = 4  # of the local search, from the worst samples
+STILL = 1e-2  # of the lowest frequency looked at: a gain that is largest at rest is taken there
 AROUND = np.sinh(np.linspace(-4.0, 4.0, 25))  # half widths of a resonance, at which it is looked at
 
 
@@ -29,38 +29,21 @@ class Peak(NamedTuple):
 
 
 class Loops:
-    """The closed loop N: in the frequency domain exactly, as a state space with dead times as Pade approximations.
+    """The closed loop N of M and a controller: exact in the frequency domain, its state space with dead times by Pade.
 
-    Args:
-        system: M.
-        blocks: `(channels,)` number of the delta of each channel.
-        inputs, outputs: labels of the plant.
-        controller: its loops.
-        ends: the input where d acts, the output e.
-
-    Raises:
-        InputError: a signal is unknown, or the nominal loop is unstable.
+    `blocks` `(channels,)` is the number of the delta of each channel; `ends` are the input where d acts and the output e.
     """
-
-    blocks: NDArray[np.intp]
-    controller: Controller
-    system: System
-    poles: Complex
 
     def __init__(
         self, system: System, blocks: Sequence[int], inputs: list[str], outputs: list[str], controller: Controller,
         ends: tuple[str, str],
     ) -> None:  # fmt: skip
-        self.blocks, n, m, p = np.asarray(blocks, dtype=np.intp), len(blocks), len(inputs), len(outputs)
+        self.blocks, n = np.asarray(blocks, dtype=np.intp), len(blocks)
         rows, columns = places(controller, inputs, outputs)
         d, e = place(ends[0], inputs, "input", ""), place(ends[1], outputs, "output", "")
         self.controller, self._m, self._rows = controller, system, [n + i for i in rows]
         self._columns, self._ends = [n + i for i in columns], ([*range(n), n + e], [*range(n), n + d])
-        count = len(rows)
-        gain = np.zeros((n + m + count, n + p + count))
-        for k, (row, column) in enumerate(zip(self._rows, self._columns, strict=True)):
-            gain[n + m + k, row], gain[column, n + p + k] = 1.0, -1.0
-        self.system = picked(closed(beside(system, realised(controller)), gain), *self._ends)
+        self.system = picked(looped(system, realised(controller), self._rows, self._columns), *self._ends)
         self.poles = np.linalg.eigvals(self.system[0]).astype(np.complex128)
         top = float(np.abs(self.poles).max(initial=1e-300))
         if float(self.poles.real.max(initial=-1.0)) > -GROWS * top:
@@ -76,12 +59,10 @@ class Loops:
         s = (1j * omega).astype(np.complex128)
         m = response(self._m, s)
         k = np.array([of_loop(loop, s) for loop in self.controller.loop]).T[:, :, None]
-        outputs, inputs = self._ends
-        through = np.eye(k.shape[1]) + m[np.ix_(range(s.size), self._rows, self._columns)] * np.swapaxes(k, 1, 2)
-        back = k * np.linalg.solve(through, m[np.ix_(range(s.size), self._rows, inputs)])
-        return (
-            m[np.ix_(range(s.size), outputs, inputs)] - m[np.ix_(range(s.size), outputs, self._columns)] @ back
-        ).astype(np.complex128)
+        (outputs, inputs), rows, columns = self._ends, m[:, self._rows], self._columns
+        through = np.eye(k.shape[1]) + rows[:, :, columns] * np.swapaxes(k, 1, 2)
+        back = k * np.linalg.solve(through, rows[:, :, inputs])
+        return m[:, outputs][:, :, inputs] - m[:, outputs][:, :, columns] @ back
 
     def gain(self, deltas: Array, omega: Array) -> Array:
         """`(k,)` gains of a sample `(blocks,)`, dead times exact."""
@@ -107,8 +88,8 @@ class Loops:
             return np.abs((weight / (1j * omega[:, None] - poles)).sum(axis=1) + d[-1, -1])
 
         up = poles[poles.imag > 0.0]
-        omega = np.unique(np.concatenate([self._wide, (up.imag[:, None] - up.real[:, None] * AROUND).ravel()]))
-        omega = omega[omega > 0.0]
+        near, least = (up.imag[:, None] - up.real[:, None] * AROUND).ravel(), STILL * self._wide[0]
+        omega = np.unique(np.concatenate([[least], self._wide, near[near > least]]))
         at = int(np.argmax(size(omega)))
         ends = float(omega[max(at - 1, 0)]), float(omega[min(at + 1, omega.size - 1)])
         best = minimize_scalar(
@@ -125,21 +106,15 @@ class Loops:
 
 
 def search(loops: Loops, samples: Array, seed: int = 0) -> tuple[Array, Peak, list[Peak]]:
-    """The worst deltas found: of samples, corners that their slopes point to, and local ascent from the worst.
+    """The worst deltas found, their peak, and the peaks of the samples `(n, blocks)`.
 
-    Args:
-        loops: closed.
-        samples: `(n, blocks)` deltas.
-        seed: of random corners.
-
-    Returns:
-        the deltas, their peak, and the peaks of the samples.
+    Tried are the samples, random corners, corners that slopes point to, and local ascent from the worst.
     """
     count = samples.shape[1]
     corners = np.random.default_rng(seed).choice([-1.0, 1.0], size=(min(2**count, 8 * STARTS), count))
     peaks = [loops.peak(row) for row in samples]
-    tried = [*zip(samples, peaks, strict=True), *((row, loops.peak(row)) for row in corners)]
-    tried.append((np.zeros(count), loops.peak(np.zeros(count))))
+    others = np.vstack([corners, np.zeros(count)])
+    tried = [*zip(samples, peaks, strict=True), *((row, loops.peak(row)) for row in others)]
     tried.sort(key=lambda one: -one[1].gain)
 
     def cost(deltas: Array) -> tuple[float, Array]:

@@ -1,16 +1,23 @@
-"""The fields of one compiled model that turn it into each of its variants, and how quickly they are made."""
+"""The fields of one compiled model that turn it into each of its variants, and what a draw writes into them.
+
+A mode is its tendon: stiffness `w^2`, damping `2 zeta w`, and for a participation `p` times the nominal one coefficients
+`b/p` and the armature `1 - p^2`, so that its modal mass stays 1 and its length stays the modal amplitude.
+"""
 
 import copy
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from beamchain.craft.variants.quantities import AXES, Quantity, inertia_matrix
+from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import dense_mass
-from beamchain.errors import RealisationError
+from beamchain.errors import InputError, RealisationError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2, form4
-from beamchain.steps.modal import MadeFor, Modal, condensed, modal_tendons
+from beamchain.steps.modal import Modal, condensed, modal_tendons
 from beamchain.steps.retime import retime, write_values
 
 #: What `mj_setConst` derives from masses, places and lengths.
@@ -29,18 +36,14 @@ SINGULAR = 1e-10  # relative: a mass matrix nearer to singular is none
 
 
 class Maker:
-    """Makes variants of a compiled model, timed as it is.
+    """Makes variants of a compiled model, timed as it is; `model` is the nominal one, not timed.
 
-    Args:
-        model: compiled, timed or not.
+    `refitted`: variants have other chains than the nominal model.
     """
 
-    model: "mujoco.MjModel"
-    data: "mujoco.MjData"
-
-    def __init__(self, model: "mujoco.MjModel") -> None:
-        self.model = copy.copy(model)
-        self.mark: MadeFor | None = next((m for m in modal_tendons(model).made_for if m is not None), None)
+    def __init__(self, model: "mujoco.MjModel", *, refitted: bool) -> None:
+        self.model, self._refitted = copy.copy(model), refitted
+        self.mark = next((mark for mark in modal_tendons(model).made_for if mark is not None), None)
         if self.mark is not None:
             retime(self.model, 0.0)
         self.data = mujoco.MjData(self.model)  # scratch: to allocate it takes longer than to use it
@@ -48,21 +51,9 @@ class Maker:
         self._modal = modal_tendons(self.model)
         self._margin = np.array(self.model.tendon_margin)
 
-    def copy(self) -> "mujoco.MjModel":
-        """The nominal model, not timed, for a draw."""
-        return copy.copy(self.model)
-
-    def mass(self, model: "mujoco.MjModel", *, refitted: bool = False) -> Array:
-        """`(nv, nv)` mass matrix of a variant at rest, armature included.
-
-        Args:
-            model: the variant, not timed.
-            refitted: it has other chains than the nominal one.
-
-        Raises:
-            RealisationError: a participation takes more mass than there is.
-        """
-        modal = modal_tendons(model) if refitted else self._drawn(model)
+    def mass(self, model: "mujoco.MjModel") -> Array:
+        """`(nv, nv)` mass matrix of an untimed variant at rest, armature included."""
+        modal = self._drawn(model)
         margin = np.array(model.tendon_margin)[modal.index]
         model.tendon_armature[modal.index] -= margin  # so that MuJoCo never sees a mass matrix that is not positive
         mujoco.mj_resetData(model, self.data)
@@ -76,26 +67,80 @@ class Maker:
             )
         return mass
 
-    def time(self, model: "mujoco.MjModel", mass: Array, *, refitted: bool = False) -> None:
-        """Make an untimed variant exact in time as the nominal model is, in place, and derive what follows.
-
-        Args:
-            model: the variant.
-            mass: `(nv, nv)` its mass matrix at rest.
-            refitted: it has other chains than the nominal one.
-        """
+    def time(self, model: "mujoco.MjModel", mass: Array) -> None:
+        """Make an untimed variant of that mass matrix exact in time as the nominal model is, in place."""
         if self.mark is not None and self.mark.form == 3:
             retime(model, self.mark.timestep, self.mark.integrator, form=3)
         elif self.mark is not None:  # what `retime` does, without reading the model anew
-            modal = modal_tendons(model) if refitted else self._drawn(model)
+            modal = self._drawn(model)
             c, name, h = condensed(mass, modal.rows)[0], self.mark.integrator, self.mark.timestep
             plan = form2(modal, c, name, h)
             write_values(model, modal, form4(modal, c, name, h, plan) if self.mark.form == 4 else plan, self.mark)
         mujoco.mj_setConst(model, self.data)
 
     def _drawn(self, model: "mujoco.MjModel") -> Modal:
-        """The modal tendons of a variant with the nominal chains, by the numbers that a draw changes."""
+        """The modal tendons of a variant; with the nominal chains by the numbers that a draw changes."""
+        if self._refitted:
+            return modal_tendons(model)
         modal, at = self._modal, self._modal.index
         scale = np.sqrt((1.0 - self._margin[at]) / (1.0 - np.asarray(model.tendon_margin)[at]))  # 1/p
         stiffness, damping = (np.array(field)[at] for field in (model.tendon_stiffness, model.tendon_damping))
         return replace(modal, rows=modal.rows * scale[:, None], stiffness=stiffness, damping=damping)
+
+
+def apply(
+    model: "mujoco.MjModel", found: Sequence[Quantity], values: Array, data: "mujoco.MjData | None" = None
+) -> None:
+    """Write values `(n,)` of quantities into a model that is not timed, in place; `data` is scratch, made where left out."""
+    bodies: dict[int, list[tuple[Quantity, float]]] = {}
+    modes: dict[int, dict[str, float]] = {}
+    for q, value in zip(found, np.asarray(values, dtype=np.float64).tolist(), strict=True):
+        if q.of_mode(model):
+            modes.setdefault(q.index, {})[q.kind] = value
+        elif q.kind == "stiffness":
+            model.jnt_stiffness[q.index] = value
+        elif q.kind == "damping":
+            model.dof_damping[model.jnt_dofadr[q.index]] = value
+        else:
+            bodies.setdefault(q.index, []).append((q, value))
+    for body, those in bodies.items():
+        _body(model, body, those)
+    if bodies:
+        mujoco.mj_setConst(model, data or mujoco.MjData(model))
+    for tendon, new in modes.items():
+        _mode(model, tendon, new)
+
+
+def _mode(model: "mujoco.MjModel", tendon: int, new: dict[str, float]) -> None:
+    w = float(np.sqrt(model.tendon_stiffness[tendon]))
+    ratio = float(model.tendon_damping[tendon]) / (2.0 * w)
+    w, ratio, p = new.get("frequency", w), new.get("damping", ratio), new.get("participation", 1.0)
+    model.tendon_stiffness[tendon], model.tendon_damping[tendon] = w**2, 2.0 * ratio * w
+    if p != 1.0:
+        for wrap in wraps(model, tendon):
+            model.wrap_prm[wrap] /= p
+        model.tendon_length0[tendon] /= p
+        model.tendon_lengthspring[tendon] /= p
+        model.tendon_armature[tendon] = model.tendon_margin[tendon] = 1.0 - p**2
+
+
+def _body(model: "mujoco.MjModel", body: int, those: Sequence[tuple[Quantity, float]]) -> None:
+    inertia = inertia_matrix(model, body)
+    for q, value in those:
+        if q.kind == "mass":
+            model.body_mass[body] = value
+        elif q.kind.startswith("centre"):
+            model.body_ipos[body, AXES.index(q.kind[-1])] = value
+        else:
+            i, j = (AXES.index(axis) for axis in q.kind[-2:])
+            inertia[i, j] = inertia[j, i] = value
+    if any(q.kind != "mass" for q, _ in those):
+        model.body_sameframe[body] = 0  # MuJoCo would pass over the new centre and axes
+    if not any(q.kind.startswith("inertia") for q, _ in those):
+        return
+    moments, axes = np.linalg.eigh(inertia)
+    if moments[0] <= 0.0 or moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):
+        raise InputError(f"body {model.body(body).name!r} has principal moments {moments} kg m^2, which no body has.")
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    mujoco.mju_mat2Quat(model.body_iquat[body], axes.ravel())
+    model.body_inertia[body] = moments

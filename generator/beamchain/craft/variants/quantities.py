@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from beamchain.fitting.uncertain import (
     Correlation,
     UncertainBody,
     UncertainCraft,
+    UncertainJoint,
     UncertainModes,
     Uncertainty,
     drawn,
@@ -25,14 +27,7 @@ from beamchain.steps.modal import modal_tendons
 
 AXES = ("x", "y", "z")
 MODE = re.compile(r"(.*?)(mode\d+(?:_(?:xy|xz|torsion|axial)\d*)?)$")
-UNITS = {
-    "frequency": "rad/s",
-    "mass": "kg",
-    "centre": "m",
-    "inertia": "kg m^2",
-    "stiffness": "N m/rad",
-    "joint": "N m s/rad",
-}
+UNITS = {"mass": "kg", "centre": "m", "inertia": "kg m^2"}
 
 
 @dataclass(frozen=True)
@@ -67,6 +62,10 @@ class Quantity:
         """`frequency`, `damping`, `participation`, `mass`, `centre_x`, `inertia_xy`, `stiffness`, ..."""
         return self.name.rpartition(".")[2]
 
+    def of_mode(self, model: "mujoco.MjModel") -> bool:
+        """Whether it is one of a mode, whose tendon has its owner's name."""
+        return self.kind in OF_MODES and self.index < model.ntendon and model.tendon(self.index).name == self.owner
+
     @property
     def reach(self) -> float:
         """How far from the nominal value it may come."""
@@ -74,24 +73,16 @@ class Quantity:
 
 
 def quantities(
-    model: "mujoco.MjModel",
-    uncertain: UncertainCraft | None = None,
-    modes: Mapping[str, UncertainModes] | None = None,
-    correlations: Sequence[Correlation] = (),
-) -> tuple[Quantity, ...]:
-    """The uncertain quantities of a compiled craft.
+    model: "mujoco.MjModel", uncertain: UncertainCraft | None, modes: Mapping[str, UncertainModes],
+    correlations: Sequence[Correlation],
+) -> tuple[Quantity, ...]:  # fmt: skip
+    """The uncertain quantities of a compiled craft, timed or not.
 
-    Args:
-        model: with modal tendons; timed or not.
-        uncertain: of the craft; what it says of an appendage goes before `modes`.
-        modes: of the appendages' own specifications, by prefix.
-        correlations: further ones than those of `uncertain`.
-
-    Raises:
-        InputError: a name is unknown, or a range leads through zero or to mass properties that no body has.
+    What `uncertain` says of an appendage goes before `modes`, those of the appendages' own specifications by prefix;
+    `correlations` are further ones than those of `uncertain`.
     """
     given = uncertain or UncertainCraft()
-    of_modes = {**(modes or {}), **given.appendage}
+    of_modes = {**modes, **given.appendage}
     found = [*_modes(model, of_modes, set(given.appendage))]
     modal = {int(i) for i in np.flatnonzero(np.any(modal_tendons(model).rows != 0.0, axis=0))}
     for name, body in given.body.items():
@@ -102,7 +93,7 @@ def quantities(
                 f"joint {name!r} is a hinge of an appendage, sprung by its modes; give their frequency under "
                 "[appendage.PREFIX] instead."
             )
-        found += _joint(model, name, joint.stiffness, joint.damping)
+        found += _joint(model, name, joint)
     _check_correlations(found, [name for one in (*correlations, *given.correlation) for name in one.of])
     return tuple(found)
 
@@ -130,14 +121,10 @@ def _places(found: Sequence[Quantity]) -> dict[str, int]:
     return {q.alias: i for i, q in enumerate(found)} | {q.name: i for i, q in enumerate(found)}
 
 
-def draws(
-    found: Sequence[Quantity], indices: Sequence[int], seed: int = 0, correlations: Sequence[Correlation] = ()
-) -> Array:
+def draws(found: Sequence[Quantity], indices: Sequence[int], seed: int, correlations: Sequence[Correlation]) -> Array:
     """`(k, n)` values of the quantities in the samples `indices`; a sample depends on nothing but seed and index."""
-    keys = {q.key for q in found}
-    scores = [{key: score(seed, index, key) for key in keys} for index in indices]
-    table = np.array([[row[q.key] for q in found] for row in scores]).reshape(len(scores), len(found))
-    table = drawn(table, _places(found), tuple(correlations))
+    scores = np.array([[score(seed, index, q.key) for q in found] for index in indices])
+    table = drawn(scores.reshape(len(indices), len(found)), _places(found), tuple(correlations))
     return np.array(
         [[q.uncertainty.value(q.nominal, float(z)) for q, z in zip(found, row, strict=True)] for row in table]
     )
@@ -151,14 +138,10 @@ def inertia_matrix(model: "mujoco.MjModel", body: int) -> Array:
     return np.asarray(turn @ np.diag(model.body_inertia[body]) @ turn.T, dtype=np.float64)
 
 
-def _key(path: str, name: str, how: Uncertainty) -> str:
-    return how.group or (name if how.each else path)
-
-
 def _modes(model: "mujoco.MjModel", given: Mapping[str, UncertainModes], named: set[str]) -> list[Quantity]:
     modal = modal_tendons(model)
-    split = [MODE.fullmatch(name) for name in modal.names]
-    prefixes = dict.fromkeys(m.group(1) for m in split if m)
+    split = [found.groups() if (found := MODE.fullmatch(name)) else (None, name) for name in modal.names]
+    prefixes = dict.fromkeys(prefix for prefix, _ in split if prefix is not None)
     out: list[Quantity] = []
     for prefix, modes in given.items():
         if prefix not in prefixes:
@@ -166,28 +149,24 @@ def _modes(model: "mujoco.MjModel", given: Mapping[str, UncertainModes], named: 
                 "appendage", prefix, prefixes, "Appendages are named by their prefix, and must have springs on modal tendons "
                 "(springs = \"modes\" under [fit], or bc.embed with retime=True)." if prefix in named else "",
             )  # fmt: skip
-        own = [m.group(2) for m in split if m and m.group(1) == prefix]
-        order = sorted(
-            (w, m.group(2)) for w, m in zip(modal.frequency, split, strict=True) if m and m.group(1) == prefix
-        )
-        plain = {mode: f"mode{k + 1}" for k, (_, mode) in enumerate(order)}  # as a file of modes numbers them
+        own = {str(mode): i for i, (other, mode) in enumerate(split) if other == prefix}
+        order = sorted(own, key=lambda mode: (modal.frequency[own[mode]], mode))
+        plain = {mode: f"mode{k + 1}" for k, mode in enumerate(order)}  # as a file of modes numbers them
         for one in modes.mode:
             if one.name not in own and one.name not in plain.values():
                 raise unknown("mode", one.name, own, f"They are the kept modes of {prefix!r}.")
-        for i, match in enumerate(split):
-            if not match or match.group(1) != prefix:
-                continue
-            w, mode = float(modal.frequency[i]), match.group(2)
-            names = {mode, plain[mode]} if plain[mode] not in own else {mode}
+        for mode, i in own.items():
+            w = float(modal.frequency[i])
+            names = {mode} if plain[mode] in own else {mode, plain[mode]}
             nominal = {"frequency": w, "damping": float(modal.damping[i]) / (2.0 * w), "participation": 1.0}
-            for kind in OF_MODES:
+            for kind, value in nominal.items():
                 single = [how for one in modes.mode if one.name in names and (how := getattr(one, kind)) is not None]
-                how = single[0] if single else getattr(modes, kind)
+                how: Uncertainty | None = single[0] if single else getattr(modes, kind)
                 if how is not None:
-                    name, other = f"{prefix}{mode}.{kind}", f"{prefix}{plain[mode]}.{kind}"
-                    key = _key(name if single else f"{prefix}.{kind}", name, how)
-                    unit = "rad/s" if kind == "frequency" else ""
-                    out.append(_checked(Quantity(name, unit, nominal[kind], how, int(modal.index[i]), key, other)))
+                    name = f"{prefix}{mode}.{kind}"
+                    key = how.group or (name if single or how.each else f"{prefix}.{kind}")
+                    unit, other = "rad/s" if kind == "frequency" else "", f"{prefix}{plain[mode]}.{kind}"
+                    out.append(_checked(Quantity(name, unit, value, how, int(modal.index[i]), key, other)))
     return out
 
 
@@ -218,8 +197,7 @@ def _body(model: "mujoco.MjModel", name: str, given: UncertainBody, modal: set[i
     inertia, centre = inertia_matrix(model, body), model.body_ipos[body]
     nominal = {"mass": float(model.body_mass[body])}
     nominal |= {f"centre_{a}": float(centre[i]) for i, a in enumerate(AXES)}
-    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
-    nominal |= {f"inertia_{AXES[i]}{AXES[j]}": float(inertia[i, j]) for i, j in pairs}
+    nominal |= {f"inertia_{AXES[i]}{AXES[j]}": float(inertia[i, j]) for i in range(3) for j in range(i, 3)}
     out: list[Quantity] = []
     for kind, value in nominal.items():
         how: Uncertainty | None = getattr(given, kind)
@@ -234,19 +212,18 @@ def _body(model: "mujoco.MjModel", name: str, given: UncertainBody, modal: set[i
         if signed and how.relative is not None:
             raise InputError(f"{kind} of body {name!r} takes absolute only, for it may be zero; write absolute = 0.01.")
         full, unit = f"{name}.{kind}", UNITS[kind.partition("_")[0]]
-        out.append(_checked(Quantity(full, unit, value, how, body, _key(full, full, how)), above_zero=not signed))
+        out.append(_checked(Quantity(full, unit, value, how, body, how.group or full), above_zero=not signed))
     _check_inertia(name, inertia, out)
     return out
 
 
 def _check_inertia(name: str, inertia: Array, found: Sequence[Quantity]) -> None:
     """Whether a body stays one at every corner of the ranges of its inertia."""
-    ranges = [(q, *(AXES.index(c) for c in q.kind[-2:])) for q in found if q.kind.startswith("inertia")]
-    for corner in range(2 ** len(ranges)):
+    ranges = [(q, *(AXES.index(c) for c in q.kind[-2:])) for q in reversed(found) if q.kind.startswith("inertia")]
+    for corner in product((-1.0, 1.0), repeat=len(ranges)):
         changed = inertia.copy()
-        for bit, (q, i, j) in enumerate(ranges):
-            value = q.nominal + (q.reach if corner >> bit & 1 else -q.reach)
-            changed[i, j] = changed[j, i] = value
+        for side, (q, i, j) in zip(corner, ranges, strict=True):
+            changed[i, j] = changed[j, i] = q.nominal + side * q.reach
         a, b, c = (float(v) for v in np.linalg.eigvalsh(changed))
         if a <= 0.0 or c > (a + b) * (1.0 + 1e-9):
             raise InputError(
@@ -255,19 +232,15 @@ def _check_inertia(name: str, inertia: Array, found: Sequence[Quantity]) -> None
             )
 
 
-def _joint(
-    model: "mujoco.MjModel", name: str, stiffness: Uncertainty | None, damping: Uncertainty | None
-) -> list[Quantity]:
+def _joint(model: "mujoco.MjModel", name: str, given: UncertainJoint) -> list[Quantity]:
     names = [str(model.joint(j).name) for j in range(model.njnt) if int(model.jnt_type[j]) >= 2]
     if name not in names:
         raise unknown("joint", name, names)
     joint = int(model.joint(name).id)
-    slide = int(model.jnt_type[joint]) == 2
-    units = ("N/m", "N s/m") if slide else ("N m/rad", "N m s/rad")
+    units = ("N/m", "N s/m") if int(model.jnt_type[joint]) == 2 else ("N m/rad", "N m s/rad")
     values = float(model.jnt_stiffness[joint]), float(model.dof_damping[model.jnt_dofadr[joint]])
-    out: list[Quantity] = []
-    for kind, unit, value, how in zip(("stiffness", "damping"), units, values, (stiffness, damping), strict=True):
-        if how is not None:
-            full = f"{name}.{kind}"
-            out.append(_checked(Quantity(full, unit, value, how, joint, _key(full, full, how))))
-    return out
+    return [
+        _checked(Quantity(full := f"{name}.{kind}", unit, value, how, joint, how.group or full))
+        for kind, unit, value in zip(("stiffness", "damping"), units, values, strict=True)
+        if (how := getattr(given, kind)) is not None
+    ]

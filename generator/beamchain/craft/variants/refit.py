@@ -33,12 +33,8 @@ FITTED = {
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """An appendage whose structure is uncertain.
-
-    Args:
-        prefix: of its elements in the craft.
-        fit: the nominal one, in whose specification modes and target are stated.
-        owner: what tells its draws from those of other appendages.
+    """An appendage whose structure is uncertain: the prefix of its elements in the craft, its nominal fit, in whose
+    specification modes and target are stated, and what tells its draws from those of other appendages.
     """
 
     prefix: str
@@ -53,11 +49,7 @@ class Refit:
         return cls(prefix, replace(fit, spec=structs.replace(fit.spec, modes=Modes(**counts), root=root)), owner)
 
     def into(self, model: "mujoco.MjModel", seed: int, index: int) -> Mapping[str, Array]:
-        """Put sample `index` into an untimed model of the craft, in place; the participation of its modes per port.
-
-        Raises:
-            BeamchainError: the sample cannot be made, or has another topology.
-        """
+        """Put sample `index` into an untimed model of the craft, in place; the participation of its modes per port."""
         sample, participation = self._fit(seed, index)
         own = _alone(sample)
         if {kind: _names(own, kind) for kind in KINDS} != self._topology:

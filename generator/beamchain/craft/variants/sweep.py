@@ -19,8 +19,7 @@ from beamchain.craft.embedding import embed
 from beamchain.craft.variants.fields import FIELDS
 from beamchain.craft.variants.quantities import Quantity
 from beamchain.craft.variants.refit import Refit
-from beamchain.craft.variants.samples import Case, unpacked, vary
-from beamchain.craft.variants.spread import Gain, gain, usual_gain
+from beamchain.craft.variants.samples import Case, gain, unpacked, usual_gain, vary
 from beamchain.engine.jobs import Progress, run_jobs, stamp
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
@@ -29,7 +28,7 @@ from beamchain.files import to_json, write_files
 from beamchain.fitting.fit import as_spec, fit, on_modes
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
-from beamchain.fitting.uncertain import Uncertain, UncertainCraft, read_uncertain
+from beamchain.fitting.uncertain import UncertainCraft, read_uncertain
 from beamchain.mjcf.craft import Craft, read_craft, relocate
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
@@ -58,6 +57,13 @@ class Sweep:
         participation: of a single appendage, per port `(k, n, motions)`.
         left_out: samples without a variant and why.
         seconds: taken.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> variants = bc.sweep(files("beamchain") / "examples" / "array_uncertain.toml", samples=2, seed=1)
+        >>> variants.coupled.shape[0], variants.fields["tendon_stiffness"].shape[0], variants.left_out
+        (2, 2, {})
     """
 
     name: str
@@ -130,10 +136,8 @@ class Sweep:
     def archive(self) -> bytes:
         """variants.npz: fields, samples' numbers, drawn values, coupled modes, gains, and names of bodies, joints, ..."""
         stream, model = io.BytesIO(), self.case.model
-        names = {
-            f"{kind}_names": np.array([getattr(model, kind)(i).name for i in range(getattr(model, count))])
-            for kind, count in NAMES.items()
-        }
+        names = {f"{kind}_names": np.array([getattr(model, kind)(i).name for i in range(getattr(model, count))])
+                 for kind, count in NAMES.items()}  # fmt: skip
         np.savez_compressed(
             stream, allow_pickle=False, fields=np.array(list(self.fields)), sample=self.indices,
             coupled_frequencies=self.coupled, quantities=np.array([q.name for q in self.quantities]), values=self.values,
@@ -243,12 +247,9 @@ def sweep(
     if not good:
         raise InputError(f"no sample became a variant: {next(iter(left_out.values()))}")
     arrays = {key: np.concatenate([unpacked(job["arrays"][key]) for job in good]) for key in good[0]["arrays"]}
-    fields: dict[str, Array] = {}
-    for field in FIELDS:
-        nominal = getattr(case.model, field)
-        values = arrays[f"field {field}"].astype(nominal.dtype)
-        if np.any(values != nominal):
-            fields[field] = values
+    nominal: dict[str, Any] = {field: getattr(case.model, field) for field in FIELDS}
+    fields = {field: arrays[f"field {field}"].astype(values.dtype) for field, values in nominal.items()}
+    fields = {field: values for field, values in fields.items() if np.any(values != nominal[field])}
     return Sweep(
         name, found, case, seed, np.array([index for job in good for index in job["samples"]]), arrays["values"], fields,
         arrays["coupled"], {one.name: arrays[f"gain {i}"] for i, one in enumerate(case.gains)},
@@ -265,12 +266,9 @@ def _one(spec: Spec, given: UncertainCraft) -> Fit:
 
 
 def _craft(
-    source: "Embedded | str | Path",
-    at: "Mapping[str, Spec | Beam | ModalData | str | Path] | None",
-    given: UncertainCraft,
-    prefixes: Sequence[str] | None,
-    retime: bool | None,
-) -> "Embedded | Craft":
+    source: "Embedded | str | Path", at: "Mapping[str, Spec | Beam | ModalData | str | Path] | None", given: UncertainCraft,
+    prefixes: Sequence[str] | None, retime: bool | None,
+) -> "Embedded | Craft":  # fmt: skip
     """The nominal craft with its appendages."""
     if isinstance(source, Embedded):
         if at is not None or source.document is None or source.form != "inline":
@@ -281,14 +279,9 @@ def _craft(
         return source
     if at is None:
         return read_craft(source)
-    wanted = {place: _on_modes(what, wanted=bool(given.appendage)) for place, what in at.items()}
-    return embed(source, wanted, prefixes=prefixes, retime=retime)
-
-
-def _on_modes(what: "Spec | Beam | ModalData | str | Path", *, wanted: bool) -> "Spec | ModalData":
-    if isinstance(what, ModalData):
-        return what
-    return on_modes(as_spec(what), wanted=wanted)
+    modes = bool(given.appendage)
+    held = {p: w if isinstance(w, ModalData) else on_modes(as_spec(w), wanted=modes) for p, w in at.items()}
+    return embed(source, held, prefixes=prefixes, retime=retime)
 
 
 def _case(found: "Fit | Embedded | Craft", given: UncertainCraft, gains: Sequence[str] | None) -> tuple[Case, str]:
@@ -300,9 +293,7 @@ def _case(found: "Fit | Embedded | Craft", given: UncertainCraft, gains: Sequenc
         fits = {f"{found.spec.name}_": (found, "")}
     elif isinstance(found, Embedded):
         fits = {a.prefix: (a.fit, a.prefix) for a in found.appendages}
-    tables: dict[str, Uncertain] = {
-        prefix: made.spec.uncertain for prefix, (made, _) in fits.items() if made.spec.uncertain is not None
-    }
+    tables = {prefix: table for prefix, (made, _) in fits.items() if (table := made.spec.uncertain) is not None}
     if not tables and given == UncertainCraft():
         raise InputError(
             "nothing is uncertain: give the appendages' specifications an [uncertain], or the craft's file of "
@@ -319,10 +310,8 @@ def _case(found: "Fit | Embedded | Craft", given: UncertainCraft, gains: Sequenc
         participation = {p: found.chain.port(p).participation[: t.modes] for p, t in found.target.items()}
     case = Case(model, given, modes, correlations, refits, (), participation)
     nominal = case.maker.model
-    followed: tuple[Gain, ...] = tuple(
-        gain(nominal, pair) for pair in (usual_gain(nominal) if gains is None else gains)
-    )
-    case = Case(model, given, modes, correlations, refits, followed, participation)
+    followed = tuple(gain(nominal, pair) for pair in (usual_gain(nominal) if gains is None else gains))
+    case = replace(case, gains=followed)
     case.found  # noqa: B018  (names and ranges are checked before any sample is made)
     return case, text
 

@@ -1,8 +1,11 @@
-"""Per-world fields of one compiled model: rows of a table of variants, or modes drawn from ranges and made exact in time."""
+"""Per-world fields of one compiled model: rows of a table of variants, or modes drawn from ranges and made exact in time.
+
+Both sources give each world a key, from which its fields follow at every step.
+"""
 
 import copy
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,45 +30,14 @@ Fields = dict[str, Array]
 Keys = NDArray[Any]
 
 
-class Source(Protocol):
-    """Where worlds get their fields from. Each world has a key, from which its fields follow at every step."""
-
-    @property
-    def size(self) -> int | None:
-        """Number of variants; None: any number can be drawn."""
-        ...
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of the fields of one world."""
-        ...
-
-    def keys(self, count: int, rng: np.random.Generator, *, first: bool = False) -> Keys:
-        """Keys `(count, ...)` of worlds, at the first call or drawn."""
-        ...
-
-    def fields(self, keys: Keys) -> Fields:
-        """Fields `(count, ...)` of the worlds with these keys."""
-        ...
-
-    def at(self, timestep: float) -> "Source":
-        """The same, exact in time for another step [s]."""
-        ...
-
-
 class Modes:
     """Modal tendons of a model with frequencies and damping drawn uniformly, each mode of each world for itself.
 
-    Args:
-        model: compiled; with modal tendons.
-        ranges: half widths relative to the nominal values, `{"frequency": 0.05, "damping": 0.3}`.
-        timestep: for which draws are made exact in time [s]; None: they are not.
+    `ranges`: half widths relative to the nominal values, `{"frequency": 0.05, "damping": 0.3}`. `timestep`: for which draws
+    are made exact in time [s]; None: they are not.
     """
 
-    size: int | None = None
-
-    timestep: float | None
-    nbytes: int
+    size: int | None = None  #: any number can be drawn
 
     def __init__(self, model: "mujoco.MjModel", ranges: Mapping[str, float], timestep: float | None) -> None:
         self._widths = [_width(name, ranges.get(name, 0.0)) for name in RANGES]
@@ -75,7 +47,7 @@ class Modes:
         if not self._modal.names:
             raise foreign("a draw of modes")
         self._mass = coupled_mass(self._model, self._modal, None)
-        self.nbytes = sum(getattr(model, name).nbytes for name in TENDONS)
+        self.nbytes = sum(getattr(model, name).nbytes for name in TENDONS)  #: of the fields of one world
 
     def keys(self, count: int, rng: np.random.Generator, *, first: bool = False) -> Keys:  # noqa: ARG002
         """`(count, 2, n)` numbers from -1 to 1."""
@@ -99,19 +71,12 @@ class Modes:
 
 
 class Table:
-    """Given variants, taken in their order at first and then drawn with equal chances.
-
-    Args:
-        model: compiled; its own values hold where a field is not given.
-        fields: names of `MjModel` arrays, each `(k, ...)`.
-        timestep: for which the variants are made exact in time [s]; None: they are taken as they are.
+    """Given variants, arrays `(k, ...)` by name of MuJoCo's field, taken in their order at first and then drawn with equal
+    chances; made exact in time for `timestep` [s], or taken as they are where it is None.
     """
 
-    timestep: float | None
-    nbytes: int
-
     def __init__(self, model: "mujoco.MjModel", fields: Mapping[str, Any], timestep: float | None) -> None:
-        self._model, self._given, self.timestep = model, fields, timestep
+        self._model, self._given = model, fields
         self.size: int = max(np.shape(next(iter(fields.values())))[:1], default=0)
         for name, values in fields.items():
             shape = getattr(getattr(model, name, None), "shape", None)
@@ -149,11 +114,7 @@ class Table:
         marks = self._rows.get("tendon_solimp_lim")
         if timestep is not None and marks is None:
             base = without_time(base)
-        elif (
-            timestep is not None
-            and marks is not None
-            and np.all(np.isin(marks[:, modal_tendons(base).index, 0], timestep))
-        ):
+        elif marks is not None and np.all(marks[:, modal_tendons(base).index, 0] == timestep):
             timestep = None  # they are exact already
         for i in range(self.size):
             one = with_fields(base, {name: values[i] for name, values in self._rows.items()})
@@ -161,16 +122,18 @@ class Table:
             own = {name: np.array(getattr(one, name)) for name in DERIVED}
             if timestep is not None:
                 one = without_time(one)
-                modal = modal_tendons(one)
                 plain = {name: np.array(getattr(one, name))[None] for name in TENDONS}
-                mass = coupled_mass(one, modal, None)
-                name = NUMBERS[int(one.opt.integrator)]
-                own |= {name: v[0] for name, v in exact(plain, modal, mass, name, timestep).items()}
+                modal, integrator = modal_tendons(one), NUMBERS[int(one.opt.integrator)]
+                timed = exact(plain, modal, coupled_mass(one, modal, None), integrator, timestep)
+                own |= {name: values[0] for name, values in timed.items()}
             found.append(own)
         for name in found[0]:
             rows = np.array([own[name] for own in found])
             if np.any(rows != getattr(self._model, name)):
                 self._rows[name] = rows
+
+
+Source = Modes | Table
 
 
 def source_of(model: "mujoco.MjModel", variants: Any, timestep: float | None) -> Source | None:

@@ -13,7 +13,7 @@ from beamchain.checks import not_negative, positive
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import embed
 from beamchain.craft.worlds.observation import mean_rate
-from beamchain.craft.worlds.worlds import Worlds, worlds
+from beamchain.craft.worlds.worlds import worlds
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import mass_matrix
 from beamchain.errors import InputError
@@ -53,12 +53,6 @@ class Fleet:
         host, threads: as in `bc.worlds`.
     """
 
-    period: float
-    slew: float
-    worlds: Worlds
-    torque: Array
-    momentum: float
-
     def __init__(
         self,
         count: int,
@@ -87,19 +81,17 @@ class Fleet:
         self.worlds = worlds(
             _shipped() if model is None else model, variants, count, host, timestep=step, threads=threads
         )
-        made = self.worlds.model
-        if not self.worlds.wheels:
+        made, self._wheels = self.worlds.model, self.worlds.wheels
+        if not self._wheels:
             raise InputError(
                 "the model has no reaction wheels; give it bodies without children on hinges without limits, each with a motor, "
                 "as in satellite.xml among the package's examples."
             )
-        self._wheels, gear = self.worlds.wheels, np.asarray(made.actuator_gear)[self.worlds.wheels, 0]
-        spin = [int(made.jnt_dofadr[int(made.actuator_trnid[i, 0])]) for i in self._wheels]
+        gear = made.actuator_gear[self._wheels, 0]
+        spin = made.jnt_dofadr[made.actuator_trnid[self._wheels, 0]]
         self._inertia = np.diag(mass_matrix(made))[spin]  # of each wheel about its axis [kg m^2]
-        limited = np.asarray(made.actuator_ctrllimited, dtype=bool)[self._wheels]
-        own = np.where(
-            limited, np.abs(np.asarray(made.actuator_ctrlrange)[self._wheels] * gear[:, None]).min(axis=1), TORQUE
-        )
+        most = np.abs(made.actuator_ctrlrange[self._wheels] * gear[:, None]).min(axis=1)
+        own = np.where(made.actuator_ctrllimited[self._wheels], most, TORQUE)
         self.torque = own if torque is None else np.full(len(spin), positive("torque", torque, "N m"))
         self.momentum, self._gear = positive("momentum", momentum, "N m s"), gear
         self._target, self._age = np.zeros((count, 4)), np.zeros(count, dtype=np.int64)
@@ -108,17 +100,12 @@ class Fleet:
     def start(self, ids: NDArray[np.intp], rng: np.random.Generator, turn: Any = None) -> Array:
         """New episodes of some satellites, at rest. Returns the observation `(k, ...)` of all.
 
-        Args:
-            ids: which.
-            rng: draws properties, turns and noise.
-            turn: rotation vector `(3,)` of the wanted attitude [rad]; None: drawn.
+        `turn`: rotation vector `(3,)` of the wanted attitude [rad]; None: `rng` draws it, as it does properties and noise.
         """
         axis = rng.normal(size=(ids.size, 3))
         angle = self.slew * rng.uniform(0.5, 1.0, (ids.size, 1))
-        vector = (
-            axis / np.linalg.norm(axis, axis=1, keepdims=True) * angle if turn is None else np.array(turn, dtype=float)
-        )
-        vector = np.broadcast_to(vector, (ids.size, 3))
+        drawn = axis / np.linalg.norm(axis, axis=1, keepdims=True) * angle
+        vector = np.broadcast_to(drawn if turn is None else np.array(turn, dtype=float), (ids.size, 3))
         half = np.linalg.norm(vector, axis=1, keepdims=True) / 2.0
         self._target[ids] = np.hstack([np.cos(half), vector / 2.0 * np.sinc(half / np.pi)])
         self._age[ids], self._torque[ids] = 0, 0.0

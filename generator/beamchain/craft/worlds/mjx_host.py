@@ -1,16 +1,23 @@
-"""The host "mjx": MuJoCo's steps in JAX, one compiled program for all worlds and their own fields."""
+"""The host "mjx": MuJoCo's steps in JAX, one compiled program for all worlds and their own fields; and its derivatives."""
 
-from collections.abc import Mapping
+# pyright: reportUnknownLambdaType=false
+from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+from beamchain.craft.timing import without_time
+from beamchain.craft.worlds.fields import TENDONS, runs_exact, with_fields
 from beamchain.craft.worlds.hosts import LARGEST, Flags, Ids
 from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
+from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.modal import foreign, modal_tendons
+from beamchain.steps.retime import retime
 
 jax: Any = import_module("jax")
 jnp: Any = import_module("jax.numpy")
@@ -19,64 +26,52 @@ mjx: Any = import_module("mujoco.mjx")
 WORKING = 4  # states that the compiled program holds of a world
 
 
-def make(model: "mujoco.MjModel", count: int, stage: int) -> "Mjx":
-    """The host."""
-    return Mjx(model, count, stage)
-
-
-def put(model: "mujoco.MjModel") -> Any:
-    """The model in JAX.
-
-    Raises:
-        InputError: MJX does not do what the model needs.
-    """
+def _put(model: "mujoco.MjModel") -> Any:
     try:
         return mjx.put_model(model)
     except NotImplementedError as error:
         raise InputError(f"MJX does not run this model: {error}; use host='mujoco'.") from None
 
 
-def settled(model: "mujoco.MjModel") -> Any:
+def _settled(model: "mujoco.MjModel") -> Any:
     """The initial state in JAX, its types those that a step gives, which in doubles differ from those of `put_data`."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     there = mjx.put_data(model, data)
-    return jax.tree.map(_typed, there, jax.eval_shape(mjx.step, put(model), there))
+    stepped = jax.eval_shape(mjx.step, _put(model), there)
+    return jax.tree.map(lambda values, like: jnp.asarray(values, like.dtype), there, stepped)
 
 
 def bytes_of(model: "mujoco.MjModel") -> float:
     """What MJX needs for one world [bytes]."""
-    shapes = jax.eval_shape(lambda: mjx.make_data(put(model)))
+    shapes = jax.eval_shape(lambda: mjx.make_data(_put(model)))
     return WORKING * sum(float(np.prod(leaf.shape)) * leaf.dtype.itemsize for leaf in jax.tree.leaves(shapes))
 
 
-class Mjx:
+class Host:
     """Worlds on JAX's device, in JAX's precision: float32, or float64 with `jax.config.update("jax_enable_x64", True)`."""
 
     def __init__(self, model: "mujoco.MjModel", count: int, stage: int) -> None:
-        self._model, self._own, self._stage = put(model), dict[str, Any](), stage
-        self._start = settled(model)
-        self._state = jax.tree.map(partial(_repeated, count), self._start)
+        self._model, self._own, self._stage = _put(model), dict[str, Any](), stage
+        self._start = _settled(model)
+        self._state = jax.tree.map(lambda values: jnp.repeat(values[None], count, axis=0), self._start)
 
     @property
     def qpos(self) -> Array:
-        """As `Host.qpos`."""
         return np.asarray(self._state.qpos, dtype=np.float64)
 
     @property
     def qvel(self) -> Array:
-        """As `Host.qvel`."""
         return np.asarray(self._state.qvel, dtype=np.float64)
 
     @property
     def sensors(self) -> Array:
-        """As `Host.sensors`."""
         if not self._stage:
             return np.zeros((len(self._state.qpos), 0))
         return np.asarray(_sensed(self._model, self._own, self._state), dtype=np.float64)
 
     def put(self, fields: Mapping[str, Array], ids: Ids) -> None:
-        """As `Host.put`; fields that MJX does not read are left out."""
+        """As `Batch.put`; fields that MJX does not read are left out."""
         for name, values in fields.items():
             nominal = getattr(self._model, name, None)
             if nominal is not None:
@@ -84,57 +79,32 @@ class Mjx:
                 self._own[name] = self._own[name].at[ids].set(given) if name in self._own else given
 
     def step(self, first: Array, then: Array, count: int) -> Flags:
-        """As `Host.step`."""
-        kind = self._state.qpos.dtype
-        self._state, bad = _stepped(
-            self._model, self._own, self._state, jnp.asarray(first, kind), jnp.asarray(then, kind), count=count
-        )
+        inputs = (jnp.asarray(ctrl, self._state.qpos.dtype) for ctrl in (first, then))
+        self._state, bad = _stepped(self._model, self._own, self._state, *inputs, count=count)
         return np.asarray(bad)
 
     def reset(self, ids: Ids, qpos: Array, qvel: Array) -> None:
-        """As `Host.reset`."""
-        kind = self._state.qpos.dtype
-        shape = (len(ids), -1)
-        place, rate = (np.broadcast_to(v, (len(ids), np.shape(v)[-1])).reshape(shape) for v in (qpos, qvel))
-        self._state = _restarted(
-            self._state, self._start, jnp.asarray(ids), jnp.asarray(place, kind), jnp.asarray(rate, kind)
-        )
+        there = (jnp.asarray(np.broadcast_to(v, (len(ids), v.shape[-1])), self._state.qpos.dtype) for v in (qpos, qvel))
+        self._state = _restarted(self._state, self._start, jnp.asarray(ids), *there)
 
     def state(self) -> Any:
-        """As `Host.state`; JAX's arrays never change."""
-        return self._state
+        return self._state  # JAX's arrays never change
 
     def restore(self, state: Any) -> None:
-        """As `Host.restore`."""
         self._state = state
-
-
-def _typed(values: Any, like: Any) -> Any:
-    return jnp.asarray(values, like.dtype)
-
-
-def _repeated(count: int, values: Any) -> Any:
-    return jnp.repeat(values[None], count, axis=0)
 
 
 def _many(one: Any, model: Any, own: dict[str, Any], *rest: Any) -> Any:
     """`one(model, *rest)` for all worlds, the model with the fields of each."""
-
-    def of_each(fields: dict[str, Any], *each: Any) -> Any:
-        return one(model.tree_replace(fields), *each)
-
-    return jax.vmap(of_each)(own, *rest)
+    return jax.vmap(lambda fields, *each: one(model.tree_replace(fields), *each))(own, *rest)
 
 
 @partial(jax.jit, static_argnames="count")
 def _stepped(model: Any, own: dict[str, Any], state: Any, first: Any, then: Any, count: int) -> Any:
     def one(mine: Any, data: Any, a: Any, b: Any) -> Any:
-        def again(_: int, now: Any) -> Any:
-            return mjx.step(mine, now)
-
         data = mjx.step(mine, data.replace(ctrl=a))
         if count > 1:
-            data = jax.lax.fori_loop(1, count, again, data.replace(ctrl=b))
+            data = jax.lax.fori_loop(1, count, lambda _, now: mjx.step(mine, now), data.replace(ctrl=b))
         return data, ~(jnp.max(jnp.abs(jnp.concatenate([data.qpos, data.qvel]))) < LARGEST)
 
     return _many(one, model, own, state, first, then)
@@ -142,16 +112,52 @@ def _stepped(model: Any, own: dict[str, Any], state: Any, first: Any, then: Any,
 
 @jax.jit
 def _sensed(model: Any, own: dict[str, Any], state: Any) -> Any:
-    def one(mine: Any, data: Any) -> Any:
-        return mjx.forward(mine, data).sensordata
-
-    return _many(one, model, own, state)
+    return _many(lambda mine, data: mjx.forward(mine, data).sensordata, model, own, state)
 
 
 @jax.jit
 def _restarted(state: Any, start: Any, ids: Any, qpos: Any, qvel: Any) -> Any:
-    def one(now: Any, then: Any) -> Any:
-        return now.at[ids].set(then)
-
-    state = jax.tree.map(one, state, start)
+    state = jax.tree.map(lambda now, then: now.at[ids].set(then), state, start)
     return state.replace(qpos=state.qpos.at[ids].set(qpos), qvel=state.qvel.at[ids].set(qvel))
+
+
+def response(model: "mujoco.MjModel", read: Callable[[Any, Any], dict[str, Any]]) -> Callable[..., dict[str, Any]]:
+    """See `Worlds.response`; `read` makes the named arrays of positions and rates."""
+    plain = without_time(model)
+    modal = modal_tendons(plain)
+    if not modal.names:
+        raise foreign("a derivative with respect to its modes")
+    exact, h = runs_exact(model), float(model.opt.timestep)
+    name = NUMBERS[int(model.opt.integrator)]
+    phase = retime(with_fields(plain, {}), h, form=2).phase if exact else np.inf
+    base, start = _put(plain), _settled(plain)
+    own = {field: jnp.asarray(getattr(plain, field)) for field in TENDONS[:3]}
+    nominal = jnp.asarray(modal.frequency), jnp.asarray(modal.damping / (2.0 * modal.frequency))
+
+    def respond(ctrl: Any, frequency: Any = None, damping: Any = None) -> dict[str, Any]:
+        w = nominal[0] if frequency is None else jnp.asarray(frequency)
+        ratio = nominal[1] if damping is None else jnp.asarray(damping)
+        mass, drag = _timed(name, w, ratio, h, phase) if exact else (jnp.ones_like(w), 2.0 * ratio * w)
+        new = zip(own, (w**2, drag, mass - 1.0), strict=True)
+        here = base.tree_replace({field: own[field].at[modal.index].set(values) for field, values in new})
+
+        def one(carry: tuple[Any, Any], now: Any) -> Any:
+            data, before = carry
+            data = mjx.step(here, data.replace(ctrl=(now + before) / 2.0 if exact else now))
+            return (data, now), (data.qpos, data.qvel)
+
+        ctrl = jnp.asarray(ctrl, start.qpos.dtype)
+        _, (qpos, qvel) = jax.lax.scan(one, (start, jnp.zeros_like(ctrl[0])), ctrl)
+        return read(qpos, qvel)
+
+    return respond
+
+
+def _timed(name: str, w: Any, ratio: Any, h: float, phase: float) -> tuple[Any, Any]:
+    """Mass and damping as of `steps.integrators.timed`, for modes that oscillate."""
+    back = h * jnp.minimum(1.0, phase / (w * h))
+    x, y = -ratio * w * back, w * jnp.sqrt(1.0 - ratio**2) * back
+    mass = (h * w) ** 2 / (jnp.expm1(x) ** 2 + 4.0 * jnp.exp(x) * jnp.sin(y / 2.0) ** 2)
+    drag = -mass * jnp.expm1(2.0 * x) / h
+    mass = mass * jnp.exp(2.0 * x) if SCHEMES[name].implicit_damping else mass
+    return jnp.maximum(mass, 1.0), jnp.maximum(drag, 0.0)

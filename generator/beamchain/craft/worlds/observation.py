@@ -14,56 +14,37 @@ from beamchain.ports.motions import Array
 from beamchain.steps.modal import modal_tendons
 
 FREE, BALL, HINGE = 0, 1, 3  # mjtJoint
-QUATERNION = {
-    FREE: (3, 3),
-    BALL: (0, 0),
-}  # of a joint: how far behind its position and its velocity the rotation stands
+QUATERNION = {FREE: (3, 3), BALL: (0, 0)}  # how far behind a joint's position and velocity the rotation stands
 JOINT = 0  # mjTRN_JOINT
 
 
 class Observer:
-    """Reads named arrays `(k, ...)` from the positions, rates and sensors of k worlds.
-
-    Args:
-        model: compiled.
-        names: of what to observe; None: all there is.
-    """
-
-    wheels: list[int]
-    names: tuple[str, ...]
-    stage: int
+    """Reads named arrays `(k, ...)` from the positions, rates and sensors of k worlds; `names` None: all there is."""
 
     def __init__(self, model: "mujoco.MjModel", names: Sequence[str] | None) -> None:
         modal = modal_tendons(model)
-        body = base(model) if model.nv else 0
-        turning = [
-            i for i in range(model.njnt) if int(model.jnt_bodyid[i]) == body and int(model.jnt_type[i]) in QUATERNION
-        ]
-        self._turn = None
-        if turning:
-            place, rate = QUATERNION[int(model.jnt_type[turning[0]])]
-            self._turn = int(model.jnt_qposadr[turning[0]]) + place, int(model.jnt_dofadr[turning[0]]) + rate
+        body, self._turn = base(model) if model.nv else 0, None
+        for j in np.flatnonzero(np.isin(model.jnt_type, list(QUATERNION)) & (model.jnt_bodyid == body))[:1]:
+            place, rate = QUATERNION[int(model.jnt_type[j])]
+            self._turn = int(model.jnt_qposadr[j]) + place, int(model.jnt_dofadr[j]) + rate
         bent = np.any(modal.rows != 0.0, axis=0)
-        #: actuators that turn a wheel: a leaf body on a hinge without limits
         self.wheels = [i for i in range(model.nu) if _wheel(model, i, bent)]
         self._spin = [int(model.jnt_dofadr[int(model.actuator_trnid[i, 0])]) for i in self.wheels]
         self._hinges = np.flatnonzero(bent)
-        joints = [int(model.dof_jntid[d]) for d in self._hinges]
-        self._places = np.array([int(model.jnt_qposadr[j]) for j in joints], dtype=np.intp)
+        joints = model.dof_jntid[self._hinges]
+        self._places = np.asarray(model.jnt_qposadr[joints], dtype=np.intp)
         self._rows = self._nominal = np.ascontiguousarray(modal.rows[:, self._hinges].T)
-        column = {joint: i for i, joint in enumerate(joints)}
+        column = {int(joint): i for i, joint in enumerate(joints)}
         self._wraps = [
             (w, column[int(model.wrap_objid[w])], n) for n, i in enumerate(modal.index) for w in wraps(model, int(i))
         ]
-        self._rest = np.asarray(model.tendon_lengthspring)[modal.index, 0] if len(modal.names) else np.zeros(0)
+        self._rest = model.tendon_lengthspring[modal.index, 0]
         self._sensors = {
             str(model.sensor(i).name) or f"sensor {i}": slice(int(a), int(a + model.sensor_dim[i]))
             for i, a in enumerate(model.sensor_adr)
         }
-        there = [
-            *(["attitude", "rate"] if self._turn else []), *(["wheels"] if self.wheels else []),
-            *(["modes"] if modal.names else []), *self._sensors,
-        ]  # fmt: skip
+        own = {"attitude": self._turn, "rate": self._turn, "wheels": self.wheels, "modes": modal.names}
+        there = [*(name for name, found in own.items() if found), *self._sensors]
         wanted = there if names is None else [names] if isinstance(names, str) else list(names)
         for name in wanted:
             if name not in there:
@@ -100,51 +81,29 @@ class Observer:
         return out
 
     def read(self, qpos: Array, qvel: Array, sensors: Array, attitude: Array, rate: Array) -> dict[str, Array]:
-        """The named arrays.
-
-        Args:
-            qpos, qvel, sensors: of all worlds.
-            attitude, rate: as the caller keeps them: `(k, 4)` now, `(k, 3)` mean over the last step.
-        """
-        out: dict[str, Array] = {}
-        for name in self.names:
-            if name == "attitude":
-                out[name] = attitude.copy()
-            elif name == "rate":
-                out[name] = rate.copy()
-            elif name == "wheels":
-                out[name] = qvel[:, self._spin]
-            elif name == "modes":
-                bent = qpos[:, self._places]
-                one = self._rows.ndim == 2
-                out[name] = (bent @ self._rows if one else np.einsum("kj,kjn->kn", bent, self._rows)) - self._rest
-            else:
-                out[name] = sensors[:, self._sensors[name]].copy()
-        return out
+        """The named arrays; the caller keeps `attitude` `(k, 4)` now, and `rate` `(k, 3)`, the mean over the last step."""
+        seen = self.moved(qpos, qvel) | {"attitude": attitude.copy(), "rate": rate.copy()}
+        seen |= {name: sensors[:, part].copy() for name, part in self._sensors.items()}
+        if self._rows.ndim == 3:
+            seen["modes"] = np.einsum("kj,kjn->kn", qpos[:, self._places], self._rows) - self._rest
+        return {name: seen[name] for name in self.names}
 
 
 def _wheel(model: "mujoco.MjModel", actuator: int, bent: NDArray[np.bool_]) -> bool:
+    """Whether an actuator turns a leaf body on a hinge without limits."""
     joint = int(model.actuator_trnid[actuator, 0])
-    if (
-        int(model.actuator_trntype[actuator]) != JOINT
-        or int(model.jnt_type[joint]) != HINGE
-        or model.jnt_limited[joint]
-    ):
+    if model.actuator_trntype[actuator] != JOINT or model.jnt_type[joint] != HINGE or model.jnt_limited[joint]:
         return False
-    leaf = not np.any(np.asarray(model.body_parentid) == int(model.jnt_bodyid[joint]))
+    leaf = not np.any(model.body_parentid == model.jnt_bodyid[joint])
     return leaf and not bent[int(model.jnt_dofadr[joint])]
 
 
 def mean_rate(before: Array, after: Array, span: "Array | float") -> Array:
     """`(k, 3)` mean rate in body axes [rad/s] between two attitudes `(k, 4)`: what an integrating gyro has measured."""
     w, v, a, u = before[:, :1], before[:, 1:], after[:, :1], after[:, 1:]
-    turn = w * u - a * v - (v[:, CYCLE] * u[:, BACK] - v[:, BACK] * u[:, CYCLE])
-    whole = w * a + np.einsum("ki,ki->k", v, u)[:, None]
-    sine = np.sqrt(np.einsum("ki,ki->k", turn, turn))[:, None]
+    turn = w * u - a * v - np.cross(v, u)
+    whole = w * a + np.sum(v * u, axis=1, keepdims=True)
+    sine = np.linalg.norm(turn, axis=1, keepdims=True)
     angle = 2.0 * np.arctan2(sine, np.abs(whole))
     scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 2.0)
     return np.asarray(turn * np.where(whole < 0.0, -scale, scale) / span)
-
-
-CYCLE: NDArray[np.intp] = np.array([1, 2, 0])
-BACK: NDArray[np.intp] = np.array([2, 0, 1])

@@ -39,9 +39,9 @@ class Satellite(gymnasium.Env[Array, Array]):
     action_space: gymnasium.spaces.Space[Any]
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
-        self.fleet, self.render_mode = Fleet(1, **options), _mode(render_mode)
+        self.fleet, self.render_mode = Fleet(1, **options), render_mode
         self.observation_space, self.action_space = _spaces(self.fleet)
-        self._camera = Camera(self.fleet)
+        self._camera = Camera(self.fleet, render_mode)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Start an episode."""
@@ -57,7 +57,7 @@ class Satellite(gymnasium.Env[Array, Array]):
 
     def render(self) -> NDArray[np.uint8] | None:
         """A picture `(480, 640, 3)`."""
-        return None if self.render_mode is None else self._camera.picture()
+        return self._camera.picture()
 
     def close(self) -> None:
         """Give the renderer back."""
@@ -73,10 +73,7 @@ class Satellites(gymnasium.vector.VectorEnv[Array, Array, NDArray[Any]]):
         options: as of `Fleet`.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012
-        **METADATA,
-        "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP,
-    }
+    metadata: dict[str, Any] = METADATA | {"autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP}
 
     single_observation_space: gymnasium.spaces.Space[Any]
     single_action_space: gymnasium.spaces.Space[Any]
@@ -87,13 +84,13 @@ class Satellites(gymnasium.vector.VectorEnv[Array, Array, NDArray[Any]]):
     render_mode: str | None
 
     def __init__(self, num_envs: int = 1, render_mode: str | None = None, **options: Any) -> None:
-        self.fleet, self.render_mode = Fleet(num_envs, **options), _mode(render_mode)
+        self.fleet, self.render_mode = Fleet(num_envs, **options), render_mode
         self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = _spaces(self.fleet)
         batch = gymnasium.vector.utils.batch_space
         self.observation_space = batch(self.single_observation_space, num_envs)
         self.action_space = batch(self.single_action_space, num_envs)
-        self._over, self._camera = np.zeros(num_envs, dtype=np.bool_), Camera(self.fleet)
+        self._over, self._camera = np.zeros(num_envs, dtype=np.bool_), Camera(self.fleet, render_mode)
 
     def reset(
         self, *, seed: int | list[int] | None = None, options: dict[str, Any] | None = None
@@ -120,7 +117,7 @@ class Satellites(gymnasium.vector.VectorEnv[Array, Array, NDArray[Any]]):
 
     def render(self) -> Any:
         """A picture `(480, 640, 3)` of the first satellite."""
-        return None if self.render_mode is None else self._camera.picture()
+        return self._camera.picture()
 
     def close_extras(self, **_: Any) -> None:
         """Give the renderer back."""
@@ -128,13 +125,17 @@ class Satellites(gymnasium.vector.VectorEnv[Array, Array, NDArray[Any]]):
 
 
 class Camera:
-    """Pictures of the first satellite of a fleet; the renderer is made with the first."""
+    """Pictures of the first satellite of a fleet, none where the mode is None; the renderer is made with the first."""
 
-    def __init__(self, fleet: Fleet) -> None:
-        self._worlds, self._renderer = fleet.worlds, None
+    def __init__(self, fleet: Fleet, render_mode: str | None) -> None:
+        if render_mode is not None:
+            one_of("render_mode", render_mode, MODES)
+        self._worlds, self._mode, self._renderer = fleet.worlds, render_mode, None
 
-    def picture(self) -> NDArray[np.uint8]:
+    def picture(self) -> NDArray[np.uint8] | None:
         """`(480, 640, 3)`."""
+        if self._mode is None:
+            return None
         model = self._worlds.model
         if self._renderer is None:
             try:
@@ -155,12 +156,6 @@ class Camera:
         if self._renderer is not None:
             self._renderer.close()
         self._renderer = None
-
-
-def _mode(render_mode: str | None) -> str | None:
-    if render_mode is not None:
-        one_of("render_mode", render_mode, MODES)
-    return render_mode
 
 
 def _spaces(fleet: Fleet) -> tuple[Any, Any]:

@@ -17,11 +17,6 @@ mjw: Any = import_module("mujoco_warp")
 STATE = ("qpos", "qvel", "act", "time", "qacc_warmstart")  # what a simulation without constraints continues from
 
 
-def make(model: "mujoco.MjModel", count: int, stage: int) -> "Warp":
-    """The host."""
-    return Warp(model, count, stage)
-
-
 def bytes_of(model: "mujoco.MjModel") -> float:
     """What Warp keeps of one world [bytes]."""
     data = mjw.make_data(model, nworld=2)
@@ -29,7 +24,7 @@ def bytes_of(model: "mujoco.MjModel") -> float:
     return sum(value.capacity / 2.0 for value in held if value.shape and value.shape[0] == 2)
 
 
-class Warp:
+class Host:
     """Worlds on Warp's device."""
 
     def __init__(self, model: "mujoco.MjModel", count: int, stage: int) -> None:
@@ -43,40 +38,34 @@ class Warp:
 
     @property
     def qpos(self) -> Array:
-        """As `Host.qpos`."""
         return self._data.qpos.numpy().astype(np.float64)
 
     @property
     def qvel(self) -> Array:
-        """As `Host.qvel`."""
         return self._data.qvel.numpy().astype(np.float64)
 
     @property
     def sensors(self) -> Array:
-        """As `Host.sensors`."""
         if self._stage:
             mjw.forward(self._model, self._data)
         return self._data.sensordata.numpy().astype(np.float64)
 
     def put(self, fields: Mapping[str, Array], ids: Ids) -> None:
-        """As `Host.put`."""
         for name, values in fields.items():
             now = getattr(self._model, name, None)
             if now is None:
                 continue
             shared = now.numpy()
-            if now.shape[0] not in (1, self._count) or shared.ndim != values.ndim:
-                if np.any(values != values[:1]):
-                    raise InputError(
-                        f"MuJoCo Warp holds {name} once for all worlds; use host='mujoco' or 'mjx' to vary it."
-                    )
-                continue
-            rows = np.array(np.broadcast_to(shared, (self._count, *shared.shape[1:])))
-            rows[ids] = values
-            setattr(self._model, name, wp.array(rows, dtype=now.dtype))
+            if now.shape[0] in (1, self._count) and shared.ndim == values.ndim:
+                rows = np.array(np.broadcast_to(shared, (self._count, *shared.shape[1:])))
+                rows[ids] = values
+                setattr(self._model, name, wp.array(rows, dtype=now.dtype))
+            elif np.any(values != values[:1]):
+                raise InputError(
+                    f"MuJoCo Warp holds {name} once for all worlds; use host='mujoco' or 'mjx' to vary it."
+                )
 
     def step(self, first: Array, then: Array, count: int) -> Flags:
-        """As `Host.step`."""
         for k in range(count):
             if k < 2:
                 self._data.ctrl.assign((then if k else first).astype(np.float32))
@@ -84,7 +73,6 @@ class Warp:
         return np.asarray(~(np.abs(np.hstack([self.qpos, self.qvel])).max(axis=1) < LARGEST))
 
     def reset(self, ids: Ids, qpos: Array, qvel: Array) -> None:
-        """As `Host.reset`."""
         which = np.zeros(self._count, dtype=np.bool_)
         which[ids] = True
         mjw.reset_data(self._model, self._data, wp.array(which, dtype=bool))
@@ -95,10 +83,8 @@ class Warp:
             now.assign(rows)
 
     def state(self) -> Any:
-        """As `Host.state`."""
         return {name: getattr(self._data, name).numpy().copy() for name in STATE}
 
     def restore(self, state: Any) -> None:
-        """As `Host.restore`."""
         for name, values in state.items():
             getattr(self._data, name).assign(values)

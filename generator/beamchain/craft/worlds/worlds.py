@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from beamchain.checks import one_of, positive, whole_number
 from beamchain.craft.embedded import Embedded
-from beamchain.craft.worlds import memory
 from beamchain.craft.worlds.fields import Fields, Source, runs_exact, source_of, with_fields
-from beamchain.craft.worlds.hosts import HOSTS, LARGEST, bytes_of, host_of
+from beamchain.craft.worlds.hosts import HOSTS, LARGEST, available, bytes_of, check_memory, host_of
 from beamchain.craft.worlds.observation import Observer, mean_rate
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
@@ -84,9 +83,8 @@ def worlds(
     if count is None and size is None:
         raise InputError("count is missing: say how many worlds to make, for example count=64.")
     whole_number("threads", threads, 0, 4096)
-    return Worlds(
-        compiled, whole_number("count", size if count is None else count, 1, MOST), host, given, observe, threads, seed
-    )
+    made = whole_number("count", size if count is None else count, 1, MOST)
+    return Worlds(compiled, made, host, given, observe, threads, seed)
 
 
 class Worlds:
@@ -104,27 +102,32 @@ class Worlds:
         observe: names of what is read; None: all.
         threads: of the host "mujoco".
         seed: of the draws.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> shipped = files("beamchain") / "examples"
+        >>> arrays = {"left": shipped / "array.toml", "right": shipped / "array.toml"}
+        >>> flexible = bc.embed(shipped / "satellite.xml", arrays, retime=True)
+        >>> many = bc.worlds(flexible, {"frequency": 0.05}, count=4)
+        >>> seen = many.reset([0, 1], draw=True)  # two of them, with new modes
+        >>> kept = many.state()
+        >>> seen = many.step([0.1, 0.0, 0.0], nstep=8)  # N m on the wheels of all, for 8 steps of 0.125 s
+        >>> seen["rate"].shape, many.timestep, many.model_of(2).nv == many.model.nv
+        ((4, 3), 0.125, True)
+        >>> seen = many.restore(kept)
+        >>> many.retime(0.25)  # the same modes at another step, from rest
     """
 
-    model: Any
-    count: int
-    rng: np.random.Generator
-    restarts: NDArray[np.int64]
-
     def __init__(
-        self,
-        model: "mujoco.MjModel",
-        count: int,
-        host: str,
-        source: Source | None,
-        observe: Sequence[str] | None,
-        threads: int,
-        seed: int,
-    ) -> None:
-        self.model, self.count, self.rng = model, count, np.random.default_rng(seed)
+        self, model: "mujoco.MjModel", count: int, host: str, source: Source | None, observe: Sequence[str] | None,
+        threads: int, seed: int,
+    ) -> None:  # fmt: skip
+        self.model: Any = model
+        self.count, self.rng = count, np.random.default_rng(seed)
         self._source, self._observer, self._made = source, Observer(model, observe), (host, threads)
         each = 8 * (model.nq + model.nv + model.nu + len(OWN)) + (source.nbytes if source else 0)
-        memory.check(count, COPIES * each + bytes_of(host, model), memory.available())
+        check_memory(count, COPIES * each + bytes_of(host, model), available())
         self.diverged: NDArray[np.intp] = np.zeros(0, dtype=np.intp)  #: worlds that diverged in the last step
         self.restarts = np.zeros(count, dtype=np.int64)  #: per world, how often it has diverged
         self._keys = source.keys(count, self.rng, first=True) if source else np.zeros((count, 0))
@@ -152,7 +155,7 @@ class Worlds:
 
     # -- running ---------------------------------------------------------------------------------------------------------
     def step(self, ctrl: ArrayLike, nstep: int = 1) -> dict[str, Array]:
-        """Hold an input `(count, nu)`, or `(nu,)` for all worlds, over `nstep` steps. Returns what `observe` does.
+        """Hold an input `ctrl` `(count, nu)`, or `(nu,)` for all worlds, over `nstep` steps. Returns what `observe` does.
 
         Raises:
             InputError: the input has another shape, or is not finite.
@@ -212,7 +215,7 @@ class Worlds:
         return self.observe()
 
     def retime(self, timestep: float) -> None:
-        """Make every world exact in time for another step [s], each for its own modes, and start all again."""
+        """Make every world exact in time for another `timestep` [s], each for its own modes, and start all again."""
         model = with_fields(self.model, {})
         model.opt.timestep = positive("timestep", timestep, "s")
         if modal_tendons(model).names:
@@ -236,7 +239,7 @@ class Worlds:
         """
         if self._made[0] != "mjx":
             raise InputError(f"host = {self._made[0]!r} has no derivatives; make the worlds with host='mjx'.")
-        module: Any = import_module("beamchain.craft.worlds.derivatives")
+        module: Any = import_module("beamchain.craft.worlds.mjx_host")
         return module.response(self.model, self._observer.moved)
 
     # -- single worlds, checkpoints --------------------------------------------------------------------------------------
@@ -246,22 +249,18 @@ class Worlds:
 
     def state(self) -> dict[str, Any]:
         """Everything that the worlds continue from: a checkpoint for `restore`."""
-        own = {name: getattr(self, f"_{name}").copy() for name in OWN}
-        return own | {
-            "simulation": self._host.state(),
-            "draws": self.rng.bit_generator.state,
-            "timestep": self.timestep,
-        }
+        own: dict[str, Any] = {name: getattr(self, f"_{name}").copy() for name in OWN}
+        own |= {"simulation": self._host.state(), "draws": self.rng.bit_generator.state}
+        return own | {"timestep": self.timestep}
 
     def restore(self, state: Mapping[str, Any]) -> dict[str, Array]:
-        """Continue from a checkpoint of these worlds. Returns what `observe` does.
+        """Continue from a checkpoint of these worlds, what `state()` gave. Returns what `observe` does.
 
         Raises:
             InputError: the checkpoint is that of other worlds.
         """
-        if any(np.shape(state.get(name, 0)) != getattr(self, f"_{name}").shape for name in OWN) or (
-            state.get("timestep") != self.timestep
-        ):
+        sizes = [np.shape(state.get(name, 0)) == getattr(self, f"_{name}").shape for name in OWN]
+        if not all(sizes) or state.get("timestep") != self.timestep:
             raise InputError("state is not a checkpoint of these worlds: their number, draws or step differ.")
         for name in OWN:
             setattr(self, f"_{name}", np.array(state[name]))
@@ -287,11 +286,8 @@ class Worlds:
         if self._source is None:
             return
         new = self._source.fields(self._keys[which])
-        if which.size == self.count:
-            self.fields = new
-        else:
-            for name, values in new.items():
-                self.fields[name][which] = values
+        for name, values in new.items():
+            self.fields.setdefault(name, np.empty((self.count, *values.shape[1:]), values.dtype))[which] = values
         if "wrap_prm" in new:
             self._observer.follow(self.fields["wrap_prm"])
         self._host.put(new, which)
@@ -308,11 +304,8 @@ class Worlds:
         given = np.atleast_1d(ids)
         if given.dtype == np.bool_ and given.shape == (self.count,):
             return np.flatnonzero(given)
-        if (
-            given.ndim != 1
-            or (given.size and given.dtype.kind not in "iu")
-            or np.any((given < 0) | (given >= self.count))
-        ):
+        whole = given.dtype.kind in "iu" or not given.size
+        if given.ndim != 1 or not whole or np.any((given < 0) | (given >= self.count)):
             raise InputError(
                 f"ids = {ids!r:.60} names no worlds; give whole numbers from 0 to {self.count - 1}, or a mask."
             )
