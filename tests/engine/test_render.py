@@ -18,7 +18,7 @@ from appendages import panels, seed_boom, tapered_boom
 from beamchain.cli import app, shipped
 from beamchain.craft.moving_modes import moving_modes
 from beamchain.engine import backend, draw
-from beamchain.engine.decor import decorate
+from beamchain.engine.draw import decorate
 from beamchain.engine.linearise import mass_matrix
 from beamchain.engine.slew import MOST_BENT, simulate
 from beamchain.mjcf import visuals

@@ -12,7 +12,7 @@ from lxml import html
 
 import beamchain as bc
 from beamchain.cli import main, shipped
-from beamchain.report.assembly_plot import assembly_figure
+from beamchain.report.craft_plots import assembly_figure
 from beamchain.report.page import begun
 from beamchain.report.plant_plots import bode_figure
 from beamchain.report.study_html import stability_report

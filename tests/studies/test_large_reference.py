@@ -18,8 +18,8 @@ from beamchain.studies import field
 from beamchain.studies import study as studies
 from beamchain.studies.field import Entry
 from beamchain.studies.fine_chain import LINEAR, WANTED, nonlinear
-from beamchain.studies.reference import Figures, added, at_zero, between
 from beamchain.studies.run_time import rigid_motion
+from beamchain.studies.scenario import Figures, added, at_zero, between
 from elastica import Elastica
 
 AMPLITUDE, SMALL = 3.0, 1e-3  # N m; large motion changes 1.3e-3 and 1e-10 of the largest elastic motion

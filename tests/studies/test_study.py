@@ -20,9 +20,8 @@ from beamchain.fitting.spec_text import spec_toml
 from beamchain.studies import field, front, soft_rods
 from beamchain.studies import study as studies
 from beamchain.studies.field import Entry
-from beamchain.studies.reference import Profile, hub_response
 from beamchain.studies.run_time import CLOCK, Growth, Ladder, Point, climb, rigid_motion, steps_below
-from beamchain.studies.scenario import parse_profile, rounded_up
+from beamchain.studies.scenario import Profile, hub_response, parse_profile, rounded_up
 
 SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
 ODE = 2e-8  # solve_ivp's own tolerance, relative to the largest elastic motion

@@ -3,30 +3,23 @@
 import json
 import os
 import sys
+from importlib import import_module
 from typing import Any, NoReturn
 
 import typer
 
-from beamchain.cli import (
-    embed,
-    fit,
-    identify,
-    init,
-    inspect,
-    plant,
-    render,
-    retime,
-    schema,
-    seed,
-    stability,
-    study,
-    sweep,
-)
 from beamchain.cli.common import explain, version
 from beamchain.errors import BeamchainError
 
 #: base of typer's own errors: click's, or in newer versions typer's copy of it
 USAGE: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+
+#: functions of the modules of their names, in the order of the help
+COMMANDS = (
+    "fit", "embed", "seed", "study", "sweep", "stability", "inspect", "retime", "plant", "identify", "schema", "render", "view",
+    "init", "examples",
+)  # fmt: skip
+MODULES = {"view": "render", "examples": "init"}  #: but for these
 
 app = typer.Typer(
     name="beamchain",
@@ -48,24 +41,9 @@ def beamchain(
     """Model flexible spacecraft appendages in MuJoCo as hinge chains with the modes of the elastic beam."""
 
 
-for _command in (
-    fit.fit,
-    embed.embed,
-    seed.seed,
-    study.study,
-    sweep.sweep,
-    stability.stability,
-    inspect.inspect,
-    retime.retime,
-    plant.plant,
-    identify.identify,
-    schema.schema,
-    render.render,
-    render.view,
-    init.init,
-):
-    app.command(name=_command.__name__)(_command)
-app.command(name="examples", hidden=True)(init.examples)
+for _name in COMMANDS:
+    _module = import_module(f"beamchain.cli.{MODULES.get(_name, _name)}")
+    app.command(name=_name, hidden=_name == "examples")(getattr(_module, _name))
 
 
 def main() -> None:

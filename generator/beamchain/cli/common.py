@@ -1,9 +1,8 @@
-"""What all commands share: options, error sentences, JSON output."""
+"""What all commands share: options, error sentences, the terminal."""
 
 import sys
-from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,14 +10,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 SpecPath = Annotated[
-    Path,
-    typer.Argument(
-        metavar="SPEC.toml", help="Specification of the appendage; see `beamchain schema`.", show_default=False
-    ),
+    Path, typer.Argument(metavar="SPEC.toml", help="Specification of the appendage; see `beamchain schema`.")
 ]
-Folder = Annotated[
-    Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.", show_default=False)
-]
+Folder = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
 Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Run on this Dask scheduler (extra: dask).")]
@@ -45,17 +39,3 @@ def console() -> "Console":
     from rich.console import Console
 
     return Console(highlight=False, soft_wrap=False, width=None if sys.stdout.isatty() else 120)
-
-
-def print_written(files: Iterable[Path]) -> None:
-    """Print the paths of the results; brackets in a path are not markup."""
-    out = console()
-    for file in files:
-        out.print(f"wrote {file}", markup=False)
-
-
-def print_json(record: dict[str, Any]) -> None:
-    """A record on stdout."""
-    from beamchain.files import to_json
-
-    sys.stdout.write(to_json(record))

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console
-from beamchain.cli.output import print_table, print_warnings, tell
-from beamchain.cli.progress import spinner
+from beamchain.cli.output import print_table, print_warnings, spinner, tell
 
 if TYPE_CHECKING:
     from beamchain.fitting.result import Fit

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamchain.cli.common import Force, Json, Quiet, console
-from beamchain.cli.output import print_table, print_warnings, tell
-from beamchain.cli.progress import spinner
+from beamchain.cli.output import print_table, print_warnings, spinner, tell
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:

@@ -6,7 +6,9 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from beamchain.cli.common import Force, Json, Quiet, console, print_json
+from beamchain.cli import shipped
+from beamchain.cli.common import Force, Json, Quiet, console
+from beamchain.cli.output import print_json, print_table, tell
 from beamchain.errors import InputError
 
 _TABLE = re.compile(r"(?:# )?\[+([\w.]+)\]+")
@@ -15,10 +17,7 @@ COLUMN = 38  # of the comments in a template
 
 
 def _kinds(incomplete: str) -> list[tuple[str, str]]:
-    from beamchain.cli.shipped import examples as shipped
-    from beamchain.cli.shipped import spacecraft
-
-    return [(one.name, one.about) for one in [*shipped(), spacecraft()] if one.name.startswith(incomplete)]
+    return [(one.name, one.about) for one in shipped.everything() if one.name.startswith(incomplete)]
 
 
 def init(
@@ -28,7 +27,6 @@ def init(
             metavar="[boom|array|mast|craft|EXAMPLE]",
             help="What to write: a specification, a spacecraft (craft), or an example shown by --list.",
             autocompletion=_kinds,
-            show_default=False,
         ),
     ] = None,
     output: Annotated[
@@ -52,8 +50,6 @@ def init(
 
     Example: beamchain init --list
     """
-    from beamchain.cli.shipped import examples as shipped
-    from beamchain.cli.shipped import pick, spacecraft
     from beamchain.files import write_files
 
     if listed:
@@ -65,7 +61,7 @@ def init(
         raise InputError(
             "init: the kind is missing; choose boom, array, mast or craft, or see `beamchain init --list`."
         )
-    start = pick([*shipped(), spacecraft()], kind, "init: the kind")
+    start = shipped.pick(shipped.everything(), kind, "init: the kind")
     place = output or Path(f"{kind}{start.path.suffix}")
     text = start.path.read_text(encoding="utf-8")
     write_files({place: commented(text) if place.suffix == ".toml" else text}, force=force)
@@ -75,7 +71,7 @@ def init(
         out = console()
         out.print(f"wrote {place}", soft_wrap=True, markup=False)
         following = f"beamchain fit {place} -o {place.stem}"
-        if start == spacecraft():
+        if start == shipped.spacecraft():
             following = f"beamchain embed {place} --at mount=array.toml -o flexible.xml"
         out.print(f"next: {following}", soft_wrap=True, markup=False)
 
@@ -109,17 +105,7 @@ def commented(template: str) -> str:
 
 
 def _list(*, as_json: bool, quiet: bool) -> None:
-    from beamchain.cli.shipped import examples as shipped
-    from beamchain.cli.shipped import spacecraft
-
-    if as_json:
-        print_json({"examples": [{"name": one.name, "about": one.about} for one in [*shipped(), spacecraft()]]})
-    elif not quiet:
-        from rich.table import Table
-
-        table = Table(title="what `beamchain init` writes", title_justify="left")
-        for column in ("name", "what it is"):
-            table.add_column(column, overflow="fold")
-        for one in [*shipped(), spacecraft()]:
-            table.add_row(one.name, one.about)
-        console().print(table)
+    rows = [(one.name, one.about) for one in shipped.everything()]
+    record = {"examples": [{"name": name, "about": about} for name, about in rows]}
+    title, head = "what `beamchain init` writes", ("name", "what it is")
+    tell(lambda: record, lambda: print_table(title, head, rows, (0, 1), overflow="fold"), (), as_json, quiet)

@@ -1,15 +1,20 @@
 """`beamchain inspect`: modes, masses and step limits of a MuJoCo model."""
 
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Json, Quiet, console, print_json
+from beamchain.cli.common import Json, Quiet, console
+from beamchain.cli.output import print_table, print_warnings, tell
+
+if TYPE_CHECKING:
+    from beamchain.craft.inspect import Inspection
 
 
 def inspect(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.xml", help="Any MuJoCo model.", show_default=False)],
+    model: Annotated[Path, typer.Argument(metavar="MODEL.xml", help="Any MuJoCo model.")],
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -20,13 +25,11 @@ def inspect(
     from beamchain.craft.inspect import inspect_model
 
     found = inspect_model(model)
-    if as_json:
-        print_json(found.as_dict())
-        return
-    if quiet:
-        return
+    tell(found.as_dict, lambda: _show(found), (), as_json, quiet)
+
+
+def _show(found: "Inspection") -> None:
     from rich.markup import escape
-    from rich.table import Table
 
     out = console()
     out.print(
@@ -35,35 +38,29 @@ def inspect(
     )
     for whole in found.composite:
         out.print(escape(whole.sentence))
-    modes = Table(title="modes about the rest pose", title_justify="left")
-    for column in ("mode", "rad/s", "Hz", "damping ratio"):
-        modes.add_column(column, justify="right")
-    for i, (w, z) in enumerate(zip(found.frequencies, found.damping, strict=True), 1):
-        modes.add_row(str(i), f"{w:.6g}", f"{w / 6.283185307179586:.6g}", f"{z:.3g}")
-    out.print(modes)
-    hinges = Table(title="sprung joints", title_justify="left")
-    for column in ("joint", "stiffness", "damping"):
-        hinges.add_column(column, justify="left" if column == "joint" else "right")
-    for name, stiffness, damping in found.springs:
-        hinges.add_row(name, f"{stiffness:.6g}", f"{damping:.6g}")
-    out.print(hinges)
+    modes = [
+        (str(i), f"{w:.6g}", f"{w / math.tau:.6g}", f"{z:.3g}")
+        for i, (w, z) in enumerate(zip(found.frequencies, found.damping, strict=True), 1)
+    ]
+    print_table("modes about the rest pose", ("mode", "rad/s", "Hz", "damping ratio"), modes, left=())
+    sprung = [(name, *(f"{value:.6g}" for value in values)) for name, *values in found.springs]
+    print_table("sprung joints", ("joint", "stiffness", "damping"), sprung)
     if found.tendons:
-        tendons = Table(title="sprung tendons", title_justify="left")
-        for column in ("tendon", "stiffness", "damping", "armature"):
-            tendons.add_column(column, justify="left" if column == "tendon" else "right")
-        for name, *values in found.tendons:
-            tendons.add_row(name, *(f"{value:.6g}" for value in values))
-        out.print(tendons)
+        tendons = [(name, *(f"{value:.6g}" for value in values)) for name, *values in found.tendons]
+        print_table("sprung tendons", ("tendon", "stiffness", "damping", "armature"), tendons)
     for made in found.made_for:
         out.print(
             f"appendages exact in time for {made.integrator} at {made.timestep:g} s; the modes above are without that"
         )
-    for warning in found.warnings:
-        out.print(f"[bold]note[/bold]: {escape(warning)}")
-    limits = Table(title=f"steps (the model asks for {found.integrator}, {found.timestep:g} s)", title_justify="left")
-    for column in ("integrator", "largest stable s", "1 % frequency s", "0.1 % frequency s"):
-        limits.add_column(column, justify="left" if column == "integrator" else "right")
-    for name, step in found.limits.largest_step.items():
-        one, tenth = found.limits.accuracy.get(name, (float("inf"), float("inf")))
-        limits.add_row(name, f"{step:.5g}" if step < 1e9 else "no limit", f"{one:.4g}", f"{tenth:.4g}")
-    out.print(limits)
+    print_warnings(found.warnings, "note")
+    never = float("inf"), float("inf")
+    steps = [
+        (
+            name,
+            f"{step:.5g}" if step < 1e9 else "no limit",
+            *(f"{h:.4g}" for h in found.limits.accuracy.get(name, never)),
+        )
+        for name, step in found.limits.largest_step.items()
+    ]
+    title = f"steps (the model asks for {found.integrator}, {found.timestep:g} s)"
+    print_table(title, ("integrator", "largest stable s", "1 % frequency s", "0.1 % frequency s"), steps)

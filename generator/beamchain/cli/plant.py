@@ -8,8 +8,7 @@ import typer
 
 from beamchain.caution import warnings_record
 from beamchain.cli.common import Force, Json, Quiet, console
-from beamchain.cli.output import print_table, print_warnings, tell
-from beamchain.cli.progress import spinner
+from beamchain.cli.output import print_table, print_warnings, spinner, tell
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,70 +18,54 @@ if TYPE_CHECKING:
     from beamchain.craft.robust.uncertain_plant import WorstCase
 
 
+Inputs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--input",
+        metavar="NAME",
+        help="An actuator, torque:BODY, force:BODY or wrench:SITE. Repeatable; default: all actuators.",
+    ),
+]
+Outputs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--output",
+        metavar="NAME",
+        help="A sensor, attitude, rate or motion:SITE. Repeatable; default: attitude and rate.",
+    ),
+]
+Uncertain = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="CRAFT.toml", help="What is uncertain: the worst that the controller meets, confirmed in MuJoCo."
+    ),
+]
+Worst = Annotated[
+    str | None,
+    typer.Option(
+        "--worst",
+        metavar="INPUT:OUTPUT",
+        help="Signals of the plant between which the worst gain is sought; default: those of the first loop.",
+    ),
+]
+
+
 def plant(
-    model: Annotated[Path, typer.Argument(metavar="FILE.xml", help="The spacecraft's MJCF file.", show_default=False)],
-    output: Annotated[
-        Path, typer.Option("-o", "--file", metavar="OUT", help="Output file: .npz, .json or .mat.", show_default=False)
-    ],
-    inputs: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--input",
-            metavar="NAME",
-            help="An actuator, torque:BODY, force:BODY or wrench:SITE. Repeatable; default: all actuators.",
-            show_default=False,
-        ),
-    ] = None,
-    outputs: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--output",
-            metavar="NAME",
-            help="A sensor, attitude, rate or motion:SITE. Repeatable; default: attitude and rate.",
-            show_default=False,
-        ),
-    ] = None,
-    at: Annotated[
-        str | None,
-        typer.Option("--at", metavar="KEY", help="Keyframe to linearise at; default: rest.", show_default=False),
-    ] = None,
+    model: Annotated[Path, typer.Argument(metavar="FILE.xml", help="The spacecraft's MJCF file.")],
+    output: Annotated[Path, typer.Option("-o", "--file", metavar="OUT", help="Output file: .npz, .json or .mat.")],
+    inputs: Inputs = None,
+    outputs: Outputs = None,
+    at: Annotated[str | None, typer.Option(metavar="KEY", help="Keyframe to linearise at; default: rest.")] = None,
     angle: Annotated[
-        str | None,
-        typer.Option(
-            "--angle",
-            metavar="JOINT=0,45,90",
-            help="Angles of a drive in degrees: a plant for each.",
-            show_default=False,
-        ),
+        str | None, typer.Option(metavar="JOINT=0,45,90", help="Angles of a drive in degrees: a plant for each.")
     ] = None,
-    discrete: Annotated[
-        float | None, typer.Option("--discrete", metavar="STEP", help="Sampled at this step in s.", show_default=False)
-    ] = None,
+    discrete: Annotated[float | None, typer.Option(metavar="STEP", help="Sampled at this step in s.")] = None,
     controller: Annotated[
-        Path | None,
-        typer.Option(
-            "--controller", metavar="LOOPS.toml", help="Loops whose margins are computed.", show_default=False
-        ),
+        Path | None, typer.Option(metavar="LOOPS.toml", help="Loops whose margins are computed.")
     ] = None,
-    uncertain: Annotated[
-        Path | None,
-        typer.Option(
-            "--uncertain",
-            metavar="CRAFT.toml",
-            help="What is uncertain: the worst that the controller meets, confirmed in MuJoCo.",
-            show_default=False,
-        ),
-    ] = None,
-    disturbance: Annotated[
-        str | None,
-        typer.Option(
-            "--worst",
-            metavar="INPUT:OUTPUT",
-            help="Signals of the plant between which the worst gain is sought; default: those of the first loop.",
-            show_default=False,
-        ),
-    ] = None,
-    report: Annotated[bool, typer.Option("--report/--no-report", help="Write OUT_report.html as well.")] = True,
+    uncertain: Uncertain = None,
+    disturbance: Worst = None,
+    report: Annotated[bool, typer.Option(help="Write OUT_report.html as well.")] = True,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -128,13 +111,8 @@ def plant(
     if report:
         write_files({page: text}, force=force)
         files.append(page)
-    tell(
-        lambda: _record(plants[0], found, of_loops, worst),
-        lambda: _show(plants[0], of_loops, worst),
-        files,
-        as_json,
-        quiet,
-    )
+    told = plants[0], of_loops, worst
+    tell(lambda: _record(found, *told), lambda: _show(*told), files, as_json, quiet)
     if not all(one.stable for several in (*of_loops, worst) for one in several):
         raise typer.Exit(3)
 
@@ -152,19 +130,19 @@ def _angles(text: str) -> "dict[str, Any]":
 
 
 def _record(
-    first: "Plant", found: "Plant | ScheduledPlant", of_loops: "list[list[Margins]]", worst: "list[WorstCase]"
+    found: "Plant | ScheduledPlant", first: "Plant", of_loops: "list[list[Margins]]", worst: "list[WorstCase]"
 ) -> dict[str, Any]:
     import numpy as np
 
+    def rows(head: str, *columns: Any) -> list[dict[str, Any]]:
+        return [dict(zip(head.split(), row, strict=True)) for row in zip(*columns, strict=True)]
+
     angles = None if found is first else np.degrees(found.angles)  # pyright: ignore[reportAttributeAccessIssue]
     return {
-        "inputs": [{"name": n, "unit": u} for n, u in zip(first.input_labels, first.input_units, strict=True)],
-        "outputs": [{"name": n, "unit": u} for n, u in zip(first.output_labels, first.output_units, strict=True)],
+        "inputs": rows("name unit", first.input_labels, first.input_units),
+        "outputs": rows("name unit", first.output_labels, first.output_units),
         "states": list(first.state_labels),
-        "modes": [
-            {"name": n, "frequency": float(w), "damping": float(z)}
-            for n, w, z in zip(first.modes, first.frequency, first.damping_ratio, strict=True)
-        ],
+        "modes": rows("name frequency damping", first.modes, first.frequency.tolist(), first.damping_ratio.tolist()),
         "angles": angles,
         "margins": [[one.as_dict() for one in several] for several in of_loops],
         "worst": [one.as_dict() for one in worst],

@@ -25,11 +25,7 @@ FRAMES, CYCLE, RATE = 108, 48, 24.0  # of a turn: four and a half seconds; of a 
 
 Scene = Annotated[
     Path,
-    typer.Argument(
-        metavar="SCENE.xml|SPEC.toml",
-        help="A MuJoCo scene, or a specification, which is fitted first.",
-        show_default=False,
-    ),
+    typer.Argument(metavar="SCENE.xml|SPEC.toml", help="A MuJoCo scene, or a specification, which is fitted first."),
 ]
 
 

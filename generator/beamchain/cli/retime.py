@@ -12,16 +12,12 @@ from beamchain.errors import InputError
 
 
 def retime(
-    model: Annotated[
-        Path, typer.Argument(metavar="MODEL.xml", help="A MuJoCo model with appendages.", show_default=False)
-    ],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT.xml", help="Output file.", show_default=False)],
-    timestep: Annotated[
-        float, typer.Option("--timestep", metavar="H", help="Step in s; 0 undoes the timing.", show_default=False)
-    ],
+    model: Annotated[Path, typer.Argument(metavar="MODEL.xml", help="A MuJoCo model with appendages.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT.xml", help="Output file.")],
+    timestep: Annotated[float, typer.Option(metavar="H", help="Step in s; 0 undoes the timing.")],
     integrator: Annotated[
         str | None,
-        typer.Option("--integrator", metavar="NAME", help="Integrator, by MuJoCo's name; default: the model's own."),
+        typer.Option(metavar="NAME", help="Integrator, by MuJoCo's name; default: the model's own."),
     ] = None,
     as_json: Json = False,
     force: Force = False,

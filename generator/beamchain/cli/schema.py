@@ -1,6 +1,7 @@
 """`beamchain schema`: JSON schema of SPEC.toml."""
 
-from beamchain.cli.common import Force, Json, Quiet, print_json
+from beamchain.cli.common import Force, Json, Quiet
+from beamchain.cli.output import print_json
 
 
 def schema(as_json: Json = False, force: Force = False, quiet: Quiet = False) -> None:

@@ -1,7 +1,7 @@
 """`beamchain seed`: the 2008 paper's example."""
 
-from beamchain.cli.common import Json, Quiet, console, print_json
-from beamchain.cli.output import print_table
+from beamchain.cli.common import Json, Quiet, console
+from beamchain.cli.output import print_json, print_table
 
 
 def seed(as_json: Json = False, quiet: Quiet = False) -> None:

@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from beamchain.checks import unknown
-
 _EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
@@ -27,9 +25,16 @@ def spacecraft() -> Shipped:
     return Shipped("craft", _EXAMPLES / "craft.xml", "A small spacecraft (MJCF) to embed an appendage into.")
 
 
+def everything() -> list[Shipped]:
+    """All that `beamchain init` writes."""
+    return [*examples(), spacecraft()]
+
+
 def pick(choices: list[Shipped], name: str, field: str) -> Shipped:
     """The one that is called `name`."""
     names = [one.name for one in choices]
     if name in names:
         return choices[names.index(name)]
+    from beamchain.checks import unknown
+
     raise unknown(field, name, names)

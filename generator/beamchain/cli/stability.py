@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamchain.cli.common import Folder, Force, Json, Quiet, console
-from beamchain.cli.output import print_table, print_warnings, tell
-from beamchain.cli.progress import spinner
+from beamchain.cli.output import print_table, print_warnings, spinner, tell
 
 if TYPE_CHECKING:
     from beamchain.steps.budget import Budget
@@ -19,7 +18,7 @@ NOISE = 1e-9  # damping ratio below which nothing is shown
 def stability(
     source: Annotated[
         Path,
-        typer.Argument(metavar="SPEC.toml|MODEL.xml", help="A specification, or any MuJoCo model.", show_default=False),
+        typer.Argument(metavar="SPEC.toml|MODEL.xml", help="A specification, or any MuJoCo model."),
     ],
     output: Folder,
     extremes_map: Annotated[bool, typer.Option("--map", hidden=True)] = False,

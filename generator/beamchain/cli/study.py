@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecPath, console
-from beamchain.cli.output import print_table, print_warnings, tell
-from beamchain.cli.progress import job_bar
+from beamchain.cli.output import job_bar, print_table, print_warnings, tell
 
 if TYPE_CHECKING:
     from beamchain.studies.study import Study

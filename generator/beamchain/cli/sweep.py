@@ -7,8 +7,7 @@ import typer
 
 from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, console
 from beamchain.cli.embed import places
-from beamchain.cli.output import print_table, print_warnings, tell
-from beamchain.cli.progress import job_bar
+from beamchain.cli.output import job_bar, print_table, print_warnings, tell
 
 if TYPE_CHECKING:
     from beamchain.craft.variants.sweep import Sweep
@@ -18,14 +17,12 @@ Source = Annotated[
     typer.Argument(
         metavar="SPEC.toml|CRAFT.xml",
         help="An appendage with \\[uncertain], or a spacecraft: bare with --at, or as `beamchain embed` wrote it.",
-        show_default=False,
     ),
 ]
 At = Annotated[
     list[str] | None,
     typer.Option(
         "--at", metavar="NAME=SPEC.toml", help="Site or body of the spacecraft and its appendage, as for `embed`. Repeatable.",
-        show_default=False,
     ),
 ]  # fmt: skip
 Prefixes = Annotated[
@@ -39,14 +36,14 @@ Known = Annotated[
     Path | None,
     typer.Option(
         "--uncertain", metavar="CRAFT.toml", help="What is uncertain of the craft: \\[body.NAME], \\[joint.NAME], "
-        "\\[appendage.PREFIX], \\[\\[correlation]].", show_default=False,
+        "\\[appendage.PREFIX], \\[\\[correlation]].",
     ),
 ]  # fmt: skip
 Gains = Annotated[
     list[str] | None,
     typer.Option(
         "--gain", metavar="INPUT=OUTPUT", help="Signals, named as for `plant`, whose modal gains are followed. Repeatable. "
-        "Default: torque:BASE=attitude.", show_default=False,
+        "Default: torque:BASE=attitude.",
     ),
 ]  # fmt: skip
 Samples = Annotated[int, typer.Option(min=1, max=1_000_000, help="Number of variants.")]

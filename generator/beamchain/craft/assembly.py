@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, rest
 from beamchain.engine.linearise import linearise, mass_matrix
-from beamchain.engine.mount import Mount, rest
+from beamchain.engine.mount import Mount
 from beamchain.ports.compare import DEFAULT_RATIO, damped, relative
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, square_root

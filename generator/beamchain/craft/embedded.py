@@ -13,7 +13,7 @@ from beamchain.craft.documents import assemble
 from beamchain.craft.error import CraftError, base_body, craft_error, craft_poses, modes_at
 from beamchain.craft.promise import Asked, asked, kept_band
 from beamchain.craft.timing import without_time
-from beamchain.engine.composite import Composite, composite
+from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.files import write_files

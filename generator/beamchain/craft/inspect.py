@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain.caution import warnings_record
-from beamchain.engine.composite import Composite, composite
+from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS, compile_model
 from beamchain.ports.motions import Array

@@ -10,7 +10,7 @@ from beamchain.caution import Caution
 from beamchain.chain.tendons import springs_as_modes
 from beamchain.craft.appendage import Appendage
 from beamchain.craft.error import base_body
-from beamchain.engine.composite import composite
+from beamchain.engine.bench import composite
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import EngineError

@@ -1,35 +1,34 @@
 """The test bench: an appendage's root driven in MuJoCo, and the port models that A and B give back."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import combinations
+from typing import Any, NamedTuple
 
 import numpy as np
 from lxml.etree import _Element as Element
 
 from beamchain.chain.chain import Chain
 from beamchain.engine.forces import port_of, readings
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import hangs_on, mujoco, rest
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import write
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array, body_mass_matrix
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, body_mass_matrix, shifted
 from beamchain.structure.planes import into_planes, near_groups
 
 STRAIGHT = 1e-8  # perturbation: of a straight chain at rest only curvature is lost
 LEAST_ROW = 1e-9  # of the root of the rigid mass: less participation is none
 DIGITS = 1e-11  # relative: beyond this A and B have lost digits
-ROOT = (
-    "root_axial",
-    "root_xy_displacement",
-    "root_xz_displacement",
-    "root_torsion",
-    "root_xz_rotation",
-    "root_xy_rotation",
+ROOT = tuple(
+    f"root_{motion}"
+    for motion in ("axial", "xy_displacement", "xz_displacement", "torsion", "xz_rotation", "xy_rotation")
 )
 SIGNS = np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0])  # the bench turns about -y
 TOGETHER = 1e-6  # relative: frequencies this close are taken together
+NOTHING = 1e-9  # relative, below which a number is printed as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,22 +47,38 @@ class Measured:
         return max(self.couplings.values(), default=0.0)
 
 
+def _compiled(
+    appendage: Element, ports: Sequence[str], timestep: float, ballast: Array | None
+) -> "tuple[mujoco.MjModel, Linearisation, Array]":
+    """The bench, its linearisation, and the mass matrix `(6, 6)` of the ballast."""
+    model = compile_model(write.text(write.bench(appendage, ports, timestep, ballast)))
+    extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
+    return model, linearise(model, epsilon=STRAIGHT), extra
+
+
+def _surer(seen: Callable[[], PortModel], direct: PortModel) -> tuple[PortModel, float]:
+    """What A and B hold, or the direct reading where they have lost digits, and how far the two are apart."""
+    try:
+        found = seen()
+        lost = distance(found, direct)
+    except (InputError, EngineError, np.linalg.LinAlgError):
+        return direct, 1.0
+    return found if lost <= DIGITS else direct, lost
+
+
 def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballast: Array | None = None) -> Measured:
     """Linearise the appendage on the bench; `ballast` `(4,)`: see `mjcf.write.bench`."""
-    model = compile_model(write.text(write.bench(appendage, ports, timestep, ballast)))
-    linear = linearise(model, epsilon=STRAIGHT)
+    model, linear, extra = _compiled(appendage, ports, timestep, ballast)
     groups: dict[str, tuple[int, ...]] = {}
     for port in ports:
         groups[port] = tuple(
             i for i, joint in enumerate(linear.joints) if joint in write.ROOT_JOINTS[port] or joint.endswith(f"_{port}")
         )
-    extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
     models: dict[str, PortModel] = {}
     lost: dict[str, float] = {}
     read = readings(model)
     for port, dofs in groups.items():
-        motion = PORT_MOTION[port]
-        ballast_mass = motion.T @ extra @ motion
+        ballast_mass = PORT_MOTION[port].T @ extra @ PORT_MOTION[port]
         root = [i for i in dofs if linear.joints[i] in write.ROOT_JOINTS[port]]
         try:
             direct = port_of(read, root, [i for i in dofs if i not in root], ballast_mass)
@@ -72,13 +87,7 @@ def measure(appendage: Element, ports: Sequence[str], *, timestep: float, ballas
                 f"the chain's modes in {port} lie too far apart for double precision, so that MuJoCo's mass matrix does "
                 f"not hold them; keep fewer modes in {port}."
             ) from None
-        try:
-            models[port] = linear.port(dofs, ballast_mass)
-            lost[port] = distance(models[port], direct)
-        except (InputError, EngineError, np.linalg.LinAlgError):
-            lost[port] = 1.0
-        if lost[port] > DIGITS:
-            models[port] = direct
+        models[port], lost[port] = _surer(partial(linear.port, dofs, ballast_mass), direct)
     pairs = {f"{a}, {b}": linear.coupling([groups[a], groups[b]]) for a, b in combinations(groups, 2)}
     return Measured(models, rigid_mass(model, "bench") - extra, pairs, linear, lost)
 
@@ -87,22 +96,17 @@ def measure_in_space(
     appendage: Element, *, timestep: float, ballast: Array | None = None, live: Sequence[int] = tuple(range(6))
 ) -> tuple[Measured, PortModel]:
     """The same with six motions free, and the port model of the `live` ones."""
-    model = compile_model(write.text(write.bench(appendage, PORTS, timestep, ballast)))
-    linear = linearise(model, epsilon=STRAIGHT)
-    extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
+    model, linear, extra = _compiled(appendage, PORTS, timestep, ballast)
+    root = [linear.joints.index(joint) for joint in ROOT]
+    inner = [i for i in range(len(linear.joints)) if i not in root]
     keep = list(live)
-    space = _direct(model, linear, extra, keep)
-    try:
-        seen = _port(linear, extra, keep)
-        lost = distance(seen, space)
-    except (InputError, EngineError, np.linalg.LinAlgError):
-        seen, lost = space, 1.0
-    space = seen if lost <= DIGITS else space
+    direct = _direct(model, root, inner, extra, keep)
+    space, lost = _surer(partial(_port, linear, root, inner, extra, keep), direct)
     ports: dict[str, PortModel] = {}
     for port in PORTS:
-        motion = PORT_MOTION[port][keep]
-        if np.all(np.abs(PORT_MOTION[port]).sum(axis=1)[[i for i in range(6) if i not in keep]] == 0.0):
-            ports[port] = block(space, motion)
+        motion = PORT_MOTION[port]
+        if np.all(np.delete(motion, keep, axis=0) == 0.0):
+            ports[port] = block(space, motion[keep])
     return Measured(ports, rigid_mass(model, "bench") - extra, {}, linear, dict.fromkeys(ports, lost)), space
 
 
@@ -113,44 +117,33 @@ def block(space: PortModel, motion: Array) -> PortModel:
     )
 
 
-def _direct(model: "mujoco.MjModel", linear: Linearisation, extra: Array, live: list[int]) -> PortModel:
+def _direct(model: "mujoco.MjModel", root: list[int], inner: list[int], extra: Array, live: list[int]) -> PortModel:
     """The same from MuJoCo's own bodies, springs and dampers."""
-    root = [linear.joints.index(joint) for joint in ROOT]
-    inner = [i for i in range(len(linear.joints)) if i not in set(root)]
     read = readings(model)
-    signed = read._replace(rows=read.rows * _signs(root, len(linear.joints)))
-    own = port_of(signed, root, inner, extra)
-    mass = own.rigid_mass
+    signs = np.ones(read.rows.shape[1])
+    signs[root] = SIGNS
+    own = port_of(read._replace(rows=read.rows * signs), root, inner, extra)
+    groups = near_groups(own.frequencies, TOGETHER)
+    return _in_planes(own.rigid_mass, own.frequencies, own.participation, own.damping, groups, live)
+
+
+def _in_planes(
+    mass: Array, w: Array, rows: Array, ratios: Array, groups: list[list[int]], live: list[int]
+) -> PortModel:
+    """The model of the `live` motions, its modes of equal frequency turned into the planes."""
     scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
-    rows = into_planes(own.participation, scale, near_groups(own.frequencies, TOGETHER))[0] @ own.participation
-    return PortModel(mass[np.ix_(live, live)], own.frequencies, rows[:, live], own.damping)
+    turned = into_planes(rows, scale, groups)[0] @ rows
+    return PortModel(mass[np.ix_(live, live)], w, turned[:, live], ratios)
 
 
-def _signs(root: list[int], size: int) -> Array:
-    out = np.ones(size)
-    out[root] = SIGNS
-    return out
-
-
-def _port(linear: Linearisation, extra: Array, live: list[int]) -> PortModel:
-    root = [linear.joints.index(joint) for joint in ROOT]
-    inner = [i for i in range(len(linear.joints)) if i not in set(root)]
+def _port(linear: Linearisation, root: list[int], inner: list[int], extra: Array, live: list[int]) -> PortModel:
     columns = [linear.driven.index(dof) for dof in root]
     held = linear.held(root, inner, columns, np.diag(SIGNS))
     apparent, w = (held.apparent + held.apparent.T) / 2.0, np.sqrt(held.squares)
-    rows = np.zeros((w.size, 6))
     groups = near_groups(w, TOGETHER)
     singles = [[k] for k in range(w.size) if not any(k in group for group in groups)]
-    for group in [*singles, *groups]:
-        # the sum over a group of W^2 L L^T is its own, whatever its eigenvectors: the leading eigenpairs are the rows
-        both = (held.reaction[:, group] / held.squares[group]) @ held.drive[group]
-        values, vectors = np.linalg.eigh((both + both.T) / 2.0)
-        top = max(values.size - len(group), 0)  # more modes than motions: those left over move nothing
-        rows[group[: values.size - top]] = (vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))).T[::-1]
-    mass = apparent + rows.T @ rows - extra
-    scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
-    rows = into_planes(rows, scale, groups)[0] @ rows
-    return PortModel(mass[np.ix_(live, live)], w, rows[:, live], held.ratios)
+    rows = held.rows([*singles, *groups])
+    return _in_planes(apparent + rows.T @ rows - extra, w, rows, held.ratios, groups, live)
 
 
 def distance(a: PortModel, b: PortModel) -> float:
@@ -169,9 +162,7 @@ def distance(a: PortModel, b: PortModel) -> float:
 
 def rigid_mass(model: "mujoco.MjModel", body: str) -> Array:
     """`(6, 6)` mass matrix of a body's frozen subtree at rest, in its own frame."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
+    data = rest(model)
     root = model.body(body).id
     return frozen_mass(model, data, root, data.xpos[root], data.xmat[root].reshape(3, 3))
 
@@ -180,17 +171,10 @@ def frozen_mass(model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origi
     """The same about a point `(3,)` in axes `(3, 3)`, in columns."""
     out = np.zeros((6, 6))
     for i in range(model.nbody):
-        top = i
-        while top not in (0, root):
-            top = int(model.body_parentid[top])
-        if top != root:
-            continue
-        turn = frame.T @ data.ximat[i].reshape(3, 3)
-        out += body_mass_matrix(
-            float(model.body_mass[i]),
-            frame.T @ (data.xipos[i] - origin),
-            turn @ np.diag(model.body_inertia[i]) @ turn.T,
-        )
+        if hangs_on(model, i, root):
+            turn = frame.T @ data.ximat[i].reshape(3, 3)
+            inertia = turn @ np.diag(model.body_inertia[i]) @ turn.T
+            out += body_mass_matrix(float(model.body_mass[i]), frame.T @ (data.xipos[i] - origin), inertia)
     return out
 
 
@@ -213,3 +197,46 @@ def root_body(chain: Chain) -> Array:
             f"nothing below {write.SMALLEST:g}. {write.UNITS}"
         )
     return out
+
+
+class Composite(NamedTuple):
+    """Mass properties of a body with all that hangs on it.
+
+    Args:
+        body: its name.
+        mass: [kg].
+        centre: `(3,)` centre of mass from the body's origin, in its axes [m].
+        inertia: `(3, 3)` about the centre of mass, in its axes [kg m^2].
+    """
+
+    body: str
+    mass: float
+    centre: Array
+    inertia: Array
+
+    @property
+    def sentence(self) -> str:
+        """The numbers in a line."""
+        largest = float(np.max(np.abs(self.inertia)))
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = np.where(np.abs(self.inertia) > NOTHING * largest, self.inertia, 0.0)
+        size = np.sqrt(largest / self.mass)
+        centre = ", ".join(f"{value:.5g}" for value in np.where(np.abs(self.centre) > NOTHING * size, self.centre, 0.0))
+        return (
+            f"{self.body} with all that it carries: {self.mass:.6g} kg, centre of mass at ({centre}) m, inertia about it "
+            f"Ixx {xx:.5g}, Iyy {yy:.5g}, Izz {zz:.5g}, Ixy {xy:.3g}, Ixz {xz:.3g}, Iyz {yz:.3g} kg m^2"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return self._asdict()
+
+
+def composite(model: "mujoco.MjModel", body: int) -> Composite:
+    """Mass properties of a body, by its id, and all that hangs on it, at rest."""
+    data = rest(model)
+    matrix = frozen_mass(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
+    mass = float(np.trace(matrix[:3, :3])) / 3.0
+    centre = np.array([matrix[1, 5], matrix[2, 3], matrix[0, 4]]) / max(mass, 1e-300)
+    cross = shifted(centre)[:3, 3:]
+    inertia = matrix[3:, 3:] + mass * cross @ cross
+    return Composite(model.body(body).name or f"body {body}", mass, centre, (inertia + inertia.T) / 2.0)

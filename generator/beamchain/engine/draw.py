@@ -1,17 +1,17 @@
 """Frames of a spacecraft in given positions: lit, before a dark blue sky with stars, as large as the frame holds."""
 
 from collections.abc import Iterator, Sequence
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.engine.decor import decorate
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, rest
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import EngineError
+from beamchain.mjcf.visuals import PANEL, TRUSS
 from beamchain.ports.motions import Array
 
 Frame = NDArray[np.uint8]
@@ -26,12 +26,20 @@ PIXELS = 512  # of the sky, a side
 AMBIENT, DIFFUSE = 0.35, 0.5  # at least, of the light at the camera
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
+# cells on panels and lattices in place of trusses, added to a scene that is drawn: they cost a simulation nothing
+ACROSS = 4  # cells across a panel
+MOST_CELLS = 40  # cells along a panel, bays along a truss, per link
+FILLED = 0.9  # of its place that a cell covers
+PROUD = 1.02  # thickness of a cell, of the panel's
+STRUT = 0.07  # radius of a truss's struts, of its half width
+SUBSTRATE = (0.78, 0.79, 0.82)
+WAYS = ((-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0))  # corners of a truss's section
+
 
 def staged(source: str | Path) -> "mujoco.MjModel":
     """A compiled model with stars, where the file gives no sky but a plain one, and light, where it gives none.
 
-    Args:
-        source: MJCF text or a path; a compiled .mjb file stays as it is.
+    A compiled .mjb file stays as it is.
     """
     model = compile_model(source)
     text = isinstance(source, str) and source.lstrip().startswith("<")
@@ -61,15 +69,8 @@ def drawn(
 ) -> Iterator[Frame]:
     """Frames `(height, width, 3)`, all from one place, from which they are seen as large and as moving as can be.
 
-    Args:
-        model: from `staged`; thin solids in it are made thick enough to be seen.
-        body: the spacecraft's, which has no ghost.
-        shown: `(k, nq)` positions.
-        ghosts: `(k, nq)` positions drawn faintly for comparison.
-        width, height: in pixels.
-
-    Raises:
-        EngineError: MuJoCo cannot draw here.
+    `shown`, `ghosts` `(k, nq)`: positions, and those drawn faintly for comparison, of all but the spacecraft's `body`. Thin
+    solids of the model are made thick enough to be seen.
     """
     camera, extent = _camera(model, body, shown, ghosts, width / height)
     _thicken(model, SLIMMEST * extent)
@@ -123,10 +124,7 @@ def _camera(model: "mujoco.MjModel", body: str, shown: Array, ghosts: Array, asp
     some = range(0, len(shown), max(len(shown) // SAMPLES, 1))
     points, faint = (np.array([_corners(model, positions[k]) for k in some]) for positions in (shown, ghosts))
     moved, points = points - faint, np.concatenate([points, faint])
-    data = mujoco.MjData(model)
-    data.qpos[:] = shown[0]
-    mujoco.mj_kinematics(model, data)
-    out = points.mean(axis=(0, 1)) - data.body(body).xpos
+    out = points.mean(axis=(0, 1)) - rest(model, shown[0]).body(body).xpos
     heading = np.degrees(np.arctan2(out[1], out[0]))
     up = float(np.tan(np.radians(float(model.vis.global_.fovy)) / 2.0))
     best: tuple[float, Any] = (-1.0, None)
@@ -164,9 +162,7 @@ def _fitted(points: Array, tangents: Array) -> tuple[Array, float]:
 
 def _corners(model: "mujoco.MjModel", positions: Array) -> Array:
     """`(n, 3)` corners of all solids that are seen."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = positions
-    mujoco.mj_kinematics(model, data)
+    data = rest(model, positions)
     out: Sequence[Array] = [
         data.geom_xpos[i]
         + (CORNERS * model.geom_aabb[i, 3:] + model.geom_aabb[i, :3]) @ data.geom_xmat[i].reshape(3, 3).T
@@ -174,3 +170,72 @@ def _corners(model: "mujoco.MjModel", positions: Array) -> Array:
         if int(model.geom_type[i]) != int(mujoco.mjtGeom.mjGEOM_PLANE) and model.geom_rgba[i, 3] > 0.0
     ]
     return np.concatenate(out)
+
+
+def decorate(model: "mujoco.MjModel", scene: Any, slim: float) -> None:
+    """Draw the panels and trusses among the geoms of a renderer's scene, known by name and colour, in detail.
+
+    `slim`: least radius of a strut [m].
+    """
+    solid, box = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtGeom.mjGEOM_BOX)
+    for i in range(int(scene.ngeom)):
+        geom = scene.geoms[i]
+        if int(geom.objtype) != solid or int(geom.type) != box or "shape" not in model.geom(geom.objid).name:
+            continue
+        own = " ".join(f"{value:g}" for value in model.geom_rgba[geom.objid])
+        if own not in (PANEL, TRUSS) or geom.rgba[3] == 0.0:
+            continue
+        place, turn, half = np.array(geom.pos), np.array(geom.mat).reshape(3, 3), np.array(geom.size)
+        colour = np.array(geom.rgba, dtype=np.float32)
+        if own == PANEL:
+            geom.rgba[:3] = SUBSTRATE
+            for middle, size in _cells(half):
+                _add(scene, size, place + turn @ middle, turn, colour, gloss=0.6)
+            continue
+        geom.rgba[3] = 0.0
+        radius = max(STRUT * float(half[1:].max()), slim)
+        for one, two in _struts(half):
+            span = two - one
+            size = np.array([radius, radius, float(np.linalg.norm(span)) / 2.0])
+            _add(scene, size, place + turn @ (one + two) / 2.0, turn @ _along(span), colour)
+
+
+def _add(scene: Any, half: Array, place: Array, turn: Array, colour: Any, gloss: float = 0.0) -> None:
+    """One more box in a scene, unless it is full; boxes are by far the quickest to draw."""
+    if int(scene.ngeom) < int(scene.maxgeom):
+        geom = scene.geoms[int(scene.ngeom)]
+        scene.ngeom += 1
+        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_BOX, half, place, turn.ravel(), colour)
+        geom.specular = geom.shininess = gloss
+
+
+def _along(span: Array) -> Array:
+    """`(3, 3)` axes of which the third points along `span`."""
+    z: Array = span / np.linalg.norm(span)
+    x: Array = np.linalg.qr(np.column_stack([z, np.eye(3)[:, int(np.argmin(np.abs(z)))]]))[0][:, 1]
+    return np.column_stack([x, np.cross(z, x).astype(np.float64), z])
+
+
+def _cells(half: Array) -> Iterator[tuple[Array, Array]]:
+    """Middle and half extents of every cell of a panel with half extents `(3,)`."""
+    thin = 1 + int(np.argmin(half[1:]))
+    wide = 3 - thin
+    along = min(max(round(float(ACROSS * half[0] / half[wide])), 1), MOST_CELLS)
+    size = np.empty(3)
+    size[[0, wide, thin]] = FILLED * half[0] / along, FILLED * half[wide] / ACROSS, PROUD * half[thin]
+    for i, j in product(range(along), range(ACROSS)):
+        middle = np.zeros(3)
+        middle[[0, wide]] = ((2 * i + 1) / along - 1.0) * half[0], ((2 * j + 1) / ACROSS - 1.0) * half[wide]
+        yield middle, size
+
+
+def _struts(half: Array) -> Iterator[tuple[Array, Array]]:
+    """Ends of every strut of a truss with half extents `(3,)`: longerons, battens and a diagonal in every bay."""
+    bays = min(max(round(float(half[0] / half[1:].max())), 1), MOST_CELLS)
+    x = np.linspace(-half[0], half[0], bays + 1)
+    corners = [np.array([[at, a * half[1], b * half[2]] for a, b in WAYS]) for at in x]
+    yield from zip(corners[0], corners[-1], strict=True)
+    for frame in corners:
+        yield from ((frame[k], frame[(k + 1) % 4]) for k in range(4))
+    for bay, (here, there) in enumerate(pairwise(corners)):
+        yield from ((here[(k + bay) % 4], there[(k + bay + 1) % 4]) for k in range(4))

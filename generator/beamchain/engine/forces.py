@@ -36,25 +36,21 @@ def readings(model: "mujoco.MjModel") -> Readings:
         mujoco.mj_jacBodyCom(model, data, moves, turns, i)
         inertia = np.sqrt(np.asarray(model.body_inertia[i]))[:, None] * (data.ximat[i].reshape(3, 3).T @ turns)
         rows += [np.sqrt(float(model.body_mass[i])) * moves, inertia]
-    tendons = [along(model, i) for i in range(model.ntendon)]
+    tendons = along_all(model)
     rows += [np.sqrt(float(a)) * t[None] for a, t in zip(model.tendon_armature, tendons, strict=True) if a > 0.0]
-    joints = np.array([float(np.atleast_1d(v)[0]) for v in model.jnt_stiffness])
-    dampers = np.array([float(np.atleast_1d(v)[0]) for v in model.tendon_damping])
-    springs = [np.sqrt(k) * np.eye(nv)[int(dof)] for k, dof in zip(joints, model.jnt_dofadr, strict=True) if k > 0.0]
-    stiffness = [float(np.atleast_1d(v)[0]) for v in model.tendon_stiffness]
-    springs += [np.sqrt(k) * t for k, t in zip(stiffness, tendons, strict=True) if k > 0.0]
-    damping = np.diag([float(np.atleast_1d(v)[0]) for v in model.dof_damping])
-    damping = damping + sum(c * np.outer(t, t) for c, t in zip(dampers, tendons, strict=True))
+    own = zip(model.jnt_stiffness, np.eye(nv)[model.jnt_dofadr], strict=True)
+    springs = [np.sqrt(k) * row for k, row in (*own, *zip(model.tendon_stiffness, tendons, strict=True)) if k > 0.0]
+    dampers = zip(model.tendon_damping, tendons, strict=True)
+    damping = np.diag(model.dof_damping) + sum(c * np.outer(t, t) for c, t in dampers)
     return Readings(np.vstack(rows), np.array(springs).reshape(-1, nv), damping)
 
 
 def sprung(model: "mujoco.MjModel") -> list[int]:
     """Joints that a spring holds, their own or that of a fixed tendon over them."""
-    held = {j for j in range(model.njnt) if float(np.atleast_1d(model.jnt_stiffness[j])[0]) > 0.0}
-    for i in range(model.ntendon):
-        if float(np.atleast_1d(model.tendon_stiffness[i])[0]) > 0.0:
-            joint = int(mujoco.mjtWrap.mjWRAP_JOINT)
-            held |= {int(model.wrap_objid[k]) for k in wraps(model, i) if int(model.wrap_type[k]) == joint}
+    held = set(np.flatnonzero(model.jnt_stiffness > 0.0).tolist())
+    for i in np.flatnonzero(model.tendon_stiffness > 0.0).tolist():
+        joint = int(mujoco.mjtWrap.mjWRAP_JOINT)
+        held |= {int(model.wrap_objid[k]) for k in wraps(model, i) if int(model.wrap_type[k]) == joint}
     return sorted(held)
 
 
@@ -71,6 +67,11 @@ def along(model: "mujoco.MjModel", tendon: int) -> Array:
         if int(model.wrap_type[k]) == int(mujoco.mjtWrap.mjWRAP_JOINT):
             out[int(model.jnt_dofadr[int(model.wrap_objid[k])])] += float(model.wrap_prm[k])
     return out
+
+
+def along_all(model: "mujoco.MjModel") -> Array:
+    """`(ntendon, nv)` coefficients of all fixed tendons."""
+    return np.array([along(model, i) for i in range(model.ntendon)]).reshape(-1, model.nv)
 
 
 def port_of(read: Readings, root: list[int], inner: list[int], ballast: Array) -> PortModel:

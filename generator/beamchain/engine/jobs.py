@@ -30,15 +30,10 @@ def run_jobs(
     resume: bool = False,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Run `function(*arguments)` for every job; the results by key, in the order of the jobs.
+    """Run an importable `function(*arguments)` for every job; the results, plain data, by key, in the order of the jobs.
 
-    Args:
-        function: importable; returns plain lists, dicts, numbers and text.
-        jobs: arguments by a key that says all that matters for the result.
-        executor: where they run; in this process, one after the other, where left out.
-        store: file of JSON lines that holds what is done, also after a worker died for good.
-        resume: take what `store` already holds; else it starts anew.
-        progress: told after every job.
+    A key says all that matters for its result. `store`: file of JSON lines that holds what is done, also after a worker died
+    for good; with `resume` what it holds already is taken, else it starts anew.
     """
     if store is not None:
         check_regular(store)

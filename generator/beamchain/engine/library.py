@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cython_blas
 
 from beamchain.errors import EngineError
@@ -39,6 +40,23 @@ def rollout_engine() -> "Rollout":
     from mujoco.rollout import Rollout
 
     return Rollout(nthread=0)
+
+
+def rest(model: "mujoco.MjModel", qpos: NDArray[np.float64] | None = None) -> "mujoco.MjData":
+    """Data at the rest pose, or another, kinematics and Jacobians ready."""
+    data = mujoco.MjData(model)
+    if qpos is not None:
+        data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    return data
+
+
+def hangs_on(model: "mujoco.MjModel", body: int, top: int) -> bool:
+    """Whether a body is `top` or is carried by it."""
+    while body not in (0, top):
+        body = int(model.body_parentid[body])
+    return body == top
 
 
 @contextmanager

@@ -6,6 +6,7 @@ and `M^-1 B` without a limit h -> 0, even at a step at which the simulation woul
 Theory: docs/theory.md, section 6.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, cast
@@ -54,21 +55,24 @@ def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
 
 
 class Held(NamedTuple):
-    """A linearised model with its root held, `n` modes and `m` motions.
+    """A linearised model with its root held, `n` modes and `m` motions; `reaction x drive` is the sum of `W^2 L L^T`."""
 
-    Args:
-        apparent: `(m, m)` mass of the port with the joints loose.
-        squares: `(n,)` frequencies squared, ascending [1/s^2].
-        reaction: `(m, n)` wrench of each mode on the root.
-        drive: `(n, m)` of the root's acceleration on each mode; `reaction x drive` is the sum of `W^2 L L^T`.
-        ratios: `(n,)` damping ratios.
-    """
+    apparent: Array  # (m, m) mass of the port with the joints loose
+    squares: Array  # (n,) frequencies squared, ascending [1/s^2]
+    reaction: Array  # (m, n) wrench of each mode on the root
+    drive: Array  # (n, m) of the root's acceleration on each mode
+    ratios: Array  # (n,) of damping
 
-    apparent: Array
-    squares: Array
-    reaction: Array
-    drive: Array
-    ratios: Array
+    def rows(self, groups: Iterable[Sequence[int]]) -> Array:
+        """`(n, m)` participation, the modes of each group of equal frequency taken together."""
+        out = np.zeros(self.drive.shape)
+        for group in map(list, groups):
+            # the sum over a group of W^2 L L^T is its own, whatever its eigenvectors: the leading eigenpairs are the rows
+            both = (self.reaction[:, group, None] * self.drive[group] / self.squares[group, None]).sum(axis=1)
+            values, vectors = np.linalg.eigh((both + both.T) / 2.0)
+            top = max(values.size - len(group), 0)  # more modes than motions: those left over move nothing
+            out[group[: values.size - top]] = (vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))).T[::-1]
+        return out
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -158,23 +162,11 @@ class Linearisation:
         columns = [i for i, _ in motors]
         held = self.held(root, inner, columns, np.eye(len(root)))
         rigid = (held.apparent + held.apparent.T) / 2.0 - (0.0 if ballast is None else ballast)
-        rows: list[Array] = []
-        for k, square in enumerate(held.squares):
-            # reaction x drive = W^2 L L^T: its symmetric part's leading eigenpair
-            both = np.outer(held.reaction[:, k], held.drive[k]) / square
-            values, vectors = np.linalg.eigh((both + both.T) / 2.0)
-            rows.append(vectors[:, -1] * np.sqrt(max(float(values[-1]), 0.0)))
-        participation = np.array(rows).reshape(-1, len(root))
+        participation = held.rows([k] for k in range(held.squares.size))
         return PortModel(rigid + participation.T @ participation, np.sqrt(held.squares), participation, held.ratios)
 
     def held(self, root: list[int], inner: list[int], columns: list[int], turn: Array) -> Held:
-        """The model with its root held.
-
-        Args:
-            root, inner: degrees of freedom of the root, and of all else.
-            columns: inputs that drive the root.
-            turn: `(m, m)` signs of its motions.
-        """
+        """The model with its `root` held; `columns`: inputs that drive it; `turn` `(m, m)`: signs of its motions."""
         apparent: Array = np.asarray(np.linalg.inv(turn @ self.inputs[np.ix_(root, columns)] @ turn), dtype=np.float64)
         follow = self.inputs[np.ix_(inner, columns)] @ turn @ apparent
         pull = turn @ self.stiffness[np.ix_(root, inner)]
@@ -344,11 +336,6 @@ def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: 
 
 
 def _driven(model: "mujoco.MjModel") -> tuple[int, ...]:
-    out: list[int] = []
-    for i in range(model.nu):
-        plain = int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
-        if plain and float(model.actuator_gear[i, 0]) == 1.0:
-            out.append(int(model.jnt_dofadr[int(model.actuator_trnid[i, 0])]))
-        else:
-            out.append(-1)
-    return tuple(out)
+    plain = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)) & (model.actuator_gear[:, 0] == 1.0)
+    joints = zip(plain, model.actuator_trnid[:, 0], strict=True)
+    return tuple(int(model.jnt_dofadr[joint]) if own else -1 for own, joint in joints)

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from beamchain.engine.bench import frozen_mass
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import hangs_on, mujoco, rest
 from beamchain.engine.linearise import mass_matrix
 from beamchain.errors import InputError
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, shifted
 
 JOINT_KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 HELD = 1e9  # mass of a motion that is held, relative to the largest that is not
@@ -61,11 +61,8 @@ class Mount:
 
     def from_port(self, other: "Mount") -> Array:
         """`(6, 6)` motion of another port of the same body per motion of this one."""
-        arm = other.origin - self.origin
-        x, y, z = arm
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        turn = other.axes.T @ self.axes
-        return np.block([[turn, -other.axes.T @ cross @ self.axes], [np.zeros((3, 3)), turn]])
+        here, there = (np.kron(np.eye(2), axes) for axes in (self.axes, other.axes))
+        return there.T @ shifted(other.origin - self.origin) @ here
 
 
 def mount(model: "mujoco.MjModel", at: str, kind: str, name: str) -> Mount:
@@ -96,14 +93,6 @@ def mount(model: "mujoco.MjModel", at: str, kind: str, name: str) -> Mount:
     )  # fmt: skip
 
 
-def rest(model: "mujoco.MjModel") -> "mujoco.MjData":
-    """Data at the rest pose, kinematics and Jacobians ready."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    return data
-
-
 def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
     held = held_joints(model)
     out: list[Carrier] = []
@@ -119,14 +108,8 @@ def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
 
 def held_joints(model: "mujoco.MjModel") -> set[int]:
     """Joints that a spring or a position servo holds."""
-    springs = {j for j in range(model.njnt) if np.any(np.atleast_1d(model.jnt_stiffness[j]) > 0.0)}
-    on_joint = int(mujoco.mjtTrn.mjTRN_JOINT)
-    servos = {
-        int(model.actuator_trnid[i, 0])
-        for i in range(model.nu)
-        if int(model.actuator_trntype[i]) == on_joint and float(model.actuator_biasprm[i][1]) < 0.0
-    }
-    return springs | servos
+    servos = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)) & (model.actuator_biasprm[:, 1] < 0.0)
+    return {*np.flatnonzero(model.jnt_stiffness > 0.0).tolist(), *model.actuator_trnid[servos, 0].tolist()}
 
 
 def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
@@ -135,7 +118,7 @@ def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[
     for own in mounts:
         total = own.hub.copy()
         for other in mounts:
-            if other.at != own.at and _hangs_on(model, other.top, own.top):
+            if other.at != own.at and hangs_on(model, other.top, own.top):
                 motion = own.from_port(other)
                 total += motion.T @ rigid[other.at] @ motion
         out[own.at] = (total + total.T) / 2.0
@@ -165,9 +148,3 @@ def apparent_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mappi
         hub = (vectors * masses) @ vectors.T * np.outer(scale, scale)
         out[own.at] = (hub + hub.T) / 2.0
     return out
-
-
-def _hangs_on(model: "mujoco.MjModel", body: int, top: int) -> bool:
-    while body not in (0, top):
-        body = int(model.body_parentid[body])
-    return body == top

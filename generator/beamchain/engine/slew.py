@@ -22,26 +22,16 @@ FELT = 1e-7  # of a mode's largest motion: less rotation of the hub is rounding
 
 @dataclass(frozen=True, eq=False)
 class Slew:
-    """A simulated turn.
+    """A simulated turn."""
 
-    Args:
-        times: `(k,)` [s].
-        positions: `(k, nq)` of MuJoCo.
-        axis: 0, 1, 2: about x, y or z of `body`.
-        angle: [rad].
-        duration: of the turn [s].
-        omega: of the mode that rings [rad/s].
-        elastic: `(n,)` addresses of the sprung joints in `positions`.
-    """
-
-    times: Array
-    positions: Array
+    times: Array  # (k,) [s]
+    positions: Array  # (k, nq) of MuJoCo
     body: str
-    axis: int
-    angle: float
-    duration: float
-    omega: float
-    elastic: tuple[int, ...]
+    axis: int  # 0, 1, 2: about x, y or z of the body
+    angle: float  # [rad]
+    duration: float  # of the turn [s]
+    omega: float  # of the mode that rings [rad/s]
+    elastic: tuple[int, ...]  # addresses of the sprung joints in the positions
 
     def shown(self, exaggerate: float) -> Array:
         """`(k, nq)` positions with the sprung joints' motion multiplied by `exaggerate`."""

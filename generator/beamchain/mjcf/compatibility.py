@@ -6,13 +6,15 @@ from lxml.etree import _Element as Element
 
 from beamchain.errors import InputError
 
+_HELD = {
+    "group": "0", "solreflimit": "0.02 1", "solimplimit": "0.9 0.95 0.001 0.5 2", "solreffriction": "0.02 1",
+    "solimpfriction": "0.9 0.95 0.001 0.5 2", "range": "0 0", "margin": "0", "armature": "0", "frictionloss": "0",
+    "limited": "false", "actuatorfrclimited": "false", "actuatorfrcrange": "0 0",
+}  # fmt: skip
 #: MuJoCo's own values of what a parent's default could set; an attribute that is not here is judged after compiling
 NEUTRAL: dict[str, dict[str, str]] = {
-    "joint": {
-        "group": "0", "springdamper": "0 0", "solreflimit": "0.02 1", "solimplimit": "0.9 0.95 0.001 0.5 2",
-        "solreffriction": "0.02 1", "solimpfriction": "0.9 0.95 0.001 0.5 2", "range": "0 0", "margin": "0",
-        "ref": "0", "springref": "0", "armature": "0", "frictionloss": "0", "limited": "false",
-        "actuatorfrclimited": "false", "actuatorfrcrange": "0 0", "actuatorgravcomp": "false", "align": "auto",
+    "joint": _HELD | {
+        "springdamper": "0 0", "ref": "0", "springref": "0", "actuatorgravcomp": "false", "align": "auto",
     },
     "geom": {
         "group": "0", "condim": "3", "priority": "0", "friction": "1 0.005 0.0001", "solmix": "1", "margin": "0",
@@ -20,13 +22,7 @@ NEUTRAL: dict[str, dict[str, str]] = {
         "contype": "0",
     },
     "site": {"group": "0", "type": "sphere", "size": "0.005", "rgba": "0.5 0.5 0.5 1", "pos": "0 0 0"},
-    "fixed": {
-        "group": "0", "limited": "false", "range": "0 0", "margin": "0", "frictionloss": "0", "stiffness": "0",
-        "springlength": "-1", "width": "0.003",
-        "rgba": "0.5 0.5 0.5 1", "armature": "0", "solreflimit": "0.02 1", "solimplimit": "0.9 0.95 0.001 0.5 2",
-        "solreffriction": "0.02 1", "solimpfriction": "0.9 0.95 0.001 0.5 2", "actuatorfrclimited": "false",
-        "actuatorfrcrange": "0 0",
-    },
+    "fixed": _HELD | {"stiffness": "0", "springlength": "-1", "width": "0.003", "rgba": "0.5 0.5 0.5 1"},
 }  # fmt: skip
 
 TURNS = {"quat", "euler", "axisangle", "xyaxes", "zaxis"}
@@ -65,8 +61,7 @@ def hostile(parts: Iterable[Element]) -> dict[str, dict[str, int]]:
 def shield(appendage: Element, found: Mapping[str, Mapping[str, int]]) -> None:
     """Say explicitly what a parent's default would otherwise set on the appendage's elements.
 
-    Raises:
-        InputError: a default turns or replaces shapes or sites; MuJoCo 3 and 4 differ in what overrules that.
+    One that turns or replaces shapes or sites is refused: MuJoCo 3 and 4 differ in what overrules that.
     """
     for tag, names in found.items():
         turned = (TURNS | REPLACES) & set(names) if tag in ("geom", "site") else set()
@@ -91,13 +86,7 @@ def shield(appendage: Element, found: Mapping[str, Mapping[str, int]]) -> None:
 def check_compiler(parts: Iterable[Element], least_mass: float, least_inertia: float) -> None:
     """Refuse compiler switches that would change the links' masses.
 
-    Args:
-        parts: the document and what it includes.
-        least_mass: of the moving links [kg].
-        least_inertia: their smallest principal inertia [kg m^2].
-
-    Raises:
-        InputError: with the attribute, its value and the cure.
+    `least_mass` [kg] of the moving links, `least_inertia` their smallest principal inertia [kg m^2].
     """
     settings: dict[str, str] = {}
     for part in parts:

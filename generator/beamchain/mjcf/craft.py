@@ -21,36 +21,25 @@ ASSETS = {"mesh": "mesh", "hfield": "mesh", "skin": "mesh", "texture": "texture"
 
 
 def parse(path: Path, what: str = "spacecraft") -> Any:
-    """The lxml tree of a file, comments and whitespace kept, nothing fetched or expanded.
-
-    Raises:
-        InputError: it cannot be read, is no XML, or declares a document type.
-    """
+    """The lxml tree of a file, comments and whitespace kept, nothing fetched or expanded."""
+    label = f"{what} {str(path)!r}"
     try:
-        if kind := no_file(path):
-            raise InputError(f"{what} {str(path)!r} {kind}; give the path of an MJCF (.xml) file.")
-        if path.stat().st_size > LARGEST_FILE:
-            raise InputError(f"{what} {str(path)!r} is larger than the {LARGEST_FILE} bytes taken; is it MJCF?")
-        content = path.read_bytes()
+        kind = no_file(path)
+        large = not kind and path.stat().st_size > LARGEST_FILE
+        content = b"" if kind or large else path.read_bytes()
     except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            f"{what} {str(path)!r} cannot be read ({error}); check the path and its permissions."
-        ) from None
-    return parse_text(content, f"{what} {str(path)!r}")
+        raise InputError(f"{label} cannot be read ({error}); check the path and its permissions.") from None
+    if kind:
+        raise InputError(f"{label} {kind}; give the path of an MJCF (.xml) file.")
+    if large:
+        raise InputError(f"{label} is larger than the {LARGEST_FILE} bytes taken; is it MJCF?")
+    return parse_text(content, label)
 
 
 def parse_text(content: bytes, what: str) -> Any:
     """The lxml tree of a document; see `parse`."""
     parser = etree.XMLParser(
-        remove_blank_text=False,
-        remove_comments=False,
-        strip_cdata=False,
-        resolve_entities=False,
-        no_network=True,
-        load_dtd=False,
-        huge_tree=False,
+        strip_cdata=False, resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False
     )
     check_text(content, what)
     try:
@@ -63,11 +52,7 @@ def parse_text(content: bytes, what: str) -> Any:
 
 
 def check_text(content: bytes, what: str) -> None:
-    """Refuse what would keep an XML parser, ours or MuJoCo's, busy for minutes or take all memory.
-
-    Raises:
-        InputError: too large, too many tags or attributes, or a document type.
-    """
+    """Refuse what would keep an XML parser, ours or MuJoCo's, busy for minutes or take all memory."""
     if len(content) > LARGEST_FILE:
         raise InputError(f"{what} is larger than the {LARGEST_FILE} bytes taken; is it MJCF?")
     if content.count(b"<") > MOST_TAGS:
@@ -80,36 +65,22 @@ def check_text(content: bytes, what: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Include:
-    """An `<include>` of the document itself.
+    """An `<include>` of the document itself."""
 
-    Args:
-        element: where it stands.
-        path: the file.
-        content: root of that file, its own includes put in place, asset paths as the main file would write them.
-        nested: it includes further files.
-    """
-
-    element: Element
+    element: Element  # where it stands
     path: Path
-    content: Element
-    nested: bool
+    content: Element  # root of that file, its own includes put in place, asset paths as the main file would write them
+    nested: bool  # it includes further files
 
 
 @dataclass(frozen=True, eq=False)
 class Craft:
-    """A spacecraft's MJCF document.
+    """A spacecraft's MJCF document."""
 
-    Args:
-        tree: the lxml tree; functions of this package change copies only.
-        folder: where its relative paths start.
-        label: how messages call it.
-        declared: it begins with an XML declaration.
-    """
-
-    tree: Any
-    folder: Path
-    label: str
-    declared: bool = False
+    tree: Any  # lxml's; functions of this package change copies only
+    folder: Path  # where its relative paths start
+    label: str  # how messages call it
+    declared: bool = False  # it begins with an XML declaration
 
     @property
     def root(self) -> Element:
@@ -135,10 +106,6 @@ class Craft:
         head = [f'<?xml version="1.0" encoding="{encoding}"?>'.encode()] if self.declared else []
         return b"\n".join([*head, *before, body, *after]) + b"\n"
 
-    def canonical(self) -> bytes:
-        """Canonical XML, for comparing documents."""
-        return etree.tostring(self.tree, method="c14n")
-
     def parts(self) -> list[Element]:
         """The root of the document and the root of every file it includes, in order."""
         return [self.root, *(include.content for include in self.includes())]
@@ -154,11 +121,7 @@ class Craft:
         return out
 
     def includes(self) -> list[Include]:
-        """The document's includes.
-
-        Raises:
-            InputError: a file is missing, is no XML, or is included twice (a cycle), which MuJoCo refuses too.
-        """
+        """The document's includes; a file that is included twice (a cycle) is refused, as MuJoCo does."""
         seen: list[Path] = []
         files: list[tuple[Element, Path]] = []
         out: list[Include] = []
@@ -221,30 +184,22 @@ def file_attributes(element: Element) -> list[tuple[str, str]]:
 
 
 def read_craft(path: str | Path) -> Craft:
-    """Read a spacecraft's MJCF file; what earlier embedding put in stays.
-
-    Raises:
-        InputError: it cannot be read, is not MJCF, or its includes cannot be followed.
-    """
+    """Read a spacecraft's MJCF file; what earlier embedding put in stays."""
     path = Path(path)
     tree = parse(path)
     declared = path.read_bytes().lstrip().startswith(b"<?xml")
-    craft = Craft(tree, path.parent, f"spacecraft {str(path)!r}", declared)
+    return _whole(Craft(tree, path.parent, f"spacecraft {str(path)!r}", declared), "an MJCF file")
+
+
+def craft_from_text(content: str) -> Craft:
+    """A spacecraft from MJCF text; relative paths in it start at the working folder."""
+    return _whole(Craft(parse_text(content.encode("utf-8"), "spacecraft text"), Path(), "spacecraft text"), "MJCF")
+
+
+def _whole(craft: Craft, wanted: str) -> Craft:
+    """The document itself, if it is MJCF and its includes can be followed."""
     if craft.root.tag != "mujoco":
-        raise InputError(f"{craft.label} has root element <{craft.root.tag}>, not <mujoco>; give an MJCF file.")
-    craft.includes()
-    return craft
-
-
-def craft_from_text(content: str, folder: str | Path = ".") -> Craft:
-    """A spacecraft from MJCF text; relative paths in it start at `folder`.
-
-    Raises:
-        InputError: see `read_craft`.
-    """
-    craft = Craft(parse_text(content.encode("utf-8"), "spacecraft text"), Path(folder), "spacecraft text")
-    if craft.root.tag != "mujoco":
-        raise InputError(f"{craft.label} has root element <{craft.root.tag}>, not <mujoco>; give MJCF.")
+        raise InputError(f"{craft.label} has root element <{craft.root.tag}>, not <mujoco>; give {wanted}.")
     craft.includes()
     return craft
 

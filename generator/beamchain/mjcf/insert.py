@@ -20,25 +20,15 @@ FORMS = ("inline", "attach")
 
 @dataclass(frozen=True, eq=False)
 class Insertion:
-    """One appendage to put in.
-
-    Args:
-        target: where.
-        position: `(3,)` of the root in the target's body [m].
-        quaternion: `(4,)` its attitude there; x of that frame points outwards.
-        appendage: from `mjcf.write.appendage`.
-        name: the appendage's own name, prefix of its elements.
-        prefix: what replaces `name_` in the spacecraft.
-        spec: plain data of the spec, kept in the mark.
-    """
+    """One appendage to put in."""
 
     target: Target
-    position: Array
-    quaternion: Array
-    appendage: Element
-    name: str
-    prefix: str
-    spec: dict[str, Any]
+    position: Array  # (3,) of the root in the target's body [m]
+    quaternion: Array  # (4,) its attitude there; x of that frame points outwards
+    appendage: Element  # from mjcf.write.appendage
+    name: str  # its own, prefix of its elements
+    prefix: str  # what replaces `name_` in the spacecraft
+    spec: dict[str, Any]  # plain data, kept in the mark
 
 
 def renamed(appendage: Element, name: str, prefix: str) -> Element:
@@ -64,11 +54,7 @@ def check_prefix(prefix: str) -> None:
 def put_in(craft: Craft, insertions: Sequence[Insertion], form: str, files: Mapping[str, str] | None = None) -> None:
     """Put appendages into a document; `craft` is changed and must be a copy. Keyframes are left to `extend_keys`.
 
-    Args:
-        craft: the spacecraft.
-        insertions: in the order of the document.
-        form: "inline" or "attach".
-        files: for "attach": name of each appendage's file, by prefix.
+    `files`: for the form "attach", name of each appendage's file by prefix.
     """
     found = compatibility.hostile(craft.parts())
     for item in insertions:
@@ -97,11 +83,11 @@ def put_in(craft: Craft, insertions: Sequence[Insertion], form: str, files: Mapp
 
 def _place(body: Element, frame: dict[str, str]) -> None:
     """Position and attitude right behind the name, as people write them."""
-    rest = {str(k): str(v) for k, v in body.attrib.items() if k not in ("name", "pos", "quat")}
-    name = body.get("name") or ""
+    given = {str(key): str(value) for key, value in body.attrib.items()}
     body.attrib.clear()
-    for key, value in ({"name": name} | frame | rest).items():
-        body.set(key, value)
+    body.attrib.update(
+        {"name": given.get("name", "")} | frame | {k: v for k, v in given.items() if k not in ("name", *frame)}
+    )
 
 
 def child_text(item: Insertion) -> str:
@@ -122,14 +108,7 @@ def keys_to_extend(craft: Craft) -> bool:
 def extend_keys(craft: Craft, qpos: Sequence[int | None], qvel: Sequence[int | None], rest: Sequence[float]) -> None:
     """Give the keyframes the new joints' rest values; `craft` is changed and must be a copy.
 
-    Args:
-        craft: the spacecraft with its appendages.
-        qpos: per new position, which old one it is; None: an appendage's.
-        qvel: the same for velocities.
-        rest: the new model's rest positions, for those.
-
-    Raises:
-        InputError: a key holds another number of values than the spacecraft has.
+    `qpos`, `qvel`: per new value, which old one it is; None: an appendage's, whose position is that in `rest`.
     """
     for key in list(craft.root.iter("key")):
         changes: dict[str, str] = {}
@@ -143,10 +122,9 @@ def extend_keys(craft: Craft, qpos: Sequence[int | None], qvel: Sequence[int | N
                     f"keyframe {key.get('name') or ''!r}: {name} holds {len(words)} numbers, the spacecraft has "
                     f"{wanted}; correct the spacecraft's file."
                 )
-            values = [
+            changes[name] = " ".join(
                 words[place] if place is not None else write.number(rest[i]) if name == "qpos" else "0"
                 for i, place in enumerate(places)
-            ]
-            changes[name] = " ".join(values)
+            )
         if changes:
             marks.change(key, "key", changes)

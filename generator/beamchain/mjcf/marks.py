@@ -5,7 +5,7 @@ Every change to the tree goes through this module, so that `take_out` undoes all
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from copy import deepcopy
 from typing import Any
 
@@ -28,11 +28,7 @@ def mark(piece: str, **facts: Any) -> Element:
 
 
 def read_mark(node: Element) -> dict[str, Any] | None:
-    """What a comment says, or None where it is not one of ours.
-
-    Raises:
-        InputError: the comment was damaged.
-    """
+    """What a comment says, or None where it is not one of ours; a damaged one is refused."""
     text = (node.text or "").strip()
     if node.tag is not etree.Comment or not text.startswith(SIGN):
         return None
@@ -71,10 +67,7 @@ def _set_gap(parent: Element, before: Element | None, text: str | None) -> None:
 
 def _indent(parent: Element) -> str:
     """Indentation of the children of an element: two spaces more than its own line has."""
-    depth, node = 0, parent.getparent()
-    while node is not None:
-        depth, node = depth + 1, node.getparent()
-    return "\n" + "  " * (depth + 1)
+    return "\n" + "  " * (1 + sum(1 for _ in parent.iterancestors()))
 
 
 def put_last(parent: Element, element: Element, piece: str, **facts: Any) -> None:
@@ -113,11 +106,7 @@ def inline(include: Element, content: Element) -> None:
 
 
 def take_out(root: Element) -> None:
-    """Undo every change of a document.
-
-    Raises:
-        InputError: a mark was damaged, or what it stands before is gone.
-    """
+    """Undo every change of a document; refused where a mark was damaged, or what it stands before is gone."""
     for node, facts in reversed(list(marks(root))):
         parent = node.getparent()
         if parent is None:
@@ -176,8 +165,3 @@ def moved(path: str, start: str | os.PathLike[str], new: str | os.PathLike[str] 
 def embedded(root: Element) -> list[dict[str, Any]]:
     """What the marks say of each appendage in the document."""
     return [facts for _, facts in marks(root) if facts["piece"] == "appendage"]
-
-
-def names_of(elements: Sequence[Element]) -> set[str]:
-    """All names in some trees."""
-    return {name for element in elements for node in element.iter() if (name := node.get("name"))}

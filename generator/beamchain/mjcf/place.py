@@ -17,19 +17,12 @@ MADE_OF_OTHERS = ("replicate", "composite", "flexcomp", "attach")
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """A named site or body.
+    """A named site or body."""
 
-    Args:
-        at: the name as the user gave it.
-        kind: "site" or "body".
-        name: of the site or body.
-        body: the `<body>` element the appendage's root is put into.
-    """
-
-    at: str
-    kind: str
+    at: str  # the name as the user gave it
+    kind: str  # "site" or "body"
     name: str
-    body: Element
+    body: Element  # that the appendage's root is put into
 
 
 def split(at: str) -> tuple[tuple[str, ...], str]:
@@ -39,26 +32,14 @@ def split(at: str) -> tuple[tuple[str, ...], str]:
 
 
 def find_target(craft: Craft, at: str) -> Target:
-    """The element that `at` names; an included file that holds it is put in place first, so `craft` must be a copy.
-
-    Raises:
-        InputError: nothing, or more than one thing, bears the name; the frame is no frame; the body is not its own.
-    """
+    """The element that `at` names; an included file that holds it is put in place first, so `craft` must be a copy."""
     kinds, name = split(at)
     for include in craft.includes():
         if any(_named(include.content, kind, name) for kind in kinds):
             marks.inline(include.element, include.content)
     found = [(kind, node) for kind in kinds for node in _named(craft.root, kind, name)]
     if not found:
-        known = sorted(
-            {
-                n
-                for part in craft.parts()
-                for kind in ("site", "body")
-                for node in part.iter(kind)
-                if (n := node.get("name"))
-            }
-        )
+        known = sorted({n for part in craft.parts() for node in part.iter("site", "body") if (n := node.get("name"))})
         made = [tag for tag in MADE_OF_OTHERS if any(part.find(f".//{tag}") is not None for part in craft.parts())]
         hint = meant(name, known).strip() or f"its sites and bodies are: {', '.join(known[:30]) or 'none'}."
         if made:

@@ -1,7 +1,7 @@
 """What a link looks like: panels, tubes, trusses and what they carry, from the sections it is made of.
 
 Shapes have no mass and touch nothing; they cost MuJoCo a frame transform each, so there are as few as the eye needs. Cells
-and lattices are added where pictures are drawn (`engine/decor.py`), which knows panels and trusses by their colours.
+and lattices are added where pictures are drawn (`engine/draw.py`), which knows panels and trusses by their colours.
 """
 
 from typing import NamedTuple
@@ -25,29 +25,16 @@ LARGEST = 0.1  # of the appendage's length: the half width of a carried body
 
 
 class Shape(NamedTuple):
-    """A massless solid.
+    """A massless solid."""
 
-    Args:
-        kind: MuJoCo's "box", or "cylinder" along x.
-        middle: x from the root [m].
-        half: half extents along x, y, z [m].
-        rgba: colour, as MJCF writes it.
-    """
-
-    kind: str
-    middle: float
-    half: tuple[float, float, float]
+    kind: str  # MuJoCo's "box", "cylinder" or "capsule", the last two along x
+    middle: float  # x from the root [m]
+    half: tuple[float, float, float]  # extents along x, y, z [m]
     rgba: str
 
 
 def shapes(link: Link, beam: MassLine | None, length: float) -> list[Shape]:
-    """What to draw of a link.
-
-    Args:
-        link: of a chain.
-        beam: the appendage; without its sections a plain bar is drawn.
-        length: of the whole appendage [m].
-    """
+    """What to draw of a link of an appendage of some `length` [m]; a plain bar without the beam's sections."""
     slim = SLIM * length
     if not isinstance(beam, Beam):
         middle = link.length / 2.0

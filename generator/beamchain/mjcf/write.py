@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.errors import EngineError
 from beamchain.mjcf import visuals
-from beamchain.ports.motions import PORTS, Array
+from beamchain.ports.motions import Array
 from beamchain.structure.mass_line import MassLine
 
 _PACKAGED = Path(__file__).parent.parent / "mjcf_templates"
@@ -73,6 +73,13 @@ def find(root: Element, path: str) -> Element:
     return element
 
 
+def filled(element: Element, **attributes: "str | float | ArrayLike") -> Element:
+    """The element itself, with attributes set: text as it is, numbers by `number`."""
+    for name, value in attributes.items():
+        element.set(name, value if isinstance(value, str) else number(value))
+    return element
+
+
 def joint_name(name: str, hinge: int, port: str) -> str:
     """Name of the joint of hinge 1, 2, ... in a port."""
     return f"{name}_hinge{hinge}_{port}"
@@ -102,15 +109,7 @@ def _check(chain: Chain) -> None:
 
 
 def check_hub(mass: float, inertia: ArrayLike) -> None:
-    """A hub that MuJoCo takes.
-
-    Args:
-        mass: [kg].
-        inertia: `(3, 3)` about its centre [kg m^2].
-
-    Raises:
-        EngineError: it is below mjMINVAL.
-    """
+    """Raise `EngineError` for a hub, mass [kg] and `(3, 3)` inertia about its centre [kg m^2], that MuJoCo refuses."""
     smallest = float(np.linalg.eigvalsh(np.asarray(inertia, dtype=np.float64))[0])
     if min(mass, smallest) < SMALLEST:
         raise EngineError(
@@ -131,17 +130,8 @@ def appendage(
 ) -> Element:
     """The drop-in file: nested link bodies from the root outwards, frame of the root: x along the appendage.
 
-    Args:
-        chain: what to write.
-        name: prefix of every body, joint, site and geom.
-        beam: gives the links' look and depth; none: a thin bar.
-        visuals: write massless, collision-free geoms.
-        sites: x of points that get a site, by name; the tip where left out.
-        contacts: write massless capsules that touch other things, never each other or what carries the appendage.
-        readings: sensors to write.
-
-    Raises:
-        EngineError: MuJoCo would refuse the chain (too deep, masses below mjMINVAL).
+    Geoms have no mass: `visuals` looks like the `beam`, a thin bar without it; `contacts` in place of them are capsules that
+    touch other things, never each other or what carries the appendage. `sites`: x by name; the tip where left out.
     """
     _check(chain)
     places = {"tip": chain.length} if sites is None else sites
@@ -155,20 +145,16 @@ def appendage(
         body = deepcopy(prototype)
         hinge = chain.hinges[i - 1] if i else None
         x = hinge.x if hinge else 0.0
-        body.set("name", f"{name}_link{i + 1}")
-        body.set("pos", number([x - origin, 0.0, 0.0]))
+        filled(body, name=f"{name}_link{i + 1}", pos=[x - origin, 0.0, 0.0])
         _joints(body, name, i, hinge)
         _inertial(find(body, "inertial"), link, x)
         _shapes(body, name, i, link, x, beam, chain.length, "capsule" if contacts else "drawn" if visuals else None)
         end = np.inf if i == len(chain.links) - 1 else chain.hinges[i].x
-        prototype_site = find(body, "site")
-        body.remove(prototype_site)
+        site = find(body, "site")
+        body.remove(site)
         here = {"root": 0.0} if i == 0 else {}
-        for site, at in (here | {n: at for n, at in places.items() if x < at <= end}).items():
-            element = deepcopy(prototype_site)
-            element.set("name", f"{name}_{site}")
-            element.set("pos", number([at - x, 0.0, 0.0]))
-            body.append(element)
+        for point, at in (here | {n: at for n, at in places.items() if x < at <= end}).items():
+            body.append(filled(deepcopy(site), name=f"{name}_{point}", pos=[at - x, 0.0, 0.0]))
         parent.append(body)
         parent, origin = body, x
     _tendons(root, name, chain)
@@ -179,83 +165,57 @@ def appendage(
 
 def _joints(body: Element, name: str, index: int, hinge: Hinge | None) -> None:
     prototype = find(body, "joint")
-    place = body.index(prototype)
+    for port, (kind, axis) in JOINTS.items():
+        if hinge is not None and port in hinge.stiffness:
+            joint = filled(deepcopy(prototype), name=joint_name(name, index, port), type=kind, axis=axis)
+            filled(joint, stiffness=hinge.stiffness[port], damping=hinge.damping.get(port, 0.0))
+            prototype.addprevious(joint)
     body.remove(prototype)
-    if hinge is None:
-        return
-    for port in PORTS:
-        if port not in hinge.stiffness:
-            continue
-        joint = deepcopy(prototype)
-        kind, axis = JOINTS[port]
-        joint.set("name", joint_name(name, index, port))
-        joint.set("type", kind)
-        joint.set("axis", axis)
-        joint.set("stiffness", number(hinge.stiffness[port]))
-        joint.set("damping", number(hinge.damping.get(port, 0.0)))
-        body.insert(place, joint)
-        place += 1
 
 
 def _inertial(element: Element, link: Link, x: float) -> None:
-    element.set("pos", number([link.com - x, *link.beside]))
+    inertia: ArrayLike = link.inertia
+    filled(element, pos=[link.com - x, *link.beside])
     if any(link.products) or any(link.beside):
-        values, axes = np.linalg.eigh(link.inertia_matrix())
-        values[2] = min(values[2], (1.0 - ROUNDED) * (values[0] + values[1]))
+        inertia, axes = np.linalg.eigh(link.inertia_matrix())
+        inertia[2] = min(inertia[2], (1.0 - ROUNDED) * (inertia[0] + inertia[1]))
         turn = Rotation.from_matrix(axes * np.array([1.0, 1.0, np.sign(np.linalg.det(axes))]))
-        element.set("quat", number(turn.as_quat(scalar_first=True)))
-        element.set("mass", number(link.mass))
-        element.set("diaginertia", number(values))
-        return
-    if 0.0 < abs(link.com - x) < UNSEEN:
+        filled(element, quat=turn.as_quat(scalar_first=True))
+    elif 0.0 < abs(link.com - x) < UNSEEN:
         element.set("quat", "0 1 0 0")  # a half turn, which changes no inertia, has MuJoCo look at the offset
-    element.set("mass", number(link.mass))
-    element.set("diaginertia", number(link.inertia))
+    filled(element, mass=link.mass, diaginertia=inertia)
 
 
 def _shapes(
     body: Element, name: str, index: int, link: Link, x: float, beam: MassLine | None, length: float, kind: str | None
 ) -> None:
     prototype = find(body, "geom")
-    place = body.index(prototype)
-    body.remove(prototype)
     drawn = [] if kind is None else visuals.shapes(link, beam, length)
     if kind == "capsule" and link.length > 0.0:
         half = max(max(shape.half[1:]) for shape in drawn)
         drawn = [visuals.Shape(kind, link.start + link.length / 2.0, (link.length / 2.0, half, half), visuals.TUBE)]
-    for number_of, shape in enumerate(drawn, 1):
-        geom = deepcopy(prototype)
-        geom.set("name", f"{name}_shape{index + 1}" + ("" if number_of == 1 else f"_{number_of}"))
-        geom.set("pos", number([shape.middle - x, 0.0, 0.0]))
-        geom.set("type", shape.kind)
-        geom.set("rgba", shape.rgba)
+    for count, shape in enumerate(drawn, 1):
+        own = f"{name}_shape{index + 1}" + ("" if count == 1 else f"_{count}")
+        geom = filled(deepcopy(prototype), name=own, pos=[shape.middle - x, 0.0, 0.0], type=shape.kind, rgba=shape.rgba)
         along, *across = shape.half
         if shape.kind == "box":
-            geom.set("size", number(shape.half))
+            filled(geom, size=shape.half)
         elif shape.kind == "cylinder":
-            geom.set("size", number([max(across), along]))
-            geom.set("quat", ALONG_X)
+            filled(geom, size=[max(across), along], quat=ALONG_X)
         else:
             radius = min(max(across), along)
-            geom.set("size", number([radius, max(along - radius, 1e-6 * length)]))
-            geom.set("quat", ALONG_X)
-            geom.set("conaffinity", "1")  # meets what has contype 1, and with contype 0 never another link
-        body.insert(place, geom)
-        place += 1
+            # meets what has contype 1, and with contype 0 never another link
+            filled(geom, size=[radius, max(along - radius, 1e-6 * length)], quat=ALONG_X, conaffinity="1")
+        prototype.addprevious(geom)
+    body.remove(prototype)
 
 
 class Readings(NamedTuple):
-    """Sensors on an appendage.
+    """Sensors on an appendage."""
 
-    Args:
-        modes: amplitude and rate of every modal tendon.
-        points: sites whose place is read, seen from the root.
-        root_load: force and moment that the appendage puts on what carries it.
-    """
-
-    modes: bool = False
-    points: Sequence[str] = ()
-    root_load: bool = False
+    modes: bool = False  # amplitude and rate of every modal tendon
+    points: Sequence[str] = ()  # sites whose place is read, seen from the root
+    root_load: bool = False  # force and moment that the appendage puts on what carries it
 
 
 def _tendons(root: Element, name: str, chain: Chain) -> None:
@@ -263,11 +223,9 @@ def _tendons(root: Element, name: str, chain: Chain) -> None:
         return
     tendon = etree.SubElement(root, "tendon")
     for item in chain.tendons:
-        fixed = etree.SubElement(
-            tendon, "fixed", name=f"{name}_{item.label}", stiffness=number(item.stiffness),
-            damping=number(item.damping), armature=number(item.armature), limited="false",
-            solimplimit=UNMARKED,
-        )  # fmt: skip
+        fixed = etree.SubElement(tendon, "fixed", name=f"{name}_{item.label}")
+        filled(fixed, stiffness=item.stiffness, damping=item.damping, armature=item.armature)
+        filled(fixed, limited="false", solimplimit=UNMARKED)
         for (hinge, port), coefficient in zip(item.freedoms, item.coefficients, strict=True):
             etree.SubElement(fixed, "joint", joint=joint_name(name, hinge + 1, port), coef=number(coefficient))
 
@@ -292,31 +250,22 @@ def _sensors(root: Element, name: str, chain: Chain, readings: Readings) -> None
 
 def hang(appendage_root: Element, host_root: Element, body: Element) -> None:
     """Put the appendage's bodies below `body` of `host_root`, its tendons and sensors beside the host's."""
-    for child in find(appendage_root, "worldbody"):
-        body.append(deepcopy(child))
+    body.extend(list(deepcopy(find(appendage_root, "worldbody"))))
     for tag in ("tendon", "sensor"):
         own = appendage_root.find(tag)
         if own is None:
             continue
         host = host_root.find(tag)
-        if host is None:
-            host = etree.SubElement(host_root, tag)
-        for child in own:
-            host.append(deepcopy(child))
+        (etree.SubElement(host_root, tag) if host is None else host).extend(list(deepcopy(own)))
 
 
 def bench(appendage_root: Element, ports: Iterable[str], timestep: float, ballast: Array | None = None) -> Element:
-    """The appendage with its root on slides and hinges, one motor each.
+    """The appendage with its root on slides and hinges, one motor each; motions of other ports are held.
 
-    Args:
-        appendage_root: from `appendage`.
-        ports: which ports are free; all other root motions are held.
-        timestep: [s].
-        ballast: `(4,)` mass [kg] and principal inertias [kg m^2] added at the root, where the chain itself leaves the
-            root massless (a hinge at the root).
+    `ballast` `(4,)`: mass [kg] and principal inertias [kg m^2] added at a root that the chain leaves massless.
     """
     root = template("bench")
-    find(root, "option").set("timestep", number(timestep))
+    filled(find(root, "option"), timestep=timestep)
     body = find(root, "worldbody/body")
     kept = {joint for port in ports for joint in ROOT_JOINTS[port]}
     for path in ("worldbody/body/joint", "actuator/motor", "sensor/jointpos"):
@@ -329,8 +278,7 @@ def bench(appendage_root: Element, ports: Iterable[str], timestep: float, ballas
     if ballast is None:
         body.remove(inertial)
     else:
-        inertial.set("mass", number(ballast[0]))
-        inertial.set("diaginertia", number(ballast[1:]))
+        filled(inertial, mass=ballast[0], diaginertia=ballast[1:])
     hang(appendage_root, root, body)
     return root
 
@@ -348,43 +296,31 @@ def scene(
 ) -> Element:
     """A free-flying hub with the appendage on its `mount`, ready to simulate.
 
-    Args:
-        appendage_root: from `appendage`.
-        name: of the appendage.
-        mass: of the hub [kg].
-        inertia: `(3,)` or `(3, 3)` of the hub about its centre [kg m^2].
-        offset: `(3,)` from the hub's centre to the root [m].
-        timestep: [s].
-        integrator: MuJoCo's name.
-        contacts: leave contacts and constraints on.
+    `inertia` `(3,)` or `(3, 3)` of the hub about its centre [kg m^2]; `offset` `(3,)` from there to the root [m];
+    `contacts` leaves contacts and constraints on.
     """
     root = template("scene")
     root.set("model", f"{name}_scene")
     option = find(root, "option")
     if contacts:
         option.remove(find(option, "flag"))
-    option.set("timestep", number(timestep))
-    option.set("integrator", integrator)
+    filled(option, timestep=timestep, integrator=integrator)
     hub = find(template("hub"), "worldbody/body")
-    inertial = find(hub, "inertial")
-    inertial.set("mass", number(mass))
+    inertial = filled(find(hub, "inertial"), mass=mass)
     inertia = np.asarray(inertia, dtype=np.float64)
     inertia = np.diag(inertia) if inertia.ndim == 1 else inertia
     if np.any(inertia != np.diag(np.diag(inertia))):
         del inertial.attrib["diaginertia"]
-        inertial.set("fullinertia", number([*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]))
+        filled(inertial, fullinertia=[*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]])
     else:
-        inertial.set("diaginertia", number(np.diag(inertia)))
+        filled(inertial, diaginertia=np.diag(inertia))
     offset = np.asarray(offset, dtype=np.float64)
     # a box of that mass and those inertias where one exists, else one that reaches the root
     ix, iy, iz = np.diag(inertia)
     squares = 6.0 / mass * np.array([iy + iz - ix, ix + iz - iy, ix + iy - iz])
-    half = np.sqrt(np.clip(squares, 1e-6 * float(squares.max()), None)) / 2.0
-    find(hub, "geom").set("size", number(half))
-    mount = find(hub, "site")
-    mount.set("pos", number(offset))
+    filled(find(hub, "geom"), size=np.sqrt(np.clip(squares, 1e-6 * float(squares.max()), None)) / 2.0)
+    filled(find(hub, "site"), pos=offset)
     find(root, "worldbody").append(hub)
     hang(appendage_root, root, hub)
-    link = find(hub, "body")
-    link.set("pos", number(offset))
+    filled(find(hub, "body"), pos=offset)
     return root

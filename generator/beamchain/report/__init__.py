@@ -8,8 +8,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from beamchain.report.assembly_plot import assembly_svg as assembly_svg
-    from beamchain.report.assembly_plot import plot_assembly as plot_assembly
+    from beamchain.report.craft_plots import assembly_svg as assembly_svg
+    from beamchain.report.craft_plots import plot_assembly as plot_assembly
+    from beamchain.report.craft_plots import sweep_pictures as sweep_pictures
     from beamchain.report.html import embed_report as embed_report
     from beamchain.report.html import fit_report as fit_report
     from beamchain.report.identified_html import identification_html as identification_html
@@ -26,10 +27,9 @@ if TYPE_CHECKING:
     from beamchain.report.record import fit_record as fit_record
     from beamchain.report.record import study_record as study_record
     from beamchain.report.study_html import study_page as study_page
-    from beamchain.report.sweep_plots import sweep_pictures as sweep_pictures
 
 _PLACES = {
-    "assembly_plot": ("assembly_svg", "plot_assembly"),
+    "craft_plots": ("assembly_svg", "plot_assembly", "sweep_pictures"),
     "html": ("embed_report", "fit_report"),
     "identified_html": ("identification_html", "identification_page", "plot_identification"),
     "notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text"),
@@ -37,7 +37,6 @@ _PLACES = {
     "plots": ("plot_accelerance",),
     "record": ("embed_record", "fit_record", "study_record"),
     "study_html": ("study_page",),
-    "sweep_plots": ("sweep_pictures",),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 

@@ -159,8 +159,7 @@ def worst_hub(fit: "Fit", port: str) -> tuple[Array, str]:
     rigid, band = fit.full[port].rigid_mass, fit.bandwidth[port]
     limits = (min(span(fit, port)[0], 0.5 * band), band)
     worst = max(
-        STANDARD_HUBS,
-        key=lambda f: error_curves(fit, port, [fit.achieved[port]], f * rigid, limits)[0].error.max(),
+        STANDARD_HUBS, key=lambda f: error_curves(fit, port, [fit.achieved[port]], f * rigid, limits)[0].error.max()
     )
     return worst * rigid, f"on a hub of {worst:g} times the appendage's mass (the worst of three)"
 

@@ -12,7 +12,7 @@ from beamchain.fitting.hub import assumed_hub, port_hub_mass
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.compare import in_band_error
 from beamchain.report import plots
-from beamchain.report.assembly_plot import assembly_figure, difference_figure
+from beamchain.report.craft_plots import assembly_figure, difference_figure
 from beamchain.report.curves import METHODS, beam_model, chain_label, count, rival_chains, rival_model
 from beamchain.report.notebook import kept_word
 from beamchain.report.page import Table, Verdict, number, page_text, vector
@@ -286,12 +286,10 @@ def _embedded_verdict(embedded: "Embedded") -> Verdict:
         f"{short(assembly.band)} rad/s: the worst is off by {percent(assembly.worst)} from beams on the same "
         "spacecraft, read back through MuJoCo."
     )
-    if embedded.met is False:
-        return Verdict(False, text)
     short_of = [a.at for a in embedded.appendages if not a.fit.status.ok]
-    if short_of:
-        return Verdict(False, f"Less than was asked for at {', '.join(short_of)}. {text}")
-    return Verdict(True, text)
+    if short_of and embedded.met is not False:
+        text = f"Less than was asked for at {', '.join(short_of)}. {text}"
+    return Verdict(embedded.met is not False and not short_of, text)
 
 
 def _command(embedded: "Embedded", craft: str, output: str, files: list[str]) -> str:

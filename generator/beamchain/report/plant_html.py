@@ -18,14 +18,7 @@ if TYPE_CHECKING:
 def plant_report(
     found: "Plant | ScheduledPlant", of_loops: Sequence[Sequence[Margins]], name: str, worst: Sequence[WorstCase] = ()
 ) -> str:
-    """The text of one HTML file.
-
-    Args:
-        found: the plant, or one per angle.
-        of_loops: margins per plant, empty without a controller.
-        name: of the model's file.
-        worst: worst case per plant, empty where nothing is uncertain.
-    """
+    """The text of one HTML file; `of_loops`, `worst`: margins and worst case per plant, empty where there are none."""
     plants = [found] if isinstance(found, Plant) else list(found.plants)
     figures = {"bode": plant_plots.bode_figure(plants), "singular": plant_plots.singular_figure(plants)}
     figures["poles"] = plant_plots.poles_figure(plants)

@@ -10,7 +10,20 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from beamchain.ports.motions import Array
-from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, WIDTH, in_hz, literal, log_axis, plain, power
+from beamchain.report.plots import (
+    BEAM,
+    OURS,
+    RIVAL,
+    STYLE,
+    WIDTH,
+    in_hz,
+    literal,
+    log_axis,
+    over_frequency,
+    panel,
+    plain,
+    power,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,63 +37,41 @@ PAIRS = 4  # of inputs and outputs that a Bode plot shows
 
 
 def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Axes":
-    """Frequencies of the modes over a drive's angle; the larger a marker, the larger the mode's gain.
-
-    Args:
-        scheduled: the plants.
-        ax: drawn into; those of a new figure where left out.
-    """
-    if ax is None:
-        ax = Figure(figsize=(WIDTH, 3.8), layout="constrained").add_subplot()
+    """Frequencies of the modes over a drive's angle; the larger a marker, the larger the mode's gain."""
+    ax = panel(3.8)[1] if ax is None else ax
     degrees, gain = np.degrees(scheduled.angles), scheduled.gain
     top = np.maximum(gain.max(axis=(0, 1), keepdims=True, initial=0.0), 1e-9 * gain.max(initial=0.0) + 1e-300)
     size = 4.0 + 60.0 * (gain / top).max(axis=(2, 3), initial=0.0)
     for k, name in enumerate(scheduled.modes):
         ax.plot(degrees, scheduled.frequency[:, k], color=BEAM, linewidth=0.8)
         ax.scatter(degrees, scheduled.frequency[:, k], s=size[:, k], color=OURS, linewidths=0.0)
-        ax.annotate(
-            literal(name),
-            (degrees[-1], scheduled.frequency[-1, k]),
-            fontsize=7,
-            xytext=(4, 0),
-            textcoords="offset points",
-        )
+        end = degrees[-1], scheduled.frequency[-1, k]
+        ax.annotate(literal(name), end, fontsize=7, xytext=(4, 0), textcoords="offset points")
     ax.set_yscale("log")
     log_axis(ax.yaxis, ax.get_ylim(), plain)
-    ax.set_xlabel(literal(f"{scheduled.joint}, degrees"))
-    ax.set_ylabel("frequency, rad/s")
+    ax.set(xlabel=literal(f"{scheduled.joint}, degrees"), ylabel="frequency, rad/s")
     return ax
 
 
 @mpl.rc_context(STYLE)
 def scheduled_figure(scheduled: "ScheduledPlant") -> Figure:
     """The same as a figure of its own."""
-    figure = Figure(figsize=(WIDTH, 3.8), layout="constrained")
-    plot_scheduled(scheduled, figure.add_subplot())
+    figure, ax = panel(3.8)
+    plot_scheduled(scheduled, ax)
     return figure
 
 
 def plot_worst(worst: "WorstCase", ax: "Axes | None" = None) -> "Axes":
-    """Gains of a closed loop over frequency: upper bound, worst sample, nominal plant, and the peak in MuJoCo.
-
-    Args:
-        worst: what `worst_case` found.
-        ax: drawn into; those of a new figure where left out.
-    """
-    if ax is None:
-        ax = Figure(figsize=(WIDTH, 3.6), layout="constrained").add_subplot()
-    finite = np.isfinite(worst.bound)
-    ax.loglog(
-        worst.omega[finite], worst.bound[finite], color=BEAM, linestyle="dashed", linewidth=1.0, label="upper bound"
-    )
+    """Gains of a closed loop over frequency: upper bound, worst sample, nominal plant, and the peak in MuJoCo."""
+    ax = panel(3.6)[1] if ax is None else ax
+    omega, bound = worst.omega[np.isfinite(worst.bound)], worst.bound[np.isfinite(worst.bound)]
+    ax.loglog(omega, bound, color=BEAM, linestyle="dashed", linewidth=1.0, label="upper bound")
     ax.loglog(worst.omega, worst.worst, color=OURS, linewidth=1.4, label="worst sample found")
     ax.loglog(worst.omega, worst.nominal, color=RIVAL, linewidth=1.0, label="nominal")
     if np.isfinite(worst.simulated):
         ax.loglog([worst.frequency], [worst.simulated], "o", color=BEAM, fillstyle="none", label="MuJoCo, worst sample")
-    _over_frequency(ax, worst.omega)
-    in_hz(ax)
-    ax.set_xlabel("frequency, rad/s")
-    ax.set_ylabel(literal(f"{worst.output} per {worst.input}, {worst.unit}"))
+    _logarithmic(ax, worst.omega)
+    over_frequency(ax, literal(f"{worst.output} per {worst.input}, {worst.unit}"))
     ax.legend(loc="best")
     return ax
 
@@ -98,8 +89,7 @@ def worst_figure(several: "Sequence[WorstCase]") -> Figure:
 @mpl.rc_context(STYLE)
 def drawn_figure(several: "Sequence[WorstCase]") -> Figure:
     """Peak gains of the samples, in order, beside the nominal range's bound."""
-    figure = Figure(figsize=(WIDTH, 2.8), layout="constrained")
-    ax = figure.add_subplot()
+    figure, ax = panel(2.8)
     for worst in several:
         peaks = np.sort(worst.drawn[np.isfinite(worst.drawn)])
         ax.plot(peaks, np.arange(1, peaks.size + 1) / max(worst.drawn.size, 1), color=OURS)
@@ -107,8 +97,7 @@ def drawn_figure(several: "Sequence[WorstCase]") -> Figure:
             ax.axvline(worst.gain, color=OURS, linewidth=0.8, linestyle="dotted")
         if np.isfinite(worst.upper):
             ax.axvline(worst.upper, color=BEAM, linewidth=0.8, linestyle="dashed")
-    ax.set_xlabel(f"peak gain, {several[0].unit}")
-    ax.set_ylabel("share of samples below")
+    ax.set(xlabel=f"peak gain, {several[0].unit}", ylabel="share of samples below")
     return figure
 
 
@@ -127,7 +116,7 @@ def _response(plant: "Plant", omega: Array) -> NDArray[np.complex128]:
     return out
 
 
-def _over_frequency(ax: "Axes", omega: Array) -> None:
+def _logarithmic(ax: "Axes", omega: Array) -> None:
     """Logarithmic axes with plain numbers, their tops in Hz."""
     ax.set(xscale="log", yscale="log", xlim=(float(omega[0]), float(omega[-1])))
     log_axis(ax.xaxis, ax.get_xlim(), plain)
@@ -139,9 +128,8 @@ def bode_figure(plants: "Sequence[Plant]") -> Figure:
     """Magnitude and phase of the pairs with the largest modal gains; of the further plants the magnitude, in grey."""
     plant, omega = plants[0], _grid(plants)
     responses = [_response(one, omega) for one in plants]
-    pairs = [
-        (int(i), int(j)) for i, j in np.argwhere(np.abs(responses[0]).max(axis=-1) > 0.0)
-    ]  # zeros have no logarithm
+    seen = np.abs(responses[0]).max(axis=-1) > 0.0  # zeros have no logarithm
+    pairs: list[tuple[int, int]] = [(i, j) for i, j in np.argwhere(seen).tolist()]
     pairs = sorted(pairs, key=lambda at: -float(plant.gain[:, at[0], at[1]].max(initial=0.0)))[:PAIRS] or [(0, 0)]
     figure = Figure(figsize=(WIDTH, 2.6 * len(pairs) + 0.6), layout="constrained")
     for place, (i, j) in enumerate(pairs):
@@ -149,13 +137,11 @@ def bode_figure(plants: "Sequence[Plant]") -> Figure:
         for other in responses[1:]:
             ax.loglog(omega, np.abs(other[i, j]), color=RIVAL, linewidth=0.8)
         ax.loglog(omega, np.abs(responses[0][i, j]), color=OURS, linewidth=1.4)
-        _over_frequency(ax, omega)
+        _logarithmic(ax, omega)
         ax.set_title(literal(f"{plant.output_labels[i]} per {plant.input_labels[j]}"))
         ax.set_ylabel(f"{plant.output_units[i]} per {plant.input_units[j]}")
-        angle = ax.twinx()
-        angle.plot(
-            omega, np.degrees(np.unwrap(np.angle(responses[0][i, j]))), color=BEAM, linewidth=0.7, linestyle="dotted"
-        )
+        angle, phase = ax.twinx(), np.degrees(np.unwrap(np.angle(responses[0][i, j])))
+        angle.plot(omega, phase, color=BEAM, linewidth=0.7, linestyle="dotted")
         angle.set_ylabel("phase, degrees (dotted)")
         if place == 0:
             in_hz(ax)
@@ -167,14 +153,11 @@ def bode_figure(plants: "Sequence[Plant]") -> Figure:
 def singular_figure(plants: "Sequence[Plant]") -> Figure:
     """Singular values of the first plant over frequency."""
     omega = _grid(plants)
-    figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
-    ax = figure.add_subplot()
+    figure, ax = panel(3.4)
     values = np.linalg.svd(np.moveaxis(_response(plants[0], omega), -1, 0), compute_uv=False)
     ax.loglog(omega, np.maximum(values, 1e-12 * values.max(initial=1e-300)), color=OURS, linewidth=1.0)
-    ax.set_xlabel("frequency, rad/s")
-    ax.set_ylabel("singular values")
-    _over_frequency(ax, omega)
-    in_hz(ax)
+    _logarithmic(ax, omega)
+    over_frequency(ax, "singular values")
     return figure
 
 
@@ -182,13 +165,11 @@ def singular_figure(plants: "Sequence[Plant]") -> Figure:
 def poles_figure(plants: "Sequence[Plant]") -> Figure:
     """Poles of every plant, and the zeros of the pair with the largest modal gain of the first."""
     plant = plants[0]
-    figure = Figure(figsize=(WIDTH, 3.8), layout="constrained")
-    ax = figure.add_subplot()
-    for other in plants[1:]:
-        poles = np.asarray(other.poles(), dtype=np.complex128)
-        ax.plot(np.real(poles), np.imag(poles), "x", color=RIVAL, markersize=4)
-    poles = np.asarray(plant.poles(), dtype=np.complex128)
-    ax.plot(np.real(poles), np.imag(poles), "x", color=OURS, label="poles")
+    figure, ax = panel(3.8)
+    *others, poles = (np.asarray(one.poles(), dtype=np.complex128) for one in (*plants[1:], plant))
+    for other in others:
+        ax.plot(other.real, other.imag, "x", color=RIVAL, markersize=4)
+    ax.plot(poles.real, poles.imag, "x", color=OURS, label="poles")
     i, j = np.unravel_index(int(np.argmax(plant.gain.max(axis=0, initial=0.0))), (plant.noutputs, plant.ninputs))
     a, b, c, d = (np.asarray(getattr(plant, name), dtype=np.float64) for name in "ABCD")
     one: Any = control.ss(a, b[:, [j]], c[[i]], d[np.ix_([i], [j])], plant.dt)
@@ -196,16 +177,9 @@ def poles_figure(plants: "Sequence[Plant]") -> Figure:
     pair = literal(f"{plant.output_labels[i]} per {plant.input_labels[j]}")
     reach = 2.0 * float(np.abs(poles).max(initial=1e-12))
     zeros = zeros[np.abs(zeros) < reach]
-    ax.plot(
-        zeros.real,
-        zeros.imag,
-        "o",
-        color=BEAM,
-        fillstyle="none",
-        label=f"zeros, {pair}",
-    )
-    ax.set_xlabel("real part" + ("" if plant.dt else ", rad/s"))
-    ax.set_ylabel("imaginary part" + ("" if plant.dt else ", rad/s"))
+    ax.plot(zeros.real, zeros.imag, "o", color=BEAM, fillstyle="none", label=f"zeros, {pair}")
+    unit = "" if plant.dt else ", rad/s"
+    ax.set(xlabel=f"real part{unit}", ylabel=f"imaginary part{unit}")
     figure.legend(loc="outside upper left", ncols=2)
     return figure
 
@@ -213,18 +187,14 @@ def poles_figure(plants: "Sequence[Plant]") -> Figure:
 @mpl.rc_context(STYLE)
 def nichols_figure(loops: "Sequence[Margins]") -> Figure:
     """Open loops in the Nichols plane."""
-    figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
-    ax = figure.add_subplot()
+    figure, ax = panel(4.2)
     for loop in loops:
         phase = np.degrees(np.unwrap(np.angle(loop.response)))
         phase -= 360.0 * np.round((phase[0] + 180.0) / 360.0)
         label = literal(loop.name)
         ax.plot(phase, 20.0 * np.log10(np.maximum(np.abs(loop.response), 1e-6)), linewidth=1.0, label=label)
     ax.plot([-180.0], [0.0], "+", color=BEAM, markersize=10)
-    ax.set_xlim(-540.0, 180.0)
-    ax.set_ylim(-60.0, 60.0)
-    ax.set_xlabel("phase, degrees")
-    ax.set_ylabel("gain, dB")
+    ax.set(xlim=(-540.0, 180.0), ylim=(-60.0, 60.0), xlabel="phase, degrees", ylabel="gain, dB")
     if len(loops) <= 6:
         figure.legend(loc="outside upper left", ncols=2)
     return figure

@@ -87,10 +87,9 @@ def literal(name: str) -> str:
 def plot_accelerance(fit: "Fit", ax: "Axes | None" = None, port: str | None = None) -> "Axes":
     """Draw the first accelerance of a port: the beam, and the chain read back through MuJoCo."""
     port = next(iter(fit.target)) if port is None else port
-    ax = Figure(figsize=(WIDTH, 3.6), layout="constrained").add_subplot() if ax is None else ax
+    ax = panel(3.6)[1] if ax is None else ax
     _panel(ax, fit, port, 0, responses(fit, port, with_rivals=False))
-    in_hz(ax)
-    ax.set_xlabel("frequency, rad/s")
+    over_frequency(ax, ax.get_ylabel())
     ax.legend(loc="best")
     return ax
 
@@ -105,31 +104,29 @@ def accelerance_figure(fit: "Fit", port: str) -> Figure:
     for i in range(panels):
         ax, below = (figure.add_subplot(grid[3 * i + k]) for k in (0, 1))
         _panel(ax, fit, port, i, curves)
-        ax.tick_params(labelbottom=False)
-        ax.xaxis.set_minor_locator(NullLocator())
         _phase(below, fit, port, i, curves)
         if i == 0:
             in_hz(ax)
-        if i < panels - 1:  # ticks are most of what drawing costs
-            below.tick_params(labelbottom=False)
-            below.xaxis.set_minor_locator(NullLocator())
+        for shared in (ax, *([below] if i < panels - 1 else [])):  # ticks are most of what drawing costs
+            shared.tick_params(labelbottom=False)
+            shared.xaxis.set_minor_locator(NullLocator())
     figure.axes[-1].set_xlabel("frequency, rad/s")
     figure.subplots_adjust(left=0.095, right=0.965, bottom=0.48 / figure.get_figheight(), hspace=0.16)
     _legend(figure, figure.axes[0], list(curves)[:2])
     return figure
 
 
-def _phase(ax: "Axes", fit: "Fit", port: str, panel: int, curves: Mapping[str, Response]) -> None:
+def _phase(ax: "Axes", fit: "Fit", port: str, entry: int, curves: Mapping[str, Response]) -> None:
     """Without damping the phase is 0 or 180 degrees and turns over at each pole and zero."""
-    i, j, *_ = ENTRIES[port][panel]
+    i, j, *_ = ENTRIES[port][entry]
     frame(ax, span(fit, port), (-50.0, 230.0), fit.bandwidth[port], decades=False)
     _draw(ax, {label: curve.phase(i, j) for label, curve in curves.items()})
     ax.set_yticks([0.0, 180.0])
     ax.set_ylabel("phase, °", fontsize=8.5)
 
 
-def _panel(ax: "Axes", fit: "Fit", port: str, panel: int, curves: Mapping[str, Response]) -> None:
-    i, j, title, unit = ENTRIES[port][panel]
+def _panel(ax: "Axes", fit: "Fit", port: str, entry: int, curves: Mapping[str, Response]) -> None:
+    i, j, title, unit = ENTRIES[port][entry]
     beam = next(iter(curves.values()))
     frame(ax, span(fit, port), _heights(beam, i, j), fit.bandwidth[port])
     _draw(ax, {label: (curve.omega, np.abs(curve.values[i, j])) for label, curve in curves.items()})
@@ -188,10 +185,8 @@ def error_figure(fit: "Fit", port: str) -> Figure:
     text = percent(y if stated is None else stated)
     note = ax.annotate(text, (x, y), xytext=(7 if left else -7, 4), ha="left" if left else "right", **style)
     note.set_gid("follows")  # the mark, where the page zooms
-    ax.set_xlabel("frequency, rad/s")
-    ax.set_ylabel("error of the hub's motion, relative")
     ax.set_title(place, pad=6.0)
-    in_hz(ax)
+    over_frequency(ax, "error of the hub's motion, relative")
     figure.subplots_adjust(left=0.095, right=0.965, bottom=0.12)
     _legend(figure, ax, [name])
     return figure
@@ -223,10 +218,7 @@ def frame(
     ax: "Axes", limits: tuple[float, float], heights: tuple[float, float], band: float = 0.0, *, decades: bool = True
 ) -> None:
     """Logarithmic axes (upwards only with `decades`) with the kept band, if any, shaded and what is beyond it hatched."""
-    ax.set_xscale("log")
-    ax.set_yscale("log" if decades else "linear")
-    ax.set_xlim(*limits)
-    ax.set_ylim(*heights)
+    ax.set(xscale="log", yscale="log" if decades else "linear", xlim=limits, ylim=heights)
     log_axis(ax.xaxis, limits, plain)
     if decades:
         log_axis(ax.yaxis, heights, power)
@@ -249,6 +241,18 @@ def in_hz(ax: "Axes") -> None:
     above.xaxis.set_minor_locator(NullLocator())
     above.tick_params(labelsize=8.5, pad=1.5)
     ax.annotate("Hz", (1.0, 1.0), xycoords="axes fraction", xytext=(4.0, 1.0), textcoords="offset points", fontsize=8.5)
+
+
+def over_frequency(ax: "Axes", ylabel: str) -> None:
+    """Label axes over frequency, and show it in Hz above."""
+    in_hz(ax)
+    ax.set(xlabel="frequency, rad/s", ylabel=ylabel)
+
+
+def panel(height: float) -> "tuple[Figure, Axes]":
+    """A new figure of a height [inch] with one panel."""
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    return figure, figure.add_subplot()
 
 
 def _legend(figure: Figure, ax: "Axes", first: Sequence[str]) -> None:
@@ -293,8 +297,7 @@ def chain_figure(fit: "Fit") -> Figure:
 def _draw_chain(ax: "Axes", chain: Chain, beam: MassLine, plane: str, title: str, color: str) -> None:
     length = chain.length
     left, right = -0.055 * length, 1.03 * length
-    ax.set_xlim(left, right)
-    ax.set_ylim(-1.05, 1.05)
+    ax.set(xlim=(left, right), ylim=(-1.05, 1.05))
     ax.yaxis.set_visible(False)
     ax.spines["left"].set_visible(False)
     x = np.linspace(0.0, length, 121)

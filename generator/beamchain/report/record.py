@@ -8,6 +8,7 @@ from beamchain.caution import warnings_record
 from beamchain.mjcf.write import joint_name
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
+from beamchain.structure.planes import MOTIONS
 from beamchain.studies.front import TARGETS, Metric, Reach, power
 from beamchain.studies.scenario import Scenario
 
@@ -41,11 +42,10 @@ def space_record(fit: "Fit") -> dict[str, Any]:
     """What is known of all six motions at once, for imported modes."""
     if (space := fit.space) is None:
         return {}
-    names = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
     modes = zip(space.data.belongs, space.data.leaks, strict=True)
     record = {
         "why": space.why,
-        "motions": [names[i] for i in space.live],
+        "motions": [MOTIONS[i] for i in space.live],
         "target": port_record(space.target),
         "achieved": port_record(space.achieved),
         "error": _picked(space.error, "frequency", "participation", "accelerance_in_band"),

@@ -7,7 +7,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, WIDTH, frame, in_hz, log_axis, plain, short
+from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE, WIDTH, frame, in_hz, log_axis, panel, plain, short
 from beamchain.studies import field
 from beamchain.studies.front import Metric, front
 
@@ -82,8 +82,7 @@ def steps_figure(limits: "Budget", rows: Sequence["StepRow"]) -> Figure:
     finite = [v for v in limits.largest_step.values() if np.isfinite(v)]
     tenths = [tenth for _, tenth in limits.accuracy.values()]
     low, high = 0.5 * min(tenths), 2.5 * max([*finite, *(one for one, _ in limits.accuracy.values())])
-    figure = Figure(figsize=(WIDTH, 1.15 + 0.34 * len(names)), layout="constrained")
-    ax = figure.add_subplot()
+    figure, ax = panel(1.15 + 0.34 * len(names))
     for y, name in enumerate(names):
         largest = limits.largest_step[name]
         ax.barh(y, min(largest, high), color="#e9f1fa", edgecolor=OURS, linewidth=0.8, height=0.62,
@@ -96,13 +95,11 @@ def steps_figure(limits: "Budget", rows: Sequence["StepRow"]) -> Figure:
         ax.plot(one, y, marker="|", markeredgewidth=1.0, label="within 1 %" if y == 0 else None, **style)
     measured = [(names.index(r.integrator), r.measured) for r in rows if np.isfinite(r.measured)]
     ax.plot([m for _, m in measured], [y for y, _ in measured], "o", color=OURS, markersize=5.0, label="measured limit")
-    ax.set_xscale("log")
-    ax.set_xlim(low, high)
+    ax.set(xscale="log", xlim=(low, high), xlabel="time step, s")
     log_axis(ax.xaxis, (low, high), plain)
     ax.set_yticks(range(len(names)), names)
     ax.invert_yaxis()
     ax.tick_params(axis="y", length=0.0)
-    ax.set_xlabel("time step, s")
     figure.legend(loc="outside upper left", ncols=2, columnspacing=1.6)
     return figure
 
@@ -110,8 +107,7 @@ def steps_figure(limits: "Budget", rows: Sequence["StepRow"]) -> Figure:
 @mpl.rc_context(STYLE)
 def damping_figure(limits: "Budget") -> Figure:
     """Damping ratio of every mode, the structure's own and as each integrator shows it; over frequency."""
-    figure = Figure(figsize=(WIDTH, 3.5), layout="constrained")
-    ax = figure.add_subplot()
+    figure, ax = panel(3.5)
     w = limits.frequencies
     own = limits.ratios
     if np.any(own > 0.0):

@@ -52,11 +52,7 @@ def _described(figure: Figure, name: str) -> list[dict[str, Any]]:
 
 
 def parted(svg: str) -> tuple[str, str]:
-    """A picture without the legend that stands above or below its panels, cut off there, and that legend as HTML.
-
-    Args:
-        svg: of `to_svg`, with the declarations of its file.
-    """
+    """A picture of `to_svg` without the legend above or below its panels, cut off there, and that legend as HTML."""
     root: Any = etree.fromstring(svg.encode())
     figure = root.find(f"{SVG}g")
     legend = next((g for g in figure if "legend" in g.get("id", "")), None)

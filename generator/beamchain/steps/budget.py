@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from beamchain.engine import linearise as engine
-from beamchain.engine.forces import along
+from beamchain.engine.forces import along_all
 from beamchain.engine.library import mujoco
 from beamchain.errors import EngineError
 from beamchain.ports.motions import Array
@@ -72,14 +72,13 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
     mujoco.mj_forward(model, data)
     own = engine.dense_mass(model, data)
     implicit = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-    joints = np.array([float(np.atleast_1d(v)[0]) for v in model.dof_damping]) * implicit
+    joints = model.dof_damping * implicit
     spring = linear.stiffness
     if "discrete" in engine.INTEGRATORS:
         spring = engine.implicit_stiffness(model, data, linear.damping)
     euler = np.asarray(np.linalg.solve(own, np.diag(joints)), dtype=np.float64)
-    held = np.zeros((nv, nv))
-    for i in range(model.ntendon):
-        held += float(np.atleast_1d(model.tendon_stiffness[i])[0]) * np.outer(along(model, i), along(model, i))
+    rows = along_all(model)
+    held = rows.T @ (model.tendon_stiffness[:, None] * rows)
     tendons = np.asarray(np.linalg.solve(own, held), dtype=np.float64)
     return LinearModel(linear.stiffness, linear.damping, euler, spring, tendons, preloaded(model, data))
 
@@ -114,16 +113,9 @@ def _holds_nothing(model: "mujoco.MjModel") -> bool:
 
 
 def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = None, name: str | None = None) -> Budget:
-    """The step budget of a model about its rest pose.
+    """The step budget of a model about its rest pose; refused where nothing oscillates in it, or it falls over by itself.
 
-    Args:
-        source: a compiled model, MJCF text, or a path.
-        timestep: at which the added damping is stated; the model's own where left out [s].
-        name: shown; the model's own where left out.
-
-    Raises:
-        EngineError: MuJoCo refuses the model, nothing oscillates in it, or it falls over by itself.
-        InputError: there is no such file.
+    `timestep` [s] at which the added damping is stated and the `name` shown are the model's own where left out.
     """
     model = engine.compile_model(source)
     linear = linear_model(model)

@@ -21,6 +21,15 @@ class Driven(NamedTuple):
     slew: dict[str, float]
 
 
+def _driven(spin: float, acceleration: Array, slew: Array) -> Driven:
+    """Of a root's acceleration `(3,)` and angular acceleration `(3,)`, in its axes."""
+    return Driven(
+        float(spin),
+        {port: abs(float(acceleration[along])) for port, (_, along) in PLANES.items()},
+        {port: abs(float(slew[about])) for port, (about, _) in PLANES.items()},
+    )
+
+
 def keyframes(model: "mujoco.MjModel", body: str) -> dict[str, Driven]:
     """What each keyframe that moves or pushes does to a body, by name or number."""
     out: dict[str, Driven] = {}
@@ -35,11 +44,7 @@ def keyframes(model: "mujoco.MjModel", body: str) -> dict[str, Driven]:
         kind = mujoco.mjtObj.mjOBJ_XBODY
         mujoco.mj_objectVelocity(model, data, kind, ident, rate, 1)
         mujoco.mj_objectAcceleration(model, data, kind, ident, change, 1)
-        out[model.key(k).name or f"number {k}"] = Driven(
-            float(np.hypot(rate[1], rate[2])),
-            {port: abs(float(change[3 + along])) for port, (_, along) in PLANES.items()},
-            {port: abs(float(change[about])) for port, (about, _) in PLANES.items()},
-        )
+        out[model.key(k).name or f"number {k}"] = _driven(np.hypot(rate[1], rate[2]), change[3:], change[:3])
     return out
 
 
@@ -54,22 +59,14 @@ def driven(motion: Array, spacing: float, offset: Array) -> Driven:
     moved = attitude[1:-1].inv().apply(np.diff(motion[:, :3], n=2, axis=0)) / spacing**2
     mean = (rate[:-1] + rate[1:]) / 2.0
     root = moved + np.cross(turning, offset) + np.cross(mean, np.cross(mean, offset))
-    return Driven(
-        float(np.max(np.hypot(rate[:, 1], rate[:, 2]))),
-        {port: float(np.max(np.abs(root[:, along]))) for port, (_, along) in PLANES.items()},
-        {port: float(np.max(np.abs(turning[:, about]))) for port, (about, _) in PLANES.items()},
-    )
+    largest = (np.max(np.abs(values), axis=0) for values in (root, turning))
+    return _driven(np.max(np.hypot(rate[:, 1], rate[:, 2])), *largest)
 
 
 def turned(rate: float, acceleration: float, axis: int, offset: Sequence[float]) -> Driven:
     """The same for a turn of the hub about an axis, by its rate and acceleration."""
     about = acceleration * np.eye(3)[axis]
-    across = np.cross(about, offset)
-    return Driven(
-        0.0 if axis == 0 else rate,
-        {port: abs(float(across[along])) for port, (_, along) in PLANES.items()},
-        {port: abs(float(about[turns])) for port, (turns, _) in PLANES.items()},
-    )
+    return _driven(0.0 if axis == 0 else rate, np.cross(about, offset), about)
 
 
 def exceeded(limits: Mapping[str, LargeMotion], run: Driven) -> list[str]:

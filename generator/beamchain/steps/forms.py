@@ -22,6 +22,7 @@ from beamchain.steps.integrators import (
     Timed,
     continuous_poles,
     placed,
+    polynomial,
     runge_kutta_limit,
     step_pole,
     timed,
@@ -34,6 +35,7 @@ MARGIN = {"RK4": 7.6}  #: `h^2 lambda_max` allowed; of 8
 SEMI_IMPLICIT_MARGIN = 3.8  #: the same for the others; of 4
 EXACT = 1e-6  # pole error below which tuning is taken to have succeeded
 LOWEST = 0.05  # [rad] phase below which the limit is not lowered
+HALVINGS = 14  # of the phase limit
 ITERATIONS = 12  # of Newton's method
 CLOSE = 1e-13  # relative pole error at which to stop
 NEAR = 1e-11  # the same below which rounding may keep it from falling further
@@ -95,20 +97,62 @@ def _limit(integrator: str) -> float:
 
 def form2(modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
     """Every mode of the held appendage exact; the phase limit lowered until the craft is stable."""
-    w = modal.frequency
-    zeta = modal.damping / (2.0 * w)
-
-    def at(phase: float) -> tuple[Timed, float]:
-        t = timed(integrator, w, zeta, h, phase=phase)
-        return t, stability(
-            integrator, c, np.diag(modal.stiffness), np.diag(t.damping), np.diag(t.mass - 1.0), h
-        )  # fmt: skip
-
-    (t, largest), phase = _lowered(integrator, at)
+    many, phase = _form2(integrator, c, modal.stiffness[None], modal.damping[None], h)
+    t = Timed(*(values[0] for values in many))
+    largest = stability(integrator, c, np.diag(modal.stiffness), np.diag(t.damping), np.diag(t.mass - 1.0), h)
+    zeta = modal.damping / (2.0 * modal.frequency)
     return TendonValues(
-        modal.stiffness, t.damping, t.mass - 1.0, None, phase, largest, 0.0,
-        _modes(modal.names, integrator, w, zeta, modal.stiffness, t, h),
+        modal.stiffness, t.damping, t.mass - 1.0, None, float(phase[0, 0]), largest, 0.0,
+        _modes(modal.names, integrator, modal.frequency, zeta, modal.stiffness, t, h),
     )  # fmt: skip
+
+
+def form2_many(integrator: str, c: Array, stiffness: Array, damping: Array, timestep: float) -> Timed:
+    """What `form2` gives each of k crafts, in one array operation for all of them.
+
+    `c` `(n, n)` or `(k, n, n)`: condensed mass of the modal coordinates; `stiffness` [1/s^2] and `damping` [1/s] `(k, n)` of
+    the tendons before they were made exact.
+    """
+    return _form2(integrator, c, stiffness, damping, timestep)[0]
+
+
+def _form2(integrator: str, c: Array, stiffness: Array, damping: Array, timestep: float) -> tuple[Timed, Array]:
+    """The modes of k crafts, and their phase limits `(k, 1)`."""
+    w = np.sqrt(stiffness)
+    zeta, c = damping / (2.0 * w), np.broadcast_to(c, (w.shape[0], *c.shape[-2:]))
+    phase = np.full((w.shape[0], 1), SCHEMES[integrator].phase)
+    out = timed(integrator, w, zeta, timestep, phase=phase)
+    short = np.flatnonzero(~_stable(integrator, c, stiffness, out, timestep))
+    if short.size and np.isfinite(phase[0, 0]):
+        low, high = np.full((short.size, 1), LOWEST), phase[short]
+        for _ in range(HALVINGS):
+            middle = np.sqrt(low * high)
+            tried = timed(integrator, w[short], zeta[short], timestep, phase=middle)
+            good = _stable(integrator, c[short], stiffness[short], tried, timestep)[:, None]
+            low, high = np.where(good, middle, low), np.where(good, high, middle)
+        phase[short] = low
+        out = timed(integrator, w, zeta, timestep, phase=phase)
+    return out, phase
+
+
+def _stable(integrator: str, c: Array, stiffness: Array, t: Timed, h: float) -> NDArray[np.bool_]:
+    """`(k,)`: whether `h^2 lambda_max` of each craft is within the margin of its integrator."""
+    n = stiffness.shape[1]
+    mass = c + (t.mass - 1.0)[:, :, None] * np.eye(n)
+    if integrator == "RK4":  # the poles of the modes, within the same share of its stability region
+        flow = np.zeros((stiffness.shape[0], 2 * n, 2 * n))
+        flow[:, :n, n:] = np.eye(n)
+        held = np.concatenate([stiffness[:, :, None] * np.eye(n), t.damping[:, :, None] * np.eye(n)], axis=2)
+        flow[:, n:] = -np.linalg.solve(mass, held)
+        reach = h * np.sqrt(8.0 / MARGIN["RK4"])
+        return np.asarray(np.max(np.abs(polynomial(np.linalg.eigvals(flow) * reach)), axis=1) <= 1.0 + 1e-9)
+    sign = -1.0 if SCHEMES[integrator].implicit_damping else 1.0
+    force = h**2 * stiffness + 2.0 * sign * h * t.damping
+    if SCHEMES[integrator].implicit_springs:
+        return np.ones(stiffness.shape[0], dtype=np.bool_)
+    scale = 1.0 / np.sqrt(np.abs(np.einsum("kii->ki", mass)))
+    left = SEMI_IMPLICIT_MARGIN * mass - force[:, :, None] * np.eye(n)
+    return np.asarray(np.linalg.eigvalsh(left * scale[:, :, None] * scale[:, None, :])[:, 0] >= 0.0)
 
 
 def form4(modal: Modal, c: Array, integrator: str, h: float, plan: TendonValues) -> TendonValues:
@@ -126,12 +170,8 @@ def form4(modal: Modal, c: Array, integrator: str, h: float, plan: TendonValues)
         found = tune(integrator, c, modal.stiffness, plan.armature, plan.damping, wanted, h)
         largest = stability(integrator, c, np.diag(modal.stiffness), np.diag(found.damping), np.diag(found.armature), h)
         if largest <= _limit(integrator) and (found.error < EXACT or phase == plan.phase):
-            t = Timed(
-                1.0 + found.armature,
-                found.damping,
-                np.array([mode.slowed for mode in plan.modes]),
-                np.array([mode.clamped for mode in plan.modes]),
-            )
+            slowed, clamped = np.array([(mode.slowed, mode.clamped) for mode in plan.modes]).T
+            t = Timed(1.0 + found.armature, found.damping, slowed, clamped)
             w = modal.frequency
             modes = _modes(modal.names, integrator, w, modal.damping / (2.0 * w), modal.stiffness, t, h)
             return replace(
@@ -148,7 +188,7 @@ def _lowered(integrator: str, at: Callable[[float], tuple[T, float]]) -> tuple[t
         return best, phase
     low, high = LOWEST, phase
     best = at(low)
-    for _ in range(14):
+    for _ in range(HALVINGS):
         middle = float(np.sqrt(low * high))
         found = at(middle)
         if found[1] <= _limit(integrator):
@@ -204,9 +244,7 @@ def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: f
     flexible = np.linalg.inv(c)
 
     def at(phase: float) -> tuple[tuple[Timed, Array, Array, Array, Array], float]:
-        t = placed(
-            integrator, w**2, poles[:, 0], poles[:, 1], h, phase=phase, damping=np.diag(couples)
-        )  # fmt: skip
+        t = placed(integrator, w**2, poles[:, 0], poles[:, 1], h, phase=phase, damping=np.diag(couples))
         mu, d = (a * (t.mass - 1.0)) @ a.T, (a * t.damping) @ a.T
         turn = np.zeros((n, n))
         stiffness, damping, armature = np.zeros(n), np.zeros(n), np.zeros(n)
@@ -237,11 +275,9 @@ def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: f
 
     ((t, turn, stiffness, damping, armature), largest), phase = _lowered(integrator, at)
     zeta = -np.real(poles[:, 0]) / np.abs(poles[:, 0])
-    names = (
-        tuple(modal.names[i] for i in np.argsort(modal.stiffness))
-        if len(groups) == 1
-        else tuple(f"coupled{i + 1}" for i in range(n))
-    )
+    names = tuple(f"coupled{i + 1}" for i in range(n))
+    if len(groups) == 1:
+        names = tuple(modal.names[i] for i in np.argsort(modal.stiffness))
     modes = _modes(names, integrator, np.abs(poles[:, 0]), zeta + 0.0, w**2, t, h)
     return TendonValues(stiffness, damping, armature, turn, phase, largest, left_out, modes)
 

@@ -85,12 +85,7 @@ def step_pole(
 ) -> Complex:
     """Pole `z` of one step of `m q'' + c q' + k q = 0`: upper half plane, or the larger modulus if real.
 
-    Args:
-        integrator: MuJoCo's name.
-        mass, damping, stiffness: in units that go together.
-        timestep: `h` [s].
-        tendon: the damping sits on a tendon, not on a joint.
-        sprung: so does the spring.
+    `tendon`: the damping sits on a tendon, not on a joint; `sprung`: so does the spring.
     """
     one_of("integrator", integrator, INTEGRATORS)
     scheme, h = SCHEMES[integrator], float(timestep)
@@ -148,15 +143,11 @@ def placed(
     """Mass and damping with which a step has the poles `exp(s h)` and each mode its own static response.
 
     Beyond the phase limit both poles are scaled back to it. A clamped mode gets the damping with which the residual of
-    the step's characteristic equation at the wanted pole is least.
+    the step's characteristic equation at the wanted pole is least. Under RK4 and "discrete" the modes stay, RK4's beyond the
+    limit are slowed.
 
-    Args:
-        integrator: MuJoCo's name; under RK4 and "discrete" the modes stay, RK4's beyond the limit are slowed.
-        stiffness: `k` per unit modal mass [1/s^2].
-        first, second: poles `s` of the mode [1/s], which need not belong to `stiffness` alone.
-        timestep: `h` [s].
-        phase: [rad] limit per step, one or per mode; the scheme's own where left out.
-        damping: of the untouched mode [1/s]; `-(s1 + s2)` where left out.
+    `stiffness` per unit modal mass [1/s^2]; `first`, `second`: poles [1/s], which need not belong to it alone; `phase` [rad]:
+    limit per step, the scheme's own where left out; `damping` of the untouched mode [1/s], `-(s1 + s2)` where left out.
     """
     one_of("integrator", integrator, INTEGRATORS)
     scheme, h = SCHEMES[integrator], float(timestep)
@@ -205,11 +196,6 @@ def hinge_armature(stiffness: ArrayLike, timestep: float) -> Array:
 
 def start_rate(position: ArrayLike, rate: ArrayLike, frequency: ArrayLike, ratio: ArrayLike, timestep: float) -> Array:
     """The rate to start a mode with, so that all later positions are the exact ones: its mean over the step before.
-
-    Args:
-        position, rate: modal displacement and its true rate [1/s] at the start.
-        frequency: `w` [rad/s]; of a slowed mode the slowed one.
-        timestep: `h` [s].
 
     Example:
         >>> start_rate(1.0, 0.0, 0.1, 0.0, 1.0)  # released at its largest displacement: it was on its way out

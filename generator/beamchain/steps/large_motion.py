@@ -135,19 +135,15 @@ class LargeMotion:
 
     def exceeded(self, *, spin: float = 0.0, acceleration: float = 0.0, slew: float = 0.0) -> list[str]:
         """Sentences for what a run exceeded; empty where the chain is within 1 %."""
-        given = {
-            "spin": (spin, self.spin, "rad/s"),
-            "acceleration": (acceleration, self.acceleration, "m/s^2"),
-            "slew": (slew, self.slew, "rad/s^2"),
-        }
+        given = (("spin", spin, "rad/s"), ("acceleration", acceleration, "m/s^2"), ("slew", slew, "rad/s^2"))
         return [
             Caution(
                 "large-motion",
-                f"{what} reached {value:.4g} {unit}, beyond the {limit:.4g} {unit} up to which the chain stays within 1 % "
-                f"of a fine one in {self.port}; keep more modes.",
+                f"{what} reached {value:.4g} {unit}, beyond the {getattr(self, what):.4g} {unit} up to which the chain stays "
+                f"within 1 % of a fine one in {self.port}; keep more modes.",
             )
-            for what, (value, limit, unit) in given.items()
-            if abs(value) > limit
+            for what, value, unit in given
+            if abs(value) > getattr(self, what)
         ]
 
     def as_dict(self) -> dict[str, float | str]:
@@ -155,21 +151,13 @@ class LargeMotion:
         return asdict(self)
 
 
-def large_motion(
-    chain: Chain, beam: Beam, port: str, *, modes: int, radius: float = 0.0, fine: Chain | None = None
-) -> LargeMotion:
-    """The large-motion limits of a chain in one bending plane.
+def large_motion(chain: Chain, beam: Beam, port: str, *, modes: int, radius: float = 0.0) -> LargeMotion:
+    """The large-motion limits of a chain in a bending plane, "xy" or "xz", against 60 equal links.
 
-    Args:
-        chain: the chain.
-        beam: what it stands for.
-        port: "xy" or "xz".
-        modes: kept; their frequencies are compared in spin.
-        radius: from the axis of spin to the root [m].
-        fine: the reference; 60 equal links of `beam` where left out.
+    `modes`: kept, whose frequencies are compared in spin; `radius`: from the axis of spin to the root [m].
     """
     ours = _plane(chain, port)
-    theirs = _plane(fine or equal_links(beam, FINE, "midpoint", port), port)
+    theirs = _plane(equal_links(beam, FINE, "midpoint", port), port)
     kept = min(modes, ours.hinges.size)
 
     def spin_error(rate: float) -> float:
@@ -208,14 +196,11 @@ def large_motion(
 
 def _leaves(error: Callable[[float], float], start: float, end: float) -> float:
     """First x at which the error passes 1 %; infinity where it does not."""
-    grid = np.geomspace(start, end, 16)
-    values = [error(float(x)) - LEFT for x in grid]
-    if values[0] > 0.0:
-        return start
-    for i in range(1, grid.size):
-        if values[i] > 0.0:
-            return float(brentq(lambda x: error(x) - LEFT, float(grid[i - 1]), float(grid[i]), rtol=1e-4))
-    return float("inf")
+    grid = np.geomspace(start, end, 16).tolist()
+    beyond = next((i for i, left in enumerate([error(x) > LEFT for x in grid]) if left), None)
+    if not beyond:
+        return float("inf") if beyond is None else start
+    return float(brentq(lambda x: error(x) - LEFT, grid[beyond - 1], grid[beyond], rtol=1e-4))
 
 
 def large_limits(

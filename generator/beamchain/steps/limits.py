@@ -4,7 +4,7 @@ Theory: docs/theory.md, sections 5 and 6.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -43,24 +43,14 @@ class StepLimits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
-    """A linear model in units of its own mass matrix, all matrices `(nv, nv)`.
+    """A linear model in units of its own mass matrix, all matrices `(nv, nv)`."""
 
-    Args:
-        stiffness: `M^-1 K` [1/s^2].
-        damping: `M^-1 D`, all of it [1/s].
-        euler_damping: the share of `damping` that Euler integrates implicitly (that of joints).
-        discrete_stiffness: the share of `stiffness` that "discrete" integrates implicitly.
-        discrete_tendons: the share of fixed tendons, whose springs "discrete" takes implicitly for the force of the
-            position alone.
-        preload: what pulls at the rest pose, as a sentence; empty: nothing.
-    """
-
-    stiffness: Array
-    damping: Array
-    euler_damping: Array
-    discrete_stiffness: Array
-    discrete_tendons: Array | float = 0.0
-    preload: str = ""
+    stiffness: Array  # M^-1 K [1/s^2]
+    damping: Array  # M^-1 D, all of it [1/s]
+    euler_damping: Array  # the share of the damping that Euler integrates implicitly (that of joints)
+    discrete_stiffness: Array  # the share of the stiffness that "discrete" integrates implicitly
+    discrete_tendons: Array | float = 0.0  # that of fixed tendons, implicit there for the force of the position alone
+    preload: str = ""  # what pulls at the rest pose, as a sentence; empty: nothing
 
     def poles(self) -> Complex:
         """`(2 nv,)` poles of the continuous system [1/s]."""
@@ -278,9 +268,7 @@ def choose_step(
             step = low
         out.append(StepChoice(name, step, bound, RELATIVE_COST[name] / step))
     cheapest = min(c.cost for c in out)
-    return tuple(
-        sorted((StepChoice(c.integrator, c.step, c.bound, c.cost / cheapest) for c in out), key=lambda c: c.cost)
-    )
+    return tuple(sorted((replace(c, cost=c.cost / cheapest) for c in out), key=lambda c: c.cost))
 
 
 def _flexible(omega: Array, w: Array, ratios: Array, p: Array, s: Array) -> Complex:

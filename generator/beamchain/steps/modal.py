@@ -65,22 +65,16 @@ class Modal:
 
 def modal_tendons(model: "mujoco.MjModel") -> Modal:
     """Unlimited tendons with such a name and a spring, over hinges and slides only."""
-    own = [
-        i
-        for i in range(model.ntendon)
-        if PATTERN.fullmatch(model.tendon(i).name) and not model.tendon_limited[i] and model.tendon_stiffness[i] > 0.0
-    ]
-    own = [i for i in own if _plain(model, i)]
+    named = [i for i in range(model.ntendon) if PATTERN.fullmatch(model.tendon(i).name) and not model.tendon_limited[i]]
+    own = np.array([i for i in named if model.tendon_stiffness[i] > 0.0 and _plain(model, i)], dtype=np.intp)
     made_for = tuple(_mark(model, i) for i in own)
-    before = [
-        None if mark is None else float(model.tendon_solimp_lim[i, 3]) for i, mark in zip(own, made_for, strict=True)
-    ]
+    timed = np.array([mark is not None for mark in made_for], dtype=np.bool_)
     return Modal(
-        np.array(own, dtype=np.intp),
-        tuple(str(model.tendon(i).name) for i in own),
-        locked(np.array([along(model, i) for i in own]).reshape(len(own), model.nv)),
-        locked([float(model.tendon_stiffness[i]) for i in own]),
-        locked([float(model.tendon_damping[i]) if c is None else c for i, c in zip(own, before, strict=True)]),
+        own,
+        tuple(str(model.tendon(int(i)).name) for i in own),
+        locked(np.array([along(model, i) for i in own]).reshape(own.size, model.nv)),
+        locked(model.tendon_stiffness[own]),
+        locked(np.where(timed, model.tendon_solimp_lim[own, 3], model.tendon_damping[own])),
         made_for,
     )
 

@@ -8,7 +8,7 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain.caution import Caution
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import EPSILON, NUMBERS, runge_kutta_step, system_matrix, transition
+from beamchain.engine.linearise import NUMBERS, linearise, system_matrix
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES, Complex, seen, step_pole
 from beamchain.steps.modal import modal_tendons
@@ -52,22 +52,15 @@ class PoleRow:
         return abs(got - wanted) / abs(wanted)
 
 
-def pole_rows(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> list[PoleRow]:
-    """Every oscillating mode of a craft at its own step and integrator, against the same craft without timing.
-
-    Args:
-        model: compiled.
-        data: the state to linearise about; the initial one where left out. It is not changed.
-
-    Raises:
-        EngineError: MuJoCo cannot linearise the model.
-    """
+def pole_rows(model: "mujoco.MjModel") -> list[PoleRow]:
+    """Every oscillating mode of a craft at its own step and integrator, against the same craft without timing."""
     plain = copy.copy(model)
     if modal_tendons(plain).names:
         retime(plain, 0.0)
-    wanted = _oscillating(continuous_matrix(plain, data))
+    linear = linearise(plain)
+    wanted = _oscillating(system_matrix(linear.stiffness, linear.damping))
     h = float(model.opt.timestep)
-    z = np.linalg.eigvals(step_matrix(model, data)).astype(np.complex128)
+    z = np.linalg.eigvals(step_matrix(model)).astype(np.complex128)
     z = z[(np.abs(z - 1.0) > AT_REST) & (z.imag > -1e-12)]
     s = np.log(z) / h
     if wanted.size == 0 or s.size == 0:
@@ -93,36 +86,18 @@ def phase_limit(model: "mujoco.MjModel") -> float:
     if not marks:
         return float("inf")
     limits = [SCHEMES[mark.integrator].phase for mark in marks]
-    for j, i in enumerate(modal.index):
-        mark = modal.made_for[j]
-        if mark is None:
-            continue
-        w, h = float(np.sqrt(modal.stiffness[j])), mark.timestep
-        z = step_pole(mark.integrator, 1.0 + model.tendon_armature[i], model.tendon_damping[i], w**2, h)
-        shown = float(np.abs(np.log(z)))
-        if w * h > 1.2 * shown:  # nothing but slowing shifts a mode so far
-            limits.append(shown)
+    for i, k, mark in zip(modal.index, modal.stiffness, modal.made_for, strict=True):
+        if mark is not None:
+            z = step_pole(mark.integrator, 1.0 + model.tendon_armature[i], model.tendon_damping[i], k, mark.timestep)
+            shown = float(np.abs(np.log(z)))
+            if np.sqrt(k) * mark.timestep > 1.2 * shown:  # nothing but slowing shifts a mode so far
+                limits.append(shown)
     return min(limits)
 
 
-def step_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> Array:
+def step_matrix(model: "mujoco.MjModel") -> Array:
     """`(2 nv, 2 nv)` one step of the model's own integrator, states (position, velocity)."""
-    name = NUMBERS[int(model.opt.integrator)]
-    if name != "RK4":
-        return _transition(model, data, name)
-    return runge_kutta_step(continuous_matrix(model, data) * float(model.opt.timestep))
-
-
-def continuous_matrix(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -> Array:
-    """`(2 nv, 2 nv)` the continuous system behind the model as it stands."""
-    a, nv, h = _transition(model, data, "implicitfast"), model.nv, float(model.opt.timestep)
-    x = np.linalg.inv(a[nv:, nv:])
-    return system_matrix(-x @ a[nv:, :nv] / h, (x - np.eye(nv)) / h)
-
-
-def _transition(model: "mujoco.MjModel", data: "mujoco.MjData | None", integrator: str) -> Array:
-    mine = mujoco.MjData(model) if data is None else copy.copy(data)
-    return transition(model, mine, EPSILON, integrator)[0][: 2 * model.nv, : 2 * model.nv]
+    return linearise(model).a[: 2 * model.nv, : 2 * model.nv]
 
 
 def _oscillating(f: Array) -> Complex:

@@ -27,16 +27,7 @@ from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import ModeTime, TendonValues, form2, form3, form4
 from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.modal import (
-    FORMS,
-    JOINT,
-    UNMARKED,
-    MadeFor,
-    Modal,
-    condensed,
-    foreign,
-    modal_tendons,
-)
+from beamchain.steps.modal import FORMS, JOINT, UNMARKED, MadeFor, Modal, condensed, foreign, modal_tendons
 
 UNIT_MASS = 1e-4  # by which the modal mass of a tendon of ours may miss 1
 ARRAYS = (
@@ -160,9 +151,7 @@ def retime(
             getattr(model, array)[:] = values
         raise
     write_values(model, modal, plan, MadeFor(h, name, form))
-    return Retimed(
-        h, name, form, plan.phase, plan.lambda_max, plan.left_out, plan.modes, MappingProxyType(before)
-    )  # fmt: skip
+    return Retimed(h, name, form, plan.phase, plan.lambda_max, plan.left_out, plan.modes, MappingProxyType(before))
 
 
 def coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> Array:

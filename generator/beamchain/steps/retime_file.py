@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-import numpy as np
 from lxml import etree
 from lxml.etree import _Element as Element
 
@@ -37,8 +36,7 @@ def put_time(parts: Iterable[Element], model: "mujoco.MjModel", named: Callable[
                 ("stiffness", model.tendon_stiffness), ("damping", model.tendon_damping),
                 ("armature", model.tendon_armature), ("solimplimit", model.tendon_solimp_lim),
             ):  # fmt: skip
-                value = np.atleast_1d(values[i])
-                fixed.set(attribute, number(value if attribute == "solimplimit" else value[0]))
+                fixed.set(attribute, number(values[i]))
             coefficients = {model.joint(int(model.wrap_objid[w])).name: model.wrap_prm[w] for w in wraps(model, i)}
             for joint in fixed.iter("joint"):
                 joint.set("coef", number(float(coefficients[named(joint.get("joint") or "")])))

@@ -54,9 +54,8 @@ def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
     drag = np.einsum("ki,k,ki->i", y, np.asarray(model.tendon_damping[modal.index]), y)
     w, zeta = seen(step_pole(name, 1.0, drag, square, h), h)
     places = np.zeros(model.nv)
-    for joint in range(model.njnt):
-        if int(model.jnt_type[joint]) > FREE_BALL:
-            places[int(model.jnt_dofadr[joint])] = qpos[int(model.jnt_qposadr[joint])]
+    plain = model.jnt_type > FREE_BALL
+    places[model.jnt_dofadr[plain]] = np.asarray(qpos)[model.jnt_qposadr[plain]]
     lengths = modal.rows @ places - model.tendon_lengthspring[modal.index, 0]
     position = (y.T @ (modal.stiffness * lengths)) / square
     rate = (y.T @ (modal.stiffness * (modal.rows @ out))) / square

@@ -19,11 +19,7 @@ FINER = 8  # steps of the reference in one
 def turn_error(inertia: Array, rates: Sequence[float], timestep: float, integrator: str = "Euler") -> float:
     """Error of a rigid body's rates after it has turned freely by one radian, over their size.
 
-    Args:
-        inertia: `(3, 3)` about its mass centre [kg m^2].
-        rates: initial rates about its own axes [rad/s].
-        timestep: [s].
-        integrator: MuJoCo's name.
+    `inertia` `(3, 3)` about its mass centre [kg m^2]; `rates` initial, about its own axes [rad/s].
 
     Example:
         >>> round(turn_error(np.diag([4.0, 6.0, 9.0]), (0.1, 0.1, 0.1), 0.1), 5)

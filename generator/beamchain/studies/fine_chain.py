@@ -11,8 +11,7 @@ from beamchain.ports.motions import Array
 from beamchain.studies import field
 from beamchain.studies.field import Entry, Task
 from beamchain.studies.front import TARGETS
-from beamchain.studies.reference import Figures, LargeReference, at_zero, between
-from beamchain.studies.scenario import SMALL, Scenario
+from beamchain.studies.scenario import SMALL, Figures, LargeReference, Scenario, at_zero, between
 
 COARSE = 7  # links of the chain that tells whether the motion is large
 LINKS = (10, 14, 20, 28, 40, 57, 80)  # each twice the last but one; error falls with the square of the number

@@ -1,18 +1,28 @@
-"""What a study asks of every model: a hub with an appendage, a wrench on the hub, a duration, and the exact answer."""
+"""What a study asks of every model: a hub with an appendage, a wrench on the hub, a duration, and the exact answer.
+
+The linear motion superposes the beam's modes on the hub; what large motion changes is read from chains of many equal
+links, each held against its own small motion, so that what few links do wrong in small motion falls out.
+"""
 
 import csv
 import io
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import krogh_interpolate
+from scipy.spatial.transform import Rotation
 
 from beamchain.errors import InputError
-from beamchain.ports.motions import PORTS, Array, locked
+from beamchain.ports.compose import in_space
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORTS, Array, locked, shifted
 from beamchain.studies.field import Task
-from beamchain.studies.reference import HubResponse, LargeReference, Profile, hub_response
+
+Complex = NDArray[np.complex128]
 
 COLUMNS = ("fx", "fy", "fz", "mx", "my", "mz")
-MOTIONS = ("tx", "ty", "tz", "x", "y", "z")  # names of hub motions as in [scene] axes
 
 #: Motion of the hub that the default doublet drives, per port, in the order in which ports are looked for.
 DRIVEN = {"xy": 5, "xz": 4, "torsion": 3, "axial": 0}
@@ -22,6 +32,162 @@ PERIODS = 4.0  # of the first coupled mode, at least
 PULSE = 15.0  # the default doublet is a fifteenth of the duration
 SMALL = 1e-5  # elastic hub motion of the default doublet at most [rad, or share of the appendage's length]
 LONGEST_CSV = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """A wrench on the hub, constant between given times and zero after the last."""
+
+    times: Array  # (k + 1,) ascending from 0 [s]
+    wrench: Array  # (k, 6) force and moment on the hub's centre, hub axes [N, N m]
+
+    def impulse(self, at: Array) -> Array:
+        """`(t, 6)` integral of the wrench up to the times `at` `(t,)`."""
+        total = np.vstack([np.zeros(6), np.cumsum(np.diff(self.times)[:, None] * self.wrench, axis=0)])
+        return np.column_stack([np.interp(at, self.times, column) for column in total.T])
+
+    def mean(self, timestep: float, steps: int) -> Array:
+        """`(steps, 6)` mean wrench over each step, so that no impulse is lost where a step straddles a switch."""
+        return np.diff(self.impulse(np.arange(steps + 1, dtype=np.float64) * timestep), axis=0) / timestep
+
+
+@dataclass(frozen=True, eq=False)
+class HubResponse:
+    """The modes of hub and appendage, seen at the hub's centre."""
+
+    mobility: Array  # (6, 6) inverse of the rigid mass matrix about the hub's centre
+    poles: Complex  # (p,) one of each conjugate pair [1/s]
+    drive: Complex  # (p, 6) modal amplitude's rate per unit wrench
+    show: Complex  # (6, p) hub motion is the real part of show @ amplitude
+
+    @property
+    def slowest(self) -> float:
+        """The longest period [s]."""
+        return 2.0 * np.pi / float(np.min(np.abs(self.poles)))
+
+    def motion(self, profile: Profile, at: Array) -> Array:
+        """`(t, 6)` of the hub."""
+        return self.elastic(profile, at) + self.rigid(profile, at)
+
+    def rigid(self, profile: Profile, at: Array) -> Array:
+        """`(t, 6)` motion of hub and frozen appendage."""
+        starts, moments = profile.times[:-1], np.zeros((at.size, 6))
+        for start, end, wrench in zip(starts, profile.times[1:], profile.wrench, strict=True):
+            on, off = np.clip(at - start, 0.0, None), np.clip(at - end, 0.0, None)
+            moments += 0.5 * (on**2 - off**2)[:, None] * wrench
+        return moments @ self.mobility
+
+    def elastic(self, profile: Profile, at: Array) -> Array:
+        """`(t, 6)` what the elastic modes add to the hub's motion at the times `at`, ascending [s]."""
+        out = np.zeros((at.size, 6))
+        state = np.zeros(self.poles.size, dtype=np.complex128)
+        edges = np.append(profile.times, np.inf)
+        wrenches = np.vstack([profile.wrench, np.zeros(6)])
+        for start, end, wrench in zip(edges[:-1], edges[1:], wrenches, strict=True):
+            pull = self.drive @ wrench
+            inside = (at >= start) & (at < end)
+            out[inside] = np.real(self._advance(state, pull, at[inside] - start) @ self.show.T)
+            if np.isfinite(end):
+                state = self._advance(state, pull, np.array([end - start]))[0]
+        return out
+
+    def _advance(self, state: Complex, pull: Complex, after: Array) -> Complex:
+        grown = np.exp(np.outer(after, self.poles))
+        return grown * state + (grown - 1.0) / self.poles * pull
+
+
+def hub_response(full: Mapping[str, PortModel], rigid_mass: Array, hub_mass: Array, offset: Array) -> HubResponse:
+    """The response of a hub that carries an appendage; mass matrices about the root, `offset` from centre to root [m]."""
+    model = in_space(full, rigid_mass + hub_mass)
+    centre = shifted(-np.asarray(offset))  # motion of the centre from that of the root
+    mobility = centre @ np.linalg.inv(model.rigid_mass) @ centre.T
+    values = model.free_port_values @ centre.T
+    w, shapes = model.free_frequencies, model._free[2]
+    if not np.any(model.damping > 0.0):
+        poles = (1j * w).astype(np.complex128)
+        return HubResponse(locked(mobility), poles, values.astype(np.complex128), (values / poles[:, None]).T)
+    # states (w q, q'): skew but for the dissipation, so that the small frequencies keep their digits
+    loss = (w[:, None] * shapes.T) @ ((2.0 * model.damping / model.frequencies)[:, None] * shapes * w)
+    system = np.block([[np.zeros_like(loss), np.diag(w)], [-np.diag(w), -loss]])
+    found, right = np.linalg.eig(system)
+    poles, right = found.astype(np.complex128), right.astype(np.complex128)
+    left = np.linalg.inv(right)
+    upper = np.imag(poles) > 0.0
+    use = upper | (np.imag(poles) == 0.0)  # an overdamped mode counts once, not as half of a pair
+    weight = np.where(upper[use], 2.0, 1.0)
+    drive = np.asarray(left[use][:, w.size :] @ values, dtype=np.complex128)
+    show = np.asarray((values / w[:, None]).T @ right[: w.size][:, use] * weight, dtype=np.complex128)
+    return HubResponse(locked(mobility), poles[use], drive, show)
+
+
+@dataclass(frozen=True)
+class Figures:
+    """How good a large-motion reference is, relative to the largest elastic motion."""
+
+    nonlinear: float  # what large motion changes at most
+    links: tuple[int, ...] = ()  # of the chains extrapolated from, the finest last
+    change: float = 0.0  # by the last chain in the extrapolated motion
+    step_change: float = 0.0  # by half the step in the coarsest chain
+    small_motion: float = 0.0  # how far the extrapolated chains alone miss the exact small motion
+    wanted: float = 0.0  # change at which refining stops
+
+    @property
+    def error(self) -> float:
+        """How far the reference may be off."""
+        return max(self.change, self.step_change, self.small_motion * self.nonlinear)
+
+    @property
+    def met(self) -> bool:
+        """Whether that is as little as was wanted."""
+        return self.error <= self.wanted
+
+
+@dataclass(frozen=True, eq=False)
+class LargeReference:
+    """The hub's motion under a profile, and that of hub and frozen appendage.
+
+    `moved` is what large motion adds at times `(t,)`: `(t, 6)` displacement in world axes [m], rotation vector [rad]
+    from the linear attitude to the real one; `moved_rigid` the same with the appendage frozen.
+    """
+
+    response: HubResponse
+    profile: Profile
+    moved: Callable[[Array], Array]
+    moved_rigid: Callable[[Array], Array]
+    figures: Figures
+
+    def motion(self, at: Array) -> Array:
+        """`(t, 6)` of the hub's centre: displacement [m], rotation vector [rad]."""
+        return added(self.response.motion(self.profile, at), self.moved(at))
+
+    def rigid(self, at: Array) -> Array:
+        """`(t, 6)` with the appendage frozen."""
+        return added(self.response.rigid(self.profile, at), self.moved_rigid(at))
+
+    def elastic(self, at: Array) -> Array:
+        """`(t, 6)` what bending adds."""
+        return between(self.rigid(at), self.motion(at))
+
+    def gap(self, motion: Array, at: Array, rigid: Array | None) -> Array:
+        """`(t, 6)` how far a simulated motion is off, that of the frozen appendage (`rigid`) taken off first."""
+        return between(self.motion(at), motion) if rigid is None else between(rigid, motion) - self.elastic(at)
+
+
+def between(start: Array, end: Array) -> Array:
+    """`(t, 6)` from one motion to another: difference of displacements, rotation vector of the relative attitude."""
+    turn = Rotation.from_rotvec(start[:, 3:]).inv() * Rotation.from_rotvec(end[:, 3:])
+    return np.hstack([end[:, :3] - start[:, :3], turn.as_rotvec()])
+
+
+def added(start: Array, more: Array) -> Array:
+    """`(t, 6)` the motion that `between(start, .)` gives `more` for; its rotation vector is at most half a turn."""
+    turn = Rotation.from_rotvec(start[:, 3:]) * Rotation.from_rotvec(more[:, 3:])
+    return np.hstack([start[:, :3] + more[:, :3], turn.as_rotvec()])
+
+
+def at_zero(where: Sequence[float], values: Sequence[Array]) -> Array:
+    """Extrapolation to 0 of values at `where`, by the polynomial through all of them."""
+    return np.asarray(krogh_interpolate(where, values, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +221,8 @@ class Scenario:
     def error(self, motion: Array, timestep: float, rigid: Array | None = None, shift: float = 0.0) -> float:
         """Largest error of the hub's simulated motion `(t, 6)` over the largest elastic part of it.
 
-        Args:
-            motion: at the ends of the steps.
-            timestep: [s].
-            rigid: of the frozen appendage by the same integrator; with it only the elastic parts are compared.
-            shift: the simulated time after step k is `(k + shift) timestep`: the integrator's own clock.
+        With `rigid`, that of the frozen appendage by the same integrator, only the elastic parts are compared. The simulated
+        time after step k is `(k + shift) timestep`: the integrator's own clock.
         """
         at = timestep * (np.arange(1, motion.shape[0] + 1) + shift)
         if not np.all(np.isfinite(motion)):

@@ -17,8 +17,8 @@ from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
+from beamchain.steps.forms import form2_many
 from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.many import form2_many
 from beamchain.steps.modal import Modal, foreign, modal_tendons
 from beamchain.steps.retime import coupled_mass
 

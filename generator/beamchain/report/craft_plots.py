@@ -1,4 +1,4 @@
-"""Picture of the proof: the hub's accelerance, exact assembly and MuJoCo."""
+"""Pictures of a craft: the hub's accelerance, exact assembly and MuJoCo; how modes and gains spread over a sweep."""
 
 from typing import TYPE_CHECKING
 
@@ -8,14 +8,18 @@ from matplotlib.figure import Figure
 
 from beamchain.checks import one_of
 from beamchain.fitting.needs import AXES
-from beamchain.report.plots import BEAM, OURS, STYLE, WIDTH, frame, in_hz, percent
+from beamchain.ports.motions import Array
+from beamchain.report.plots import BEAM, OURS, STYLE, WIDTH, frame, in_hz, literal, over_frequency, panel, percent
 from beamchain.report.svg import to_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from beamchain.craft.assembly import Assembly
+    from beamchain.craft.variants.sweep import Sweep
 
+MOST = 12  # modes in a picture
+NONE = 1e-9  # of the largest gain: a mode below it is not driven or not seen
 MOTIONS = (
     *((f"acceleration along {axis} per force", "(m/s²)/N") for axis in "xyz"),
     *((f"angular acceleration about {axis} per torque", "(rad/s²)/(N m)") for axis in "xyz"),
@@ -47,28 +51,20 @@ def _panel(ax: "Axes", assembly: "Assembly", place: int) -> None:
     frame(ax, (float(assembly.omega[0]), float(assembly.omega[-1])), heights, assembly.common)
     ax.plot(assembly.omega, ours, color=OURS, linewidth=3.0, label="MuJoCo, from A and B of mjd_transitionFD")
     ax.plot(assembly.omega, exact, color=BEAM, linewidth=1.0, label="exact beams on the same hub")
-    ax.set_title(title)
-    ax.set_ylabel(f"|H|, {unit}")
+    ax.set(title=title, ylabel=f"|H|, {unit}")
 
 
 def plot_assembly(assembly: "Assembly", ax: "Axes | None" = None, motion: str | None = None) -> "Axes":
     """Draw the hub's accelerance in one motion: the exact spacecraft, and the one read back through MuJoCo.
 
-    Args:
-        assembly: what was proved.
-        ax: drawn into; those of a new figure where left out.
-        motion: "tx", "ty", "tz", "x", "y" or "z"; the first that matters where left out.
-
-    Raises:
-        InputError: the hub does not have that motion, or it does not matter.
+    `motion`: "tx", "ty", "tz", "x", "y" or "z"; the first that matters where left out.
     """
     known = {name: assembly.motions.index(i) for name, i in AXES.items() if i in assembly.motions}
     motion = next(iter(known)) if motion is None else motion
     one_of("motion", motion, known)
-    ax = Figure(figsize=(WIDTH, 3.6), layout="constrained").add_subplot() if ax is None else ax
+    ax = panel(3.6)[1] if ax is None else ax
     _panel(ax, assembly, known[motion])
-    in_hz(ax)
-    ax.set_xlabel("frequency, rad/s")
+    over_frequency(ax, ax.get_ylabel())
     ax.legend(loc="best")
     return ax
 
@@ -76,8 +72,7 @@ def plot_assembly(assembly: "Assembly", ax: "Axes | None" = None, motion: str | 
 @mpl.rc_context(STYLE)
 def difference_figure(assembly: "Assembly") -> Figure:
     """Error of the hub's motion over frequency, the band shaded and its largest error marked."""
-    figure = Figure(figsize=(WIDTH, 3.4), layout="constrained")
-    ax = figure.add_subplot()
+    figure, ax = panel(3.4)
     error = np.maximum(assembly.error, 1e-9 * float(assembly.error.max()))
     limits = float(assembly.omega[0]), float(assembly.omega[-1])
     frame(ax, limits, (float(error.min()) / 2.0, 3.0 * float(error.max())), assembly.common)
@@ -85,9 +80,7 @@ def difference_figure(assembly: "Assembly") -> Figure:
     at = int(np.argmax(np.where(assembly.omega <= assembly.common, error, -1.0)))
     label = f"largest drawn in the band: {percent(assembly.in_band)}"
     ax.plot(assembly.omega[at], error[at], marker="o", markersize=5.5, color=OURS, linestyle="none", label=label)
-    in_hz(ax)
-    ax.set_xlabel("frequency, rad/s")
-    ax.set_ylabel("error of the hub's motion, relative")
+    over_frequency(ax, "error of the hub's motion, relative")
     figure.legend(loc="outside upper left", ncols=3)
     return figure
 
@@ -95,3 +88,53 @@ def difference_figure(assembly: "Assembly") -> Figure:
 def assembly_svg(assembly: "Assembly") -> str:
     """The figure as SVG text, the band shaded."""
     return to_svg(assembly_figure(assembly), "assembly")
+
+
+def sweep_pictures(sweep: "Sweep") -> dict[str, str]:
+    """SVG texts by the name of their file."""
+    out = {"coupled_frequencies.svg": _histograms(sweep.coupled, "frequency of the coupled mode, rad/s", "rad/s")}
+    if sweep.gains:
+        out["modal_gains.svg"] = _gains(sweep)
+    return out
+
+
+@mpl.rc_context(STYLE)
+def _histograms(table: Array, label: str, unit: str) -> str:
+    """A histogram per column, each on its own axis."""
+    count = min(table.shape[1], MOST)
+    figure = Figure(figsize=(WIDTH, 1.0 + 1.1 * count), layout="constrained")
+    for k in range(count):
+        ax = figure.add_subplot(count, 1, k + 1)
+        values = table[:, k]
+        mean, spread = float(values.mean()), float(values.std())
+        ax.hist(values, bins=min(40, max(5, values.size // 10)), color=OURS)
+        ax.set_title(
+            f"mode {k + 1}: {mean:.4g} {unit}, {mean / (2.0 * np.pi):.4g} Hz, deviation {100 * spread / mean:.2g} %"
+        )
+        ax.set_ylabel("variants")
+    figure.axes[-1].set_xlabel(_counted(label, table, count))
+    return to_svg(figure, "sweep")
+
+
+@mpl.rc_context(STYLE)
+def _gains(sweep: "Sweep") -> str:
+    """Every variant's gain over its mode, a panel per pair of signals."""
+    figure = Figure(figsize=(WIDTH, 0.6 + 3.0 * len(sweep.gains)), layout="constrained")
+    for row, (name, values) in enumerate(sweep.gains.items(), 1):
+        ax = figure.add_subplot(len(sweep.gains), 1, row)
+        seen = [k for k in range(values.shape[1]) if values[:, k].max() > NONE * values.max()][:MOST]
+        for place, k in enumerate(seen):
+            across = place + 0.5 * (np.arange(values.shape[0]) % 101) / 101.0 - 0.25  # beside each other, not by chance
+            ax.plot(across, values[:, k], ".", color=OURS, markersize=2.0, alpha=0.5)
+            ax.plot([place - 0.32, place + 0.32], [np.median(values[:, k])] * 2, color="black", linewidth=1.0)
+        ax.set_yscale("log")
+        ax.set_xticks(
+            range(len(seen)), [f"{k + 1}\n{np.median(sweep.coupled[:, k]):.3g} rad/s" for k in seen], fontsize=7
+        )
+        ax.set(title=literal(f"modal gain {name}; bar: median"), ylabel=sweep.units[name])
+        ax.set_xlabel(_counted("coupled mode, its median frequency", values, len(seen)))
+    return to_svg(figure, "gains")
+
+
+def _counted(label: str, table: Array, shown: int) -> str:
+    return f"{label} ({table.shape[0]} variants, {shown} of {table.shape[1]} modes)"
