@@ -1,0 +1,42 @@
+// What is wider than the page scrolls in its own box: reached with Tab, and marked at each edge behind which there is more.
+const kinds = [
+  [".pst-scrollable-table-container, .cell_output .output.text_html", "table"],
+  [".formula", "formula"],
+  ["pre", "code"],
+  [".drawing, .cell_output .output:has(> img)", "picture"],
+];
+
+function mark(box, kind) {
+  const hidden = box.scrollWidth - box.clientWidth;
+  const wide = hidden > 1;
+  box.tabIndex = wide ? 0 : -1;
+  if (wide) {
+    box.setAttribute("role", "group");
+    box.setAttribute("aria-label", `${kind}, wider than the page: scrolls sideways`);
+  } else {
+    box.removeAttribute("role");
+    box.removeAttribute("aria-label");
+  }
+  box.parentElement.classList.toggle("more-left", wide && box.scrollLeft > 1);
+  box.parentElement.classList.toggle("more-right", wide && box.scrollLeft < hidden - 1);
+}
+
+function watch() {
+  for (const [selector, kind] of kinds) {
+    for (const box of document.querySelectorAll(selector)) {
+      if (!box.closest("main") || box.parentElement.closest(".scrolls")) continue;
+      const frame = document.createElement("div");
+      frame.className = "scrolls";
+      box.replaceWith(frame);
+      frame.append(box);
+      const again = () => mark(box, kind);
+      box.addEventListener("scroll", again, { passive: true });
+      new ResizeObserver(again).observe(box);
+      for (const picture of box.querySelectorAll("img")) picture.addEventListener("load", again);
+      again();
+    }
+  }
+}
+
+if (document.readyState === "loading") addEventListener("DOMContentLoaded", watch);
+else watch();
