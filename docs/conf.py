@@ -96,7 +96,8 @@ def formula(self: Any, node: Any) -> None:
     raise SkipNode
 
 
-NUMBER = re.compile(r"(-?\d[\d.]*e[-+]?\d+|-?\d[\d.,]*\d|\d)((?: (?:%|(?:[kmnµ]?[msgNJ]|rad|[kM]?Hz|ms)(?:/s²?)?)(?![\w/]))?)")
+UNIT = r" (?:%|[kmnµ]?[msgNJ]|rad|[kM]?Hz)(?:/s²?)?(?![\w/])"
+NUMBER = re.compile(rf"(-?\d[\d.,]*e-?\d+(?:{UNIT})?|-?\d[\d.,]*{UNIT})")
 
 
 def laid_out(_app: Any, doctree: Any) -> None:
@@ -106,12 +107,8 @@ def laid_out(_app: Any, doctree: Any) -> None:
     for text in list(doctree.findall(nodes.Text)):
         if not isinstance(text.parent, nodes.paragraph):
             continue
-        parts = NUMBER.split(text.astext())
-        pieces = [nodes.Text(parts[0])]
-        for number, unit, after in zip(parts[1::3], parts[2::3], parts[3::3], strict=True):
-            whole = number + unit
-            breaks = unit or "e-" in number
-            pieces += [nodes.inline("", whole, classes=["number"]) if breaks else nodes.Text(whole), nodes.Text(after)]
+        parts = enumerate(NUMBER.split(text.astext()))
+        pieces = [nodes.inline("", part, classes=["number"]) if i % 2 else nodes.Text(part) for i, part in parts]
         if len(pieces) > 1:
             text.parent.replace(text, pieces)
     for image in doctree.findall(nodes.image):

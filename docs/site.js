@@ -38,5 +38,20 @@ function watch() {
   }
 }
 
-if (document.readyState === "loading") addEventListener("DOMContentLoaded", watch);
-else watch();
+// The theme's controls that have no name, or another than they show.
+function name() {
+  for (const arrow of document.querySelectorAll("summary")) {
+    const page = arrow.closest("li")?.querySelector("a")?.textContent.trim();
+    if (page && !arrow.textContent.trim()) arrow.setAttribute("aria-label", `pages below ${page}`);
+  }
+  document.querySelector(".bd-links__title")?.setAttribute("aria-level", "2"); // the page's title is the first
+  for (const search of document.querySelectorAll(".search-button-field")) search.removeAttribute("aria-label");
+}
+
+function begin() {
+  watch();
+  name();
+}
+
+if (document.readyState === "loading") addEventListener("DOMContentLoaded", begin);
+else begin();

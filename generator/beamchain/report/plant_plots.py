@@ -42,8 +42,9 @@ def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Ax
             literal(name),
             (degrees[-1], scheduled.frequency[-1, k]),
             fontsize=7,
-            xytext=(4, 0),
+            xytext=(8, 0),
             textcoords="offset points",
+            verticalalignment="center",
         )
     ax.set_yscale("log")
     log_axis(ax.yaxis, ax.get_ylim(), plain)
