@@ -99,6 +99,8 @@ def formula(self: Any, node: Any) -> None:
 UNIT = r" (?:%|[kmnµ]?[msgNJ]|rad|[kM]?Hz)(?:/s²?)?(?![\w/])"
 NUMBER = re.compile(rf"(-?\d[\d.,]*e-?\d+(?:{UNIT})?|-?\d[\d.,]*{UNIT})")
 
+LONGEST = 34  # letters of a word of code that stay together on a narrow page
+
 
 def laid_out(_app: Any, doctree: Any) -> None:
     """Numbers stay on one line with their exponents and units; drawings scroll where the page is narrower than they are."""
@@ -111,6 +113,9 @@ def laid_out(_app: Any, doctree: Any) -> None:
         pieces = [nodes.inline("", part, classes=["number"]) if i % 2 else nodes.Text(part) for i, part in parts]
         if len(pieces) > 1:
             text.parent.replace(text, pieces)
+    for literal in doctree.findall(nodes.literal):
+        if max(map(len, literal.astext().split()), default=0) > LONGEST:
+            literal["classes"].append("long")
     for image in doctree.findall(nodes.image):
         if image["uri"].endswith((".svg", "extremes.png")):
             image.parent["classes"].append("drawing")
