@@ -103,21 +103,33 @@ LONGEST = 34  # letters of a word of code that stay together on a narrow page
 
 
 def laid_out(_app: Any, doctree: Any) -> None:
-    """Numbers stay on one line with their exponents and units; drawings scroll where the page is narrower than they are."""
+    """Numbers stay on one line with their exponents and units, formulas with the stop behind them.
+
+    Long words of code may break, drawings scroll where the page is narrower.
+    """
     from docutils import nodes
 
     for text in list(doctree.findall(nodes.Text)):
         if not isinstance(text.parent, nodes.paragraph):
             continue
         parts = enumerate(NUMBER.split(text.astext()))
-        pieces = [nodes.inline("", part, classes=["number"]) if i % 2 else nodes.Text(part) for i, part in parts]
+        pieces = [nodes.inline("", part, classes=["together"]) if i % 2 else nodes.Text(part) for i, part in parts]
         if len(pieces) > 1:
             text.parent.replace(text, pieces)
+    for math in list(doctree.findall(nodes.math)):
+        parent, at = math.parent, math.parent.index(math)
+        after = "".join(text for text in parent[at + 1 : at + 2] if isinstance(text, nodes.Text))
+        if stop := re.match(r"[.,:;)\]]+", after):
+            whole = nodes.inline("", "", math, nodes.Text(stop[0]), classes=["together"])
+            parent[at : at + 2] = [whole, nodes.Text(after[stop.end() :])]
     for literal in doctree.findall(nodes.literal):
         if max(map(len, literal.astext().split()), default=0) > LONGEST:
             literal["classes"].append("long")
-    for image in doctree.findall(nodes.image):
-        if image["uri"].endswith((".svg", "extremes.png")):
+    for image in list(doctree.findall(nodes.image)):
+        if isinstance(image.parent, nodes.container):  # of a cell
+            image.replace_self(box := nodes.container(classes=["drawing"]))
+            box += image
+        elif image["uri"].endswith((".svg", "extremes.png")):
             image.parent["classes"].append("drawing")
 
 

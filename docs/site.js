@@ -3,7 +3,7 @@ const kinds = [
   [".pst-scrollable-table-container, .cell_output .output.text_html", "table"],
   [".formula", "formula"],
   ["pre", "code"],
-  [".drawing, .cell_output .output:has(> img)", "picture"],
+  [".drawing", "picture"],
 ];
 
 function mark(box, kind) {

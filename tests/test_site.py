@@ -163,7 +163,7 @@ def test_no_title_stands_twice_in_the_navigation(site):
 def test_numbers_stay_on_one_line(site):
     """Browsers break a line at the hyphen of an exponent."""
     for path, page in site.items():
-        texts = page.xpath("//main//td//text()[not(ancestor::code or ancestor::*[@class='number'] or ancestor::pre)]")
+        texts = page.xpath("//main//td//text()[not(ancestor::code or ancestor::*[@class='together'] or ancestor::pre)]")
         assert [text for text in texts if re.search(r"\de-\d", text)] == [], path
 
 
