@@ -45,7 +45,7 @@ function name() {
     if (page && !arrow.textContent.trim()) arrow.setAttribute("aria-label", `pages below ${page}`);
   }
   document.querySelector(".bd-links__title")?.setAttribute("aria-level", "2"); // the page's title is the first
-  for (const search of document.querySelectorAll(".search-button-field")) search.removeAttribute("aria-label");
+  for (const search of document.querySelectorAll(".search-button-field")) search.setAttribute("aria-label", search.innerText.replace(/\s+/g, " ").trim() || "Search");
 }
 
 function begin() {
