@@ -30,10 +30,11 @@ default_role = "literal"  # docstrings write code between single backticks
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the signature's types stand in the text, with shapes and units
 add_module_names = False
+smartquotes_action = "qe"  # quotes and dots; options keep both of their dashes
 suppress_warnings = ["misc.highlighting_failure"]  # TOML with [ ... ]
 html_theme = "pydata_sphinx_theme"
 html_title = f"beamchain {release}"
-html_static_path, html_css_files = ["site.css"], ["site.css"]
+html_static_path, html_css_files, html_js_files = ["site.css", "site.js"], ["site.css"], ["site.js"]
 html_show_sourcelink, html_copy_source = False, False
 html_sidebars = {page: [] for page in ("index", "start", "theory", "gallery", "migration")}  # no pages below them
 html_theme_options = {
@@ -79,6 +80,12 @@ def moved(_app: Any, name: str, source: list[str]) -> None:
     source[0] = re.sub(rf"\]\((?:\.\./)*({'|'.join(map(re.escape, PROJECT))})", r"](/project/\1", there)
 
 
+def sentence(_app: Any, kind: str, _name: str, _thing: Any, _options: Any, lines: list[str]) -> None:
+    """An empty comment above a property's text: napoleon takes what stands before a colon in the first line for a type."""
+    if kind in ("property", "attribute"):
+        lines[:0] = ["..", ""]
+
+
 def formula(self: Any, node: Any) -> None:
     """A formula as MathML, which browsers draw without a script."""
     from docutils.nodes import SkipNode
@@ -89,20 +96,49 @@ def formula(self: Any, node: Any) -> None:
     raise SkipNode
 
 
-def told(_app: Any, doctree: Any) -> None:
-    """An alternative text for each picture that a notebook's cell drew: the section that it belongs to."""
-    for image in doctree.findall(lambda node: node.tagname == "image" and not node.get("alt")):
-        section = image.parent
-        while section.tagname != "section":
-            section = section.parent
-        image["alt"] = f"Plot drawn by the cell above it: {section.next_node(lambda n: n.tagname == 'title').astext()}"
+UNIT = r" (?:%|[kmnµ]?[msgNJ]|rad|[kM]?Hz)(?:/s²?)?(?![\w/])"
+NUMBER = re.compile(rf"(-?\d[\d.,]*e-?\d+(?:{UNIT})?|-?\d[\d.,]*{UNIT})")
+
+LONGEST = 34  # letters of a word of code that stay together on a narrow page
+
+
+def laid_out(_app: Any, doctree: Any) -> None:
+    """Numbers stay on one line with their exponents and units, formulas with the stop behind them.
+
+    Long words of code may break, drawings scroll where the page is narrower.
+    """
+    from docutils import nodes
+
+    for text in list(doctree.findall(nodes.Text)):
+        if not isinstance(text.parent, nodes.paragraph):
+            continue
+        parts = enumerate(NUMBER.split(text.astext()))
+        pieces = [nodes.inline("", part, classes=["together"]) if i % 2 else nodes.Text(part) for i, part in parts]
+        if len(pieces) > 1:
+            text.parent.replace(text, pieces)
+    for math in list(doctree.findall(nodes.math)):
+        parent, at = math.parent, math.parent.index(math)
+        after = "".join(text for text in parent[at + 1 : at + 2] if isinstance(text, nodes.Text))
+        if stop := re.match(r"[.,:;)\]]+", after):
+            whole = nodes.inline("", "", math, nodes.Text(stop[0]), classes=["together"])
+            parent[at : at + 2] = [whole, nodes.Text(after[stop.end() :])]
+    for literal in doctree.findall(nodes.literal):
+        if max(map(len, literal.astext().split()), default=0) > LONGEST:
+            literal["classes"].append("long")
+    for image in list(doctree.findall(nodes.image)):
+        if isinstance(image.parent, nodes.container):  # of a cell
+            image.replace_self(box := nodes.container(classes=["drawing"]))
+            box += image
+        elif image["uri"].endswith((".svg", "extremes.png")):
+            image.parent["classes"].append("drawing")
 
 
 def setup(app: Any) -> None:
     """Called by Sphinx."""
     beside()
     app.connect("source-read", moved)
-    app.connect("doctree-read", told)
+    app.connect("doctree-read", laid_out)
+    app.connect("autodoc-process-docstring", sentence, priority=100)
     app.add_html_math_renderer("mathml", (formula, None), (formula, None))
 
 

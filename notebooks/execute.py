@@ -25,7 +25,7 @@ def execute(path: Path) -> None:
     """Run one notebook in an empty folder, and write it back with its outputs."""
     notebook = nbformat.read(path, as_version=4)
     with tempfile.TemporaryDirectory() as folder:
-        NotebookClient(notebook, timeout=600, kernel_name="python3").execute(cwd=folder)
+        NotebookClient(notebook, timeout=600, kernel_name="python3", coalesce_streams=True).execute(cwd=folder)
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)  # times of day
         for output in cell.get("outputs", []):

@@ -55,6 +55,15 @@ def test_notebook_is_executed_and_small(path):
         assert len(base64.b64decode(output.get("data", {}).get("image/png", ""))) < LARGEST_PICTURE
 
 
+@notebooks
+def test_every_picture_has_a_text_for_those_who_do_not_see_it(path):
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    drawing = [cell for cell in cells if any("image/png" in o.get("data", {}) for o in cell.get("outputs", []))]
+    texts = [cell["metadata"].get("mystnb", {}).get("image", {}).get("alt", "") for cell in drawing]
+    assert all(len(text.split()) > 10 for text in texts), texts
+    assert len(set(texts)) == len(texts)
+
+
 #: what the notebooks compare with or look into: the paper's chains, rivals, step limits; every other name is public
 RESEARCH = {f"beamchain.{name}" for name in (
     "chain.rivals", "chain.seed", "structure.exact", "steps.budget", "steps.large_motion", "steps.measured_limit",

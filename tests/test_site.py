@@ -168,6 +168,36 @@ def test_headings_and_pictures(site):
         assert all(after <= before + 1 for before, after in zip(levels, levels[1:], strict=False)), path
         texts = [picture.get("alt") or "" for picture in page.xpath("//main//img")]
         assert all(len(text.split()) > 3 for text in texts), (path, texts)
+        assert len(set(texts)) == len(texts), path
+
+
+@pytest.mark.slow
+def test_no_title_stands_twice_in_the_navigation(site):
+    for path, page in site.items():
+        links = page.xpath("//nav[contains(@class, 'bd-docs-nav')]//a")
+        titles = Counter(link.text_content().strip() for link in links)
+        assert [title for title, count in titles.items() if count > 1] == [], path
+
+
+@pytest.mark.slow
+def test_numbers_stay_on_one_line(site):
+    """Browsers break a line at the hyphen of an exponent."""
+    for path, page in site.items():
+        texts = page.xpath("//main//td//text()[not(ancestor::code or ancestor::*[@class='together'] or ancestor::pre)]")
+        assert [text for text in texts if re.search(r"\de-\d", text)] == [], path
+
+
+@pytest.mark.slow
+def test_options_keep_both_dashes(site):
+    """Typography would make one long dash of them."""
+    for path, page in site.items():
+        assert re.findall(r"(?:^|\s)–[a-z]\S*", page.xpath("//main")[0].text_content()) == [], path
+
+
+@pytest.mark.slow
+def test_no_header_of_a_column_is_empty(site):
+    for path, page in site.items():
+        assert [cell for cell in page.xpath("//main//th") if not cell.text_content().strip()] == [], path
 
 
 @pytest.mark.slow

@@ -46,7 +46,9 @@ def plot_scheduled(scheduled: "ScheduledPlant", ax: "Axes | None" = None) -> "Ax
         ax.plot(degrees, scheduled.frequency[:, k], color=BEAM, linewidth=0.8)
         ax.scatter(degrees, scheduled.frequency[:, k], s=size[:, k], color=OURS, linewidths=0.0)
         end = degrees[-1], scheduled.frequency[-1, k]
-        ax.annotate(literal(name), end, fontsize=7, xytext=(4, 0), textcoords="offset points")
+        ax.annotate(
+            literal(name), end, fontsize=7, xytext=(8, 0), textcoords="offset points", verticalalignment="center"
+        )
     ax.set_yscale("log")
     log_axis(ax.yaxis, ax.get_ylim(), plain)
     ax.set(xlabel=literal(f"{scheduled.joint}, degrees"), ylabel="frequency, rad/s")
