@@ -53,7 +53,7 @@ PARTS = {
         "craft.assembly.Assembly",
         "craft.assembly.Mode",
         "craft.error.CraftError",
-        "engine.composite.Composite",
+        "engine.bench.Composite",
     ),
     "Fit": (
         "chain.build.Status",
@@ -65,7 +65,6 @@ PARTS = {
         "steps.poles.PoleRow",
         "fitting.result.InSpace",
         "chain.chain.Chain",
-        "structure.mass_line.MassLine",
     ),
     "Identification": (
         "craft.identification.result.IdentifiedMode",
