@@ -65,6 +65,7 @@ PARTS = {
         "steps.poles.PoleRow",
         "fitting.result.InSpace",
         "chain.chain.Chain",
+        "structure.mass_line.SpreadMass",
     ),
     "Identification": (
         "craft.identification.result.IdentifiedMode",

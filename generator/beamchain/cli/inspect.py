@@ -50,7 +50,8 @@ def _show(found: "Inspection") -> None:
         print_table("sprung tendons", ("tendon", "stiffness", "damping", "armature"), tendons)
     for made in found.made_for:
         out.print(
-            f"appendages exact in time for {made.integrator} at {made.timestep:g} s; the modes above are without that"
+            f"appendages exact in time for {made.integrator} at {made.timestep:g} s; "
+            "modes and steps in these tables are without that"
         )
     print_warnings(found.warnings, "note")
     never = float("inf"), float("inf")

@@ -166,7 +166,13 @@ class Linearisation:
         return PortModel(rigid + participation.T @ participation, np.sqrt(held.squares), participation, held.ratios)
 
     def held(self, root: list[int], inner: list[int], columns: list[int], turn: Array) -> Held:
-        """The model with its `root` held; `columns`: inputs that drive it; `turn` `(m, m)`: signs of its motions."""
+        """The model with its root held.
+
+        Args:
+            root, inner: numbers of the degrees of freedom that are held, and of the others.
+            columns: numbers of the inputs that drive the root.
+            turn: `(m, m)` signs of its motions.
+        """
         apparent: Array = np.asarray(np.linalg.inv(turn @ self.inputs[np.ix_(root, columns)] @ turn), dtype=np.float64)
         follow = self.inputs[np.ix_(inner, columns)] @ turn @ apparent
         pull = turn @ self.stiffness[np.ix_(root, inner)]
