@@ -116,15 +116,16 @@ def beyond(plant: Plant, found: Iterable[Margins]) -> list[str]:
     top = max(
         (w for name, w in zip(plant.modes, plant.frequency, strict=True) if not FILLER.search(name)), default=np.inf
     )
-    return [
-        f"the {what} margin of {margins.name} is at {omega:.4g} rad/s, above the highest mode kept ({top:.4g} rad/s); before it "
-        "is relied on keep more modes, for example by a scene with a larger bandwidth."
-        for margins in found
-        for what, omega in (
-            ("gain", margins.gain_frequency), ("phase", margins.phase_frequency), ("disk", margins.disk_frequency)
-        )
-        if top < omega < np.inf
-    ]  # fmt: skip
+    out: list[str] = []
+    for one in found:
+        at = {"gain": one.gain_frequency, "phase": one.phase_frequency, "disk": one.disk_frequency}
+        far = [f"{what} margin (at {omega:.4g} rad/s)" for what, omega in at.items() if top < omega < np.inf]
+        if far:
+            out.append(
+                f"{one.name}: {', '.join(far)} above the highest mode kept ({top:.4g} rad/s); keep more modes before relying on "
+                "it, for example by a scene with a larger bandwidth."
+            )
+    return out
 
 
 def _closed(plant: Plant, controller: Controller, rows: list[int], columns: list[int]) -> tuple[bool, Response]:
