@@ -7,7 +7,7 @@ A satellite with two arrays, or your own, is turned to a drawn attitude by its w
 * Action: a torque per wheel, from -1 to 1 of the largest, held over `period`; float32, `(wheels,)`.
 * Observation, float64, `(6 + wheels,)`: the rotation from the wanted attitude in body axes [rad], the mean rate over the last
   period [rad/s], and each wheel's momentum over the largest.
-* Reward: `-(angle/slew)^2` less a hundredth of the mean square of the action.
+* Reward: `-(angle/slew)^2` less a hundredth of the mean square of the torques over their largest.
 * Termination: where the simulation diverges. Truncation: after `episode` seconds.
 * `info`: the true `angle` [rad], and the amplitudes `modes` of the appendages.
 * Randomisation: every episode draws frequencies within 10 % and damping within 50 %; `variants=None` switches that off,

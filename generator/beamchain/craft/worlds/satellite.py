@@ -22,7 +22,7 @@ class Satellite(gymnasium.Env[Array, Array]):
 
     An action is the torque of every wheel, from -1 to 1 of the largest. Observed are the rotation from the wanted attitude in
     body axes (star tracker) [rad], the mean rate over the last period (gyro) [rad/s], and the momentum of the wheels over
-    the largest. The reward is `-(angle/slew)^2` less a hundredth of the mean square of the action. An episode is
+    the largest. The reward is `-(angle/slew)^2` less a hundredth of the mean square of the torques over their largest. An episode is
     terminated where the simulation diverges. `info` holds the amplitudes `modes` of the appendages' modes, and the true
     `angle` from the wanted attitude [rad]; `reset(options={"turn": (x, y, z)})` gives the turn [rad].
 
