@@ -20,11 +20,11 @@ SIZE = (480, 640)  # of a picture
 class Satellite(gymnasium.Env[Array, Array]):
     """One satellite, turned to a drawn attitude by its wheels and held there.
 
-    An action is the torque of every wheel, from -1 to 1 of the largest. Observed are the rotation from the wanted attitude in
-    body axes (star tracker) [rad], the mean rate over the last period (gyro) [rad/s], and the momentum of the wheels over
-    the largest. The reward is `-(angle/slew)^2` less a hundredth of the mean square of the torques over their largest. An episode is
-    terminated where the simulation diverges. `info` holds the amplitudes `modes` of the appendages' modes, and the true
-    `angle` from the wanted attitude [rad]; `reset(options={"turn": (x, y, z)})` gives the turn [rad].
+    An action is the torque of every wheel, from -1 to 1 of the largest. Observed are the rotation from the wanted attitude
+    in body axes (star tracker) [rad], the mean rate over the last period (gyro) [rad/s], and the momentum of the wheels
+    over the largest. The reward is `-(angle/slew)^2` less a hundredth of the mean square of the torques over their largest.
+    An episode is terminated where the simulation diverges. `info` holds the amplitudes `modes` of the appendages' modes,
+    and the true `angle` from the wanted attitude [rad]; `reset(options={"turn": (x, y, z)})` gives the turn [rad].
 
     Args:
         render_mode: None or "rgb_array".
