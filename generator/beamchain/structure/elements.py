@@ -99,6 +99,9 @@ class MotionRows:
         self.nodes: Array = np.array([*(p.start for p in pieces), pieces[-1].start + pieces[-1].length])
         xi, weights = gauss(pieces[0].stiffness.size)
         self.reach: Array = 1.0 + xi
+        self.once: Array
+        self.twice: Array
+        self.end_twice: Array
         strain, self.once, self.twice, self.end_twice = series(functions, xi.size)
         stretch = weights * self.half[:, None]
         self.scale: Array = scaled(strain, stretch * np.array([p.stiffness for p in pieces]))

@@ -11,10 +11,10 @@ from beamchain.caution import Caution
 from beamchain.craft.identification.channels import Channels
 from beamchain.craft.identification.likelihood import Found, Likelihood, derivatives, inverse
 from beamchain.craft.identification.prior import Matched, Prior
-from beamchain.craft.identification.response import Piece
+from beamchain.craft.identification.response import Piece, Raw
 from beamchain.craft.identification.result import Identification, IdentifiedMode
 from beamchain.craft.identification.start import Order
-from beamchain.craft.identification.structure import Body, Structure, Unknown, stated, turning
+from beamchain.craft.identification.structure import Body, Parts, Structure, Unknown, stated, turning
 from beamchain.craft.identification.update import Update, seen_of, update
 from beamchain.ports.motions import Array
 from beamchain.structure.planes import MOTIONS
@@ -64,12 +64,16 @@ class Estimate:
 
     def __post_init__(self) -> None:
         theta, pieces = self.found.theta, self.data.pieces
-        self.parts, self.raw = self.structure.parts(theta), self.structure.raw(theta)
-        self.sd_w, self.sd_z = (np.sqrt(np.diag(self.spread)[place]) for place in self.structure.places[:2])
-        self.half = float(np.pi / np.mean(pieces[0].steps)) if isinstance(pieces[0], Piece) else np.inf
-        self.said = list[str]()
-        self.notes = [list[str]() for _ in range(self.structure.modes)]
-        self.determined = [True] * self.structure.modes
+        self.parts: Parts = self.structure.parts(theta)
+        self.raw: Raw = self.structure.raw(theta)
+        sizes = (np.sqrt(np.diag(self.spread)[place]) for place in self.structure.places[:2])
+        self.sd_w: Array
+        self.sd_z: Array
+        self.sd_w, self.sd_z = sizes
+        self.half: float = float(np.pi / np.mean(pieces[0].steps)) if isinstance(pieces[0], Piece) else np.inf
+        self.said: list[str] = []
+        self.notes: list[list[str]] = [[] for _ in range(self.structure.modes)]
+        self.determined: list[bool] = [True] * self.structure.modes
 
     def doubt(self, mode: int, why: str) -> None:
         """Note that a mode is not determined."""

@@ -51,10 +51,11 @@ class Run:
     free_hub: bool
 
     def __post_init__(self) -> None:
-        self.warnings = list(self.data.warnings)
-        self.doubtful, self.widened = np.zeros(0), 1.0
-        self.aliased = list[complex]()
-        self.rigid = np.zeros((6, 6)) if self.prior is None else self.prior.parts.rigid
+        self.warnings: list[str] = list(self.data.warnings)
+        self.doubtful: Array = np.zeros(0)
+        self.widened: float = 1.0
+        self.aliased: list[complex] = []
+        self.rigid: Array = np.zeros((6, 6)) if self.prior is None else self.prior.parts.rigid
 
     def result(self, at: str, *, offset: bool) -> Identification:
         """Start, refine, judge; with `offset` the sensors lag behind the torques."""

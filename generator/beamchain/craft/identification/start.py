@@ -60,9 +60,10 @@ class Form:
     """
 
     def __init__(self, raw: Raw, rigid: float) -> None:
-        self.shape, self.rigid = raw.rigid.shape, rigid
-        self.sizes = [max(float(np.max(np.abs(g))), 1e-300) for g in raw.residues]
-        self.lead = [int(np.argmax(np.linalg.norm(g, axis=1))) for g in raw.residues]
+        self.shape: tuple[int, ...] = raw.rigid.shape
+        self.rigid: float = rigid
+        self.sizes: list[float] = [max(float(np.max(np.abs(g))), 1e-300) for g in raw.residues]
+        self.lead: list[int] = [int(np.argmax(np.linalg.norm(g, axis=1))) for g in raw.residues]
 
     def raw(self, theta: Array) -> Raw:
         """The raw model of parameters."""

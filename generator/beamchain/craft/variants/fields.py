@@ -7,6 +7,7 @@ A mode is its tendon: stiffness `w^2`, damping `2 zeta w`, and for a participati
 import copy
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from beamchain.engine.linearise import dense_mass
 from beamchain.errors import InputError, RealisationError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2, form4
-from beamchain.steps.modal import Modal, condensed, modal_tendons
+from beamchain.steps.modal import MadeFor, Modal, condensed, modal_tendons
 from beamchain.steps.retime import retime, write_values
 
 #: What `mj_setConst` derives from masses, places and lengths.
@@ -42,11 +43,12 @@ class Maker:
     """
 
     def __init__(self, model: "mujoco.MjModel", *, refitted: bool) -> None:
-        self.model, self._refitted = copy.copy(model), refitted
-        self.mark = next((mark for mark in modal_tendons(model).made_for if mark is not None), None)
+        self.model: Any = copy.copy(model)
+        self._refitted = refitted
+        self.mark: MadeFor | None = next((mark for mark in modal_tendons(model).made_for if mark is not None), None)
         if self.mark is not None:
             retime(self.model, 0.0)
-        self.data = mujoco.MjData(self.model)  # scratch: to allocate it takes longer than to use it
+        self.data: Any = mujoco.MjData(self.model)  # scratch: to allocate it takes longer than to use it
         mujoco.mj_setConst(self.model, self.data)
         self._modal = modal_tendons(self.model)
         self._margin = np.array(self.model.tendon_margin)

@@ -41,13 +41,14 @@ class Modes:
 
     def __init__(self, model: "mujoco.MjModel", ranges: Mapping[str, float], timestep: float | None) -> None:
         self._widths = [_width(name, ranges.get(name, 0.0)) for name in RANGES]
-        self.timestep, self._integrator = timestep, NUMBERS[int(model.opt.integrator)]
+        self.timestep: float | None = timestep
+        self._integrator = NUMBERS[int(model.opt.integrator)]
         self._model = without_time(model)
         self._modal = modal_tendons(self._model)
         if not self._modal.names:
             raise foreign("a draw of modes")
         self._mass = coupled_mass(self._model, self._modal, None)
-        self.nbytes = sum(getattr(model, name).nbytes for name in TENDONS)  #: of the fields of one world
+        self.nbytes: int = sum(getattr(model, name).nbytes for name in TENDONS)  #: of the fields of one world
 
     def keys(self, count: int, rng: np.random.Generator, *, first: bool = False) -> Keys:  # noqa: ARG002
         """`(count, 2, n)` numbers from -1 to 1."""
@@ -94,7 +95,7 @@ class Table:
         self._rows = {name: np.array(values, dtype=np.float64) for name, values in fields.items()}
         if set(fields) - set(TENDONS) or timestep is not None:
             self._derive(timestep)
-        self.nbytes = sum(values[0].nbytes for values in self._rows.values())
+        self.nbytes: int = sum(values[0].nbytes for values in self._rows.values())
 
     def keys(self, count: int, rng: np.random.Generator, *, first: bool = False) -> Keys:
         """`(count, 1)` numbers of variants."""

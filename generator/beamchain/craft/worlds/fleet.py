@@ -13,7 +13,7 @@ from beamchain.checks import not_negative, positive
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import embed
 from beamchain.craft.worlds.observation import mean_rate
-from beamchain.craft.worlds.worlds import worlds
+from beamchain.craft.worlds.worlds import Worlds, worlds
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import mass_matrix
 from beamchain.errors import InputError
@@ -69,7 +69,8 @@ class Fleet:
         host: str = "mujoco",
         threads: int = 0,
     ) -> None:
-        self.period, self.slew = positive("period", period, "s"), positive("slew", slew, "rad")
+        self.period: float = positive("period", period, "s")
+        self.slew: float = positive("slew", slew, "rad")
         step = self.period / 2.0 if timestep is None else positive("timestep", timestep, "s")
         self._substeps = max(round(self.period / step), 1)
         if abs(self._substeps * step - self.period) > 1e-9 * self.period:
@@ -78,7 +79,7 @@ class Fleet:
             raise InputError(f"slew = {self.slew:g} must be at most pi (rad).")
         self._steps = max(round(positive("episode", episode, "s") / self.period), 1)
         self._noise = [not_negative("noise", value, "rad and rad/s") for value in noise]
-        self.worlds = worlds(
+        self.worlds: Worlds = worlds(
             _shipped() if model is None else model, variants, count, host, timestep=step, threads=threads
         )
         made, self._wheels = self.worlds.model, self.worlds.wheels
@@ -92,8 +93,9 @@ class Fleet:
         self._inertia = np.diag(mass_matrix(made))[spin]  # of each wheel about its axis [kg m^2]
         most = np.abs(made.actuator_ctrlrange[self._wheels] * gear[:, None]).min(axis=1)
         own = np.where(made.actuator_ctrllimited[self._wheels], most, TORQUE)
-        self.torque = own if torque is None else np.full(len(spin), positive("torque", torque, "N m"))
-        self.momentum, self._gear = positive("momentum", momentum, "N m s"), gear
+        self.torque: Array = own if torque is None else np.full(len(spin), positive("torque", torque, "N m"))
+        self.momentum: float = positive("momentum", momentum, "N m s")
+        self._gear = gear
         self._target, self._age = np.zeros((count, 4)), np.zeros(count, dtype=np.int64)
         self._torque = np.zeros((count, len(spin)))
 

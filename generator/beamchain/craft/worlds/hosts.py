@@ -101,8 +101,10 @@ class Batch:
         module: Any = import_module("mujoco.batch")
         threads = threads or (0 if count > FEW else 1)
         self._batch, self._error, self._stage = module.Batch(model, count, threads), module.SimulationError, stage
-        self.qpos, self.qvel, self._ctrl = (self._batch.bind(name) for name in ("qpos", "qvel", "ctrl"))
-        self.sensors = self._batch.bind("sensordata") if stage else np.zeros((count, 0))
+        self.qpos: Any = self._batch.bind("qpos")
+        self.qvel: Any = self._batch.bind("qvel")
+        self._ctrl = self._batch.bind("ctrl")
+        self.sensors: Any = self._batch.bind("sensordata") if stage else np.zeros((count, 0))
 
     def put(self, fields: Mapping[str, Array], ids: Ids) -> None:
         """Fields `(n, ...)` of the model of some worlds."""
@@ -157,9 +159,9 @@ class Rollouts:
         self._state = np.zeros((count, mujoco.mj_stateSize(model, full)))
         mujoco.mj_getState(model, self._data[0], self._state[0], full)
         self._state[:] = self._start = self._state[0].copy()
-        self.qpos = self._state[:, 1 : 1 + model.nq]
-        self.qvel = self._state[:, 1 + model.nq : 1 + model.nq + model.nv]
-        self.sensors = np.zeros((count, model.nsensordata))
+        self.qpos: Array = self._state[:, 1 : 1 + model.nq]
+        self.qvel: Array = self._state[:, 1 + model.nq : 1 + model.nq + model.nv]
+        self.sensors: Array = np.zeros((count, model.nsensordata))
 
     def put(self, fields: Mapping[str, Array], ids: Ids) -> None:
         for row, i in enumerate(ids):

@@ -28,7 +28,7 @@ class Observer:
             place, rate = QUATERNION[int(model.jnt_type[j])]
             self._turn = int(model.jnt_qposadr[j]) + place, int(model.jnt_dofadr[j]) + rate
         bent = np.any(modal.rows != 0.0, axis=0)
-        self.wheels = [i for i in range(model.nu) if _wheel(model, i, bent)]
+        self.wheels: list[int] = [i for i in range(model.nu) if _wheel(model, i, bent)]
         self._spin = [int(model.jnt_dofadr[int(model.actuator_trnid[i, 0])]) for i in self.wheels]
         self._hinges = np.flatnonzero(bent)
         joints = model.dof_jntid[self._hinges]
@@ -51,9 +51,9 @@ class Observer:
                 raise InputError(
                     f"observe names {name!r}, which the model does not have; choose from {', '.join(there)}."
                 )
-        self.names = tuple(dict.fromkeys(wanted))
+        self.names: tuple[str, ...] = tuple(dict.fromkeys(wanted))
         needed = [int(model.sensor_needstage[i]) for i, name in enumerate(self._sensors) if name in self.names]
-        self.stage = max(needed, default=0)  # of MuJoCo's computation, to which sensors have to be brought
+        self.stage: int = max(needed, default=0)  # of MuJoCo's computation, to which sensors have to be brought
 
     def follow(self, coefficients: Array) -> None:
         """Coefficients of tendons that differ between worlds, `(k, nwrap)` as in MuJoCo's `wrap_prm`."""

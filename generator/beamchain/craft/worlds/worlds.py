@@ -124,12 +124,13 @@ class Worlds:
         threads: int, seed: int,
     ) -> None:  # fmt: skip
         self.model: Any = model
-        self.count, self.rng = count, np.random.default_rng(seed)
+        self.count: int = count
+        self.rng: np.random.Generator = np.random.default_rng(seed)
         self._source, self._observer, self._made = source, Observer(model, observe), (host, threads)
         each = 8 * (model.nq + model.nv + model.nu + len(OWN)) + (source.nbytes if source else 0)
         check_memory(count, COPIES * each + bytes_of(host, model), available())
         self.diverged: NDArray[np.intp] = np.zeros(0, dtype=np.intp)  #: worlds that diverged in the last step
-        self.restarts = np.zeros(count, dtype=np.int64)  #: per world, how often it has diverged
+        self.restarts: NDArray[np.int64] = np.zeros(count, dtype=np.int64)  #: per world, how often it has diverged
         self._keys = source.keys(count, self.rng, first=True) if source else np.zeros((count, 0))
         self._build()
 
