@@ -118,6 +118,16 @@ def test_an_input_over_several_steps_is_halved_once(craft):
     np.testing.assert_allclose(seen[0], turn / 1.0, atol=1e-12)  # 4 steps of 0.25 s
 
 
+def test_a_sensor_does_not_take_the_name_of_what_is_observed(craft):
+    section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+    spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),), damping=bc.Damping(ratio=0.01))
+    text = CRAFT.format("").replace('name="gyro"', 'name="rate"').replace('name="place"', 'name="modes"')
+    same = bc.embed(text, {"mount": spec, "left": spec.replace(name="other")}, retime=True)
+    seen, other = (bc.worlds(one, count=1).step([1.0, 0.5, 0.0], nstep=4) for one in (craft, same))
+    for name in ("rate", "modes"):
+        np.testing.assert_allclose(other[name], seen[name], atol=1e-12)
+
+
 def test_a_model_that_is_not_exact_in_time_is_given_its_input_as_it_is():
     plain = flexible(retime=False)
     many, given = bc.worlds(plain, count=1), np.ones((8, 3))

@@ -67,12 +67,12 @@ def test_units_of_actuators():
     <velocity name="speed" joint="turn" kv="3"/><position name="place" joint="slide" kp="3" kv="1"/>
     <intvelocity name="held" joint="turn" kp="3" actrange="-1 1"/><motor name="jet" site="mount" gear="1 0 0 0 0 0"/>
     <motor name="torquer" site="mount" gear="0 0 0 0 1 0"/><motor name="both" site="mount" gear="1 0 0 0 1 0"/>
-    <motor name="winch" tendon="rope"/></actuator></mujoco>"""
+    <motor name="winch" tendon="rope"/><general name="scaled" joint="turn" gainprm="0.2"/></actuator></mujoco>"""
     plant = bc.plant(bc.embed(craft, {"mount": spec}), outputs=["attitude", "rate"])
     units = dict(zip(plant.input_labels, plant.input_units, strict=True))
     assert units == {
         "wheel": "N m", "pusher": "N", "angle": "rad", "speed": "rad/s", "place": "m", "held": "", "jet": "N", "torquer": "N m",
-        "both": "", "winch": "",
+        "both": "", "winch": "", "scaled": "",
     }  # fmt: skip
 
 

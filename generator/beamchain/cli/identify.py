@@ -1,6 +1,5 @@
 """`beamchain identify`: modes of an appendage from logs of a test or a flight."""
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,29 +13,28 @@ if TYPE_CHECKING:
     from beamchain.craft.identification.result import Identification
 
 
-option = partial(typer.Option, show_default=False)
-
-
 def identify(
-    logs: Annotated[
-        list[Path], typer.Argument(metavar="LOG...", help="Logs: .csv, .parquet, .npz, .mat, .uff.", show_default=False)
-    ],
-    craft: Annotated[Path, option("--craft", metavar="CRAFT.xml", help="The bare spacecraft.")],
-    at: Annotated[str, option("--at", metavar="NAME", help="Its site or body that carries the appendage.")],
-    output: Annotated[Path | None, option("-o", "--output", metavar="MODES.toml", help="File for the modes.")] = None,
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs: .csv, .parquet, .npz, .mat, .uff.")],
+    craft: Annotated[Path, typer.Option("--craft", metavar="CRAFT.xml", help="The bare spacecraft.")],
+    at: Annotated[str, typer.Option("--at", metavar="NAME", help="Its site or body that carries the appendage.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="MODES.toml", help="File for the modes.")
+    ] = None,
     prior: Annotated[
         Path | None,
-        option(
+        typer.Option(
             "--prior",
             metavar="SPEC.toml",
             help="What is believed of the appendage; \\[uncertain] gives its widths.",
         ),
     ] = None,
-    modes: Annotated[int | None, option(min=1, help="Number of modes; default: as the criterion says.")] = None,
-    axes: Annotated[str | None, option(metavar="XYZ", help="Axes of the hub that are used, for example z.")] = None,
+    modes: Annotated[int | None, typer.Option(min=1, help="Number of modes; default: as the criterion says.")] = None,
+    axes: Annotated[
+        str | None, typer.Option(metavar="XYZ", help="Axes of the hub that are used, for example z.")
+    ] = None,
     names: Annotated[
         list[str] | None,
-        option("--map", metavar="COLUMN=NAME", help="What a column of the log is. Repeatable."),
+        typer.Option("--map", metavar="COLUMN=NAME", help="What a column of the log is. Repeatable."),
     ] = None,
     free_hub: Annotated[
         bool, typer.Option("--estimate-hub", help="Estimate the hub's inertia too; needs --prior.")
@@ -47,7 +45,7 @@ def identify(
     ] = False,
     plan: Annotated[
         float | None,
-        option(
+        typer.Option(
             "--plan",
             metavar="NOISE",
             help="LOG holds only time and the torques of a test to come: print what it would determine of the prior's modes "
@@ -111,12 +109,13 @@ def _plan(
     quiet: bool,
 ) -> None:  # fmt: skip
     from beamchain.craft.identification.planned import planned
+    from beamchain.craft.identification.result import INTERVAL
 
     if prior is None or len(logs) != 1:
         raise InputError("identify: --plan needs --prior, whose modes are to be found, and one file of torques.")
     with spinner("planning", quiet or as_json):
         found = planned(logs[0], craft, at, prior=prior, noise=noise, map=renamed)
-    columns = zip(found.frequency, found.damping, *1.96 * found.deviations.T, found.determined, strict=True)
+    columns = zip(found.frequency, found.damping, *INTERVAL * found.deviations.T, found.determined, strict=True)
     rows = [
         [
             *(str(i), f"{w:.5g}", f"{w * dw:.2g}", f"{z:.3g}", f"{z * dz:.2g}", f"{100.0 * row:.2g} %"),
@@ -135,7 +134,8 @@ def _plan(
 
 
 def _show(found: "Identification") -> None:
-    from beamchain.report.identified_html import INTERVAL, mode_rows
+    from beamchain.craft.identification.result import INTERVAL
+    from beamchain.report.identified_html import mode_rows
 
     head = ("mode", "rad/s", "+- 95 %", "damping ratio", "+- 95 %", "determined", "remark")
     print_table("modes with the root held", head, mode_rows(found), left=(0, 5, 6))

@@ -43,10 +43,12 @@ def _show(found: "Inspection") -> None:
         for i, (w, z) in enumerate(zip(found.frequencies, found.damping, strict=True), 1)
     ]
     print_table("modes about the rest pose", ("mode", "rad/s", "Hz", "damping ratio"), modes, left=())
-    sprung = [(name, *(f"{value:.6g}" for value in values)) for name, *values in found.springs]
+    sprung, tendons = (
+        [(name, *(f"{value:.6g}" for value in values)) for name, *values in rows]
+        for rows in (found.springs, found.tendons)
+    )
     print_table("sprung joints", ("joint", "stiffness", "damping"), sprung)
-    if found.tendons:
-        tendons = [(name, *(f"{value:.6g}" for value in values)) for name, *values in found.tendons]
+    if tendons:
         print_table("sprung tendons", ("tendon", "stiffness", "damping", "armature"), tendons)
     for made in found.made_for:
         out.print(

@@ -79,7 +79,7 @@ def plant(
     Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml --uncertain craft.toml -o plant.npz
     """
     from beamchain.craft.plants.controllers import read_controller
-    from beamchain.craft.plants.loops import margins
+    from beamchain.craft.plants.loops import margins, told
     from beamchain.craft.plants.plant import plant as linear
     from beamchain.craft.plants.realisation import Plant
     from beamchain.files import check_free, write_files
@@ -111,8 +111,8 @@ def plant(
     if report:
         write_files({page: text}, force=force)
         files.append(page)
-    told = plants[0], of_loops, worst
-    tell(lambda: _record(found, *told), lambda: _show(*told), files, as_json, quiet)
+    results = plants[0], of_loops, worst, told(plants, of_loops)
+    tell(lambda: _record(found, *results), lambda: _show(*results), files, as_json, quiet)
     if not all(one.stable for several in (*of_loops, worst) for one in several):
         raise typer.Exit(3)
 
@@ -130,7 +130,11 @@ def _angles(text: str) -> "dict[str, Any]":
 
 
 def _record(
-    found: "Plant | ScheduledPlant", first: "Plant", of_loops: "list[list[Margins]]", worst: "list[WorstCase]"
+    found: "Plant | ScheduledPlant",
+    first: "Plant",
+    of_loops: "list[list[Margins]]",
+    worst: "list[WorstCase]",
+    warnings: list[str],
 ) -> dict[str, Any]:
     import numpy as np
 
@@ -146,12 +150,12 @@ def _record(
         "angles": angles,
         "margins": [[one.as_dict() for one in several] for several in of_loops],
         "worst": [one.as_dict() for one in worst],
-        **warnings_record(first.warnings),
+        **warnings_record(warnings),
     }
 
 
-def _show(first: "Plant", of_loops: "list[list[Margins]]", worst: "list[WorstCase]") -> None:
-    from beamchain.craft.plants.loops import HEAD, beyond
+def _show(first: "Plant", of_loops: "list[list[Margins]]", worst: "list[WorstCase]", warnings: list[str]) -> None:
+    from beamchain.craft.plants.loops import HEAD
 
     console().print(
         f"{first.nstates} states, {first.ninputs} inputs ({', '.join(first.input_labels)}), "
@@ -172,4 +176,4 @@ def _show(first: "Plant", of_loops: "list[list[Margins]]", worst: "list[WorstCas
         console().print(f"worst case, {one.sentence}", markup=False)
         values = [[name, f"{value:.6g}"] for name, value in one.values.items()]
         print_table("values of the worst sample", ("quantity", "value"), values)
-    print_warnings([*first.warnings, *(said for several in of_loops for said in beyond(first, several))], "note")
+    print_warnings(warnings, "note")

@@ -176,14 +176,13 @@ def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str
     """What MuJoCo itself does otherwise with the spacecraft as soon as its bodies carry something (alignfree)."""
     own = _without_probes(loaded)
     moved = differences(craft, loaded, {kind: (ids, own[kind]) for kind, ids in others(craft, {}).items()})
-    return [
-        Caution(
-            "alignfree",
-            f"as soon as it carries something, MuJoCo lays {first.element}'s frame otherwise ({_told(first)}; "
-            'alignfree or align); positions and keyframes now mean the frame as written: write align="false" to keep it.',
-        )
-        for first in moved[:1]
-    ]
+    if not moved:
+        return []
+    text = (
+        f"as soon as it carries something, MuJoCo lays {moved[0].element}'s frame otherwise ({_told(moved[0])}; "
+        'alignfree or align); positions and keyframes now mean the frame as written: write align="false" to keep it.'
+    )
+    return [Caution("alignfree", text)]
 
 
 def _without_probes(model: "mujoco.MjModel") -> dict[str, list[int]]:

@@ -16,7 +16,7 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain.engine.library import mujoco, rest
 from beamchain.engine.linearise import linearise, mass_matrix
-from beamchain.engine.mount import Mount
+from beamchain.engine.mount import Mount, motion
 from beamchain.ports.compare import DEFAULT_RATIO, damped, relative
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, square_root
@@ -164,9 +164,7 @@ class Matrices:
         for item in carried:
             if not np.any(item.whole.damping > 0.0) and item.dofs:  # the ratio that undamped cantilever modes are given
                 mine = np.ix_(item.dofs, item.dofs)
-                values, shapes = eigh(self.stiffness[mine], self.mass[mine])
-                push = self.mass[mine] @ shapes
-                damping[mine] += push @ np.diag(2.0 * DEFAULT_RATIO * np.sqrt(np.clip(values, 0.0, None))) @ push.T
+                damping[mine] += craft_damping(np.zeros_like(self.mass[mine]), self.stiffness[mine], self.mass[mine])
         return replace(self, damping=damping)
 
 
@@ -174,13 +172,6 @@ def accelerance(dynamic: Response, base: Array) -> Response:
     """`(k, m, m)` acceleration of the base body per wrench on it, in motions `base` `(m, nv)`."""
     drive = np.broadcast_to(base.T, (dynamic.shape[0], *base.T.shape))
     return base @ np.linalg.solve(dynamic, drive)
-
-
-def motion(model: "mujoco.MjModel", data: "mujoco.MjData", body: int, origin: Array, axes: Array) -> Array:
-    """`(6, nv)` motion of a frame on a body, in the frame's axes (columns of `axes`)."""
-    translation, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-    mujoco.mj_jac(model, data, translation, rotation, origin, body)
-    return np.vstack([axes.T @ translation, axes.T @ rotation])
 
 
 def quiet(model: "mujoco.MjModel") -> "mujoco.MjModel":
@@ -212,14 +203,15 @@ def prove(
     """
     craft, model = quiet(craft), quiet(model)
     hub = int(craft.body_rootid[carried[0].mount.body])
-    name = craft.body(hub).name or f"body {hub}"
+    own = craft.body(hub).name
+    name = own or f"body {hub}"
     new = {dof for item in carried for dof in item.dofs}
     old = [i for i in range(model.nv) if i not in new]
     wholes, roots = [item.whole for item in carried], [item.mount.jacobian for item in carried]
     bare = _matrices(craft, hub)
     alone = replace(bare, damping=craft_damping(bare.damping, bare.stiffness, bare.mass))
     exact = alone.coupled(wholes, roots)
-    there = int(model.body(craft.body(hub).name).id) if craft.body(hub).name else hub
+    there = int(model.body(own).id) if own else hub
     ours = _matrices(model, there).comparable(carried, old, alone.damping - bare.damping)
     first = min(w for item in carried for w in item.band.values())
     band = asked or max(w for item in carried for w in item.band.values())
@@ -258,7 +250,7 @@ def _matrices(model: "mujoco.MjModel", body: int) -> Matrices:
 
 
 def craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
-    """The spacecraft's own damping; 0.5 % in its sprung joints where it has none, so that no peak is infinite."""
+    """The damping itself; where there is none 0.5 % of all that is sprung, so that no peak is infinite."""
     values, shapes = eigh(stiffness, mass)
     moving = values > 1e-12 * max(float(np.max(values, initial=0.0)), 1e-300)
     if not np.any(moving) or np.max(np.abs(damping)) > 0.0:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from beamchain.craft.assembly import Carried, Matrices, Mode, accelerance, craft_damping, motion, quiet
+from beamchain.craft.assembly import Carried, Matrices, Mode, accelerance, craft_damping, quiet
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import dense_mass
+from beamchain.engine.mount import motion
 from beamchain.errors import InputError
 from beamchain.ports.compare import grid_of, relative
 from beamchain.ports.model import PortModel

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from beamchain.caution import warnings_record
 from beamchain.engine.bench import Composite, composite
@@ -78,19 +77,19 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
     frequencies, ratios = oscillations(linear.poles())
     damping = np.asarray(model.dof_damping)[model.jnt_dofadr]
     springs = [
-        (model.joint(j).name or f"joint {j}", stiffness, _first(damping[j]))
+        (model.joint(j).name or f"joint {j}", stiffness, float(damping[j]))
         for j in range(model.njnt)
-        if (stiffness := _first(model.jnt_stiffness[j])) > 0.0
+        if (stiffness := float(model.jnt_stiffness[j])) > 0.0
     ]
     tendons = [
         (
             model.tendon(i).name or f"tendon {i}",
             stiffness,
-            _first(model.tendon_damping[i]),
+            float(model.tendon_damping[i]),
             float(model.tendon_armature[i]),
         )
         for i in range(model.ntendon)
-        if (stiffness := _first(model.tendon_stiffness[i])) > 0.0
+        if (stiffness := float(model.tendon_stiffness[i])) > 0.0
     ]
     return Inspection(
         name=model.names[: model.names.index(b"\0")].decode(),
@@ -112,8 +111,3 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         shown=pole_rows(model) if made else [],
         warnings=mismatch(model),
     )
-
-
-def _first(value: ArrayLike) -> float:
-    """A stiffness or damping, of which newer versions of MuJoCo have further coefficients."""
-    return float(np.atleast_1d(value)[0])

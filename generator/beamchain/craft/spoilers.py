@@ -99,10 +99,10 @@ def _held_by(model: "mujoco.MjModel") -> str:
     shape = np.real(vectors)[:, int(np.argmax(np.abs(values)))]
     shares: list[tuple[float, str]] = []
     for j in range(model.njnt):
-        stiffness = float(np.atleast_1d(model.jnt_stiffness[j])[0])
+        stiffness = float(model.jnt_stiffness[j])
         shares.append((stiffness * float(shape[int(model.jnt_dofadr[j])]) ** 2, f"joint {model.joint(j).name!r}"))
     for i in range(model.ntendon):
-        stiffness = float(np.atleast_1d(model.tendon_stiffness[i])[0])
+        stiffness = float(model.tendon_stiffness[i])
         shares.append((stiffness * float(along(model, i) @ shape) ** 2, f"tendon {model.tendon(i).name!r}"))
     share, name = max(shares, default=(0.0, ""))
     return f", held mostly by the spring of {name}" if share > 0.0 else ""

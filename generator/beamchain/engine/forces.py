@@ -71,7 +71,7 @@ def along(model: "mujoco.MjModel", tendon: int) -> Array:
 
 def along_all(model: "mujoco.MjModel") -> Array:
     """`(ntendon, nv)` coefficients of all fixed tendons."""
-    return np.array([along(model, i) for i in range(model.ntendon)]).reshape(-1, model.nv)
+    return np.array([along(model, i) for i in range(model.ntendon)]).reshape(model.ntendon, model.nv)
 
 
 def port_of(read: Readings, root: list[int], inner: list[int], ballast: Array) -> PortModel:

@@ -85,12 +85,17 @@ def mount(model: "mujoco.MjModel", at: str, kind: str, name: str) -> Mount:
             f"--at {at}: {kind} {name!r} belongs to a body welded to the world, which no appendage can move; give the "
             "spacecraft's body a <freejoint/>, or name a body that moves."
         )
-    translation, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-    mujoco.mj_jac(model, data, translation, rotation, origin, body)
     return Mount(
         at, body, position, quaternion, origin, axes, top, _carriers(model, top),
-        frozen_mass(model, data, top, origin, axes), np.vstack([axes.T @ translation, axes.T @ rotation]),
+        frozen_mass(model, data, top, origin, axes), motion(model, data, body, origin, axes),
     )  # fmt: skip
+
+
+def motion(model: "mujoco.MjModel", data: "mujoco.MjData", body: int, origin: Array, axes: Array) -> Array:
+    """`(6, nv)` motion of a frame on a body, in the frame's axes (columns of `axes`)."""
+    translation, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    mujoco.mj_jac(model, data, translation, rotation, origin, body)
+    return np.vstack([axes.T @ translation, axes.T @ rotation])
 
 
 def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:

@@ -119,7 +119,8 @@ def doubtful(
 ) -> list[str]:
     """Warnings, one of a kind; only the kept `ports` count: what is rigid by choice needs no theory."""
     out: dict[str, str] = {}
-    for place, ratio in [(place, ratio) for place, ratio in _ratios(damping) if ratio >= DAMPED][:1]:
+    place, ratio = next(((place, ratio) for place, ratio in _ratios(damping) if ratio >= DAMPED), ("", 0.0))
+    if ratio:
         out["high-damping"] = (
             f"damping.{place} = {ratio:g} is {ratio:.0%} of critical, where structures have 0.001 to 0.02: a likely "
             f"slip; if {ratio:g} % were meant, write {ratio * 1e-2:g}."

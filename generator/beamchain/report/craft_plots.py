@@ -64,7 +64,8 @@ def plot_assembly(assembly: "Assembly", ax: "Axes | None" = None, motion: str | 
     one_of("motion", motion, known)
     ax = panel(3.6)[1] if ax is None else ax
     _panel(ax, assembly, known[motion])
-    over_frequency(ax, ax.get_ylabel())
+    in_hz(ax)
+    ax.set_xlabel("frequency, rad/s")
     ax.legend(loc="best")
     return ax
 

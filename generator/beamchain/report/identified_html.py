@@ -6,7 +6,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamchain.craft.identification.result import Identification, IdentifiedMode
+from beamchain.craft.identification.result import INTERVAL, Identification, IdentifiedMode
 from beamchain.report.notebook import block
 from beamchain.report.page import Table, Verdict, page_text
 from beamchain.report.plots import BEAM, OURS, RIVAL, STYLE
@@ -15,8 +15,6 @@ from beamchain.structure.planes import MOTIONS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-INTERVAL = 1.959964  # standard deviations on either side, 95 % of a normal distribution
 
 
 def plot_identification(found: Identification, ax: "Axes | None" = None, channel: str = "") -> "Axes":

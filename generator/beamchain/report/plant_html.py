@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from beamchain.craft.plants.loops import HEAD, Margins
+from beamchain.craft.plants.loops import HEAD, Margins, told
 from beamchain.craft.plants.realisation import Plant
 from beamchain.craft.robust.uncertain_plant import WorstCase
 from beamchain.report import plant_plots
@@ -36,6 +36,7 @@ def plant_report(
         verdict=_verdict(plants[0], of_loops, worst),
         modes=_modes(plants[0]),
         gains=_gains(plants[0]),
+        warnings=told(plants, of_loops),
         margins=_margins(of_loops),
         worst=_worst(worst),
         worst_values=_worst_values(worst),

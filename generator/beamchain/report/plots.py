@@ -89,7 +89,8 @@ def plot_accelerance(fit: "Fit", ax: "Axes | None" = None, port: str | None = No
     port = next(iter(fit.target)) if port is None else port
     ax = panel(3.6)[1] if ax is None else ax
     _panel(ax, fit, port, 0, responses(fit, port, with_rivals=False))
-    over_frequency(ax, ax.get_ylabel())
+    in_hz(ax)
+    ax.set_xlabel("frequency, rad/s")
     ax.legend(loc="best")
     return ax
 

@@ -71,8 +71,8 @@ def _joined(parts: Parts) -> Parts:
     place = {0: 0}  # of each segment's far end, before and after
     for i, segment in enumerate(parts.segments):
         last = out[-1] if out else None
-        alike = last is not None and msgspec.structs.replace(last, length=segment.length) == segment
-        if last is not None and alike and i not in hinged and segment.section_end is None:
+        free = i not in hinged and segment.section_end is None
+        if last is not None and free and msgspec.structs.replace(last, length=segment.length) == segment:
             out[-1] = msgspec.structs.replace(last, length=last.length + segment.length)
         else:
             out.append(segment)

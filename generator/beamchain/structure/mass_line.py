@@ -6,11 +6,10 @@ Theory: docs/theory.md, section 4.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import KroghInterpolator
 
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, body_mass_matrix, locked
@@ -42,7 +41,9 @@ class MassPiece:
         return np.asarray(self._polynomial(fraction), dtype=np.float64)
 
     @cached_property
-    def _polynomial(self) -> KroghInterpolator:
+    def _polynomial(self) -> Any:
+        from scipy.interpolate import KroghInterpolator  # late: 30 ms to load, and few appendages need it
+
         return KroghInterpolator(np.linspace(0.0, 1.0, len(self.densities)), self.densities)
 
 

@@ -48,12 +48,11 @@ def aligned(data: Channels, guess: Array) -> tuple[float, Channels]:
 def delayed(piece: Piece, lag: float) -> Piece:
     """A piece whose torques act later [s]; what acted before it began is taken as its first torque."""
     t = piece.time
-    once = np.vstack([0.0 * piece.inputs[:1], np.cumsum(np.diff(t)[:, None] * piece.inputs[:-1], axis=0)])
     at = t - lag
 
     before, after = np.minimum(at - t[0], 0.0)[:, None], np.maximum(at - t[-1], 0.0)[:, None]
     # the impulse of the torque, from the start of the piece until each time less the lag
-    total = np.column_stack([np.interp(at, t, one) for one in once.T])
+    total = np.column_stack([np.interp(at, t, one) for one in piece.once.T])
     total += before * piece.inputs[0] + after * piece.inputs[-1]
     held = np.diff(total, axis=0) / np.diff(t)[:, None]
     return replace(piece, inputs=np.vstack([held, held[-1:]]))

@@ -66,10 +66,9 @@ class Estimate:
         theta, pieces = self.found.theta, self.data.pieces
         self.parts: Parts = self.structure.parts(theta)
         self.raw: Raw = self.structure.raw(theta)
-        sizes = (np.sqrt(np.diag(self.spread)[place]) for place in self.structure.places[:2])
-        self.sd_w: Array
-        self.sd_z: Array
-        self.sd_w, self.sd_z = sizes
+        w, z, *_ = self.structure.places
+        self.sd_w: Array = np.sqrt(np.diag(self.spread)[w])
+        self.sd_z: Array = np.sqrt(np.diag(self.spread)[z])
         self.half: float = float(np.pi / np.mean(pieces[0].steps)) if isinstance(pieces[0], Piece) else np.inf
         self.said: list[str] = []
         self.notes: list[list[str]] = [[] for _ in range(self.structure.modes)]

@@ -23,13 +23,11 @@ class Bare(NamedTuple):
         mass: `(6, 6)` about the mount, in its axes; wheels that turn by themselves give no inertia about their axis.
         turn: `(3, 3)` rows: axes of the hub's body in the mount's axes.
         actuators: `(3,)` torque on the hub per unit of an actuator's control, in the hub's axes, by name.
-        label: name of the hub's body.
     """
 
     mass: Array
     turn: Array
     actuators: dict[str, Array]
-    label: str
 
 
 def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", at: str) -> Bare:
@@ -76,7 +74,7 @@ def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", at: str) -> Bare:
             spin = data.ximat[body].reshape(3, 3).T @ axis
             along = frame.T @ axis
             mass[3:, 3:] -= float(spin @ (model.body_inertia[body] * spin)) * np.outer(along, along)
-    return Bare(mass, back @ frame, actuators, str(model.body(hub).name) or "hub")
+    return Bare(mass, back @ frame, actuators)
 
 
 def directions(known: Bare, names: Sequence[str]) -> Array:

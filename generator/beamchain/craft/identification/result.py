@@ -26,6 +26,8 @@ CORRELATED = 0.05  # smallest coefficient that is written
 RECORDED = ("number", "frequency", "frequency_std", "damping", "damping_std", "participation", "participation_std",
             "determined", "remark", "resolution")  # fmt: skip
 
+INTERVAL = 1.959964  # standard deviations on either side, 95 % of a normal distribution
+
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedMode:

@@ -167,8 +167,8 @@ class Run:
             return structure, structure.theta(Parts(w, z, rows, np.zeros((6, 6)), mass), body.theta(rest)), None
         body = Body(*body_of(prior.parts.rigid))
         rigid = np.zeros(Body.count)
-        there = np.trace(axes.T @ frozen_inertia(mass, prior.parts.rigid) @ axes)
         if not self.free_hub:
+            there = np.trace(axes.T @ frozen_inertia(mass, prior.parts.rigid) @ axes)
             factor = (np.trace(total) - np.trace(hub)) / (there - np.trace(hub))
             rigid[[0, 2, 3, 4]] = np.log(np.clip(factor, 0.2, 5.0))
         matrix = body.matrix(rigid)

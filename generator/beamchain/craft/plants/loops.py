@@ -1,6 +1,6 @@
 """Margins of a controller on a plant: classical, delay and disk margins at every input with the others closed."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import control
@@ -109,6 +109,12 @@ def margins(plant: Plant, controller: Controller) -> list[Margins]:
         )
         for i, column in enumerate(inputs)
     ]  # fmt: skip
+
+
+def told(plants: Sequence[Plant], of_loops: Sequence[Sequence[Margins]]) -> list[str]:
+    """Warnings of the first plant, and what to say of the margins of each; there are none without a controller."""
+    far = (said for plant, found in zip(plants, of_loops, strict=False) for said in beyond(plant, found))
+    return [*plants[0].warnings, *dict.fromkeys(far)]
 
 
 def beyond(plant: Plant, found: Iterable[Margins]) -> list[str]:

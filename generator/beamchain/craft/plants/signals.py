@@ -152,7 +152,7 @@ def _unit(model: "mujoco.MjModel", number: int) -> str:
     if straight == turns or int(model.actuator_dyntype[number]) == int(mujoco.mjtDyn.mjDYN_INTEGRATOR):
         return ""
     if int(model.actuator_biastype[number]) == int(mujoco.mjtBias.mjBIAS_NONE):
-        return "N m" if turns else "N"
+        return "" if gain != 1.0 else "N m" if turns else "N"
     unit = "rad" if turns else "m"
     return unit if stiffness == -gain != 0.0 else f"{unit}/s" if stiffness == 0.0 and damping == -gain != 0.0 else ""
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import control
 import numpy as np
@@ -67,13 +67,19 @@ class Made(NamedTuple):
 class Lft:
     """A plant whose uncertain quantities stand in a diagonal Delta: `[z, y] = M [w, u]`, `w = Delta z`."""
 
+    quantities: tuple[Quantity, ...]
+    warnings: tuple[str, ...]
+    blocks: tuple[Block, ...]
+    inputs: list[str]
+    outputs: list[str]
+    units: tuple[list[str], list[str]]
+    nominal: control.StateSpace
+
     def __init__(
         self, made: Made, found: Sequence[Quantity], correlations: Sequence[Correlation], warnings: Sequence[str]
     ) -> None:
-        self.quantities: tuple[Quantity, ...] = tuple(found)
-        craft, self._made = made.craft, made
-        self.warnings: tuple[str, ...] = tuple(warnings)
-        self._correlations = tuple(correlations)
+        craft, self.quantities, self._made = made.craft, tuple(found), made
+        self._correlations, self.warnings = tuple(correlations), tuple(warnings)
         keys = [(q.key, q.uncertainty.distribution) for q in found]
         groups = list(dict.fromkeys(keys))
         self._group = np.array([groups.index(key) for key in keys], dtype=np.intp)
@@ -81,19 +87,17 @@ class Lft:
         order = sorted(range(len(taken.of)), key=lambda i: (self._group[taken.of[i]], taken.of[i], i))
         self._of = np.array([taken.of[i] for i in order], dtype=np.intp)
         linear = taken.put(craft.linear, order, np.array([found[i].reach for i in taken.of]))
-        self.blocks: tuple[Block, ...] = tuple(self._block(number) for number in range(len(groups)))
+        self.blocks = tuple(self._block(number) for number in range(len(groups)))
         self._prove(linear.first_order)
         form = replace(craft, linear=linear).form().minimal()
         self._system: System = form.a, form.b, form.c, form.d
         names = [q.name.replace(".", "_") for q in found]  # control takes no points
         words = [f"{names[i]}_{list(self._of[:k]).count(i) + 1}" for k, i in enumerate(self._of)]
         w, z = ([f"{kind}_{word}" for word in words] for kind in "wz")
-        self.inputs: list[str]
-        self.outputs: list[str]
         self.inputs, self.outputs, *units = craft.signals
-        self.units: tuple[list[str], list[str]] = (units[0], units[1])
+        self.units = units[0], units[1]
         self._states = list(form.names)
-        self.nominal: Any = self._space(self._system, w + self.inputs, z + self.outputs)
+        self.nominal = self._space(self._system, w + self.inputs, z + self.outputs)
 
     def __repr__(self) -> str:
         what = ", ".join(f"{block.name} x{block.repetitions}" for block in self.blocks)

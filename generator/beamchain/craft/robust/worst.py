@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
 from beamchain.craft.plants.controllers import Controller, place, places, realised
@@ -34,6 +35,11 @@ class Loops:
     `blocks` `(channels,)` is the number of the delta of each channel; `ends` are the input where d acts and the output e.
     """
 
+    blocks: NDArray[np.intp]
+    controller: Controller
+    system: System
+    poles: Complex
+
     def __init__(
         self, system: System, blocks: Sequence[int], inputs: list[str], outputs: list[str], controller: Controller,
         ends: tuple[str, str],
@@ -41,11 +47,10 @@ class Loops:
         self.blocks, n = np.asarray(blocks, dtype=np.intp), len(blocks)
         rows, columns = places(controller, inputs, outputs)
         d, e = place(ends[0], inputs, "input", ""), place(ends[1], outputs, "output", "")
-        self.controller: Controller = controller
-        self._m, self._rows = system, [n + i for i in rows]
+        self.controller, self._m, self._rows = controller, system, [n + i for i in rows]
         self._columns, self._ends = [n + i for i in columns], ([*range(n), n + e], [*range(n), n + d])
-        self.system: System = picked(looped(system, realised(controller), self._rows, self._columns), *self._ends)
-        self.poles: Complex = np.linalg.eigvals(self.system[0]).astype(np.complex128)
+        self.system = picked(looped(system, realised(controller), self._rows, self._columns), *self._ends)
+        self.poles = np.linalg.eigvals(self.system[0]).astype(np.complex128)
         top = float(np.abs(self.poles).max(initial=1e-300))
         if float(self.poles.real.max(initial=-1.0)) > -GROWS * top:
             raise InputError(

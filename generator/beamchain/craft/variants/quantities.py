@@ -123,7 +123,9 @@ def _places(found: Sequence[Quantity]) -> dict[str, int]:
 
 def draws(found: Sequence[Quantity], indices: Sequence[int], seed: int, correlations: Sequence[Correlation]) -> Array:
     """`(k, n)` values of the quantities in the samples `indices`; a sample depends on nothing but seed and index."""
-    scores = np.array([[score(seed, index, q.key) for q in found] for index in indices])
+    keys = dict.fromkeys(q.key for q in found)
+    rows = ({key: score(seed, index, key) for key in keys} for index in indices)
+    scores = np.array([[row[q.key] for q in found] for row in rows])
     table = drawn(scores.reshape(len(indices), len(found)), _places(found), tuple(correlations))
     return np.array(
         [[q.uncertainty.value(q.nominal, float(z)) for q, z in zip(found, row, strict=True)] for row in table]

@@ -288,7 +288,9 @@ class Worlds:
             return
         new = self._source.fields(self._keys[which])
         for name, values in new.items():
-            self.fields.setdefault(name, np.empty((self.count, *values.shape[1:]), values.dtype))[which] = values
+            if name not in self.fields:
+                self.fields[name] = np.empty((self.count, *values.shape[1:]), values.dtype)
+            self.fields[name][which] = values
         if "wrap_prm" in new:
             self._observer.follow(self.fields["wrap_prm"])
         self._host.put(new, which)

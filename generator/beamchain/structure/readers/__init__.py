@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from beamchain.checks import one_of, positive
 from beamchain.errors import InputError
+from beamchain.files import no_file
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers import craig_bampton, nastran_f06, nastran_op2, own_format
 
@@ -62,8 +63,7 @@ def read_modes(
     kind = path.suffix.lower()
     if kind not in READERS:
         raise InputError(f"file {str(path)!r} has an unknown ending; beamchain reads {', '.join(READERS)}.")
-    if not path.is_file():
-        what = "is a folder" if path.is_dir() else "does not exist"
+    if what := no_file(path):
         raise InputError(f"file {str(path)!r} {what}; give the path of the file with the modes.")
     units = dict(units or {})
     for name, value in units.items():
