@@ -4,8 +4,8 @@
 # make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp" for more
 # make bench       print the timings that README and CHANGELOG quote
 # make bench-peers  the README's study beside Exudyn and Basilisk, a cantilever beside MuJoCo's own means, in an environment of its own under build/peers
-# make fuzz        EXAMPLES hostile specifications, every reader with as many spoilt files, then coverage-guided where atheris installs
-# make extremes    1602 extreme appendages, each checked independently; counts and a map in build/extremes
+# make fuzz        EXAMPLES hostile specifications, every reader with as many spoilt files, random craft, all from another seed every day, then coverage-guided where atheris installs
+# make extremes    1586 extreme appendages, each checked independently; counts and a map in build/extremes
 # make notebooks   run the notebooks in place, outputs kept small
 # make docs        the documentation site into build/site; warnings are errors, nothing is fetched
 # make docs-pictures  draw the pictures that README shows
@@ -67,7 +67,8 @@ EXAMPLES ?= 2000
 FUZZ_SECONDS ?= 60
 
 fuzz: $(VENV)/.installed
-	BEAMCHAIN_FUZZ=$(EXAMPLES) $(BIN)/pytest -n $(WORKERS) tests/cli/test_hostile.py
+	BEAMCHAIN_FUZZ=$(EXAMPLES) $(BIN)/pytest -n $(WORKERS) tests/cli/test_hostile.py tests/cli/test_hostile_numbers.py \
+		tests/cli/test_hostile_sizes.py tests/cli/test_hostile_words.py tests/craft/test_craft_promise.py tests/mjcf/test_bytes_kept.py
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris || echo "atheris does not install here"
 	for reader in spec print "modes, TOML" "modes, JSON" spacecraft profile; do \
 		$(BIN)/python tests/support/fuzz.py "$$reader" $(FUZZ_SECONDS) || exit 1; done

@@ -1,6 +1,8 @@
-"""The documentation site: `make docs` builds it into build/site. Nothing is fetched, and warnings are errors.
+"""The documentation site: `make docs` builds it into build/site. Nothing is fetched,
+and warnings are errors.
 
-Reference pages are generated (reference.py); notebooks, README and the like are copied beside the pages at each build.
+Reference pages are generated (reference.py); notebooks,
+README and the like are copied beside the pages at each build.
 """
 
 import re
@@ -18,7 +20,9 @@ import reference  # noqa: E402
 
 import beamchain  # noqa: E402
 
-project, author, release = "beamchain", "beamchain maintainers", beamchain.__version__
+project = "beamchain"
+author = "beamchain maintainers"
+release = beamchain.__version__
 copyright = author
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["paper"]  # written for a journal
@@ -35,9 +39,12 @@ smartquotes_action = "qe"  # quotes and dots; options keep both of their dashes
 suppress_warnings = ["misc.highlighting_failure"]  # TOML with [ ... ]
 html_theme = "pydata_sphinx_theme"
 html_title = f"beamchain {release}"
-html_static_path, html_css_files, html_js_files = ["site.css", "site.js"], ["site.css"], ["site.js"]
+html_static_path = ["site.css", "site.js"]
+html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 html_show_sourcelink, html_copy_source = False, False
-html_sidebars = {page: [] for page in ("index", "start", "theory", "gallery", "migration")}  # no pages below them
+# no pages below them
+html_sidebars = {page: [] for page in ("index", "start", "theory", "gallery", "migration")}
 html_theme_options = {
     "header_links_before_dropdown": 7,
     "show_toc_level": 2,
@@ -51,9 +58,13 @@ PROJECT = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "CITATION.cff")
 
 
 def beside() -> None:
-    """Write generated pages and copies into docs/reference, docs/notebooks and docs/project; old ones go."""
+    """Write generated pages and copies into docs/reference, docs/notebooks and docs/project;
+    old ones go."""
     wanted = {HERE / path: text for path, text in reference.pages().items()}
-    wanted |= {HERE / "notebooks" / p.name: p.read_text("utf-8") for p in HERE.parent.glob("notebooks/*.ipynb")}
+    wanted |= {
+        HERE / "notebooks" / p.name: p.read_text("utf-8")
+        for p in HERE.parent.glob("notebooks/*.ipynb")
+    }
     wanted |= {HERE / "project" / name: (HERE.parent / name).read_text("utf-8") for name in PROJECT}
     for folder in ("reference", "notebooks", "project"):
         for old in set((HERE / folder).rglob("*.*")) - set(wanted):
@@ -78,11 +89,16 @@ def moved(_app: Any, name: str, source: list[str]) -> None:
     )
     there = re.sub(r"\]\((?:\.\./)*docs/", "](/", there)
     there = re.sub(r"\]\((?:\.\./)*notebooks/", "](/notebooks/", there)
-    source[0] = re.sub(rf"\]\((?:\.\./)*({'|'.join(map(re.escape, PROJECT))})", r"](/project/\1", there)
+    source[0] = re.sub(
+        rf"\]\((?:\.\./)*({'|'.join(map(re.escape, PROJECT))})", r"](/project/\1", there
+    )
 
 
-def sentence(_app: Any, kind: str, _name: str, _thing: Any, _options: Any, lines: list[str]) -> None:
-    """An empty comment above a property's text: napoleon takes what stands before a colon in the first line for a type."""
+def sentence(
+    _app: Any, kind: str, _name: str, _thing: Any, _options: Any, lines: list[str]
+) -> None:
+    """An empty comment above a property's text:
+    napoleon takes what stands before a colon in the first line for a type."""
     if kind in ("property", "attribute"):
         lines[:0] = ["..", ""]
 
@@ -114,11 +130,15 @@ def laid_out(_app: Any, doctree: Any) -> None:
         if not isinstance(text.parent, nodes.paragraph):
             continue
         parts = enumerate(NUMBER.split(text.astext()))
-        pieces = [nodes.inline("", part, classes=["together"]) if i % 2 else nodes.Text(part) for i, part in parts]
+        pieces = [
+            nodes.inline("", part, classes=["together"]) if i % 2 else nodes.Text(part)
+            for i, part in parts
+        ]
         if len(pieces) > 1:
             text.parent.replace(text, pieces)
     for math in list(doctree.findall(nodes.math)):
-        parent, at = math.parent, math.parent.index(math)
+        parent = math.parent
+        at = math.parent.index(math)
         after = "".join(text for text in parent[at + 1 : at + 2] if isinstance(text, nodes.Text))
         if stop := re.match(r"[.,:;)\]]+", after):
             whole = nodes.inline("", "", math, nodes.Text(stop[0]), classes=["together"])

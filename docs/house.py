@@ -29,7 +29,9 @@ def arrows() -> Counter[tuple[str, str]]:
     found: Counter[tuple[str, str]] = Counter()
     for path in SOURCE.rglob("*.py"):
         here = path.relative_to(SOURCE).with_suffix("").parts[0]
-        for name in re.findall(r"^\s*from beamchain\.(\w+)", path.read_text(encoding="utf-8"), re.M):
+        for name in re.findall(
+            r"^\s*from beamchain\.(\w+)", path.read_text(encoding="utf-8"), re.M
+        ):
             if here in FOLDERS and name in FOLDERS and here != name:
                 found[here, name] += 1
     return found
@@ -43,11 +45,13 @@ def sizes() -> Counter[str]:
 
 def draw() -> str:
     """The picture."""
-    order, count = list(FOLDERS), sizes()
+    order = list(FOLDERS)
+    count = sizes()
     middle = {name: 20 + i * (WIDTH + GAP) + WIDTH / 2 for i, name in enumerate(order)}
     width = 20 + len(order) * (WIDTH + GAP) - GAP + 20
     out = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} 232" role="img" font-family="sans-serif">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} 232" role="img" '
+        'font-family="sans-serif">',
         "<title>Folders of the package from left to right, and their imports</title>",
         f'<rect width="{width}" height="232" fill="#ffffff"/>',
     ]
@@ -63,15 +67,21 @@ def draw() -> str:
         x = middle[name] - WIDTH / 2
         modules = f"{count[name]} module{'s' if count[name] != 1 else ''}"
         out += [
-            f'<rect x="{x}" y="{TOP}" width="{WIDTH}" height="{HEIGHT}" rx="5" fill="#eaf1f7" stroke="{INK}"/>',
+            f'<rect x="{x}" y="{TOP}" width="{WIDTH}" height="{HEIGHT}" rx="5" fill="#eaf1f7" '
+            f'stroke="{INK}"/>',
             *(
                 f'<text x="{middle[name]}" y="{TOP + dy}" text-anchor="middle" font-size="{size}" '
                 f'font-weight="{weight}" fill="{INK}">{text}</text>'
-                for dy, size, weight, text in ((20, 14, 700, name), (37, 11, 400, words), (53, 11, 400, modules))
+                for dy, size, weight, text in (
+                    (20, 14, 700, name),
+                    (37, 11, 400, words),
+                    (53, 11, 400, modules),
+                )
             ),
         ]
     out += [
-        f'<text x="20" y="218" font-size="11" fill="{INK}">Arcs: a folder imports what stands to its left; the thicker, '
+        f'<text x="20" y="218" font-size="11" fill="{INK}">Arcs: a folder imports what stands to '
+        "its left; the thicker, "
         "the more. Below all: errors, checks, files.</text>",
         "</svg>",
     ]

@@ -27,17 +27,40 @@ def run(*words: str) -> None:
 
 
 def rendered() -> None:
-    """The array on its satellite, turning; a mode of a satellite with two arrays; the mast with its instrument."""
+    """The array on its satellite, turning; a mode of a satellite with two arrays;
+    the mast with its instrument."""
     with tempfile.TemporaryDirectory() as name:
-        folder, size = Path(name), ["--width", "432", "--height", "243", "--no-mp4"]
-        run("render", str(PATHS["array_scene"]), "-o", name, "--width", "328", "--height", "185", "--no-mp4")
+        folder = Path(name)
+        size = ["--width", "432", "--height", "243", "--no-mp4"]
+        run(
+            "render",
+            str(PATHS["array_scene"]),
+            "-o",
+            name,
+            "--width",
+            "328",
+            "--height",
+            "185",
+            "--no-mp4",
+        )
         shutil.copy(folder / "array.gif", HERE / "slew.gif")
-        array, craft = PATHS["array"], PATHS["array"].parent / "satellite.xml"
+        array = PATHS["array"]
+        craft = PATHS["array"].parent / "satellite.xml"
         places = ["--at", f"left={array}", "--at", f"right={array}"]
         run("embed", str(craft), *places, "-o", str(folder / "satellite.xml"))
         run("render", str(folder / "satellite.xml"), "-o", name, "--modes", "2", *size)
         shutil.copy(folder / "satellite_mode2.gif", HERE / "mode.gif")
-        run("render", str(PATHS["instrument_mast"]), "-o", name, "--width", "720", "--height", "405", "--no-mp4")
+        run(
+            "render",
+            str(PATHS["instrument_mast"]),
+            "-o",
+            name,
+            "--width",
+            "720",
+            "--height",
+            "405",
+            "--no-mp4",
+        )
         shutil.copy(folder / "mast.png", HERE / "mast.png")
 
 

@@ -1,7 +1,7 @@
 """The reference pages of the documentation, generated from the package when the site is built.
 
-`pages()` maps a path below docs/ to its text: keys of TOML files (from their JSON schema), commands and options
-(from typer), and one page per public name, which autodoc fills.
+`pages()` maps a path below docs/ to its text: keys of TOML files (from their JSON schema), commands
+and options (from typer), and one page per public name, which autodoc fills.
 """
 
 import inspect
@@ -21,12 +21,23 @@ from beamchain.fitting.uncertain import UncertainCraft
 
 #: TOML files that a user writes: page, title, what it is, and the struct that reads it
 FILES = (
-    ("specification", "Keys of a specification", "A `SPEC.toml` describes one appendage (`beamchain fit`).", Spec),
-    ("controller", "Keys of a controller", "A `LOOPS.toml` is given to `beamchain plant --controller`.", Controller),
+    (
+        "specification",
+        "Keys of a specification",
+        "A `SPEC.toml` describes one appendage (`beamchain fit`).",
+        Spec,
+    ),
+    (
+        "controller",
+        "Keys of a controller",
+        "A `LOOPS.toml` is given to `beamchain plant --controller`.",
+        Controller,
+    ),
     (
         "craft",
         "Keys of an uncertain spacecraft",
-        "A `CRAFT.toml` is given to `beamchain sweep --uncertain` and `beamchain plant --uncertain`.",
+        "A `CRAFT.toml` is given to `beamchain sweep --uncertain` and `beamchain plant "
+        "--uncertain`.",
         UncertainCraft,
     ),
 )
@@ -36,7 +47,10 @@ RESULTS = {
     "Identification": ("craft.identification.result", "bc.identify(logs, craft, at)"),
     "Linearisation": ("engine.linearise", "bc.linearise(model)"),
     "Plant": ("craft.plants.realisation", "bc.plant(model, inputs, outputs)"),
-    "ScheduledPlant": ("craft.plants.scheduled", 'bc.plant(model, inputs, outputs, at={"drive": angles})'),
+    "ScheduledPlant": (
+        "craft.plants.scheduled",
+        'bc.plant(model, inputs, outputs, at={"drive": angles})',
+    ),
     "UncertainPlant": ("craft.robust.uncertain_plant", "plant.uncertain(craft)"),
     "WorstCase": ("craft.robust.uncertain_plant", "plant.uncertain(craft).worst_case(controller)"),
     "Retimed": ("steps.retime", "bc.retime(model, timestep)"),
@@ -54,6 +68,8 @@ PARTS = {
         "craft.assembly.Mode",
         "craft.error.CraftError",
         "engine.bench.Composite",
+        "steps.step_map.TimeError",
+        "steps.sampled.SampledError",
     ),
     "Fit": (
         "chain.build.Status",
@@ -70,21 +86,41 @@ PARTS = {
     "Identification": (
         "craft.identification.result.IdentifiedMode",
         "craft.identification.start.Order",
-        "craft.identification.update.Update",
+    ),
+    "Linear": (
+        "engine.linear.Signal",
+        "engine.linear.Inputs",
+        "engine.linear.Outputs",
+        "engine.linear.Activations",
+        "engine.normal_modes.NormalModes",
     ),
     "Linearisation": ("engine.linearise.Held",),
     "Retimed": ("steps.forms.ModeTime",),
     "Segment": ("structure.segment.Stations", "structure.section.Geometry"),
-    "StabilityStudy": ("studies.stability.StepRow", "steps.budget.Budget", "steps.large_motion.LargeMotion"),
+    "StabilityStudy": (
+        "studies.stability.StepRow",
+        "steps.budget.Budget",
+        "steps.large_motion.LargeMotion",
+    ),
     "Study": ("studies.front.Reach", "studies.run_time.Point", "studies.field.Entry"),
     "Sweep": ("craft.variants.quantities.Quantity",),
-    "UncertainPlant": ("craft.robust.lft.Block", "craft.robust.worst.Loops", "craft.robust.worst.Peak"),
+    "UncertainPlant": (
+        "craft.robust.lft.Block",
+        "craft.robust.worst.Loops",
+        "craft.robust.worst.Peak",
+    ),
 }
-GYM = "craft.worlds.satellite.Satellite", "craft.worlds.satellite.Satellites", "craft.worlds.fleet.Fleet"
-WORDS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false", "null": ""}
+GYM = ("craft.worlds.satellite.Satellite",)
+WORDS = {
+    "number": "number",
+    "integer": "whole number",
+    "string": "text",
+    "boolean": "true or false",
+    "null": "",
+}
 
 
-# -- the specification -----------------------------------------------------------------------------------------------
+# -- the specification -----------------------------------------------------------------------------
 def options(prop: dict[str, Any]) -> list[dict[str, Any]]:
     """The alternatives of a property, those of nested unions included."""
     return [deep for one in prop["anyOf"] for deep in options(one)] if "anyOf" in prop else [prop]
@@ -97,12 +133,14 @@ def target(prop: dict[str, Any]) -> str | None:
 
 def tables(definitions: dict[str, Any], root: str) -> dict[str, str]:
     """Heading of every definition, in the order in which the file comes to it."""
-    headings, todo = {root: "Top level"}, [("", root)]
+    headings = {root: "Top level"}
+    todo = [("", root)]
     for path, name in todo:
         for key, prop in definitions[name]["properties"].items():
             place = f"{path}.{key}" if path else key
             for one in options(prop):
-                many, named = one.get("type") == "array", one.get("additionalProperties")
+                many = one.get("type") == "array"
+                named = one.get("additionalProperties")
                 inner = one["items"] if many else named
                 for found in options(inner) if isinstance(inner, dict) else [one]:
                     if (deep := target(found)) is None or deep in headings:
@@ -110,7 +148,9 @@ def tables(definitions: dict[str, Any], root: str) -> dict[str, str]:
                     shape = definitions[deep]["properties"].get("shape")
                     full = f"{place}.NAME" if isinstance(named, dict) else place
                     text = f"[[{full}]]" if many else full if path else f"[{full}]"
-                    headings[deep] = f"`{text}`" + (f', shape "{shape["enum"][0]}"' if shape else "")
+                    headings[deep] = f"`{text}`" + (
+                        f', shape "{shape["enum"][0]}"' if shape else ""
+                    )
                     todo.append((full, deep))
     return headings
 
@@ -125,7 +165,11 @@ def kind(prop: dict[str, Any], root: str) -> str:
             said.append(", ".join(f'`"{word}"`' for word in one["enum"]))
         elif one.get("type") == "array":
             inner = one["items"] or one["prefixItems"][0]
-            many = f" of {one['minItems']}" if "minItems" in one and one["minItems"] == one.get("maxItems") else ""
+            many = (
+                f" of {one['minItems']}"
+                if "minItems" in one and one["minItems"] == one.get("maxItems")
+                else ""
+            )
             said.append(f"list{many}: {kind(inner, root)}")
         elif one.get("type") == "object":
             said.append(f"table: {kind(one['additionalProperties'], root)} per key")
@@ -153,8 +197,8 @@ def keys(title: str, about: str, struct: type) -> str:
     definitions = msgspec.json.schema(struct)["$defs"]
     out = [
         f"# {title}\n",
-        f"{about} Units are SI and radians. A key without a default may be left out, and means then what its description "
-        "says.\n",
+        f"{about} Units are SI and radians. A key without a default may be left out, and means "
+        "then what its description says.\n",
     ]
     for name, heading in tables(definitions, struct.__name__).items():
         table = definitions[name]
@@ -162,29 +206,42 @@ def keys(title: str, about: str, struct: type) -> str:
         for key, prop in table["properties"].items():
             text = prop.get("description", "")
             unit = re.search(r"\s\[([^\]]+)\]$", text)
-            cells = (f"`{key}`", text[: unit.start()] if unit else text, kind(prop, struct.__name__), unit[1] if unit else "",
-                     default(prop, key in table.get("required", [])), bounds(prop))  # fmt: skip
+            cells = (
+                f"`{key}`",
+                text[: unit.start()] if unit else text,
+                kind(prop, struct.__name__),
+                unit[1] if unit else "",
+                default(prop, key in table.get("required", [])),
+                bounds(prop),
+            )
             rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
         head = "| key | meaning | type | unit | default | bounds |\n|---|---|---|---|---|---|"
         about = table.get("description", "").split("\n\n")[0]
-        out += [f"({struct.__name__}-{name})=\n## {heading}\n", f"{about}\n", "\n".join([head, *rows]) + "\n"]
+        out += [
+            f"({struct.__name__}-{name})=\n## {heading}\n",
+            f"{about}\n",
+            "\n".join([head, *rows]) + "\n",
+        ]
     return "\n".join(out)
 
 
-# -- the command line ------------------------------------------------------------------------------------------------
+# -- the command line ------------------------------------------------------------------------------
 def commands() -> str:
     """Every command with its options."""
     group: Any = typer.main.get_command(app)
     out = [
         "# Commands\n",
-        "Generated from the command line itself; `beamchain COMMAND --help` prints the same. Exit status: 0 success; 2 "
-        "wrong input, nothing written; 3 files written, but a requirement was not met.\n",
+        "Generated from the command line itself; `beamchain COMMAND --help` prints the same. Exit "
+        "status: 0 success; 2 wrong input, nothing written; 3 files written, but a requirement was "
+        "not met.\n",
     ]
     for name, command in group.commands.items():
         if command.hidden:
             continue
         paragraphs = inspect.cleandoc(command.help).split("\n\n")
-        examples = [text.removeprefix("Example: ") for text in paragraphs if text.startswith("Example: ")]
+        examples = [
+            text.removeprefix("Example: ") for text in paragraphs if text.startswith("Example: ")
+        ]
         rows = []
         for parameter in command.params:
             words = [*parameter.opts, *parameter.secondary_opts]
@@ -196,11 +253,18 @@ def commands() -> str:
             given = parameter.default
             plain = given is not None and not callable(given) and not (flag and given is False)
             text = f"`{given}`" if plain and type(given) in (bool, int, float, str) else ""
-            cells = f"{called} {value}", "required" if parameter.required else text, _plain(parameter.help or "")
+            cells = (
+                f"{called} {value}",
+                "required" if parameter.required else text,
+                _plain(parameter.help or ""),
+            )
             rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-        out += [f"## beamchain {name}\n", *(f"{text}\n" for text in paragraphs if not text.startswith("Example: ")),
-                "```sh\n" + "\n".join(examples) + "\n```\n",
-                "| argument or option | default | meaning |\n|---|---|---|\n" + "\n".join(rows) + "\n"]  # fmt: skip
+        out += [
+            f"## beamchain {name}\n",
+            *(f"{text}\n" for text in paragraphs if not text.startswith("Example: ")),
+            "```sh\n" + "\n".join(examples) + "\n```\n",
+            "| argument or option | default | meaning |\n|---|---|---|\n" + "\n".join(rows) + "\n",
+        ]
     return "\n".join(out)
 
 
@@ -209,7 +273,7 @@ def _plain(text: str) -> str:
     return re.sub(r"(?<![`\w-])(--[a-z][a-z-]*)", r"`\1`", text.replace("\\[", "["))
 
 
-# -- the Python interface --------------------------------------------------------------------------------------------
+# -- the Python interface --------------------------------------------------------------------------
 def names() -> list[str]:
     """The public names."""
     return [name for name in bc.__all__ if name != "__version__"]
@@ -220,10 +284,18 @@ def python() -> dict[str, str]:
     pages, rows = {}, {}
     for name in names():
         thing = getattr(bc, name)
-        group = "Functions" if not inspect.isclass(thing) else "Errors" if issubclass(thing, Exception) else "Classes"
+        group = (
+            "Functions"
+            if not inspect.isclass(thing)
+            else "Errors"
+            if issubclass(thing, Exception)
+            else "Classes"
+        )
         what = "autofunction" if group == "Functions" else "autoclass"
         options = {"Classes": (":members:",), "Errors": (":show-inheritance:",)}.get(group, ())
-        pages[f"reference/python/{name}.md"] = _page(f"bc.{name}", "", _shown(what, name, *options), name)
+        pages[f"reference/python/{name}.md"] = _page(
+            f"bc.{name}", "", _shown(what, name, *options), name
+        )
         rows.setdefault(group, []).append(f"| [{name}]({name}.md) | {_first(thing)} |")
     for name, (module, call) in RESULTS.items():
         thing = getattr(import_module(f"beamchain.{module}"), name)
@@ -232,10 +304,16 @@ def python() -> dict[str, str]:
             f", see [bc.{function[1]}](../python/{function[1]}.md)." if function else "."
         )
         ours = thing.__base__.__module__.startswith("beamchain.")
-        shown = _shown("autoclass", f"{module}.{name}", ":members:", *([":inherited-members:"] if ours else []))
+        # those of control.StateSpace stand in its docs
+        inherited = [":inherited-members: StateSpace"] if ours else []
+        shown = _shown("autoclass", f"{module}.{name}", ":members:", *inherited)
         pages[f"reference/results/{name}.md"] = _page(name, f"{about}\n\n", shown, name)
-        rows.setdefault("Results", []).append(f"| [{name}](../results/{name}.md) | `{call}` | {_first(thing)} |")
-    shown = "".join(_shown("autoclass", name, ":members:", ":no-inherited-members:") for name in GYM)
+        rows.setdefault("Results", []).append(
+            f"| [{name}](../results/{name}.md) | `{call}` | {_first(thing)} |"
+        )
+    shown = "".join(
+        _shown("autoclass", name, ":members:", ":no-inherited-members:") for name in GYM
+    )
     pages["reference/results/gym.md"] = _page(
         "beamchain.gym", "", _shown("automodule", "gym", ":no-index:") + shown, ""
     )
@@ -246,7 +324,9 @@ def python() -> dict[str, str]:
             text.append("## What the functions return\n")
             head = "| class | returned by | what it is |\n|---|---|---|"
             gym = 'gymnasium.make("beamchain.gym:beamchain/FlexibleSatellite-v0")'
-            rows[group].append(f"| [beamchain.gym](../results/gym.md) | `{gym}` | the Gymnasium environment |")
+            rows[group].append(
+                f"| [beamchain.gym](../results/gym.md) | `{gym}` | the Gymnasium environment |"
+            )
         else:
             text.append(f"## {group}\n")
         text.append(f"{head}\n" + "\n".join(rows[group]) + "\n")
@@ -257,22 +337,31 @@ def python() -> dict[str, str]:
 
 def _shown(what: str, name: str, *options: str) -> str:
     """An autodoc directive."""
-    return f".. {what}:: beamchain.{name}\n" + "".join(f"   {option}\n" for option in options) + "\n"
+    return (
+        f".. {what}:: beamchain.{name}\n" + "".join(f"   {option}\n" for option in options) + "\n"
+    )
 
 
 def _page(title: str, about: str, shown: str, name: str) -> str:
     """A page of what autodoc shows, with the parts of a class below it."""
-    parts = "".join(_shown("autoclass", part, ":members:", *_told(part)) for part in PARTS.get(name, ()))
+    parts = "".join(
+        _shown("autoclass", part, ":members:", *_told(part)) for part in PARTS.get(name, ())
+    )
     text = f"# {title}\n\n{about}```{{eval-rst}}\n{shown}```\n"
     return text + (f"\n## Its parts\n\n```{{eval-rst}}\n{parts}```\n" if parts else "")
 
 
 def _told(part: str) -> list[str]:
-    """The option that leaves out fields of a tuple that its docstring tells, or which have a comment of their own."""
+    """The option that leaves out fields of a tuple that its docstring tells,
+    or which have a comment of their own."""
     module, _, name = part.rpartition(".")
     thing = getattr(import_module(f"beamchain.{module}"), name)
     source = inspect.getsource(thing)
-    fields = [field for field in getattr(thing, "_fields", ()) if not re.search(rf"^    {field}: .*#:", source, re.M)]
+    fields = [
+        field
+        for field in getattr(thing, "_fields", ())
+        if not re.search(rf"^    {field}: .*#:", source, re.M)
+    ]
     return [f":exclude-members: {', '.join(fields)}"] if fields else []
 
 

@@ -1,7 +1,8 @@
 """For every test: small matrices in one thread.
 
-The shared builders in `support/` are importable from every test folder (`pythonpath` in pyproject.toml); this folder
-itself, which holds `extremes/`, is on `sys.path` because pytest puts that of the topmost conftest there.
+The shared builders in `support/` are importable from every test folder (`pythonpath` in
+pyproject.toml); this folder itself, which holds `extremes/`, is on `sys.path` because pytest puts
+that of the topmost conftest there.
 """
 
 import os

@@ -1,4 +1,5 @@
-"""What README, the pages and docstrings say is true: snippets and commands run, every public argument is told."""
+"""What README, the pages and docstrings say is true: snippets and commands run,
+every public argument is told."""
 
 import contextlib
 import inspect
@@ -14,15 +15,15 @@ import pytest
 
 import beamchain as bc
 import returned
-from beamchain.cli import app, main
-from beamchain.engine import backend
+from command import app, main
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
 HOWTO = sorted((ROOT / "docs" / "howto").glob("*.md"))
 PAGES = [README, *sorted((ROOT / "docs").glob("*.md")), *HOWTO]
 EMPTY = [ROOT / "docs" / "start.md", *HOWTO]  # these pages begin in an empty folder
-HOSTS = {"basilisk": "Basilisk.simulation.mujoco", "mjx": "mujoco.mjx", "warp": "mujoco_warp"}  # pages that need one
+# pages that need one
+HOSTS = {"basilisk": "Basilisk.simulation.mujoco", "mjx": "mujoco.mjx", "warp": "mujoco_warp"}
 QUICKER = {
     "--samples 1000": "--samples 8",
     "beamchain study": "beamchain study --budget 0.002 --duration 60",
@@ -33,31 +34,49 @@ DONE = (0, 3)  # exit: done; done but less came out than was asked for
 PUBLIC = [name for name in bc.__all__ if name != "__version__"]
 COMMANDS = {command.name for command in app.registered_commands}
 
-readme = pytest.mark.skipif(not README.is_file(), reason="README is not beside the tests (an installed wheel)")
+readme = pytest.mark.skipif(
+    not README.is_file(), reason="README is not beside the tests (an installed wheel)"
+)
 
 
 @readme
 def test_pictures_are_small_enough_to_load():
     pictures = [path for end in ("gif", "png", "svg") for path in (ROOT / "docs").glob(f"*.{end}")]
     assert pictures
-    assert {path.name: path.stat().st_size for path in pictures if path.stat().st_size > LARGEST} == {}
+    assert {
+        path.name: path.stat().st_size for path in pictures if path.stat().st_size > LARGEST
+    } == {}
 
 
-# -- README ----------------------------------------------------------------------------------------------------------
+# -- README ----------------------------------------------------------------------------------------
 def pieces(text):
-    """Python blocks, `beamchain` command lines, and files (blocks headed by their name), in the order in which they stand."""
+    """Python blocks, `beamchain` command lines, and files (blocks headed by their name),
+    in the order in which they stand."""
     text = re.sub(r" *\\\n\s*", " ", text)  # lines that go on
-    found = [(m.start(), "python", m[1]) for m in re.finditer(r"^```python\n(.*?)^```", text, re.S | re.M)]
-    outside = re.sub(r"^```(?:python|toml|json|xml)\n.*?^```", lambda m: "\n" * len(m[0]), text, flags=re.S | re.M)
+    found = [
+        (m.start(), "python", m[1])
+        for m in re.finditer(r"^```python\n(.*?)^```", text, re.S | re.M)
+    ]
+    outside = re.sub(
+        r"^```(?:python|toml|json|xml)\n.*?^```",
+        lambda m: "\n" * len(m[0]),
+        text,
+        flags=re.S | re.M,
+    )
     lines = re.finditer(r"^(?: {4,6}|\$ )?(beamchain [^\n]*?)(?:\s+#[^\n]*)?$", outside, re.M)
     found += [(m.start(), "command", m[1]) for m in lines]
-    files = re.finditer(r"^```(?:toml|xml)\n(?:# |<!-- )([\w.]+\.(?:toml|xml))(?: -->)?\n(.*?)^```", text, re.S | re.M)
+    files = re.finditer(
+        r"^```(?:toml|xml)\n(?:# |<!-- )([\w.]+\.(?:toml|xml))(?: -->)?\n(.*?)^```",
+        text,
+        re.S | re.M,
+    )
     found += [(m.start(), m[1], m[2]) for m in files]
     return [(kind, content) for _, kind, content in sorted(found)]
 
 
 def starting_files():
-    """What README's commands may take for granted beside them: the shipped specs, and a spacecraft to embed into."""
+    """What README's commands may take for granted beside them: the shipped specs,
+    and a spacecraft to embed into."""
     for kind in ("boom", "array", "mast"):
         run_command(f"beamchain init {kind} --quiet --force")
     examples = Path(bc.__file__).parent / "examples"
@@ -65,8 +84,10 @@ def starting_files():
     Path("generator/beamchain/examples").symlink_to(examples)
     Path("tests").mkdir()
     Path("tests/crafts").symlink_to(ROOT / "tests" / "crafts")
-    craft = """<mujoco model="craft"><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
-    <inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/><geom type="box" size=".5 .5 .5" mass="0"/>
+    craft = """<mujoco model="craft"><option gravity="0 0 0"/><worldbody><body name="bus">
+    <freejoint/>
+    <inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/>
+    <geom type="box" size=".5 .5 .5" mass="0"/>
     <site name="mount" pos="0.5 0 0"/><site name="left" pos="0 0.5 0" xyaxes="0 1 0 -1 0 0"/>
     </body></worldbody></mujoco>"""
     Path("craft.xml").write_text(craft)
@@ -84,28 +105,45 @@ def run_command(line):
     return 0
 
 
+def draws_with(name):
+    """Whether MuJoCo has a driver of this name to draw with, asked in a process of its own,
+    which a missing one may end."""
+    done = subprocess.run(
+        [sys.executable, "-c", "import mujoco; mujoco.GLContext(8, 8)"],
+        env={**os.environ, "MUJOCO_GL": name},
+        capture_output=True,
+        check=False,
+    )
+    return done.returncode == 0
+
+
 def named(page):
     return page.relative_to(ROOT).with_suffix("").as_posix()
 
 
-foreign = [pytest.mark.host, pytest.mark.filterwarnings("ignore")]  # other simulators warn of their own future
+# other simulators warn of their own future
+foreign = [pytest.mark.host, pytest.mark.filterwarnings("ignore")]
 
 
 @readme
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "page", [pytest.param(p, marks=foreign if p in HOWTO and p.stem in HOSTS else []) for p in PAGES], ids=named
+    "page",
+    [pytest.param(p, marks=foreign if p in HOWTO and p.stem in HOSTS else []) for p in PAGES],
+    ids=named,
 )
 def test_everything_on_the_page_runs(page, tmp_path, monkeypatch):
     if page in HOWTO and page.stem in HOSTS:
-        pytest.importorskip(HOSTS[page.stem], reason=f"{page.stem} is not installed: make hosts HOSTS={page.stem}")
+        pytest.importorskip(
+            HOSTS[page.stem], reason=f"{page.stem} is not installed: make hosts HOSTS={page.stem}"
+        )
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     if page not in EMPTY:
         starting_files()
     text = page.read_text(encoding="utf-8")
     names: dict[str, object] = {}
-    draws = any(backend._works(name) for name in backend.OFF_SCREEN)
+    draws = any(map(draws_with, ("egl", "osmesa")))
     for kind, content in pieces(text):
         if kind == "python":
             with contextlib.redirect_stdout(io.StringIO()):
@@ -123,7 +161,11 @@ def test_everything_on_the_page_runs(page, tmp_path, monkeypatch):
             for kind in ("toml", "xml"):
                 Path(f"{words[2]}.{kind}").unlink(missing_ok=True)
         done = subprocess.run(
-            [sys.executable, "-m", *words], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+            [sys.executable, "-m", *words],
+            capture_output=True,
+            text=True,
+            check=False,
+            stdin=subprocess.DEVNULL,
         )
         assert done.returncode in DONE, f"{content}\n{done.stderr}"
 
@@ -140,7 +182,8 @@ def test_readme_has_examples():
 def test_links_lead_somewhere(page):
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
     for target in re.findall(r"\]\(([^)#]+)\)", text):
-        if not target.startswith(("http:", "https:", "reference/", "../reference/")):  # generated: tests/test_site.py
+        # generated: tests/test_site.py
+        if not target.startswith(("http:", "https:", "reference/", "../reference/")):
             assert (page.parent / target).exists(), target
 
 
@@ -153,25 +196,32 @@ def test_commands_that_the_page_names_exist(page):
             assert word in COMMANDS or word.startswith("-"), content
 
 
-# -- help ------------------------------------------------------------------------------------------------------------
+# -- help ------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    "command", [c for c in app.registered_commands if not c.hidden], ids=lambda command: command.name
+    "command",
+    [c for c in app.registered_commands if not c.hidden],
+    ids=lambda command: command.name,
 )
 def test_examples_in_help_use_options_there_are(command, capsys, monkeypatch):
     lines = re.findall(r"^Example: (beamchain .*)$", inspect.getdoc(command.callback) or "", re.M)
     assert lines, command.name
     monkeypatch.setenv("COLUMNS", "200")
     assert run_command(f"beamchain {command.name} --help") == 0
-    known = set(re.findall(r"(?<![\w-])(--?[a-z][\w-]*)", re.sub(r"Example:.*", "", capsys.readouterr().out)))
+    known = set(
+        re.findall(
+            r"(?<![\w-])(--?[a-z][\w-]*)", re.sub(r"Example:.*", "", capsys.readouterr().out)
+        )
+    )
     for line in lines:
         words = shlex.split(line.split(" > ")[0])
         assert words[1] == command.name
         assert {word.split("=")[0] for word in words[2:] if word.startswith("-")} <= known, line
 
 
-# -- docstrings ------------------------------------------------------------------------------------------------------
+# -- docstrings ------------------------------------------------------------------------------------
 def told(text, name):
-    """Whether an argument is documented: an entry of its own, or named in the text as code or by its word."""
+    """Whether an argument is documented: an entry of its own,
+    or named in the text as code or by its word."""
     return re.search(rf"\b{re.escape(name)}\b", text) is not None
 
 
@@ -180,7 +230,11 @@ def arguments(thing):
         signature = inspect.signature(thing)
     except (TypeError, ValueError):
         return []
-    return [name for name in signature.parameters if name not in ("self", "cls") and not name.startswith("_")]
+    return [
+        name
+        for name in signature.parameters
+        if name not in ("self", "cls") and not name.startswith("_")
+    ]
 
 
 @pytest.mark.parametrize("name", PUBLIC)
@@ -192,12 +246,15 @@ def test_public_names_are_documented_with_every_argument(name):
     assert missing == []
 
 
-CLASSES = {name: getattr(bc, name) for name in PUBLIC if inspect.isclass(getattr(bc, name))} | returned.by_functions()
+CLASSES = {
+    name: getattr(bc, name) for name in PUBLIC if inspect.isclass(getattr(bc, name))
+} | returned.by_functions()
 METHODS = [
     (name, member)
     for name, thing in CLASSES.items()
     for member, value in vars(thing).items()
-    if not member.startswith("_") and (inspect.isfunction(value) or isinstance(value, (classmethod, property)))
+    if not member.startswith("_")
+    and (inspect.isfunction(value) or isinstance(value, (classmethod, property)))
 ]
 
 
@@ -221,7 +278,9 @@ def test_dimensions_have_their_units(name):
 
 @pytest.mark.skipif(not (ROOT / "docs").is_dir(), reason="docs are not beside the tests")
 def test_pages_and_sections_that_docstrings_cite_exist():
-    source = "".join(path.read_text(encoding="utf-8") for path in Path(bc.__file__).parent.rglob("*.py"))
+    source = "".join(
+        path.read_text(encoding="utf-8") for path in Path(bc.__file__).parent.rglob("*.py")
+    )
     cited = re.findall(r"(docs/\w+\.md)(?:, sections? (\d+)(?: and (\d+))?)?", source)
     assert len(cited) > 20
     for page, *sections in cited:
@@ -229,8 +288,10 @@ def test_pages_and_sections_that_docstrings_cite_exist():
         assert all(f"\n## {number}. " in text for number in sections if number), (page, sections)
 
 
-# -- files beside the package ----------------------------------------------------------------------------------------
-@pytest.mark.skipif(not (ROOT / "CITATION.cff").is_file(), reason="CITATION.cff is not beside the tests")
+# -- files beside the package ----------------------------------------------------------------------
+@pytest.mark.skipif(
+    not (ROOT / "CITATION.cff").is_file(), reason="CITATION.cff is not beside the tests"
+)
 def test_citation_is_of_this_version():
     text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"version: {bc.__version__}\n" in text
@@ -240,8 +301,14 @@ def test_citation_is_of_this_version():
 @pytest.mark.skipif(not (ROOT / "docs").is_dir(), reason="docs are not beside the tests")
 def test_words_of_the_symbol_table_are_in_the_code():
     text = (ROOT / "docs" / "symbols.md").read_text(encoding="utf-8")
-    source = "".join(path.read_text(encoding="utf-8") for path in Path(bc.__file__).parent.rglob("*.py"))
-    words = [w for row in re.findall(r"^\|[^|]*\|([^|]*)\|", text, re.M) for w in re.findall(r"`(\w+)`", row)]
+    source = "".join(
+        path.read_text(encoding="utf-8") for path in Path(bc.__file__).parent.rglob("*.py")
+    )
+    words = [
+        w
+        for row in re.findall(r"^\|[^|]*\|([^|]*)\|", text, re.M)
+        for w in re.findall(r"`(\w+)`", row)
+    ]
     assert len(words) > 15
     assert [word for word in words if word not in source] == []
 
@@ -250,8 +317,10 @@ def test_a_broken_readme_would_be_seen(tmp_path, monkeypatch):
     """The other way round: wrong commands and snippets fail."""
     monkeypatch.chdir(tmp_path)
     assert run_command("beamchain fit nothing.toml -o out") not in DONE
-    found = pieces("a\n\n    beamchain seed   # told\n\n```python\nx = 1\n```\n```toml\nbeamchain = 3\n```\n")
-    assert found == [("command", "beamchain seed"), ("python", "x = 1\n")]
+    found = pieces(
+        "a\n\n    beamchain schema   # told\n\n```python\nx = 1\n```\n```toml\nbeamchain = 3\n```\n"
+    )
+    assert found == [("command", "beamchain schema"), ("python", "x = 1\n")]
     assert not os.listdir(tmp_path)
 
 

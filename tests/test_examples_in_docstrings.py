@@ -1,4 +1,5 @@
-"""Every public name, and every class that a public function returns, has an example in its docstring, which gives what it says."""
+"""Every public name, and every class that a public function returns, has an example in its
+docstring, which gives what it says."""
 
 import doctest
 import importlib
@@ -16,7 +17,9 @@ MARKED = [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in (
 
 def run(found, name, folder, monkeypatch):
     monkeypatch.chdir(folder)
-    tests = [test for test in doctest.DocTestFinder(recurse=False).find(found, name) if test.examples]
+    tests = [
+        test for test in doctest.DocTestFinder(recurse=False).find(found, name) if test.examples
+    ]
     assert tests, f"{name} has no example in its docstring"
     told = []
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS, verbose=False)
@@ -32,5 +35,7 @@ def test_its_example_runs(name, tmp_path, monkeypatch):
 
 
 def test_the_example_of_the_environment_runs(tmp_path, monkeypatch):
-    pytest.importorskip("gymnasium", reason="Gymnasium is not installed: pip install 'beamchain[gym]'")
+    pytest.importorskip(
+        "gymnasium", reason="Gymnasium is not installed: pip install 'beamchain[gym]'"
+    )
     run(importlib.import_module("beamchain.gym"), "beamchain.gym", tmp_path, monkeypatch)

@@ -15,8 +15,18 @@ import beamchain
 
 SOURCE = Path(beamchain.__file__).parent
 SENTENCE = (
-    "ports", "structure", "chain", "mjcf", "engine", "steps", "fitting", "craft", "studies", "report", "cli",
-)  # fmt: skip
+    "ports",
+    "structure",
+    "chain",
+    "mjcf",
+    "engine",
+    "steps",
+    "fitting",
+    "craft",
+    "studies",
+    "report",
+    "cli",
+)
 HEAVY = ("mujoco", "lxml", "matplotlib", "control")
 
 
@@ -32,12 +42,49 @@ def modules() -> list[str]:
 MODULES = set(modules())
 
 PUBLIC = {
-    "Beam", "BeamchainError", "Box", "Custom", "Damping", "Draw", "Embedded", "Equivalent", "Fit",
-    "FitOptions", "HeldInput", "Hub", "InputError", "Joint", "Lump", "Material", "ModalData",
-    "Modes", "PortModel", "Rectangle", "Root", "Round", "Scene", "Segment",
-    "Spec", "Tube", "__version__", "compare", "embed", "fit", "identify", "linearise", "plant", "read_modes", "read_spec",
-    "retime", "stability", "start_velocity", "study", "sweep", "worlds",
-}  # fmt: skip
+    "Beam",
+    "BeamchainError",
+    "Box",
+    "Custom",
+    "Damping",
+    "Draw",
+    "Embedded",
+    "Equivalent",
+    "Fit",
+    "FitOptions",
+    "HeldInput",
+    "Hub",
+    "InputError",
+    "Joint",
+    "Linear",
+    "Lump",
+    "Material",
+    "ModalData",
+    "Modes",
+    "PortModel",
+    "Rectangle",
+    "Root",
+    "Round",
+    "Scene",
+    "Segment",
+    "Spec",
+    "Tube",
+    "__version__",
+    "compare",
+    "embed",
+    "fit",
+    "identify",
+    "linearise",
+    "plant",
+    "read_modes",
+    "read_spec",
+    "retime",
+    "stability",
+    "start_velocity",
+    "study",
+    "sweep",
+    "worlds",
+}
 
 
 def run(code: str) -> str:
@@ -46,7 +93,8 @@ def run(code: str) -> str:
 
 
 def imported(path: Path) -> Iterator[str]:
-    """Modules of the package that a file imports, `beamchain.` left off; lazy and type-only imports too.
+    """Modules of the package that a file imports, `beamchain.` left off;
+    lazy and type-only imports too.
 
     Left out is the one door: results may import `beamchain.report` itself, and nothing within it.
     """
@@ -60,7 +108,11 @@ def imported(path: Path) -> Iterator[str]:
                 inner = (f"{folder}.{alias.name}" for alias in node.names)
                 yield from (name if name in MODULES else folder for name in inner)
         elif isinstance(node, ast.Import):
-            yield from (a.name.removeprefix("beamchain.") for a in node.names if a.name.startswith("beamchain."))
+            yield from (
+                a.name.removeprefix("beamchain.")
+                for a in node.names
+                if a.name.startswith("beamchain.")
+            )
 
 
 def units() -> dict[str, set[str]]:
@@ -74,7 +126,7 @@ def units() -> dict[str, set[str]]:
     return out
 
 
-# -- public ------------------------------------------------------------------------------------------------------------
+# -- public ----------------------------------------------------------------------------------------
 def test_the_public_list_is_pinned():
     assert set(beamchain.__all__) == PUBLIC
     assert dir(beamchain) == sorted(PUBLIC)
@@ -87,7 +139,8 @@ def test_every_public_name_is_there(name):
 
 def test_an_unknown_name_lists_the_known_ones():
     with pytest.raises(
-        AttributeError, match=r"module 'beamchain' has no attribute 'fitt'; it has .*Beam, BeamchainError"
+        AttributeError,
+        match=r"module 'beamchain' has no attribute 'fitt'; it has .*Beam, BeamchainError",
     ):
         _ = beamchain.fitt
 
@@ -104,9 +157,12 @@ def test_type_checkers_see_the_same_list():
     assert seen | {"__version__"} == PUBLIC
 
 
-# -- what is loaded when -----------------------------------------------------------------------------------------------
+# -- what is loaded when ---------------------------------------------------------------------------
 def test_importing_beamchain_loads_nothing_heavy():
-    code = f"import sys, beamchain; print([m for m in {(*HEAVY, 'numpy', 'scipy')!r} if m in sys.modules])"
+    code = (
+        f"import sys, beamchain; print([m for m in {(*HEAVY, 'numpy', 'scipy')!r} if m in "
+        "sys.modules])"
+    )
     assert run(code) == "[]"
 
 
@@ -131,7 +187,7 @@ def test_a_fit_needs_no_pictures():
     assert run(code) == "True []"
 
 
-# -- who knows whom ----------------------------------------------------------------------------------------------------
+# -- who knows whom --------------------------------------------------------------------------------
 def test_each_folder_imports_only_what_stands_before_it():
     graph = units()
     for unit in SENTENCE:
@@ -145,13 +201,24 @@ def test_studies_are_of_appendages_alone():
 
 
 def test_every_folder_has_its_place():
-    assert set(units()) == {*SENTENCE, "caution", "checks", "errors", "files", "gym", "examples"}
+    assert set(units()) == {
+        *SENTENCE,
+        "caution",
+        "checks",
+        "dropped",
+        "errors",
+        "files",
+        "gym",
+        "examples",
+        "late",
+    }
 
 
 def test_no_module_is_imported_in_a_circle():
     places = {name: SOURCE.joinpath(*name.split(".")) for name in MODULES}
     files = {
-        name: place / "__init__.py" if place.is_dir() else place.with_suffix(".py") for name, place in places.items()
+        name: place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+        for name, place in places.items()
     }
     graph = {name: set(imported(file)) & MODULES for name, file in files.items()}
     while graph:
@@ -168,9 +235,15 @@ def test_errors_know_nobody():
 def test_only_one_place_imports_mujoco():
     for path in SOURCE.rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        names = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+        names = {
+            alias.name
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Import)
+            for alias in node.names
+        }
         names |= {node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-        if path.name != "library.py" and path.parent.name != "examples":  # a user's script is none of the package
+        # a user's script is none of the package
+        if path.name != "library.py" and path.parent.name != "examples":
             assert "mujoco" not in names, path
 
 

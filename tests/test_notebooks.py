@@ -24,17 +24,24 @@ def test_notebooks_run_with_the_package_under_test(tmp_path):
     """The kernel is this environment's: in that of the wheel the notebooks run with the wheel."""
     nbformat = pytest.importorskip("nbformat")
     nbclient = pytest.importorskip("nbclient")
-    cell = nbformat.v4.new_code_cell("import sys, beamchain; print(beamchain.__file__); print(sys.executable)")
+    cell = nbformat.v4.new_code_cell(
+        "import sys, beamchain; print(beamchain.__file__); print(sys.executable)"
+    )
     notebook = nbformat.v4.new_notebook(cells=[cell])
-    nbclient.NotebookClient(notebook, timeout=SECONDS, kernel_name="python3").execute(cwd=str(tmp_path))
-    file, python = "".join(output["text"] for output in cell["outputs"] if output.get("name") == "stdout").split()
+    nbclient.NotebookClient(notebook, timeout=SECONDS, kernel_name="python3").execute(
+        cwd=str(tmp_path)
+    )
+    file, python = "".join(
+        output["text"] for output in cell["outputs"] if output.get("name") == "stdout"
+    ).split()
     assert file == beamchain.__file__
     assert python == sys.executable
 
 
 @notebooks
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # what jupyter's own packages say of each other is not ours to mend
+# what jupyter's own packages say of each other is not ours to mend
+@pytest.mark.filterwarnings("ignore")
 def test_notebook_runs(path, tmp_path):
     nbformat = pytest.importorskip("nbformat")
     nbclient = pytest.importorskip("nbclient")
@@ -58,16 +65,30 @@ def test_notebook_is_executed_and_small(path):
 @notebooks
 def test_every_picture_has_a_text_for_those_who_do_not_see_it(path):
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-    drawing = [cell for cell in cells if any("image/png" in o.get("data", {}) for o in cell.get("outputs", []))]
+    drawing = [
+        cell
+        for cell in cells
+        if any("image/png" in o.get("data", {}) for o in cell.get("outputs", []))
+    ]
     texts = [cell["metadata"].get("mystnb", {}).get("image", {}).get("alt", "") for cell in drawing]
     assert all(len(text.split()) > 10 for text in texts), texts
     assert len(set(texts)) == len(texts)
 
 
-#: what the notebooks compare with or look into: the paper's chains, rivals, step limits; every other name is public
-RESEARCH = {f"beamchain.{name}" for name in (
-    "chain.rivals", "chain.seed", "structure.exact", "steps.budget", "steps.large_motion", "steps.measured_limit",
-)}  # fmt: skip
+#: what the notebooks compare with or look into: the paper's chains, rivals, step limits;
+#: every other name is public
+RESEARCH = {
+    f"beamchain.{name}"
+    for name in (
+        "chain.rivals",
+        "chain.seed",
+        "structure.exact",
+        "steps.budget",
+        "steps.large_motion",
+        "steps.measured_limit",
+        "studies.field",
+    )
+}
 
 
 @notebooks

@@ -1,4 +1,5 @@
-"""The documentation site: every key, command and public name is in it; nothing is dead, fetched or without a text."""
+"""Tests an internal as well, the struct `Controller` of a loops file. The documentation site: every
+key, command and public name is in it; nothing is dead, fetched or without a text."""
 
 import importlib.util
 import inspect
@@ -16,15 +17,18 @@ from lxml import html
 
 import beamchain as bc
 import returned
-from beamchain.cli import app
 from beamchain.craft.plants.loops import Controller
-from beamchain.fitting.spec import Spec
+from command import app
 
 DOCS = Path(__file__).parent.parent / "docs"
 SOURCES = [DOCS.parent / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("howto/*.md"))]
 NAMES = [name for name in bc.__all__ if name != "__version__"]
-pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="docs are not beside the tests (an installed wheel)")
-sources = pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(DOCS.parent).as_posix())
+pytestmark = pytest.mark.skipif(
+    not DOCS.is_dir(), reason="docs are not beside the tests (an installed wheel)"
+)
+sources = pytest.mark.parametrize(
+    "path", SOURCES, ids=lambda path: path.relative_to(DOCS.parent).as_posix()
+)
 
 
 @pytest.fixture(scope="module")
@@ -38,13 +42,18 @@ def pages():
     return module.pages()
 
 
-# -- what the pages say ----------------------------------------------------------------------------------------------
+# -- what the pages say ----------------------------------------------------------------------------
 def rows(text):
     """Cells of every table row."""
-    return [[cell.strip() for cell in line[1:-1].split(" | ")] for line in re.findall(r"^\| .* \|$", text, re.M)]
+    return [
+        [cell.strip() for cell in line[1:-1].split(" | ")]
+        for line in re.findall(r"^\| .* \|$", text, re.M)
+    ]
 
 
-@pytest.mark.parametrize(("page", "struct"), [("specification", Spec), ("controller", Controller)])
+@pytest.mark.parametrize(
+    ("page", "struct"), [("specification", bc.Spec), ("controller", Controller)]
+)
 def test_every_key_is_in_the_reference(pages, page, struct):
     """As often as there are tables with a key of that name."""
     definitions = msgspec.json.schema(struct)["$defs"].values()
@@ -62,7 +71,13 @@ def test_every_key_is_in_the_reference(pages, page, struct):
         ["`tip`", "true or false", "", "`false`", ""],
         ["`inertia`", "list of 3: number", "kg m^2", "required", "> 0"],
         ["`segment`", "list: [table](#Spec-Segment)", "", "", ""],
-        ["`axes`", 'list: `"tx"`, `"ty"`, `"tz"`, `"x"`, `"y"`, `"z"`', "", '`["x", "y", "z", "tx", "ty", "tz"]`', ""],
+        [
+            "`axes`",
+            'list: `"tx"`, `"ty"`, `"tz"`, `"x"`, `"y"`, `"z"`',
+            "",
+            '`["x", "y", "z", "tx", "ty", "tz"]`',
+            "",
+        ],
     ],
 )
 def test_a_key_has_type_unit_default_and_bounds(pages, expected):
@@ -70,9 +85,15 @@ def test_a_key_has_type_unit_default_and_bounds(pages, expected):
     assert expected in [[row[0], *row[2:]] for row in rows(pages["reference/specification.md"])]
 
 
-@pytest.mark.parametrize("command", [c for c in app.registered_commands if not c.hidden], ids=lambda c: c.name)
+@pytest.mark.parametrize(
+    "command", [c for c in app.registered_commands if not c.hidden], ids=lambda c: c.name
+)
 def test_every_command_and_option_is_in_the_reference(pages, command):
-    text = re.search(rf"^## beamchain {command.name}\n(.*?)(?=^## |\Z)", pages["reference/commands.md"], re.S | re.M)
+    text = re.search(
+        rf"^## beamchain {command.name}\n(.*?)(?=^## |\Z)",
+        pages["reference/commands.md"],
+        re.S | re.M,
+    )
     assert text is not None
     arguments = len(inspect.signature(command.callback).parameters)
     assert len([row for row in rows(text[1]) if row[0] != "argument or option"]) == arguments
@@ -89,18 +110,27 @@ def test_every_class_that_a_function_returns_has_a_page(pages):
     """By annotations: of public functions, and of the members of what they return."""
     shown = "".join(text for path, text in pages.items() if path.startswith("reference/results/"))
     for name, found in returned.by_functions().items():
-        assert f":: {found.__module__}.{name}\n   :members:" in pages[f"reference/results/{name}.md"]
+        assert (
+            f":: {found.__module__}.{name}\n   :members:" in pages[f"reference/results/{name}.md"]
+        )
         assert f"(../results/{name}.md)" in pages["reference/python/index.md"]
-    every = shown + "".join(text for path, text in pages.items() if path.startswith("reference/python/"))
-    assert [name for name, one in returned.by_all().items() if f":: {one.__module__}.{name}\n" not in every] == []
-    assert {"Worlds", "Plant", "ScheduledPlant", "UncertainPlant", "WorstCase", "Sweep"} <= set(returned.by_all())
+    every = shown + "".join(
+        text for path, text in pages.items() if path.startswith("reference/python/")
+    )
+    assert [
+        name
+        for name, one in returned.by_all().items()
+        if f":: {one.__module__}.{name}\n" not in every
+    ] == []
+    assert {"Worlds", "Plant", "ScheduledPlant", "UncertainPlant", "WorstCase", "Sweep"} <= set(
+        returned.by_all()
+    )
 
 
 def test_the_environment_has_a_page(pages):
     text = pages["reference/results/gym.md"]
     assert all(
-        f":: beamchain.{name}" in text
-        for name in ("gym", "craft.worlds.satellite.Satellite", "craft.worlds.fleet.Fleet")
+        f":: beamchain.{name}" in text for name in ("gym", "craft.worlds.satellite.Satellite")
     )
 
 
@@ -111,18 +141,31 @@ def test_one_title_and_a_text_for_every_picture(path):
     assert all(len(words) > 15 for words in re.findall(r"!\[([^\]]*)\]\(", text))
 
 
-# -- the site as built -----------------------------------------------------------------------------------------------
+# -- the site as built -----------------------------------------------------------------------------
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """Every page of the site, built with warnings as errors."""
     for name in ("sphinx", "myst_nb", "pydata_sphinx_theme", "latex2mathml"):
         pytest.importorskip(name, reason="the site's packages are not installed: make docs")
     folder = tmp_path_factory.mktemp("site")
-    words = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", folder / "read", DOCS, folder / "html"]
+    words = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-q",
+        "-W",
+        "--keep-going",
+        "-d",
+        folder / "read",
+        DOCS,
+        folder / "html",
+    ]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return {
-        path: html.parse(path).getroot() for path in (folder / "html").rglob("*.html") if "_static" not in path.parts
+        path: html.parse(path).getroot()
+        for path in (folder / "html").rglob("*.html")
+        if "_static" not in path.parts
     }
 
 
@@ -147,25 +190,32 @@ def test_nothing_is_fetched(site):
         (path.name, address)
         for path, page in site.items()
         for address in page.xpath(
-            "//script/@src | //link[@rel='stylesheet' or @rel='preload']/@href | //img/@src | //iframe/@src"
+            "//script/@src | //link[@rel='stylesheet' or @rel='preload']/@href | //img/@src | "
+            "//iframe/@src"
         )
         if re.match(r"(https?:)?//", address)
     ]
     folder = min(site, key=lambda path: len(path.parts)).parent
     for style in folder.rglob("*.css"):
-        found += re.findall(r"(?:url\(|@import )['\"]?(?:https?:)?//[^)]*", style.read_text(encoding="utf-8"))
+        found += re.findall(
+            r"(?:url\(|@import )['\"]?(?:https?:)?//[^)]*", style.read_text(encoding="utf-8")
+        )
     assert found == []
 
 
 @pytest.mark.slow
 def test_headings_and_pictures(site):
-    """One title per page, no level left out, and words for every picture, those of notebooks included."""
+    """One title per page, no level left out, and words for every picture,
+    those of notebooks included."""
     for path, page in site.items():
         levels = [
-            int(heading.tag[1]) for heading in page.xpath("//main//*[self::h1 or self::h2 or self::h3 or self::h4]")
+            int(heading.tag[1])
+            for heading in page.xpath("//main//*[self::h1 or self::h2 or self::h3 or self::h4]")
         ]
         assert levels.count(1) == 1, path
-        assert all(after <= before + 1 for before, after in zip(levels, levels[1:], strict=False)), path
+        assert all(
+            after <= before + 1 for before, after in zip(levels, levels[1:], strict=False)
+        ), path
         texts = [picture.get("alt") or "" for picture in page.xpath("//main//img")]
         assert all(len(text.split()) > 3 for text in texts), (path, texts)
         assert len(set(texts)) == len(texts), path
@@ -183,7 +233,10 @@ def test_no_title_stands_twice_in_the_navigation(site):
 def test_numbers_stay_on_one_line(site):
     """Browsers break a line at the hyphen of an exponent."""
     for path, page in site.items():
-        texts = page.xpath("//main//td//text()[not(ancestor::code or ancestor::*[@class='together'] or ancestor::pre)]")
+        texts = page.xpath(
+            "//main//td//text()[not(ancestor::code or ancestor::*[@class='together'] or "
+            "ancestor::pre)]"
+        )
         assert [text for text in texts if re.search(r"\de-\d", text)] == [], path
 
 
@@ -197,13 +250,17 @@ def test_options_keep_both_dashes(site):
 @pytest.mark.slow
 def test_no_header_of_a_column_is_empty(site):
     for path, page in site.items():
-        assert [cell for cell in page.xpath("//main//th") if not cell.text_content().strip()] == [], path
+        assert [
+            cell for cell in page.xpath("//main//th") if not cell.text_content().strip()
+        ] == [], path
 
 
 @pytest.mark.slow
 def test_every_name_is_shown_with_its_example(site):
     folders = ("python", "results")
-    shown = {path.stem: page.text_content() for path, page in site.items() if path.parent.name in folders}
+    shown = {
+        path.stem: page.text_content() for path, page in site.items() if path.parent.name in folders
+    }
     names = [*NAMES, *returned.by_functions(), "UncertainPlant", "WorstCase"]
     assert set(names) <= set(shown)
     assert [name for name in names if ">>> import beamchain as bc" not in shown[name]] == []
@@ -214,5 +271,7 @@ def test_notebooks_show_their_outputs(site):
     pages = {path.stem: page for path, page in site.items() if path.parent.name == "notebooks"}
     for path in DOCS.parent.glob("notebooks/*.ipynb"):
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-        pictures = sum("image/png" in o.get("data", {}) for cell in cells for o in cell.get("outputs", []))
+        pictures = sum(
+            "image/png" in o.get("data", {}) for cell in cells for o in cell.get("outputs", [])
+        )
         assert len(pages[path.stem].xpath("//main//img")) >= pictures

@@ -7,6 +7,8 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
+from beamchain.late import importing
+
 if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded as Embedded
     from beamchain.craft.embedding import embed as embed
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
     from beamchain.craft.plants.plant import plant as plant
     from beamchain.craft.variants.sweep import sweep as sweep
     from beamchain.craft.worlds.worlds import worlds as worlds
+    from beamchain.engine.linear import Linear as Linear
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
     from beamchain.errors import InputError as InputError
@@ -52,6 +55,7 @@ if TYPE_CHECKING:
 _PLACES = {
     "craft.embedded": ("Embedded",),
     "craft.embedding": ("embed",),
+    "engine.linear": ("Linear",),
     "engine.linearise": ("linearise",),
     "errors": (
         "BeamchainError",
@@ -106,8 +110,11 @@ if not TYPE_CHECKING:  # a type checker that sees it takes every misspelt name f
 
     def __getattr__(name: str) -> Any:
         if name not in _HOME:
-            raise AttributeError(f"module 'beamchain' has no attribute {name!r}; it has {', '.join(__all__)}")
-        value = getattr(import_module(f"beamchain.{_HOME[name]}"), name)
+            raise AttributeError(
+                f"module 'beamchain' has no attribute {name!r}; it has {', '.join(__all__)}"
+            )
+        with importing:
+            value = getattr(import_module(f"beamchain.{_HOME[name]}"), name)
         globals()[name] = value
         return value
 

@@ -5,7 +5,8 @@ from typing import Self
 
 #: what each code stands for; docs/warnings.md lists them
 CODES = {
-    "alignfree": "MuJoCo defines a body's frame differently as soon as the body carries an appendage",
+    "alignfree": "MuJoCo defines a body's frame differently as soon as the body carries an "
+    "appendage",
     "collisions": "shapes of the appendages collide",
     "discrete-damping": "the integrator discrete damps the kept modes more than the structure does",
     "equality": "equality constraints of the spacecraft are left out of the verification",
@@ -14,18 +15,21 @@ CODES = {
     "gravity": "gravity acts on the spacecraft",
     "high-damping": "a damping ratio of 0.1 or more is stated",
     "hinge-damping": "plain joint damping cannot give every mode its damping ratio",
-    "huge-section": "a section is very wide for the appendage's length, probably because of a wrong unit",
+    "huge-section": "a section is very wide for the appendage's length, probably because of a "
+    "wrong unit",
     "inaccurate-step": "the scene's step is stable but misses the scene's tolerance",
     "joints-behind": "the appendage is mounted behind joints of the spacecraft",
     "held-ports": "the spacecraft's joints hold a port, wholly or in part",
     "large-motion": "a run or a keyframe exceeds a chain's large-motion limits",
     "large-motion-unknown": "the large-motion limits of the chain could not be computed",
-    "left-certain": "structural properties that are uncertain are left certain in an uncertain plant",
+    "left-certain": "structural properties that are uncertain are left certain in an uncertain "
+    "plant",
     "light-material": "a density below that of foam is stated",
     "medium": "the density or viscosity of a medium causes drag on the links",
     "not-exact-in-time": "the spacecraft's integrator cannot be made exact in time",
     "other-hub": "the hub in the specification differs from that of the spacecraft",
-    "other-step": "a model runs at another step or integrator than the one its appendages were made for",
+    "other-step": "a model runs at another step or integrator than the one its appendages were "
+    "made for",
     "overdamped": "nothing oscillates in a model; its step limits are left out",
     "ports-coupled": "two ports that should be independent are coupled in the compiled model",
     "preloaded-spring": "a spring of the spacecraft is preloaded at rest",
@@ -35,16 +39,17 @@ CODES = {
     "soft-material": "a Young's modulus below that of rubber is stated",
     "stocky-beam": "Euler's beam theory is used for an appendage so short that shear matters",
     "tendon-damping": "Euler treats the damping of tendons explicitly",
+    "time-error": "the poles of a model at its step are not those of exact motion",
     "turn-error": "the step's error in the rotation of the rigid spacecraft exceeds the tolerance",
     "unstable-step": "the step is beyond the integrator's stability limit",
     "coloured-residuals": "what an identified model leaves of a log is not white",
+    "delay": "torques of a log act later or earlier than the log says",
     "log-gaps": "a log has gaps",
     "model-order": "a log supports another number of modes than was asked for",
     "proportional-torques": "the torques of a log are multiples of each other",
     "prior-contradicted": "a log contradicts what was believed before",
     "sensor": "a sensor of a log saturates or is coarse",
     "undetermined": "a log does not determine something",
-    "offset": "the sensors of a log lag behind its torques",
     "other": "anything else",
 }
 
@@ -85,7 +90,8 @@ def at(place: str, warning: str) -> str:
 
 
 def warnings_record(warnings: Iterable[str]) -> dict[str, list[str] | list[dict[str, str]]]:
-    """`warnings`, sentences, and `warning_codes`, each with its code, as they stand in every record."""
+    """`warnings`, sentences, and `warning_codes`, each with its code,
+    as they stand in every record."""
     said = list(warnings)
     coded = [{"code": w.code if isinstance(w, Caution) else "other", "text": str(w)} for w in said]
     return {"warnings": [str(w) for w in said], "warning_codes": coded}

@@ -3,14 +3,22 @@
 import difflib
 import inspect
 import math
+import unicodedata
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache, partial
 from numbers import Integral, Real
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
+from beamchain import dropped
 from beamchain.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 LARGEST = 1e30  # beyond this a product of three inputs leaves double precision
 
@@ -24,10 +32,11 @@ def field(
     most: float | None = None,
     cure: str = "",
 ) -> msgspec.Meta:
-    """What a field of a `Struct` means, for `Annotated`: checks, docstring, JSON schema and templates take it from here.
+    """What a field of a `Struct` means, for `Annotated`: checks, docstring,
+    JSON schema and templates take it from here.
 
-    `unit`: of each number, "" for a pure one, None where there is none; `above` is exclusive, `least` and `most` are
-    inclusive; `cure`: what to do about a number that is out of bounds.
+    `unit`: of each number, "" for a pure one, None where there is none; `above` is exclusive,
+    `least` and `most` are inclusive; `cure`: what to do about a number that is out of bounds.
     """
 
     def check(name: str, value: Any, *, whole: bool = False) -> None:
@@ -37,9 +46,13 @@ def field(
         elif whole:
             whole_number(name, value, int(least or 0), int(most or LARGEST))
         elif most is not None:
-            given, low = number(name, value, unit or "", cure=cure), -math.inf if above is None else above
+            given = number(name, value, unit or "", cure=cure)
+            low = -math.inf if above is None else above
             if not low < given <= most:
-                raise InputError(f"{name} = {given!r} must lie above {low:g} and be at most {most:g}. {cure}".strip())
+                raise InputError(
+                    f"{name} = {given!r} must lie above {low:g} and "
+                    f"be at most {most:g}. {cure}".strip()
+                )
         else:
             plain = positive if above == 0.0 else not_negative if least == 0.0 else number
             plain(name, value, unit or "", cure=cure)
@@ -60,13 +73,16 @@ def descriptions(struct: type) -> dict[str, str]:
 def _metas(struct: type) -> dict[str, msgspec.Meta]:
     """The annotation of each field that has one."""
     hints = get_type_hints(struct, include_extras=True)
-    found = {name: [a for a in getattr(hints[name], "__metadata__", ()) if isinstance(a, msgspec.Meta)]
-             for name in struct.__struct_fields__}  # fmt: skip
+    found = {
+        name: [a for a in getattr(hints[name], "__metadata__", ()) if isinstance(a, msgspec.Meta)]
+        for name in struct.__struct_fields__
+    }
     return {name: metas[0] for name, metas in found.items() if metas}
 
 
 class _Answering(msgspec.StructMeta):
-    """Lists the fields in the docstring, and answers a call that does not fit them with what they are."""
+    """Lists the fields in the docstring, and answers a call that does not fit them
+    with what they are."""
 
     def __init__(cls, *args: Any, **kwargs: Any) -> None:  # noqa: N805
         super().__init__(*args, **kwargs)
@@ -81,20 +97,30 @@ class _Answering(msgspec.StructMeta):
             takes = f"it takes {', '.join(fields)}, each by its name."
             for name in kwargs:
                 if name not in fields:
-                    raise InputError(f"{cls.__name__} has no field {name!r}; {meant(name, fields)}{takes}")
+                    dropped.check(f"{cls.__name__}({name})")
+                    raise InputError(
+                        f"{cls.__name__} has no field {name!r}; {meant(name, fields)}{takes}"
+                    )
             if args:
-                raise InputError(f"{cls.__name__}: {args[0]!r:.60} is given without a name; {takes}")
+                raise InputError(
+                    f"{cls.__name__}: {args[0]!r:.60} is given without a name; {takes}"
+                )
             try:
                 return super().__call__(*args, **kwargs)
             except TypeError:
-                missing = [f.name for f in msgspec.structs.fields(cls) if f.required and f.name not in kwargs]
+                missing = [
+                    f.name
+                    for f in msgspec.structs.fields(cls)
+                    if f.required and f.name not in kwargs
+                ]
                 if not missing:
                     raise
                 raise InputError(f"{cls.__name__}: {missing[0]} is missing; {takes}") from None
 
 
 class Struct(msgspec.Struct, frozen=True, kw_only=True, metaclass=_Answering):
-    """Base of everything that a user fills in, in Python or in TOML; a field's bounds stand in its annotation."""
+    """Base of everything that a user fills in, in Python or in TOML;
+    a field's bounds stand in its annotation."""
 
     def __post_init__(self) -> None:
         own_numbers(self)
@@ -106,7 +132,8 @@ class Struct(msgspec.Struct, frozen=True, kw_only=True, metaclass=_Answering):
 
 @cache
 def _checks(struct: type) -> list[tuple[str, bool, Callable[[str, Any], object]]]:
-    """Per field that has a bound or a choice of words: name, whether it may be None, and its check."""
+    """Per field that has a bound or a choice of words: name, whether it may be None,
+    and its check."""
     out: list[tuple[str, bool, Callable[[str, Any], object]]] = []
     metas = _metas(struct)
     for name, hint in get_type_hints(struct).items():
@@ -132,14 +159,26 @@ def _each_word(words: tuple[str, ...], name: str, value: object) -> None:
         one_of(name, word, words)
 
 
+def shown(value: object) -> str:
+    """The beginning of how Python writes a value, on one line."""
+    return " ".join(f"{value!r:.60}".split())
+
+
 def number(field: str, value: object, unit: str, *, cure: str = "") -> float:
-    """A finite number, or an `InputError` that names the `field` and ends with the `cure`; `unit` "": a pure number."""
+    """A finite number, or an `InputError` that names the `field` and ends with the `cure`;
+    `unit` "": a pure number."""
     wanted = f"a finite number{f' in {unit}' if unit else ''} is needed"
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise InputError(f"{field} = {value!r} is not a number; {wanted}. {cure or f'Write {field} = 1.0.'}".strip())
+        given = shown(value)
+        raise InputError(
+            f"{field} = {given} is not a number; {wanted}. "
+            f"{cure or f'Write {field} = 1.0.'}".strip()
+        )
     result = float(value)
     if not math.isfinite(result) or abs(result) > LARGEST:
-        raise InputError(f"{field} = {result!r} cannot be used; {wanted}, at most {LARGEST:g}. {cure}".strip())
+        raise InputError(
+            f"{field} = {result!r} cannot be used; {wanted}, at most {LARGEST:g}. {cure}".strip()
+        )
     return result
 
 
@@ -148,7 +187,8 @@ def positive(field: str, value: object, unit: str, *, cure: str = "") -> float:
     result = number(field, value, unit, cure=cure)
     if not result > 1e-30:
         raise InputError(
-            f"{field} = {result!r} must be above {'zero' if result <= 0.0 else '1e-30'}{f' ({unit})' if unit else ''}. "
+            f"{field} = {result!r} must be above "
+            f"{'zero' if result <= 0.0 else '1e-30'}{f' ({unit})' if unit else ''}. "
             + (cure or f"Give {field} a positive value.")
         )
     return result
@@ -168,12 +208,13 @@ def not_negative(field: str, value: object, unit: str, *, cure: str = "") -> flo
 def one_of(field: str, value: object, choices: Iterable[str]) -> None:
     """`value` is one of the words in `choices`."""
     words = list(choices)
-    if value not in words:
+    if not isinstance(value, str) or value not in words:
         raise InputError(f"{field} = {value!r} is unknown; choose one of {', '.join(words)}.")
 
 
 def meant(word: object, words: Iterable[str]) -> str:
-    """The question whether the nearest of `words` was meant, with a space behind it; empty where none is near."""
+    """The question whether the nearest of `words` was meant, with a space behind it;
+    empty where none is near."""
     near = difflib.get_close_matches(str(word), list(words), n=1)
     return f"did you mean {near[0]!r}? " if near else ""
 
@@ -182,22 +223,112 @@ def unknown(field: str, value: object, names: Iterable[str], cure: str = "") -> 
     """The answer to a name that is none of those there are."""
     known = [name for name in names if name]
     return InputError(
-        f"{field} = {value!r} is unknown; {meant(value, known)}choose from {', '.join(known) or 'none, for there are none'}."
-        f"{f' {cure}' if cure else ''}"
+        f"{field} = {value!r} is unknown; {meant(value, known)}choose from "
+        f"{', '.join(known) or 'none, for there are none'}.{f' {cure}' if cure else ''}"
     )
 
 
 def whole_number(field: str, value: object, least: int, most: int) -> int:
     """A whole number from `least` to `most`."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= int(value) <= most:
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, Integral)
+        or not least <= int(value) <= most
+    ):
         raise InputError(f"{field} = {value!r} must be a whole number from {least} to {most}.")
     return int(value)
 
 
-def own_numbers(struct: msgspec.Struct) -> None:
-    """Turn NumPy's scalars and arrays, fractions and lists in a struct into Python's numbers and tuples, in place.
+def finite_array(
+    field: str,
+    value: object,
+    *shapes: tuple[int | None, ...],
+    unit: str = "",
+    most: float = math.inf,
+) -> "NDArray[np.float64]":
+    """An array of finite numbers, none larger than `most`, of one of the shapes;
+    None in a shape: any length."""
+    wanted = f"finite numbers{f' ({unit})' if unit else ''}"
+    if shapes:
+        sizes = [
+            str(tuple("any" if n is None else n for n in shape)).replace("'", "")
+            for shape in shapes
+        ]
+        wanted += f" of the shape {' or '.join(sizes)}"
+    given = as_array(field, value, wanted)
+    if shapes and not any(_has_shape(given.shape, shape) for shape in shapes):
+        raise InputError(
+            f"{field} = {value!r:.60} has the shape {given.shape}; {wanted} are needed."
+        )
+    sound = (abs(given) <= most) & (abs(given) < math.inf)
+    if not sound.all():
+        place = [int(i[0]) for i in (~sound).nonzero()] if given.ndim else []
+        limit = f", at most {most:g} in size" if math.isfinite(most) else ""
+        number_at = f"{field}{place if place else ''} is {given[tuple(place)]:g}"
+        raise InputError(f"{number_at}; {wanted}{limit} are needed.")
+    return given
 
-    So every struct can be hashed, compared and written. What is no number stays, for the checks to name.
+
+def as_array(field: str, value: object, wanted: str = "numbers") -> "NDArray[np.float64]":
+    """An array of numbers of any size and shape, a copy."""
+    import numpy as np
+
+    try:
+        given = np.asarray(value)
+        if given.dtype.kind not in "UScV":
+            return given.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise InputError(f"{field} = {value!r:.60} is a {type(value).__name__}; {wanted} are needed.")
+
+
+def _has_shape(shape: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
+    return len(shape) == len(wanted) and all(
+        n in (None, size) for n, size in zip(wanted, shape, strict=True)
+    )
+
+
+def of_type(field: str, value: object, kinds: type | tuple[type, ...], wanted: str) -> None:
+    """`value` is of a type; `wanted` says in words what to give."""
+    if not isinstance(value, kinds):
+        raise InputError(f"{field} = {value!r:.60} is a {type(value).__name__}; give {wanted}.")
+
+
+def path_of(field: str, value: object, wanted: str = "the path of a file") -> Path:
+    """A path, given as text or as one."""
+    of_type(field, value, (str, PathLike), wanted)
+    assert isinstance(value, str | PathLike)
+    try:
+        return Path(value)
+    except TypeError:  # a path of bytes
+        raise InputError(f"{field} = {value!r:.60} is no text; give {wanted}.") from None
+
+
+def list_of_names(field: str, value: object) -> list[str]:
+    """A list of names; a single word is none."""
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise InputError(f'{field} = {value!r:.60} must be a list of names; write {field}=["..."].')
+    out = list(value)
+    for name in out:
+        of_type(f"an entry of {field}", name, str, "a name")
+    return [str(name) for name in out]
+
+
+def true_or_false(field: str, value: object) -> bool:
+    """A switch of an argument; NumPy's booleans are taken."""
+    if not isinstance(value, bool) and type(value).__name__ not in ("bool", "bool_"):
+        raise InputError(
+            f"{field} = {shown(value)} is a {type(value).__name__}; give True or False."
+        )
+    return bool(value)
+
+
+def own_numbers(struct: msgspec.Struct) -> None:
+    """Turn NumPy's scalars and arrays, fractions and lists in a struct into Python's numbers
+    and tuples, in place.
+
+    So every struct can be hashed, compared and written. What is no number stays,
+    for the checks to name.
     """
     for name in struct.__struct_fields__:
         given = getattr(struct, name)
@@ -207,7 +338,11 @@ def own_numbers(struct: msgspec.Struct) -> None:
 
 
 def _own(value: Any) -> Any:
-    if value is None or isinstance(value, bool | msgspec.Struct) or type(value) in (int, float, str):
+    if (
+        value is None
+        or isinstance(value, bool | msgspec.Struct)
+        or type(value) in (int, float, str)
+    ):
         return value
     if isinstance(value, dict):
         return {key: _own(item) for key, item in value.items()}
@@ -223,3 +358,19 @@ def _own(value: Any) -> Any:
         return float(value) if isinstance(value, Real) else value
     except OverflowError:
         return value
+
+
+#: kinds of characters that show nothing, or change how others are shown: control, direction,
+#: half a pair, separators
+_UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")
+
+
+def printable(text: str) -> str:
+    """A text that holds users' names, as it is shown:
+    what a terminal or page would act upon is spelled out."""
+    if text.isprintable():
+        return text
+    kept = (
+        c if c in "\n\t" or unicodedata.category(c) not in _UNSEEN else ascii(c)[1:-1] for c in text
+    )
+    return "".join(kept)

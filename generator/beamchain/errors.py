@@ -1,8 +1,18 @@
-"""The errors that beamchain raises. Every message names the field, the value, what is allowed and the remedy."""
+"""The errors that beamchain raises. Every message names the field, the value,
+what is allowed and the remedy."""
+
+import re
+
+LONGEST_WORD = 120  # letters; paths of ordinary folders are shorter
+KEPT = 30  # letters at either end of a longer word
 
 
 class BeamchainError(Exception):
-    """Base class of every error that beamchain raises deliberately; the command line prints it and exits with status 2.
+    """Base class of every error that beamchain raises deliberately;
+    the command line prints it and exits with status 2.
+
+    Args:
+        message: one sentence; words of more than 120 letters are shortened.
 
     Example:
         >>> import beamchain as bc
@@ -13,16 +23,27 @@ class BeamchainError(Exception):
         InputError
     """
 
+    def __init__(self, message: object = "") -> None:
+        super().__init__(shorten_words(str(message)))
+
+
+def shorten_words(text: str) -> str:
+    """The text, with the middle of every word of more than `LONGEST_WORD` letters left out."""
+    return re.sub(
+        rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:KEPT]}...{word[0][-KEPT:]}", text
+    )
+
 
 class InputError(BeamchainError, ValueError):
-    """A value the user gave cannot be used.
+    """A value the user gave cannot be used; the message names the field,
+    the value and what is allowed.
 
     Example:
         >>> import beamchain as bc
         >>> bc.Round(diameter=-1.0)
         Traceback (most recent call last):
             ...
-        beamchain.errors.InputError: diameter = -1.0 must be above zero (m). Give diameter a positive value.
+        beamchain.errors.InputError: diameter = -1.0 must be above zero (m). ...
     """
 
 
@@ -41,7 +62,8 @@ class OutputError(BeamchainError, OSError):
 
 
 class RealisationError(BeamchainError, ArithmeticError):
-    """No physical chain (all masses, lengths and stiffnesses positive) has the wanted port behaviour.
+    """No physical chain (all masses, lengths and stiffnesses positive) has the
+    wanted port behaviour.
 
     Example:
         >>> import beamchain as bc
@@ -51,7 +73,7 @@ class RealisationError(BeamchainError, ArithmeticError):
         >>> bc.fit(bc.Beam(segments=(rod,), lumps=(payload,)), target="free")
         Traceback (most recent call last):
             ...
-        beamchain.errors.RealisationError: with 2 free modes the root is too light beside the rest: ...
+        beamchain.errors.RealisationError: with 2 free modes the root is too light ...
     """
 
 

@@ -1,59 +1,62 @@
-"""The environment `beamchain/FlexibleSatellite-v0` of Gymnasium, which imports this module when asked for it.
+"""The environment `beamchain/FlexibleSatellite-v0` of Gymnasium,
+which imports this module when asked for it.
 
-A satellite with two arrays, or your own, is turned to a drawn attitude by its wheels and held there. Needs
-`pip install 'beamchain[gym]'`. `gymnasium.make("beamchain.gym:beamchain/FlexibleSatellite-v0")` makes one,
-`gymnasium.make_vec` with `num_envs=1024` many that are stepped together; the name starts with the module that registers it.
+A satellite with two arrays, or your own, is turned to a drawn attitude by its wheels and held
+there. Needs `pip install 'beamchain[gym]'`.
+`gymnasium.make("beamchain.gym:beamchain/FlexibleSatellite-v0")` makes one; the name starts with the
+module that registers it. `gymnasium.make_vec` makes several, one after the other or in processes;
+for thousands at once step `bc.worlds` yourself.
 
 * Action: a torque per wheel, from -1 to 1 of the largest, held over `period`; float32, `(wheels,)`.
-* Observation, float64, `(6 + wheels,)`: the rotation from the wanted attitude in body axes [rad], the mean rate over the last
+* Observation, float64, `(6 + wheels,)`: the rotation from the wanted attitude in body axes [rad],
+  the mean rate over the last
   period [rad/s], and each wheel's momentum over the largest.
 * Reward: `-(angle/slew)^2` less a hundredth of the mean square of the torques over their largest.
 * Termination: where the simulation diverges. Truncation: after `episode` seconds.
 * `info`: the true `angle` [rad], and the amplitudes `modes` of the appendages.
-* Randomisation: every episode draws frequencies within 10 % and damping within 50 %; `variants=None` switches that off,
-  `variants={"frequency": 0.05}` or all else that `bc.worlds` takes replaces it. `noise=(0.0, 0.0)` takes noise off the sensors.
-* Further options are those of `Fleet`, given to `make` or `make_vec`: model, period, timestep, episode, slew, torque,
-  momentum, host, threads. `reset(options={"turn": (x, y, z)})` gives the turn [rad] instead of drawing it.
+* Randomisation: every episode draws frequencies within 10 % and damping within 50 %;
+  `variants=None` switches that off,
+  `variants={"frequency": 0.05}` or all else that `bc.worlds` takes replaces it.
+  `noise=(0.0, 0.0)` takes noise off the sensors.
+* Further options are those of `Satellite`, given to `make`: model, period, timestep, episode, slew,
+  torque, momentum.
+* `reset(options={"turn": (x, y, z)})` gives the turn [rad] instead of drawing it.
 
 Example:
     >>> import gymnasium
     >>> name = "beamchain.gym:beamchain/FlexibleSatellite-v0"
-    >>> many = gymnasium.make_vec(name, num_envs=4, variants=None, episode=60.0)
-    >>> seen, _ = many.reset(seed=0)
-    >>> seen.shape, many.single_action_space.shape
-    ((4, 9), (3,))
-    >>> seen, reward, terminated, truncated, info = many.step(many.action_space.sample())
-    >>> reward.shape, info["modes"].shape
-    ((4,), (4, 6))
+    >>> env = gymnasium.make(name, variants=None, episode=60.0)
+    >>> seen, _ = env.reset(seed=0)
+    >>> seen.shape, env.action_space.shape
+    ((9,), (3,))
+    >>> seen, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    >>> info["modes"].shape
+    (6,)
 """
 
 from importlib import import_module
 from typing import Any
 
+from beamchain.dropped import check
 from beamchain.engine import backend
 from beamchain.errors import InputError
 
 NAME = "beamchain/FlexibleSatellite-v0"
 
 
-def one(**options: Any) -> Any:
+def satellite(**options: Any) -> Any:
     """One satellite."""
-    return _module(options).Satellite(**options)
-
-
-def many(**options: Any) -> Any:
-    """Satellites that are stepped together."""
-    return _module(options).Satellites(**options)
-
-
-def _module(options: dict[str, Any]) -> Any:
+    for name in options:
+        check(f"FlexibleSatellite-v0({name})")
     if options.get("render_mode") is not None:
         backend.choose()  # before MuJoCo is imported
-    return import_module("beamchain.craft.worlds.satellite")
+    return import_module("beamchain.craft.worlds.satellite").Satellite(**options)
 
 
 try:
     gymnasium: Any = import_module("gymnasium")
 except ImportError as error:
-    raise InputError(f"Gymnasium is not installed ({error}); install it with: pip install 'beamchain[gym]'.") from None
-gymnasium.register(id=NAME, entry_point=f"{__name__}:one", vector_entry_point=f"{__name__}:many")
+    raise InputError(
+        f"Gymnasium is not installed ({error}); install it with: pip install 'beamchain[gym]'."
+    ) from None
+gymnasium.register(id=NAME, entry_point=f"{__name__}:satellite")

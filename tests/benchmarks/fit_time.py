@@ -1,4 +1,5 @@
-"""Times that README quotes: `beamchain fit` as a whole process, spec to verified chain inside one, and a step's cost.
+"""Times that README quotes: `beamchain fit` as a whole process, spec to verified chain inside one,
+and a step's cost.
 
 Run: python tests/benchmarks/fit_time.py
 """
@@ -19,7 +20,10 @@ REPEATS = 7
 
 
 def median(values: list[float]) -> str:
-    return f"{statistics.median(values) * 1e3:8.1f} ms  ({min(values) * 1e3:.1f} to {max(values) * 1e3:.1f})"
+    return (
+        f"{statistics.median(values) * 1e3:8.1f} ms  ({min(values) * 1e3:.1f} to "
+        f"{max(values) * 1e3:.1f})"
+    )
 
 
 def whole_process() -> list[float]:
@@ -27,7 +31,16 @@ def whole_process() -> list[float]:
     with tempfile.TemporaryDirectory() as folder:
         for i in range(REPEATS):
             start = time.perf_counter()
-            command = [sys.executable, "-m", "beamchain", "fit", str(EXAMPLE), "-o", f"{folder}/{i}", "--quiet"]
+            command = [
+                sys.executable,
+                "-m",
+                "beamchain",
+                "fit",
+                str(EXAMPLE),
+                "-o",
+                f"{folder}/{i}",
+                "--quiet",
+            ]
             subprocess.run(command, check=True)
             times.append(time.perf_counter() - start)
     return times
@@ -68,9 +81,14 @@ def main() -> None:
     print(f"beamchain fit, whole process:           {median(whole_process())}")
     for n in (1, 2, 3, 5):
         print(f"spec to verified chain, xy = {n}, inside: {median(inside({'xy': n}))}")
-    print(f"spec to verified chain, 3 + 3 + 2, inside: {median(inside({'xy': 3, 'xz': 3, 'torsion': 2}))}")
+    print(
+        "spec to verified chain, 3 + 3 + 2, inside: "
+        f"{median(inside({'xy': 3, 'xz': 3, 'torsion': 2}))}"
+    )
     costs = step_costs()
-    row = ", ".join(f"{name} {cost:.2f} us ({cost / costs['Euler']:.2f})" for name, cost in costs.items())
+    row = ", ".join(
+        f"{name} {cost:.2f} us ({cost / costs['Euler']:.2f})" for name, cost in costs.items()
+    )
     print(f"a step of hub and 3 links (against Euler's): {row}")
 
 

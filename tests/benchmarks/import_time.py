@@ -1,4 +1,5 @@
-"""Time from a Nastran print to a file verified through MuJoCo, and what came back; one line per case.
+"""Time from a Nastran print to a file verified through MuJoCo, and what came back;
+one line per case.
 
 python tests/benchmarks/import_time.py [ARRAY.f06 LENGTH_UNIT MASS_UNIT]
 """
@@ -12,8 +13,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
-from beamchain import Damping, FitOptions, Modes, Spec, fit
-from beamchain.errors import BeamchainError
+from beamchain import BeamchainError, Damping, FitOptions, Modes, Spec, fit
 from beamchain.structure.imported import Imported, Units
 from prints import cantilever, plate, whole
 
@@ -31,12 +31,14 @@ def told(label: str, spec: Spec) -> None:
         best = min(best, time.perf_counter() - start)
     space = result.space
     assert space is not None
-    error, scale = space.error, np.sqrt(np.diag(space.target.rigid_mass))
+    error = space.error
+    scale = np.sqrt(np.diag(space.target.rigid_mass))
     residual = np.linalg.eigvalsh(space.target.residual_mass / np.outer(scale, scale))[0]
     print(
-        f"{label}: {space.form}, {space.target.modes} modes, {1e3 * best:.0f} ms; through MuJoCo: frequencies "
-        f"{error.frequency:.1e}, participation {error.participation:.1e}, rigid mass {error.mass_error:.1e}, in-band "
-        f"error in six motions {error.accelerance_in_band:.1e}; least residual mass {residual:.1e}"
+        f"{label}: {space.form}, {space.target.modes} modes, {1e3 * best:.0f} ms; through MuJoCo: "
+        f"frequencies {error.frequency:.1e}, participation {error.participation:.1e}, rigid mass "
+        f"{error.mass_error:.1e}, in-band error in six motions {error.accelerance_in_band:.1e}; "
+        f"least residual mass {residual:.1e}"
     )
 
 
@@ -58,7 +60,10 @@ def main() -> None:
                 told(f"{label}, {modes} in xz as a chain", spec)
         cbars = Imported(file=str(place / "cbars.f06"), length=1.0)
         told("two lumped CBARs", Spec(imported=cbars))
-        told("two lumped CBARs, a tendon per mode", Spec(imported=cbars, fit=FitOptions(springs="modes")))
+        told(
+            "two lumped CBARs, a tendon per mode",
+            Spec(imported=cbars, fit=FitOptions(springs="modes")),
+        )
 
 
 if __name__ == "__main__":

@@ -1,10 +1,12 @@
-"""Initial models for an identification: poles of the free craft by several methods from the same logs, errors and time.
+"""Initial models for an identification: poles of the free craft by several methods from the same
+logs, errors and time.
 
-The log is of the independent simulation with 40 modes: 120 s at 20 Hz, random torque steps, gyro noise 1e-6 to 1e-4 rad/s. The
-truth: the poles of its first two modes about the axis. Compared are the search of `bc.identify` (before its likelihood is
-refined), N4SID of nfoursid, the eigensystem realisation of pyMOR on a deconvolved impulse response, and the LSCF of sdypy-EMA
-on a frequency response, of all whose poles the nearest counts. What is not installed is left out: pip install nfoursid pymor sdypy-EMA
-Run: python tests/benchmarks/initial_models.py
+The log is of the independent simulation with 40 modes: 120 s at 20 Hz, random torque steps, gyro
+noise 1e-6 to 1e-4 rad/s. The truth: the poles of its first two modes about the axis. Compared are
+the search of `bc.identify` (before its likelihood is refined), N4SID of nfoursid, the eigensystem
+realisation of pyMOR on a deconvolved impulse response, and the LSCF of sdypy-EMA on a frequency
+response, of all whose poles the nearest counts. What is not installed is left out: pip install
+nfoursid pymor sdypy-EMA Run: python tests/benchmarks/initial_models.py
 """
 
 import sys
@@ -18,13 +20,14 @@ from scipy.signal import csd, welch
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "support"))
 
-from beamchain.craft.identification.channels import of_time
+from beamchain.craft.identification.channels import time_channels
 from beamchain.craft.identification.hub import bare
 from beamchain.craft.identification.logs import read_logs
-from beamchain.craft.identification.start import started
+from beamchain.craft.identification.start import initial_model
 from flight_log import Gyro, Hub, motion, record, steps_at, wings
 
-HUB, STEP = Hub(), 0.05
+HUB = Hub()
+STEP = 0.05
 PAIR = wings(5.0, 1.0, 200.0, 350.0, 50.0, 0.05)
 TIME = np.arange(0.0, 120.0, STEP)
 TORQUE = steps_at(TIME, 1.0, 3.0)
@@ -33,9 +36,9 @@ LAGS = 900  # samples of the impulse response
 
 def ours(log):
     known = bare(HUB.xml, "mount")
-    data = of_time(read_logs(log, None, [])[0], known, ("x", "y", "z"), None)
+    data = time_channels(read_logs(log, None, [])[0], known, ("x", "y", "z"), None)
     guess = data.outputs @ np.linalg.solve(known.mass[3:, 3:], data.inputs.T)
-    return started(data.pieces, guess, data.scale, 2).raw.poles
+    return initial_model(data.pieces, guess, data.scale, 2).raw.poles
 
 
 def n4sid(log):
@@ -57,19 +60,28 @@ def realisation(log):
     inputs = toeplitz(log["torque_z"], np.zeros(LAGS))
     turn = np.append(np.diff(log["rate_z"]), 0.0)  # whose response to an impulse dies out
     markov = lstsq(inputs[LAGS:], turn[LAGS:])[0]
-    model = ERAReductor(markov.reshape(-1, 1, 1), sampling_time=STEP, force_stability=False).reduce(r=7)
+    model = ERAReductor(markov.reshape(-1, 1, 1), sampling_time=STEP, force_stability=False).reduce(
+        r=7
+    )
     return np.log(np.asarray(model.poles()).astype(complex)) / STEP
 
 
 def lscf(log):
     from sdypy import EMA
 
-    rate, torque = np.gradient(log["rate_z"], STEP), log["torque_z"]
+    rate = np.gradient(log["rate_z"], STEP)
+    torque = log["torque_z"]
     given = {"fs": 1.0 / STEP, "nperseg": 1024, "noverlap": 512}
     f, across = csd(torque, rate, **given)
     response = across / welch(torque, **given)[1]
     model = EMA.Model(
-        response[None, :], f, lower=0.1, upper=9.0, pol_order_high=20, frf_type="accelerance", driving_point=0
+        response[None, :],
+        f,
+        lower=0.1,
+        upper=9.0,
+        pol_order_high=20,
+        frf_type="accelerance",
+        driving_point=0,
     )
     model.get_poles(show_progress=False)
     return np.concatenate([np.ravel(some) for some in model.all_poles])
@@ -92,7 +104,7 @@ def main():
             ("pyMOR, ERA", realisation),
             ("sdypy-EMA, LSCF", lscf),
         ):
-            begun = time.perf_counter()
+            begin = time.perf_counter()
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
@@ -101,7 +113,10 @@ def main():
                 print(f"  {name}: left out ({error})")
                 continue
             off = [float(np.nanmin(np.abs(found / w - 1.0))) for w in true]
-            print(f"  noise {noise:.0e}, {name:20} {off[0]:.1e} {off[1]:.1e}  {time.perf_counter() - begun:6.2f} s")
+            print(
+                f"  noise {noise:.0e}, {name:20} {off[0]:.1e} {off[1]:.1e}  "
+                f"{time.perf_counter() - begin:6.2f} s"
+            )
 
 
 if __name__ == "__main__":

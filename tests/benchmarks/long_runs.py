@@ -1,4 +1,5 @@
-"""Undamped runs of a million steps at half the stable step: energy and phase per integrator; a craft that tumbles.
+"""Undamped runs of a million steps at half the stable step: energy and phase per integrator;
+a craft that tumbles.
 
 `python tests/benchmarks/long_runs.py [STEPS]`
 """
@@ -11,7 +12,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
-from beamchain.engine.linearise import INTEGRATORS
+from mechanics import INTEGRATORS
 from undisturbed import ringing, tumbling
 
 STEPS = 1_000_000
@@ -20,17 +21,25 @@ STEPS = 1_000_000
 def main(steps: int) -> None:
     """Print both tables."""
     print(
-        f"MuJoCo {mujoco.__version__}; the seed's boom with 2 modes on its hub, first mode rung alone, {steps} steps\n"
+        f"MuJoCo {mujoco.__version__}; the seed's boom with 2 modes on its hub, first mode rung "
+        f"alone, {steps} steps\n"
     )
     print(
-        "| integrator | step s | energy, worst drift in the run | energy at the end | phase error per period | predicted |"
+        "| integrator | step s | energy, worst drift in the run | energy at the end | phase error "
+        "per period | predicted |"
     )
     print("|---|---:|---:|---:|---:|---:|")
     for integrator in INTEGRATORS:
         row = ringing(integrator, steps)
         energy = f"{row.worst:.2e} | {row.last:+.2e}"
-        print(f"| {integrator} | {row.timestep:.4g} | {energy} | {row.phase:+.3e} | {row.predicted:+.3e} |")
-    print("\nA craft in space with two flexible arrays, tumbling freely, 20 s; worst drift of its momenta, relative\n")
+        print(
+            f"| {integrator} | {row.timestep:.4g} | {energy} | {row.phase:+.3e} | "
+            f"{row.predicted:+.3e} |"
+        )
+    print(
+        "\nA craft in space with two flexible arrays, tumbling freely, 20 s; worst drift of its "
+        "momenta, relative\n"
+    )
     print("| integrator | step s | linear momentum | angular momentum | order of the angular |")
     print("|---|---:|---:|---:|---:|")
     for integrator in INTEGRATORS:

@@ -3,8 +3,8 @@
 Run: .venv/bin/python tests/benchmarks/modal_tendons.py [step | large | fit]
 
 step: a step of the same bodies with springs on the hinges and with one tendon per mode.
-large: spin, slews and long free runs of the recursion's chain and of an evenly cut one of the same modes.
-fit: time from a beam to its verified chain, to be compared between commits.
+large: spin, slews and long free runs of the recursion's chain and of an evenly cut one of the same
+modes. fit: time from a beam to its verified chain, to be compared between commits.
 """
 
 import statistics
@@ -22,10 +22,9 @@ warnings.simplefilter("ignore")
 
 import beamchain as bc  # noqa: E402
 from arrays import deployed_array, random_array, space_beam, tube  # noqa: E402
+from beamchain import BeamchainError, FitOptions, Root  # noqa: E402
 from beamchain.chain.build import cut_chain  # noqa: E402
 from beamchain.chain.tendons import ModeGroup  # noqa: E402
-from beamchain.errors import BeamchainError  # noqa: E402
-from beamchain.fitting.options import FitOptions, Root  # noqa: E402
 from beamchain.steps.large_motion import large_motion  # noqa: E402
 from random_appendages import random_appendage, toml  # noqa: E402
 from spinning import FLAP, spinning  # noqa: E402
@@ -40,7 +39,7 @@ def say(*words: object) -> None:
     print(*words, flush=True)
 
 
-# -- cost of a step ----------------------------------------------------------------------------------------------------
+# -- cost of a step --------------------------------------------------------------------------------
 def timed(models: list[mujoco.MjModel], integrator: str) -> list[float]:
     """Least time of a step of each [us], the models taken in turn."""
     best = [float("inf")] * len(models)
@@ -59,8 +58,14 @@ def timed(models: list[mujoco.MjModel], integrator: str) -> list[float]:
 
 
 def step_costs() -> None:
-    say("step of hub and chain: springs on the hinges, one tendon per mode on the same bodies, and the ratio")
-    say(f"{'modes':>20s} {'hinges':>6s}   " + "   ".join(f"{name:>26s}" for name in ("Euler", "RK4")))
+    say(
+        "step of hub and chain: springs on the hinges, one tendon per mode on the same bodies, and "
+        "the ratio"
+    )
+    say(
+        f"{'modes':>20s} {'hinges':>6s}   "
+        + "   ".join(f"{name:>26s}" for name in ("Euler", "RK4"))
+    )
     beam = tube()
     kept = [{"xy": n} for n in (2, 3, 4, 5, 6)]
     kept += [{"xy": n, "xz": n} for n in (1, 2, 3, 4, 5, 6)]
@@ -68,7 +73,9 @@ def step_costs() -> None:
         models = []
         try:
             for springs in ("hinges", "modes"):
-                result = bc.fit(beam, modes=modes, root=Root(hub=HUB), options=FitOptions(springs=springs))
+                result = bc.fit(
+                    beam, modes=modes, root=Root(hub=HUB), options=FitOptions(springs=springs)
+                )
                 models.append(mujoco.MjModel.from_xml_string(result.scene_mjcf()))
         except BeamchainError as error:
             say(f"{modes!s:>20s}  {error}")
@@ -80,7 +87,7 @@ def step_costs() -> None:
         say(row)
 
 
-# -- large motion ------------------------------------------------------------------------------------------------------
+# -- large motion ----------------------------------------------------------------------------------
 def evenly_cut(beam: bc.Beam, modes: dict[str, int], **more: object) -> bc.Fit:
     """A chain of the same modes on the cut that would be chosen if the recursion did not exist."""
     groups = []
@@ -99,11 +106,16 @@ def evenly_cut(beam: bc.Beam, modes: dict[str, int], **more: object) -> bc.Fit:
             )
         )
     _, _, cut = cut_chain(beam, groups, ())
-    return bc.fit(beam, modes=modes, options=FitOptions(cuts=tuple(float(x) for x in cut.x)), **more)
+    return bc.fit(
+        beam, modes=modes, options=FitOptions(cuts=tuple(float(x) for x in cut.x)), **more
+    )
 
 
 def in_spin() -> None:
-    say("\nspin, eta = Omega sqrt(rho A L^4 / EI): first and second flap frequency against Wright et al. (1982)")
+    say(
+        "\nspin, eta = Omega sqrt(rho A L^4 / EI): first and second flap frequency against Wright "
+        "et al. (1982)"
+    )
     say(
         f"{'chain':>10s} {'n':>2s}   "
         + "   ".join(f"eta = {eta}".rjust(18) for eta in (1, 2, 5, 10))
@@ -129,19 +141,25 @@ def shortest(result: bc.Fit) -> float:
 
 def in_slew() -> None:
     say(
-        "\nwhere 1 % of a chain of 60 links is left (L = EI = m = 1): spin, acceleration and angular acceleration of the root"
+        "\nwhere 1 % of a chain of 60 links is left (L = EI = m = 1): spin, acceleration and "
+        "angular acceleration of the root"
     )
     say(f"{'chain':>10s} {'n':>2s}   {'spin':>8s} {'accel.':>8s} {'slew':>8s}   bent by then")
     beam = space_beam()
     for n in (1, 2, 3, 4, 5):
         for name, make in (("recursion", bc.fit), ("cut", evenly_cut)):
-            limit = large_motion(make(beam, modes={"xy": n, "xz": n}).chain, beam, "xy", modes=min(n, 2))
+            limit = large_motion(
+                make(beam, modes={"xy": n, "xz": n}).chain, beam, "xy", modes=min(n, 2)
+            )
             say(
-                f"{name:>10s} {n:2d}   {limit.spin:8.3g} {limit.acceleration:8.3g} {limit.slew:8.3g}   {limit.bent:8.3g}"
+                f"{name:>10s} {n:2d}   {limit.spin:8.3g} {limit.acceleration:8.3g} "
+                f"{limit.slew:8.3g}   {limit.bent:8.3g}"
             )
 
 
-def drift(result: bc.Fit, integrator: str, timestep: float, seconds: float) -> tuple[float, float, float]:
+def drift(
+    result: bc.Fit, integrator: str, timestep: float, seconds: float
+) -> tuple[float, float, float]:
     """Worst drift of energy, linear and angular momentum of a tumbling craft, relative."""
     model = mujoco.MjModel.from_xml_string(result.scene_mjcf())
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
@@ -158,7 +176,8 @@ def drift(result: bc.Fit, integrator: str, timestep: float, seconds: float) -> t
         moved.append(p)
         turned.append(angular)
         mujoco.mj_step(model, data, every)
-    p, angular = np.array(moved), np.array(turned)
+    p = np.array(moved)
+    angular = np.array(turned)
     return (
         float(np.max(np.abs(np.array(energy) / energy[0] - 1.0))),
         float(np.max(np.linalg.norm(p - p[0], axis=1)) / np.linalg.norm(p[0])),
@@ -168,10 +187,15 @@ def drift(result: bc.Fit, integrator: str, timestep: float, seconds: float) -> t
 
 def free_runs() -> None:
     say(
-        "\na craft of 40 kg with a soft boom tumbles freely for 2,000 s: worst drift of energy, linear and angular momentum"
+        "\na craft of 40 kg with a soft boom tumbles freely for 2,000 s: worst drift of energy, "
+        "linear and angular momentum"
     )
     section = bc.Equivalent(
-        bending_stiffness_xy=6.0, bending_stiffness_xz=9.0, torsion_stiffness=8.0, linear_mass=0.8, polar_inertia=0.02
+        bending_stiffness_xy=6.0,
+        bending_stiffness_xz=9.0,
+        torsion_stiffness=8.0,
+        linear_mass=0.8,
+        polar_inertia=0.02,
     )
     beam = bc.Beam(segments=(bc.Segment(length=3.0, section=section),))
     root = Root(hub=bc.Hub(mass=40.0, inertia=(4.0, 6.0, 9.0), offset=(0.3, 0.1, 0.0)))
@@ -184,7 +208,7 @@ def free_runs() -> None:
                 say(f"{name:>10s} {n:2d}   {integrator:>5s} at {timestep:g} s   {words}")
 
 
-# -- time to fit -------------------------------------------------------------------------------------------------------
+# -- time to fit -----------------------------------------------------------------------------------
 def fit_times() -> None:
     say("beam to verified chain inside the process, least of 7")
     cases = [("tube", tube()), ("array with two hinge lines", deployed_array())]
@@ -206,9 +230,12 @@ def fit_times() -> None:
 
 def shortest_links() -> None:
     say(
-        "\nthe 200 random appendages of tests/support/random_appendages.py: time to fit and shortest link over the length"
+        "\nthe 200 random appendages of tests/support/random_appendages.py: time to fit and "
+        "shortest link over the length"
     )
-    short, times, kinds = [], [], {"hinges": 0, "modes": 0}
+    short = []
+    times = []
+    kinds = {"hinges": 0, "modes": 0}
     for seed in range(200):
         spec = random_appendage(seed)
         text = toml(spec)
@@ -233,7 +260,11 @@ def shortest_links() -> None:
     say(f"time: median {statistics.median(times) * 1e3:.0f} ms, longest {max(times) * 1e3:.0f} ms")
 
 
-PARTS = {"step": (step_costs,), "large": (in_spin, in_slew, free_runs), "fit": (fit_times, shortest_links)}
+PARTS = {
+    "step": (step_costs,),
+    "large": (in_spin, in_slew, free_runs),
+    "fit": (fit_times, shortest_links),
+}
 
 if __name__ == "__main__":
     for part in sys.argv[1:] or PARTS:

@@ -1,12 +1,14 @@
-"""Error against run time of the chain exact in time, beside the exact chain under RK4 and, where installed, Exudyn.
+"""Error against run time of the chain exact in time, beside the exact chain under RK4 and,
+where installed, Exudyn.
 
-The seed's boom on its hub, the doublet, 60 s, error as simulated. Per kind and target the cheapest settings are looked for
-over a ladder of steps (a setting counts if every finer step meets the target too); then all that were found, and the
-settings that docs/study.md names, are timed in turns in this process, each run after one untimed run of the same, and
-medians are printed.
+The seed's boom on its hub, the doublet, 60 s, error as simulated. Per kind and target the cheapest
+settings are looked for over a ladder of steps (a setting counts if every finer step meets the
+target too); then all that were found, and the settings that docs/study.md names, are timed in turns
+in this process, each run after one untimed run of the same, and medians are printed.
 
 Run: python tests/benchmarks/time_exact.py [--other NAME SCENE.xml INTEGRATOR STEP]...
-with Exudyn: PYTHONPATH=generator build/peers/venv/bin/python -W ignore tests/benchmarks/time_exact.py (after make bench-peers)
+with Exudyn: PYTHONPATH=generator build/peers/venv/bin/python -W ignore
+tests/benchmarks/time_exact.py (after make bench-peers)
 """
 
 import argparse
@@ -24,17 +26,18 @@ sys.path.insert(0, str(PEERS))
 
 from task import SCENARIO, TASK  # noqa: E402
 
-from beamchain.engine.linearise import compile_model  # noqa: E402
 from beamchain.engine.rollout import seconds_of, simulate  # noqa: E402
 from beamchain.studies import field  # noqa: E402
 from beamchain.studies.field import TIMED, Entry  # noqa: E402
 from beamchain.studies.front import TARGETS, power  # noqa: E402
 from beamchain.studies.run_time import steps_below  # noqa: E402
+from mechanics import compiled as compile_model  # noqa: E402
 
 ROUNDS = 41
 TRIED = 3  # cheapest settings of a kind and target that are timed in turns
 CHAIN = "exact chain, RK4"
-NAMED = ((2, 1.0), (3, 0.5), (4, 0.25), (5, 0.125), (6, 0.125))  # n and step [s] of the model exact in time
+# n and step [s] of the model exact in time
+NAMED = ((2, 1.0), (3, 0.5), (4, 0.25), (5, 0.125), (6, 0.125))
 SIZES = range(1, 7)
 
 
@@ -65,7 +68,9 @@ def of_field(kind: str, entry: Entry, h: float) -> Setting:
 
 
 def ladder_of(kind: str, entry: Entry) -> list[Setting]:
-    return [of_field(kind, entry, h) for h, _ in steps_below(SCENARIO, field.largest_step(TASK, entry))]
+    return [
+        of_field(kind, entry, h) for h, _ in steps_below(SCENARIO, field.largest_step(TASK, entry))
+    ]
 
 
 def peer_ladder(peer: Any, fastest: float) -> list[Setting]:
@@ -76,7 +81,11 @@ def peer_ladder(peer: Any, fastest: float) -> list[Setting]:
             continue
         motion = np.zeros((angle.size, 6))
         motion[:, 5] = angle
-        out.append(Setting(peer.model, peer.n, h, SCENARIO.error(motion, h), lambda h=h: peer.run(h, False)[1]))
+        out.append(
+            Setting(
+                peer.model, peer.n, h, SCENARIO.error(motion, h), lambda h=h: peer.run(h, False)[1]
+            )
+        )
     return out
 
 
@@ -128,9 +137,14 @@ def field_of_all() -> dict[str, list[list[Setting]]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        "--other", nargs=4, action="append", default=[], metavar=("NAME", "XML", "INTEGRATOR", "STEP"),
-        help="a scene of another version, the hub's free joint first, to be timed in the same turns",
-    )  # fmt: skip
+        "--other",
+        nargs=4,
+        action="append",
+        default=[],
+        metavar=("NAME", "XML", "INTEGRATOR", "STEP"),
+        help="a scene of another version, the hub's free joint first, to be timed in the same "
+        "turns",
+    )
     given = parser.parse_args()
     kinds = field_of_all()
     chosen: dict[tuple[str, float], list[Setting]] = {}
@@ -154,7 +168,9 @@ def main() -> None:
         print(f"to {power(target)}")
         base = None
         for kind in [*kinds, *dict.fromkeys(s.kind for s in others)]:
-            group = chosen.get((kind, target)) or [s for s in others if s.kind == kind and s.error <= target]
+            group = chosen.get((kind, target)) or [
+                s for s in others if s.kind == kind and s.error <= target
+            ]
             best = min(group, key=lambda s: seconds[id(s)], default=None)
             if best is None:
                 print(f"  {kind:22} never")
@@ -163,7 +179,8 @@ def main() -> None:
             ratio = seconds[id(best)] / base
             print(
                 f"  {kind:22} n = {best.n}, h = {best.step:.4g} s: error {best.error:.2e}, "
-                f"{1e3 * seconds[id(best)]:.3f} ms, {ratio:.2f} times ours, ours {1.0 / ratio:.3f} of it"
+                f"{1e3 * seconds[id(best)]:.3f} ms, {ratio:.2f} times ours, ours {1.0 / ratio:.3f} "
+                "of it"
             )
 
 

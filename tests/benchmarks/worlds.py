@@ -1,12 +1,15 @@
-"""Craft-seconds per second of many worlds at a stated error: flexible and exact in time, rigid at 1 ms, equal links.
+"""Craft-seconds per second of many worlds at a stated error: flexible and exact in time,
+rigid at 1 ms, equal links.
 
-The seed's boom on its hub, 60 s. Error: the hub's motion in the doublet against the exact structure, one world through
-`bc.worlds` itself. Speed: an episode of 60 s, a random torque and all observations every period, a reset at its start, and for
-the flexible craft new frequencies and damping for every world, made exact in time. The rigid craft and the equal links are held
-by the same periods and draw nothing. Kinds are timed in turns, and ratios are medians of ratios of the same turn, so that other
-load on the machine falls on all alike. On the host mujoco the clock is the processor time of all threads, so that a second is
-one of one core, shared or not; --wall, and other hosts, take that of the wall. Settings that would take longer than a few
-seconds for one period are left out ("-").
+The seed's boom on its hub, 60 s. Error: the hub's motion in the doublet against the exact
+structure, one world through `bc.worlds` itself. Speed: an episode of 60 s, a random torque and all
+observations every period, a reset at its start, and for the flexible craft new frequencies and
+damping for every world, made exact in time. The rigid craft and the equal links are held by the
+same periods and draw nothing. Kinds are timed in turns, and ratios are medians of ratios of the
+same turn, so that other load on the machine falls on all alike. On the host mujoco the clock is
+the processor time of all threads, so that a second is one of one core, shared or not; --wall, and
+other hosts, take that of the wall. Settings that would take longer than a few seconds for one
+period are left out ("-").
 
 Run: python tests/benchmarks/worlds.py [--host mujoco|mjx|warp] [--most 4096] [--rounds 7] [--wall]
 """
@@ -56,11 +59,18 @@ class Kind(NamedTuple):
 
 def driven(entry: Entry) -> mujoco.MjModel:
     """The scene of an entry with a torque about the boom's bending axis on the hub."""
-    chain = field.frozen(TASK.beam) if entry.model == RIGID_HUB else field.chain_of(TASK, entry)
+    chain = (
+        field.rigid_chain(TASK.beam) if entry.model == RIGID_HUB else field.chain_of(TASK, entry)
+    )
     spec = mujoco.MjSpec.from_string(field.scene_text(TASK.hub, chain))
     hub = spec.worldbody.first_body()
     hub.add_site(name="hub_torque")
-    spec.add_actuator(name="torque", target="hub_torque", trntype=mujoco.mjtTrn.mjTRN_SITE, gear=[0, 0, 0, 0, 0, 1])
+    spec.add_actuator(
+        name="torque",
+        target="hub_torque",
+        trntype=mujoco.mjtTrn.mjTRN_SITE,
+        gear=[0, 0, 0, 0, 0, 1],
+    )
     return spec.compile()
 
 
@@ -72,7 +82,9 @@ def error_of(model: mujoco.MjModel, step: float) -> float:
         one.step([torque])
         w, *v = one.qpos[0, 3:7]
         motion[k, :3] = one.qpos[0, :3] - one.model.qpos0[:3]
-        motion[k, 3:] = 2.0 * np.arctan2(np.linalg.norm(v), w) * np.array(v) / max(np.linalg.norm(v), 1e-300)
+        motion[k, 3:] = (
+            2.0 * np.arctan2(np.linalg.norm(v), w) * np.array(v) / max(np.linalg.norm(v), 1e-300)
+        )
     return float(SCENARIO.error(motion, step))
 
 
@@ -82,7 +94,9 @@ def exact(target: float) -> Kind:
         for n in (1, 2, 3, 4):
             model = driven(Entry(TIMED, n, "Euler"))
             if (error := error_of(model, step)) <= target:
-                return Kind(f"flexible, exact in time, {n} modes at {step:g} s", model, step, error, True)
+                return Kind(
+                    f"flexible, exact in time, {n} modes at {step:g} s", model, step, error, True
+                )
     raise SystemExit(f"no model exact in time meets {target:g}")
 
 
@@ -92,7 +106,9 @@ def classical(target: float, period: float) -> Kind:
     while True:
         entry = Entry(EQUAL, n, "Euler")
         model = driven(entry)
-        step = period / np.ceil(period / steps_below(SCENARIO, field.largest_step(TASK, entry))[0][0])
+        step = period / np.ceil(
+            period / steps_below(SCENARIO, field.largest_step(TASK, entry))[0][0]
+        )
         if (error := error_of(model, step)) <= target:
             return Kind(f"{EQUAL}, {n} at {1e3 * step:.3g} ms", model, step, error, False)
         n = round(n * 1.03) + 1
@@ -103,7 +119,9 @@ class Run:
 
     def __init__(self, kind: Kind, count: int, host: str, period: float) -> None:
         self.count, self.draws, self.hold = count, kind.draws, round(period / kind.step)
-        self.worlds = bc.worlds(kind.model, RANGES if kind.draws else None, count=count, host=host, timestep=kind.step)
+        self.worlds = bc.worlds(
+            kind.model, RANGES if kind.draws else None, count=count, host=host, timestep=kind.step
+        )
         self.torque = 1e-4 * np.random.default_rng(0).normal(size=(8, count, 1))
         self.periods = round(EPISODE / period)
         self.once(1)
@@ -127,9 +145,17 @@ class Run:
 
 def memory(n: int, host: str, count: int = 1 << 15) -> float:
     """Bytes that a randomised world with n modes takes, by the growth of a fresh process."""
-    code = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import worlds; print(worlds.grown({n}, {host!r}, {count}))"
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import worlds; "
+        f"print(worlds.grown({n}, {host!r}, {count}))"
+    )
     return (
-        float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout) / count
+        float(
+            subprocess.run(
+                [sys.executable, "-c", code], capture_output=True, text=True, check=True
+            ).stdout
+        )
+        / count
     )
 
 
@@ -149,7 +175,8 @@ def grown(n: int, host: str, count: int) -> float:
 
 
 def affordable(kind: Kind, count: int, period: float, each: dict[str, float]) -> bool:
-    """Whether one period of so many worlds takes less than `LONGEST`, by the time of a single one."""
+    """Whether one period of so many worlds takes less than `LONGEST`,
+    by the time of a single one."""
     if kind.name not in each:
         data = mujoco.MjData(kind.model)
         start = clock()
@@ -166,14 +193,22 @@ def table(target: float, host: str, most: int, rounds: int) -> None:
     print(f"\nerror {target:g}, a torque every {period:g} s, host {host}; craft-seconds per second")
     for kind in (mine, chain):
         print(f"  {kind.name}: error {kind.error:.1e}, {kind.model.nv} degrees of freedom")
-    print(f"{'worlds':>7} {'flexible':>10} {'rigid':>10} {'equal':>10} {'to rigid':>9} {'to equal':>9}")
+    print(
+        f"{'worlds':>7} {'flexible':>10} {'rigid':>10} {'equal':>10} {'to rigid':>9} "
+        f"{'to equal':>9}"
+    )
     each: dict[str, float] = {}
     for count in [c for c in COUNTS if c <= most]:
         runs: list[Run | None] = [Run(mine, count, host, period)]
         for kind in (rigid, chain):
-            runs.append(Run(kind, count, host, period) if affordable(kind, count, period, each) else None)
+            runs.append(
+                Run(kind, count, host, period) if affordable(kind, count, period, each) else None
+            )
         turns = [
-            [run.speed() if run is not None and (turn < FEW or run.last < SLOW) else None for run in runs]
+            [
+                run.speed() if run is not None and (turn < FEW or run.last < SLOW) else None
+                for run in runs
+            ]
             for turn in range(rounds)
         ]
         said = [f"{count:7}"]
@@ -193,7 +228,11 @@ def growth(host: str, rounds: int) -> None:
         resets = statistics.median(run.once(1)[0] for _ in range(rounds))
         speed = statistics.median(run.speed() for _ in range(rounds))
         size = memory(n, host) / 1e3
-        print(f"{n:7} {speed:10.4g}   reset with draws {1e6 * resets / 256:.3g} us   {size:.3g} kB a world", flush=True)
+        print(
+            f"{n:7} {speed:10.4g}   reset with draws {1e6 * resets / 256:.3g} us   {size:.3g} kB a "
+            "world",
+            flush=True,
+        )
 
 
 def main() -> None:

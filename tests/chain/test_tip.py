@@ -1,7 +1,8 @@
-"""Tip motion: with scene.tip every kept mode moves the tip as the beam does; and the static answer to a slow base.
+"""Tip motion: with scene.tip every kept mode moves the tip as the beam does;
+and the static answer to a slow base.
 
-The tip is asked of MuJoCo: the Jacobian of the written file's tip site times its own modes. Static deflections come
-from closed forms of the uniform beam.
+The tip is asked of MuJoCo: the Jacobian of the written file's tip site times its own modes. Static
+deflections come from closed forms of the uniform beam.
 """
 
 import mujoco
@@ -11,10 +12,7 @@ import pytest
 import readback as rb
 from appendages import close, seed_boom, stepped_boom, tapered_boom, tip_loaded_boom, unit_beam
 from arrays import deployed_array, space_beam, tube
-from beamchain.chain.recursion import planar_chain, realise, realise_scalar
-from beamchain.engine.linearise import compile_model, linearise
-from beamchain.fitting.fit import fit
-from beamchain.fitting.options import Scene
+from beamchain import Scene, fit, linearise
 
 TIP = 1e-9  # tip motion of every kept mode; 2e-13 of the chain, some 1e-11 through MuJoCo
 ROOT = 1e-9  # frequencies and participation at the root; 5e-12 measured
@@ -25,11 +23,13 @@ SAG = 1e-6
 
 
 def tip_through_differences(text, site, axis):
-    """Frequencies and tip displacement of the mass-normalised modes, springs from `mjd_transitionFD`, root held."""
-    model = compile_model(text)
+    """Frequencies and tip displacement of the mass-normalised modes, springs from
+    `mjd_transitionFD`, root held."""
+    model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    jacobian, mass = np.zeros((3, model.nv)), np.zeros((model.nv, model.nv))
+    jacobian = np.zeros((3, model.nv))
+    mass = np.zeros((model.nv, model.nv))
     mujoco.mj_jacSite(model, data, jacobian, None, model.site(site).id)
     for i, unit in enumerate(np.eye(model.nv)):
         mujoco.mj_mulM(model, data, mass[i], unit)
@@ -40,9 +40,19 @@ def tip_through_differences(text, site, axis):
     return np.sqrt(squares), np.abs(jacobian[axis] @ shapes)
 
 
-# -- exact tip ---------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("n", [1, 2, 3, 5])
-@pytest.mark.parametrize("make", [seed_boom, unit_beam, tube, tapered_boom, stepped_boom, tip_loaded_boom])
+# -- exact tip -------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("make", "n"),
+    [
+        (seed_boom, 1),
+        (seed_boom, 5),
+        (unit_beam, 2),
+        (tube, 3),
+        (tapered_boom, 2),
+        (stepped_boom, 3),
+        (tip_loaded_boom, 5),
+    ],
+)
 def test_root_and_tip_are_exact_for_every_mode(make, n):
     beam = make()
     wanted = beam.port("xy", 2 * n + 4).truncated(n)
@@ -52,18 +62,19 @@ def test_root_and_tip_are_exact_for_every_mode(make, n):
     assert achieved.frequencies == close(wanted.frequencies, rel=ROOT)
     assert achieved.participation == close(wanted.participation, rel=ROOT)
     assert achieved.rigid_mass == close(wanted.rigid_mass, rel=ROOT)
-    assert result.tip_error["xy"].size == n + 2  # two attachment modes follow, which are no modes of the beam
+    # two attachment modes follow, which are no modes of the beam
+    assert result.tip_error["xy"].size == n + 2
     assert np.max(np.abs(result.tip_error["xy"][:n])) < TIP
     reading = rb.read(result.to_mjcf())
     assert reading.frequencies[:n] == close(wanted.frequencies, rel=ROOT)
     motion = reading.site("boom_tip")[:n]
     assert np.abs(motion[:, 1]) == close(np.abs(wanted.tip[:, 0]), rel=TIP)  # displacement
     assert np.abs(motion[:, 5]) == close(np.abs(wanted.tip[:, 1]), rel=TIP)  # and rotation
-    assert motion[:, 1] * motion[:, 5] == close(wanted.tip[:, 0] * wanted.tip[:, 1], rel=2 * TIP)  # of one sign
+    # of one sign
+    assert motion[:, 1] * motion[:, 5] == close(wanted.tip[:, 0] * wanted.tip[:, 1], rel=2 * TIP)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3])
-@pytest.mark.parametrize("make", [unit_beam, tapered_boom])
+@pytest.mark.parametrize(("make", "n"), [(unit_beam, 1), (unit_beam, 3), (tapered_boom, 2)])
 def test_the_tip_is_exact_through_mujoco_s_differences(make, n):
     wanted = make().port("xy", 2 * n + 4).truncated(n)
     result = fit(make(), name="boom", modes={"xy": n}, scene=Scene(tip=True))
@@ -72,11 +83,14 @@ def test_the_tip_is_exact_through_mujoco_s_differences(make, n):
     assert tip[:n] == close(np.abs(wanted.tip[:, 0]), rel=DIFFERENCES)
 
 
-@pytest.mark.parametrize(("make", "kept"), [
-    (tube, {"xy": 2, "xz": 2}),
-    (tube, {"xy": 3, "xz": 2, "torsion": 2}),
-    (deployed_array, {"xy": 2, "xz": 2}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("make", "kept"),
+    [
+        (tube, {"xy": 2, "xz": 2}),
+        pytest.param(tube, {"xy": 3, "xz": 2, "torsion": 2}, marks=pytest.mark.slow),
+        pytest.param(deployed_array, {"xy": 2, "xz": 2}, marks=pytest.mark.slow),
+    ],
+)
 def test_both_planes(make, kept):
     result = fit(make(), name="boom", modes=kept, scene=Scene(tip=True))
     assert result.status.ok
@@ -90,13 +104,14 @@ def test_tip_of_the_uniform_beam_in_closed_form():
     # |phi_k(L)| = 2 / sqrt(m) for every clamped-free mode of a uniform beam (Blevins, table 8-1)
     result = fit(space_beam(), name="boom", modes={"xy": 4}, scene=Scene(tip=True))
     reading = rb.read(result.to_mjcf())
-    assert np.abs(reading.site("boom_tip")[:4, 1]) == close([2.0] * 4, rel=1e-8)  # the beam's own elements
+    # the beam's own elements
+    assert np.abs(reading.site("boom_tip")[:4, 1]) == close([2.0] * 4, rel=1e-8)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3])
-@pytest.mark.parametrize("make", [unit_beam, tapered_boom, stepped_boom])
+@pytest.mark.parametrize(("make", "n"), [(unit_beam, 1), (tapered_boom, 2), (stepped_boom, 3)])
 def test_the_tip_s_static_flexibility_is_exact(make, n):
-    """A force or a moment at the tip: the kept modes and the attachment modes carry it as the whole beam does."""
+    """A force or a moment at the tip: the kept modes and the attachment modes carry it as
+    the whole beam does."""
     result = fit(make(), name="boom", modes={"xy": n}, scene=Scene(tip=True))
     got = rb.read(result.to_mjcf()).flexibility("boom_tip")[np.ix_((1, 5), (1, 5))]
     full = make().port("xy", 40)
@@ -116,15 +131,16 @@ def test_tip_angle_in_torsion():
     result = fit(tube(), modes={"torsion": 3})
     assert result.tip_error["torsion"].size == 3
     assert np.all(np.isfinite(result.tip_error["torsion"]))
-    assert realise_scalar(tube().port("torsion", 6).truncated(3))[1].size == 3
+    assert mujoco.MjModel.from_xml_string(result.to_mjcf()).njnt == 3
     careful = fit(tube(), modes={"torsion": 3}, scene=Scene(tip=True))
     assert np.max(np.abs(careful.tip_error["torsion"][:3])) < TIP
     assert careful.error["torsion"].frequency < ROOT
 
 
-# -- static check ------------------------------------------------------------------------------------------------------
+# -- static check ----------------------------------------------------------------------------------
 def static_tip(port):
-    """Tip displacement and rotation per unit root acceleration, slow: sum of tip x participation / w^2."""
+    """Tip displacement and rotation per unit root acceleration, slow:
+    sum of tip x participation / w^2."""
     return port.tip.T @ (port.participation[:, 0] / port.frequencies**2)
 
 
@@ -135,12 +151,14 @@ def test_the_beam_s_static_answer_is_the_textbook_s():
 
 @pytest.mark.parametrize(("n", "bounds"), [(1, 0.12), (2, 0.05), (3, 0.02), (5, 0.01)])
 def test_slow_base_acceleration_bends_the_chain_as_the_beam(n, bounds):
-    chain = planar_chain(realise(unit_beam().port("xy", 8).truncated(n)), unit_beam())
-    deflection = static_tip(chain.port("xy"))[0]
+    reading = rb.read(fit(unit_beam(), name="boom", modes={"xy": n, "xz": 0}).to_mjcf())
+    deflection = reading.site("boom_tip")[:, 1] @ (
+        reading.participation[:, 1] / reading.frequencies**2
+    )
     assert deflection == close(1.0 / 8.0, rel=bounds)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("n", [1, 3])
 def test_with_the_tip_matched_the_kept_modes_sag_as_the_beam_s(n):
     # the kept modes' static share is the beam's own: 97 %, 99.9 % of q L^4 / 8 EI
     full = unit_beam().port("xy", 10)
@@ -150,20 +168,24 @@ def test_with_the_tip_matched_the_kept_modes_sag_as_the_beam_s(n):
     assert wanted == close(1.0 / 8.0, rel={1: 0.04, 2: 1e-3, 3: 5e-4}[n])
 
 
-@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("n", [2])
 def test_with_the_attachment_modes_nothing_is_missing(n):
-    # a slow base acceleration bends the tip by what the static shapes of a tip load see of it: all of it
+    # a slow base acceleration bends the tip by what the static shapes of a tip load see
+    # of it: all of it
     result = fit(unit_beam(), modes={"xy": n}, scene=Scene(tip=True))
-    deflection, rotation = static_tip(result.target["xy"].replaced(tip=result.target["xy"].tip[:, :2]))
+    deflection, rotation = static_tip(
+        result.target["xy"].replaced(tip=result.target["xy"].tip[:, :2])
+    )
     assert deflection == close(1.0 / 8.0, rel=SAG)
     assert rotation == close(1.0 / 6.0, rel=SAG)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("n", [1, 3])
 def test_static_sag_through_mujoco_is_the_chain_s(n):
-    # slow base acceleration = gravity on the file standing on the world: K q = load, tip by its Jacobian
+    # slow base acceleration = gravity on the file standing on the world: K q = load,
+    # tip by its Jacobian
     result = fit(space_beam(), name="boom", modes={"xy": n})
-    model = compile_model(result.to_mjcf())
+    model = mujoco.MjModel.from_xml_string(result.to_mjcf())
     model.opt.gravity[:] = [0.0, -1.0, 0.0]
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -178,8 +200,9 @@ def test_static_sag_through_mujoco_is_the_chain_s(n):
 
 
 def test_root_rotation_under_a_slow_force_on_the_free_root():
-    # W(s) = M^-1 + s^2 M^-1 C M^-1 + ..., C = sum L L^T / w^2; uniform beam: C = int r G r with the cantilever's static
-    # shapes: C11 = 1/20, C12 = 13/360 (load 1 against the rotation's x), C22 = 11/420
+    # W(s) = M^-1 + s^2 M^-1 C M^-1 + ..., C = sum L L^T / w^2; uniform beam: C = int r G r with
+    # the cantilever's static shapes: C11 = 1/20, C12 = 13/360 (load 1 against the rotation's
+    # x), C22 = 11/420
     c = np.array([[1.0 / 20.0, 13.0 / 360.0], [13.0 / 360.0, 11.0 / 420.0]])
     m = np.array([[1.0, 0.5], [0.5, 1.0 / 3.0]])
     wanted = np.linalg.inv(m) @ c @ np.linalg.inv(m)
@@ -196,6 +219,8 @@ def test_root_rotation_under_a_slow_force_on_the_free_root():
 
 
 def test_static_shapes_for_the_tip_are_not_counted_as_modes_kept():
-    result = fit(tube(), modes={"xy": 2, "xz": 0}, scene=Scene(bandwidth=6.0, axes=("z",), tip=True))
+    result = fit(
+        tube(), modes={"xy": 2, "xz": 0}, scene=Scene(bandwidth=6.0, axes=("z",), tip=True)
+    )
     assert result.target["xy"].modes == 4
     assert "modes kept: 2 in xy (and 2 for further points)" in result.status.message

@@ -1,11 +1,15 @@
-"""Hostile input: no traceback, no hang, no gigabyte, nothing written outside the output, nothing overwritten.
+"""Tests internals as well, the readers in `support/hostile.py`, `files.write_files` and
+`engine.linearise`, beside the commands.
 
-Every reader gets good files that were spoilt (hypothesis), files made to hurt, and paths that lead outside. What comes
-back is either a result or one `BeamchainError`. `make fuzz` runs the same properties longer (BEAMCHAIN_FUZZ examples).
-Specifications far out and spoilt ones are fitted too; their seed rotates daily and is printed, BEAMCHAIN_SEED sets it.
+Hostile input: no traceback, no hang, no gigabyte, nothing written outside the output,
+nothing overwritten.
+
+Every reader gets good files that were spoilt (hypothesis), files made to hurt, and paths that lead
+outside. What comes back is either a result or one `BeamchainError`. `make fuzz` runs the same
+properties longer (BEAMCHAIN_FUZZ examples). Specifications far out and spoilt ones are fitted too;
+their seed is fixed but in `make fuzz`, and printed; BEAMCHAIN_SEED sets it.
 """
 
-import datetime
 import functools
 import os
 import resource
@@ -24,10 +28,11 @@ from hypothesis import strategies as st
 
 import beamchain as bc
 from beamchain.engine.linearise import compile_model
-from beamchain.errors import BeamchainError, OutputError
+from beamchain.errors import OutputError
 from beamchain.files import write_files
 from hostile import READERS, SPEC, bombs, reader_of, spoilt
 from hostile_specs import hostile_spec
+from seeds import seed
 from spacecraft import CRAFTS, spec
 
 SECONDS = 5.0  # for any one file
@@ -39,7 +44,7 @@ BOMBS = bombs()
 SPECS = int(os.environ.get("BEAMCHAIN_FUZZ", "2000"))
 PARTS = 20  # of them, for workers to share
 WRITTEN = 25  # of so many fits one is written whole
-SEED = int(os.environ.get("BEAMCHAIN_SEED", datetime.datetime.now(datetime.UTC).date().toordinal()))
+SEED = seed()
 OPENED: list[str] | None = None  # files opened for writing, while it is a list
 
 
@@ -47,16 +52,18 @@ def taken(read, path) -> None:
     """A result, or an error of ours."""
     try:
         read(path)
-    except BeamchainError as error:
+    except bc.BeamchainError as error:
         assert str(error).strip()
 
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", list(READERS))
 @settings(
-    max_examples=EXAMPLES, deadline=1000.0 * SECONDS, derandomize=EXAMPLES <= 25,
+    max_examples=EXAMPLES,
+    deadline=1000.0 * SECONDS,
+    derandomize=EXAMPLES <= 25,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-)  # fmt: skip
+)
 @given(data=st.data())
 def test_a_spoilt_file(name, tmp_path, data):
     ending, good, read = READERS[name]
@@ -71,11 +78,13 @@ def test_the_good_file_is_good(name, tmp_path):
     path = tmp_path / f"good.{ending}"
     path.write_bytes(good)
     if name == "results":
-        pytest.skip("pyNastran has an environment of its own")
+        pytest.skip("pyYeti has an environment of its own")
     assert read(path) is not None
 
 
-@pytest.mark.parametrize("name", ["print", "modes, JSON", "matrices, NumPy", "matrices, MATLAB", "spec"])
+@pytest.mark.parametrize(
+    "name", ["print", "modes, JSON", "matrices, NumPy", "matrices, MATLAB", "spec"]
+)
 def test_a_file_cut_anywhere(name, tmp_path):
     ending, good, read = READERS[name]
     path = tmp_path / f"cut.{ending}"
@@ -92,7 +101,7 @@ def _measured(read, path, pipe) -> None:
     try:
         read(path)
         said = ""
-    except BeamchainError as error:
+    except bc.BeamchainError as error:
         said = str(error)
     except BaseException as error:
         said = f"TRACEBACK {type(error).__name__}: {error}"[:300]
@@ -110,7 +119,9 @@ def test_a_file_made_to_hurt(name, reader, tmp_path):
     path = tmp_path / f"bomb.{ending}"
     path.write_bytes(content)
     ours, theirs = get_context("fork").Pipe(duplex=False)
-    child = get_context("fork").Process(target=_measured, args=(reader_of(ending)[reader], path, theirs))
+    child = get_context("fork").Process(
+        target=_measured, args=(reader_of(ending)[reader], path, theirs)
+    )
     child.start()
     theirs.close()
     try:
@@ -127,7 +138,7 @@ def test_a_spec_of_100_megabytes(tmp_path):
     path = tmp_path / "large.toml"
     with path.open("wb") as stream:
         stream.truncate(100_000_000)
-    with pytest.raises(BeamchainError, match="100000000 bytes, more than"):
+    with pytest.raises(bc.BeamchainError, match="100000000 bytes, more than"):
         bc.fit(READERS["spec"][2](path))
 
 
@@ -152,7 +163,7 @@ def test_paths_that_lead_outside(line, tmp_path):
     out = inside / "out" / "out.xml"
     try:
         bc.embed(craft, {"mount": spec("rod")}).write(out)
-    except BeamchainError as error:
+    except bc.BeamchainError as error:
         assert "root:x:0" not in str(error)
     written = [p for p in tmp_path.rglob("*") if p.is_file() and p != craft]
     assert all(p.parent == out.parent for p in written)
@@ -163,7 +174,7 @@ def test_paths_that_lead_outside(line, tmp_path):
 def test_names_that_lead_outside(name, tmp_path):
     path = tmp_path / "spec.toml"
     path.write_text(SPEC.replace('"boom"', repr(name).replace("'", '"')))
-    with pytest.raises(BeamchainError):
+    with pytest.raises(bc.BeamchainError):
         READERS["spec"][2](path)
 
 
@@ -180,7 +191,7 @@ def test_mujoco_s_own_parser_is_guarded(entry, tmp_path):
     path = tmp_path / "model.xml"
     path.write_bytes(BOMBS[entry][1])
     start = time.perf_counter()
-    with pytest.raises(BeamchainError):
+    with pytest.raises(bc.BeamchainError):
         compile_model(path)
     assert time.perf_counter() - start < SECONDS
 
@@ -195,13 +206,23 @@ def test_commands_say_one_sentence(command, tmp_path):
         path = tmp_path / f"bomb.{ending}"
         path.write_bytes(content)
         arguments = {
-            "embed": [str(path), "--at", f"mount={spec('rod')}", "-o", str(tmp_path / "out" / "x.xml")],
+            "embed": [
+                str(path),
+                "--at",
+                f"mount={spec('rod')}",
+                "-o",
+                str(tmp_path / "out" / "x.xml"),
+            ],
             "inspect": [str(path)],
         }.get(command, [str(path), "-o", str(tmp_path / "out")])
         done = subprocess.run(
             [sys.executable, "-m", "beamchain", command, *arguments],
-            capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+            cwd=tmp_path,
+        )
         assert done.returncode in (2, 0), (name, done.stderr[-500:])
         assert "Traceback" not in done.stderr, name
         assert sorted(p.name for p in tmp_path.iterdir() if p != path and p.name != "out") == []
@@ -227,7 +248,8 @@ def _overrun(number, frame):
 
 
 def _opened(event, arguments):
-    path = event == "open" and OPENED is not None and not isinstance(arguments[0], int)  # else one opened already
+    # else one opened already
+    path = event == "open" and OPENED is not None and not isinstance(arguments[0], int)
     if path and (arguments[2] or 0) & (os.O_WRONLY | os.O_RDWR):
         OPENED.append(str(arguments[0]))
 
@@ -239,14 +261,17 @@ def _watch_files():
 
 
 def _fitted(number, folder):
-    """What goes wrong with the hostile specification of a number, if anything; its folder holds nothing else."""
+    """What goes wrong with the hostile specification of a number, if anything;
+    its folder holds nothing else."""
     global OPENED
     text, document = hostile_spec(number)
     (folder / "spec.toml").write_text(text)
     if document is not None:
         (folder / "modes.json").write_text(document)
     before = signal.signal(signal.SIGPROF, _overrun)
-    wrong, start, OPENED = "", time.process_time(), []
+    wrong = ""
+    start = time.process_time()
+    OPENED = []
     try:
         signal.setitimer(signal.ITIMER_PROF, HANG, 1.0)
         result = bc.fit(bc.read_spec(folder / "spec.toml"))
@@ -254,7 +279,7 @@ def _fitted(number, folder):
         if number % WRITTEN == 0:
             signal.setitimer(signal.ITIMER_PROF, 0.0)  # drawing has no search in it
             result.write(folder / "out")
-    except BeamchainError as error:
+    except bc.BeamchainError as error:
         wrong = "" if str(error).strip() else "an error without a sentence"
     except (Exception, Overrun):
         wrong = traceback.format_exc()
@@ -262,7 +287,11 @@ def _fitted(number, folder):
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.signal(signal.SIGPROF, before)
         took, opened, OPENED = time.process_time() - start, OPENED, None
-    outside = [path for path in opened if folder not in Path(path).resolve().parents and "__pycache__" not in path]
+    outside = [
+        path
+        for path in opened
+        if folder not in Path(path).resolve().parents and "__pycache__" not in path
+    ]
     if outside:
         wrong += f"\nopened for writing: {outside}"
     return took, f"\nspecification {number}, {took:.2f} s: {wrong}\n{text}" if wrong else ""
@@ -271,7 +300,8 @@ def _fitted(number, folder):
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(PARTS))
 def test_hostile_specifications(part, tmp_path):
-    """Read, fitted, shown: a result or one sentence, nearly always in seconds, and nothing written elsewhere."""
+    """Read, fitted, shown: a result or one sentence, nearly always in seconds,
+    and nothing written elsewhere."""
     sys.stdout.write(f"BEAMCHAIN_SEED={SEED}\n")
     _watch_files()
     failed, times = [], []
@@ -283,6 +313,10 @@ def test_hostile_specifications(part, tmp_path):
         times.append(took)
         failed += [wrong] if wrong else []
     longest = max(times, default=0.0)
-    sys.stdout.write(f"{len(times)} specifications, {sum(times):.1f} s of the processor, {longest:.1f} s the longest\n")
+    sys.stdout.write(
+        f"{len(times)} specifications, {sum(times):.1f} s of the processor, {longest:.1f} s the "
+        "longest\n"
+    )
     assert not failed, f"{len(failed)} of {len(times)}:" + "".join(failed[:10])
-    assert sum(took > SECONDS for took in times) <= max(2, SLOW * len(times))
+    # one in a hundred of all: a part of a hundred may hold a few more than its share
+    assert sum(took > SECONDS for took in times) <= max(4, SLOW * len(times))

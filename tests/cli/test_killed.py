@@ -1,4 +1,5 @@
-"""Killed without warning (SIGKILL) at any moment: every file that is there is whole, and the last says that all are."""
+"""Tests an internal, `files.write_files`, beside the commands: killed without warning (SIGKILL) at
+any moment: every file that is there is whole, and the last says that all are."""
 
 import json
 import os
@@ -35,11 +36,26 @@ stiffness = { relative = 0.05 }
 #: command: its arguments (OUT: the folder), and the file that comes last
 COMMANDS = {
     "fit": (["fit", "SPEC", "-o", "OUT"], "fit.json"),
-    "embed": (["embed", str(CRAFTS / "planar.xml"), "--at", f"mount={spec('rod')}", "-o", "OUT/x.xml", "--plot", "OUT/x.svg"], "x.xml"),
+    "embed": (
+        [
+            "embed",
+            str(CRAFTS / "planar.xml"),
+            "--at",
+            f"mount={spec('rod')}",
+            "-o",
+            "OUT/x.xml",
+            "--plot",
+            "OUT/x.svg",
+        ],
+        "x.xml",
+    ),
     "stability": (["stability", "SPEC", "-o", "OUT"], "stability.json"),
-    "study": (["study", "SPEC", "-o", "OUT", "--budget", "0.001", "--model", "exact, hub"], "study.json"),
+    "study": (
+        ["study", "SPEC", "-o", "OUT", "--budget", "0.001", "--model", "exact, hub"],
+        "study.json",
+    ),
     "sweep": (["sweep", "SPEC", "-o", "OUT", "--samples", "40"], "sweep.json"),
-}  # fmt: skip
+}
 MOMENTS = 6  # kills per command
 
 
@@ -57,7 +73,11 @@ def _write_and_die(folder: Path, after: int, force: bool) -> None:
 
 
 def visible(folder: Path) -> dict[str, Path]:
-    return {p.name: p for p in folder.iterdir() if not p.name.startswith(".")} if folder.is_dir() else {}
+    return (
+        {p.name: p for p in folder.iterdir() if not p.name.startswith(".")}
+        if folder.is_dir()
+        else {}
+    )
 
 
 @pytest.mark.filterwarnings("ignore")  # Python warns of forking
@@ -99,7 +119,8 @@ def whole(path: Path) -> bool:
     return bool(content)
 
 
-#: a study writes them where a model reached the error in the time it had, which differs from run to run on a busy machine
+#: a study writes them where a model reached the error in the time it had,
+#: which differs from run to run on a busy machine
 MEASURED = {"recommended_1e-2.toml", "recommended_1e-3.toml", "recommended_1e-4.toml"}
 
 
@@ -107,11 +128,16 @@ def started(command: str, folder: Path) -> subprocess.Popen:
     recipe = folder / "boom.toml"
     recipe.write_text(BOOM if command == "sweep" else BOOM.split("[uncertain]")[0])
     out = folder / "out"
-    arguments = [a.replace("SPEC", str(recipe)).replace("OUT", str(out)) for a in COMMANDS[command][0]]
+    arguments = [
+        a.replace("SPEC", str(recipe)).replace("OUT", str(out)) for a in COMMANDS[command][0]
+    ]
     return subprocess.Popen(
         [sys.executable, "-m", "beamchain", *arguments, "--quiet"],
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=folder, start_new_session=True,
-    )  # fmt: skip
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        cwd=folder,
+        start_new_session=True,
+    )
 
 
 @pytest.mark.slow

@@ -1,15 +1,11 @@
-"""The craft's promise on random craft: what is stated is what an independent calculation finds in the exported file.
+"""The craft's promise on random craft: what is stated is what an independent calculation finds in
+the exported file.
 
-The truth is `finite_elements.py`, hung on the bare craft by its dynamic mass; the model is the exported file as MuJoCo
-compiles it, mass matrix, springs, dampers and tendons. Neither shares an import with the package. Nothing is left out:
-every frequency counts, and a craft that misses its tolerance must say so. The seed rotates daily and is printed;
-BEAMCHAIN_SEED sets it.
+The truth is `finite_elements.py`, hung on the bare craft by its dynamic mass; the model is the
+exported file as MuJoCo compiles it, mass matrix, springs, dampers and tendons. Neither shares an
+import with the package. Nothing is left out: every frequency counts, and a craft that misses its
+tolerance must say so. The seed is fixed but in `make fuzz`, and printed; BEAMCHAIN_SEED sets it.
 """
-
-import datetime
-import json
-import os
-import sys
 
 import mujoco
 import numpy as np
@@ -17,15 +13,18 @@ import pytest
 
 import beamchain as bc
 import finite_elements as fe
-from beamchain.cli import main
+from command import call
+from mechanics import damping_matrix, mass_matrix, stiffness_matrix
 from random_appendages import random_appendage, toml
+from seeds import seed
 
 CRAFTS = 24
-QUICK = 8  # of them in the quick suite
+QUICK = 1  # of them in the quick suite
 AGREE = 0.05  # stated and found craft error, relative
-ROUNDING = 1e-7  # of the craft error: what differs below is the last digits of file and finite elements
+# of the craft error: what differs below is the last digits of file and finite elements
+ROUNDING = 1e-7
 MODES = 30  # of every port in finite elements
-SEED = int(os.environ.get("BEAMCHAIN_SEED", datetime.datetime.now(datetime.UTC).date().toordinal()))
+SEED = seed()
 AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}
 
 
@@ -60,9 +59,9 @@ def random_craft(seed):
         if driven[k]:
             held = f' stiffness="{bus:.6f}"' if rng.random() < 0.5 else ""
             parts.append(
-                f'<body name="drive{k}" pos="{place}" euler="{turn}"><joint name="turn{k}" axis="1 0 0" '
-                f'damping="{0.05 * bus:.6f}"{held}/>'
-                f'<inertial pos="0 0 0" mass="{bus / 50:.6f}" diaginertia="{bus / 500:.8f} {bus / 500:.8f} '
+                f'<body name="drive{k}" pos="{place}" euler="{turn}"><joint name="turn{k}" axis="1 '
+                f'0 0" damping="{0.05 * bus:.6f}"{held}/><inertial pos="0 0 0" '
+                f'mass="{bus / 50:.6f}" diaginertia="{bus / 500:.8f} {bus / 500:.8f} '
                 f'{bus / 500:.8f}"/><site name="place{k}"/></body>'
             )
             angles.append(f"{rng.uniform(-1.5, 1.5):.4f}")
@@ -70,10 +69,11 @@ def random_craft(seed):
             parts.append(f'<site name="place{k}" pos="{place}" euler="{turn}"/>')
     key = f"0 0 0 1 0 0 0 {' '.join(angles)}"
     text = (
-        '<mujoco><option gravity="0 0 0" timestep="0.001" integrator="implicitfast"/><worldbody><body name="bus">'
-        f'<freejoint/><inertial pos="0 0 0" mass="{bus:.6f}" '
-        f'diaginertia="{inertia[0]:.6f} {inertia[1]:.6f} {inertia[2]:.6f}"/>{"".join(parts)}</body></worldbody>'
-        f'<keyframe><key name="turned" qpos="{key}"/></keyframe></mujoco>'
+        '<mujoco><option gravity="0 0 0" timestep="0.001" '
+        'integrator="implicitfast"/><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" '
+        f'mass="{bus:.6f}" diaginertia="{inertia[0]:.6f} {inertia[1]:.6f} '
+        f'{inertia[2]:.6f}"/>{"".join(parts)}</body></worldbody><keyframe><key name="turned" '
+        f'qpos="{key}"/></keyframe></mujoco>'
     )
     return text, specs
 
@@ -83,32 +83,18 @@ def at_pose(model, qpos):
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
-    mass, column = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
-    for i, unit in enumerate(np.eye(model.nv)):
-        mujoco.mj_mulM(model, data, column, unit)
-        mass[:, i] = column
-
-    def first(values):
-        return np.asarray(values).reshape(len(values), -1)[:, 0] if len(values) else np.zeros(0)
-
-    stiffness, damping = np.zeros(model.nv), first(model.dof_damping)
-    for j in range(model.njnt):
-        if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE:
-            stiffness[model.jnt_dofadr[j]] = first(model.jnt_stiffness)[j]
-    rows = np.zeros((model.ntendon, model.nv))
-    for t in range(model.ntendon):
-        start = model.tendon_adr[t]
-        for w in range(start, start + model.tendon_num[t]):
-            rows[t, model.jnt_dofadr[model.wrap_objid[w]]] = model.wrap_prm[w]
-    stiffness = np.diag(stiffness) + rows.T @ (first(model.tendon_stiffness)[:, None] * rows)
-    damping = np.diag(damping) + rows.T @ (first(model.tendon_damping)[:, None] * rows)
-    return data, mass, damping, stiffness
+    return data, mass_matrix(model, qpos), damping_matrix(model), stiffness_matrix(model)
 
 
 def peaks(mass, damping, stiffness):
     """Complex poles as frequencies and ratios."""
     n = mass.shape[0]
-    a = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)]])
+    a = np.block(
+        [
+            [np.zeros((n, n)), np.eye(n)],
+            [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)],
+        ]
+    )
     poles = np.linalg.eigvals(a)
     poles = poles[np.imag(poles) > 0.0]
     return [(abs(p), min(max(-p.real / abs(p), 1e-4), 1.0)) for p in poles]
@@ -124,31 +110,44 @@ def in_space(spec):
 def found_error(text, file, specs, exact=None):
     """Craft error in the exported file, worst of the rest pose and the keyframe.
 
-    `exact`: rigid mass, participation and frequencies by site; finite elements of `specs` where left out.
+    `exact`: rigid mass, participation and frequencies by site;
+    finite elements of `specs` where left out.
     """
-    craft, model = mujoco.MjModel.from_xml_string(text), mujoco.MjModel.from_xml_path(str(file))
+    craft = mujoco.MjModel.from_xml_string(text)
+    model = mujoco.MjModel.from_xml_path(str(file))
     band = max(spec["scene"]["bandwidth"] for spec in specs.values())
     keep = sorted({AXES[a] for spec in specs.values() for a in spec["scene"]["axes"]})
     exact = exact or {site: in_space(spec) for site, spec in specs.items()}
     rigid = {site: item[0] for site, item in exact.items()}
     worst = 0.0
-    for ours, bare in zip((model.qpos0, *model.key_qpos), (craft.qpos0, *craft.key_qpos), strict=True):
+    for ours, bare in zip(
+        (model.qpos0, *model.key_qpos), (craft.qpos0, *craft.key_qpos), strict=True
+    ):
         _, mass, damping, stiffness = at_pose(model, ours)
         data, own, own_damping, own_stiffness = at_pose(craft, bare)
         motions = {}
         for site in specs:
             k = craft.site(site).id
-            shift, turn = np.zeros((3, craft.nv)), np.zeros((3, craft.nv))
+            shift = np.zeros((3, craft.nv))
+            turn = np.zeros((3, craft.nv))
             mujoco.mj_jacSite(craft, data, shift, turn, k)
             axes = data.site_xmat[k].reshape(3, 3)
             motions[site] = np.vstack([axes.T @ shift, axes.T @ turn])
         frozen = own + sum(m.T @ rigid[site] @ m for site, m in motions.items())
-        whole = frozen[:6, :6]  # the base's own motions, all else locked; it stands at the world's axes
+        # the base's own motions, all else locked; it stands at the world's axes
+        whole = frozen[:6, :6]
         scale = np.sqrt(np.diag(whole))[keep]
         scale = np.outer(scale, scale)
         floor = np.linalg.norm(np.linalg.inv(whole)[np.ix_(keep, keep)] * scale, 2)
 
-        def true(omega, scale=scale, own=own, own_damping=own_damping, own_stiffness=own_stiffness, motions=motions):
+        def true(
+            omega,
+            scale=scale,
+            own=own,
+            own_damping=own_damping,
+            own_stiffness=own_stiffness,
+            motions=motions,
+        ):
             s = 1j * omega[:, None, None]
             total = own + own_damping / s + own_stiffness / s**2
             for site, m in motions.items():
@@ -171,17 +170,19 @@ def found_error(text, file, specs, exact=None):
         omega = np.unique(omega[(omega > 0.0) & (omega <= band)])
         wanted = true(omega)
         off = np.linalg.norm(got(omega) - wanted, 2, axis=(1, 2))
-        worst = max(worst, float(np.max(off / np.maximum(np.linalg.norm(wanted, 2, axis=(1, 2)), floor))))
+        worst = max(
+            worst, float(np.max(off / np.maximum(np.linalg.norm(wanted, 2, axis=(1, 2)), floor)))
+        )
     return worst
 
 
 @pytest.mark.parametrize(
-    "number", [*range(QUICK), *(pytest.param(n, marks=pytest.mark.slow) for n in range(QUICK, CRAFTS))]
+    "number",
+    [*range(QUICK), *(pytest.param(n, marks=pytest.mark.slow) for n in range(QUICK, CRAFTS))],
 )
 def test_stated_craft_error_is_what_the_file_has(number, tmp_path):
-    seed = SEED * 1000 + number
     print(f"BEAMCHAIN_SEED={SEED}, craft {number}")  # noqa: T201
-    text, specs = random_craft(seed)
+    text, specs = random_craft(SEED * 1000 + number)
     for site, spec in specs.items():
         (tmp_path / f"{site}.toml").write_text(toml(spec))
     done = bc.embed(text, {site: tmp_path / f"{site}.toml" for site in specs}, retime=False)
@@ -190,7 +191,7 @@ def test_stated_craft_error_is_what_the_file_has(number, tmp_path):
     assert done.craft_error == pytest.approx(found, rel=AGREE, abs=ROUNDING)
     tolerance = min(spec["scene"]["tolerance"] for spec in specs.values())
     assert done.tolerance == tolerance
-    assert done.met == (done.craft_error <= tolerance)
+    assert done.met == (1.01 * done.craft_error <= tolerance)
     if done.met:
         assert found <= tolerance * (1.0 + AGREE)
 
@@ -199,20 +200,26 @@ def boom(**more):
     """A uniform boom whose scene asks for little, on a light craft."""
     return {
         "name": "boom",
-        "segment": [{"length": 6.0, "section": {"shape": "round", "diameter": 0.03},
-                     "material": {"youngs_modulus": 7e10, "density": 2700.0}}],
+        "segment": [
+            {
+                "length": 6.0,
+                "section": {"shape": "round", "diameter": 0.03},
+                "material": {"youngs_modulus": 7e10, "density": 2700.0},
+            }
+        ],
         "scene": {"bandwidth": 10.0, "tolerance": 1e-3},
         **more,
-    }  # fmt: skip
+    }
 
 
 LIGHT = (
-    '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="60" '
-    'diaginertia="9 8 7"/><site name="place" pos="0.5 0 0"/></body></worldbody></mujoco>'
+    '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/><inertial pos="0 0 '
+    '0" mass="60" diaginertia="9 8 7"/><site name="place" pos="0.5 0 '
+    '0"/></body></worldbody></mujoco>'
 )
 
 
-def test_exit_status_and_json_say_whether_the_promise_is_kept(tmp_path, capsys, monkeypatch):
+def test_exit_status_and_json_say_whether_the_promise_is_kept(tmp_path):
     (tmp_path / "craft.xml").write_text(LIGHT)
     for name, more, met in (("kept", {}, True), ("typed", {"modes": {"xy": 1, "xz": 1}}, False)):
         (tmp_path / f"{name}.toml").write_text(toml(boom(**more)))
@@ -224,12 +231,9 @@ def test_exit_status_and_json_say_whether_the_promise_is_kept(tmp_path, capsys, 
             "-o",
             tmp_path / f"{name}.xml",
         ]
-        monkeypatch.setattr(sys, "argv", ["beamchain", *map(str, words), "--no-report", "--json"])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        code = int(stopped.value.code or 0)
-        record = json.loads(capsys.readouterr().out)
-        assert code == (0 if met else 3)
+        answer = call(*words, "--no-report", "--json")
+        record = answer.record
+        assert answer.status == (0 if met else 3)
         assert record["met"] is met
         assert record["band"] == 10.0
         assert record["tolerance"] == 1e-3
@@ -237,7 +241,7 @@ def test_exit_status_and_json_say_whether_the_promise_is_kept(tmp_path, capsys, 
     assert len(record["appendages"][0]["ports"]["xy"]["frequencies"]) == 1  # typed: never changed
 
 
-def test_everything_shown_is_of_the_band_and_the_axes_asked_for(tmp_path, capsys, monkeypatch):
+def test_everything_shown_is_of_the_band_and_the_axes_asked_for(tmp_path):
     spec = boom(scene={"bandwidth": 10.0, "tolerance": 1e-3, "axes": ["y", "z"]})
     (tmp_path / "boom.toml").write_text(toml(spec))
     (tmp_path / "craft.xml").write_text(LIGHT)
@@ -247,16 +251,22 @@ def test_everything_shown_is_of_the_band_and_the_axes_asked_for(tmp_path, capsys
     assert assembly.in_band == pytest.approx(done.craft_error, rel=AGREE)
     beyond = [m for m in assembly.modes if m.kept and m.exact is not None and m.exact > 10.0]
     assert max(abs(m.error) for m in beyond) > 10 * assembly.worst
-    words = [tmp_path / "craft.xml", "--at", f"place={tmp_path / 'boom.toml'}", "-o", tmp_path / "out.xml"]
-    monkeypatch.setattr(sys, "argv", ["beamchain", "embed", *map(str, words), "--no-retime"])
-    with pytest.raises(SystemExit):
-        main()
-    told = capsys.readouterr().out
+    words = [
+        tmp_path / "craft.xml",
+        "--at",
+        f"place={tmp_path / 'boom.toml'}",
+        "-o",
+        tmp_path / "out.xml",
+    ]
+    told = call("embed", *words, "--no-retime").out
     assert told.count("beyond the band") == len(beyond)
-    assert f"no kept mode lies up to 10 rad/s; the first, at {beyond[0].exact:.4g} rad/s" in " ".join(told.split())
+    assert (
+        f"no kept mode lies up to 10 rad/s; the first, at {beyond[0].exact:.4g} rad/s"
+        in " ".join(told.split())
+    )
     page = (tmp_path / "out_report.html").read_text()
     assert f"{len(assembly.judged)} coupled mode" in page
-    assert page.count("<td>beyond the band</td>") == len(beyond)
+    assert page.count(">beyond the band</td>") == len(beyond)
 
 
 def test_without_a_scene_nothing_is_promised(tmp_path):

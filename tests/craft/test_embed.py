@@ -1,9 +1,9 @@
-"""Appendages in existing spacecraft: the user's file stays his, the numbers stay theirs, the whole is proved."""
+"""Appendages in existing spacecraft: the user's file stays his, the numbers stay theirs,
+the whole is proved."""
 
 import json
 import pickle
 import shutil
-import sys
 from pathlib import Path
 
 import msgspec
@@ -16,13 +16,9 @@ from scipy.linalg import eigh
 import beamchain as bc
 import finite_elements as fe
 from appendages import dense_port
-from beamchain.cli import main
-from beamchain.craft.embedding import take_out
-from beamchain.errors import BeamchainError
-from beamchain.fitting.spec import read_spec, spec_from_dict
-from beamchain.mjcf.craft import read_craft
-from command import run
+from command import call, run
 from spacecraft import CRAFTS, STYLES, frequencies, spec
+from specs import spec_of
 
 SAME = 1e-12  # two forms of one model: the same numbers through the same code
 COUPLED = 1e-3  # several appendages, each fitted with the others rigid: the issue's bound
@@ -30,9 +26,28 @@ PANEL = 1e-9  # one plane, target hub: the chain's own precision through A and B
 
 
 @pytest.fixture(scope="module")
-def observer():
-    file, at = STYLES["free hub, two arrays and a boom"]
-    return bc.embed(CRAFTS / file, at)
+def crafts(tmp_path_factory):
+    """The fixtures' folder, copied, so that a file may be written into it."""
+    return shutil.copytree(CRAFTS, tmp_path_factory.mktemp("crafts") / "crafts")
+
+
+@pytest.fixture(scope="module")
+def embedded(crafts):
+    """Each style with its appendages, made once, when first asked for."""
+    made = {}
+
+    def get(style, form="inline"):
+        if (style, form) not in made:
+            file, at = STYLES[style]
+            made[style, form] = bc.embed(crafts / file, at, form=form)
+        return made[style, form]
+
+    return get
+
+
+@pytest.fixture(scope="module")
+def observer(embedded):
+    return embedded("free hub, two arrays and a boom")
 
 
 @pytest.fixture(scope="module")
@@ -40,55 +55,66 @@ def written(observer, tmp_path_factory):
     return observer.write(tmp_path_factory.mktemp("deep") / "below" / "out.xml")[-1]
 
 
-def test_a_result_can_be_pickled(observer, tmp_path):
-    again = pickle.loads(pickle.dumps(observer))
-    assert again.model.nv == observer.model.nv
-    assert [mode.mujoco for mode in again.assembly.modes] == [mode.mujoco for mode in observer.assembly.modes]
+def test_a_result_can_be_pickled(embedded, tmp_path):
+    made = embedded("planar hub on slides and a hinge")
+    again = pickle.loads(pickle.dumps(made))
+    assert again.model.nv == made.model.nv
+    assert [mode.mujoco for mode in again.assembly.modes] == [
+        mode.mujoco for mode in made.assembly.modes
+    ]
     first, other = (
-        one.write(tmp_path / name)[-1].read_bytes() for one, name in ((observer, "a.xml"), (again, "b.xml"))
+        one.write(tmp_path / name)[-1].read_bytes()
+        for one, name in ((made, "a.xml"), (again, "b.xml"))
     )
     assert first == other
 
 
-def canonical(path: Path) -> bytes:
-    return plain(etree.parse(str(path)))
+def bare(path: Path, folder: Path) -> Path:
+    """What `--remove` makes of a file, written into the folder of the spacecraft
+    that it came from."""
+    out = folder / "bare.xml"
+    answer = call("embed", path, "--remove", "-o", out, "--quiet", "--force")
+    assert (answer.status, answer.err) == (0, "")
+    return out
 
 
-def plain(tree) -> bytes:
-    return etree.tostring(tree, method="c14n")
+#: styles whose appendages are also written as files of their own in the quick half
+ATTACHED = ("planar hub on slides and a hinge", "nested bodies behind a solar-array drive")
 
 
-@pytest.mark.parametrize("style", STYLES)
 class TestStyles:
-    def test_written_elsewhere_compiles_and_comes_back(self, style, tmp_path):
-        file, at = STYLES[style]
-        done = bc.embed(CRAFTS / file, at)
+    @pytest.mark.parametrize("style", STYLES)
+    def test_written_elsewhere_compiles_and_comes_back(self, style, embedded, crafts, tmp_path):
+        done = embedded(style)
         path = done.write(tmp_path / "a" / "b" / "out.xml")[-1]
         model = mujoco.MjModel.from_xml_path(str(path))
         assert model.nv > done.craft.nv
         np.testing.assert_allclose(frequencies(model), frequencies(done.model), rtol=SAME)
-        back = take_out(path)
-        assert plain(back.tree) == canonical(CRAFTS / file)
+        assert bare(path, crafts).read_bytes() == (CRAFTS / STYLES[style][0]).read_bytes()
 
-    def test_coupled_modes(self, style):
-        file, at = STYLES[style]
-        assembly = bc.embed(CRAFTS / file, at).assembly
+    @pytest.mark.parametrize("style", STYLES)
+    def test_coupled_modes(self, style, embedded):
+        assembly = embedded(style).assembly
         kept = [m for m in assembly.modes if m.kept]
         assert kept
         assert all(m.mujoco is not None for m in kept)
         assert assembly.worst < COUPLED
-        assert assembly.in_band < 10 * COUPLED  # a frequency off by e moves a 0.5 % peak by e / 0.01
+        # a frequency off by e moves a 0.5 % peak by e / 0.01
+        assert assembly.in_band < 10 * COUPLED
 
-    def test_attach_is_the_same(self, style, tmp_path):
-        file, at = STYLES[style]
-        inline, attached = bc.embed(CRAFTS / file, at), bc.embed(CRAFTS / file, at, form="attach")
+    @pytest.mark.parametrize(
+        "style", [s if s in ATTACHED else pytest.param(s, marks=pytest.mark.slow) for s in STYLES]
+    )
+    def test_attach_is_the_same(self, style, embedded, crafts, tmp_path):
+        inline = embedded(style)
+        attached = embedded(style, "attach")
         files = attached.write(tmp_path / "sub" / "out.xml")
-        assert len(files) == 1 + len(at)
+        assert len(files) == 1 + len(STYLES[style][1])
         model = mujoco.MjModel.from_xml_path(str(files[-1]))
         np.testing.assert_allclose(frequencies(model), frequencies(inline.model), rtol=SAME)
         np.testing.assert_array_equal(model.key_qpos, inline.model.key_qpos)
         np.testing.assert_array_equal(model.key_qvel, inline.model.key_qvel)
-        assert plain(take_out(files[-1]).tree) == canonical(CRAFTS / file)
+        assert bare(files[-1], crafts).read_bytes() == (CRAFTS / STYLES[style][0]).read_bytes()
 
 
 class TestTheUsersFile:
@@ -96,20 +122,61 @@ class TestTheUsersFile:
         """By name through MuJoCo's own accessors, apart from the comparison embed itself makes."""
         before = mujoco.MjModel.from_xml_path(str(CRAFTS / "observer.xml"))
         after, checked = observer.model, 0
-        for kind in ("body", "joint", "geom", "site", "camera", "light", "actuator", "sensor", "mesh", "material"):
-            count = {"body": before.nbody, "joint": before.njnt, "geom": before.ngeom, "site": before.nsite,
-                     "camera": before.ncam, "light": before.nlight, "actuator": before.nu, "sensor": before.nsensor,
-                     "mesh": before.nmesh, "material": before.nmat}[kind]  # fmt: skip
+        for kind in (
+            "body",
+            "joint",
+            "geom",
+            "site",
+            "camera",
+            "light",
+            "actuator",
+            "sensor",
+            "mesh",
+            "material",
+        ):
+            count = {
+                "body": before.nbody,
+                "joint": before.njnt,
+                "geom": before.ngeom,
+                "site": before.nsite,
+                "camera": before.ncam,
+                "light": before.nlight,
+                "actuator": before.nu,
+                "sensor": before.nsensor,
+                "mesh": before.nmesh,
+                "material": before.nmat,
+            }[kind]
             for i in range(count):
                 a = getattr(before, kind)(i)
                 if not a.name:
                     continue
                 b = getattr(after, kind)(a.name)
-                for field in ("mass", "inertia", "ipos", "iquat", "pos", "quat", "stiffness", "damping", "armature",
-                              "frictionloss", "range", "axis", "size", "friction", "rgba", "gear", "ctrlrange",
-                              "springref", "group", "fovy"):  # fmt: skip
+                for field in (
+                    "mass",
+                    "inertia",
+                    "ipos",
+                    "iquat",
+                    "pos",
+                    "quat",
+                    "stiffness",
+                    "damping",
+                    "armature",
+                    "frictionloss",
+                    "range",
+                    "axis",
+                    "size",
+                    "friction",
+                    "rgba",
+                    "gear",
+                    "ctrlrange",
+                    "springref",
+                    "group",
+                    "fovy",
+                ):
                     if hasattr(a, field):
-                        np.testing.assert_array_equal(getattr(a, field), getattr(b, field), err_msg=f"{a.name} {field}")
+                        np.testing.assert_array_equal(
+                            getattr(a, field), getattr(b, field), err_msg=f"{a.name} {field}"
+                        )
                         checked += 1
         assert checked > 80
 
@@ -119,7 +186,11 @@ class TestTheUsersFile:
             for n in etree.parse(str(CRAFTS / "observer.xml")).iter()
             if not len(n) and n.tag != "key"
         ]
-        ours = [etree.tostring(n, with_tail=False) for n in etree.parse(str(written)).iter() if not len(n)]
+        ours = [
+            etree.tostring(n, with_tail=False)
+            for n in etree.parse(str(written)).iter()
+            if not len(n)
+        ]
         place = -1
         for text in mine:
             place = ours.index(text, place + 1)
@@ -132,37 +203,57 @@ class TestTheUsersFile:
             name = before.joint(j).name
             for adr, key, width in (("jnt_qposadr", "key_qpos", 7), ("jnt_dofadr", "key_qvel", 6)):
                 n = width if name == "bus_free" else 1
-                a, b = getattr(before, adr)[j], getattr(after, adr)[after.joint(name).id]
-                np.testing.assert_array_equal(getattr(before, key)[:, a : a + n], getattr(after, key)[:, b : b + n])
+                a = getattr(before, adr)[j]
+                b = getattr(after, adr)[after.joint(name).id]
+                np.testing.assert_array_equal(
+                    getattr(before, key)[:, a : a + n], getattr(after, key)[:, b : b + n]
+                )
         new = [j for j in range(after.njnt) if "hinge" in after.joint(j).name]
         assert np.all(after.key_qpos[:, after.jnt_qposadr[new]] == 0.0)
         assert np.all(after.key_qvel[:, after.jnt_dofadr[new]] == 0.0)
         np.testing.assert_array_equal(after.key_ctrl, before.key_ctrl)
 
-    def test_twice_is_once(self, written, tmp_path):
-        again = bc.embed(written, STYLES["free hub, two arrays and a boom"][1]).write(written.parent / "again.xml")[-1]
-        assert again.read_bytes() == written.read_bytes()
+    @pytest.mark.parametrize(
+        "style",
+        [
+            "nested bodies behind a solar-array drive",
+            pytest.param("free hub, two arrays and a boom", marks=pytest.mark.slow),
+        ],
+    )
+    def test_twice_is_once(self, style, embedded, tmp_path):
+        once = embedded(style).write(tmp_path / "once.xml")[-1]
+        again = bc.embed(once, STYLES[style][1]).write(tmp_path / "again.xml")[-1]
+        assert again.read_bytes() == once.read_bytes()
 
     def test_one_replaced_others_stay(self, written):
-        boom = bc.embed(written, {"boom_mount": spec("rod")})
+        boom = bc.embed(written, {"boom_mount": spec("rod")}, retime=False)
         names = [boom.model.body(i).name for i in range(boom.model.nbody)]
         assert "rod_link1" in names
         assert "array_link1" in names
         assert not any(name.startswith("boom_") for name in names)
 
-    def test_one_taken_out(self, written):
-        left = take_out(written, ["left"])
-        assert [a.at for a in left.appendages] == ["right", "boom_mount"]
-        assert left.form == "inline"
-        with pytest.raises(BeamchainError, match="no appendage at 'nowhere'"):
-            take_out(written, ["nowhere"])
+    def test_one_taken_out(self, written, tmp_path):
+        words = [
+            "embed",
+            written,
+            "--remove",
+            "-o",
+            tmp_path / "left.xml",
+            "--no-report",
+            "--json",
+            "--at",
+        ]
+        answer = call(*words, "left")
+        assert [a["at"] for a in answer.record["appendages"]] == ["right", "boom_mount"]
+        assert [path.name for path in tmp_path.iterdir()] == ["left.xml"]  # in one piece, as it was
+        answer = call(*words[:-2], "--force", "--at", "nowhere")
+        assert answer.status == 2
+        assert "no appendage at 'nowhere'" in answer.err
 
-    def test_same_folder_changes_no_path(self, observer, tmp_path):
-        shutil.copytree(CRAFTS, tmp_path / "c")
-        done = bc.embed(tmp_path / "c" / "observer.xml", STYLES["free hub, two arrays and a boom"][1])
-        text = done.write(tmp_path / "c" / "out.xml")[-1].read_text()
+    def test_same_folder_changes_no_path(self, observer, crafts):
+        text = observer.write(crafts / "out.xml")[-1].read_text()
         assert text.count("meshdir") == 1
-        mujoco.MjModel.from_xml_path(str(tmp_path / "c" / "out.xml"))
+        mujoco.MjModel.from_xml_path(str(crafts / "out.xml"))
 
     def test_units_of_the_craft_do_not_matter(self):
         """Degrees or radians, angles by default classes: the appendage's file holds no angle."""
@@ -173,30 +264,55 @@ class TestTheUsersFile:
         turned = turned.replace('range="-180 180"', f'range="{-np.pi!r} {np.pi!r}"')
         at = {"panel_mount": spec("array_left")}
         np.testing.assert_allclose(
-            frequencies(bc.embed(text, at).model), frequencies(bc.embed(turned, at).model), rtol=1e-10
+            frequencies(bc.embed(text, at).model),
+            frequencies(bc.embed(turned, at).model),
+            rtol=1e-10,
         )
 
 
 USER_DATA = {
     "on a body": ("", 'user="1 2"', ""),
-    "room only": ('<size nuser_body="3" nuser_jnt="2" nuser_geom="1" nuser_site="2" nuser_tendon="1"/>', "", ""),
+    "room only": (
+        '<size nuser_body="3" nuser_jnt="2" nuser_geom="1" nuser_site="2" nuser_tendon="1"/>',
+        "",
+        "",
+    ),
     "both": ('<size nuser_body="3" nuser_actuator="2" nuser_sensor="2"/>', 'user="1"', ""),
-    "by default": ('<default><joint user="7 8"/><geom user="9"/><site user="4"/></default>', "", ""),
+    "by default": (
+        '<default><joint user="7 8"/><geom user="9"/><site user="4"/></default>',
+        "",
+        "",
+    ),
     "everywhere": (
         "",
         'user="1 2"',
-        '<tendon><fixed name="t" user="6"><joint joint="wheel" coef="1"/></fixed></tendon>'
-        '<actuator><motor joint="wheel" user="1"/></actuator><sensor><jointpos joint="wheel" user="1 2"/></sensor>',
+        '<tendon><fixed name="t" user="6"><joint joint="wheel" '
+        'coef="1"/></fixed></tendon><actuator><motor joint="wheel" '
+        'user="1"/></actuator><sensor><jointpos joint="wheel" user="1 2"/></sensor>',
     ),
 }
 
 
-@pytest.mark.parametrize("form", ["inline", "attach", "spec"])
-@pytest.mark.parametrize("case", USER_DATA)
+@pytest.mark.parametrize(
+    ("case", "form"),
+    [
+        pytest.param(
+            case,
+            form,
+            marks=[]
+            if case == "everywhere" or (case, form) == ("room only", "inline")
+            else [pytest.mark.slow],
+        )
+        for case in USER_DATA
+        for form in ("inline", "attach", "spec")
+    ],
+)
 def test_user_data_stays(case, form, tmp_path):
     before, own, behind = USER_DATA[case]
-    text = f"""<mujoco>{before}<worldbody><body name="hub" {own}><freejoint/><geom size=".5" mass="50"/>
-    <site name="mount"/><body name="w" pos="1 1 1"><joint name="wheel" user="5"/><geom size=".1" mass="1"/></body>
+    text = f"""<mujoco>{before}<worldbody><body name="hub" {own}><freejoint/>
+    <geom size=".5" mass="50"/>
+    <site name="mount"/><body name="w" pos="1 1 1"><joint name="wheel" user="5"/>
+    <geom size=".1" mass="1"/></body>
     </body></worldbody>{behind}</mujoco>"""
     plain = mujoco.MjModel.from_xml_string(text)
     rod = spec("boom")
@@ -213,9 +329,13 @@ def test_user_data_stays(case, form, tmp_path):
 
 @pytest.mark.parametrize("bandwidth", [1e-9, 1e-3, 0.1])
 def test_a_scene_slower_than_every_mode(bandwidth):
-    """Six decades between the band and the beam's modes: a rigid appendage, and no word of NumPy's."""
+    """Six decades between the band and the beam's modes: a rigid appendage,
+    and no word of NumPy's."""
     slow = msgspec.structs.replace(
-        read_spec(spec("boom")), modes=None, root=bc.Root(), scene=bc.Scene(bandwidth=bandwidth, axes=("z",))
+        bc.read_spec(spec("boom")),
+        modes=None,
+        root=bc.Root(),
+        scene=bc.Scene(bandwidth=bandwidth, axes=("z",)),
     )
     assembly = bc.embed(CRAFTS / "planar.xml", {"mount": slow}).assembly
     assert assembly.in_band < 1e-3
@@ -225,7 +345,9 @@ def test_a_scene_slower_than_every_mode(bandwidth):
 class TestHub:
     def test_rigid_hub_by_hand(self, observer):
         """The boom's hub: bus, wheel and both arrays, masses added by hand."""
-        arrays = sum(bc.read_spec(spec(n)).beam.rigid_mass()[0, 0] for n in ("array_left", "array_right"))
+        arrays = sum(
+            bc.read_spec(spec(n)).beam.rigid_mass()[0, 0] for n in ("array_left", "array_right")
+        )
         hub = next(a.hub for a in observer.appendages if a.at == "boom_mount")
         assert hub.mass == pytest.approx(412.3456789012345 + 6.0 + arrays, rel=1e-12)
 
@@ -236,11 +358,14 @@ class TestHub:
         np.testing.assert_allclose([planar.mass, planar.inertia[2]], [60.0, 8.0], rtol=1e-12)
 
     def test_planar_target_hub_needs_no_numbers(self):
-        """One appendage in the plane it moves in: coupled modes of hub and beam to the chain's own precision."""
+        """One appendage in the plane it moves in:
+        coupled modes of hub and beam to the chain's own precision."""
         done = bc.embed(CRAFTS / "planar.xml", {"mount": spec("rod")})
         beam = bc.read_spec(spec("rod")).beam.port("xy", 8)
         c = np.array([0.03 - 0.4, -0.01])
-        mass = np.array([[60.0, 0, -60 * c[1]], [0, 60.0, 60 * c[0]], [-60 * c[1], 60 * c[0], 8 + 60 * c @ c]])
+        mass = np.array(
+            [[60.0, 0, -60 * c[1]], [0, 60.0, 60 * c[0]], [-60 * c[1], 60 * c[0], 8 + 60 * c @ c]]
+        )
         # axial motion of the rod is rigid: it only adds its mass to x
         mass[0, 0] += beam.rigid_mass[0, 0]
         full = mass[1:, 1:] - np.outer(mass[1:, 0], mass[0, 1:]) / mass[0, 0]
@@ -249,7 +374,8 @@ class TestHub:
         np.testing.assert_allclose(ours[:2], exact[:2], rtol=1e-6)  # force differences of 1e-4 rad
 
     def test_drive(self):
-        """What turns with the drive is 11 kg, what the array feels far more: only the apparent hub is right."""
+        """What turns with the drive is 11 kg, what the array feels far more:
+        only the apparent hub is right."""
         done = bc.embed(CRAFTS / "drive.xml", {"panel_mount": spec("array_left")})
         hub = done.appendages[0].hub
         assert hub.mass == pytest.approx(11.0)
@@ -257,9 +383,11 @@ class TestHub:
         assert done.assembly.worst < 1e-4
         loose = (CRAFTS / "drive.xml").read_text().replace('stiffness="4000"', 'stiffness="0"')
         given = bc.read_spec(spec("array_left"))
-        # two modes in each plane: with one, a filler mode stands on the second hinge and moves the coupled modes by 5e-5
+        # two modes in each plane: with one, a filler mode stands on the second hinge and moves the
+        # coupled modes by 5e-5
         own = bc.Spec(
-            **{f: getattr(given, f) for f in given.__struct_fields__} | {"modes": bc.Modes(xy=2, xz=2, torsion=1)}
+            **{f: getattr(given, f) for f in given.__struct_fields__}
+            | {"modes": bc.Modes(xy=2, xz=2, torsion=1)}
         )
         done = bc.embed(loose, {"panel_mount": own})
         assert any("free, since no spring" in w for w in done.warnings)
@@ -267,21 +395,30 @@ class TestHub:
 
     @pytest.mark.parametrize("stiffness", [50.0, 2000.0])
     def test_sprung_ball_joint(self, stiffness):
-        """Modes called kept are right against finite elements on the craft's own matrices; those beyond are not judged."""
+        """Modes called kept are right against finite elements on the craft's own matrices;
+        those beyond are not judged."""
         craft = (
-            '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="200" '
-            'diaginertia="90 80 70"/><body name="gimbal" pos="1 0 0">'
-            f'<joint name="ball" type="ball" stiffness="{stiffness}"/><inertial pos="0 0 0" mass="3" '
-            'diaginertia=".1 .1 .1"/><site name="mount" pos="0.1 0 0"/></body></body></worldbody></mujoco>'
+            '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/><inertial '
+            'pos="0 0 0" mass="200" diaginertia="90 80 70"/><body name="gimbal" pos="1 0 '
+            f'0"><joint name="ball" type="ball" stiffness="{stiffness}"/><inertial pos="0 0 0" '
+            'mass="3" diaginertia=".1 .1 .1"/><site name="mount" pos="0.1 0 '
+            '0"/></body></body></worldbody></mujoco>'
         )
         section = {"shape": "round", "diameter": 0.02}
         given = {
-            "segment": [{"length": 5.0, "section": section, "material": {"youngs_modulus": 7e10, "density": 2700.0}}]
+            "segment": [
+                {
+                    "length": 5.0,
+                    "section": section,
+                    "material": {"youngs_modulus": 7e10, "density": 2700.0},
+                }
+            ]
         }
         bare = mujoco.MjModel.from_xml_string(craft)
         data = mujoco.MjData(bare)
         mujoco.mj_forward(bare, data)
-        column, mass = np.zeros(9), np.zeros((9, 9))
+        column = np.zeros(9)
+        mass = np.zeros((9, 9))
         for i, unit in enumerate(np.eye(9)):
             mujoco.mj_mulM(bare, data, column, unit)
             mass[i] = column
@@ -291,12 +428,15 @@ class TestHub:
         mass += jacobian.T @ fe.rigid_mass(given) @ jacobian
         joined = own.participation @ jacobian
         mass = np.block([[mass, joined.T], [joined, np.eye(len(joined))]])
-        squares = eigh(np.diag([0.0] * 6 + [stiffness] * 3 + list(own.frequencies**2)), mass, eigvals_only=True)
+        squares = eigh(
+            np.diag([0.0] * 6 + [stiffness] * 3 + list(own.frequencies**2)), mass, eigvals_only=True
+        )
         true = np.sqrt(squares[squares > 1e-3])
 
-        part = spec_from_dict({"name": "rod", **given, "modes": {"xy": 1, "xz": 1}}, "rod")
+        part = spec_of({"name": "rod", **given, "modes": {"xy": 1, "xz": 1}})
         short = bc.embed(craft, {"mount": part}, retime=False)
-        if stiffness < 100.0:  # two modes that the beam's springs share in, and that one mode per plane cannot have
+        # two modes that the beam's springs share in, and that one mode per plane cannot have
+        if stiffness < 100.0:
             assert max(abs(m.error or 0.0) for m in short.assembly.modes if m.kept) > 0.06
             assert len(short.assembly.judged) == 2
         np.testing.assert_allclose(
@@ -304,7 +444,7 @@ class TestHub:
         )
         scene = {"bandwidth": 20.0, "tolerance": 1e-2}
         whole = bc.embed(
-            craft, {"mount": spec_from_dict({"name": "rod", **given, "scene": scene}, "rod")}, retime=False
+            craft, {"mount": spec_of({"name": "rod", **given, "scene": scene}, "rod")}, retime=False
         )
         assert whole.met
         inside = true[true <= 20.0]
@@ -312,7 +452,11 @@ class TestHub:
 
     def test_scene_chooses_with_the_hub_of_the_craft(self):
         given = bc.read_spec(spec("rod"))
-        own = bc.Spec(name="rod", segment=given.segment, scene=bc.Scene(bandwidth=10.0, tolerance=1e-3, axes=("z",)))
+        own = bc.Spec(
+            name="rod",
+            segment=given.segment,
+            scene=bc.Scene(bandwidth=10.0, tolerance=1e-3, axes=("z",)),
+        )
         done = bc.embed(CRAFTS / "planar.xml", {"mount": own})
         first = next(m for m in done.assembly.modes if m.kept)
         assert abs(first.error) < COUPLED
@@ -327,12 +471,18 @@ class TestHub:
         mass[1, 5] = mass[5, 1] = 20.0
         mass[2, 4] = mass[4, 2] = -20.0
         lateral = [[0, 0, 3.5, 0.4, -5.5, 0], [0, 0, 1.2, -1.5, -1.1, 0]]
-        mass, lateral = mass * np.pi / 3.0, np.array(lateral) * np.sqrt(np.pi / 3.0)  # digits, as a program writes them
-        record = {"frequencies": [2.0 / 3.0, 17.0 / 3.0], "participation": lateral.T.tolist(), "mass": mass.tolist()}
+        # digits, as a program writes them
+        mass, lateral = mass * np.pi / 3.0, np.array(lateral) * np.sqrt(np.pi / 3.0)
+        record = {
+            "frequencies": [2.0 / 3.0, 17.0 / 3.0],
+            "participation": lateral.T.tolist(),
+            "mass": mass.tolist(),
+        }
         (tmp_path / "plate.json").write_text(json.dumps(record))
         (tmp_path / "plate.toml").write_text('name = "plate"\n[imported]\nfile = "plate.json"\n')
         done = bc.embed(
-            CRAFTS / "drive.xml", {"radiator_edge": tmp_path / "plate.toml", "panel_mount": spec("array_left")}
+            CRAFTS / "drive.xml",
+            {"radiator_edge": tmp_path / "plate.toml", "panel_mount": spec("array_left")},
         )
         labels = [t.label for t in done.appendages[0].fit.chain.tendons if t.is_mode]
         assert labels == ["mode1", "mode2"]
@@ -343,10 +493,16 @@ class TestHub:
 
     def test_hub_of_the_spec_is_replaced(self):
         given = bc.read_spec(spec("rod"))
-        own = bc.Spec(name="rod", segment=given.segment, root=bc.Root(hub=bc.Hub(mass=1.0, inertia=(1.0, 1.0, 1.0))))
+        own = bc.Spec(
+            name="rod",
+            segment=given.segment,
+            root=bc.Root(hub=bc.Hub(mass=1.0, inertia=(1.0, 1.0, 1.0))),
+        )
         done = bc.embed(CRAFTS / "planar.xml", {"mount": own})
         assert any("the hub of the spec (1 kg, inertia 1, 1, 1" in w for w in done.warnings)
-        assert any("hold" in w for w in bc.embed(CRAFTS / "planar.xml", {"mount": spec("boom")}).warnings)
+        assert any(
+            "hold" in w for w in bc.embed(CRAFTS / "planar.xml", {"mount": spec("boom")}).warnings
+        )
 
 
 class TestMjSpec:
@@ -355,16 +511,20 @@ class TestMjSpec:
         at = {"panel_mount": spec("array_left")}
         done = bc.embed(craft, at)
         reference = bc.embed(CRAFTS / "drive.xml", at)
-        np.testing.assert_allclose(frequencies(craft.compile()), frequencies(reference.model), rtol=SAME)
+        np.testing.assert_allclose(
+            frequencies(craft.compile()), frequencies(reference.model), rtol=SAME
+        )
         assert done.as_dict()["modes"][0]["error"] == pytest.approx(0.0, abs=1e-9)
-        with pytest.raises(BeamchainError, match="to_xml"):
+        with pytest.raises(bc.BeamchainError, match="to_xml"):
             done.to_mjcf()
 
     def test_unknown_place_changes_nothing(self):
         craft = mujoco.MjSpec.from_file(str(CRAFTS / "drive.xml"))
-        with pytest.raises(BeamchainError, match="no site or body 'nowhere'"):
+        with pytest.raises(bc.BeamchainError, match="no site or body 'nowhere'"):
             bc.embed(craft, {"nowhere": spec("rod")})
-        assert craft.compile().nbody == mujoco.MjModel.from_xml_path(str(CRAFTS / "drive.xml")).nbody
+        assert (
+            craft.compile().nbody == mujoco.MjModel.from_xml_path(str(CRAFTS / "drive.xml")).nbody
+        )
 
 
 def panel(inertia: float, frequency: float, modes: int) -> bc.Spec:
@@ -374,7 +534,9 @@ def panel(inertia: float, frequency: float, modes: int) -> bc.Spec:
     stiffness = linear * length**4 * (frequency / 3.5160152685) ** 2
     section = {"shape": "equivalent", "bending_stiffness_xy": stiffness, "linear_mass": linear}
     segment = {"length": length, "section": section}
-    return spec_from_dict({"name": "panel", "segment": [segment], "modes": {"xy": modes}, "root": {"target": "hub"}})
+    return spec_of(
+        {"name": "panel", "segment": [segment], "modes": {"xy": modes}, "root": {"target": "hub"}}
+    )
 
 
 class TestFlexiblePanel:
@@ -383,17 +545,26 @@ class TestFlexiblePanel:
     HERTZ = (0.2906, 0.2770, 0.2357, 0.1853, 0.1388, 0.1011)
 
     def test_the_recipe_falls(self):
-        """N equal rigid links on N hinges of k = 600, clamped, total inertia 180 kg m^2: Basilisk's printed figures."""
+        """N equal rigid links on N hinges of k = 600, clamped, total inertia 180 kg m^2:
+        Basilisk's printed figures."""
         length, mass = 3.0, 60.0
         for links, printed in zip((1, 2, 4, 8, 16, 32), self.HERTZ, strict=True):
             piece, m = length / links, mass / links
-            rigid = [(0.0, 0.0, 0.0), *((m, (i + 0.5) * piece, m * piece**2 / 12.0) for i in range(links))]
+            rigid = [
+                (0.0, 0.0, 0.0),
+                *((m, (i + 0.5) * piece, m * piece**2 / 12.0) for i in range(links)),
+            ]
             _, clamped, _ = dense_port(rigid, [(i * piece, 600.0) for i in range(links)])
-            assert clamped[0] / (2.0 * np.pi) == pytest.approx(printed, abs=6e-5)  # four digits are printed
+            # four digits are printed
+            assert clamped[0] / (2.0 * np.pi) == pytest.approx(printed, abs=6e-5)
 
-    @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
+    @pytest.mark.parametrize(
+        "n", [1, 6, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 3, 4, 5))]
+    )
     def test_fixed_beam_does_not(self, n):
-        done = bc.embed(CRAFTS / "planar.xml", {"mount": panel(180.0, 2.0 * np.pi * self.HERTZ[0], n)})
+        done = bc.embed(
+            CRAFTS / "planar.xml", {"mount": panel(180.0, 2.0 * np.pi * self.HERTZ[0], n)}
+        )
         assert done.appendages[0].fit.status.ok
         first = next(m for m in done.assembly.modes if m.kept)
         assert abs(first.error) < PANEL
@@ -402,22 +573,30 @@ class TestFlexiblePanel:
 
 class TestCommand:
     def test_json_table_plot_and_remove(self, tmp_path, capsys, monkeypatch):
-        out, picture = tmp_path / "out.xml", tmp_path / "hub.svg"
-        words = ["embed", str(CRAFTS / "planar.xml"), "--at", f"mount={spec('rod')}", "-o", str(out)]
-        monkeypatch.setattr(sys, "argv", ["beamchain", *words, "--json", "--plot", str(picture)])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        record = json.loads(capsys.readouterr().out)
-        assert not stopped.value.code
+        out = tmp_path / "out.xml"
+        picture = tmp_path / "hub.svg"
+        words = [
+            "embed",
+            str(CRAFTS / "planar.xml"),
+            "--at",
+            f"mount={spec('rod')}",
+            "-o",
+            str(out),
+        ]
+        answer = call(*words, "--json", "--plot", picture)
+        record = answer.record
+        assert answer.status == 0
         assert set(record) >= {"appendages", "modes", "warnings"}
         assert set(record["appendages"][0]) >= {"at", "prefix", "hub", "target"}
         assert set(record["appendages"][0]["hub"]) >= {"mass", "inertia", "com"}
         assert record["appendages"][0]["prefix"] == "rod_"
         assert picture.read_text().startswith("<?xml")
         back = tmp_path / "back.xml"
-        code, _, error = run(["embed", str(out), "--remove", "-o", str(back), "--quiet"], capsys, monkeypatch)
+        code, _, error = run(
+            ["embed", str(out), "--remove", "-o", str(back), "--quiet"], capsys, monkeypatch
+        )
         assert (code, error) == (0, "")
-        assert canonical(back) == canonical(CRAFTS / "planar.xml")
+        assert back.read_bytes() == (CRAFTS / "planar.xml").read_bytes()
 
     @pytest.mark.parametrize(
         ("words", "message"),
@@ -433,12 +612,9 @@ class TestCommand:
     )
     def test_bad_words(self, words, message, tmp_path, capsys, monkeypatch):
         out = tmp_path / "out.xml"
-        code, _, error = run(["embed", str(CRAFTS / "planar.xml"), *words, "-o", str(out)], capsys, monkeypatch)
+        code, _, error = run(
+            ["embed", str(CRAFTS / "planar.xml"), *words, "-o", str(out)], capsys, monkeypatch
+        )
         assert code == 2
         assert message in error
         assert not out.exists()
-
-
-def test_read_craft_keeps_the_file(tmp_path):
-    for file in sorted(CRAFTS.glob("*.xml")):
-        assert plain(read_craft(file).tree) == canonical(file)

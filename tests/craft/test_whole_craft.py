@@ -1,4 +1,5 @@
-"""What a user is told of the whole spacecraft: rigid twin, prefixes, modes at keyframes and in words, mass properties."""
+"""What a user is told of the whole spacecraft: rigid twin, prefixes,
+modes at keyframes and in words, mass properties."""
 
 import json
 import re
@@ -11,18 +12,32 @@ import beamchain as bc
 from command import run
 
 SAME = 1e-12  # relative; two ways to add up the same bodies
-MODE = 2e-3  # relative; chains with two modes per plane on one craft, against all modes of the beams
+# relative; chains with two modes per plane on one craft, against all modes of the beams
+MODE = 2e-3
 
 PANEL = bc.Spec(
     name="array",
-    segment=(bc.Segment(length=6.0, section=bc.Equivalent(bending_stiffness_xy=3e3, bending_stiffness_xz=9e3, linear_mass=3.0,
-                                                          torsion_stiffness=4e3, polar_inertia=0.6)),),
-    modes=bc.Modes(xy=2, xz=2, torsion=1), damping=bc.Damping(ratio=0.005),
-)  # fmt: skip
+    segment=(
+        bc.Segment(
+            length=6.0,
+            section=bc.Equivalent(
+                bending_stiffness_xy=3e3,
+                bending_stiffness_xz=9e3,
+                linear_mass=3.0,
+                torsion_stiffness=4e3,
+                polar_inertia=0.6,
+            ),
+        ),
+    ),
+    modes=bc.Modes(xy=2, xz=2, torsion=1),
+    damping=bc.Damping(ratio=0.005),
+)
 
-CRAFT = """<mujoco model="bus"><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint name="free"/>
+CRAFT = """<mujoco model="bus"><option gravity="0 0 0"/><worldbody><body name="bus">
+<freejoint name="free"/>
 <inertial pos="0.1 0 0.05" mass="400" diaginertia="150 200 250"/>
-<body name="yoke" pos="0 0.8 0"><joint name="drive" axis="0 1 0"/><inertial pos="0 0.1 0" mass="5" diaginertia="0.2 0.1 0.2"/>
+<body name="yoke" pos="0 0.8 0"><joint name="drive" axis="0 1 0"/>
+<inertial pos="0 0.1 0" mass="5" diaginertia="0.2 0.1 0.2"/>
 <site name="+y" pos="0 0.2 0" xyaxes="0 1 0 -1 0 0"/></body>
 <body name="other yoke" pos="0 -0.8 0"><inertial pos="0 -0.1 0" mass="5" diaginertia="0.2 0.1 0.2"/>
 <site name="-y" pos="0 -0.2 0" xyaxes="0 -1 0 1 0 0"/></body>
@@ -48,17 +63,22 @@ def test_a_second_equal_appendage_leaves_the_first_its_prefix(tmp_path):
 def test_an_appendage_embedded_again_keeps_its_prefix(flexible, tmp_path):
     both = flexible.write(tmp_path / "both.xml")[-1]
     again = bc.embed(both, {"+y": PANEL.replace(modes=1)})
-    assert {a.at: a.prefix for a in again.appendages} == {a.at: a.prefix for a in flexible.appendages}
+    assert {a.at: a.prefix for a in again.appendages} == {
+        a.at: a.prefix for a in flexible.appendages
+    }
 
 
 def rigid_inertia(model, qpos):
-    """`(6, 6)` of everything about the world's origin, from MuJoCo's own bodies, everything frozen."""
+    """`(6, 6)` of everything about the world's origin, from MuJoCo's own bodies,
+    everything frozen."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_kinematics(model, data)
     out = np.zeros((6, 6))
     for i in range(1, model.nbody):
-        m, c, turn = model.body_mass[i], data.xipos[i], data.ximat[i].reshape(3, 3)
+        m = model.body_mass[i]
+        c = data.xipos[i]
+        turn = data.ximat[i].reshape(3, 3)
         cross = np.array([[0, -c[2], c[1]], [c[2], 0, -c[0]], [-c[1], c[0], 0]])
         out[:3, :3] += m * np.eye(3)
         out[3:, :3] += m * cross
@@ -69,17 +89,22 @@ def rigid_inertia(model, qpos):
 
 def test_the_rigid_twin_has_the_same_bodies_and_keyframes(flexible, tmp_path):
     twin = bc.embed(CRAFT, {"+y": PANEL, "-y": PANEL}, rigid=True)
-    model, soft = mujoco.MjModel.from_xml_path(str(twin.write(tmp_path / "rigid.xml")[-1])), flexible.model
+    model = mujoco.MjModel.from_xml_path(str(twin.write(tmp_path / "rigid.xml")[-1]))
+    soft = flexible.model
     assert model.nv == 7
     assert model.ntendon == 0
     for kind in ("nbody", "nsite", "ngeom", "nkey"):
         assert getattr(model, kind) == getattr(soft, kind), kind
-    assert [model.site(i).name for i in range(model.nsite)] == [soft.site(i).name for i in range(soft.nsite)]
+    assert [model.site(i).name for i in range(model.nsite)] == [
+        soft.site(i).name for i in range(soft.nsite)
+    ]
     for pose in (0, 1):
         ours = model.key_qpos[0] if pose else model.qpos0
         theirs = soft.key_qpos[0] if pose else soft.qpos0
         want = rigid_inertia(soft, theirs)
-        np.testing.assert_allclose(rigid_inertia(model, ours), want, rtol=SAME, atol=SAME * np.abs(want).max())
+        np.testing.assert_allclose(
+            rigid_inertia(model, ours), want, rtol=SAME, atol=SAME * np.abs(want).max()
+        )
     assert "rigid twin" in twin.headline
 
 
@@ -89,12 +114,16 @@ def test_the_rigid_twin_becomes_flexible_again(tmp_path):
 
 
 def test_modes_at_a_keyframe(flexible):
-    rest, turned = flexible.modes_at("rest"), flexible.modes_at("turned")
+    rest = flexible.modes_at("rest")
+    turned = flexible.modes_at("turned")
     for mode in (*rest, *turned):
         assert mode.error is not None
         assert abs(mode.error) < MODE
-    assert max(abs(a.exact / b.exact - 1.0) for a, b in zip(rest, turned, strict=True)) > 0.01  # the pose matters
-    with pytest.raises(bc.InputError, match=r"keyframe 'turnt' is not in the spacecraft; choose from rest, turned"):
+    # the pose matters
+    assert max(abs(a.exact / b.exact - 1.0) for a, b in zip(rest, turned, strict=True)) > 0.01
+    with pytest.raises(
+        bc.InputError, match=r"keyframe 'turnt' is not in the spacecraft; choose from rest, turned"
+    ):
         flexible.modes_at("turnt")
 
 
@@ -108,11 +137,14 @@ def test_modes_are_named_by_what_moves():
 
 
 def test_mass_properties_of_the_whole(flexible):
-    found, whole = flexible.composite, rigid_inertia(flexible.model, flexible.model.qpos0)
+    found = flexible.composite
+    whole = rigid_inertia(flexible.model, flexible.model.qpos0)
     centre = np.array([whole[2, 4], whole[0, 5], whole[1, 3]]) * [-1, -1, -1] / whole[0, 0]
     assert found.mass == pytest.approx(whole[0, 0], rel=SAME)
     np.testing.assert_allclose(found.centre, centre, atol=1e-12)
-    cross = np.array([[0, -centre[2], centre[1]], [centre[2], 0, -centre[0]], [-centre[1], centre[0], 0]])
+    cross = np.array(
+        [[0, -centre[2], centre[1]], [centre[2], 0, -centre[0]], [-centre[1], centre[0], 0]]
+    )
     inertia = whole[3:, 3:] + whole[0, 0] * cross @ cross
     np.testing.assert_allclose(found.inertia, inertia, atol=1e-9 * inertia.max())
     assert found.body == "bus"
@@ -124,13 +156,18 @@ def slowed(result):
 
 def test_modes_that_the_step_slows_are_told():
     timed = CRAFT.replace(
-        '<option gravity="0 0 0"/>', '<option gravity="0 0 0" integrator="implicitfast" timestep="{}"/>'
+        '<option gravity="0 0 0"/>',
+        '<option gravity="0 0 0" integrator="implicitfast" timestep="{}"/>',
     )
     quick, slow = (bc.embed(timed.format(step), {"+y": PANEL}, retime=True) for step in (0.01, 0.4))
     assert not slowed(quick)
     assert "too fast for implicitfast at 0.4 s" in slowed(slow)[0]
-    assert not bc.plant(quick, ["torque:bus"], discrete=0.01).warnings
-    assert [said for said in bc.plant(slow, ["torque:bus"], discrete=0.4).warnings if said.code == "slowed-modes"]
+    assert not slowed(bc.plant(quick, ["torque:bus"], discrete=0.01))
+    assert [
+        said
+        for said in bc.plant(slow, ["torque:bus"], discrete=0.4).warnings
+        if said.code == "slowed-modes"
+    ]
 
 
 def test_the_command_tells_it(tmp_path, capsys, monkeypatch):
@@ -138,7 +175,9 @@ def test_the_command_tells_it(tmp_path, capsys, monkeypatch):
     (tmp_path / "craft.xml").write_text(CRAFT)
     run(["init", "boom"], capsys, monkeypatch)
     at = ["embed", "craft.xml", "--at", "+y=boom.toml", "--no-report"]
-    code, told, _ = run([*at, "-o", "flexible.xml", "--key", "turned", "--json"], capsys, monkeypatch)
+    code, told, _ = run(
+        [*at, "-o", "flexible.xml", "--key", "turned", "--json"], capsys, monkeypatch
+    )
     record = json.loads(told)
     assert code == 0
     assert record["modes_at"]["turned"][0]["error"] < MODE

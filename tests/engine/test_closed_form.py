@@ -1,13 +1,16 @@
-"""A and B against closed forms, as MuJoCo's test/engine/engine_derivative_test.cc, LinearSystem, does for hinge chains."""
+"""A and B against closed forms, as MuJoCo's test/engine/engine_derivative_test.cc, LinearSystem,
+does for hinge chains."""
 
 import mujoco
 import numpy as np
 import pytest
 
 from appendages import close
-from beamchain.engine.linearise import INTEGRATORS, linearise
+from beamchain import linearise
+from integrators import INTEGRATORS
 
-DERIVATIVE = 1e-9  # finite differences of a smooth step, relative to the largest entry of each block
+# finite differences of a smooth step, relative to the largest entry of each block
+DERIVATIVE = 1e-9
 SEMI_IMPLICIT = ["Euler", "implicit", "implicitfast"]
 
 
@@ -17,26 +20,30 @@ def relative_to_block(ours, expected):
 
 
 def pendulum(lengths, masses, springs, dampers, h, integrator):
-    """A chain of hinges hung on the world, point mass and small sphere at the end of every rod; no gravity."""
+    """A chain of hinges hung on the world, point mass and small sphere at the end of
+    every rod; no gravity."""
     body, close_tags = "", ""
     x = 0.0
     for i, (length, m, k, d) in enumerate(zip(lengths, masses, springs, dampers, strict=True)):
         body += (
-            f'<body name="b{i}" pos="{x!r} 0 0"><joint name="j{i}" type="hinge" axis="0 0 1" stiffness="{k!r}" '
-            f'damping="{d!r}"/><inertial pos="{length!r} 0 0" mass="{m!r}" diaginertia="0.01 0.01 0.01"/>'
+            f'<body name="b{i}" pos="{x!r} 0 0"><joint name="j{i}" type="hinge" axis="0 0 1" '
+            f'stiffness="{k!r}" damping="{d!r}"/><inertial pos="{length!r} 0 0" mass="{m!r}" '
+            'diaginertia="0.01 0.01 0.01"/>'
         )
         close_tags += "</body>"
         x = length
     motors = "".join(f'<motor joint="j{i}"/>' for i in range(len(lengths)))
     sensors = "".join(f'<jointpos joint="j{i}"/>' for i in range(len(lengths)))
     return (
-        f'<mujoco><option timestep="{h!r}" integrator="{integrator}" gravity="0 0 0"/><worldbody>{body}{close_tags}'
+        f'<mujoco><option timestep="{h!r}" integrator="{integrator}" gravity="0 0 '
+        f'0"/><worldbody>{body}{close_tags}'
         f"</worldbody><actuator>{motors}</actuator><sensor>{sensors}</sensor></mujoco>"
     )
 
 
 def pendulum_mass(lengths, masses):
-    """Mass matrix in joint angles at rest, written out: mass i moves by (x_i - x_j) per unit of joint j <= i."""
+    """Mass matrix in joint angles at rest, written out:
+    mass i moves by (x_i - x_j) per unit of joint j <= i."""
     nodes = np.cumsum(lengths)
     hinges = nodes - lengths
     count = len(lengths)
@@ -68,11 +75,15 @@ def test_two_links_by_hand():
 @pytest.mark.parametrize("count", [2, 3])
 def test_a_and_b_are_the_semi_implicit_step(count, h, integrator):
     lengths, masses, springs, dampers = PENDULUMS[count]
-    m, k, d = pendulum_mass(lengths, masses), np.diag(springs), np.diag(dampers)
+    m = pendulum_mass(lengths, masses)
+    k = np.diag(springs)
+    d = np.diag(dampers)
     linear = linearise(pendulum(lengths, masses, springs, dampers, h, integrator))
     # v+ = v + h (M + h D)^-1 (-K q - D v + u), q+ = q + h v+
     solve = np.linalg.inv(m + h * d)
-    vq, vv, vu = -h * solve @ k, solve @ m, h * solve
+    vq = -h * solve @ k
+    vv = solve @ m
+    vu = h * solve
     eye = np.eye(count)
     blocks = {
         "qq": (linear.a[:count, :count], eye + h * vq),
@@ -86,7 +97,8 @@ def test_a_and_b_are_the_semi_implicit_step(count, h, integrator):
         assert relative_to_block(ours, expected) < DERIVATIVE
     assert relative_to_block(linear.stiffness, np.linalg.solve(m, k)) < 1e-8
     assert relative_to_block(linear.inputs, np.linalg.inv(m)) < 1e-8
-    assert np.max(np.abs(linear.damping - np.linalg.solve(m, d))) < 1e-8 / h  # (X - 1) / h: rounding over h
+    # (X - 1) / h: rounding over h
+    assert np.max(np.abs(linear.damping - np.linalg.solve(m, d))) < 1e-8 / h
     assert linear.c == close(np.hstack([eye, 0 * eye]), abs=DERIVATIVE)
     assert linear.d == close(0 * eye, abs=DERIVATIVE)
 
@@ -96,7 +108,8 @@ def test_the_discrete_integrator_is_implicit_in_stiffness(h):
     if "discrete" not in INTEGRATORS:
         pytest.skip("this MuJoCo has no `discrete` integrator")
     lengths, masses, springs, _ = PENDULUMS[2]
-    m, k = pendulum_mass(lengths, masses), np.diag(springs)
+    m = pendulum_mass(lengths, masses)
+    k = np.diag(springs)
     linear = linearise(pendulum(lengths, masses, springs, (0.0, 0.0), h, "discrete"))
     # v+ = v - h M^-1 K (q + h v+)
     solve = np.linalg.inv(m + h**2 * k)
@@ -111,7 +124,10 @@ def test_rk4_is_the_taylor_polynomial_and_mujoco_s_own_step(h):
     linear = linearise(text)
     m = pendulum_mass(lengths, masses)
     f = np.block(
-        [[np.zeros((3, 3)), np.eye(3)], [-np.linalg.solve(m, np.diag(springs)), -np.linalg.solve(m, np.diag(dampers))]]
+        [
+            [np.zeros((3, 3)), np.eye(3)],
+            [-np.linalg.solve(m, np.diag(springs)), -np.linalg.solve(m, np.diag(dampers))],
+        ]
     )
     g = np.vstack([np.zeros((3, 3)), np.linalg.inv(m)])
     hf = h * f
@@ -128,11 +144,16 @@ def test_rk4_is_the_taylor_polynomial_and_mujoco_s_own_step(h):
         ends = []
         for sign in (1.0, -1.0):
             mujoco.mj_resetData(model, data)
-            for target_, at in ((data.qpos, column), (data.qvel, column - 3), (data.ctrl, column - 6)):
+            for target_, at in (
+                (data.qpos, column),
+                (data.qvel, column - 3),
+                (data.ctrl, column - 6),
+            ):
                 if 0 <= at < 3:
                     target_[at] = sign * eps
             mujoco.mj_step(model, data)
             ends.append(np.concatenate([data.qpos, data.qvel]))
         slope = (ends[0] - ends[1]) / (2 * eps)
         expected = np.hstack([linear.a, linear.b])[:, column]
-        assert slope == close(expected, abs=1e-6 * np.max(np.abs(expected)))  # third derivatives times eps^2
+        # third derivatives times eps^2
+        assert slope == close(expected, abs=1e-6 * np.max(np.abs(expected)))

@@ -1,4 +1,5 @@
-"""Reading a file back through MuJoCo, on models whose answer is known and on files that the package writes."""
+"""Reading a file back through MuJoCo, on models whose answer is known and on files that
+the package writes."""
 
 import tomllib
 
@@ -16,8 +17,10 @@ HINGED = """<mujoco><worldbody><body name="arm_link1" pos="0.4 -1 2">
     <joint name="arm_hinge1_xy" type="hinge" axis="0 0 1" stiffness="7" damping="0.2"/>
     <joint name="arm_hinge1_xz" type="hinge" axis="0 -1 0" stiffness="3" armature="0.02"/>
     <inertial pos="0.5 0 0" mass="2" diaginertia="0.01 0.2 0.2"/>
-    <body name="arm_link3" pos="1.1 0 0"><joint name="arm_hinge2_xy" type="hinge" axis="0 0 1" damping="0.1"/>
-      <inertial pos="0.25 0 0" mass="1" diaginertia="0.01 0.05 0.05"/><site name="arm_tip" pos="0.6 0 0"/>
+    <body name="arm_link3" pos="1.1 0 0">
+    <joint name="arm_hinge2_xy" type="hinge" axis="0 0 1" damping="0.1"/>
+      <inertial pos="0.25 0 0" mass="1" diaginertia="0.01 0.05 0.05"/>
+      <site name="arm_tip" pos="0.6 0 0"/>
     </body></body></body></worldbody>
   <tendon><fixed name="arm_mode1_xy" stiffness="11" damping="0.3" armature="0.05">
     <joint joint="arm_hinge1_xy" coef="0.4"/>
@@ -50,7 +53,8 @@ def array(tmp_path_factory):
 
 
 def by_hand():
-    """M, K, D over (root motions, joints) of HINGED from its numbers, planar algebra only (plane xy)."""
+    """M, K, D over (root motions, joints) of HINGED from its numbers,
+    planar algebra only (plane xy)."""
     # y = y0 + phi0 x + q1 (x - 0.3) + q2 (x - 1.4)
     mass = np.zeros((4, 4))
     for m, i, x, moves in ((0.5, 0.004, 0.1, 0), (2.0, 0.2, 0.8, 1), (1.0, 0.05, 1.65, 2)):
@@ -95,22 +99,28 @@ def test_a_model_by_hand():
 
 
 def test_mass_is_mujocos(array):
-    """Rows of the square root against the engine's own joint-space inertia, tendon armature in it."""
+    """Rows of the square root against the engine's own joint-space inertia,
+    tendon armature in it."""
     for text in (HINGED, array):
         reading = rb.read(text)
         model, data = reading.model, reading.data
         full = np.zeros((model.nv, model.nv))
         for row, unit in zip(full, np.eye(model.nv), strict=True):
             mujoco.mj_mulM(model, data, row, unit)
-        np.testing.assert_allclose(reading.moving.T @ reading.moving, full, rtol=1e-12, atol=1e-14 * np.max(full))
+        np.testing.assert_allclose(
+            reading.moving.T @ reading.moving, full, rtol=1e-12, atol=1e-14 * np.max(full)
+        )
 
 
 def test_transition_agrees(array):
     for text in (HINGED, array):
-        ours, theirs = rb.read(text), rb.transition(text)
+        ours = rb.read(text)
+        theirs = rb.transition(text)
         assert rb.mass_error(theirs.rigid, ours.rigid) < 1e-9
         frequency, participation = rb.mode_error(
-            (theirs.frequencies, theirs.participation), (ours.frequencies, ours.participation), ours.rigid
+            (theirs.frequencies, theirs.participation),
+            (ours.frequencies, ours.participation),
+            ours.rigid,
         )
         assert frequency < 1e-8
         assert participation < 1e-7
@@ -118,7 +128,8 @@ def test_transition_agrees(array):
 
 
 def test_a_written_chain_is_the_beam(array):
-    spec, reading = tomllib.loads(SPEC), rb.read(array)
+    spec = tomllib.loads(SPEC)
+    reading = rb.read(array)
     assert rb.mass_error(reading.rigid, fe.rigid_mass(spec)) < 1e-13
     for port, count in (("xy", 2), ("xz", 2), ("torsion", 1)):
         truth = fe.port(spec, port, count)
@@ -142,7 +153,9 @@ def test_coupled_and_payload_through_mujoco(array):
     w2 = np.sort(np.linalg.eigvals(np.linalg.solve(m, k)).real)[6:]
     hub = np.diag([30.0] * 3 + [4.0, 5.0, 6.0])
     np.testing.assert_allclose(
-        rb.read(array).coupled(hub, site="array_tip", payload=(mass, inertia)), np.sqrt(w2), rtol=1e-8
+        rb.read(array).coupled(hub, site="array_tip", payload=(mass, inertia)),
+        np.sqrt(w2),
+        rtol=1e-8,
     )
 
 
@@ -150,12 +163,16 @@ def test_site_motion_is_static_flexibility(array):
     reading = rb.read(array)
     motion = reading.site("array_tip")
     sum_ = (motion.T / reading.frequencies**2) @ motion
-    np.testing.assert_allclose(reading.flexibility("array_tip"), sum_, rtol=1e-9, atol=1e-12 * np.max(sum_))
+    np.testing.assert_allclose(
+        reading.flexibility("array_tip"), sum_, rtol=1e-9, atol=1e-12 * np.max(sum_)
+    )
 
 
 def test_comparison_sees_what_it_should():
-    w, rows = np.array([1.0, 2.0, 2.0000001]), np.array([[1.0, 0.5], [0.3, 0.2], [0.1, -0.4]])
-    c, s = np.cos(0.7), np.sin(0.7)
+    w = np.array([1.0, 2.0, 2.0000001])
+    rows = np.array([[1.0, 0.5], [0.3, 0.2], [0.1, -0.4]])
+    c = np.cos(0.7)
+    s = np.sin(0.7)
     mixed = np.vstack([-rows[:1], np.array([[c, s], [-s, c]]) @ rows[1:]])
     assert max(rb.mode_error((w, mixed), (w, rows), np.eye(2))) < 1e-15
     off = rows.copy()
@@ -164,4 +181,6 @@ def test_comparison_sees_what_it_should():
     off = rows.copy()
     off[2] *= 1.001
     assert rb.mode_error((w, off), (w, rows), np.eye(2))[1] > 1e-4
-    assert rb.mode_error((w * [1, 1, 1.001], rows), (w, rows), np.eye(2))[0] == pytest.approx(1e-3, rel=1e-9)
+    assert rb.mode_error((w * [1, 1, 1.001], rows), (w, rows), np.eye(2))[0] == pytest.approx(
+        1e-3, rel=1e-9
+    )

@@ -1,4 +1,6 @@
-"""What the thing looks like: shapes in the written files, the turn that pictures show, and the pictures."""
+"""Tests internals, `engine.draw`, `engine.slew`, `engine.backend`, `craft.moving_modes`,
+`report.film`: the turn that pictures show, and the pictures.
+"""
 
 import json
 import os
@@ -9,28 +11,27 @@ import sys
 import mujoco
 import numpy as np
 import pytest
-from lxml import etree
 from PIL import Image
 from typer.testing import CliRunner
 
 import beamchain as bc
-from appendages import panels, seed_boom, tapered_boom
+from appendages import seed_boom, tapered_boom
 from beamchain.cli import app, shipped
 from beamchain.craft.moving_modes import moving_modes
 from beamchain.engine import backend, draw
 from beamchain.engine.draw import decorate
-from beamchain.engine.linearise import mass_matrix
 from beamchain.engine.slew import MOST_BENT, simulate
-from beamchain.mjcf import visuals
 from beamchain.report import film
 
 HUB = bc.Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
 TURNED = 0.02  # of the angle asked for: sampled means of the hub's ringing about it
-COVERED = 0.02  # of the length: gaps at panel edges
-FILLED = 0.85  # of the frame's width or height: a margin of 5 per cent each side, and thin ends that leave no pixel
+# of the frame's width or height: a margin of 5 per cent each side,
+# and thin ends that leave no pixel
+FILLED = 0.85
 DARK_BLUE = 8  # of 255: by how much blue leads in the sky
 READ_BACK = 1e-6  # relative, between mjd_transitionFD and the slopes by differences
-SECOND_ORDER = 0.01  # of the hub's motion: the mass centre moves only where angles of a few mrad are not small
+# of the hub's motion: the mass centre moves only where angles of a few mrad are not small
+SECOND_ORDER = 0.01
 
 YOKE = bc.Segment(
     length=1.0,
@@ -49,7 +50,10 @@ TRUSS = bc.Segment(length=10.0, section=bc.Equivalent(bending_stiffness_xy=1e5, 
 def equivalent(**draw):
     """Two pieces, soft in plane xz, with an instrument at the tip."""
     section = bc.Equivalent(
-        bending_stiffness_xy=2e5, bending_stiffness_xz=2e4, linear_mass=4.0, draw=bc.Draw(**draw) if draw else None
+        bending_stiffness_xy=2e5,
+        bending_stiffness_xz=2e4,
+        linear_mass=4.0,
+        draw=bc.Draw(**draw) if draw else None,
     )
     return bc.Beam(
         segments=(YOKE, bc.Segment(length=4.0, section=section)),
@@ -61,102 +65,10 @@ ARRAY = bc.Beam(segments=(YOKE, PANEL, PANEL), lumps=(bc.Lump(x=6.0, mass=1.0),)
 ARRAY_SPEC = shipped.pick(shipped.examples(), "array_scene", "example").path
 
 
-def geoms(beam, **options):
-    root = etree.fromstring(bc.fit(beam, modes={"xy": 2}, root=bc.Root(hub=HUB), **options).to_mjcf())
-    return list(root.iter("geom"))
-
-
-# -- the written files -----------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("make", [seed_boom, tapered_boom, panels, lambda: ARRAY, lambda: bc.Beam(segments=(TRUSS,))])
-def test_shapes_weigh_nothing_and_touch_nothing(make):
-    found = geoms(make())
-    assert found
-    names = [geom.get("name") for geom in found]
-    assert len(names) == len(set(names))
-    for geom in found:
-        assert (geom.get("mass"), geom.get("contype"), geom.get("conaffinity")) == ("0", "0", "0")
-        allowed = {"name", "type", "size", "pos", "quat", "rgba", "mass", "contype", "conaffinity"}
-        assert set(geom.attrib) <= allowed
-        assert len(geom.get("rgba").split()) == 4
-
-
-def test_each_section_has_its_look():
-    kinds = {(geom.get("type"), geom.get("rgba")) for geom in geoms(ARRAY)}
-    assert kinds == {("cylinder", visuals.TUBE), ("box", visuals.PANEL), ("box", visuals.CARRIED)}
-    assert {geom.get("rgba") for geom in geoms(bc.Beam(segments=(TRUSS,)))} == {visuals.TRUSS}
-
-
-@pytest.mark.parametrize("beam", [seed_boom(), ARRAY])
-def test_shapes_cover_the_appendage_and_are_as_deep(beam):
-    model = mujoco.MjModel.from_xml_string(bc.fit(beam, modes={"xy": 2}).to_mjcf())
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    spans = []
-    for i in range(model.ngeom):
-        along = model.geom_size[i, 0 if model.geom_type[i] == int(mujoco.mjtGeom.mjGEOM_BOX) else 1]
-        x = float(data.geom_xpos[i, 0])
-        if model.geom_rgba[i, :3] != pytest.approx([float(v) for v in visuals.CARRIED.split()[:3]]):
-            spans.append((x - along, x + along))
-            depth = beam.depth(x, "xy") / 2.0
-            across = model.geom_size[i, 1 if model.geom_type[i] == int(mujoco.mjtGeom.mjGEOM_BOX) else 0]
-            assert across == pytest.approx(depth, rel=1e-9)
-    covered = sum(b - a for a, b in spans)
-    assert covered == pytest.approx(beam.length, rel=COVERED)
-    assert min(a for a, _ in spans) >= -1e-9
-    assert max(b for _, b in spans) <= beam.length * (1.0 + 1e-9)
-
-
-def test_a_carried_body_is_drawn_once_and_where_it_is():
-    model = mujoco.MjModel.from_xml_string(bc.fit(ARRAY, modes={"xy": 3}).to_mjcf())
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    colour = [float(v) for v in visuals.CARRIED.split()[:3]]
-    at = [data.geom_xpos[i, 0] for i in range(model.ngeom) if model.geom_rgba[i, :3] == pytest.approx(colour)]
-    assert at == pytest.approx([6.0])
-
-
-def test_looks_change_no_motion():
-    with_shapes = bc.fit(ARRAY, modes={"xy": 2}, scene=bc.Scene(visuals=True))
-    without = bc.fit(ARRAY, modes={"xy": 2}, scene=bc.Scene(visuals=False))
-    assert "<geom" not in without.to_mjcf()
-    one, two = (mujoco.MjModel.from_xml_string(fit.scene_mjcf()) for fit in (with_shapes, without))
-    np.testing.assert_array_equal(one.body_mass, two.body_mass)
-    np.testing.assert_array_equal(one.body_inertia, two.body_inertia)
-
-
-def test_an_equivalent_section_is_as_wide_and_thick_as_it_is_drawn():
-    """Soft in xz, so that the panel is thin along z."""
-    model = mujoco.MjModel.from_xml_string(bc.fit(equivalent(width=1.2, thickness=0.03), modes={"xz": 2}).to_mjcf())
-    blue = [i for i in range(model.ngeom) if " ".join(f"{v:g}" for v in model.geom_rgba[i]) == visuals.PANEL]
-    np.testing.assert_allclose(model.geom_size[blue, 1:], np.tile([0.6, 0.015], (len(blue), 1)), rtol=1e-12)
-    assert 2.0 * model.geom_size[blue, 0].sum() == pytest.approx(4.0, rel=COVERED)
-    mast = geoms(equivalent(width=0.5, thickness=0.4))
-    assert visuals.TRUSS in {geom.get("rgba") for geom in mast}
-    assert visuals.PANEL not in {geom.get("rgba") for geom in mast}
-
-
-def test_a_carried_body_with_inertias_is_the_even_box_of_them():
-    (box,) = [geom for geom in geoms(equivalent()) if geom.get("rgba") == visuals.CARRIED]
-    a, b, c = (float(v) for v in box.get("size").split())
-    assert 9.0 / 3.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b]) == pytest.approx([0.3, 0.4, 0.5])
-
-
-@pytest.mark.parametrize("draw", [{"width": 1.2, "thickness": 0.03}, {"width": 0.5, "thickness": 0.5}])
-def test_what_is_drawn_changes_no_dynamics(draw):
-    one, two = (bc.fit(equivalent(**given), modes={"xy": 2, "xz": 2}, root=bc.Root(hub=HUB)) for given in (draw, {}))
-    first, second = (mujoco.MjModel.from_xml_string(fit.scene_mjcf()) for fit in (one, two))
-    assert np.all(first.geom_contype == 0)
-    np.testing.assert_allclose(mass_matrix(first), mass_matrix(second), rtol=0.0, atol=1e-12)
-    for fit in (one, two):
-        assert [m.achieved_rad_s for m in fit.modes] == [m.achieved_rad_s for m in one.modes]
-    for tag in ("body", "inertial", "joint", "fixed"):
-        written = [[dict(e.attrib) for e in etree.fromstring(fit.to_mjcf()).iter(tag)] for fit in (one, two)]
-        assert written[0] == written[1]
-
-
 def scene_of(model, room=2000):
     """A scene as a renderer holds it, without a renderer."""
-    scene, data = mujoco.MjvScene(model, maxgeom=room), mujoco.MjData(model)
+    scene = mujoco.MjvScene(model, maxgeom=room)
+    data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     everything = int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
     mujoco.mjv_addGeoms(model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), everything, scene)
@@ -168,17 +80,25 @@ def outline(scene, start):
     corners = []
     for geom in (scene.geoms[i] for i in range(start, scene.ngeom)):
         if geom.rgba[3] > 0.0:
-            corners += [geom.pos + geom.mat @ (np.array(c) * geom.size) for c in np.ndindex(2, 2, 2)]
-            corners += [geom.pos - geom.mat @ (np.array(c) * geom.size) for c in np.ndindex(2, 2, 2)]
+            corners += [
+                geom.pos + geom.mat @ (np.array(c) * geom.size) for c in np.ndindex(2, 2, 2)
+            ]
+            corners += [
+                geom.pos - geom.mat @ (np.array(c) * geom.size) for c in np.ndindex(2, 2, 2)
+            ]
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
 @pytest.mark.parametrize(
-    ("draw", "half"), [({"width": 1.2, "thickness": 0.03}, 0.6), ({"width": 0.5, "thickness": 0.5}, 0.25)]
+    ("draw", "half"),
+    [({"width": 1.2, "thickness": 0.03}, 0.6), ({"width": 0.5, "thickness": 0.5}, 0.25)],
 )
 def test_cells_and_struts_stand_within_the_piece_that_they_decorate(draw, half):
     model = mujoco.MjModel.from_xml_string(bc.fit(equivalent(**draw), modes={"xz": 2}).to_mjcf())
-    before = {name: np.array(getattr(model, name)) for name in ("geom_size", "geom_rgba", "body_mass", "body_inertia")}
+    before = {
+        name: np.array(getattr(model, name))
+        for name in ("geom_size", "geom_rgba", "body_mass", "body_inertia")
+    }
     scene = scene_of(model)
     plain = scene.ngeom
     decorate(model, scene, 1e-3)
@@ -193,15 +113,18 @@ def test_cells_and_struts_stand_within_the_piece_that_they_decorate(draw, half):
 
 
 def test_a_full_scene_takes_no_more():
-    model = mujoco.MjModel.from_xml_string(bc.fit(equivalent(width=1.2, thickness=0.03), modes={"xz": 2}).to_mjcf())
+    model = mujoco.MjModel.from_xml_string(
+        bc.fit(equivalent(width=1.2, thickness=0.03), modes={"xz": 2}).to_mjcf()
+    )
     small = scene_of(model, room=scene_of(model).ngeom + 5)
     decorate(model, small, 1e-3)
     assert small.ngeom == small.maxgeom
 
 
-# -- the turn --------------------------------------------------------------------------------------------------------
+# -- the turn --------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    ("modes", "axis"), [({"xy": 2}, 2), ({"xz": 2}, 1), ({"torsion": 1}, 0), ({"xy": 2, "xz": 1}, None)]
+    ("modes", "axis"),
+    [({"xy": 2}, 2), ({"xz": 2}, 1), ({"torsion": 1}, 0), ({"xy": 2, "xz": 1}, None)],
 )
 def test_slew_turns_by_the_angle_and_stops(modes, axis):
     fit = bc.fit(tapered_boom(), name="boom", modes=modes, root=bc.Root(hub=HUB))
@@ -210,7 +133,8 @@ def test_slew_turns_by_the_angle_and_stops(modes, axis):
     assert slew.body == "hub"
     assert axis in (slew.axis, None)
     turned = 2.0 * np.arctan2(slew.positions[:, 4 + slew.axis], slew.positions[:, 3])
-    last = slew.times > slew.times[-1] - 3.0 * 2.0 * np.pi / slew.omega  # whole periods: the ringing averages out
+    # whole periods: the ringing averages out
+    last = slew.times > slew.times[-1] - 3.0 * 2.0 * np.pi / slew.omega
     assert np.mean(turned[last]) == pytest.approx(0.5, rel=TURNED)
     assert np.abs(slew.positions[:, list(slew.elastic)]).max() < 2.0 * MOST_BENT
     periods = slew.duration * slew.omega / (2.0 * np.pi)
@@ -222,7 +146,8 @@ def test_slew_turns_by_the_angle_and_stops(modes, axis):
 def test_exaggeration_is_of_the_springs_alone():
     fit = bc.fit(seed_boom(), modes={"xy": 2}, root=bc.Root(hub=HUB))
     slew = simulate(mujoco.MjModel.from_xml_string(fit.scene_mjcf()), angle=0.5, frames=40)
-    k, springs = slew.loudest, list(slew.elastic)
+    k = slew.loudest
+    springs = list(slew.elastic)
     assert slew.shown(5.0)[k, springs] == pytest.approx(5.0 * slew.positions[k, springs])
     np.testing.assert_array_equal(slew.shown(5.0)[k, :7], slew.positions[k, :7])
     np.testing.assert_array_equal(slew.shown(0.0)[k, springs], 0.0)
@@ -241,7 +166,7 @@ def test_scenes_that_cannot_ring_are_refused(body, word):
         simulate(model, angle=0.5, frames=10)
 
 
-# -- files -----------------------------------------------------------------------------------------------------------
+# -- files -----------------------------------------------------------------------------------------
 def frames(count=6):
     out = np.zeros((count, 41, 60, 3), dtype=np.uint8)
     for k in range(count):
@@ -266,7 +191,10 @@ def samples(mp4):
     return struct.unpack(">I", mp4[at + 12 : at + 16])[0]
 
 
-@pytest.mark.skipif(film._ffmpeg() is None, reason="there is neither ffmpeg nor imageio-ffmpeg, and only they make MP4")
+@pytest.mark.skipif(
+    film._ffmpeg() is None,
+    reason="there is neither ffmpeg nor imageio-ffmpeg, and only they make MP4",
+)
 def test_mp4_by_ffmpeg():
     made = film.mp4(frames(), 20.0)
     assert made is not None
@@ -287,11 +215,24 @@ def test_no_mp4_without_ffmpeg(without_ffmpeg):
 
 @pytest.mark.parametrize("say", ["--json", "--quiet"])
 def test_render_without_ffmpeg_says_so(say, boom, tmp_path, monkeypatch, without_ffmpeg):
-    """Every picture but the film: what was asked for and did not come out is told, whatever else is silent."""
+    """Every picture but the film: what was asked for and did not come out is told,
+    whatever else is silent."""
     monkeypatch.setattr(backend, "choose", lambda: "none")
     blank = np.zeros((64, 64, 3), dtype=np.uint8)
-    monkeypatch.setattr(draw, "drawn", lambda model, body, shown, ghosts, **_: iter([blank] * len(shown)))
-    arguments = ["render", str(boom / "scene.xml"), "-o", str(tmp_path / "o"), "--width", "64", "--height", "64", say]
+    monkeypatch.setattr(
+        draw, "drawn", lambda model, body, shown, ghosts, **_: iter([blank] * len(shown))
+    )
+    arguments = [
+        "render",
+        str(boom / "scene.xml"),
+        "-o",
+        str(tmp_path / "o"),
+        "--width",
+        "64",
+        "--height",
+        "64",
+        say,
+    ]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 3
     assert "no scene.mp4 was made, as there is no ffmpeg" in done.stderr
@@ -307,8 +248,12 @@ def command(arguments, folder, **environment):
     keep = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     return subprocess.run(
         [sys.executable, "-m", "beamchain", *arguments],
-        cwd=folder, capture_output=True, text=True, check=False, env={**keep, **environment},
-    )  # fmt: skip
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**keep, **environment},
+    )
 
 
 @pytest.fixture(scope="module")
@@ -350,7 +295,17 @@ def looks(picture):
 @RENDERERS
 def test_render(renderer, boom, tmp_path):
     check(renderer)
-    arguments = ["render", str(boom / "scene.xml"), "-o", "pictures", "--width", "200", "--height", "120", "--json"]
+    arguments = [
+        "render",
+        str(boom / "scene.xml"),
+        "-o",
+        "pictures",
+        "--width",
+        "200",
+        "--height",
+        "120",
+        "--json",
+    ]
     done = command([*arguments, "--exaggerate", "3"], tmp_path, MUJOCO_GL=renderer)
     assert done.returncode == (0 if film._ffmpeg() else 3), done.stderr
     told = json.loads(done.stdout)
@@ -376,7 +331,19 @@ def test_modes_of_a_craft_without_sky_and_light_are_drawn_like_others(renderer, 
     text = (tmp_path / "flexible.xml").read_text()
     assert "<texture" not in text
     assert "<light" not in text
-    arguments = ["render", "flexible.xml", "-o", "o", "--modes", "2", "--width", "240", "--height", "160", "--json"]
+    arguments = [
+        "render",
+        "flexible.xml",
+        "-o",
+        "o",
+        "--modes",
+        "2",
+        "--width",
+        "240",
+        "--height",
+        "160",
+        "--json",
+    ]
     done = command(arguments, tmp_path, MUJOCO_GL=renderer)
     assert done.returncode == (0 if film._ffmpeg() else 3), done.stderr
     told = json.loads(done.stdout)["modes"]
@@ -421,7 +388,8 @@ def test_render_without_a_renderer_says_what_to_install(boom, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("option", "value"), [("--exaggerate", "-1"), ("--angle", "1000"), ("--width", "1"), ("--height", "99999")]
+    ("option", "value"),
+    [("--exaggerate", "-1"), ("--angle", "1000"), ("--width", "1"), ("--height", "99999")],
 )
 def test_render_checks_its_numbers(option, value, boom, tmp_path):
     done = command(["render", str(boom / "scene.xml"), "-o", "o", option, value], tmp_path)
@@ -429,7 +397,9 @@ def test_render_checks_its_numbers(option, value, boom, tmp_path):
     assert f"{option} = {value}" in done.stderr
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux says beforehand that it has no screen")
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="only Linux says beforehand that it has no screen"
+)
 def test_view_without_a_screen_says_so(boom, tmp_path):
     done = command(["view", str(boom / "scene.xml")], tmp_path)
     assert done.returncode == 2

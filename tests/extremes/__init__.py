@@ -1,1 +1,2 @@
-"""The extremes suite: appendages at the ends of every range, each verified by an independent check, or refused."""
+"""The extremes suite: appendages at the ends of every range,
+each verified by an independent check, or refused."""

@@ -1,4 +1,5 @@
-"""Run all cases and draw their map. Run: make extremes (100 s on 2 cores; writes build/extremes)."""
+"""Run all cases and draw their map. Run:
+make extremes (100 s on 2 cores; writes build/extremes)."""
 
 import json
 import os

@@ -1,15 +1,22 @@
-"""The cases: a Latin hypercube over all ranges at once, each range's ends by itself, and classical chains to the limit."""
+"""The cases: a Latin hypercube over all ranges at once, and each range's ends by itself."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from beamchain.fitting.hub import Hub
-from beamchain.fitting.options import Damping, FitOptions, Modes, Root
-from beamchain.fitting.spec import Spec
-from beamchain.structure.section import Material, Round
-from beamchain.structure.segment import Joint, Lump, Segment
+from beamchain import (
+    Damping,
+    Hub,
+    Joint,
+    Lump,
+    Material,
+    Modes,
+    Root,
+    Round,
+    Segment,
+    Spec,
+)
 from extremes.truth import Rod
 
 SPREAD = 1440  # cases of the hypercube
@@ -49,7 +56,6 @@ class Case:
         modes: kept in plane xy.
         target: of the fit.
         space: plane xz and torsion are kept too.
-        links: a classical chain of so many equal links instead of the exact one; 0: exact.
     """
 
     name: str
@@ -66,7 +72,6 @@ class Case:
     modes: int = 2
     target: Literal["clamped", "hub", "free"] = "clamped"
     space: bool = False
-    links: int = 0
 
     @property
     def diameters(self) -> tuple[float, float]:
@@ -94,12 +99,16 @@ class Case:
         """A cube as wide as a fifth of the length with the root at a face."""
         mass = self.hub * self.own_mass
         inertia = mass * (0.2 * self.length) ** 2 / 6.0
-        return Hub(mass=mass, inertia=(inertia, inertia, inertia), offset=(0.1 * self.length, 0.0, 0.0))
+        return Hub(
+            mass=mass, inertia=(inertia, inertia, inertia), offset=(0.1 * self.length, 0.0, 0.0)
+        )
 
     def rod(self) -> Rod:
         """For the independent check."""
         a, b = self.diameters
-        return Rod(self.length, a, b, self.modulus, self.density, self.tip * self.own_mass, self.spring)
+        return Rod(
+            self.length, a, b, self.modulus, self.density, self.tip * self.own_mass, self.spring
+        )
 
     def spec(self) -> Spec:
         """For the package.
@@ -124,7 +133,9 @@ class Case:
         if spring is not None:
             joints = (
                 Joint(
-                    after_segment=0 if self.joint_at == "root" else 1, stiffness_xy=spring[1], stiffness_xz=spring[1]
+                    after_segment=0 if self.joint_at == "root" else 1,
+                    stiffness_xy=spring[1],
+                    stiffness_xz=spring[1],
                 ),
             )
         lumps = (Lump(x=self.length, mass=self.tip * self.own_mass),) if self.tip else ()
@@ -137,13 +148,12 @@ class Case:
             damping=Damping(ratio=self.damping) if self.damping else None,
             modes=Modes(xy=self.modes, xz=extra, torsion=min(extra, 1)),
             root=Root(target=self.target, hub=self.hub_body),
-            fit=FitOptions(method="classical", links=self.links) if self.links else FitOptions(),
         )
 
 
 def cases() -> list[Case]:
     """All cases, always the same ones."""
-    return [*_ends(), *_pairs(), *_spread(), *_classical()]
+    return [*_ends(), *_pairs(), *_spread()]
 
 
 def _ends() -> list[Case]:
@@ -168,7 +178,11 @@ def _pairs() -> list[Case]:
     for length in (1e-3, 1e3):
         for slenderness in (10.0, 1e4):
             for density in (1.0, 2e4):
-                out.append(Case("pairs", length=length, slenderness=slenderness, density=density, space=True))
+                out.append(
+                    Case(
+                        "pairs", length=length, slenderness=slenderness, density=density, space=True
+                    )
+                )
     for tip in (0.0, 1e4):
         for hub in (1e-3, 1e6):
             for joint in (1e-6, 1e6):
@@ -187,7 +201,10 @@ def _spread() -> list[Case]:
     grid = np.column_stack([(rng.permutation(SPREAD) + rng.random(SPREAD)) / SPREAD for _ in names])
     out: list[Case] = []
     for i, row in enumerate(grid):
-        at = {n: low + float(u) * (high - low) for n, u, (low, high) in zip(names, row, RANGES.values(), strict=True)}
+        at = {
+            n: low + float(u) * (high - low)
+            for n, u, (low, high) in zip(names, row, RANGES.values(), strict=True)
+        }
         chance = rng.random(5)
         space = bool(chance[0] < 0.15)
         modes = round(at["modes"])
@@ -210,9 +227,3 @@ def _spread() -> list[Case]:
             )
         )
     return out
-
-
-def _classical() -> list[Case]:
-    """Equal links up to the limit of one MJCF file and beyond it; where links are shorter than wide there is no body."""
-    counts = ((2, 1.0), (8, 0.3), (30, 1.0), (90, 3.0), (250, 0.3), (400, 1.0), (494, 1.0), (495, 1.0))
-    return [Case("classical", links=n, taper=t, slenderness=s) for n, t in counts for s in (100.0, 1000.0)]

@@ -1,26 +1,27 @@
-"""What MuJoCo compiled, read without MuJoCo's algebra: bodies, anchors and springs of a straight chain, with 60 digits.
+"""What MuJoCo compiled, read without MuJoCo's algebra: bodies,
+anchors and springs of a straight chain, with 60 digits.
 
-A chain's frequencies lie up to twelve decades apart, and a light root before a heavy tip takes the digits of double
-precision on the way to them. The numbers MuJoCo holds are exact binary fractions, and the mass matrix of a straight
-chain is made of their sums and products, so that nothing is lost that MuJoCo has.
+A chain's frequencies lie up to twelve decades apart, and a light root before a heavy tip takes
+the digits of double precision on the way to them. The numbers MuJoCo holds are exact binary
+fractions, and the mass matrix of a straight chain is made of their sums and products, so that
+nothing is lost that MuJoCo has.
 """
 
 from collections.abc import Callable
 from decimal import Decimal, localcontext
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.engine.forces import along, readings
-from beamchain.engine.library import mujoco
-from beamchain.ports.motions import Array
-
 DIGITS = 60
-SMALL = 24  # degrees of freedom up to which the digits are worth their time; above it, double precision
+# degrees of freedom up to which the digits are worth their time; above it, double precision
+SMALL = 24
 SWEEPS = 40  # of Jacobi's rotations; ten are seen
 INERTIA = {"xy": 2, "xz": 1, "torsion": 0}  # axis of the motion
 
+Array = NDArray[np.float64]
 Numbers = NDArray[Any]  # of floats or of Decimals
 
 
@@ -34,7 +35,7 @@ def frequencies(model: "mujoco.MjModel", port: str, root: str = "") -> Array:
     """
     joints = [j for j in range(model.njnt) if model.joint(j).name.endswith(f"_{port}")]
     dofs = [int(model.jnt_dofadr[j]) for j in joints]
-    rows = readings(model).springs[:, dofs]
+    rows = springs(model)[:, dofs]
     scaled = np.linalg.inv(np.linalg.qr(rows[np.any(rows != 0.0, axis=1)], mode="r"))
     n = len(joints)
     if n > SMALL:
@@ -48,13 +49,41 @@ def frequencies(model: "mujoco.MjModel", port: str, root: str = "") -> Array:
     return 1.0 / np.sqrt(squares[::-1])
 
 
-def _mass(model: "mujoco.MjModel", port: str, joints: list[int], root: str, kind: Callable[[float], Any]) -> Numbers:
+def tendon_rows(model: "mujoco.MjModel") -> Array:
+    """`(ntendon, nv)` coefficients of fixed tendons."""
+    rows = np.zeros((model.ntendon, model.nv))
+    for tendon in range(model.ntendon):
+        first = int(model.tendon_adr[tendon])
+        for k in range(first, first + int(model.tendon_num[tendon])):
+            rows[tendon, int(model.jnt_dofadr[int(model.wrap_objid[k])])] += float(
+                model.wrap_prm[k]
+            )
+    return rows
+
+
+def springs(model: "mujoco.MjModel") -> Array:
+    """`(s, nv)` rows of the square root of the stiffness, of joints and of tendons."""
+    own = np.zeros((model.njnt, model.nv))
+    own[np.arange(model.njnt), model.jnt_dofadr] = np.sqrt(_linear(model.jnt_stiffness))
+    return np.vstack([own, np.sqrt(_linear(model.tendon_stiffness))[:, None] * tendon_rows(model)])
+
+
+def _linear(values: Any) -> Array:
+    """The linear term, also where a version keeps polynomials beside it."""
+    values = np.asarray(values, dtype=float)
+    return values if values.ndim == 1 else values[:, 0]
+
+
+def _mass(
+    model: "mujoco.MjModel", port: str, joints: list[int], root: str, kind: Callable[[float], Any]
+) -> Numbers:
     """Mass matrix of the joints, then of the root's displacement and rotation where it is free."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     first = model.body(root).id if root else 0
     count = len(joints) + (2 if root else 0)
-    zero, one = kind(0.0), kind(1.0)
+    zero = kind(0.0)
+    one = kind(1.0)
     dtype: Any = np.float64 if kind is float else np.object_
     out = np.full((count, count), zero, dtype=dtype)
     axis = INERTIA[port]
@@ -65,7 +94,8 @@ def _mass(model: "mujoco.MjModel", port: str, joints: list[int], root: str, kind
         centre = kind(float(data.xipos[body, 0]))
         frame = data.ximat[body].reshape(3, 3)
         inertia = kind(float(frame[axis] ** 2 @ model.body_inertia[body]))
-        moves, turns = np.full(count, zero, dtype=dtype), np.full(count, zero, dtype=dtype)
+        moves = np.full(count, zero, dtype=dtype)
+        turns = np.full(count, zero, dtype=dtype)
         for i, j in enumerate(joints):
             if int(model.jnt_bodyid[j]) in line:
                 moves[i] = zero if port == "torsion" else centre - kind(float(data.xanchor[j, 0]))
@@ -73,11 +103,16 @@ def _mass(model: "mujoco.MjModel", port: str, joints: list[int], root: str, kind
         if root:
             moves[-2:] = one, centre - kind(float(data.xpos[first, 0]))
             turns[-1] = one
-        out = out + kind(float(model.body_mass[body])) * np.outer(moves, moves) + inertia * np.outer(turns, turns)
+        out = (
+            out
+            + kind(float(model.body_mass[body])) * np.outer(moves, moves)
+            + inertia * np.outer(turns, turns)
+        )
     dofs = [int(model.jnt_dofadr[j]) for j in joints]
+    coefficients = tendon_rows(model)
     for i in range(model.ntendon):
         row = np.full(count, zero, dtype=dtype)
-        row[: len(joints)] = [kind(float(v)) for v in along(model, i)[dofs]]
+        row[: len(joints)] = [kind(float(v)) for v in coefficients[i][dofs]]
         out = out + kind(float(model.tendon_armature[i])) * np.outer(row, row)
     return out
 

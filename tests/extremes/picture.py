@@ -1,4 +1,5 @@
-"""The map of the extremes suite: what passed, what was refused and why, over each pair of ranges."""
+"""The map of the extremes suite: what passed, what was refused and why,
+over each pair of ranges."""
 
 import io
 from collections import Counter
@@ -9,12 +10,17 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 from PIL import Image
 
-from beamchain.report.plots import STYLE
-
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from extremes.suite import Row
+
+STYLE = {
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "font.size": 9.5,
+}
 
 #: What a refusal, or a loss of modes, is counted as: the first of these words its sentence holds.
 REASONS = (
@@ -28,7 +34,15 @@ REASONS = (
     ("digits are lost", ("digits",)),
     (
         "exact chain not physical",
-        ("not physical", "limp chain", "before the root", "no physical", "massless", "singular", "no exact chain"),
+        (
+            "not physical",
+            "limp chain",
+            "before the root",
+            "no physical",
+            "massless",
+            "singular",
+            "no exact chain",
+        ),
     ),
 )
 OTHER = "other reason"
@@ -52,7 +66,9 @@ LINEAR = ("modes", "damping")
 
 def reason(row: "Row") -> str:
     """The short name of why a case was refused."""
-    return next((name for name, words in REASONS if any(word in row.reason for word in words)), OTHER)
+    return next(
+        (name for name, words in REASONS if any(word in row.reason for word in words)), OTHER
+    )
 
 
 def extremes_map(rows: Sequence["Row"]) -> bytes:
@@ -77,9 +93,15 @@ def extremes_map(rows: Sequence["Row"]) -> bytes:
                 shown = [r for r in members if _shown(r, x) and _shown(r, y)]
                 drawn = drawn or bool(shown)
                 ax.plot(
-                    [_value(r, x) for r in shown], [_value(r, y) for r in shown],
-                    mark, color=colour, ms=3.2, mew=0.7, ls="none", label=f"{label}: {len(members)}",
-                )  # fmt: skip
+                    [_value(r, x) for r in shown],
+                    [_value(r, y) for r in shown],
+                    mark,
+                    color=colour,
+                    ms=3.2,
+                    mew=0.7,
+                    ls="none",
+                    label=f"{label}: {len(members)}",
+                )
             ax.set_xlabel(x_label)
             ax.set_ylabel(y_label)
             if x not in LINEAR and drawn:
@@ -89,7 +111,10 @@ def extremes_map(rows: Sequence["Row"]) -> bytes:
         _bars(axes.flat[-1], groups)
         handles, labels = axes.flat[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=9)
-        figure.suptitle(f"{len(rows)} extreme appendages: verified through MuJoCo by an independent check, or refused")
+        figure.suptitle(
+            f"{len(rows)} extreme appendages: verified through MuJoCo by an independent check, or "
+            "refused"
+        )
         stream = io.BytesIO()
         figure.savefig(stream, format="png", dpi=110, metadata={"Software": None})
         return small(stream.getvalue())
@@ -98,17 +123,24 @@ def extremes_map(rows: Sequence["Row"]) -> bytes:
 def small(png: bytes) -> bytes:
     """The same picture in 64 colours."""
     stream = io.BytesIO()
-    Image.open(io.BytesIO(png)).convert("RGB").quantize(64).save(stream, format="PNG", optimize=True)
+    Image.open(io.BytesIO(png)).convert("RGB").quantize(64).save(
+        stream, format="PNG", optimize=True
+    )
     return stream.getvalue()
 
 
 def _bars(ax: "Axes", groups: "dict[str, list[Row]]") -> None:
     """How many cases were refused, or keep fewer modes, for which reason."""
     counts = {key: Counter(reason(row) for row in groups[key]) for key in ("refused", "fewer")}
-    names = sorted({*counts["refused"], *counts["fewer"]}, key=lambda n: counts["refused"][n] + counts["fewer"][n])
+    names = sorted(
+        {*counts["refused"], *counts["fewer"]},
+        key=lambda n: counts["refused"][n] + counts["fewer"][n],
+    )
     for key, label in (("refused", "refused"), ("fewer", "fewer modes")):
         at = [(i, counts[key][name]) for i, name in enumerate(names) if counts[key][name]]
-        bars = ax.barh([y for y, _ in at], [n for _, n in at], height=0.6, color=MARKS[key][0], label=label)
+        bars = ax.barh(
+            [y for y, _ in at], [n for _, n in at], height=0.6, color=MARKS[key][0], label=label
+        )
         ax.bar_label(bars, padding=2, fontsize=7.5)
     ax.set_yticks(range(len(names)), names, fontsize=7.5)
     ax.set_xscale("log")

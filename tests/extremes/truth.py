@@ -1,25 +1,30 @@
 """The independent check: exact dynamic stiffness of a tapered beam, marched from the tip inwards.
 
-Nothing here is shared with `beamchain.structure`: no elements, no strain functions, no eigenvalue solver. Each short
-piece has the transfer matrix `exp(Omega)` (Magnus' expansion of sixth order, three Gauss points) of
+Nothing here is shared with `beamchain.structure`: no elements, no strain functions, no eigenvalue
+solver. Each short piece has the transfer matrix `exp(Omega)` (Magnus' expansion of sixth order,
+three Gauss points) of
 
     w' = theta,  theta' = M / EI,  M' = -V,  V' = -omega^2 m w,
 
-and the dynamic stiffness S of everything outside it is carried inwards, which neither overflows nor cancels however long
-the beam is in waves. Modes are counted, not searched for: the number of natural frequencies below omega is the number of
-negative eigenvalues met on the way (W. H. Wittrick, F. W. Williams, Q. J. Mech. Appl. Math. 24 (1971) 263).
+and the dynamic stiffness S of everything outside it is carried inwards, which neither overflows nor
+cancels however long the beam is in waves. Modes are counted, not searched for: the number of
+natural frequencies below omega is the number of negative eigenvalues met on the way (W. H.
+Wittrick, F. W. Williams, Q. J. Mech. Appl. Math. 24 (1971) 263).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from beamchain.ports.motions import Array
+Array = NDArray[np.float64]
 
 RATIO = 1.03  # of the diameters at the two ends of a piece, at most
 WAVE = 0.5  # length of a piece over that of a wave (divided by 2 pi), at most
 TERMS = 18  # of the exponential's series
-FAR = 3e-4  # relative offset in omega^2 at which participation is read; an error of 1e-6 in omega spoils 5e-5 of it
+# relative offset in omega^2 at which participation is read;
+# an error of 1e-6 in omega spoils 5e-5 of it
+FAR = 3e-4
 
 
 @dataclass(frozen=True)
@@ -45,18 +50,25 @@ class Rod:
 
     def rigid(self) -> Array:
         """`(2, 2)` mass matrix about the root, in closed form [kg, kg m, kg m^2]."""
-        a, b, length = self.inner, self.outer - self.inner, self.length
+        a = self.inner
+        b = self.outer - self.inner
+        length = self.length
         c = self.density * np.pi / 4.0
 
         def moment(p: int) -> float:
             """Integral of c (a + b x / L)^2 x^p."""
-            return c * length ** (p + 1) * (a * a / (p + 1) + 2.0 * a * b / (p + 2) + b * b / (p + 3))
+            return (
+                c * length ** (p + 1) * (a * a / (p + 1) + 2.0 * a * b / (p + 2) + b * b / (p + 3))
+            )
 
-        m, s, j = moment(0) + self.tip_mass, moment(1) + self.tip_mass * length, moment(2) + self.tip_mass * length**2
+        m = moment(0) + self.tip_mass
+        s = moment(1) + self.tip_mass * length
+        j = moment(2) + self.tip_mass * length**2
         return np.array([[m, s], [s, j]])
 
     def _edges(self, wave: float) -> Array:
-        """Ends of the pieces over the length, fine enough for a wave number `wave` per length at the thinner end."""
+        """Ends of the pieces over the length, fine enough for a wave number `wave` per length
+        at the thinner end."""
         d = self.inner, self.outer
         steps = max(int(np.ceil(abs(np.log(d[1] / d[0])) / np.log(RATIO))), 1)
         if d[0] == d[1]:
@@ -77,7 +89,8 @@ class Rod:
         return self.inner + (self.outer - self.inner) * x
 
     def dynamics(self, squares: Array) -> tuple[Array, Array]:
-        """Dynamic stiffness over -omega^2, that is the dynamic mass D, and the number of held modes below.
+        """Dynamic stiffness over -omega^2, that is the dynamic mass D,
+        and the number of held modes below.
 
         Args:
             squares: `(f,)` omega^2 [rad^2/s^2], positive.
@@ -86,14 +99,17 @@ class Rod:
             D `(f, 2, 2)` and counts `(f,)`.
         """
         largest = max(self.inner, self.outer)
-        ei0, m0 = self.modulus * np.pi / 64.0 * largest**4, self.density * np.pi / 4.0 * largest**2
+        ei0 = self.modulus * np.pi / 64.0 * largest**4
+        m0 = self.density * np.pi / 4.0 * largest**2
         unit = ei0 / (m0 * self.length**4)
         lam = np.asarray(squares, dtype=np.float64) / unit
         edges = self._edges(float(np.max(lam)) ** 0.25)
         h = np.diff(edges)
         middle = (edges[:-1] + edges[1:]) / 2.0
         gauss = h / 2.0 * np.sqrt(0.6)
-        first, second, third = (self._system(middle + side * gauss, lam) for side in (-1.0, 0.0, 1.0))
+        first, second, third = (
+            self._system(middle + side * gauss, lam) for side in (-1.0, 0.0, 1.0)
+        )
         pieces = _exponential(first, second, third, h)
         tip = self.tip_mass / (m0 * self.length)
         s = np.zeros((lam.size, 2, 2))
@@ -103,7 +119,10 @@ class Rod:
         spring = 0.0 if self.joint is None else self.joint[1] * self.length / ei0
         for k in range(h.size - 1, -1, -1):
             t = pieces[k]
-            t11, t12, t21, t22 = t[:, :2, :2], t[:, :2, 2:], t[:, 2:, :2], t[:, 2:, 2:]
+            t11 = t[:, :2, :2]
+            t12 = t[:, :2, 2:]
+            t21 = t[:, 2:, :2]
+            t22 = t[:, 2:, 2:]
             loose = t22 + s @ t12
             count += _negative(loose @ np.linalg.inv(t12))
             s = np.linalg.solve(loose, t21 + s @ t11)
@@ -117,7 +136,8 @@ class Rod:
         return -s / lam[:, None, None] * size, count
 
     def _system(self, x: Array, lam: Array) -> Array:
-        """`(k, f, 4, 4)` of the first-order system at `x`; displacement, rotation, shear, moment; unit length."""
+        """`(k, f, 4, 4)` of the first-order system at `x`; displacement, rotation, shear, moment;
+        unit length."""
         d = self._diameter(x) / max(self.inner, self.outer)
         a = np.zeros((x.size, lam.size, 4, 4))
         a[:, :, 0, 1] = 1.0
@@ -126,8 +146,11 @@ class Rod:
         a[:, :, 2, 0] = -(d**2)[:, None] * lam
         return a
 
-    def check_poles(self, squares: Array, tolerance: float, hub: Array | None = None) -> tuple[Array, Array, Array]:
-        """Whether each given omega^2 is a natural frequency, and its participation (port values with a hub).
+    def check_poles(
+        self, squares: Array, tolerance: float, hub: Array | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Whether each given omega^2 is a natural frequency,
+        and its participation (port values with a hub).
 
         Args:
             squares: `(n,)` omega^2 that are claimed, ascending.
@@ -135,9 +158,9 @@ class Rod:
             hub: `(2, 2)` mass matrix about the root of a hub the root is fixed to; None: held root.
 
         Returns:
-            `(n,)` whether exactly one natural frequency lies within the tolerance, `(n, 2, 2)` outer products of
-            participation (of port values with a hub), and `(n,)` number of modes below the tolerance's upper end:
-            1, 2, 3 .. where none is missing.
+            `(n,)` whether exactly one natural frequency lies within the tolerance, `(n, 2, 2)`
+            outer products of participation (of port values with a hub), and `(n,)` number of modes
+            below the tolerance's upper end: 1, 2, 3 .. where none is missing.
         """
         near = 2.0 * tolerance
         factors = np.array([1.0 - near, 1.0 + near, 1.0 - FAR, 1.0 + FAR])

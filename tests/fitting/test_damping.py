@@ -1,7 +1,8 @@
-"""Modal damping: a tendon per mode is exact, plain joint damping as near as it comes; what each integrator makes of it.
+"""Modal damping: a tendon per mode is exact, plain joint damping as near as it comes;
+what each integrator makes of it.
 
-The judge is MuJoCo: A of the file standing on the world (its modes are the cantilever modes the ratios belong to), its
-own RK4 step, its own Euler step.
+The judge is MuJoCo: A of the file standing on the world (its modes are the cantilever modes the
+ratios belong to), its own RK4 step, its own Euler step.
 """
 
 import mujoco
@@ -9,43 +10,42 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
+import readback as rb
 from appendages import close
 from arrays import deployed_array, space_beam, tube
-from beamchain.chain.recursion import planar_chain, realise
-from beamchain.chain.tendons import damped_modes, joint_damping, springs_as_modes
-from beamchain.engine.linearise import INTEGRATORS, linearise
-from beamchain.fitting.fit import fit
-from beamchain.fitting.options import Damping, Scene
-from beamchain.mjcf import write
+from beamchain import Damping, FitOptions, Scene, fit, linearise
+from integrators import INTEGRATORS
+from uniform_beam import held_roots
+from written_chain import read_chain
 
 ACHIEVED = 1e-6  # the issue's own bound on each ratio, relative; 1e-8 measured
 RATIOS = np.array([0.001, 0.05, 0.02, 0.003])  # 0.1 % to 5 %, a different one per mode
 MAP = 1e-6  # ratios from a step map by centred differences: 1e-10 of the map over w h
 
 
-def chain_of(n=4):
-    return planar_chain(realise(space_beam().port("xy", 8).truncated(n)), space_beam())
+def fitted(ratios, springs="auto", form="modal"):
+    """The unit beam in plane xy with a ratio per mode."""
+    wanted = Damping(ratio={"xy": tuple(float(v) for v in ratios)}, form=form)
+    kept = {"xy": len(ratios), "xz": 0}
+    return fit(
+        space_beam(), name="boom", modes=kept, damping=wanted, options=FitOptions(springs=springs)
+    )
 
 
-def dampers_only(chain, ratios):
-    """Springs on the hinges, a damping tendon per mode."""
-    return damped_modes(chain, {"xy": ratios})
+def frequencies(n):
+    """The beam's own."""
+    return held_roots(n) ** 2
 
 
-def modal(chain, ratios):
-    """A tendon per mode that has its spring and its damper."""
-    return springs_as_modes(chain, {"xy": ratios})
+MADE = pytest.mark.parametrize("springs", ["auto", "modes"])
 
 
-MADE = pytest.mark.parametrize("made", [dampers_only, modal])
-
-
-def standing(chain, h, integrator):
+def standing(result, h, integrator):
     """The file with its root on the world."""
-    root = write.appendage(chain, "boom")
-    text = write.text(root)
-    option = f'<option timestep="{float(h)!r}" integrator="{integrator}" gravity="0 0 0"/><worldbody>'
-    return mujoco.MjModel.from_xml_string(text.replace("<worldbody>", option, 1))
+    option = (
+        f'<option timestep="{float(h)!r}" integrator="{integrator}" gravity="0 0 0"/><worldbody>'
+    )
+    return mujoco.MjModel.from_xml_string(result.to_mjcf().replace("<worldbody>", option, 1))
 
 
 def ratios_of(squares, damping):
@@ -58,7 +58,8 @@ def ratios_of(squares, damping):
 
 def step_map(model, eps=1e-4):
     """Centred differences of MuJoCo's own step about rest, states (q, v)."""
-    data, nv = mujoco.MjData(model), model.nv
+    data = mujoco.MjData(model)
+    nv = model.nv
     out = np.zeros((2 * nv, 2 * nv))
     for k in range(2 * nv):
         ends = []
@@ -82,13 +83,12 @@ def poles_of_rk4(a, h):
     return s[np.argsort(np.abs(s))]
 
 
-# -- tendons -----------------------------------------------------------------------------------------------------------
+# -- tendons ---------------------------------------------------------------------------------------
 @pytest.mark.parametrize("integrator", ["implicit", "implicitfast"])
 @pytest.mark.parametrize("h", [1e-3, 1e-2, 0.1])
 @MADE
-def test_each_mode_has_its_own_ratio_under_implicit_steps(made, integrator, h):
-    chain = chain_of()
-    model = standing(made(chain, RATIOS), h, integrator)
+def test_each_mode_has_its_own_ratio_under_implicit_steps(springs, integrator, h):
+    model = standing(fitted(RATIOS, springs), h, integrator)
     linear = linearise(model)
     nv = model.nv
     x = np.linalg.inv(linear.a[nv:, nv:])  # from the discrete matrix of this very integrator
@@ -98,18 +98,17 @@ def test_each_mode_has_its_own_ratio_under_implicit_steps(made, integrator, h):
 
 @pytest.mark.parametrize("h", [1e-3, 5e-3])
 @MADE
-def test_each_mode_has_its_own_ratio_through_the_rk4_map(made, h):
-    chain = chain_of()
-    model = standing(made(chain, RATIOS), h, "RK4")
+def test_each_mode_has_its_own_ratio_through_the_rk4_map(springs, h):
+    model = standing(fitted(RATIOS, springs), h, "RK4")
     s = poles_of_rk4(linearise(model).a, h)
-    assert np.abs(s) == close(chain.port("xy").frequencies, rel=1e-8)
+    assert np.abs(s) == close(frequencies(4), rel=1e-8)
     assert -s.real / np.abs(s) == close(RATIOS, rel=ACHIEVED)
 
 
 @MADE
-def test_each_mode_has_its_own_ratio_in_mujoco_s_own_rk4_steps(made):
-    chain, h = chain_of(), 5e-3
-    s = poles_of_rk4(step_map(standing(made(chain, RATIOS), h, "RK4")), h)
+def test_each_mode_has_its_own_ratio_in_mujoco_s_own_rk4_steps(springs):
+    h = 5e-3
+    s = poles_of_rk4(step_map(standing(fitted(RATIOS, springs), h, "RK4")), h)
     assert -s.real / np.abs(s) == close(RATIOS, rel=10 * MAP)
 
 
@@ -122,13 +121,17 @@ def test_the_whole_walk_achieves_every_ratio(make):
         n = len(ratios)
         assert result.target[port].damping == close(ratios, rel=1e-15)
         assert result.achieved[port].damping[:n] == close(ratios, rel=ACHIEVED)
-        assert result.achieved[port].frequencies[:n] == close(result.target[port].frequencies, rel=1e-9)
+        assert result.achieved[port].frequencies[:n] == close(
+            result.target[port].frequencies, rel=1e-9
+        )
         assert np.all(result.achieved[port].damping[n:] > 0.0)  # no filler rings on
     assert result.measured.coupling < 1e-9
 
 
 def test_axial_modes_are_damped_too():
-    result = fit(tube(), modes={"xy": 1, "axial": 2}, damping=Damping(ratio={"axial": (0.01, 0.02)}))
+    result = fit(
+        tube(), modes={"xy": 1, "axial": 2}, damping=Damping(ratio={"axial": (0.01, 0.02)})
+    )
     assert result.achieved["axial"].damping[:2] == close([0.01, 0.02], rel=ACHIEVED)
     assert result.achieved["xy"].damping[:1] == close([0.0], abs=1e-12)
 
@@ -136,7 +139,9 @@ def test_axial_modes_are_damped_too():
 def test_tendons_only_touch_the_hinges_of_their_port():
     result = fit(tube(), name="wing", modes={"xy": 2, "xz": 2}, damping=Damping(ratio=0.01))
     fixed = result.appendage().findall("tendon/fixed")
-    assert [f.get("name") for f in fixed] == [f"wing_mode{k}_{p}" for p in ("xy", "xz") for k in (1, 2)]
+    assert [f.get("name") for f in fixed] == [
+        f"wing_mode{k}_{p}" for p in ("xy", "xz") for k in (1, 2)
+    ]
     for element in fixed:
         port = element.get("name").rpartition("_")[2]
         assert {j.get("joint").rpartition("_")[2] for j in element.findall("joint")} == {port}
@@ -144,10 +149,14 @@ def test_tendons_only_touch_the_hinges_of_their_port():
 
 
 def test_tendons_of_planes_that_share_no_hinges_stay_in_their_planes_too():
-    result = fit(deployed_array(), name="wing", modes={"xy": 2, "xz": 2}, damping=Damping(ratio=0.01))
+    result = fit(
+        deployed_array(), name="wing", modes={"xy": 2, "xz": 2}, damping=Damping(ratio=0.01)
+    )
     fixed = result.appendage().findall("tendon/fixed")
     names = [f.get("name") for f in fixed]
-    assert [n for n in names if "_mode" in n] == [f"wing_mode{k}_{p}" for p in ("xy", "xz") for k in (1, 2)]
+    assert [n for n in names if "_mode" in n] == [
+        f"wing_mode{k}_{p}" for p in ("xy", "xz") for k in (1, 2)
+    ]
     for element in fixed:
         ports = {j.get("joint").rpartition("_")[2] for j in element.findall("joint")}
         assert len(ports) == 1
@@ -160,51 +169,60 @@ def test_tendons_of_planes_that_share_no_hinges_stay_in_their_planes_too():
             assert float(element.get("damping")) > 0.0  # fillers are damped too
 
 
-# -- Euler -------------------------------------------------------------------------------------------------------------
+# -- Euler -----------------------------------------------------------------------------------------
 @MADE
-def test_euler_integrates_tendon_damping_explicitly(made):
-    # A_vv = I - h M^-1 D, where the implicit steps have (I + h M^-1 D)^-1: read with the implicit formula, the ratios
-    # come out too large (and a wrong stiffness with them), read with Euler's own they are right
-    chain, h = chain_of(), 5e-3
-    model = standing(made(chain, RATIOS), h, "Euler")
-    a, nv = linearise(model).a, model.nv
+def test_euler_integrates_tendon_damping_explicitly(springs):
+    # A_vv = I - h M^-1 D, where the implicit steps have (I + h M^-1 D)^-1: read with the implicit
+    # formula, the ratios come out too large (and a wrong stiffness with them), read with Euler's
+    # own they are right
+    h = 5e-3
+    model = standing(fitted(RATIOS, springs), h, "Euler")
+    a = linearise(model).a
+    nv = model.nv
     own = ratios_of(-a[nv:, :nv] / h, (np.eye(nv) - a[nv:, nv:]) / h)
     assert own == close(RATIOS, rel=ACHIEVED)
     x = np.linalg.inv(a[nv:, nv:])
-    misread = np.diag(np.linalg.inv(v := np.linalg.eig(-a[nv:, :nv] / h)[1]) @ ((x - np.eye(nv)) / h) @ v).real
+    misread = np.diag(
+        np.linalg.inv(v := np.linalg.eig(-a[nv:, :nv] / h)[1]) @ ((x - np.eye(nv)) / h) @ v
+    ).real
     w = np.sqrt(np.linalg.eigvals(-a[nv:, :nv] / h).real)
-    theta = 2.0 * RATIOS * chain.port("xy").frequencies * h
+    theta = 2.0 * RATIOS * frequencies(4) * h
     order = np.argsort(w)
     assert (misread / (2.0 * w))[order] == close(RATIOS / (1.0 - theta), rel=1e-5)
 
 
-@pytest.mark.parametrize(("integrator", "sign"), [("Euler", 1.0), ("implicit", -1.0), ("implicitfast", -1.0)])
+@pytest.mark.parametrize(
+    ("integrator", "sign"), [("Euler", 1.0), ("implicit", -1.0), ("implicitfast", -1.0)]
+)
 @MADE
-def test_discrete_poles_show_more_damping_under_euler_and_less_under_the_implicit_steps(made, integrator, sign):
+def test_discrete_poles_show_more_damping_under_euler_and_less_under_the_implicit_steps(
+    springs, integrator, sign
+):
     # |z|^2 = 1 - 2 zeta w h under Euler, 1 / (1 + 2 zeta w h) under the implicit steps
-    chain, h = chain_of(2), 0.02
+    h = 0.02
     zeta = np.array([0.02, 0.05])
-    model = standing(made(chain, zeta), h, integrator)
+    model = standing(fitted(zeta, springs), h, integrator)
     z = np.linalg.eigvals(linearise(model).a)
     z = z[z.imag > 0.0]
     z = z[np.argsort(np.angle(z))]
-    theta = 2.0 * zeta * chain.port("xy").frequencies * h
+    theta = 2.0 * zeta * frequencies(2) * h
     expected = 1.0 - theta if sign > 0.0 else 1.0 / (1.0 + theta)
     assert np.abs(z) ** 2 == close(expected, rel=1e-8)
-    apparent = -np.log(np.abs(z)) / (chain.port("xy").frequencies * h)
+    apparent = -np.log(np.abs(z)) / (frequencies(2) * h)
     assert np.all(sign * (apparent - zeta) > 0.0)
 
 
-@pytest.mark.parametrize(("integrator", "factor"), [("Euler", -1.0), ("implicitfast", 1.0), ("implicit", 1.0)])
+@pytest.mark.parametrize(
+    ("integrator", "factor"), [("Euler", -1.0), ("implicitfast", 1.0), ("implicit", 1.0)]
+)
 @MADE
-def test_tendon_damping_shrinks_euler_s_step_and_widens_the_others(made, integrator, factor):
+def test_tendon_damping_shrinks_euler_s_step_and_widens_the_others(springs, integrator, factor):
     # h w < 2 sqrt(1 + zeta^2) -+ 2 zeta, from the spectral radius of MuJoCo's A
     zeta = 0.1
-    chain = chain_of(1)
-    w = chain.port("xy").frequencies[0]
+    w = frequencies(1)[0]
     limit = 2.0 * np.sqrt(1.0 + zeta**2) + factor * 2.0 * zeta
     for share, stable in ((0.999, True), (1.001, False)):
-        model = standing(made(chain, np.array([zeta])), share * limit / w, integrator)
+        model = standing(fitted([zeta], springs), share * limit / w, integrator)
         radius = np.max(np.abs(np.linalg.eigvals(linearise(model).a)))
         assert bool(radius < 1.0) is stable
 
@@ -214,44 +232,59 @@ def test_euler_is_warned_about():
     assert quiet.warnings == ()
     damped = fit(tube(), modes={"xy": 2, "xz": 0}, damping=Damping(ratio=0.01))
     [text] = damped.warnings
-    assert "Euler, which MuJoCo takes where nothing is said, integrates tendon damping explicitly" in text
+    assert (
+        "Euler, which MuJoCo takes where nothing is said, integrates tendon damping explicitly"
+        in text
+    )
     assert 'Use implicitfast, or damping.form = "hinge"' in text
-    euler = fit(tube(), modes={"xy": 2, "xz": 0}, damping=Damping(ratio=0.05), scene=Scene(integrator="Euler"))
+    euler = fit(
+        tube(),
+        modes={"xy": 2, "xz": 0},
+        damping=Damping(ratio=0.05),
+        scene=Scene(integrator="Euler"),
+    )
     [text] = euler.warnings
     assert "at the scene's step of 0.01 s mode 2 in xy will show a damping ratio of" in text
     assert euler.as_dict()["warnings"] == [text]
-    stated = Scene(integrator="Euler", timestep=0.005)  # a step that is stated is exact in time, damping included
-    assert fit(tube(), modes={"xy": 2, "xz": 0}, damping=Damping(ratio=0.05), scene=stated).warnings == ()
+    # a step that is stated is exact in time, damping included
+    stated = Scene(integrator="Euler", timestep=0.005)
+    assert (
+        fit(tube(), modes={"xy": 2, "xz": 0}, damping=Damping(ratio=0.05), scene=stated).warnings
+        == ()
+    )
     assert euler.limits.largest_step["Euler"] < euler.limits.largest_step["implicitfast"]
 
 
-# -- joints ------------------------------------------------------------------------------------------------------------
+# -- joints ----------------------------------------------------------------------------------------
 def test_joint_damping_is_the_best_non_negative_fit():
-    chain = chain_of(3)
     wanted = np.array([0.005, 0.01, 0.02])
-    damped = joint_damping(chain, "xy", wanted)
-    values = np.array([h.damping["xy"] for h in damped.hinges])
+    result = fitted(wanted, form="hinge")
+    values = np.array([h.damping["xy"] for h in read_chain(result.to_mjcf()).hinges])
     assert np.all(values >= 0.0)
-    port = chain.port("xy")
-    psi = chain.shapes("xy", port)
-    share = psi**2 / (2.0 * port.frequencies * wanted)[:, None]
+    reading = rb.read(result.to_mjcf())
+    psi = reading.shapes.T  # hinge angles of the mass-normalised modes
+    share = psi**2 / (2.0 * reading.frequencies * wanted)[:, None]
     best, _ = nnls(share, np.ones(3))
     assert values == close(best, rel=1e-9, abs=1e-12)
     # its ratios through MuJoCo are those it says
-    linear = linearise(standing(damped, 0.01, "implicitfast"))
-    assert ratios_of(linear.stiffness, linear.damping) == close((psi**2 @ values) / (2.0 * port.frequencies), rel=1e-6)
+    linear = linearise(standing(result, 0.01, "implicitfast"))
+    assert ratios_of(linear.stiffness, linear.damping) == close(
+        (psi**2 @ values) / (2.0 * reading.frequencies), rel=1e-6
+    )
 
 
 def test_joint_damping_can_give_ratios_that_grow_with_frequency():
-    chain = chain_of(3)
-    wanted = 1e-3 * chain.port("xy").frequencies  # c = beta k does this exactly
-    damped = joint_damping(chain, "xy", wanted)
-    for hinge in damped.hinges:
+    wanted = 1e-3 * frequencies(3)  # c = beta k does this exactly
+    for hinge in read_chain(fitted(wanted, form="hinge").to_mjcf()).hinges:
         assert hinge.damping["xy"] == close(2e-3 * hinge.stiffness["xy"], rel=1e-8)
 
 
 def test_what_joint_damping_misses_is_measured_and_said():
-    result = fit(tube(), modes={"xy": 3, "xz": 0}, damping=Damping(ratio={"xy": (0.01, 0.001, 0.03)}, form="hinge"))
+    result = fit(
+        tube(),
+        modes={"xy": 3, "xz": 0},
+        damping=Damping(ratio={"xy": (0.01, 0.001, 0.03)}, form="hinge"),
+    )
     [text] = result.warnings
     assert "plain joint damping cannot give every mode its ratio (xy 1: " in text
     assert f"{result.achieved['xy'].damping[0]:.4g} for 0.01" in text
@@ -260,14 +293,14 @@ def test_what_joint_damping_misses_is_measured_and_said():
 
 
 def test_no_ratio_no_damping():
-    chain = chain_of(2)
-    assert joint_damping(chain, "xy", np.zeros(2)) is chain
-    assert damped_modes(chain, {"xy": np.zeros(2)}) == chain
+    bare = fit(space_beam(), name="boom", modes={"xy": 2, "xz": 0}).to_mjcf()
+    for form in ("hinge", "modal"):
+        assert fitted([0.0, 0.0], form=form).to_mjcf() == bare
 
 
 @pytest.mark.parametrize("integrator", [i for i in INTEGRATORS if i != "RK4"])
 def test_joint_damping_reads_the_same_under_every_integrator(integrator):
-    chain = joint_damping(chain_of(2), "xy", np.array([0.01, 0.02]))
-    linear = linearise(standing(chain, 0.01, integrator))
-    reference = linearise(standing(chain, 0.01, "implicitfast"))
+    result = fitted([0.01, 0.02], form="hinge")
+    linear = linearise(standing(result, 0.01, integrator))
+    reference = linearise(standing(result, 0.01, "implicitfast"))
     assert linear.damping == close(reference.damping, rel=1e-9, abs=1e-9)

@@ -1,25 +1,42 @@
-"""Imported modes through the whole walk, as chains: a printed cantilever, a plate, round trips of beams, files and words."""
+"""Imported modes through the whole walk, as chains: a printed cantilever, a plate,
+round trips of beams, files and words."""
 
 import json
 
+import mujoco
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from appendages import panels, soft_root_boom, stepped_boom, tapered_boom, timoshenko_boom, tip_loaded_boom
-from beamchain import Damping, FitOptions, Hub, Modes, Root, Spec, embed, fit, read_spec
-from beamchain.chain.recursion import realise, realise_scalar
-from beamchain.cli import app
-from beamchain.engine.library import mujoco
-from beamchain.errors import InputError, RealisationError
-from beamchain.ports.compare import compare
-from beamchain.ports.model import PortModel
-from beamchain.structure.beam import Beam, Segment
-from beamchain.structure.imported import Imported, Units
-from beamchain.structure.modal_data import ModalData
-from beamchain.structure.section import Equivalent
+from appendages import (
+    panels,
+    soft_root_boom,
+    stepped_boom,
+    tapered_boom,
+    timoshenko_boom,
+    tip_loaded_boom,
+)
+from beamchain import (
+    Beam,
+    Damping,
+    Equivalent,
+    FitOptions,
+    Hub,
+    InputError,
+    ModalData,
+    PortModel,
+    Root,
+    Segment,
+    compare,
+    embed,
+    fit,
+    read_spec,
+)
+from beamchain.errors import RealisationError
 from modes_of_beam import modes_of_beam, modes_text
 from prints import cantilever, plate, whole
+from spec_tables import spec_of, table_of
+from terminal import run
+from written_chain import read_chain
 
 PRINT = 5e-7  # half a unit in the seventh printed digit
 ROUND_TRIP = 1e-9  # the issue's bound
@@ -28,12 +45,13 @@ MUJOCO = 1e-8  # mjd_transitionFD with eps = 1e-6
 
 def printed_cantilever(turn: float = 0.0, **more) -> ModalData:
     truth = cantilever(turn)
-    return ModalData(truth.mass, truth.frequencies, truth.participation, precision=PRINT, length=1.0, **more)
+    return ModalData(
+        truth.mass, truth.frequencies, truth.participation, precision=PRINT, length=1.0, **more
+    )
 
 
-# -- a printed cantilever -----------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("form", [None, "chain"])
-@pytest.mark.parametrize("turn", [0.0, 0.6])
+# -- a printed cantilever --------------------------------------------------------------------------
+@pytest.mark.parametrize(("form", "turn"), [(None, 0.6), ("chain", 0.0)])
 def test_a_printed_cantilever_comes_back_through_mujoco(form, turn):
     result = fit(printed_cantilever(turn), options=FitOptions(form=form))
     assert result.status.ok
@@ -44,7 +62,9 @@ def test_a_printed_cantilever_comes_back_through_mujoco(form, turn):
     for port in rows:
         for expected in ([3.462030, 2.774607], [1.979560, 0.5036983]):
             assert min(np.max(np.abs(row / expected - 1.0)) for row in rows[port]) < 3 * PRINT
-    assert np.max(np.abs(result.achieved["axial"].participation)) == pytest.approx(3.930588, rel=PRINT)
+    assert np.max(np.abs(result.achieved["axial"].participation)) == pytest.approx(
+        3.930588, rel=PRINT
+    )
     mass = result.measured.rigid_mass
     assert mass[0, 0] == pytest.approx(21.20575, rel=PRINT)
     residual = mass[1, 1] - np.sum(result.achieved["xy"].participation[:, 0] ** 2)
@@ -60,54 +80,56 @@ def test_a_printed_cantilever_is_a_chain_with_its_hinge_at_the_root():
     assert "independent" in result.status.message
     assert result.space.error.accelerance_in_band < 1e-7
     assert all(
-        np.isfinite(step) and step > 0 for name, step in result.limits.largest_step.items() if name != "discrete"
+        np.isfinite(step) and step > 0
+        for name, step in result.limits.largest_step.items()
+        if name != "discrete"
     )
 
 
 def test_a_root_hinge_by_hand():
-    """A pendulum bar on a root spring: W^2 = c / J with the root held; the root's own mass is a point."""
+    """A pendulum bar on a root spring: W^2 = c / J with the root held;
+    the root's own mass is a point."""
     point, mass, at, inertia, c = 2.0, 3.0, 0.7, 0.5, 40.0
     about = inertia + mass * at**2
-    rigid = np.array([[point + mass, mass * at], [mass * at, about]])
-    row = np.array([[mass * at, about]]) / np.sqrt(about)
-    # what the mode leaves: the point, and the part of the bar's mass that stays behind, at the root
-    nodes = realise(PortModel(rigid, np.array([np.sqrt(c / about)]), row))
-    assert nodes.masses[0] == 0.0
-    assert nodes.lengths[0] == pytest.approx(0.0, abs=1e-12)
-    assert nodes.stiffness == pytest.approx([c], rel=1e-12)
     reach = about / (mass * at)  # centre of percussion
-    assert nodes.lengths[1] == pytest.approx(reach, rel=1e-10)
-    assert nodes.masses[2] == pytest.approx(about / reach**2, rel=1e-10)
-    # the same hinge 0.3 m out
-    far = PortModel(
-        np.array([[point + mass, (point + mass) * 0.3 + mass * at],
-                  [(point + mass) * 0.3 + mass * at, point * 0.09 + mass * (at + 0.3) ** 2 + inertia]]),
-        np.array([np.sqrt(c / about)]), np.array([[mass * at, about + 0.3 * mass * at]]) / np.sqrt(about),
-    )  # fmt: skip
-    moved = realise(far)
-    assert moved.lengths == pytest.approx([0.3, reach], rel=1e-9)
-    assert moved.stiffness == pytest.approx([c], rel=1e-9)
+    for x in (0.0, 0.3):  # and the same hinge 0.3 m out
+        total = point + mass
+        first = point * x + mass * (at + x)
+        second = point * x**2 + mass * (at + x) ** 2 + inertia
+        rigid = np.diag([total, total, total, 1e-3, second, second])
+        rigid[1, 5] = rigid[5, 1] = first
+        rigid[2, 4] = rigid[4, 2] = -first
+        row = np.zeros((1, 6))
+        row[0, [1, 5]] = np.array([mass * at, about + x * mass * at]) / np.sqrt(about)
+        data = ModalData(rigid, np.array([np.sqrt(c / about)]), row)
+        chain = read_chain(fit(data, modes={"xy": 1}).to_mjcf())
+        masses, lengths, stiffness = chain.nodes()
+        # what the mode leaves: the point, and the part of the bar's mass that stays
+        # behind, at the hinge
+        assert [hinge.x for hinge in chain.hinges] == pytest.approx([x], rel=1e-9, abs=1e-12)
+        assert masses[0] == pytest.approx(0.0, abs=1e-12)
+        assert lengths == pytest.approx([x, reach], rel=1e-9, abs=1e-12)
+        assert stiffness == pytest.approx([c], rel=1e-9 if x else 1e-12)
+        assert masses[2] == pytest.approx(about / reach**2, rel=1e-10)
 
 
-def test_a_massless_scalar_root_by_hand():
-    inertias, springs = realise_scalar(PortModel(np.array([[4.0]]), np.array([3.0]), np.array([[2.0]])))
-    assert inertias == pytest.approx([0.0, 4.0])
-    assert springs == pytest.approx([36.0])
-
-
-# -- the plate ---------------------------------------------------------------------------------------------------------
+# -- the plate -------------------------------------------------------------------------------------
 @pytest.fixture
 def print_of_the_plate(tmp_path):
     path = tmp_path / "plate.f06"
     path.write_text(whole(plate().in_units(1e-3, 1e3), rows=9), newline="")
-    return Imported(file=str(path), units=Units(length=1e-3, mass=1e3))
+    return {"file": str(path), "units": {"length": 1e-3, "mass": 1e3}}
 
 
 def test_all_21_modes_of_the_plate_through_mujoco(print_of_the_plate):
-    result = fit(Spec(name="plate", imported=print_of_the_plate, damping=Damping(ratio=0.005)))
+    result = fit(
+        spec_of({"name": "plate", "imported": print_of_the_plate, "damping": {"ratio": 0.005}})
+    )
     assert result.space.form == "chain"
     assert result.status.ok
-    assert [t.label for t in result.chain.tendons if t.is_mode] == [f"mode{k}" for k in range(1, 22)]
+    assert [t.label for t in result.chain.tendons if t.is_mode] == [
+        f"mode{k}" for k in range(1, 22)
+    ]
     truth = plate()
     space = result.space.achieved
     assert space.modes >= 21
@@ -126,14 +148,16 @@ def test_all_21_modes_of_the_plate_through_mujoco(print_of_the_plate):
     reference = PortModel(truth.mass, truth.frequencies, truth.participation, np.full(21, 0.005))
     omega = np.geomspace(1.0, 2e4, 60)
     difference = (space.D(omega) - reference.D(omega)) / np.outer(scale, scale)[:, :, None]
-    assert np.max(np.abs(difference)) < 1e-3 * np.max(np.abs(reference.D(omega) / np.outer(scale, scale)[:, :, None]))
+    assert np.max(np.abs(difference)) < 1e-3 * np.max(
+        np.abs(reference.D(omega) / np.outer(scale, scale)[:, :, None])
+    )
     assert result.space.error.accelerance_in_band < 1e-5
 
 
-@pytest.mark.parametrize("count", [1, 2, 5, 10])
+@pytest.mark.parametrize("count", [1, 5])
 def test_the_first_modes_of_the_plate_are_exact_as_a_chain(print_of_the_plate, count):
-    numbers = tuple(range(1, count + 1))
-    result = fit(Spec(name="plate", imported=Imported(**_fields(print_of_the_plate, numbers))))
+    numbers = list(range(1, count + 1))
+    result = fit(spec_of({"name": "plate", "imported": {**print_of_the_plate, "modes": numbers}}))
     assert result.status.ok
     assert result.space.target.modes == count
     assert result.space.error.frequency < 1e-9
@@ -142,7 +166,7 @@ def test_the_first_modes_of_the_plate_are_exact_as_a_chain(print_of_the_plate, c
 
 
 def test_modes_counted_per_port_are_exact_too(print_of_the_plate):
-    result = fit(Spec(name="plate", imported=print_of_the_plate, modes=Modes(xz=1)))
+    result = fit(spec_of({"name": "plate", "imported": print_of_the_plate, "modes": {"xz": 1}}))
     assert result.space.form == "chain"
     assert result.status.ok
     assert result.space.target.modes == 1
@@ -153,33 +177,35 @@ def test_modes_counted_per_port_are_exact_too(print_of_the_plate):
 
 def test_springs_on_hinges_take_independent_ports(print_of_the_plate):
     with pytest.raises(InputError, match='fit.springs = "hinges" needs ports that are independent'):
-        fit(Spec(name="plate", imported=print_of_the_plate, fit=FitOptions(springs="hinges")))
-
-
-def _fields(imported, modes):
-    return {"file": imported.file, "units": imported.units, "modes": modes}
+        fit(
+            spec_of({"name": "plate", "imported": print_of_the_plate, "fit": {"springs": "hinges"}})
+        )
 
 
 def test_the_modes_may_be_chosen(print_of_the_plate):
-    few = Imported(file=print_of_the_plate.file, units=print_of_the_plate.units, modes=(1, 3, 4))
-    result = fit(Spec(name="plate", imported=few))
+    few = {**print_of_the_plate, "modes": [1, 3, 4]}
+    result = fit(spec_of({"name": "plate", "imported": few}))
     assert [t.label for t in result.chain.tendons if t.is_mode] == ["mode1", "mode2", "mode3"]
     assert result.space.error.frequency < 1e-9
     assert result.space.error.participation < 1e-7
     assert result.space.target.modes == 3
     assert result.space.full.modes == 21
     with pytest.raises(InputError, match="modes: 30 is not in the file"):
-        fit(Spec(imported=Imported(file=few.file, modes=(30,))))
+        fit(spec_of({"imported": {"file": few["file"], "modes": [30]}}))
     with pytest.raises(InputError, match=r"imported.modes are both given"):
-        fit(Spec(imported=few, modes=Modes(xz=1)))
+        fit(spec_of({"imported": few, "modes": {"xz": 1}}))
 
 
-# -- round trips -------------------------------------------------------------------------------------------------------
+# -- round trips -----------------------------------------------------------------------------------
 def torsion_boom() -> Beam:
     section = Equivalent(
-        bending_stiffness_xy=200.0, bending_stiffness_xz=300.0, torsion_stiffness=90.0, axial_stiffness=1e6,
-        linear_mass=1.5, polar_inertia=0.02,
-    )  # fmt: skip
+        bending_stiffness_xy=200.0,
+        bending_stiffness_xz=300.0,
+        torsion_stiffness=90.0,
+        axial_stiffness=1e6,
+        linear_mass=1.5,
+        polar_inertia=0.02,
+    )
     return Beam(segments=(Segment(length=3.0, section=section),))
 
 
@@ -195,13 +221,17 @@ BEAMS = {
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow) if n in ("panels", "tapered") else n for n in BEAMS]
+    "name",
+    [
+        pytest.param(n, marks=pytest.mark.slow) if n in ("panels", "tapered", "stepped") else n
+        for n in BEAMS
+    ],
 )
 def test_a_beam_comes_back_as_the_same_chain(tmp_path, name):
     make, modes = BEAMS[name]
     path = tmp_path / "modes.toml"
-    path.write_text(modes_text(modes_of_beam(make(), modes)))
-    imported = fit(Spec(imported=Imported(file=str(path)), fit=FitOptions(form="chain")))
+    path.write_text(modes_text(make(), modes))
+    imported = fit(spec_of({"imported": {"file": str(path)}, "fit": {"form": "chain"}}))
     direct = fit(make(), modes=modes)
     assert imported.status.ok == direct.status.ok
     for port in direct.achieved:
@@ -209,19 +239,22 @@ def test_a_beam_comes_back_as_the_same_chain(tmp_path, name):
         assert max(found.frequency, found.participation) < MUJOCO
     if name == "panels":
         assert direct.chain.tendons
-        return  # cut at hinge lines, of which modes know nothing: the same appendage on other bodies
+        # cut at hinge lines, of which modes know nothing: the same appendage on other bodies
+        return
     assert len(imported.chain.links) == len(direct.chain.links)
     length = direct.chain.length
     for ours, theirs in zip(imported.chain.links, direct.chain.links, strict=True):
         assert ours.start == pytest.approx(theirs.start, rel=ROUND_TRIP, abs=ROUND_TRIP * length)
         assert ours.mass == pytest.approx(theirs.mass, rel=ROUND_TRIP)
         assert ours.com == pytest.approx(theirs.com, rel=ROUND_TRIP)
-        assert ours.inertia == pytest.approx(theirs.inertia, rel=1e-8, abs=ROUND_TRIP * max(theirs.inertia))
+        assert ours.inertia == pytest.approx(
+            theirs.inertia, rel=1e-8, abs=ROUND_TRIP * max(theirs.inertia)
+        )
     for ours, theirs in zip(imported.chain.hinges, direct.chain.hinges, strict=True):
         assert dict(ours.stiffness) == pytest.approx(dict(theirs.stiffness), rel=ROUND_TRIP)
 
 
-# -- the choice, and the walk beyond -----------------------------------------------------------------------------------
+# -- the choice, and the walk beyond ---------------------------------------------------------------
 @pytest.mark.parametrize("leak", [2e-4, 0.05])
 def test_what_leaks_into_another_port_is_held(leak):
     base = modes_of_beam(torsion_boom(), {"xz": 1, "torsion": 1})
@@ -240,7 +273,12 @@ def test_what_leaks_into_another_port_is_held(leak):
 def test_with_a_hub_damping_and_free_target():
     hub = Hub(mass=300.0, inertia=(80.0, 90.0, 100.0), offset=(0.5, 0.0, 0.1))
     data = modes_of_beam(torsion_boom(), {"xy": 4, "xz": 4, "torsion": 3})
-    result = fit(data, modes={"xy": 2, "xz": 2}, root=Root(target="hub", hub=hub), damping=Damping(ratio=0.01))
+    result = fit(
+        data,
+        modes={"xy": 2, "xz": 2},
+        root=Root(target="hub", hub=hub),
+        damping=Damping(ratio=0.01),
+    )
     assert result.status.ok
     assert result.hub_mass is not None
     assert result.target["xy"].modes == 2
@@ -252,14 +290,16 @@ def test_with_a_hub_damping_and_free_target():
 
 def test_the_files_run_in_mujoco(tmp_path):
     form = "chain"
-    data = modes_of_beam(torsion_boom(), {"xy": 1, "xz": 1, "torsion": 1})
-    (tmp_path / "modes.toml").write_text(modes_text(data))
+    (tmp_path / "modes.toml").write_text(
+        modes_text(torsion_boom(), {"xy": 1, "xz": 1, "torsion": 1})
+    )
     spec = tmp_path / "array.toml"
     spec.write_text(
-        f'name = "array"\n[imported]\nfile = "modes.toml"\n[damping]\nratio = 0.005\n[fit]\nform = "{form}"\n'
+        'name = "array"\n[imported]\nfile = "modes.toml"\n[damping]\nratio = 0.005\n[fit]\nform = '
+        f'"{form}"\n'
     )
-    done = CliRunner().invoke(app, ["fit", str(spec), "-o", str(tmp_path / "out"), "--quiet"])
-    assert done.exit_code == 0, done.output
+    code, _, error = run("fit", spec, "-o", tmp_path / "out", "--quiet")
+    assert code == 0, error
     record = json.loads((tmp_path / "out" / "fit.json").read_text())
     assert record["form"] == form
     assert record["space"]["error"]["frequency"] < MUJOCO
@@ -281,28 +321,34 @@ def test_a_beam_with_a_tendon_per_mode(make):
     assert [t.label for t in result.chain.tendons] == ["mode1_xz", "mode2_xz"]
     found = compare(result.achieved["xz"], direct.achieved["xz"])
     assert max(found.frequency, found.participation) < MUJOCO
-    assert result.error["xz"].accelerance_in_band == pytest.approx(direct.error["xz"].accelerance_in_band, rel=1e-3)
-    with pytest.raises(InputError, match='springs is for method = "exact"'):
-        fit(make(), options=FitOptions(springs="modes", method="classical"))
+    assert result.error["xz"].accelerance_in_band == pytest.approx(
+        direct.error["xz"].accelerance_in_band, rel=1e-3
+    )
 
 
 def test_oscillators_are_refused_in_one_sentence():
-    with pytest.raises(InputError, match='form = "oscillators" is no longer written: a chain with a tendon per mode'):
+    with pytest.raises(
+        InputError,
+        match='form = "oscillators" is no longer written: a chain with a tendon per mode',
+    ):
         FitOptions(form="oscillators")
 
 
-@pytest.mark.parametrize("modes", ["cantilever", "plate"])
+@pytest.mark.parametrize("modes", ["cantilever", pytest.param("plate", marks=pytest.mark.slow)])
 def test_embedded_in_a_spacecraft(tmp_path, modes):
     (tmp_path / "array.f06").write_text(
-        whole(cantilever(0.3), weight=True) if modes == "cantilever" else whole(plate().in_units(1e-3, 1e3))
+        whole(cantilever(0.3), weight=True)
+        if modes == "cantilever"
+        else whole(plate().in_units(1e-3, 1e3))
     )
     units = "" if modes == "cantilever" else "units = { length = 1e-3, mass = 1e3 }\n"
     spec = tmp_path / "array.toml"
     spec.write_text(f'name = "array"\n[imported]\nfile = "array.f06"\n{units}')
     craft = tmp_path / "craft.xml"
     craft.write_text(
-        '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/><inertial pos="0.1 0 0" mass="3" '
-        'diaginertia="0.1 0.2 0.15"/><site name="mount" pos="0.2 0.1 0" euler="10 20 30"/></body></worldbody></mujoco>'
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/><inertial '
+        'pos="0.1 0 0" mass="3" diaginertia="0.1 0.2 0.15"/><site name="mount" pos="0.2 0.1 0" '
+        'euler="10 20 30"/></body></worldbody></mujoco>'
     )
     record = embed(craft, {"mount": read_spec(spec)}).as_dict()
     pairs = [(m["exact"], m["mujoco"]) for m in record["modes"] if m["exact"] is not None]
@@ -312,19 +358,20 @@ def test_embedded_in_a_spacecraft(tmp_path, modes):
 
 def test_words_for_what_does_not_fit():
     beam = torsion_boom()
+    print_ = {"imported": {"file": "a.f06"}}
     with pytest.raises(InputError, match=r"\[imported\] and segment are both given"):
-        Spec(segment=beam.segments, imported=Imported(file="a.f06"))
+        spec_of({**table_of(beam), **print_})
     with pytest.raises(InputError, match="unknown ending"):
-        Imported(file="a.xls")
-    with pytest.raises(InputError, match='method = "classical" needs a beam'):
-        Spec(imported=Imported(file="a.f06"), fit=FitOptions(method="classical"))
+        spec_of({"imported": {"file": "a.xls"}})
     with pytest.raises(InputError, match="needs a beam; give it as"):
-        _ = Spec(imported=Imported(file="a.f06")).beam
+        _ = spec_of(print_).beam
     with pytest.raises(InputError, match="does not exist"):
-        fit(Spec(imported=Imported(file="nowhere.f06")))
+        fit(spec_of(print_))
     data = modes_of_beam(beam, {"xz": 1})
     with pytest.raises(InputError, match=r"only 1 of the imported modes move mainly in xz"):
         fit(data, modes={"xz": 2})
     backwards = data.moved((0.0, 0.0, 0.0), np.diag([-1.0, -1.0, 1.0]))
-    with pytest.raises((InputError, RealisationError), match=r"does not hold the mass|no exact chain"):
+    with pytest.raises(
+        (InputError, RealisationError), match="the mass centre lies at .* give axes"
+    ):
         fit(backwards, options=FitOptions(form="chain"))

@@ -1,11 +1,13 @@
 """What a scene does not need: the promise holds in every random scene, and the choice is tight.
 
-The promise is checked independently of the choice: the written file through MuJoCo's own matrices against finite elements,
-with the 6 x 6 definition of the in-band error written out again here, on a grid of its own; for uniform beams against the
-closed forms of the cantilever. No scene and no frequency is left out.
+The promise is checked independently of the choice: the written file through MuJoCo's own matrices
+against finite elements, with the 6 x 6 definition of the in-band error written out again here, on a
+grid of its own; for uniform beams against the closed forms of the cantilever. No scene and no
+frequency is left out.
 """
 
-import tomllib
+import json
+import re
 from importlib.resources import files
 
 import numpy as np
@@ -15,27 +17,39 @@ from scipy.linalg import eigh
 
 import finite_elements as fe
 import readback as rb
-from beamchain.errors import InputError
-from beamchain.fitting.choose import everything
-from beamchain.fitting.fit import fit
-from beamchain.fitting.hub import Hub
-from beamchain.fitting.needs import AXES
-from beamchain.fitting.options import Damping, Modes, Root, Scene
-from beamchain.fitting.result import Fit
-from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
-from beamchain.fitting.spec_text import spec_toml
-from beamchain.ports.motions import PORT_MOTION, PORTS
-from beamchain.structure.beam import Beam, Joint, Lump, Segment
-from beamchain.structure.exact import UniformBeam
-from beamchain.structure.section import Material, Rectangle, Tube
+from beamchain import (
+    Beam,
+    Damping,
+    Fit,
+    Hub,
+    InputError,
+    Joint,
+    Lump,
+    Material,
+    Modes,
+    Rectangle,
+    Root,
+    Scene,
+    Segment,
+    Spec,
+    Tube,
+    fit,
+    read_spec,
+)
 from random_appendages import random_appendage, tube_and_strip
+from spec_tables import spec_of, table_of
+from terminal import run
+from uniform_beam import held_roots
 
+AXES = {"tx": 0, "ty": 1, "tz": 2, "x": 3, "y": 4, "z": 5}  # turns are x, y, z of a scene
 SCENES = 200
-GRID_SLACK = 1.02  # the independent grid may hit a peak a little nearer its top than the choice's own
+# the independent grid may hit a peak a little nearer its top than the choice's own
+GRID_SLACK = 1.02
 TIGHT = 0.9  # share of scenes in which one mode fewer breaks the promise
 DAMPING = 0.005
-AGREE = 0.03  # relative: promise and what is found; both grids may miss the top of the worst peak a little
-HARD = 8  # random appendages with tapers, joints, lumps
+# relative: promise and what is found; both grids may miss the top of the worst peak a little
+AGREE = 0.03
+TABLES = r"(?ms)^\[(modes|scene)\].*?(?=^\[|\Z)"  # of the example, which are stated anew
 MODES = {"xy": 16, "xz": 16, "torsion": 6, "axial": 4}  # in finite elements: far above every band
 SERIES = 12  # clamped modes of the closed form
 
@@ -49,29 +63,51 @@ def random_scene(seed: int) -> Spec:
     if kind == 0:
         diameter = float(rng.uniform(0.02, 0.1))
         segments: tuple[Segment, ...] = (
-            Segment(length=length, section=Tube(outer_diameter=diameter, wall=0.002), material=ALUMINIUM),
+            Segment(
+                length=length, section=Tube(outer_diameter=diameter, wall=0.002), material=ALUMINIUM
+            ),
         )
     elif kind == 1:
-        section = Rectangle(width_y=float(rng.uniform(0.01, 0.05)), width_z=float(rng.uniform(0.1, 0.5)))
+        section = Rectangle(
+            width_y=float(rng.uniform(0.01, 0.05)), width_z=float(rng.uniform(0.1, 0.5))
+        )
         segments = (Segment(length=length, section=section, material=ALUMINIUM),)
     else:
         big = Tube(outer_diameter=0.08, wall=0.002)
         small = Tube(outer_diameter=float(rng.uniform(0.03, 0.07)), wall=0.0015)
         segments = (
-            Segment(length=length / 2, section=big, section_end=small, material=ALUMINIUM, nonstructural_mass=0.5),
+            Segment(
+                length=length / 2,
+                section=big,
+                section_end=small,
+                material=ALUMINIUM,
+                nonstructural_mass=0.5,
+            ),
             Segment(length=length / 2, section=small, material=ALUMINIUM),
         )
-    joints = (Joint(after_segment=0, stiffness_xy=float(10 ** rng.uniform(2.5, 5))),) if rng.random() < 0.3 else ()
+    joints = (
+        (Joint(after_segment=0, stiffness_xy=float(10 ** rng.uniform(2.5, 5))),)
+        if rng.random() < 0.3
+        else ()
+    )
     lumps = ()
     if rng.random() < 0.3:
-        lumps = (Lump(x=length * float(rng.uniform(0.5, 1.0)), mass=float(rng.uniform(0.2, 3.0)), inertia=(0.01,) * 3),)
+        lumps = (
+            Lump(
+                x=length * float(rng.uniform(0.5, 1.0)),
+                mass=float(rng.uniform(0.2, 3.0)),
+                inertia=(0.01,) * 3,
+            ),
+        )
     beam = Beam(segments=segments, joints=joints, lumps=lumps)
     first = float(beam.port("xy", 4).frequencies[0])
     mass = float(beam.rigid_mass()[0, 0] * 10 ** rng.uniform(0.0, 2.5))
     side = length * float(rng.uniform(0.1, 0.4))
     inertia = tuple(float(mass * side**2 / 6.0 * v) for v in rng.uniform(0.8, 1.2, 3))
     offset = (side / 2, float(rng.choice([0.0, 0.2 * side])), 0.0)
-    axes = [("z",), ("y",), ("x", "y", "z"), ("z", "ty"), ("x", "y", "z", "tx", "ty", "tz")][rng.integers(5)]
+    axes = [("z",), ("y",), ("x", "y", "z"), ("z", "ty"), ("x", "y", "z", "tx", "ty", "tz")][
+        rng.integers(5)
+    ]
     return Spec(
         segment=segments,
         joint=joints,
@@ -89,22 +125,39 @@ def random_scene(seed: int) -> Spec:
 def independent_error(spec: Spec, result: Fit) -> float:
     """The in-band error of the file that is written, frequency by frequency, from its definition.
 
-    The file's dynamic mass is of MuJoCo's own matrices, the beam's of finite elements: the package computes none of it.
+    The file's dynamic mass is of MuJoCo's own matrices, the beam's of finite elements:
+    the package computes none of it.
     """
     assert spec.scene is not None
     assert spec.scene.bandwidth is not None
     assert spec.root.hub is not None
-    hub = fe.body_mass(spec.root.hub.mass, [-v for v in spec.root.hub.offset], spec.root.hub.inertia)
-    beam, band = tomllib.loads(spec_toml(spec)), spec.scene.bandwidth
-    rigid, modes = fe.rigid_mass(beam), fe.cantilever(beam, MODES)
-    whole = np.block([[hub + rigid, modes.participation.T], [modes.participation, np.eye(modes.frequencies.size)]])
-    squares = eigh(np.diag(np.concatenate([np.zeros(6), modes.frequencies**2])), whole, eigvals_only=True)
+    hub = fe.body_mass(
+        spec.root.hub.mass, [-v for v in spec.root.hub.offset], spec.root.hub.inertia
+    )
+    beam = table_of(spec)
+    band = spec.scene.bandwidth
+    rigid = fe.rigid_mass(beam)
+    modes = fe.cantilever(beam, MODES)
+    whole = np.block(
+        [
+            [hub + rigid, modes.participation.T],
+            [modes.participation, np.eye(modes.frequencies.size)],
+        ]
+    )
+    squares = eigh(
+        np.diag(np.concatenate([np.zeros(6), modes.frequencies**2])), whole, eigvals_only=True
+    )
     peaks = [np.sqrt(squares[6:]), modes.frequencies]
-    w, rows, damping = np.zeros(0), np.zeros((0, 6)), np.zeros((0, 0))
+    w = np.zeros(0)
+    rows = np.zeros((0, 6))
+    damping = np.zeros((0, 0))
     mass = result.measured.rigid_mass
     if result.chain.hinges:
         model = rb.read(result.to_mjcf())
-        mass, w, rows, damping = model.rigid, model.frequencies, model.participation, model.damping
+        mass = model.rigid
+        w = model.frequencies
+        rows = model.participation
+        damping = model.damping
         peaks += [model.coupled(hub), w]
     peak = np.concatenate(peaks)
     around = DAMPING * np.geomspace(0.05, 30.0, 40)
@@ -114,14 +167,18 @@ def independent_error(spec: Spec, result: Fit) -> float:
     keep = [AXES[a] for a in spec.scene.axes]
     scale = np.sqrt(np.diag(hub + rigid))[keep]
 
-    def response(mass: np.ndarray, rows: np.ndarray, squares: np.ndarray, damping: np.ndarray) -> np.ndarray:
+    def response(
+        mass: np.ndarray, rows: np.ndarray, squares: np.ndarray, damping: np.ndarray
+    ) -> np.ndarray:
         s = 1j * omega[:, None, None]
         inner = s**2 * np.eye(len(rows)) + s * damping + np.diag(squares)
         felt = rows.T @ np.linalg.solve(inner, s**2 * rows)
         return np.linalg.inv(hub + mass - felt)[:, keep][:, :, keep] * np.outer(scale, scale)
 
     ours = response(mass, rows, w**2, damping)
-    true = response(rigid, modes.participation, modes.frequencies**2, np.diag(2.0 * DAMPING * modes.frequencies))
+    true = response(
+        rigid, modes.participation, modes.frequencies**2, np.diag(2.0 * DAMPING * modes.frequencies)
+    )
     frozen = np.linalg.inv(hub + rigid)[np.ix_(keep, keep)] * np.outer(scale, scale)
     size = np.maximum(np.linalg.norm(true, 2, axis=(1, 2)), np.linalg.norm(frozen, 2))
     return float(np.max(np.linalg.norm(ours - true, 2, axis=(1, 2)) / size))
@@ -131,8 +188,8 @@ def breaks_with_one_less(result: Fit, spec: Spec) -> bool:
     """Whether every fit with one mode less, in whichever port has one, breaks the promise."""
     assert result.choice is not None
     assert spec.scene is not None
-    kept = {port: result.choice.modes.get(port, 0) for port in PORTS}
-    for port in (p for p in PORTS if kept[p]):
+    kept = {port: result.choice.modes.get(port, 0) for port in rb.PORTS}
+    for port in (p for p in rb.PORTS if kept[p]):
         less = structs.replace(spec, modes=Modes(**{**kept, port: kept[port] - 1}))
         if independent_error(less, fit(less)) <= spec.scene.tolerance:
             return False
@@ -141,7 +198,10 @@ def breaks_with_one_less(result: Fit, spec: Spec) -> bool:
 
 @pytest.mark.slow
 def test_promise_holds_in_random_scenes_and_the_choice_is_tight():
-    broken, missed, tight, flexible = [], [], 0, 0
+    broken = []
+    missed = []
+    tight = 0
+    flexible = 0
     for seed in range(SCENES):
         spec = random_scene(seed)
         assert spec.scene is not None
@@ -156,13 +216,18 @@ def test_promise_holds_in_random_scenes_and_the_choice_is_tight():
         if sum(result.choice.modes.values()) > 0:
             flexible += 1
             tight += breaks_with_one_less(result, spec)
-    print(f"{SCENES} scenes: broken {len(broken)}, said not to be met {missed}, tight {tight} of {flexible}")  # noqa: T201
+    print(  # noqa: T201
+        f"{SCENES} scenes: broken {len(broken)}, said not to be met {missed}, tight {tight} of "
+        f"{flexible}"
+    )
     assert not broken
     assert len(missed) <= 1
     assert tight >= TIGHT * flexible
 
 
-@pytest.mark.parametrize("seed", range(HARD))
+@pytest.mark.parametrize(
+    "seed", [0, 2, 6, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 3, 4, 5, 7))]
+)
 def test_promise_holds_where_tapers_joints_and_lumps_abound(seed):
     given = random_appendage(seed)
     rng = np.random.default_rng(seed)
@@ -175,7 +240,7 @@ def test_promise_holds_where_tapers_joints_and_lumps_abound(seed):
             "tolerance": float(10.0 ** rng.uniform(-3.5, -1.5)),
         },
     }
-    spec = spec_from_dict(given, "hard")
+    spec = spec_of(given)
     result = fit(spec)
     found = independent_error(spec, result)
     assert result.promise == pytest.approx(found, rel=AGREE)
@@ -185,16 +250,18 @@ def test_promise_holds_where_tapers_joints_and_lumps_abound(seed):
 
 @pytest.mark.parametrize("seed", [11, 29])
 def test_dampers_that_couple_the_modes_are_part_of_the_promise(seed):
-    """Plain joint damping gives each mode its ratio and couples them: 1.0e-3 at a tolerance of 7.5e-4, and 2.1e-4 stated."""
+    """Plain joint damping couples the modes, which a diagonal approximation misses:
+    1.0e-3 at a tolerance of 7.5e-4, and 2.1e-4 stated by it."""
     spec = random_scene(seed)
     result = fit(spec)
     found = independent_error(spec, result)
     assert result.status.ok
     assert found <= GRID_SLACK * spec.scene.tolerance
     assert found <= (1.0 + AGREE) * result.promise
+    assert not any(hinge.damping for hinge in result.chain.hinges)
     plain = fit(structs.replace(spec, damping=Damping(ratio=DAMPING, form="hinge")))
-    found = independent_error(spec, plain)
-    assert found <= (1.0 + AGREE) * plain.promise
+    assert plain.promise == pytest.approx(independent_error(spec, plain), rel=AGREE)
+    assert not any(tendon.damping for tendon in plain.chain.tendons)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -203,32 +270,44 @@ def test_promise_holds_against_the_transcendental_beam(seed):
     section = Tube(outer_diameter=float(rng.uniform(0.03, 0.08)), wall=0.002)
     segment = Segment(length=float(rng.uniform(4, 12)), section=section, material=ALUMINIUM)
     beam = Beam(segments=(segment,))
-    at = segment.at(np.array([0.0]))
-    truth = UniformBeam(segment.length, float(at.bending_xy[0]), float(at.mass[0]))
+    table = table_of(beam)
+    at = fe.section_properties(table["segment"][0], 0.0)
+    length = segment.length
+    line = float(at["mass"])
+    beta = held_roots(SERIES)
+    w = beta**2 * np.sqrt(float(at["bending_xy"]) / line) / length**2
     hub = Hub(mass=100.0, inertia=(30.0, 40.0, 50.0), offset=(0.5, 0.0, 0.0))
-    band = float(truth.cantilever_frequencies(3)[2] * rng.uniform(0.1, 0.9))
+    band = float(w[2] * rng.uniform(0.1, 0.9))
     scene = Scene(bandwidth=band, tolerance=1e-3, axes=("z",))
     result = fit(beam, root=Root(hub=hub), scene=scene, damping=Damping(ratio=DAMPING))
     assert result.status.ok
-    load = PORT_MOTION["xy"].T @ hub.mass_matrix() @ PORT_MOTION["xy"]
+    load = rb.into_space("xy").T @ hub.mass_matrix() @ rb.into_space("xy")
     # 0.5 % in every mode: the exact series of the clamped modes, with what they leave of the mass
-    w = truth.cantilever_frequencies(SERIES)
-    beta, mass, length = np.sqrt(w / truth.unit_frequency), truth.linear_mass * truth.length, truth.length
+    mass = line * length
     sigma = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
     rows = np.sqrt(mass) * np.column_stack([2.0 * sigma / beta, 2.0 * length / beta**2])
     rigid = mass * np.array([[1.0, length / 2.0], [length / 2.0, length**2 / 3.0]])
-    peaks = np.concatenate([truth.coupled_frequencies(load, 6), w, result.achieved["xy"].frequencies])
-    around = np.concatenate([-DAMPING * np.geomspace(0.05, 30.0, 40), [0.0], DAMPING * np.geomspace(0.05, 30.0, 40)])
-    omega = np.unique(np.concatenate([np.linspace(band / 500, band, 500), np.outer(peaks, 1.0 + around).ravel()]))
+    peaks = np.concatenate(
+        [fe.port(table, "xy", 8).coupled(load, 6), w, result.achieved["xy"].frequencies]
+    )
+    around = np.concatenate(
+        [-DAMPING * np.geomspace(0.05, 30.0, 40), [0.0], DAMPING * np.geomspace(0.05, 30.0, 40)]
+    )
+    omega = np.unique(
+        np.concatenate([np.linspace(band / 500, band, 500), np.outer(peaks, 1.0 + around).ravel()])
+    )
     omega = omega[(omega > 0.0) & (omega <= band)]
     s = 1j * omega[:, None, None]
     gain = s**2 / (s**2 + 2.0 * DAMPING * w * s + w**2)
     dynamic = rigid - np.einsum("kfn,ni,nj->kij", gain, rows, rows, optimize=True)
     true = np.linalg.inv(load + dynamic)[:, 1, 1]
-    file, turn = rb.read(result.to_mjcf()), rb.into_space("xy")
+    file = rb.read(result.to_mjcf())
+    turn = rb.into_space("xy")
     found, lines, ratios = file.port("xy")
     gain = s**2 / (s**2 + 2.0 * ratios * found * s + found**2)
-    dynamic = turn.T @ file.rigid @ turn - np.einsum("kfn,ni,nj->kij", gain, lines, lines, optimize=True)
+    dynamic = turn.T @ file.rigid @ turn - np.einsum(
+        "kfn,ni,nj->kij", gain, lines, lines, optimize=True
+    )
     ours = np.linalg.inv(load + dynamic)[:, 1, 1]
     floor = np.linalg.inv(load + rigid)[1, 1]
     worst = np.max(np.abs(ours - true) / np.maximum(np.abs(true), floor))
@@ -245,7 +324,9 @@ HUB = Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
 
 
 def test_nothing_flexible_is_kept_where_nothing_is_needed():
-    result = fit(tube(), root=Root(hub=HUB), scene=Scene(bandwidth=0.05, tolerance=1e-2, axes=("z",)))
+    result = fit(
+        tube(), root=Root(hub=HUB), scene=Scene(bandwidth=0.05, tolerance=1e-2, axes=("z",))
+    )
     assert result.status.ok
     assert result.chain.hinges == ()
     assert "joint" not in result.to_mjcf()
@@ -253,7 +334,9 @@ def test_nothing_flexible_is_kept_where_nothing_is_needed():
 
 
 def test_ports_that_cannot_move_an_axis_that_matters_are_rigid():
-    result = fit(tube(), root=Root(hub=HUB), scene=Scene(bandwidth=20.0, tolerance=1e-3, axes=("z",)))
+    result = fit(
+        tube(), root=Root(hub=HUB), scene=Scene(bandwidth=20.0, tolerance=1e-3, axes=("z",))
+    )
     assert set(result.target) == {"xy"}
     costs = {item.what.split()[0]: item for item in result.left_out}
     assert costs["torsion"].cost == 0.0
@@ -264,15 +347,25 @@ def test_ports_that_cannot_move_an_axis_that_matters_are_rigid():
 def test_a_number_in_modes_overrules_the_choice():
     scene = Scene(bandwidth=20.0, tolerance=1e-3, axes=("z",))
     free = fit(tube(), root=Root(hub=HUB), scene=scene)
-    ruled = fit(tube(), root=Root(hub=HUB), scene=scene, modes={"xy": free.choice.modes["xy"] + 1, "torsion": 1})
-    assert {p: m.modes for p, m in ruled.target.items()} == {"xy": free.choice.modes["xy"] + 1, "torsion": 1}
+    ruled = fit(
+        tube(),
+        root=Root(hub=HUB),
+        scene=scene,
+        modes={"xy": free.choice.modes["xy"] + 1, "torsion": 1},
+    )
+    assert {p: m.modes for p, m in ruled.target.items()} == {
+        "xy": free.choice.modes["xy"] + 1,
+        "torsion": 1,
+    }
     rigid = fit(tube(), root=Root(hub=HUB), scene=scene, modes={"xy": 0})
     assert not rigid.status.ok
     assert "above the tolerance" in rigid.status.message
 
 
 def test_a_tolerance_no_model_meets_is_said_and_the_best_is_given():
-    result = fit(tube(), root=Root(hub=HUB), scene=Scene(bandwidth=3000.0, tolerance=1e-9, axes=("z",)))
+    result = fit(
+        tube(), root=Root(hub=HUB), scene=Scene(bandwidth=3000.0, tolerance=1e-9, axes=("z",))
+    )
     assert not result.status.ok
     assert "above the tolerance" in result.status.message
     assert result.promise > 1e-9
@@ -286,7 +379,11 @@ def test_elements_that_nothing_uses_are_left_out():
     assert "_tip" not in bare
     assert "<tendon" not in bare
     assert "<site" in bare  # the root, which an embedding needs
-    solid = fit(tube(), root=Root(hub=HUB), scene=Scene(bandwidth=20.0, axes=("z",), contacts=True, tip=True)).to_mjcf()
+    solid = fit(
+        tube(),
+        root=Root(hub=HUB),
+        scene=Scene(bandwidth=20.0, axes=("z",), contacts=True, tip=True),
+    ).to_mjcf()
     assert 'type="capsule"' in solid
     assert "appendage_tip" in solid
 
@@ -299,7 +396,9 @@ def test_contradictory_wishes_are_refused():
 
 
 def test_steps_keep_the_tolerance_and_the_cheapest_comes_first():
-    result = fit(tube(), root=Root(hub=HUB), scene=Scene(bandwidth=20.0, tolerance=1e-2, axes=("z",)))
+    result = fit(
+        tube(), root=Root(hub=HUB), scene=Scene(bandwidth=20.0, tolerance=1e-2, axes=("z",))
+    )
     costs = [step.cost for step in result.steps]
     assert costs[0] == 1.0
     assert costs == sorted(costs)
@@ -307,26 +406,34 @@ def test_steps_keep_the_tolerance_and_the_cheapest_comes_first():
         assert 0.0 < step.step <= result.limits.largest_step[step.integrator]
 
 
-def test_full_keeps_no_fewer_than_the_scene_needs():
+@pytest.mark.slow
+def test_full_keeps_no_fewer_than_the_scene_needs(tmp_path):
     """A mast with a heavy tip: two modes lie within three times the band, but three are needed."""
     spec = read_spec(str(files("beamchain") / "examples" / "instrument_mast.toml"))
     spec = structs.replace(spec, modes=None, scene=Scene(bandwidth=10.0))
-    chosen, full = fit(spec), fit(everything(spec))
+    chosen = fit(spec)
     assert chosen.choice is not None
-    assert all(full.target[port].modes >= count for port, count in chosen.choice.modes.items() if count)
-    assert full.promise is not None
-    assert full.promise <= 1e-3
+    path = tmp_path / "mast.toml"
+    text = (files("beamchain") / "examples" / "instrument_mast.toml").read_text()
+    path.write_text(f"{re.sub(TABLES, '', text)}\n[scene]\nbandwidth = 10.0\n")
+    code, _, error = run("fit", path, "-o", tmp_path / "full", "--full", "--quiet")
+    assert code == 0, error
+    full = json.loads((tmp_path / "full" / "fit.json").read_text())
+    for port, count in chosen.choice.modes.items():
+        if count:
+            assert len(full["ports"][port]["target"]["frequencies"]) >= count
+    assert full["scene"]["error"] <= 1e-3
 
 
 def test_no_neighbour_of_the_choice_is_better():
     """The joint that is soft in one plane only: neighbours in both planes were never looked at."""
-    spec = spec_from_dict(tube_and_strip(0, {}, scene={"bandwidth": 40.0, "tolerance": 1e-3}), "neighbours")
+    spec = spec_of(tube_and_strip(0, {}, scene={"bandwidth": 40.0, "tolerance": 1e-3}))
     spec = structs.replace(spec, modes=None)
     chosen = fit(spec)
     assert chosen.status.ok
     assert chosen.promise is not None
     assert chosen.promise <= 1e-3
-    kept = {port: chosen.choice.modes.get(port, 0) for port in PORTS}
+    kept = {port: chosen.choice.modes.get(port, 0) for port in rb.PORTS}
     assert spec.scene is not None
     for port in ("xy", "xz"):
         for step in (-1, 1):
@@ -336,5 +443,9 @@ def test_no_neighbour_of_the_choice_is_better():
 
 
 def test_numbers_beside_a_scene_stay():
-    spec = spec_from_dict(tube_and_strip(0, {"xy": 1, "xz": 5}, scene={"bandwidth": 40.0, "tolerance": 1e-3}), "fixed")
-    assert {port: model.modes for port, model in fit(spec).target.items() if port in ("xy", "xz")} == {"xy": 1, "xz": 5}
+    spec = spec_of(
+        tube_and_strip(0, {"xy": 1, "xz": 5}, scene={"bandwidth": 40.0, "tolerance": 1e-3})
+    )
+    assert {
+        port: model.modes for port, model in fit(spec).target.items() if port in ("xy", "xz")
+    } == {"xy": 1, "xz": 5}

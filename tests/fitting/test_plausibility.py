@@ -9,14 +9,19 @@ import beamchain as bc
 from appendages import panels, seed_boom, stepped_boom
 from modes_of_beam import modes_of_beam
 
-CRAFT = """<mujoco><option gravity="0 0 0" integrator="implicitfast"/><worldbody><body name="hub"><freejoint/>
+CRAFT = """<mujoco><option gravity="0 0 0" integrator="implicitfast"/><worldbody><body name="hub">
+<freejoint/>
 <geom size=".5" mass="500"/><site name="mount"/></body></worldbody></mujoco>"""
 
 
 def said(length=5.0, diameter=0.02, modulus=7e10, density=2700.0, theory="euler"):
     material = bc.Material(youngs_modulus=modulus, density=density, poissons_ratio=0.3)
     section = bc.Round(diameter=diameter)
-    fit = bc.fit(bc.Beam(segments=[bc.Segment(length=length, section=section, material=material, theory=theory)]))
+    fit = bc.fit(
+        bc.Beam(
+            segments=[bc.Segment(length=length, section=section, material=material, theory=theory)]
+        )
+    )
     return " ".join(fit.warnings)
 
 
@@ -33,7 +38,8 @@ def test_sound_numbers_pass_in_silence():
         ({"density": 2.7}, "if g/cm^3 were meant, write 2700"),
         (
             {"length": 0.1},
-            'only 5.8 times as long as it is deep; Euler\'s theory leaves shear out: set theory = "timoshenko"',
+            "only 5.8 times as long as it is deep; Euler's theory leaves shear out: set theory = "
+            '"timoshenko"',
         ),
     ],
 )
@@ -43,29 +49,39 @@ def test_slips_are_asked_about(wrong, words):
 
 @pytest.mark.parametrize("theory", ["euler", "timoshenko"])
 def test_millimetres_are_asked_about(theory):
-    """Eighty metres of rod on five of boom: no theory helps, and none is advised before the unit is."""
+    """Eighty metres of rod on five of boom: no theory helps,
+    and none is advised before the unit is."""
     with pytest.raises(bc.BeamchainError) as refused:
         said(diameter=80.0, theory=theory)
     text = str(refused.value)
     assert text.startswith(
-        "segment[0]: diameter = 80 m on an appendage 5 m long; if mm were meant, write diameter = 0.08."
+        "segment[0]: diameter = 80 m on an appendage 5 m long; if mm were meant, write diameter = "
+        "0.08."
     )
     tube = bc.Tube(outer_diameter=20.0, wall=1.0)
     steel = bc.Material(youngs_modulus=2e11, density=7800.0)
-    with pytest.raises(bc.BeamchainError, match=r"if mm were meant, write outer_diameter = 0\.02, wall = 0\.001\."):
-        bc.fit(bc.Beam(segments=[bc.Segment(length=15.0, section=tube, material=steel, theory=theory)]))
+    with pytest.raises(
+        bc.BeamchainError, match=r"if mm were meant, write outer_diameter = 0\.02, wall = 0\.001\."
+    ):
+        bc.fit(
+            bc.Beam(segments=[bc.Segment(length=15.0, section=tube, material=steel, theory=theory)])
+        )
 
 
 @pytest.mark.parametrize(
     ("ratio", "place"),
-    [(0.3, "ratio"), ({"xy": (0.005, 0.3)}, r"ratio.xy[1]"), ({"xy": [0.3], "xz": [0.4]}, "ratio.xy[0]")],
+    [
+        (0.3, "ratio"),
+        ({"xy": (0.005, 0.3)}, r"ratio.xy[1]"),
+        ({"xy": [0.3], "xz": [0.4]}, "ratio.xy[0]"),
+    ],
 )
 def test_damping_in_per_cent_is_asked_about(ratio, place):
     damping = bc.Damping(ratio=ratio)
     said_of = bc.fit(seed_boom(), damping=damping).warnings
     wanted = (
-        f"damping.{place} = 0.3 is 30% of critical, where structures have 0.001 to 0.02: a likely slip; "
-        "if 0.3 % were meant, write 0.003."
+        f"damping.{place} = 0.3 is 30% of critical, where structures have 0.001 to 0.02: a likely "
+        "slip; if 0.3 % were meant, write 0.003."
     )
     assert wanted in said_of
     craft = bc.embed(CRAFT, {"mount": bc.Spec(segment=seed_boom().segments, damping=damping)})
@@ -82,7 +98,8 @@ def test_damping_of_imported_modes_is_asked_about():
 
 
 def test_a_plane_that_is_left_out_needs_no_theory():
-    """A panel 1.2 m wide and 5 m long bends out of its plane; how deep it is in its plane matters where that is kept."""
+    """A panel 1.2 m wide and 5 m long bends out of its plane;
+    how deep it is in its plane matters where that is kept."""
     panel = bc.Segment(
         length=5.0,
         section=bc.Rectangle(width_y=0.02, width_z=1.2),

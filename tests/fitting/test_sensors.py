@@ -1,4 +1,5 @@
-"""Sensors of an appendage: amplitude of its modes, place of a point, load at its root, in the written file."""
+"""Sensors of an appendage: amplitude of its modes, place of a point, load at its root,
+in the written file."""
 
 import mujoco
 import numpy as np
@@ -7,25 +8,33 @@ import pytest
 import beamchain as bc
 from appendages import close, tip_loaded_boom
 from arrays import deployed_array, tube
-from beamchain.errors import InputError
-from beamchain.fitting.options import FitOptions, Port, Root, Sensors
-from beamchain.fitting.spec import Spec
+from beamchain import InputError
+from spec_tables import spec_of, table_of
 
 ACCELERATION = 1e-4  # m/s^2 across the appendage: linear motion
 MODES = 3
 POINTS = {"middle": 4.0}
 
 
-def spec_of(beam, **sensors):
-    return Spec(
-        name="boom", segment=beam.segments, joint=beam.joints, lump=beam.lumps, port=tuple(Port(name=name, x=x) for name, x in POINTS.items()),
-        modes=bc.Modes(xy=MODES, xz=MODES), sensors=Sensors(**sensors),
-        root=Root(hub=bc.Hub(mass=1e9, inertia=(1e9, 1e9, 1e9))),
-    )  # fmt: skip
+def sensing(beam, name="boom", **tables):
+    """The specification of a beam with sensors; `tables` beside its own."""
+    return spec_of({"name": name, **table_of(beam), **tables})
+
+
+def held(beam, **sensors):
+    """Three modes in both planes on a hub that nothing moves."""
+    return sensing(
+        beam,
+        port=[{"name": name, "x": x} for name, x in POINTS.items()],
+        modes={"xy": MODES, "xz": MODES},
+        sensors=sensors,
+        root={"hub": {"mass": 1e9, "inertia": [1e9, 1e9, 1e9]}},
+    )
 
 
 def settled(result, gravity):
-    """Data of the held chain in a uniform field, at rest: from the equilibrium of its linear motion."""
+    """Data of the held chain in a uniform field, at rest:
+    from the equilibrium of its linear motion."""
     model = mujoco.MjModel.from_xml_string(result.to_mjcf())
     model.opt.gravity[:] = gravity
     data = mujoco.MjData(model)
@@ -47,7 +56,7 @@ def settled(result, gravity):
 
 @pytest.fixture(scope="module")
 def leaning():
-    result = bc.fit(spec_of(tube(), modes=True, points=tuple(POINTS), root_load=True))
+    result = bc.fit(held(tube(), modes=True, points=list(POINTS), root_load=True))
     return result, *settled(result, (0.0, -ACCELERATION, 0.0))
 
 
@@ -57,8 +66,12 @@ def test_amplitudes_are_the_modal_coordinates(leaning):
     beam = tube().port("xy", 12)
     for i in range(MODES):
         wanted = beam.participation[i, 0] * ACCELERATION / beam.frequencies[i] ** 2
-        assert abs(data.sensor(f"boom_mode{i + 1}_xy_amplitude").data[0]) == close(abs(wanted), rel=1e-5)
-        assert data.sensor(f"boom_mode{i + 1}_xz_amplitude").data[0] == close(0.0, abs=1e-6 * abs(wanted))
+        assert abs(data.sensor(f"boom_mode{i + 1}_xy_amplitude").data[0]) == close(
+            abs(wanted), rel=1e-5
+        )
+        assert data.sensor(f"boom_mode{i + 1}_xz_amplitude").data[0] == close(
+            0.0, abs=1e-6 * abs(wanted)
+        )
 
 
 def test_rates_are_those_of_the_amplitudes(leaning):
@@ -76,13 +89,16 @@ def test_rates_are_those_of_the_amplitudes(leaning):
 
 
 def test_deflection_is_the_beam_s(leaning):
-    """Static deflection under a uniform field, from statics alone: what the attachment modes are for."""
+    """Static deflection under a uniform field, from statics alone:
+    what the attachment modes are for."""
     _, _, data = leaning
     beam = tube()
     load = 2700.0 * np.pi / 4.0 * (0.05**2 - 0.046**2) * ACCELERATION
     stiffness = 7e10 * np.pi / 64.0 * (0.05**4 - 0.046**4)
     for point, x in POINTS.items():
-        wanted = load * x**2 * (6.0 * beam.length**2 - 4.0 * beam.length * x + x**2) / (24.0 * stiffness)
+        wanted = (
+            load * x**2 * (6.0 * beam.length**2 - 4.0 * beam.length * x + x**2) / (24.0 * stiffness)
+        )
         place = data.sensor(f"boom_{point}_place").data
         assert place[1] == close(-wanted, rel=1e-3)
         assert place[0] == close(x, rel=1e-9)
@@ -95,7 +111,8 @@ def test_root_load_is_the_weight(leaning):
     """What carries the appendage holds up its weight and the moment of it."""
     _, _, data = leaning
     mass = tube().rigid_mass()
-    force, moment = data.sensor("boom_root_force").data, data.sensor("boom_root_moment").data
+    force = data.sensor("boom_root_force").data
+    moment = data.sensor("boom_root_moment").data
     assert abs(force[1]) == close(mass[0, 0] * ACCELERATION, rel=1e-9)
     assert abs(moment[2]) == close(mass[0, 0] * ACCELERATION * tube().length / 2.0, rel=1e-6)
     assert np.sign(force[1]) == np.sign(moment[2])
@@ -103,18 +120,21 @@ def test_root_load_is_the_weight(leaning):
 
 
 def test_nothing_is_written_without_being_asked():
-    assert mujoco.MjModel.from_xml_string(bc.fit(spec_of(tube())).to_mjcf()).nsensor == 0
+    assert mujoco.MjModel.from_xml_string(bc.fit(held(tube())).to_mjcf()).nsensor == 0
 
 
 def test_sensors_travel_into_a_spacecraft(tmp_path):
-    spec = Spec(
-        name="array", segment=deployed_array().segments, joint=deployed_array().joints, lump=deployed_array().lumps,
-        modes=bc.Modes(xy=2, xz=2), sensors=Sensors(modes=True, root_load=True),
-    )  # fmt: skip
+    spec = sensing(
+        deployed_array(),
+        "array",
+        modes={"xy": 2, "xz": 2},
+        sensors={"modes": True, "root_load": True},
+    )
     craft = tmp_path / "craft.xml"
     craft.write_text(
         '<mujoco model="bus"><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>'
-        '<inertial pos="0 0 0" mass="800" diaginertia="500 500 600"/><site name="mount" pos="1 0 0"/></body>'
+        '<inertial pos="0 0 0" mass="800" diaginertia="500 500 600"/><site name="mount" pos="1 0 '
+        '0"/></body>'
         "</worldbody></mujoco>"
     )
     embedded = bc.embed(craft, {"mount": spec})
@@ -126,24 +146,25 @@ def test_sensors_travel_into_a_spacecraft(tmp_path):
 
 def test_modes_without_tendons_are_refused():
     with pytest.raises(InputError, match=r"sensors\.modes"):
-        Spec(
-            name="boom", segment=tube().segments, modes=bc.Modes(xy=1), sensors=Sensors(modes=True),
-            fit=FitOptions(springs="hinges"),
-        )  # fmt: skip
+        sensing(tube(), modes={"xy": 1}, sensors={"modes": True}, fit={"springs": "hinges"})
 
 
 def test_asking_for_amplitudes_gives_each_mode_a_tendon():
-    spec = Spec(name="boom", segment=tube().segments, modes=bc.Modes(xy=2), sensors=Sensors(modes=True))
+    spec = sensing(tube(), modes={"xy": 2}, sensors={"modes": True})
     model = mujoco.MjModel.from_xml_string(bc.fit(spec).to_mjcf())
     assert [model.sensor(i).name for i in range(model.nsensor)] == [
-        "boom_mode1_xy_amplitude", "boom_mode1_xy_rate", "boom_mode2_xy_amplitude", "boom_mode2_xy_rate",
-    ]  # fmt: skip
+        "boom_mode1_xy_amplitude",
+        "boom_mode1_xy_rate",
+        "boom_mode2_xy_amplitude",
+        "boom_mode2_xy_rate",
+    ]
 
 
 def test_amplitudes_are_read_where_fewer_modes_are_kept():
-    """A tip this heavy costs a chosen cut its digits with 8 modes; the 7 that the recursion holds keep their tendons."""
+    """A tip this heavy costs a chosen cut its digits with 8 modes;
+    the 7 that the recursion holds keep their tendons."""
     beam = tip_loaded_boom(1e7)
-    spec = Spec(name="boom", segment=beam.segments, lump=beam.lumps, modes=bc.Modes(xy=8), sensors=Sensors(modes=True))
+    spec = sensing(beam, modes={"xy": 8}, sensors={"modes": True})
     result = bc.fit(spec)
     assert "xy keeps 7 of the 8 modes asked for" in result.status.message
     assert [tendon.label for tendon in result.chain.tendons] == [f"mode{k}_xy" for k in range(1, 8)]

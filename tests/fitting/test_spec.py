@@ -1,11 +1,14 @@
 """Specifications: repeated segments, and the schema that describes every field."""
 
+import json
+
 import msgspec
 import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.fitting.spec import schema, spec_from_dict
+from spec_tables import spec_of
+from terminal import run
 
 SECTION = {"shape": "equivalent", "bending_stiffness_xy": 2e3, "linear_mass": 4.0}
 ROOM = 1e-12  # relative; the same beam is assembled twice
@@ -13,19 +16,38 @@ ROOM = 1e-12  # relative; the same beam is assembled twice
 
 def test_a_repeated_segment_is_as_many_tables():
     joint = {"after_segment": 3, "stiffness_xy": 500.0}
-    short = spec_from_dict({"segment": [{"length": 1.0, "section": SECTION}, {"length": 2.0, "section": SECTION, "repeat": 3}],
-                            "joint": [joint]})  # fmt: skip
-    long = spec_from_dict({"segment": [{"length": 1.0, "section": SECTION}, *[{"length": 2.0, "section": SECTION}] * 3],
-                           "joint": [joint]})  # fmt: skip
+    short = spec_of(
+        {
+            "segment": [
+                {"length": 1.0, "section": SECTION},
+                {"length": 2.0, "section": SECTION, "repeat": 3},
+            ],
+            "joint": [joint],
+        }
+    )
+    long = spec_of(
+        {
+            "segment": [
+                {"length": 1.0, "section": SECTION},
+                *[{"length": 2.0, "section": SECTION}] * 3,
+            ],
+            "joint": [joint],
+        }
+    )
     assert short.segment == long.segment
     assert short.beam.length == 7.0
-    one, other = short.beam.port("xy").frequencies[:4], long.beam.port("xy").frequencies[:4]
+    one = short.beam.port("xy").frequencies[:4]
+    other = long.beam.port("xy").frequencies[:4]
     np.testing.assert_allclose(one, other, rtol=ROOM)
 
 
 def test_a_beam_in_python_takes_repeats():
-    panel = bc.Segment(length=2.0, section=bc.Rectangle(width_y=0.02, width_z=1.0), repeat=4,
-                       material=bc.Material(youngs_modulus=2e9, density=80.0))  # fmt: skip
+    panel = bc.Segment(
+        length=2.0,
+        section=bc.Rectangle(width_y=0.02, width_z=1.0),
+        repeat=4,
+        material=bc.Material(youngs_modulus=2e9, density=80.0),
+    )
     beam = bc.Beam(segments=[panel], joints=[bc.Joint(after_segment=3, stiffness_xy=400.0)])
     assert len(beam.segments) == 4
     assert beam.length == 8.0
@@ -40,7 +62,11 @@ def test_repeats_have_bounds(repeat):
 
 def tables():
     """Name and table of every object in the schema."""
-    return [(name, table) for name, table in schema()["$defs"].items() if "properties" in table]
+    return [
+        (name, table)
+        for name, table in json.loads(run("schema")[1])["$defs"].items()
+        if "properties" in table
+    ]
 
 
 def test_the_schema_describes_every_field():
@@ -64,7 +90,17 @@ def test_the_schema_holds_bounds_and_defaults():
 
 
 def test_bounds_of_the_schema_are_those_of_the_check():
-    for struct in (bc.Round, bc.Tube, bc.Box, bc.Material, bc.Joint, bc.Lump, bc.Scene, bc.Equivalent, bc.Draw):
+    for struct in (
+        bc.Round,
+        bc.Tube,
+        bc.Box,
+        bc.Material,
+        bc.Joint,
+        bc.Lump,
+        bc.Scene,
+        bc.Equivalent,
+        bc.Draw,
+    ):
         for field in msgspec.json.schema(struct)["$defs"][struct.__name__]["properties"].items():
             key, told = field
             if "exclusiveMinimum" in told:
@@ -74,8 +110,12 @@ def test_bounds_of_the_schema_are_those_of_the_check():
 
 def needed(struct):
     """The smallest set of allowed values."""
-    values = {bc.Joint: {"after_segment": 0, "stiffness_xy": 1.0}, bc.Box: {"width_y": 1.0, "width_z": 1.0, "wall": 0.1},
-              bc.Tube: {"outer_diameter": 1.0, "wall": 0.1}, bc.Lump: {"x": 0.0, "mass": 1.0}}  # fmt: skip
+    values = {
+        bc.Joint: {"after_segment": 0, "stiffness_xy": 1.0},
+        bc.Box: {"width_y": 1.0, "width_z": 1.0, "wall": 0.1},
+        bc.Tube: {"outer_diameter": 1.0, "wall": 0.1},
+        bc.Lump: {"x": 0.0, "mass": 1.0},
+    }
     return values.get(struct) or {f.name: 1.0 for f in msgspec.structs.fields(struct) if f.required}
 
 

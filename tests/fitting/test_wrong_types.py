@@ -1,4 +1,5 @@
-"""What people type in Python that is of the wrong kind: a sentence with the right kind, never Python's own words.
+"""What people type in Python that is of the wrong kind: a sentence with the right kind,
+never Python's own words.
 
 No tolerances: words only.
 """
@@ -13,13 +14,12 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.files import to_json
-from beamchain.structure.imported import Imported
 
 STEEL = bc.Material(youngs_modulus=2.06e11, density=7800.0)
 BAY = bc.Segment(length=5.0, section=bc.Round(diameter=0.02), material=STEEL)
 ROD = bc.Beam(segments=[BAY])
-CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/><geom size=".5" mass="50"/><site name="mount"/></body>
+CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/><geom size=".5" mass="50"/>
+<site name="mount"/></body>
 </worldbody></mujoco>"""
 
 
@@ -30,7 +30,7 @@ CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/><geom size=".5" mass=
         (lambda: bc.fit(ROD, damping="low"), r"ratio = 'low' is not a number"),
         (lambda: bc.fit(ROD, root="hub"), r"Root\(target="),
         (lambda: bc.fit(ROD, scene=5.0), r"Scene\(bandwidth="),
-        (lambda: bc.fit(ROD, options="classical"), r"FitOptions\(method="),
+        (lambda: bc.fit(ROD, options="modes"), r"FitOptions\(springs="),
         (lambda: bc.Beam(segments=BAY), r"segments=\[Segment\(\.\.\.\)\]"),
         (lambda: bc.Beam(segments=[ROD]), r"segments=\[Segment\(\.\.\.\)\]"),
         (lambda: bc.Segment(length=1.0, section="round", material=STEEL), r"Round\(diameter="),
@@ -41,7 +41,10 @@ CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/><geom size=".5" mass=
         (lambda: bc.Hub(mass=100.0, inertia=100.0), r"three numbers \[Ixx, Iyy, Izz\]"),
         (lambda: bc.Damping(ratio={"xy": 0.01}), r"ratio\.xy = 0\.01 must be a list"),
         (lambda: bc.fit(ROD).attach("craft.xml", "mount"), r"needs an mujoco\.MjSpec, not a str"),
-        (lambda: bc.fit(ROD).attach(mujoco.MjModel.from_xml_string(CRAFT), "mount"), r"not a MjModel"),
+        (
+            lambda: bc.fit(ROD).attach(mujoco.MjModel.from_xml_string(CRAFT), "mount"),
+            r"not a MjModel",
+        ),
         (lambda: bc.embed(CRAFT, "array.toml"), r'\{"mount": "array.toml"\}'),
     ],
 )
@@ -58,52 +61,67 @@ def typed(n, seq):
     """A spec whose numbers are of kind `n` and whose lists are of kind `seq`."""
     steel = bc.Material(youngs_modulus=n(2.0**37), density=n(8000), poissons_ratio=n(0.25))
     tube = bc.Tube(outer_diameter=n(0.0625), wall=n(0.001953125))
-    truss = bc.Equivalent(bending_stiffness_xy=n(8000), bending_stiffness_xz=n(8000), linear_mass=n(0.5))
+    truss = bc.Equivalent(
+        bending_stiffness_xy=n(8000), bending_stiffness_xz=n(8000), linear_mass=n(0.5)
+    )
     return bc.Spec(
         name="rod",
-        segment=seq([bc.Segment(length=n(2), section=tube, material=steel), bc.Segment(length=n(3), section=truss)]),
-        joint=seq([bc.Joint(after_segment=int(n(1)) if n is float else np.int64(1), stiffness_xy=n(512))]),
+        segment=seq(
+            [
+                bc.Segment(length=n(2), section=tube, material=steel),
+                bc.Segment(length=n(3), section=truss),
+            ]
+        ),
+        joint=seq(
+            [bc.Joint(after_segment=int(n(1)) if n is float else np.int64(1), stiffness_xy=n(512))]
+        ),
         lump=seq([bc.Lump(x=n(4), mass=n(1), inertia=seq([n(0.125), n(0.125), n(0.125)]))]),
         damping=bc.Damping(ratio={"xy": seq([n(0.0078125), n(0.00390625)])}),
         root=bc.Root(
-            target="hub", hub=bc.Hub(mass=n(100), inertia=seq([n(9), n(9), n(9)]), offset=seq([n(1), n(0), n(0)]))
+            target="hub",
+            hub=bc.Hub(
+                mass=n(100), inertia=seq([n(9), n(9), n(9)]), offset=seq([n(1), n(0), n(0)])
+            ),
         ),
         scene=bc.Scene(tolerance=n(0.0625), timestep=n(0.0078125)),
         modes=bc.Modes(xy=2 if n is float else np.int32(2)),
-    )  # fmt: skip
+    )
 
 
-@pytest.mark.parametrize("kind", [np.float64, np.float32, Fraction])
+@pytest.mark.parametrize("kind", [np.float32, Fraction])
 def test_numbers_of_any_kind_are_pythons_own(kind, tmp_path):
-    plain, other = typed(float, tuple), typed(kind, list)
+    plain = typed(float, tuple)
+    other = typed(kind, list)
     assert other == plain
     assert hash(other.segment) == hash(plain.segment)
     assert msgspec.json.decode(msgspec.json.encode(other), type=bc.Spec) == plain
-    fit = bc.fit(other)
-    assert json.loads(to_json(fit.as_dict()))["ports"]["xy"]["target"]["damping"] == [0.0078125, 0.00390625]
-    fit.write(tmp_path / "out")
+    bc.fit(other).write(tmp_path / "out")
+    record = json.loads((tmp_path / "out" / "fit.json").read_text())
+    assert record["ports"]["xy"]["target"]["damping"] == [0.0078125, 0.00390625]
     bc.embed(CRAFT, {"mount": other}).write(tmp_path / "craft.xml")
     assert bc.embed(tmp_path / "craft.xml", {"mount": plain}).appendages[0].spec == plain
 
 
 def test_arrays_stand_for_lists():
-    assert bc.Lump(x=1.0, mass=2.0, inertia=np.ones(3)) == bc.Lump(x=1.0, mass=2.0, inertia=(1.0, 1.0, 1.0))
-    assert bc.Hub(mass=1.0, inertia=np.ones(3), apparent=np.eye(6)).apparent[0] == (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    assert bc.FitOptions(method="classical", links=np.int64(4)) == bc.FitOptions(method="classical", links=4)
-    options = bc.FitOptions(method="least_squares", links=np.array([1.0, 2.0]), free=["stiffness"])
-    assert options.links == (1.0, 2.0)
+    assert bc.Lump(x=1.0, mass=2.0, inertia=np.ones(3)) == bc.Lump(
+        x=1.0, mass=2.0, inertia=(1.0, 1.0, 1.0)
+    )
+    assert bc.Hub(mass=1.0, inertia=np.ones(3), apparent=np.eye(6)).apparent[0] == (
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    )
+    options = bc.FitOptions(cuts=np.array([1.0, 2.0]), timestep=np.float64(0.01))
+    assert options == bc.FitOptions(cuts=(1.0, 2.0), timestep=0.01)
     assert hash(options)
-    imported = Imported(file="modes.toml", axes=np.eye(3), modes=np.arange(1, 3))
-    assert imported == Imported(file="modes.toml", modes=(1, 2))
-
-
-def test_every_scalar_of_numpy_goes_into_json():
-    record = {"a": np.float32(0.5), "b": np.int8(3), "c": np.bool_(True), "d": np.float64("nan"), "e": np.str_("x")}
-    assert json.loads(to_json(record)) == {"a": 0.5, "b": 3, "c": True, "d": None, "e": "x"}
 
 
 def test_attaching_twice_is_said():
-    craft, fit = mujoco.MjSpec.from_string(CRAFT), bc.fit(ROD, name="rod")
+    craft = mujoco.MjSpec.from_string(CRAFT)
+    fit = bc.fit(ROD, name="rod")
     fit.attach(craft, "mount")
     with pytest.raises(bc.BeamchainError, match="already has an appendage 'rod'"):
         fit.attach(craft, "mount")
@@ -114,17 +132,27 @@ def test_a_fit_goes_to_another_process():
     fit = bc.fit(ROD, modes={"xy": 2}, damping=bc.Damping(ratio=0.01))
     again = pickle.loads(pickle.dumps(fit))
     assert again.to_mjcf() == fit.to_mjcf()
-    assert to_json(again.as_dict()) == to_json(fit.as_dict())
+    assert again.status == fit.status
+    assert [row._asdict() for row in again.modes] == [row._asdict() for row in fit.modes]
 
 
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: bc.Tube(thickness=0.1), "Tube has no field 'thickness'; it takes outer_diameter, wall"),
+        (
+            lambda: bc.Tube(thickness=0.1),
+            "Tube has no field 'thickness'; it takes outer_diameter, wall",
+        ),
         (lambda: bc.Scene(bandwith=3.0), "Scene has no field 'bandwith'; did you mean 'bandwidth'"),
-        (lambda: bc.Tube(outer_diameter=0.1), "Tube: wall is missing; it takes outer_diameter, wall"),
+        (
+            lambda: bc.Tube(outer_diameter=0.1),
+            "Tube: wall is missing; it takes outer_diameter, wall",
+        ),
         (lambda: bc.Segment(8.0), "Segment: 8.0 is given without a name; it takes length"),
-        (lambda: bc.Spec(segment=ROD.segments).replace(mode=2), "a specification has no field 'mode'; it has name"),
+        (
+            lambda: bc.Spec(segment=ROD.segments).replace(mode=2),
+            "a specification has no field 'mode'; it has name",
+        ),
         (lambda: bc.fit(ROD, hub=3), r"hub = 3 is a int; give a Hub"),
     ],
 )
@@ -134,7 +162,9 @@ def test_a_call_that_does_not_fit_is_answered_with_what_fits(call, words):
 
 
 def test_numbers_where_numbers_do():
-    spec = bc.Spec(segment=ROD.segments).replace(modes=1, damping=0.01, timestep=0.02, target="free", name="short")
+    spec = bc.Spec(segment=ROD.segments).replace(
+        modes=1, damping=0.01, timestep=0.02, target="free", name="short"
+    )
     assert (spec.kept, spec.damping.ratio, spec.fit.timestep) == ({"xy": 1, "xz": 1}, 0.01, 0.02)
     assert (spec.root.target, spec.name) == ("free", "short")
     made = bc.fit(ROD, modes=1, damping=0.01)

@@ -1,7 +1,8 @@
-"""Run the tests of one host in an environment of its own: `python tests/hosts/run.py NAME` from the checkout.
+"""Run the tests of one host in an environment of its own:
+`python tests/hosts/run.py NAME` from the checkout.
 
-Environments stay under build/hosts/NAME, so that a second run starts at once. A host that cannot be installed is
-said and skipped: its package may not exist for this platform.
+Environments stay under build/hosts/NAME, so that a second run starts at once. A host that cannot be
+installed is said and skipped: its package may not exist for this platform.
 """
 
 import re
@@ -11,19 +12,39 @@ import tomllib
 import venv
 from pathlib import Path
 
-NOTEBOOK = "tests/test_notebooks.py::test_notebook_runs[07_other_simulators]"  # its cells run where the host is
+# its cells run where the host is
+NOTEBOOK = "tests/test_notebooks.py::test_notebook_runs[07_other_simulators]"
 PAGE = "tests/test_docs.py::test_everything_on_the_page_runs[docs/howto/{}]"
 KERNEL = ["nbclient", "nbformat", "ipykernel"]
-EMBED = ["tests/hosts/test_mujoco.py", "tests/craft/test_embed.py", "tests/craft/test_embed_refused.py"]
+EMBED = [
+    "tests/hosts/test_mujoco.py",
+    "tests/craft/test_embed.py",
+    "tests/craft/test_embed_refused.py",
+]
 
-#: what the oldest packages that pyproject.toml allows have to hold; some of them use what others have deprecated since
+#: what the oldest packages that pyproject.toml allows have to hold;
+#: some of them use what others have deprecated since
 FLOORS = [
-    *EMBED, "tests/fitting/test_fit.py", "tests/fitting/test_spec.py", "tests/fitting/test_bad_input.py", "tests/cli/test_manners.py",
-    "tests/plants/test_plant_use.py", "-W", "ignore::DeprecationWarning",
-    "-m", "not slow", "-k", "not null_in_the_name",  # which no shell can pass on, and which their click does not catch
-]  # fmt: skip
+    *EMBED,
+    "tests/fitting/test_fit.py",
+    "tests/fitting/test_spec.py",
+    "tests/fitting/test_bad_input.py",
+    "tests/cli/test_manners.py",
+    "tests/plants/test_plant_use.py",
+    "-W",
+    "ignore::DeprecationWarning",
+    # which no shell can pass on, and which their click does not catch
+    "-m",
+    "not slow",
+    "-k",
+    "not null_in_the_name",
+]
 
-MJX = ["tests/hosts/test_mjx.py", "tests/hosts/test_mjx_worlds.py", "tests/hosts/test_mjx_extremes.py"]
+MJX = [
+    "tests/hosts/test_mjx.py",
+    "tests/hosts/test_mjx_worlds.py",
+    "tests/hosts/test_mjx_extremes.py",
+]
 
 
 def floors() -> list[str]:
@@ -48,8 +69,14 @@ HOSTS = {
         KERNEL,
         ["tests/hosts/test_basilisk.py", NOTEBOOK, PAGE.format("basilisk")],
     ),
-    "nastran": ("pyNastran", "[nastran]", [], ["tests/hosts/test_pynastran.py", "tests/structure/test_f06.py"]),
-    "worlds": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx_worlds.py"]),  # of mjx, what make test-full runs
+    "nastran": (
+        "pyyeti",
+        "[nastran]",
+        [],
+        ["tests/hosts/test_pyyeti.py", "tests/structure/test_f06.py"],
+    ),
+    # of mjx, what make test-full runs
+    "worlds": ("mujoco.mjx", "[mjx]", [], ["tests/hosts/test_mjx_worlds.py"]),
     "mjx": ("mujoco.mjx", "[mjx]", KERNEL, [*MJX, NOTEBOOK, PAGE.format("mjx")]),
     "warp": ("mujoco_warp", "[warp]", [], ["tests/hosts/test_warp.py", PAGE.format("warp")]),
 }
@@ -62,7 +89,8 @@ def main(name: str) -> int:
     module, extra, wanted, tests = HOSTS[name]
     folder = Path("build/hosts") / name
     python = folder / "bin" / "python"
-    ready, asked = folder / "ready", " ".join([extra, *wanted])
+    ready = folder / "ready"
+    asked = " ".join([extra, *wanted])
     if not ready.exists() or ready.read_text() != asked:
         venv.create(folder, with_pip=True, clear=True)
         pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
@@ -75,12 +103,16 @@ def main(name: str) -> int:
         if done.returncode:
             said = (done.stderr.strip() or "pip failed").splitlines()[-1]
             sys.stdout.write(
-                f"host {name}: skipped, pip could not install beamchain{extra} {' '.join(wanted)}: {said}\n"
+                f"host {name}: skipped, pip could not install beamchain{extra} {' '.join(wanted)}: "
+                f"{said}\n"
             )
             return 0
         ready.write_text(asked)
     if subprocess.run([str(python), "-c", f"import {module}"], check=False).returncode:
-        sys.stderr.write(f"host {name}: installed, but `import {module}` fails; its tests would be skipped unseen.\n")
+        sys.stderr.write(
+            f"host {name}: installed, but `import {module}` fails; its tests would be skipped "
+            "unseen.\n"
+        )
         return 1
     sys.stdout.write(f"host {name}:\n")
     sys.stdout.flush()

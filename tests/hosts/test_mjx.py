@@ -18,7 +18,9 @@ STEP, STEPS = 0.01, 2000
 
 @pytest.fixture(scope="module", params=[False, True], ids=["plain", "exact in time"])
 def model(request):
-    text = (CRAFTS / "planar.xml").read_text().replace('integrator="RK4"', 'integrator="implicitfast"')
+    text = (
+        (CRAFTS / "planar.xml").read_text().replace('integrator="RK4"', 'integrator="implicitfast"')
+    )
     return bc.embed(text, {"mount": APPENDAGES / "rod.toml"}, retime=request.param).model
 
 
@@ -41,17 +43,25 @@ def in_mjx(model) -> np.ndarray:
         state = mjx.step(put, state)
         return state, state.qpos
 
-    first = mjx.step(put, mjx.put_data(model, data))  # in doubles a step turns some of the tendons' indices into int64
+    # in doubles a step turns some of the tendons' indices into int64
+    first = mjx.step(put, mjx.put_data(model, data))
     _, positions = jax.lax.scan(step, first, None, length=STEPS - 1)
     return np.vstack([np.array(first.qpos)[None], np.array(positions)]).astype(np.float64)
 
 
 @pytest.mark.parametrize("double", [False, True])
 def test_free_motion(model, double):
-    with jax.experimental.enable_x64(double) if hasattr(jax.experimental, "enable_x64") else jax.enable_x64(double):
+    with (
+        jax.experimental.enable_x64(double)
+        if hasattr(jax.experimental, "enable_x64")
+        else jax.enable_x64(double)
+    ):
         theirs = in_mjx(model)
     ours = plain(model)
     peak = np.abs(ours - ours[0]).max(axis=0)
     worst = float(np.max(np.abs(theirs - ours) / peak))
-    print(f"MJX {'float64' if double else 'float32'} against MuJoCo over {STEP * STEPS:g} s: {worst:.1e} of the peak")  # noqa: T201
+    print(  # noqa: T201
+        f"MJX {'float64' if double else 'float32'} against MuJoCo over {STEP * STEPS:g} s: "
+        f"{worst:.1e} of the peak"
+    )
     assert worst < (DOUBLE if double else SINGLE)

@@ -1,8 +1,8 @@
 """The extremes in float32: what MJX makes of appendages that MuJoCo's doubles hold.
 
-For every case the accelerations that MJX computes for small hinge angles give `M^-1 K`, and its eigenvalues the held
-frequencies, beside the exact ones of the compiled numbers. A case that float32 cannot hold is no failure of the file;
-it must be one that the stated limit names beforehand.
+For every case the accelerations that MJX computes for small hinge angles give `M^-1 K`, and its
+eigenvalues the held frequencies, beside the exact ones of the compiled numbers. A case that float32
+cannot hold is no failure of the file; it must be one that the stated limit names beforehand.
 """
 
 import mujoco
@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.errors import BeamchainError
 from extremes.cases import cases
 from extremes.compiled import frequencies
 
@@ -21,7 +20,8 @@ jax = pytest.importorskip("jax", reason="JAX is not installed: pip install 'beam
 EVERY = 41  # case of the suite
 HELD = 1e-3  # relative error of a frequency up to which a case is held
 DIGITS = 6e-8  # of float32
-SPREAD = HELD / DIGITS  # fastest over slowest squared frequency: beyond it the slowest mode's digits are gone
+# fastest over slowest squared frequency: beyond it the slowest mode's digits are gone
+SPREAD = HELD / DIGITS
 
 
 def in_float32(model: mujoco.MjModel) -> np.ndarray:
@@ -35,7 +35,10 @@ def in_float32(model: mujoco.MjModel) -> np.ndarray:
         return mjx.forward(put, data.replace(qpos=angles)).qacc
 
     angle = 1e-3
-    pull = -np.array(accelerations(angle * np.eye(model.nv, dtype=np.float32)), dtype=np.float64).T / angle
+    pull = (
+        -np.array(accelerations(angle * np.eye(model.nv, dtype=np.float32)), dtype=np.float64).T
+        / angle
+    )
     if not np.all(np.isfinite(pull)):
         return np.full(model.nv, np.nan)
     squares = np.sort(np.linalg.eigvals(pull).real)
@@ -48,7 +51,7 @@ def test_a_subset_of_the_extremes():
     for case in chosen:
         try:
             result = bc.fit(case.spec())
-        except BeamchainError:
+        except bc.BeamchainError:
             continue
         model = mujoco.MjModel.from_xml_string(result.to_mjcf())
         exact = frequencies(model, "xy")
@@ -57,11 +60,15 @@ def test_a_subset_of_the_extremes():
         spread = float((exact[-1] / exact[0]) ** 2)
         rows.append((case.name, exact.size, spread, float(model.body_inertia[2:].min()), error))
     held = [row for row in rows if row[4] < HELD]
-    print(f"float32 (MJX): {len(rows)} cases, {len(held)} held within {HELD:g}, {len(rows) - len(held)} not")  # noqa: T201
+    print(  # noqa: T201
+        f"float32 (MJX): {len(rows)} cases, {len(held)} held within {HELD:g}, "
+        f"{len(rows) - len(held)} not"
+    )
     for name, modes, spread, inertia, error in sorted(rows, key=lambda r: r[2]):
         verdict = "held" if error < HELD else "lost"
         said = (
-            f"{name}: {modes} modes, w^2 spread {spread:.1e}, least inertia {inertia:.1e}, error {error:.1e}: {verdict}"
+            f"{name}: {modes} modes, w^2 spread {spread:.1e}, least inertia {inertia:.1e}, "
+            f"error {error:.1e}: {verdict}"
         )
         print(said)  # noqa: T201
     assert len(rows) >= 20

@@ -1,7 +1,9 @@
-"""`bc.worlds` on MJX: eight randomised worlds against MuJoCo one by one, and derivatives against differences of MuJoCo runs.
+"""`bc.worlds` on MJX: eight randomised worlds against MuJoCo one by one,
+and derivatives against differences of MuJoCo runs.
 
-DOUBLE: the same algebra in another order. SINGLE: of the peak; float32 carries 7 digits, a hundred steps lose two of them.
-GRADIENT: what the issue asks for; the central differences themselves are good to 1e-7.
+DOUBLE: the same algebra in another order. SINGLE: of the peak; float32 carries 7 digits, a
+hundred steps lose two of them. GRADIENT: what the issue asks for; the central differences
+themselves are good to 1e-7.
 """
 
 import contextlib
@@ -25,25 +27,36 @@ jax = pytest.importorskip("jax", reason="JAX is not installed: pip install 'beam
 DOUBLE, SINGLE, GRADIENT = 1e-9, 1e-4, 1e-4
 PAGE = Path(__file__).parent.parent.parent / "docs" / "worlds.md"
 COUNT, SECONDS, STEP = 8, 5.0, 0.05
-CRAFT = f"""<mujoco><option timestep="{STEP}" gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
-<inertial pos="0 0 0" mass="300" diaginertia="90 100 120"/><site name="mount" pos="0.5 0 0"/></body></worldbody>
-<actuator><motor name="y" site="mount" gear="0 0 0 0 1 0"/><motor name="z" site="mount" gear="0 0 0 0 0 1"/></actuator></mujoco>"""
+CRAFT = f"""<mujoco><option timestep="{STEP}" gravity="0 0 0"/><worldbody><body name="bus">
+<freejoint/>
+<inertial pos="0 0 0" mass="300" diaginertia="90 100 120"/><site name="mount" pos="0.5 0 0"/></body>
+</worldbody>
+<actuator><motor name="y" site="mount" gear="0 0 0 0 1 0"/>
+<motor name="z" site="mount" gear="0 0 0 0 0 1"/></actuator></mujoco>"""
 PULSE = np.repeat([[0.0, 1.0], [0.0, -1.0], [0.0, 0.0]], [8, 8, 24], axis=0)
 
 
 def flexible() -> mujoco.MjModel:
     section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
-    spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),), damping=bc.Damping(ratio=0.01))
+    spec = bc.Spec(
+        segment=(bc.Segment(length=8.0, section=section),), damping=bc.Damping(ratio=0.01)
+    )
     return bc.embed(CRAFT, {"mount": spec}, retime=True).model
 
 
 def double(on: bool):
-    return jax.experimental.enable_x64(on) if hasattr(jax.experimental, "enable_x64") else jax.enable_x64(on)
+    return (
+        jax.experimental.enable_x64(on)
+        if hasattr(jax.experimental, "enable_x64")
+        else jax.enable_x64(on)
+    )
 
 
 def alone(model: mujoco.MjModel, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions and rates after every step of an input `(t, nu)` held over steps, plain MuJoCo."""
-    data, before, out = mujoco.MjData(model), np.zeros(model.nu), []
+    data = mujoco.MjData(model)
+    before = np.zeros(model.nu)
+    out = []
     for now in given:
         data.ctrl[:], before = (now + before) / 2.0, now
         mujoco.mj_step(model, data)
@@ -53,12 +66,14 @@ def alone(model: mujoco.MjModel, given: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 @pytest.mark.parametrize("on", [False, True], ids=["float32", "float64"])
 def test_randomised_worlds_are_those_of_mujoco(on):
-    model, steps = flexible(), round(SECONDS / STEP)
+    model = flexible()
+    steps = round(SECONDS / STEP)
     given = np.random.default_rng(0).normal(size=(steps, COUNT, 2))
     with double(on):
         many = bc.worlds(model, {"frequency": 0.1, "damping": 0.5}, count=COUNT, host="mjx", seed=1)
         theirs = np.array([[many.step(now), many.qpos][1] for now in given])
-        kept, first = many.state(), many.step(given[0])
+        kept = many.state()
+        first = many.step(given[0])
         again = [many.restore(kept), many.step(given[0])][1]
         many.reset([3], qvel=np.full(model.nv, 1e20))
         many.step(given[0])
@@ -67,10 +82,19 @@ def test_randomised_worlds_are_those_of_mujoco(on):
         assert np.all(np.isfinite(many.step(given[0])["rate"]))
     for name, values in first.items():
         np.testing.assert_array_equal(values, again[name])
-    ours = np.array([alone(bc_model, given[:, i])[0] for i, bc_model in enumerate(drawn(model))]).transpose(1, 0, 2)
-    parts = [slice(0, 3), slice(3, 7), slice(7, None)]  # place, attitude, hinges: of the largest of each
-    worst = max(float(np.abs(theirs - ours)[..., p].max() / np.abs(ours - ours[0])[..., p].max()) for p in parts)
-    print(f"{COUNT} worlds on MJX, {'float64' if on else 'float32'}, {SECONDS:g} s: {worst:.1e} of the peak")  # noqa: T201
+    ours = np.array(
+        [alone(bc_model, given[:, i])[0] for i, bc_model in enumerate(drawn(model))]
+    ).transpose(1, 0, 2)
+    # place, attitude, hinges: of the largest of each
+    parts = [slice(0, 3), slice(3, 7), slice(7, None)]
+    worst = max(
+        float(np.abs(theirs - ours)[..., p].max() / np.abs(ours - ours[0])[..., p].max())
+        for p in parts
+    )
+    print(  # noqa: T201
+        f"{COUNT} worlds on MJX, {'float64' if on else 'float32'}, {SECONDS:g} s: {worst:.1e} of "
+        "the peak"
+    )
     assert worst < (DOUBLE if on else SINGLE)
 
 
@@ -121,12 +145,16 @@ def test_derivatives_are_those_of_differences():
             assert abs(slope[row, i] - theirs) < GRADIENT * np.abs(slope[row]).max()
 
 
-@pytest.mark.skipif(not PAGE.is_file(), reason="the page is not beside the tests (an installed wheel)")
+@pytest.mark.skipif(
+    not PAGE.is_file(), reason="the page is not beside the tests (an installed wheel)"
+)
 def test_the_co_design_on_the_page_runs(tmp_path, monkeypatch):
-    """`py` blocks of docs/worlds.md need JAX; the first `python` block makes the spacecraft. Less is left ringing at the end."""
+    """`py` blocks of docs/worlds.md need JAX; the first `python` block makes the spacecraft. Less
+    is left ringing at the end."""
     monkeypatch.chdir(tmp_path)
     subprocess.run([sys.executable, "-m", "beamchain", "init", "array", "--quiet"], check=True)
-    text, names = PAGE.read_text(encoding="utf-8"), {}
+    text = PAGE.read_text(encoding="utf-8")
+    names = {}
     first = re.search(r"^```python\n(.*?)^```", text, re.S | re.M)
     blocks = re.findall(r"^```py\n(.*?)^```", text, re.S | re.M)
     assert first is not None

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.mjcf.write import number
 from spacecraft import APPENDAGES, frequencies, response
 
 FREQUENCY = 1e-12  # the same numbers through the same code
@@ -35,9 +34,14 @@ HUB = """<mujoco model="craft">{compiler}
 </mujoco>"""
 
 
+def numbers(values) -> str:
+    """As an attribute, every digit."""
+    return " ".join(repr(float(value)) for value in values)
+
+
 def hub(**parts: str) -> str:
     empty = dict.fromkeys(("compiler", "default", "asset", "body", "tendon"), "")
-    return HUB.format(**{**empty, "pos": number(SITE), "quat": number(TURN), **parts})
+    return HUB.format(**{**empty, "pos": numbers(SITE), "quat": numbers(TURN), **parts})
 
 
 def forms(folder: Path) -> dict[str, mujoco.MjModel]:
@@ -57,13 +61,14 @@ def forms(folder: Path) -> dict[str, mujoco.MjModel]:
     }
     by_hand = hub(
         asset='<asset><model name="array" file="array.xml"/></asset>',
-        body=f'<frame pos="{number(SITE)}" quat="{number(TURN)}">'
+        body=f'<frame pos="{numbers(SITE)}" quat="{numbers(TURN)}">'
         '<attach model="array" body="array_link1" prefix="x_"/></frame>',
     )
     (folder / "hand.xml").write_text(by_hand)
     out["<attach> by hand"] = mujoco.MjModel.from_xml_path(str(folder / "hand.xml"))
     for where in ("site", "frame", "body"):
-        parent, child = mujoco.MjSpec.from_string(hub()), mujoco.MjSpec.from_string(appendage)
+        parent = mujoco.MjSpec.from_string(hub())
+        child = mujoco.MjSpec.from_string(appendage)
         if where == "site":
             parent.attach(child, site=parent.site("mount"), prefix="x_")
         elif where == "frame":
@@ -74,8 +79,10 @@ def forms(folder: Path) -> dict[str, mujoco.MjModel]:
             frame.attach_body(child.body("array_link1"), "x_", "")
         out[f"MjSpec to a {where}"] = parent.compile()
     bodies = appendage[appendage.index("<body") : appendage.index("</worldbody>")]
-    pasted = bodies.replace('pos="0.0 0.0 0.0"', f'pos="{number(SITE)}" quat="{number(TURN)}"', 1)
-    tendon = appendage[appendage.index("<tendon>") : appendage.index("</tendon>") + len("</tendon>")]
+    pasted = bodies.replace('pos="0.0 0.0 0.0"', f'pos="{numbers(SITE)}" quat="{numbers(TURN)}"', 1)
+    tendon = appendage[
+        appendage.index("<tendon>") : appendage.index("</tendon>") + len("</tendon>")
+    ]
     out["pasted text"] = mujoco.MjModel.from_xml_string(hub(body=pasted, tendon=tendon))
     return out
 
@@ -110,5 +117,7 @@ def test_compiled_through_a_string(models, tmp_path):
     """What a host that takes text sees: no file is looked for."""
     text = (bc.embed(hub(), {"mount": APPENDAGES / "array_left.toml"})).to_mjcf()
     np.testing.assert_allclose(
-        frequencies(mujoco.MjModel.from_xml_string(text)), frequencies(models["inline by embed"]), rtol=FREQUENCY
+        frequencies(mujoco.MjModel.from_xml_string(text)),
+        frequencies(models["inline by embed"]),
+        rtol=FREQUENCY,
     )

@@ -7,9 +7,12 @@ import pytest
 import beamchain as bc
 from spacecraft import APPENDAGES, CRAFTS
 
-pytestmark = [pytest.mark.host, pytest.mark.filterwarnings("ignore")]  # Warp warns of its own future
+# Warp warns of its own future
+pytestmark = [pytest.mark.host, pytest.mark.filterwarnings("ignore")]
 wp = pytest.importorskip("warp", reason="Warp is not installed: pip install 'beamchain[warp]'")
-mjw = pytest.importorskip("mujoco_warp", reason="MuJoCo Warp is not installed: pip install 'beamchain[warp]'")
+mjw = pytest.importorskip(
+    "mujoco_warp", reason="MuJoCo Warp is not installed: pip install 'beamchain[warp]'"
+)
 
 SINGLE = 2e-4  # of the peak: float32 carries 7 digits, 2000 steps at 0.01 s lose three of them
 STEP, STEPS = 0.01, 2000
@@ -17,13 +20,16 @@ STEP, STEPS = 0.01, 2000
 
 @pytest.mark.parametrize("timed", [False, True], ids=["plain", "exact in time"])
 def test_free_motion(timed):
-    text = (CRAFTS / "planar.xml").read_text().replace('integrator="RK4"', 'integrator="implicitfast"')
+    text = (
+        (CRAFTS / "planar.xml").read_text().replace('integrator="RK4"', 'integrator="implicitfast"')
+    )
     model = bc.embed(text, {"mount": APPENDAGES / "rod.toml"}, retime=timed).model
     data = mujoco.MjData(model)
     data.qvel[:3] = [0.01, -0.02, 0.05]
     mujoco.mj_forward(model, data)
     with wp.ScopedDevice("cpu"):
-        put, state = mjw.put_model(model), mjw.put_data(model, data)
+        put = mjw.put_model(model)
+        state = mjw.put_data(model, data)
         theirs, ours = [], []
         for _ in range(STEPS):
             mjw.step(put, state)

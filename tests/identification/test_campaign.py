@@ -1,12 +1,15 @@
 """Random logs of random spacecraft, judged by one who knows the truth: never silently wrong.
 
-Each case draws an appendage of 40 modes (a pair of wings, or a boom that also pushes its port), damping from 0.05 to 5 %, a
-torque profile, a sample rate, a duration from 20 s, and a gyro; and one trouble, or none. `judge.py` states what right,
-undetermined, refused and wrong mean; of a log that ought to be refused, a record that calls no mode determined is
-undetermined, and so is one of swapped columns that says that its torques are proportional.
-BEAMCHAIN_CASES draws that many in the slow test; SEEDS names single cases.
+Each case draws an appendage of 40 modes (a pair of wings, or a boom that also pushes its port),
+damping from 0.05 to 5 %, a torque profile, a sample rate, a duration from 20 s, and a gyro; and one
+trouble, or none. `judge.py` states what right, undetermined, refused and wrong mean; of a log that
+ought to be refused, a record that calls no mode determined is undetermined, and so is one of
+swapped columns that says that its torques are proportional. BEAMCHAIN_CASES draws that many in the
+slow test; SEEDS names single cases.
 
-    BEAMCHAIN_CASES=300 PYTHONPATH=tests/support python tests/identification/test_campaign.py     # prints every case, and the counts
+    BEAMCHAIN_CASES=300 PYTHONPATH=tests/support python tests/identification/test_campaign.py
+
+prints every case, and the counts.
 """
 
 import os
@@ -18,17 +21,52 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from flight_log import Gyro, Hub, boom, chirp, cramer_rao, doublet, noise, record, slew, steps_at, wings, without
+from flight_log import (
+    Gyro,
+    Hub,
+    boom,
+    chirp,
+    cramer_rao,
+    doublet,
+    noise,
+    record,
+    slew,
+    steps_at,
+    wings,
+    without,
+)
 from judge import Judgement, judge
 from modes_file import write_prior
 
-PLAIN = 0.02  # least relative deviation of a row that the log allows: a mode better determined than this shows plainly
+# least relative deviation of a row that the log allows:
+# a mode better determined than this shows plainly
+PLAIN = 0.02
 TROUBLES = (
-    "none", "none", "none", "close", "fast", "gaps", "unequal", "saturated", "quantised", "prior", "prior off", "noise only",
-    "still", "degrees", "swapped", "reversed", "nan", "three axes", "boom", "boom prior", "light",
-)  # fmt: skip
+    "none",
+    "none",
+    "none",
+    "close",
+    "fast",
+    "gaps",
+    "unequal",
+    "saturated",
+    "quantised",
+    "prior",
+    "prior off",
+    "noise only",
+    "still",
+    "degrees",
+    "swapped",
+    "reversed",
+    "nan",
+    "three axes",
+    "boom",
+    "boom prior",
+    "light",
+)
 REFUSED = {"still", "degrees", "swapped", "reversed", "nan"}
-MAY_REFUSE = {"noise only", "light"}  # a log that shows nothing may be refused, or found without modes
+# a log that shows nothing may be refused, or found without modes
+MAY_REFUSE = {"noise only", "light"}
 
 
 @dataclass
@@ -50,14 +88,21 @@ def draw(seed):
     trouble = TROUBLES[seed % len(TROUBLES)]
     pushes = trouble.startswith("boom")
     make = boom if pushes else wings
-    length, line = rng.uniform(3.0, 9.0), rng.uniform(0.4, 2.0)
+    length = rng.uniform(3.0, 9.0)
+    line = rng.uniform(0.4, 2.0)
     first = np.exp(rng.uniform(np.log(0.6), np.log(6.0)))  # rad/s about z
     stiffness = line * (first * length**2 / 3.516) ** 2
-    elastic = make(length, line, stiffness, stiffness * rng.uniform(1.3, 3.0), rng.uniform(20.0, 200.0), 0.05)
+    elastic = make(
+        length, line, stiffness, stiffness * rng.uniform(1.3, 3.0), rng.uniform(20.0, 200.0), 0.05
+    )
     elastic = elastic.damped(np.exp(rng.uniform(np.log(5e-4), np.log(0.05), 40)))
     about_z = np.flatnonzero(elastic.participation[5])
-    size = elastic.rigid[5, 5] / (30.0 if trouble == "light" else np.exp(rng.uniform(np.log(0.2), np.log(3.0))))
-    hub = Hub(mass=float(rng.uniform(100.0, 600.0)), inertia=size * np.diag(rng.uniform(0.8, 1.2, 3)))
+    size = elastic.rigid[5, 5] / (
+        30.0 if trouble == "light" else np.exp(rng.uniform(np.log(0.2), np.log(3.0)))
+    )
+    hub = Hub(
+        mass=float(rng.uniform(100.0, 600.0)), inertia=size * np.diag(rng.uniform(0.8, 1.2, 3))
+    )
     if trouble == "light":
         hub = Hub(mass=600.0, inertia=hub.inertia * 900.0)
     if trouble == "close":
@@ -87,7 +132,9 @@ def draw(seed):
     if trouble == "quantised":
         gyro = Gyro(level, gyro.bias, amplitude * np.exp(rng.uniform(np.log(1e-3), np.log(0.3))))
     if trouble == "saturated":
-        gyro = Gyro(level, 0.0, 0.0, float(np.quantile(np.abs(exact["rate_z"]), rng.uniform(0.8, 0.98))))
+        gyro = Gyro(
+            level, 0.0, 0.0, float(np.quantile(np.abs(exact["rate_z"]), rng.uniform(0.8, 0.98)))
+        )
     if trouble == "still":
         torques = {"z": np.full(count, rng.choice([0.0, 1.0]))}
     if trouble == "noise only":
@@ -113,29 +160,45 @@ def draw(seed):
 
 
 def plainly(hub, elastic, time, torque, level, about_z):
-    """Ranks of the modes about z below half the sample rate whose rows the log determines well, had it these modes alone."""
+    """Ranks of the modes about z below half the sample rate whose rows the log determines well,
+    had it these modes alone."""
     below = [k for k in about_z if elastic.frequency[k] < 0.8 * np.pi / np.diff(time).min()][:3]
     if not below:
         return []
     least = cramer_rao(hub, elastic.kept(below), time, {"z": torque}, level)
     rows = np.abs(elastic.participation[5, below])
-    return [rank for rank, (std, row) in enumerate(zip(least[2], rows, strict=True)) if std < PLAIN * row]
+    return [
+        rank
+        for rank, (std, row) in enumerate(zip(least[2], rows, strict=True))
+        if std < PLAIN * row
+    ]
 
 
 def verdict(case, folder):
     if case.trouble in ("prior", "boom prior", "prior off"):
         few = case.elastic.kept(6)
         off = 1.2 if case.trouble != "prior off" else 1.8
-        case.prior = write_prior(folder, few, frequency=off, participation=1.0 if case.pushes else 0.9)
+        case.prior = write_prior(
+            folder, few, frequency=off, participation=1.0 if case.pushes else 0.9
+        )
     try:
         found = bc.identify(case.log, case.hub.xml, "mount", prior=case.prior)
     except bc.InputError as refused:
-        rightly = case.trouble in REFUSED or (case.trouble in MAY_REFUSE and not case.plain) or not case.plain
+        rightly = (
+            case.trouble in REFUSED
+            or (case.trouble in MAY_REFUSE and not case.plain)
+            or not case.plain
+        )
         return Judgement("refused rightly" if rightly else "refused wrongly", (str(refused),))
     if case.trouble in REFUSED:
-        alike = any(one.code == "proportional-torques" for one in found.warnings)  # then no program can notice
-        silent = any(mode.determined for mode in found.modes) and not (alike and case.trouble == "swapped")
-        return Judgement("wrong" if silent else "undetermined", (f"{case.trouble} was taken as it is",))
+        # then no program can notice
+        alike = any(one.code == "proportional-torques" for one in found.warnings)
+        silent = any(mode.determined for mode in found.modes) and not (
+            alike and case.trouble == "swapped"
+        )
+        return Judgement(
+            "wrong" if silent else "undetermined", (f"{case.trouble} was taken as it is",)
+        )
     return judge(found, case.elastic, case.axes, case.plain, case.hub if case.pushes else None)
 
 
@@ -159,11 +222,13 @@ if __name__ == "__main__":
     from pathlib import Path
 
     warnings.simplefilter("error")
-    first, count = 100, int(os.environ.get("BEAMCHAIN_CASES", "24"))
+    first = 100
+    count = int(os.environ.get("BEAMCHAIN_CASES", "24"))
     numbers = [int(s) for s in sys.argv[1:]] or range(first, first + count)
     counts: Counter = Counter()
     for number in numbers:
-        case, begin = draw(number), time.perf_counter()
+        case = draw(number)
+        begin = time.perf_counter()
         with tempfile.TemporaryDirectory() as folder:
             try:
                 one = verdict(case, Path(folder))
@@ -171,7 +236,8 @@ if __name__ == "__main__":
                 one = Judgement("traceback", (repr(error),))
         counts[one.verdict] += 1
         print(
-            f"{number} {case.trouble:11} {len(case.log['time'])} {time.perf_counter() - begin:.1f}s {one.verdict}",
+            f"{number} {case.trouble:11} {len(case.log['time'])} "
+            f"{time.perf_counter() - begin:.1f}s {one.verdict}",
             *one.reasons[:4],
             sep=" | ",
             flush=True,

@@ -1,4 +1,5 @@
-"""Identified modes against an independent simulation with 40 modes, and against the least variance that its logs allow."""
+"""Identified modes against an independent simulation with 40 modes,
+and against the least variance that its logs allow."""
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from flight_log import (
     Hub,
     as_seen,
     boom,
-    cantilever,
     chirp,
     cramer_rao,
     doublet,
@@ -26,16 +26,20 @@ from flight_log import (
 from judge import judge, of_record, said
 from modes_file import write_prior
 
-EXACT = 1e-8  # without noise and with as many modes as there are: what least squares in double precision leaves
-DAMPED = 1e-4  # damping is diagonal in the modes with the port held, not quite in those with free translation
-TAIL = 5e-4  # each side of a 99.9 % interval: a correct program fails such a test once in a thousand seeds
+# without noise and with as many modes as there are: what least squares in double precision leaves
+EXACT = 1e-8
+# damping is diagonal in the modes with the port held, not quite in those with free translation
+DAMPED = 1e-4
+# each side of a 99.9 % interval: a correct program fails such a test once in a thousand seeds
+TAIL = 5e-4
 BOUND = 0.15  # a standard deviation against the least one, relative: stated in the documentation
 COVERED = 0.95
 
 HUB = Hub()
 TURNED = np.linalg.qr(np.array([[1.0, 0.3, -0.2], [0.1, 1.0, 0.5], [0.4, -0.3, 1.0]]))[0]
 TURNED[2] *= np.sign(np.linalg.det(TURNED))
-PAIR = wings(5.0, 1.0, 200.0, 350.0, 50.0, 0.05)  # about z 1.99, 12.5, 34.9 rad/s; y 2.63, 16.5; x 9.93, 29.8
+# about z 1.99, 12.5, 34.9 rad/s; y 2.63, 16.5; x 9.93, 29.8
+PAIR = wings(5.0, 1.0, 200.0, 350.0, 50.0, 0.05)
 ABOUT_Z = np.flatnonzero(PAIR.participation[5])
 TWO = PAIR.kept(ABOUT_Z[:2])
 ONE = PAIR.kept(ABOUT_Z[:1])
@@ -53,7 +57,7 @@ def relative(found, truth):
     return float(np.max(np.abs(np.asarray(found) / np.asarray(truth) - 1.0)))
 
 
-# -- without noise ---------------------------------------------------------------------------------------------------
+# -- without noise ---------------------------------------------------------------------------------
 @pytest.mark.parametrize("prior", [None, 1.2], ids=["no prior", "a prior 20 % off"])
 def test_without_noise_two_modes_are_found_exactly(prior, tmp_path):
     path = None if prior is None else write_prior(tmp_path, TWO, frequency=prior, participation=0.8)
@@ -74,25 +78,31 @@ def test_without_noise_three_axes_of_turned_wings_are_found_exactly():
     assert relative(record_.frequency, four.frequency) < EXACT
     assert relative(record_.damping, four.damping) < EXACT
     signs = np.sign((record_.participation * four.participation).sum(axis=0))
-    assert np.abs(record_.participation * signs - four.participation).max() < EXACT * np.abs(four.participation).max()
+    assert (
+        np.abs(record_.participation * signs - four.participation).max()
+        < EXACT * np.abs(four.participation).max()
+    )
 
 
 def test_without_noise_the_response_of_a_boom_is_that_of_the_log():
-    """Without a prior, rows of force are left out: then the modes are those with free translation."""
+    """Without a prior, rows of force are left out:
+    then the modes are those with free translation."""
     hub = Hub(port=np.array([0.5, 0.1, -0.2]), axes=TURNED)
     four = boom(8.0, 1.2, 500.0, 900.0, 60.0, 0.05).kept(4)
     torques = {axis: steps_at(TIME, 1.0, 3.0, seed) for seed, axis in enumerate("xyz")}
     found = bc.identify(record(hub, four, TIME, torques), hub.xml, "mount", modes=4)
     omega = np.geomspace(0.1, 20.0, 300)
-    true, modelled = response(hub, four, omega), response(hub, of_record(found), omega)
+    true = response(hub, four, omega)
+    modelled = response(hub, of_record(found), omega)
     assert np.abs(modelled - true).max() < DAMPED * np.abs(true).max()
     assert relative(as_seen(hub, of_record(found))[0], as_seen(hub, four)[0]) < DAMPED
     assert any("translation" in sentence for sentence in said(found))
 
 
-# -- noise -----------------------------------------------------------------------------------------------------------
+# -- noise -----------------------------------------------------------------------------------------
 def draws(count, modes=None):
-    """Deviations and stated standard deviations `(count, 3, n)` of frequency, damping, row; ONE or TWO in the log."""
+    """Deviations and stated standard deviations `(count, 3, n)` of frequency, damping, row;
+    ONE or TWO in the log."""
     deviations, stated = [], []
     truth = np.array([TWO.frequency, TWO.damping, np.abs(TWO.participation[5])])
     for seed in range(count):
@@ -117,8 +127,9 @@ def agrees_with_theory(deviations, stated):
     assert spread.max() < chi2.isf(TAIL / 6.0, count)
 
 
-def test_intervals_hold_the_truth_and_are_as_narrow_as_the_log_allows():
-    agrees_with_theory(*draws(20, modes=2))
+@pytest.mark.parametrize("count", [6, pytest.param(20, marks=pytest.mark.slow)])
+def test_intervals_hold_the_truth_and_are_as_narrow_as_the_log_allows(count):
+    agrees_with_theory(*draws(count, modes=2))
 
 
 @pytest.mark.slow
@@ -145,11 +156,22 @@ def test_noise_alone_has_no_modes():
         bc.identify(log_about_z(PAIR.kept(0), Gyro(1e-4)), HUB.xml, "mount")
 
 
-# -- harder logs -----------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("modes", [None, 2])
-@pytest.mark.parametrize("apart", [0.01, 0.02, 0.04])
+# -- harder logs -----------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("apart", "modes"),
+    [
+        (0.01, None),
+        (0.02, 2),
+        (0.04, None),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in ((0.01, 2), (0.02, None), (0.04, 2))
+        ),
+    ],
+)
 def test_two_close_modes_are_two_or_lie_within_the_stated_resolution(apart, modes):
-    """The least variance says from where on two can be told: at 1 % not even their rows are known to 20 %."""
+    """The least variance says from where on two can be told:
+    at 1 % not even their rows are known to 20 %."""
     pair = doublet(PAIR, "z", 2.0, apart)
     time = np.arange(0.0, 300.0, 0.1)
     torque = steps_at(time, 1.0, 3.0)
@@ -184,7 +206,12 @@ def test_a_mode_above_half_the_sample_rate_is_not_taken_for_a_slow_one():
 
 def test_gaps_and_unequal_steps_change_nothing():
     time = np.cumsum(np.random.default_rng(4).choice([0.04, 0.05, 0.08], 2400))
-    log = without(log_about_z(time=time, torque=steps_at(time, 1.0, 3.0)), (20.0, 26.0), (60.0, 63.3), (61.0, 70.0))
+    log = without(
+        log_about_z(time=time, torque=steps_at(time, 1.0, 3.0)),
+        (20.0, 26.0),
+        (60.0, 63.3),
+        (61.0, 70.0),
+    )
     found = bc.identify(log, HUB.xml, "mount")
     verdict = judge(found, PAIR, [2], [0, 1])
     assert verdict.verdict == "right", verdict
@@ -225,16 +252,7 @@ def test_a_gyro_that_reads_whole_steps_of_most_of_its_signal_is_not_trusted():
     assert verdict.verdict != "wrong", verdict
 
 
-def test_hub_inertia_estimated_with_the_rest(tmp_path):
-    """Total inertia is determined; how it is shared between hub and appendage only by what the prior says of the latter."""
-    wrong_hub = Hub(inertia=1.1 * HUB.inertia)
-    path = write_prior(tmp_path, PAIR.kept(6), frequency=0.9)
-    found = bc.identify(log_about_z(), wrong_hub.xml, "mount", hub="estimate", prior=path)
-    verdict = judge(found, PAIR, [2], [0])
-    assert verdict.verdict != "wrong", verdict
-
-
-# -- what the log does not say ---------------------------------------------------------------------------------------
+# -- what the log does not say ---------------------------------------------------------------------
 def test_rows_of_other_axes_are_undetermined_without_a_prior():
     found = bc.identify(log_about_z(), HUB.xml, "mount", modes=2)
     for mode in found.modes:
@@ -244,7 +262,8 @@ def test_rows_of_other_axes_are_undetermined_without_a_prior():
 
 
 def test_rows_of_other_axes_come_from_the_prior(tmp_path):
-    """A boom pushes as it turns: with the shape of its modes known, the clamped frequency follows from rotation alone."""
+    """A boom pushes as it turns: with the shape of its modes known,
+    the clamped frequency follows from rotation alone."""
     hub = Hub(port=np.array([0.5, 0.0, 0.0]))
     elastic = boom(8.0, 1.2, 500.0, 900.0, 60.0, 0.05)
     about_z = np.flatnonzero(elastic.participation[5])
@@ -256,18 +275,24 @@ def test_rows_of_other_axes_come_from_the_prior(tmp_path):
     first, true = found.modes[0], about_z[0]
     size = abs(elastic.participation[1, true])
     assert abs(abs(first.participation[1]) - size) < 0.05 * size
-    assert abs(first.frequency - elastic.frequency[true]) < max(4.0 * first.frequency_std, 1e-3 * first.frequency)
+    assert abs(first.frequency - elastic.frequency[true]) < max(
+        4.0 * first.frequency_std, 1e-3 * first.frequency
+    )
 
 
 def test_without_a_prior_a_boom_on_a_free_hub_is_not_called_clamped():
     hub = Hub(port=np.array([0.5, 0.0, 0.0]))
     elastic = boom(8.0, 1.2, 500.0, 900.0, 60.0, 0.05)
     about_z = np.flatnonzero(elastic.participation[5])
-    found = bc.identify(record(hub, elastic, TIME, {"z": steps_at(TIME, 1.0, 3.0)}, FINE), hub.xml, "mount")
+    found = bc.identify(
+        record(hub, elastic, TIME, {"z": steps_at(TIME, 1.0, 3.0)}, FINE), hub.xml, "mount"
+    )
     first, true = found.modes[0], about_z[0]
     assert judge(found, elastic, [2], [0, 1], hub).verdict != "wrong"
     off = abs(first.frequency - elastic.frequency[true])
-    assert off <= 4.0 * first.frequency_std or any("translat" in sentence for sentence in said(found))
+    assert off <= 4.0 * first.frequency_std or any(
+        "translat" in sentence for sentence in said(found)
+    )
 
 
 @pytest.mark.parametrize("factor", [0.7, 1.5, 4.0])
@@ -316,53 +341,21 @@ def test_a_response_before_its_torque_is_noticed():
         bc.identify(log, HUB.xml, "mount")
 
 
-# -- onwards ---------------------------------------------------------------------------------------------------------
+# -- onwards ---------------------------------------------------------------------------------------
 def test_the_written_modes_make_a_chain_and_variants(tmp_path):
-    found = bc.identify(log_about_z(), HUB.xml, "mount", modes=2)
+    # of a pair of wings one chain cannot hold the mass
+    one_side = boom(8.0, 1.2, 500.0, 900.0, 60.0, 0.05)
+    pushing = one_side.kept(np.flatnonzero(one_side.participation[5])[:2])
+    prior = write_prior(tmp_path, pushing)
+    found = bc.identify(log_about_z(pushing), HUB.xml, "mount", modes=2, prior=prior)
     found.write(tmp_path / "modes.toml")
     (tmp_path / "wings.toml").write_text('name = "wings"\n[imported]\nfile = "modes.toml"\n')
-    fit = bc.fit(bc.read_spec(tmp_path / "wings.toml") if hasattr(bc, "read_spec") else tmp_path / "wings.toml")
+    fit = bc.fit(
+        bc.read_spec(tmp_path / "wings.toml")
+        if hasattr(bc, "read_spec")
+        else tmp_path / "wings.toml"
+    )
     achieved = sorted(mode.achieved_rad_s for mode in fit.modes)
     assert relative(achieved, [m.frequency for m in found.modes]) < EXACT
     swept = bc.sweep(HUB.xml, 40, at={"mount": tmp_path / "wings.toml"}, seed=1)
     assert swept is not None
-
-
-# -- update ----------------------------------------------------------------------------------------------------------
-#: first three natural frequencies of a cantilever, measured [Hz]; a uniform Euler beam's are in the ratios 3.516, 22.03, 61.70
-MEASURED = np.array([6.62, 41.4, 117.5])
-EULER = cantilever(3)[0] ** 2
-
-
-def beam(factor=1.0, mass=1.0):
-    """A cantilever with the first measured frequency, its stiffness and mass off by factors."""
-    stiffness = 0.5 * (2.0 * np.pi * MEASURED[0] / EULER[0]) ** 2
-    section = bc.Equivalent(bending_stiffness_xy=factor * stiffness, linear_mass=0.5 * mass)
-    return bc.Spec(name="beam", segment=(bc.Segment(length=1.0, section=section),), modes=bc.Modes(xy=3))
-
-
-def test_from_frequencies_alone_a_beam_has_stiffness_over_mass_and_the_third_is_its_error():
-    """The first two frequencies agree with Euler and Bernoulli, the third is 1.2 % higher."""
-    found = bc.identify({"frequency": MEASURED}, Hub().xml, "mount", prior=beam(0.8, 1.1))
-    scale = (MEASURED / EULER) ** 2
-    right = scale[:2].mean() / scale[0] / (0.8 / 1.1)
-    assert abs(found.update.ratio / right - 1.0) < 0.01
-    assert abs(found.update.misfit[2] - 0.012) < 0.004
-    assert np.abs(found.update.misfit[:2]).max() < 0.004
-    assert np.isnan(found.update.std["stiffness"])
-    assert np.isnan(found.update.std["mass"])
-    assert any("stiffness over mass" in sentence for sentence in found.update.undetermined)
-    assert any("mode 3" in sentence and "model" in sentence for sentence in found.update.undetermined)
-
-
-def test_a_log_also_tells_stiffness_from_mass():
-    """A boom a fifth softer and a tenth heavier than drawn, about z; the hub is known."""
-    hub = Hub(port=np.array([0.5, 0.0, 0.0]))
-    true = boom(8.0, 1.1 * 1.2, 0.8 * 500.0, 900.0, 60.0, 0.05)
-    section = bc.Equivalent(bending_stiffness_xy=500.0, bending_stiffness_xz=900.0, linear_mass=1.2)
-    drawn = bc.Spec(name="boom", segment=(bc.Segment(length=8.0, section=section),), modes=bc.Modes(xy=3, xz=3))
-    log = record(hub, true, TIME, {"z": steps_at(TIME, 1.0, 3.0)}, FINE)
-    update = bc.identify(log, hub.xml, "mount", prior=drawn).update
-    assert abs(update.factors["stiffness"] - 0.8) < max(4.0 * update.std["stiffness"], 0.01)
-    assert abs(update.factors["mass"] - 1.1) < max(4.0 * update.std["mass"], 0.01)
-    assert update.std["mass"] < 0.05

@@ -1,4 +1,5 @@
-"""Reading logs: every kind of file gives the same columns, and a log that cannot be one is refused with one sentence.
+"""Tests internals, `craft.identification.logs` and `channels`, beside `bc.identify`: every kind of
+file gives the same columns, and a log that cannot be one is refused with one sentence.
 
 No tolerances: what is read is compared exactly, and refusals by their words.
 """
@@ -7,11 +8,17 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.craft.identification.channels import active, cut, even, saturated
+from beamchain.craft.identification.channels import (
+    active_torques,
+    cut_pieces,
+    is_even,
+    saturated_samples,
+)
 from beamchain.craft.identification.logs import read_logs
 from command import run
 
-CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/>
+CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/>
+<inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/>
 <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>"""
 TIME = np.arange(400) * 0.05
 TORQUE = np.where(np.arange(400) // 20 % 2, 1.0, -1.0)
@@ -38,17 +45,13 @@ def refused(log, words, **more):
     assert "\n" not in str(said.value)
 
 
-# -- files -------------------------------------------------------------------------------------------------------------
+# -- files -----------------------------------------------------------------------------------------
 def test_every_kind_of_file_gives_the_same_columns(tmp_path):
-    from scipy.io import savemat
-
     written(tmp_path / "log.csv", LOG)
     np.savez(tmp_path / "log.npz", **LOG)
-    savemat(tmp_path / "log.mat", LOG)
-    for name in ("log.csv", "log.npz", "log.mat"):
-        (log,), spectra, tables = read_logs(tmp_path / name, None, ())
+    for name in ("log.csv", "log.npz"):
+        (log,), spectra = read_logs(tmp_path / name, None, ())
         assert not spectra
-        assert not tables
         assert np.array_equal(log.time, TIME)
         assert np.array_equal(log.torques["torque_z"], TORQUE)
         assert np.array_equal(log.sensed["rate_z"], RATE)
@@ -57,16 +60,19 @@ def test_every_kind_of_file_gives_the_same_columns(tmp_path):
 def test_a_semicolon_and_decimal_commas_are_read(tmp_path):
     lines = [
         "time;torque_z;rate_z",
-        *(f"{t:.2f};{u:.1f};{r:.6f}".replace(".", ",") for t, u, r in zip(TIME, TORQUE, RATE, strict=True)),
+        *(
+            f"{t:.2f};{u:.1f};{r:.6f}".replace(".", ",")
+            for t, u, r in zip(TIME, TORQUE, RATE, strict=True)
+        ),
     ]
     (tmp_path / "log.csv").write_text("\n".join(lines))
-    (log,), _, _ = read_logs(tmp_path / "log.csv", None, ())
+    (log,), _ = read_logs(tmp_path / "log.csv", None, ())
     assert np.array_equal(log.time, np.round(TIME, 2))
 
 
 def test_columns_are_named_by_map():
     named = {"t": TIME, "wheel": TORQUE, "gyro": RATE}
-    (log,), _, _ = read_logs(named, {"t": "time", "wheel": "torque_z", "gyro": "rate_z"}, ())
+    (log,), _ = read_logs(named, {"t": "time", "wheel": "torque_z", "gyro": "rate_z"}, ())
     assert set(log.sensed) == {"rate_z"}
     refused(LOG, "does not have; did you mean 'rate_z'", map={"rate_zz": "rate_z"})
 
@@ -78,10 +84,10 @@ def test_a_frequency_response_is_read_in_both_forms():
         {"rate_z/torque_z re": value.real, "rate_z/torque_z im": value.imag},
         {"rate_z/torque_z": value},
     ):
-        _, (one,), _ = read_logs({"omega": omega, **columns}, None, ())
+        _, (one,) = read_logs({"omega": omega, **columns}, None, ())
         assert np.array_equal(one.value, value)
         assert (one.sensed, one.torque, one.order) == ("rate_z", "torque_z", 0)
-    _, (one,), _ = read_logs(
+    _, (one,) = read_logs(
         {
             "frequency": omega,
             "rate_z/torque_z magnitude": np.abs(value),
@@ -91,10 +97,12 @@ def test_a_frequency_response_is_read_in_both_forms():
         (),
     )
     assert np.array_equal(one.omega, 2.0 * np.pi * omega)
-    refused({"omega": omega, "rate_z/torque_z re": value.real}, "needs the columns `rate_z/torque_z re`")
+    refused(
+        {"omega": omega, "rate_z/torque_z re": value.real}, "needs the columns `rate_z/torque_z re`"
+    )
 
 
-# -- refusals ----------------------------------------------------------------------------------------------------------
+# -- refusals --------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -117,13 +125,15 @@ def test_a_log_that_cannot_be_one_is_refused(change, words):
     ("log", "words"),
     [
         ({"time": TIME, "torque_z": TORQUE}, "no column of a rate or attitude"),
-        ({"time": TIME, "rate_z": RATE, "torqe_z": TORQUE}, "no column of a torque .*did you mean 'torque_z'"),
+        (
+            {"time": TIME, "rate_z": RATE, "torqe_z": TORQUE},
+            "no column of a torque .*did you mean 'torque_z'",
+        ),
         ({"torque_z": TORQUE, "rate_z": RATE}, "a time log needs `time`"),
         ({"time": TIME, "torque_z": TORQUE, "rate_x": RATE}, "act about other axes"),
         ({name: values[:10] for name, values in LOG.items()}, "has 10 samples"),
         ([], "is no log"),
         ([LOG, {**LOG, "torque_x": TORQUE}], "has no column 'torque_x', which another log has"),
-        ({"frequency": np.array([1.0, 2.0])}, "need a prior"),
     ],
 )
 def test_columns_that_are_missing_are_named(log, words):
@@ -139,7 +149,6 @@ def test_columns_that_are_missing_are_named(log, words):
         ("log.csv", b"time,torque_z,rate_z\n0,1,a\n", "no number"),
         ("log.csv", b"time,torque_z,rate_z\n0,1\n", "names 3 columns, but its rows have 2"),
         ("log.npz", b"PK nothing", "cannot be read"),
-        ("log.mat", b"nothing at all", "cannot be read"),
         ("log.xls", b"x", "unknown ending"),
     ],
 )
@@ -152,44 +161,49 @@ def test_options_are_checked():
     refused(LOG, "held_out = 0.9", held_out=0.9)
     refused(LOG, "modes = 0", modes=0)
     refused(LOG, "axes = 'q' is unknown", axes="q")
-    refused(LOG, 'hub = "estimate" needs a prior', hub="estimate")
     with pytest.raises(bc.InputError, match="at = 'mout' is unknown; did you mean 'mount'"):
         bc.identify(LOG, CRAFT, "mout")
 
 
-# -- pieces ------------------------------------------------------------------------------------------------------------
+# -- pieces ----------------------------------------------------------------------------------------
 def test_gaps_make_pieces():
-    (log,), _, _ = read_logs({name: np.delete(values, slice(100, 140)) for name, values in LOG.items()}, None, ())
-    pieces, warnings = cut([log], ["torque_z"], ["rate_z"])
+    (log,), _ = read_logs(
+        {name: np.delete(values, slice(100, 140)) for name, values in LOG.items()}, None, ()
+    )
+    pieces, warnings = cut_pieces([log], ["torque_z"], ["rate_z"])
     assert [piece.time.size for piece in pieces] == [100, 260]
     assert [w.code for w in warnings] == ["log-gaps"]
 
 
 def test_equal_steps_are_seen_through_the_digits_of_the_column():
-    assert even(np.round(np.arange(1000) / 30.0, 3))
-    assert not even(np.cumsum(np.random.default_rng(0).choice([0.03, 0.04], 1000)))
+    assert is_even(np.round(np.arange(1000) / 30.0, 3))
+    assert not is_even(np.cumsum(np.random.default_rng(0).choice([0.03, 0.04], 1000)))
 
 
 def test_runs_at_an_extreme_are_saturated():
     values = np.clip(np.sin(TIME) + 1e-3 * np.random.default_rng(1).standard_normal(400), -2.0, 0.8)
     at = np.flatnonzero(values == 0.8)
     assert at.size > 10
-    assert saturated(values)[at].all()
-    assert not saturated(values)[values < 0.7].any()
+    assert saturated_samples(values)[at].all()
+    assert not saturated_samples(values)[values < 0.7].any()
 
 
 def test_only_torques_that_change_are_used():
-    (log,), _, _ = read_logs({**LOG, "torque_x": np.zeros(400), "torque_y": np.full(400, 2.0)}, None, ())
-    assert active([log], ["torque_x", "torque_y", "torque_z"]) == ["torque_z"]
+    (log,), _ = read_logs(
+        {**LOG, "torque_x": np.zeros(400), "torque_y": np.full(400, 2.0)}, None, ()
+    )
+    assert active_torques([log], ["torque_x", "torque_y", "torque_z"]) == ["torque_z"]
 
 
-# -- the command -------------------------------------------------------------------------------------------------------
+# -- the command -----------------------------------------------------------------------------------
 def test_the_command_refuses_with_status_2_and_writes_nothing(tmp_path, capsys, monkeypatch):
     written(tmp_path / "log.csv", {**LOG, "time": TIME[::-1]})
     (tmp_path / "craft.xml").write_text(CRAFT)
     monkeypatch.chdir(tmp_path)
     status, _, said = run(
-        ["identify", "log.csv", "--craft", "craft.xml", "--at", "mount", "-o", "modes.toml"], capsys, monkeypatch
+        ["identify", "log.csv", "--craft", "craft.xml", "--at", "mount", "-o", "modes.toml"],
+        capsys,
+        monkeypatch,
     )
     assert status == 2
     assert "must ascend" in said

@@ -10,14 +10,18 @@ import pytest
 from scipy.linalg import expm
 
 import beamchain as bc
-from beamchain.engine.linearise import compile_model
+from mechanics import compiled
 from plant_truth import CRAFTS, Truth, embedded, kept, motors, text, wheel_rates
 
-ALONE = 1e-9  # one undamped appendage, made exact for its hub (form 3), as docs/theory.md, section 5 says
-#: the same craft as they are embedded (form 4: poles exact, residues of fourth order); damped: the one input weight
+# one undamped appendage, made exact for its hub (form 3), as docs/theory.md, section 5 says
+ALONE = 1e-9
+#: the same craft as they are embedded (form 4: poles exact, residues of fourth order); damped:
+#: the one input weight
 FIGURES = {0.1: 2e-4, 0.5: 5e-4, 1.0: 5e-4, 2.0: 3e-3}
 RUN = 1e-4  # of a run of MuJoCo, for what is not linear in it: 5e-5 where a light drive turns most
 OFF = 0.02
+#: in the quick half the smallest and the largest step
+SOME = [pytest.param(x, marks=[pytest.mark.slow] if x in (0.5, 1.0) else []) for x in FIGURES]
 
 
 def held(truth, h, z, inputs):
@@ -26,21 +30,24 @@ def held(truth, h, z, inputs):
     n = truth.size
     g = np.vstack([np.zeros((n, n)), inverse]) @ truth.inputs(inputs)
     both = expm(np.block([[a, g], [np.zeros((g.shape[1], 2 * n + g.shape[1]))]]) * h)
-    f, g = both[: 2 * n, : 2 * n], both[: 2 * n, 2 * n :]
+    f = both[: 2 * n, : 2 * n]
+    g = both[: 2 * n, 2 * n :]
     return np.stack([np.linalg.solve(v * np.eye(2 * n) - f, g)[3:6] for v in z], -1)
 
 
 def distance(found, true, s, rigid):
-    """Largest difference, relative to the response or to that of the rigid craft `1/(J s^2)`, the larger."""
+    """Largest difference, relative to the response or to that of the rigid craft `1/(J
+    s^2)`, the larger."""
     size = np.maximum(np.linalg.norm(true, axis=(0, 1)), np.linalg.norm(rigid) / np.abs(s) ** 2)
     return float(np.max(np.abs(found - true).max((0, 1)) / size))
 
 
-@pytest.mark.parametrize("phase", [0.1, 0.5, 1.0, 2.0])
+@pytest.mark.parametrize("phase", SOME)
 def test_one_undamped_appendage_is_sampled_exactly(phase):
     name = "one undamped boom"
     made = embedded(name, retime=True)
-    model, fastest = copy.copy(made.untimed), bc.plant(made).frequency.max()
+    model = copy.copy(made.untimed)
+    fastest = bc.plant(made).frequency.max()
     h = phase / fastest
     model.opt.timestep = h
     bc.retime(model, h, form=3)
@@ -48,23 +55,29 @@ def test_one_undamped_appendage_is_sampled_exactly(phase):
     s = np.geomspace(0.05, min(fastest, 3.0 / h), 60) * (OFF + 1j)
     z = np.exp(s * h)
     continuous = bc.plant(made, ["torque:hub"], ["attitude"])
-    true = control.c2d(control.ss(continuous.A, continuous.B, continuous.C, continuous.D), h, "zoh")(z, squeeze=False)
+    true = control.c2d(
+        control.ss(continuous.A, continuous.B, continuous.C, continuous.D), h, "zoh"
+    )(z, squeeze=False)
     truth = Truth(CRAFTS[name], kept)
     rigid = np.linalg.inv(truth.m[:6, :6])[3:, 3:]
     assert distance(true, held(truth, h, z, ["torque:hub"]), s, rigid) < ALONE
-    found, mean = plant(z, squeeze=False), (1.0 - 1.0 / z) / h  # rate: the mean over the step
+    found = plant(z, squeeze=False)
+    mean = (1.0 - 1.0 / z) / h  # rate: the mean over the step
     said = distance(found[:3], true, s, rigid), distance(found[3:] / mean, true, s, rigid)
     sys.stdout.write(f"phase {phase:g}: {said[0]:.1e}, {said[1]:.1e}" + "\n")
     assert max(said) < ALONE
 
 
-@pytest.mark.parametrize("phase", FIGURES)
+@pytest.mark.parametrize("phase", SOME)
 @pytest.mark.parametrize("name", list(CRAFTS)[:3])
 def test_embedded_craft_stay_within_the_figures(name, phase):
-    craft, made = CRAFTS[name], embedded(name, retime=True)
+    craft = CRAFTS[name]
+    made = embedded(name, retime=True)
     fastest = bc.plant(made).frequency.max()
     h = phase / fastest
-    still = copy.deepcopy({**craft, "wheels": {n: {**w, "rate": 0.0} for n, w in craft.get("wheels", {}).items()}})
+    still = copy.deepcopy(
+        {**craft, "wheels": {n: {**w, "rate": 0.0} for n, w in craft.get("wheels", {}).items()}}
+    )
     inputs = [*motors(craft), "torque:hub"]
     s = np.geomspace(0.05, min(fastest, 3.0 / h), 60) * (OFF + 1j)
     z = np.exp(s * h)
@@ -78,19 +91,28 @@ def test_embedded_craft_stay_within_the_figures(name, phase):
 
 @pytest.mark.parametrize("name", CRAFTS)
 def test_it_is_what_mujoco_runs(name):
-    craft, made, h = CRAFTS[name], embedded(name, retime=True), 0.01
+    craft = CRAFTS[name]
+    made = embedded(name, retime=True)
+    h = 0.01
     names = motors(craft)
-    plant = bc.plant(made, names or ["torque:hub"], ["attitude", "rate"], rates=wheel_rates(craft), discrete=h)
-    data, held_input = mujoco.MjData(made.model), bc.HeldInput()
+    plant = bc.plant(
+        made, names or ["torque:hub"], ["attitude", "rate"], rates=wheel_rates(craft), discrete=h
+    )
+    data = mujoco.MjData(made.model)
+    held_input = bc.HeldInput()
     for wheel, rate in wheel_rates(craft).items():
         data.joint(wheel).qvel = rate
     mujoco.mj_forward(made.model, data)
-    balance, start = -data.qfrc_smooth.copy(), data.body("hub").xmat.reshape(3, 3).copy()
+    balance = -data.qfrc_smooth.copy()
+    start = data.body("hub").xmat.reshape(3, 3).copy()
     given = 1e-3 * np.random.default_rng(5).standard_normal((plant.ninputs, 300))
     seen = []
     for u in given.T:
         turn = start.T @ data.body("hub").xmat.reshape(3, 3)
-        seen.append([(turn - turn.T)[i, j] / 2.0 for i, j in ((2, 1), (0, 2), (1, 0))] + list(data.qvel[3:6]))
+        seen.append(
+            [(turn - turn.T)[i, j] / 2.0 for i, j in ((2, 1), (0, 2), (1, 0))]
+            + list(data.qvel[3:6])
+        )
         data.qfrc_applied[:] = balance
         if names:
             data.ctrl[:] = held_input(u)
@@ -98,18 +120,25 @@ def test_it_is_what_mujoco_runs(name):
             data.qfrc_applied[3:6] += held_input(u)
         mujoco.mj_step(made.model, data)
         mujoco.mj_forward(made.model, data)
-    told, seen = np.asarray(control.forced_response(plant, np.arange(300) * h, given).outputs), np.array(seen).T
-    size = np.abs(seen).max(1).reshape(2, 3).max(1).repeat(3)  # of the attitude's axes, and of the rate's
+    told, seen = (
+        np.asarray(control.forced_response(plant, np.arange(300) * h, given).outputs),
+        np.array(seen).T,
+    )
+    # of the attitude's axes, and of the rate's
+    size = np.abs(seen).max(1).reshape(2, 3).max(1).repeat(3)
     sys.stdout.write(f"{name}: {np.max(np.abs(told - seen).max(1) / size):.1e}" + "\n")
     assert np.all(np.abs(told - seen).max(1) < RUN * size)
 
 
 def test_an_unstable_step_names_the_mode():
-    craft = text(CRAFTS["a sprung drive and worn bearings"]).replace('stiffness="4000.0"', 'stiffness="4000000.0"')
+    craft = text(CRAFTS["a sprung drive and worn bearings"]).replace(
+        'stiffness="4000.0"', 'stiffness="4000000.0"'
+    )
     with pytest.raises(
-        bc.InputError, match=r"discrete = 0\.1 s is unstable: mode 'drive' grows by a factor .* per step"
+        bc.InputError,
+        match=r"discrete = 0\.1 s is unstable: mode 'drive' grows by a factor .* per step",
     ):
-        bc.plant(compile_model(craft), discrete=0.1)
+        bc.plant(compiled(craft), discrete=0.1)
 
 
 def test_turning_wheels_under_euler_are_warned_of():

@@ -1,4 +1,5 @@
-"""What `bc.plant` hands out and how it answers mistakes: names, units, minimality, angles, files, errors."""
+"""What `bc.plant` hands out and how it answers mistakes: names, units, minimality, angles,
+files, errors."""
 
 import json
 import re
@@ -10,7 +11,7 @@ import pytest
 from scipy.io import loadmat
 
 import beamchain as bc
-from beamchain.engine.linearise import compile_model
+from mechanics import compiled
 from plant_truth import CRAFTS, Truth, embedded, error, kept, text
 
 SAME = 1e-12  # numbers that went through a file, or through another way of asking for them
@@ -18,8 +19,10 @@ AGREE = 1e-7  # transfer functions after states were taken out
 NAME = "four wheels, two drives with arrays, a boom"
 SPRUNG = "a sprung drive and worn bearings"
 S = np.geomspace(0.05, 80.0, 40) * (0.01 + 1j)
-RIGID = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="9"
-diaginertia="1 2 2.5"/><geom name="box" size=".5"/></body><body name="other" pos="0.6 0 0"><geom name="wall" size=".2"/></body>
+RIGID = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="9"
+diaginertia="1 2 2.5"/><geom name="box" size=".5"/></body><body name="other" pos="0.6 0 0">
+<geom name="wall" size=".2"/></body>
 </worldbody></mujoco>"""
 
 
@@ -29,26 +32,41 @@ def bare(**changes):
     for old, new in changes.values():
         assert old in out
         out = out.replace(old, new)
-    return compile_model(out)
+    return compiled(out)
 
 
-# -- what it is --------------------------------------------------------------------------------------------------------
+# -- what it is ------------------------------------------------------------------------------------
 def test_it_is_a_state_space_with_names_and_units():
     plant = bc.plant(
-        embedded(NAME), ["left_drive_motor", "torque:hub", "wrench:unit"], ["attitude", "star", "left_drive_angle"]
+        embedded(NAME),
+        ["left_drive_motor", "torque:hub", "wrench:unit"],
+        ["attitude", "star", "left_drive_angle"],
     )
     assert isinstance(plant, control.StateSpace)
     assert plant.input_labels == [
-        "left_drive_motor", "torque_x_hub", "torque_y_hub", "torque_z_hub", "force_x", "force_y", "force_z", "torque_x_unit",
-        "torque_y_unit", "torque_z_unit",
-    ]  # fmt: skip
-    assert plant.output_labels == [f"{n}_{a}" for n in ("attitude", "star") for a in "xyz"] + ["left_drive_angle"]
+        "left_drive_motor",
+        "torque_x_hub",
+        "torque_y_hub",
+        "torque_z_hub",
+        "force_x",
+        "force_y",
+        "force_z",
+        "torque_x_unit",
+        "torque_y_unit",
+        "torque_z_unit",
+    ]
+    assert plant.output_labels == [f"{n}_{a}" for n in ("attitude", "star") for a in "xyz"] + [
+        "left_drive_angle"
+    ]
     assert plant.output_units == ("rad",) * 7
     assert plant.input_units[1:5] == ("N m", "N m", "N m", "N")
     assert len(plant.state_units) == plant.nstates == plant.A.shape[0]
-    assert {"boom_mode1_xy", "left_array_mode2_xz", "rigid_attitude_x_rate", "rigid_left_drive"} <= set(
-        plant.state_labels
-    )
+    assert {
+        "boom_mode1_xy",
+        "left_array_mode2_xz",
+        "rigid_attitude_x_rate",
+        "rigid_left_drive",
+    } <= set(plant.state_labels)
     assert not [state for state in plant.state_labels if "wheel" in state or "position" in state]
     assert repr(plant).startswith("<Plant, 10 inputs, 7 outputs, ")
     with pytest.raises(ValueError, match="read-only"):
@@ -59,45 +77,81 @@ def test_units_of_actuators():
     """Motors are forces or torques, servos set points; what MuJoCo does not say is left empty."""
     section = bc.Equivalent(bending_stiffness_xy=1e3, linear_mass=2.0)
     spec = bc.Spec(segment=(bc.Segment(length=4.0, section=section),), modes=bc.Modes(xy=1))
-    craft = """<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="90" diaginertia="20 20 20"/>
-    <site name="mount"/><body><joint name="turn" axis="0 0 1" damping="1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
-    <body><joint name="slide" type="slide" damping="1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
-    </body></worldbody><tendon><fixed name="rope"><joint joint="slide" coef="1"/></fixed></tendon><actuator>
-    <motor name="wheel" joint="turn"/><motor name="pusher" joint="slide" gear="2"/><position name="angle" joint="turn" kp="3"/>
+    craft = """<mujoco><worldbody><body name="bus"><freejoint/>
+    <inertial pos="0 0 0" mass="90" diaginertia="20 20 20"/>
+    <site name="mount"/><body><joint name="turn" axis="0 0 1" damping="1"/>
+    <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+    <body><joint name="slide" type="slide" damping="1"/>
+    <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+    </body></worldbody><tendon><fixed name="rope"><joint joint="slide" coef="1"/></fixed></tendon>
+    <actuator>
+    <motor name="wheel" joint="turn"/><motor name="pusher" joint="slide" gear="2"/>
+    <position name="angle" joint="turn" kp="3"/>
     <velocity name="speed" joint="turn" kv="3"/><position name="place" joint="slide" kp="3" kv="1"/>
-    <intvelocity name="held" joint="turn" kp="3" actrange="-1 1"/><motor name="jet" site="mount" gear="1 0 0 0 0 0"/>
-    <motor name="torquer" site="mount" gear="0 0 0 0 1 0"/><motor name="both" site="mount" gear="1 0 0 0 1 0"/>
-    <motor name="winch" tendon="rope"/><general name="scaled" joint="turn" gainprm="0.2"/></actuator></mujoco>"""
+    <intvelocity name="held" joint="turn" kp="3" actrange="-1 1"/>
+    <motor name="jet" site="mount" gear="1 0 0 0 0 0"/>
+    <motor name="torquer" site="mount" gear="0 0 0 0 1 0"/>
+    <motor name="both" site="mount" gear="1 0 0 0 1 0"/>
+    <motor name="winch" tendon="rope"/><general name="scaled" joint="turn" gainprm="0.2"/>
+    </actuator></mujoco>"""
     plant = bc.plant(bc.embed(craft, {"mount": spec}), outputs=["attitude", "rate"])
     units = dict(zip(plant.input_labels, plant.input_units, strict=True))
     assert units == {
-        "wheel": "N m", "pusher": "N", "angle": "rad", "speed": "rad/s", "place": "m", "held": "", "jet": "N", "torquer": "N m",
-        "both": "", "winch": "", "scaled": "",
-    }  # fmt: skip
+        "wheel": "N m",
+        "pusher": "N",
+        "angle": "rad",
+        "speed": "rad/s",
+        "place": "m",
+        "held": "",
+        "jet": "N",
+        "torquer": "N m",
+        "both": "",
+        "winch": "",
+        "scaled": "",
+    }
 
 
 def test_what_makes_up_a_chain_is_no_mode():
     section = bc.Equivalent(bending_stiffness_xy=1e3, bending_stiffness_xz=4e3, linear_mass=2.0)
     spec = bc.Spec(
-        name="boom", segment=(bc.Segment(length=4.0, section=section),), modes=bc.Modes(xy=2, xz=1),
-        fit=bc.FitOptions(springs="modes"), damping=bc.Damping(ratio=0.003),
-    )  # fmt: skip
-    craft = """<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="90" diaginertia="20 20 20"/>
+        name="boom",
+        segment=(bc.Segment(length=4.0, section=section),),
+        modes=bc.Modes(xy=2, xz=1),
+        fit=bc.FitOptions(springs="modes"),
+        damping=bc.Damping(ratio=0.003),
+    )
+    craft = """<mujoco><worldbody><body name="bus"><freejoint/>
+    <inertial pos="0 0 0" mass="90" diaginertia="20 20 20"/>
     <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>"""
     embedded = bc.embed(craft, {"mount": spec})
-    names = [mujoco.mj_id2name(embedded.model, mujoco.mjtObj.mjOBJ_TENDON, i) for i in range(embedded.model.ntendon)]
+    names = [
+        mujoco.mj_id2name(embedded.model, mujoco.mjtObj.mjOBJ_TENDON, i)
+        for i in range(embedded.model.ntendon)
+    ]
     plant = bc.plant(embedded, ["torque:bus"])
     fillers = [name for name in plant.modes if "filler" in name]
     assert len(fillers) == sum("filler" in name for name in names) > 0
-    assert [name for name in plant.modes if name not in fillers] == ["boom_mode1_xy", "boom_mode1_xz", "boom_mode2_xy"]
+    assert [name for name in plant.modes if name not in fillers] == [
+        "boom_mode1_xy",
+        "boom_mode1_xz",
+        "boom_mode2_xy",
+    ]
     assert any(fillers[0] in said and "predicts nothing" in said for said in plant.warnings)
 
 
 def test_defaults_are_all_actuators_and_attitude_with_rate():
     plant = bc.plant(embedded(NAME))
-    assert plant.input_labels == [*(f"wheel{i}_motor" for i in range(1, 5)), "left_drive_motor", "right_drive_motor"]
+    assert plant.input_labels == [
+        *(f"wheel{i}_motor" for i in range(1, 5)),
+        "left_drive_motor",
+        "right_drive_motor",
+    ]
     assert plant.output_labels == [f"{n}_{a}" for n in ("attitude", "rate") for a in "xyz"]
-    assert bc.plant(embedded("one undamped boom")).input_labels == ["torque_x", "torque_y", "torque_z"]
+    assert bc.plant(embedded("one undamped boom")).input_labels == [
+        "torque_x",
+        "torque_y",
+        "torque_z",
+    ]
 
 
 def test_control_works_on_it():
@@ -119,7 +173,11 @@ def test_it_is_modal_and_minimal():
     assert np.all(a == 0.0)
     w = np.concatenate([np.ones(6), np.repeat(plant.frequency, 2)])
     w[0::2] = 1.0
-    scaled = np.diag(1.0 / w) @ plant.A @ np.diag(w), np.diag(1.0 / w) @ plant.B, plant.C @ np.diag(w)
+    scaled = (
+        np.diag(1.0 / w) @ plant.A @ np.diag(w),
+        np.diag(1.0 / w) @ plant.B,
+        plant.C @ np.diag(w),
+    )
     for s in np.linalg.eigvals(plant.A):  # Popov, Belevitch, Hautus
         eye = s * np.eye(plant.nstates)
         assert np.linalg.svd(np.hstack([scaled[0] - eye, scaled[1]]), compute_uv=False)[-1] > 1e-7
@@ -131,7 +189,10 @@ def test_one_wheel_drives_one_direction():
     plant = bc.plant(embedded(NAME), ["wheel1_motor"], ["attitude"])
     assert [state for state in plant.state_labels if state.startswith("rigid")].__len__() == 2
     assert (
-        error(plant(S, squeeze=False), Truth(craft_at_rest(craft), kept).transfer(S, ["wheel1_motor"], ["attitude"]))
+        error(
+            plant(S, squeeze=False),
+            Truth(craft_at_rest(craft), kept).transfer(S, ["wheel1_motor"], ["attitude"]),
+        )
         < AGREE
     )
 
@@ -149,7 +210,8 @@ def test_a_wheel_turns_the_hub_the_other_way():
 def test_keyframes_bring_angles_and_speeds():
     made = embedded(NAME)
     rates = {n: w["rate"] for n, w in CRAFTS[NAME]["wheels"].items()}
-    by_key, by_hand = bc.plant(made, at="run"), bc.plant(made, at={}, rates=rates)
+    by_key = bc.plant(made, at="run")
+    by_hand = bc.plant(made, at={}, rates=rates)
     assert error(by_key(S, squeeze=False), by_hand(S, squeeze=False)) < SAME
     assert bc.plant(made, at=0).state_labels == by_key.state_labels
     still = bc.plant(made, at=np.array(made.model.key_qpos[0]))  # positions bring no speeds
@@ -159,7 +221,9 @@ def test_keyframes_bring_angles_and_speeds():
 def test_specs_models_and_files_are_taken(tmp_path):
     made = embedded("one undamped boom")
     path = made.write(tmp_path / "craft.xml")[-1]
-    plants = [bc.plant(given) for given in (path, made.model, mujoco.MjSpec.from_file(str(path)), made)]
+    plants = [
+        bc.plant(given) for given in (path, made.model, mujoco.MjSpec.from_file(str(path)), made)
+    ]
     for plant in plants[:3]:
         assert np.allclose(plant.A, plants[3].A, rtol=1e-9, atol=1e-12)
         with pytest.raises(bc.InputError, match="only a file.*bc.embed"):
@@ -174,33 +238,45 @@ def test_a_lag_of_an_actuator_is_a_state():
             '<general name="drive_motor" joint="drive" dyntype="filter" dynprm="0.5"/>',
         )
     )
-    plain, slow = bc.plant(bare(), ["drive_motor"]), bc.plant(lagged, ["drive_motor"])
+    plain = bc.plant(bare(), ["drive_motor"])
+    slow = bc.plant(lagged, ["drive_motor"])
     assert "drive_motor" in slow.state_labels
     assert error(slow(S, squeeze=False), plain(S, squeeze=False) / (0.5 * S + 1.0)) < AGREE
 
 
-# -- over angles -------------------------------------------------------------------------------------------------------
+# -- over angles -----------------------------------------------------------------------------------
 def test_a_plant_per_angle_keeps_its_states_and_modes():
     angles = np.radians([0.0, 30.0, 60.0, 90.0])
     made = embedded(NAME)
     grid = bc.plant(made, ["torque:hub"], at={"left_drive": angles, "right_drive": 0.5})
     assert len(grid) == 4
-    assert {plant.state_labels.__repr__() for plant in grid.plants} == {grid[0].state_labels.__repr__()}
-    assert [m.shape for m in grid.matrices()] == [(4, *getattr(grid[0], name).shape) for name in "ABCD"]
+    assert {plant.state_labels.__repr__() for plant in grid.plants} == {
+        grid[0].state_labels.__repr__()
+    }
+    assert [m.shape for m in grid.matrices()] == [
+        (4, *getattr(grid[0], name).shape) for name in "ABCD"
+    ]
     assert grid.frequency.shape == grid.damping_ratio.shape == (4, len(grid.modes))
     assert grid.gain.shape == (4, len(grid.modes), 6, 3)
     for angle, plant in zip(angles, grid.plants, strict=True):
         alone = bc.plant(made, ["torque:hub"], at={"left_drive": angle, "right_drive": 0.5})
         assert error(plant(S, squeeze=False), alone(S, squeeze=False)) < AGREE
-    fine = bc.plant(made, ["torque:hub"], at={"left_drive": np.radians(np.arange(0.0, 91.0, 5.0)), "right_drive": 0.5})
-    assert np.allclose(
-        fine.frequency[[0, 6, 12, 18]][:, [fine.modes.index(m) for m in grid.modes]], grid.frequency, rtol=1e-9
+    fine = bc.plant(
+        made,
+        ["torque:hub"],
+        at={"left_drive": np.radians(np.arange(0.0, 91.0, 5.0)), "right_drive": 0.5},
     )
-    assert np.max(np.abs(np.diff(np.log(fine.frequency), axis=0))) < 0.06  # no mode jumps from one to another
+    assert np.allclose(
+        fine.frequency[[0, 6, 12, 18]][:, [fine.modes.index(m) for m in grid.modes]],
+        grid.frequency,
+        rtol=1e-9,
+    )
+    # no mode jumps from one to another
+    assert np.max(np.abs(np.diff(np.log(fine.frequency), axis=0))) < 0.06
     assert fine.plot().get_xlabel() == "left_drive, degrees"
 
 
-# -- files -------------------------------------------------------------------------------------------------------------
+# -- files -----------------------------------------------------------------------------------------
 def test_files_hold_the_plant_and_are_not_overwritten(tmp_path):
     plant = bc.plant(embedded("one undamped boom"))
     grid = bc.plant(bare(), ["torque:hub"], at={"drive": [0.0, 0.1]})
@@ -221,31 +297,46 @@ def test_files_hold_the_plant_and_are_not_overwritten(tmp_path):
     with pytest.raises(bc.BeamchainError, match=r"p\.mat' exists"):
         plant.write(tmp_path / "p.mat")
     plant.write(tmp_path / "p.mat", force=True)
-    with pytest.raises(bc.InputError, match=r"ends in '\.csv'; write to a name in \.npz, \.json, \.mat"):
+    with pytest.raises(
+        bc.InputError, match=r"ends in '\.csv'; write to a name in \.npz, \.json, \.mat"
+    ):
         plant.write(tmp_path / "p.csv")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["g.mat", "p.json", "p.mat", "p.npz"]
 
 
-# -- mistakes ----------------------------------------------------------------------------------------------------------
+# -- mistakes --------------------------------------------------------------------------------------
 SENSOR = (
     "<jointpos",
-    '<touch name="feeler" site="unit"/><user name="mine" dim="1"/><rangefinder name="beam" site="unit"/><jointpos',
+    '<touch name="feeler" site="unit"/><user name="mine" dim="1"/><rangefinder name="beam" '
+    'site="unit"/><jointpos',
 )
-CUT = ('<gyro name="gyro"', '<framepos name="far" objtype="site" objname="unit" cutoff="0.1"/><gyro name="gyro"')
-MUSCLE = ('<motor name="drive_motor" joint="drive"/>', '<muscle name="drive_motor" joint="drive" lengthrange="0 1"/>')
+CUT = (
+    '<gyro name="gyro"',
+    '<framepos name="far" objtype="site" objname="unit" cutoff="0.1"/><gyro name="gyro"',
+)
+MUSCLE = (
+    '<motor name="drive_motor" joint="drive"/>',
+    '<muscle name="drive_motor" joint="drive" lengthrange="0 1"/>',
+)
 LIMITED = ('<joint name="drive" ', '<joint name="drive" limited="true" range="-1 1" ')
 
 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ({"inputs": ["drive_motr"]}, "actuator of inputs = 'drive_motr' is unknown; did you mean 'drive_motor'"),
+        (
+            {"inputs": ["drive_motr"]},
+            "actuator of inputs = 'drive_motr' is unknown; did you mean 'drive_motor'",
+        ),
         ({"inputs": ["torque:hubb"]}, "did you mean 'hub'"),
         ({"inputs": "drive_motor"}, "must be a list of names"),
         ({"inputs": ["drive_motor", "drive_motor"]}, "names 'drive_motor' twice"),
         ({"outputs": ["giro"]}, "sensor of outputs = 'giro' is unknown; did you mean 'gyro'"),
         ({"outputs": ["motion:unix"]}, "did you mean 'unit'"),
-        ({"outputs": ["feeler"]}, "sensor 'feeler' of outputs has no linear part here: a touch sensor has none"),
+        (
+            {"outputs": ["feeler"]},
+            "sensor 'feeler' of outputs has no linear part here: a touch sensor has none",
+        ),
         ({"outputs": ["mine"]}, "a user sensor has none"),
         ({"outputs": ["beam"]}, "a rangefinder sensor has none"),
         ({"outputs": ["far"]}, "it is at its cutoff, 0.1"),
@@ -253,7 +344,10 @@ LIMITED = ('<joint name="drive" ', '<joint name="drive" limited="true" range="-1
         ({"at": 7}, "at = 7 is no keyframe; the model has 1"),
         ({"at": [0.0, 1.0]}, r"at has the shape \(2,\); give qpos with shape \(9,\)"),
         ({"at": {"driv": 0.1}}, "did you mean 'drive'"),
-        ({"at": {"drive": 45.0}}, r"joint 'drive' = 45 is outside its range \[-1, 1\]; angles are in rad"),
+        (
+            {"at": {"drive": 45.0}},
+            r"joint 'drive' = 45 is outside its range \[-1, 1\]; angles are in rad",
+        ),
         ({"at": {"drive": [0.1], "spin": [0.2]}}, "only one joint can have a list of angles"),
         ({"discrete": 0.0}, "discrete = 0.0 must be above zero"),
     ],
@@ -266,7 +360,9 @@ def test_mistakes_are_named(arguments, sentence):
 
 
 def test_a_drive_with_an_array_may_not_turn():
-    with pytest.raises(bc.InputError, match=r"'drive' moves at 1 in this state.*only balanced wheels may turn"):
+    with pytest.raises(
+        bc.InputError, match=r"'drive' moves at 1 in this state.*only balanced wheels may turn"
+    ):
         bc.plant(embedded(SPRUNG), rates={"drive": 1.0})
 
 
@@ -276,7 +372,9 @@ def test_a_muscle_is_not_linear():
 
 
 def test_a_pose_in_contact_is_refused():
-    with pytest.raises(bc.InputError, match="'box' touches 'wall' in this pose, and a contact has no linear part"):
+    with pytest.raises(
+        bc.InputError, match="'box' touches 'wall' in this pose, and a contact has no linear part"
+    ):
         bc.plant(RIGID)
 
 
@@ -299,5 +397,7 @@ def test_gravity_is_left_out_and_said():
 
 def test_signals_of_an_appendage_have_no_exact_plant():
     plant = bc.plant(embedded("one undamped boom"), ["torque:boom_link1"])
-    with pytest.raises(bc.InputError, match="the exact plant has the bare spacecraft's signals only"):
+    with pytest.raises(
+        bc.InputError, match="the exact plant has the bare spacecraft's signals only"
+    ):
         _ = plant.exact

@@ -1,4 +1,5 @@
-"""What a cell or a prompt shows of fits, embeddings and models: a few lines with the right numbers, never arrays.
+"""What a cell or a prompt shows of fits, embeddings and models:
+a few lines with the right numbers, never arrays.
 
 No tolerances: printed text only.
 """
@@ -13,7 +14,8 @@ from arrays import deployed_array
 LINES, WIDTH = 20, 400  # of a repr: what a person still reads
 
 CRAFT = """<mujoco><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>
-<inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/><site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>"""
+<inertial pos="0 0 0" mass="300" diaginertia="100 120 150"/><site name="mount" pos="0.5 0 0"/>
+</body></worldbody></mujoco>"""
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +48,11 @@ def test_a_fit_says_its_modes(fitted):
 def test_a_fit_in_a_cell_is_a_table(fitted):
     rows = html.fromstring(fitted._repr_html_()).xpath("//tr")
     assert len(rows) == 1 + 4
-    assert [cell.text for cell in rows[1]][:3] == ["xy", "1", f"{fitted.target['xy'].frequencies[0]:.6g}"]
+    assert [cell.text for cell in rows[1]][:3] == [
+        "xy",
+        "1",
+        f"{fitted.target['xy'].frequencies[0]:.6g}",
+    ]
 
 
 def test_models_say_their_size(fitted):
@@ -54,7 +60,9 @@ def test_models_say_their_size(fitted):
     assert "1 motion," in short(fitted.full["torsion"])
     assert "implicitfast" in short(fitted.measured.linearisation)
     assert "rigid" in short(bc.PortModel([[2.0]], [], [[]]))
-    data = bc.ModalData([[1.0 if i == j else 0.0 for j in range(6)] for i in range(6)], [2.0], [[0.1] * 6])
+    data = bc.ModalData(
+        [[1.0 if i == j else 0.0 for j in range(6)] for i in range(6)], [2.0], [[0.1] * 6]
+    )
     assert "2 rad/s" in short(data)
 
 

@@ -1,26 +1,16 @@
 """What a run puts an appendage through, and the warnings where a chain is not right for it."""
 
-from importlib.resources import files
-from pathlib import Path
+from functools import cache
 
 import mujoco
-import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import beamchain as bc
-from beamchain.cli.render import too_far
-from beamchain.engine.linearise import compile_model
-from beamchain.engine.slew import Slew
-from beamchain.report.study_html import answer, study_page, table
-from beamchain.steps.driven import Driven, driven, exceeded, keyframes, turned
-from beamchain.steps.large_motion import LargeMotion
-from beamchain.studies import study as studies
+from examples import example
 from spacecraft import spec
 
-SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
-DIFFERENCES = 1e-5  # second differences over a thousandth of a turn
-FORCES = 1e-10  # MuJoCo's own kinematics against a formula
+SEED = example("seed_boom")
+SAME = 1e-9  # two ways to hold one chain
 
 CRAFT = """<mujoco>
   <compiler angle="radian"/>
@@ -38,64 +28,14 @@ CRAFT = """<mujoco>
 KEY = "<key name='{name}' qpos='0 0 0 1 0 0 0' qvel='0 0 0 {qvel}' ctrl='{ctrl}'/>"
 
 
+@cache
+def seed_fit() -> bc.Fit:
+    """The 2008 boom, fitted once: its limits take a second."""
+    return bc.fit(SEED)
+
+
 def craft(*keys: tuple[str, str, float]) -> str:
     return CRAFT.format(keys="".join(KEY.format(name=n, qvel=v, ctrl=c) for n, v, c in keys))
-
-
-def test_steady_spin_of_a_hub():
-    """Turning at w about z, its centre at rest: the root at (2, 0, 0) moves at w^2 r along x, nothing across."""
-    rate, spacing = 0.7, 1e-3
-    t = spacing * np.arange(2000)
-    motion = np.zeros((t.size, 6))
-    motion[:, 5] = rate * t
-    run = driven(motion, spacing, np.array([2.0, 0.0, 0.0]))
-    assert run.spin == pytest.approx(rate, rel=DIFFERENCES)
-    assert max(*run.acceleration.values(), *run.slew.values()) < 1e-6
-
-
-def test_accelerated_turn_and_thrust_in_the_hubs_own_axes():
-    """A hub turned by 90 degrees about z, then pushed along the world's x: across the appendage, which points along y."""
-    slew, push, spacing = 0.3, 0.2, 1e-3
-    t = spacing * np.arange(1000)
-    motion = np.zeros((t.size, 6))
-    motion[:, 5] = np.pi / 2.0
-    motion[:, 0] = 0.5 * push * t**2
-    run = driven(motion, spacing, np.zeros(3))
-    assert run.acceleration["xy"] == pytest.approx(push, rel=DIFFERENCES)
-    assert run.acceleration["xz"] == pytest.approx(0.0, abs=1e-9)
-    motion[:] = 0.0
-    motion[:, 4] = 0.5 * slew * t**2
-    run = driven(motion, spacing, np.array([2.0, 0.0, 0.0]))
-    assert run.slew["xz"] == pytest.approx(slew, rel=DIFFERENCES)
-    assert run.acceleration["xz"] == pytest.approx(2.0 * slew, rel=1e-3)  # less what centripetal acceleration turns
-    assert run.slew["xy"] == pytest.approx(0.0, abs=1e-9)
-    assert turned(0.0, slew, 1, (2.0, 0.0, 0.0)) == Driven(0.0, {"xy": 0.0, "xz": 0.6}, {"xy": 0.0, "xz": slew})
-
-
-def test_attitudes_beyond_half_a_turn_are_followed():
-    spacing = 1e-2
-    t = spacing * np.arange(2000)
-    motion = np.zeros((t.size, 6))
-    motion[:, 3:] = Rotation.from_rotvec(np.outer(0.5 * t, [0.0, 0.0, 1.0])).as_rotvec()  # wraps at half a turn
-    assert driven(motion, spacing, np.zeros(3)).spin == pytest.approx(0.5, rel=DIFFERENCES)
-
-
-def test_keyframes_of_a_model():
-    model = compile_model(craft(("still", "0 0 0", 0.0), ("spin", "0.5 0.3 0.4", 0.0), ("kick", "0 0 0", 5.0)).replace(
-        "<site name=\"mount\" pos=\"1 0 0\"/>",
-        "<site name='mount' pos='1 0 0'/><body name='root' pos='1 0 0'><geom size='1' mass='0'/></body>"))  # fmt: skip
-    found = keyframes(model, "root")
-    assert list(found) == ["spin", "kick"]
-    assert found["spin"].spin == pytest.approx(0.5, rel=FORCES)
-    assert found["kick"].slew["xy"] == pytest.approx(5.0 / 500.0, rel=FORCES)
-    assert found["kick"].acceleration["xy"] == pytest.approx(5.0 / 500.0, rel=FORCES)
-
-
-def test_exceeded_names_the_plane_and_the_limit():
-    limits = {"xz": LargeMotion("xz", 0.2, 0.5, 0.05, 0.3)}
-    assert exceeded(limits, Driven(0.1, {"xy": 9.0, "xz": 0.4}, {"xy": 9.0, "xz": 0.04})) == []
-    said = exceeded(limits, Driven(0.3, {"xy": 0.0, "xz": 0.6}, {"xy": 0.0, "xz": 0.0}))
-    assert [("spin" in s, "0.2 rad/s" in s, "xz" in s) for s in said] == [(True, True, True), (False, False, True)]
 
 
 def test_embed_warns_of_a_keyframe_beyond_the_chain():
@@ -120,56 +60,10 @@ def test_embed_into_an_mjspec_warns_too():
 def test_embedded_chains_have_limits_wherever_their_springs_stand():
     done = bc.embed(craft(("spin", "0 0 0.9", 0.0)), {"mount": bc.read_spec(spec("rod"))})
     assert done.appendages[0].large_motion
-    plain = bc.fit(bc.read_spec(SEED))
+    plain = seed_fit()
     tied = bc.fit(bc.read_spec(SEED), options=bc.FitOptions(springs="modes"))
     assert tied.chain.tendons
-    said = too_far(tied, _slew(3.0, 1.0))
-    assert said
-    assert said == too_far(plain, _slew(3.0, 1.0))
-
-
-def _slew(angle: float, seconds: float) -> Slew:
-    return Slew(np.zeros(1), np.zeros((1, 1)), "hub", 2, angle, seconds, 1.0, ())
-
-
-def test_a_rendered_turn_warns():
-    fit = bc.fit(bc.read_spec(SEED))
-    assert too_far(fit, _slew(0.7, 100.0)) == []
-    said = too_far(fit, _slew(0.7, 5.0))  # 0.28 rad/s, 0.112 rad/s^2
-    assert ["spin" in s for s in said].count(True) == 1
-    assert any(s.startswith("slew reached 0.112 rad/s^2") for s in said)
-
-
-def test_study_warns_where_no_chain_reaches_a_target():
-    spec = bc.read_spec(SEED)
-    task, scenario = studies.prepare(studies.spec_toml(spec), studies.Options(duration=10.0))
-    loud = studies.replace(scenario, profile=studies.parse_profile("time,mz\n0,60\n2,-60\n4,0\n", "p"))
-    point = studies.Point("exact, hub", 2, "RK4", 0.1, 0.2, 0.2, 1.0, 0.01, 0.0, 1.5, 3)
-    rival = studies.Point("equal links, midpoint", 57, "RK4", 0.001, 5e-3, 5e-3, 9.0, 0.01, 0.0, 9.0, 3)
-    ladders = tuple(studies.Ladder(studies.Entry(*p[:3]), [p], "") for p in (point, rival))
-    growth = studies.Growth((), None, (), None)
-    found = studies.Study(spec, studies.Options(), task.kept, loud, ladders, growth, 0.0)
-    assert found.best(1e-2, "error") is None
-    assert any(s.startswith("exact, hub, n = 2: slew") for s in studies._too_far(task, found))
-    assert "exact, hub with n = 2 comes to 0.2" in answer(found)
-    rows = table(found, "error").rows
-    assert [r[1] for r in rows[:2]] == ["none of ours within the budget", "equal links, midpoint"]
-
-
-def test_study_warns_of_a_load_beyond_the_chain():
-    profile = "time,mz\n0,60\n2,-60\n4,0\n"  # 0.1 rad/s^2 on the hub
-    options = studies.Options(profile=profile, duration=10.0, budget=1e-3, models=("exact, hub",))
-    spec = bc.read_spec(SEED)
-    task, scenario = studies.prepare(studies.spec_toml(spec), studies.Options(duration=10.0))
-    loud = studies.replace(scenario, profile=studies.parse_profile(profile, "p"))
-    rows = [(0.1, 1e-3, 1.0)]
-    points = [studies.Point("exact, hub", 2, "RK4", h, e, e, s, s / 100, 0.0, 1.5, 3) for h, e, s in rows]
-    ladders = (studies.Ladder(studies.Entry("exact, hub", 2, "RK4"), points, ""),)
-    growth = studies.Growth((), None, (), None)
-    quiet = studies.Study(spec, options, task.kept, scenario, ladders, growth, 0.0)
-    assert studies._too_far(task, quiet) == ()
-    said = studies._too_far(task, studies.replace(quiet, scenario=loud))
-    assert any(s.startswith("exact, hub, n = 2: slew reached") for s in said)
-    warned = studies.replace(quiet, warnings=said)
-    assert warned.as_dict()["warnings"] == list(said)
-    assert said[0].split("/s^2")[0] in study_page(warned)[0]
+    for name, value in plain.large_motion[0]["xy"].as_dict().items():
+        assert tied.large_motion[0]["xy"].as_dict()[name] == (
+            value if name == "port" else pytest.approx(value, rel=SAME)
+        )

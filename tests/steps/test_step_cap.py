@@ -1,19 +1,21 @@
-"""The largest stable step of one hinge against the published stability limits of each integrator."""
+"""The largest stable step of one hinge against the published stability limits
+of each integrator."""
 
 import mujoco
 import numpy as np
 import pytest
 
 from appendages import close
-from beamchain.engine.linearise import INTEGRATORS
+from mechanics import INTEGRATORS
 
 STABLE = 2e-3  # the bisection's own resolution (1e-3) and the slow growth just beyond the limit
 SEMI_IMPLICIT = ["Euler", "implicit", "implicitfast"]
 
 OSCILLATOR = (
-    '<mujoco><option gravity="0 0 0" integrator="{integrator}"><flag contact="disable" autoreset="disable"/></option>'
-    '<worldbody><body><joint type="hinge" axis="0 0 1" stiffness="1" damping="{damping!r}"/>'
-    '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>'
+    '<mujoco><option gravity="0 0 0" integrator="{integrator}"><flag contact="disable" '
+    'autoreset="disable"/></option><worldbody><body><joint type="hinge" axis="0 0 1" stiffness="1" '
+    'damping="{damping!r}"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 '
+    '1"/></body></worldbody></mujoco>'
 )
 
 
@@ -29,7 +31,9 @@ def is_stable(model, data, h, steps=3000):
 
 
 def largest_step(integrator, zeta, low, high):
-    model = mujoco.MjModel.from_xml_string(OSCILLATOR.format(integrator=integrator, damping=2.0 * zeta))
+    model = mujoco.MjModel.from_xml_string(
+        OSCILLATOR.format(integrator=integrator, damping=2.0 * zeta)
+    )
     data = mujoco.MjData(model)
     assert is_stable(model, data, low)
     assert not is_stable(model, data, high)
@@ -52,9 +56,12 @@ def largest_step(integrator, zeta, low, high):
 )
 def test_stability_cap_of_one_hinge(integrators, zeta, published):
     for integrator in integrators:
-        assert largest_step(integrator, zeta, published - 0.1, published + 0.1) == close(published, abs=STABLE)
+        assert largest_step(integrator, zeta, published - 0.1, published + 0.1) == close(
+            published, abs=STABLE
+        )
     if integrators is SEMI_IMPLICIT:  # in closed form
-        assert 2 * zeta + 2 * np.sqrt(zeta**2 + 1) == close(published, abs=2e-4)  # measured: 2.2101 for 2.20998
+        # measured: 2.2101 for 2.20998
+        assert 2 * zeta + 2 * np.sqrt(zeta**2 + 1) == close(published, abs=2e-4)
 
 
 def test_the_discrete_integrator_has_no_cap():

@@ -1,4 +1,5 @@
-"""What a step does to a spacecraft that turns about several axes: stated, warned of, and decisive for "auto"."""
+"""What a step does to a spacecraft that turns about several axes: stated, warned of,
+and decisive for "auto"."""
 
 import mujoco
 import numpy as np
@@ -9,11 +10,7 @@ from scipy.spatial.transform import Rotation
 import beamchain as bc
 from appendages import close
 from arrays import tube
-from beamchain.errors import InputError
-from beamchain.fitting.options import Root, Scene
-from beamchain.steps.turn import central_inertia, turn_error
 
-INERTIA = np.diag([4.0, 6.0, 9.0])
 RATES = (0.1, -0.05, 0.08)
 FAST = (0.5, -0.3, 0.4)
 HUB = bc.Hub(mass=300.0, inertia=(60.0, 90.0, 120.0), offset=(0.5, 0.1, 0.0))
@@ -36,50 +33,79 @@ def semi_implicit(inertia, rates, seconds, h):
     return w
 
 
+def central_inertia(mass):
+    """`(3, 3)` inertia about the mass centre of a mass matrix `(6, 6)`:
+    `J - m X X^T` with `X` the cross product by the arm."""
+    arm = mass[3:, :3] / mass[0, 0]
+    return mass[3:, 3:] - mass[0, 0] * arm @ arm.T
+
+
+def whole_inertia(hub):
+    """The same of a hub with the tube."""
+    return central_inertia(hub.mass_matrix() + tube().rigid_mass())
+
+
+def stated(hub, rates, timestep, integrator="Euler"):
+    """The error that a fit states of its scene's step."""
+    wanted = bc.Scene(timestep=timestep, integrator=integrator, rates=rates)
+    return bc.fit(tube(), modes={"xy": 1, "xz": 1}, root=bc.Root(hub=hub), scene=wanted).turn_error
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_the_error_is_that_of_euler_s_rule(seed):
     axes = Rotation.random(random_state=seed).as_matrix()
-    inertia = axes @ INERTIA @ axes.T
-    size, h = float(np.linalg.norm(RATES)), 0.05
+    turned = axes @ np.diag(HUB.inertia) @ axes.T
+    hub = bc.Hub(
+        mass=HUB.mass,
+        inertia=tuple(np.diag(turned)),
+        offset=HUB.offset,
+        products=(turned[0, 1], turned[0, 2], turned[1, 2]),
+    )
+    assert central_inertia(hub.mass_matrix()) == close(turned, abs=1e-10)
+    inertia = whole_inertia(hub)
+    size = float(np.linalg.norm(RATES))
+    h = 0.05
     seconds = np.ceil(1.0 / (size * h)) * h
-    exact, taken = euler_equations(inertia, RATES, seconds), semi_implicit(inertia, RATES, seconds, h)
-    assert turn_error(inertia, RATES, h) == close(np.linalg.norm(taken - exact) / size, rel=1e-3)
+    exact = euler_equations(inertia, RATES, seconds)
+    taken = semi_implicit(inertia, RATES, seconds, h)
+    assert stated(hub, RATES, h) == close(np.linalg.norm(taken - exact) / size, rel=1e-3)
 
 
 def test_the_order_of_each_integrator():
-    coarse, fine = (turn_error(INERTIA, RATES, h) for h in (0.2, 0.1))
+    coarse, fine = (stated(HUB, RATES, h) for h in (0.2, 0.1))
     assert np.log2(coarse / fine) == close(1.0, abs=0.1)
-    assert turn_error(INERTIA, RATES, 0.2, "RK4") < 1e-8
-    assert turn_error(INERTIA, RATES, 0.1, "implicitfast") == close(fine, rel=0.1)
+    assert stated(HUB, RATES, 0.2, "RK4") < 1e-8
+    assert stated(HUB, RATES, 0.1, "implicitfast") == close(fine, rel=0.1)
 
 
 def test_a_turn_about_a_principal_axis_costs_nothing():
-    assert turn_error(INERTIA, (0.0, 0.3, 0.0), 0.1) < 1e-14
-    assert turn_error(INERTIA, (0.0, 0.0, 0.0), 0.1) == 0.0
-
-
-def test_inertia_about_the_mass_centre():
-    assert central_inertia(HUB.mass_matrix()) == close(np.diag(HUB.inertia), abs=1e-10)
+    straight = bc.Hub(mass=300.0, inertia=(60.0, 90.0, 120.0), offset=(0.5, 0.0, 0.0))
+    assert stated(straight, (0.0, 0.3, 0.0), 0.1) < 1e-14
+    assert stated(straight, (0.0, 0.0, 0.0), 0.1) == 0.0
 
 
 def scene(**more):
-    return Scene(bandwidth=2.0, tolerance=1e-3, timestep=0.05, **more)
+    return bc.Scene(bandwidth=2.0, tolerance=1e-3, timestep=0.05, **more)
 
 
 def test_auto_takes_euler_for_slow_turns_and_rk4_for_fast_ones():
-    slow = bc.fit(tube(), root=Root(hub=HUB), scene=scene(integrator="auto", rates=(1e-4, 1e-4, 1e-4)))
-    fast = bc.fit(tube(), root=Root(hub=HUB), scene=scene(integrator="auto", rates=FAST))
+    slow = bc.fit(
+        tube(), root=bc.Root(hub=HUB), scene=scene(integrator="auto", rates=(1e-4, 1e-4, 1e-4))
+    )
+    fast = bc.fit(tube(), root=bc.Root(hub=HUB), scene=scene(integrator="auto", rates=FAST))
     assert (slow.spec.integrator, fast.spec.integrator) == ("Euler", "RK4")
     assert slow.turn_error < 1e-3
     assert fast.turn_error < 1e-3
-    assert mujoco.MjModel.from_xml_string(fast.scene_mjcf()).opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    assert (
+        mujoco.MjModel.from_xml_string(fast.scene_mjcf()).opt.integrator
+        == mujoco.mjtIntegrator.mjINT_RK4
+    )
     assert fast.as_dict()["time"]["turn_error"] == fast.turn_error
 
 
 def test_a_step_that_turns_the_spacecraft_badly_is_said():
-    result = bc.fit(tube(), root=Root(hub=HUB), scene=scene(integrator="Euler", rates=FAST))
-    whole = central_inertia(HUB.mass_matrix() + tube().rigid_mass())
-    assert result.turn_error == close(turn_error(whole, FAST, 0.05), rel=1e-9)
+    result = bc.fit(tube(), root=bc.Root(hub=HUB), scene=scene(integrator="Euler", rates=FAST))
+    assert result.turn_error == close(stated(HUB, FAST, 0.05), rel=1e-9)
     [said] = [w for w in result.warnings if "turns the rigid spacecraft" in w]
     assert "take RK4" in said
     assert "rates of (0.5, -0.3, 0.4) rad/s" in said
@@ -88,13 +114,18 @@ def test_a_step_that_turns_the_spacecraft_badly_is_said():
 def test_embed_says_it_of_the_whole_craft():
     craft = (
         '<mujoco><option timestep="0.05" gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>'
-        '<inertial pos="0 0 0" mass="300" diaginertia="60 90 120"/><site name="mount" pos="0.5 0 0"/></body>'
+        '<inertial pos="0 0 0" mass="300" diaginertia="60 90 120"/><site name="mount" pos="0.5 0 '
+        '0"/></body>'
         "</worldbody></mujoco>"
     )
     spec = bc.Spec(segment=tube().segments, scene=scene(rates=FAST))
-    assert [w for w in bc.embed(craft, {"mount": spec}).warnings if "turns the rigid spacecraft" in w]
+    assert [
+        w for w in bc.embed(craft, {"mount": spec}).warnings if "turns the rigid spacecraft" in w
+    ]
     calm = bc.Spec(segment=tube().segments, scene=scene(rates=(1e-5, 1e-5, 0.0)))
-    assert not [w for w in bc.embed(craft, {"mount": calm}).warnings if "turns the rigid spacecraft" in w]
+    assert not [
+        w for w in bc.embed(craft, {"mount": calm}).warnings if "turns the rigid spacecraft" in w
+    ]
 
 
 @pytest.mark.parametrize(
@@ -106,22 +137,24 @@ def test_embed_says_it_of_the_whole_craft():
     ],
 )
 def test_bad_rates_are_named(given, word):
-    with pytest.raises(InputError, match=word):
-        Scene(**given)
+    with pytest.raises(bc.InputError, match=word):
+        bc.Scene(**given)
 
 
 def test_auto_needs_the_hub():
-    with pytest.raises(InputError, match=r"root\.hub"):
+    with pytest.raises(bc.InputError, match=r"root\.hub"):
         bc.fit(tube(), scene=scene(integrator="auto", rates=FAST))
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "RK4"])
 def test_the_spring_of_the_craft_that_sets_the_limit_is_named(integrator):
-    """Every step is stable for appendages that are exact in time; the spring of a drive is the spacecraft's own."""
+    """Every step is stable for appendages that are exact in time;
+    the spring of a drive is the spacecraft's own."""
     craft = (
-        f'<mujoco><option timestep="0.05" gravity="0 0 0" integrator="{integrator}"/><worldbody><body name="bus"><freejoint/>'
-        '<inertial pos="0 0 0" mass="300" diaginertia="60 90 120"/><body name="yoke" pos="0.5 0 0">'
-        '<joint name="drive" type="hinge" axis="1 0 0" stiffness="80000"/><inertial pos="0 0 0" mass="2" '
+        '<mujoco><option timestep="0.05" gravity="0 0 0" '
+        f'integrator="{integrator}"/><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" '
+        'mass="300" diaginertia="60 90 120"/><body name="yoke" pos="0.5 0 0"><joint name="drive" '
+        'type="hinge" axis="1 0 0" stiffness="80000"/><inertial pos="0 0 0" mass="2" '
         'diaginertia="0.05 0.05 0.05"/><site name="mount"/></body></body></worldbody></mujoco>'
     )
     spec = bc.Spec(segment=tube().segments, modes=bc.Modes(xy=2, xz=2, torsion=1))

@@ -1,16 +1,16 @@
-"""Nastran prints: every style read to its printed digits, everything cut or mangled refused with a sentence that "
-"helps."""
+"""Nastran prints: every style read to its printed digits,
+everything cut or mangled refused with a sentence that " "helps."""
 
 import re
 
 import numpy as np
 import pytest
 
-from beamchain.errors import InputError
-from beamchain.structure.readers import read_modes
+from beamchain import InputError, read_modes
 from prints import Modes, Print, cantilever, plate, whole
 
-DIGITS = 6e-7  # half a unit in the seventh printed digit, and a little for the square root of the eigenvalue
+# half a unit in the seventh printed digit, and a little for the square root of the eigenvalue
+DIGITS = 6e-7
 PLATE = plate().in_units(1e-3, 1e3)
 UNITS = {"length": 1e-3, "mass": 1e3}
 
@@ -24,7 +24,9 @@ def written(tmp_path, content: str, name: str = "array.f06"):
 def test_the_plate_is_a_plate():
     # a very slender one bends as a beam: 3.5160153 sqrt(EI / m) / L^2
     thin = plate(3, length=2.0, width=0.02, thickness=1e-3)
-    assert thin.frequencies[0] == pytest.approx(3.5160153 * np.sqrt(7.1e10 / 12.0 / 2750.0) * 1e-3 / 4.0, rel=1e-2)
+    assert thin.frequencies[0] == pytest.approx(
+        3.5160153 * np.sqrt(7.1e10 / 12.0 / 2750.0) * 1e-3 / 4.0, rel=1e-2
+    )
 
 
 @pytest.mark.parametrize("style", ["msc", "simcenter"])
@@ -43,9 +45,14 @@ def test_rescaled_modes_are_normalised(tmp_path):
     # as with MAX normalisation: generalized masses that are not one
     generalized = np.geomspace(1e-6, 3.0, 21)
     data = read_modes(
-        written(tmp_path, whole(Modes(PLATE.frequencies, PLATE.participation, PLATE.mass, generalized))), units=UNITS
+        written(
+            tmp_path, whole(Modes(PLATE.frequencies, PLATE.participation, PLATE.mass, generalized))
+        ),
+        units=UNITS,
     )
-    assert np.abs(data.participation) == pytest.approx(np.abs(plate().participation), rel=3e-6, abs=1e-12)
+    assert np.abs(data.participation) == pytest.approx(
+        np.abs(plate().participation), rel=3e-6, abs=1e-12
+    )
     assert any("generalized mass" in step for step in data.steps)
 
 
@@ -56,7 +63,9 @@ def test_exponents_without_a_letter_and_with_d(tmp_path):
 
 
 def test_the_weight_generator_s_mass_counts_the_clamped_nodes(tmp_path):
-    heavy = Modes(PLATE.frequencies, PLATE.participation, PLATE.mass + np.diag([1e-5, 1e-5, 1e-5, 0, 0, 0]))
+    heavy = Modes(
+        PLATE.frequencies, PLATE.participation, PLATE.mass + np.diag([1e-5, 1e-5, 1e-5, 0, 0, 0])
+    )
     content = Print()
     content.weight(heavy)
     content = content.text() + whole(PLATE)
@@ -88,7 +97,9 @@ def test_fractions_alone_are_refused_with_what_to_ask_for(tmp_path):
     content = Print()
     content.eigenvalues(PLATE)
     content.fractions(PLATE)
-    with pytest.raises(InputError, match=r"lost the signs.*MEFFMASS\(PRINT,ALL\) = YES.*PARAM,GRDPNT,0"):
+    with pytest.raises(
+        InputError, match=r"lost the signs.*MEFFMASS\(PRINT,ALL\) = YES.*PARAM,GRDPNT,0"
+    ):
         read_modes(written(tmp_path, content.text()))
     content.effective(PLATE)
     with pytest.raises(InputError, match="lost the signs"):
@@ -110,7 +121,8 @@ def test_an_unclamped_run_is_refused(tmp_path):
 
 
 def test_every_cut_is_refused_or_complete(tmp_path):
-    """A print cut anywhere either still holds everything or is refused; it never gives other numbers."""
+    """A print cut anywhere either still holds everything or is refused;
+    it never gives other numbers."""
     content = whole(PLATE)
     lines = content.splitlines(keepends=True)
     truth = read_modes(written(tmp_path, content), units=UNITS)
@@ -124,7 +136,9 @@ def test_every_cut_is_refused_or_complete(tmp_path):
         else:
             assert np.array_equal(data.participation, truth.participation)
     assert len(sentences) > 20
-    assert all(re.search(r"cut|MEFFMASS|damaged|empty|run it again", sentence) for sentence in sentences)
+    assert all(
+        re.search(r"cut|MEFFMASS|damaged|empty|run it again", sentence) for sentence in sentences
+    )
 
 
 @pytest.mark.parametrize(
@@ -150,7 +164,10 @@ def test_a_wrong_digit_contradicts_the_effective_mass(tmp_path):
     wrong[4] = f"{float(wrong[4]) * 1.01:.6E}"
     with pytest.raises(InputError, match=r"mode 1: participation squared .* effective mass"):
         read_modes(
-            written(tmp_path, head + "MODAL PARTICIPATION FACTORS" + tail.replace(row, "    " + "  ".join(wrong)))
+            written(
+                tmp_path,
+                head + "MODAL PARTICIPATION FACTORS" + tail.replace(row, "    " + "  ".join(wrong)),
+            )
         )
 
 
@@ -169,22 +186,30 @@ def test_what_is_no_print_is_refused(tmp_path):
 
 def test_o8_as_a_print(tmp_path):
     data = read_modes(written(tmp_path, whole(cantilever(0.4), weight=True)))
-    assert data.frequencies[:4] / (2 * np.pi) == pytest.approx([63.70329, 63.70329, 319.9485, 319.9485], rel=DIGITS)
-    assert data.belongs == ("xy", "xz", "xy", "xz", "axial")  # the pairs are turned back into the planes
+    assert data.frequencies[:4] / (2 * np.pi) == pytest.approx(
+        [63.70329, 63.70329, 319.9485, 319.9485], rel=DIGITS
+    )
+    # the pairs are turned back into the planes
+    assert data.belongs == ("xy", "xz", "xy", "xz", "axial")
     assert float(data.leaks.max()) < 1e-5
 
 
 def test_superelements_are_named(tmp_path):
-    """Two superelements, each with its own mode 1; a second run of the same model is another matter."""
-    first, second = Print(), Print()
+    """Two superelements, each with its own mode 1;
+    a second run of the same model is another matter."""
+    first = Print()
+    second = Print()
     first.eigenvalues(PLATE)
     second.eigenvalues(plate(length=0.3).in_units(1e-3, 1e3))
-    with pytest.raises(InputError, match=r"mode 1 stands twice in the .* table .*; print one run only"):
+    with pytest.raises(
+        InputError, match=r"mode 1 stands twice in the .* table .*; print one run only"
+    ):
         read_modes(written(tmp_path, first.text() + second.text()))
     page = f"0{'SUPERELEMENT':>100} {{}}\n"
     content = page.format(10) + first.text() + page.format(20) + second.text()
     with pytest.raises(
-        InputError, match=r"mode 1 stands twice .* because the print holds superelements, .*BEGIN SUPER"
+        InputError,
+        match=r"mode 1 stands twice .* because the print holds superelements, .*BEGIN SUPER",
     ):
         read_modes(written(tmp_path, content))
     assert read_modes(written(tmp_path, page.format(10) + whole(PLATE))).modes == 21

@@ -1,10 +1,10 @@
-"""A material gives its shear modulus and Poisson's ratio from whichever was stated, and refuses contradictions."""
+"""A material gives its shear modulus and Poisson's ratio from whichever was stated,
+and refuses contradictions."""
 
 import pytest
 
 from appendages import close
-from beamchain.errors import BeamchainError, InputError
-from beamchain.structure.section import Material
+from beamchain import BeamchainError, InputError, Material
 
 CLOSED = 1e-15  # one division
 
@@ -28,13 +28,17 @@ def test_metals_ratio_where_nothing_is_given():
 
 
 def test_both_may_be_given_when_they_agree():
-    material = Material(youngs_modulus=2.6e11, density=7800.0, poissons_ratio=0.3, shear_modulus=1e11 * (1 + 5e-7))
+    material = Material(
+        youngs_modulus=2.6e11, density=7800.0, poissons_ratio=0.3, shear_modulus=1e11 * (1 + 5e-7)
+    )
     assert material.g == 1e11 * (1 + 5e-7)
 
 
 @pytest.mark.parametrize("nu", [-0.99, 0.0, 0.5])
 def test_ratios_at_the_ends_of_the_range(nu):
-    assert Material(youngs_modulus=1.0, density=1.0, poissons_ratio=nu).g == close(0.5 / (1 + nu), rel=CLOSED)
+    assert Material(youngs_modulus=1.0, density=1.0, poissons_ratio=nu).g == close(
+        0.5 / (1 + nu), rel=CLOSED
+    )
 
 
 @pytest.mark.parametrize(
@@ -49,7 +53,8 @@ def test_ratios_at_the_ends_of_the_range(nu):
         ({"shear_modulus": 0.0}, r"shear_modulus = 0\.0 must be above zero"),
         (
             {"poissons_ratio": 0.3, "shear_modulus": 9e10},
-            r"shear_modulus = 90000000000\.0 and poissons_ratio = 0\.3 disagree \(the ratio gives 1e\+11",
+            r"shear_modulus = 90000000000\.0 and poissons_ratio = 0\.3 disagree \(the ratio gives "
+            r"1e\+11",
         ),
     ],
 )

@@ -13,22 +13,18 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from appendages import panels, tapered_boom
-from beamchain.errors import InputError
-from beamchain.ports.motions import PORT_MOTION
-from beamchain.structure.mass_line import default_length, spread
-from beamchain.structure.modal_data import ModalData
-from beamchain.structure.readers import read_modes
-from beamchain.structure.readers.craig_bampton import from_matrices
-from beamchain.structure.readers.nastran_op2 import from_tables
-from modes_of_beam import modes_of_beam, modes_text
+from beamchain import InputError, ModalData, fit, read_modes
+from modes_of_beam import delivered, modes_of_beam, modes_text
 from prints import cantilever, plate
+from readback import PORTS, into_space
 
 SAME = 1e-9  # the issue's bound: same physics in any axes, about any point, in any units
 PRINT = 5e-7  # relative precision of seven printed digits
 
 
 class Cloud:
-    """Point masses with orthonormal modes, written down about any point in any axes and units, from the definition.
+    """Point masses with orthonormal modes, written down about any point in any axes and units,
+    from the definition.
 
     Nothing is transformed: `L = sum m (u, x cross u)` is evaluated anew each time.
     """
@@ -37,7 +33,8 @@ class Cloud:
         rng = np.random.default_rng(seed)
         self.at = rng.normal(size=(points, 3)) * [3.0, 1.0, 0.5] + [2.0, 0.1, 0.0]
         self.mass = rng.uniform(0.5, 3.0, points)
-        shapes = np.linalg.qr(rng.normal(size=(3 * points, modes)))[0]  # orthonormal once weighted by sqrt(m)
+        # orthonormal once weighted by sqrt(m)
+        shapes = np.linalg.qr(rng.normal(size=(3 * points, modes)))[0]
         self.shapes = shapes.T.reshape(modes, points, 3) / np.sqrt(self.mass)[:, None]
         self.frequencies = np.sort(rng.uniform(1.0, 50.0, modes))
 
@@ -47,7 +44,9 @@ class Cloud:
         x = (self.at - point) @ turn.T / length
         m = self.mass / mass
         u = self.shapes @ turn.T * np.sqrt(mass)
-        rows = np.concatenate([np.einsum("p,kpi->ki", m, u), np.einsum("p,kpi->ki", m, np.cross(x, u))], axis=1)
+        rows = np.concatenate(
+            [np.einsum("p,kpi->ki", m, u), np.einsum("p,kpi->ki", m, np.cross(x, u))], axis=1
+        )
         rigid = np.zeros((6, 6))
         for xi, mi in zip(x, m, strict=True):
             for motion_i in np.eye(6):
@@ -62,7 +61,7 @@ def same(a: ModalData, b: ModalData, tolerance: float = SAME) -> None:
     assert np.max(np.abs((a.rigid_mass - b.rigid_mass) / np.outer(b.scale, b.scale))) < tolerance
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10_000),
     angles=st.tuples(*[st.floats(-3.0, 3.0)] * 3),
@@ -74,7 +73,8 @@ def test_any_axes_point_and_units(seed, angles, point, length, mass):
     cloud = Cloud(seed)
     axes = Rotation.from_euler("xyz", angles).as_matrix()  # rows: the file's axes in appendage axes
     stored = cloud.data(point, axes, length, mass)
-    # the port (appendage origin) from the file's point, in the file's axes and units; appendage axes in the file's
+    # the port (appendage origin) from the file's point, in the file's axes and units;
+    # appendage axes in the file's
     back = stored.moved(axes @ -np.array(point) / length, axes.T).scaled(length, mass)
     same(back, cloud.data())
 
@@ -86,19 +86,23 @@ def test_a_turned_mirror_is_refused():
             data.moved((0, 0, 0), bad)
 
 
-# -- checks ------------------------------------------------------------------------------------------------------------
+# -- checks ----------------------------------------------------------------------------------------
 def test_wrong_reference_point_and_units_are_refused_with_the_causes():
     good = Cloud(3).data()
     shifted = Cloud(3).data(point=(30.0, 0.0, 0.0))
     with pytest.raises(
-        InputError, match=r"residual mass.*eigenvalue.*reference points, different units.*clamped nodes"
+        InputError,
+        match=r"residual mass.*eigenvalue.*reference points, different units.*clamped nodes",
     ):
         ModalData(good.rigid_mass, good.frequencies, shifted.participation)
     with pytest.raises(InputError, match="residual mass"):
-        ModalData(good.rigid_mass / 1e3, good.frequencies, good.participation)  # tonnes beside kilograms
+        # tonnes beside kilograms
+        ModalData(good.rigid_mass / 1e3, good.frequencies, good.participation)
     with pytest.raises(InputError, match="not symmetric"):
         ModalData(
-            good.rigid_mass + np.eye(6)[[1, 0, 2, 3, 4, 5]] * [1, 0, 0, 0, 0, 0], good.frequencies, good.participation
+            good.rigid_mass + np.eye(6)[[1, 0, 2, 3, 4, 5]] * [1, 0, 0, 0, 0, 0],
+            good.frequencies,
+            good.participation,
         )
 
 
@@ -126,7 +130,9 @@ def test_printed_rounding_is_settled_and_told():
 @pytest.mark.parametrize("turn", [0.0, 0.3, 0.7853981633974483, 1.4])
 def test_degenerate_pairs_turn_into_the_planes(turn):
     truth = cantilever(turn)
-    data = ModalData(truth.mass, truth.frequencies, truth.participation, precision=PRINT).untangled()
+    data = ModalData(
+        truth.mass, truth.frequencies, truth.participation, precision=PRINT
+    ).untangled()
     assert data.belongs == ("xy", "xz", "xy", "xz", "axial")
     assert float(data.leaks.max()) < 20 * PRINT
     for port in ("xy", "xz"):
@@ -147,9 +153,12 @@ def test_leak_is_the_part_outside_the_port():
 def test_port_models_are_blocks_of_space():
     data = Cloud(5).data()
     omega = np.array([0.3, 7.0, 60.0])
-    for port, motion in PORT_MOTION.items():
+    for port in PORTS:
+        motion = into_space(port)
         block = np.einsum("ai,abf,bj->ijf", motion, data.space().D(omega), motion)
-        assert data.port(port).D(omega) == pytest.approx(block, rel=1e-9, abs=1e-12 * np.max(np.abs(block)))
+        assert data.port(port).D(omega) == pytest.approx(
+            block, rel=1e-9, abs=1e-12 * np.max(np.abs(block))
+        )
 
 
 def test_selected_modes():
@@ -160,27 +169,32 @@ def test_selected_modes():
             data.selected(bad)
 
 
-# -- files -------------------------------------------------------------------------------------------------------------
+# -- files -----------------------------------------------------------------------------------------
 @pytest.mark.parametrize("make", [panels, tapered_boom])
-@pytest.mark.parametrize("kind", ["toml"])
-def test_a_file_gives_the_same_numbers(tmp_path, make, kind):
-    data = modes_of_beam(make(), {"xy": 2, "xz": 2, "torsion": 1})
-    path = tmp_path / f"array.{kind}"
-    path.write_text(modes_text(data))
+def test_a_file_gives_the_same_numbers(tmp_path, make):
+    kept = {"xy": 2, "xz": 2, "torsion": 1}
+    wanted = delivered(make(), kept)
+    path = tmp_path / "array.toml"
+    path.write_text(modes_text(make(), kept))
     back = read_modes(path)
-    same(back, data, 1e-15)
-    assert back.length == data.length
-    a, b = back.line(), make()
+    same(back, ModalData(wanted.mass, wanted.frequencies, wanted.participation), 1e-15)
+    assert back.length == wanted.length
+    a = back.line()
+    b = make()
     for x in np.linspace(0.05, 1.0, 7) * b.length:
         assert a.moments(0.0, x) == pytest.approx(b.moments(0.0, x), rel=1e-12, abs=1e-15)
 
 
 def test_typed_numbers_count_their_digits(tmp_path):
-    rows = np.array2string(plate(3).participation.T, separator=", ", formatter={"float": lambda v: f"{v:.6e}"})
+    rows = np.array2string(
+        plate(3).participation.T, separator=", ", formatter={"float": lambda v: f"{v:.6e}"}
+    )
     mass = np.array2string(plate(3).mass, separator=", ", formatter={"float": lambda v: f"{v:.6e}"})
     hertz = (plate(3).frequencies / 2 / np.pi).tolist()
     path = tmp_path / "a.toml"
-    path.write_text(f"frequencies_hz = {hertz}\nparticipation = {rows}\nmass = {mass}\ndamping = 0.005\n")
+    path.write_text(
+        f"frequencies_hz = {hertz}\nparticipation = {rows}\nmass = {mass}\ndamping = 0.005\n"
+    )
     data = read_modes(path)
     assert data.precision == pytest.approx(PRINT)
     assert data.damping.tolist() == [0.005] * 3
@@ -190,15 +204,24 @@ def test_typed_numbers_count_their_digits(tmp_path):
     ("change", "words"),
     [
         (lambda s: s[: len(s) // 2], "cut or mangled|participation|6 rows"),
-        (lambda s: s.replace("participation", "particpation"), "particpation.*keys of a modes file"),
+        (
+            lambda s: s.replace("participation", "particpation"),
+            "particpation.*keys of a modes file",
+        ),
         (lambda s: s.replace("mass = [", "mass = [[1.0], ", 1), "6 rows|type|Expected"),
         (lambda s: re.sub(r"damping = \[[^\]]*\]", "damping = 5.0", s), "between 0 and 1"),
-        (lambda s: re.sub(r"frequencies = \[[^,]*,", "frequencies = [nan,", s), "not a finite number"),
-        (lambda s: re.sub(r"frequencies = \[[^,]*,", "frequencies = [-1.0,", s), "held at its port"),
+        (
+            lambda s: re.sub(r"frequencies = \[[^,]*,", "frequencies = [nan,", s),
+            "not a finite number",
+        ),
+        (
+            lambda s: re.sub(r"frequencies = \[[^,]*,", "frequencies = [-1.0,", s),
+            "held at its port",
+        ),
     ],
 )
 def test_mangled_files_are_refused(tmp_path, change, words):
-    text = modes_text(modes_of_beam(tapered_boom(), {"xy": 3}))
+    text = modes_text(tapered_boom(), {"xy": 3})
     path = tmp_path / "a.toml"
     path.write_text(change(text))
     with pytest.raises(InputError, match=words):
@@ -207,22 +230,47 @@ def test_mangled_files_are_refused(tmp_path, change, words):
 
 def test_a_turned_table_is_named(tmp_path):
     path = tmp_path / "a.json"
-    path.write_text('{"frequencies": [1.0, 2.0], "participation": [[0,0,0,0,0,0],[0,0,0,0,0,0]], "mass": []}')
+    path.write_text(
+        '{"frequencies": [1.0, 2.0], "participation": [[0,0,0,0,0,0],[0,0,0,0,0,0]], "mass": []}'
+    )
     with pytest.raises(InputError, match="stands turned"):
         read_modes(path)
 
 
-# -- matrices ----------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("content", ["5", "null", "[1.0]", '"matrices"'])
+def test_json_that_is_no_table_is_refused(tmp_path, content):
+    path = tmp_path / "a.json"
+    path.write_text(content)
+    with pytest.raises(InputError, match="the keys of a modes file are"):
+        read_modes(path)
+
+
+# -- matrices --------------------------------------------------------------------------------------
 def frame(elements: int = 6, length: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
-    """Mass and stiffness `(6 n + 6)` of a straight frame along x, textbook cubic elements, consistent mass."""
+    """Mass and stiffness `(6 n + 6)` of a straight frame along x, textbook cubic elements,
+    consistent mass."""
     le, n = length / elements, 6 * elements + 6
-    k, m = np.zeros((n, n)), np.zeros((n, n))
-    ea, gj, ei, rho, j = 5e5, 40.0, (90.0, 60.0), 1.5, 0.01
+    k = np.zeros((n, n))
+    m = np.zeros((n, n))
+    ea = 5e5
+    gj = 40.0
+    ei = (90.0, 60.0)
+    rho = 1.5
+    j = 0.01
 
     def bending(dofs, stiff, sign):
         s = np.diag([1.0, sign, 1.0, sign])
-        kb = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]]) * stiff / le**3
-        mb = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) * rho * le / 420
+        kb = (
+            np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]])
+            * stiff
+            / le**3
+        )
+        mb = (
+            np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
+            * rho
+            * le
+            / 420
+        )
         by_length = np.outer([1, le, 1, le], [1, le, 1, le])
         kb, mb = kb * by_length, mb * by_length
         k[np.ix_(dofs, dofs)] += s @ kb @ s
@@ -239,9 +287,15 @@ def frame(elements: int = 6, length: float = 2.0) -> tuple[np.ndarray, np.ndarra
     return m, k
 
 
-def test_matrices_give_the_frame_s_modes():
+def from_matrices(folder, mass, stiffness, boundary):
+    """The modes of two matrices, by way of a file of NumPy's."""
+    np.savez(folder / "matrices.npz", M=mass, K=stiffness, boundary=np.array(list(boundary)))
+    return read_modes(folder / "matrices.npz")
+
+
+def test_matrices_give_the_frame_s_modes(tmp_path):
     m, k = frame()
-    data = from_matrices(m, k, range(6))
+    data = from_matrices(tmp_path, m, k, range(6))
     assert data.rigid_mass[0, 0] == pytest.approx(3.0, rel=1e-12)
     assert data.rigid_mass[5, 5] == pytest.approx(1.5 * 8.0 / 3.0, rel=1e-12)
     squares, shapes = eigh(k[6:, 6:], m[6:, 6:])
@@ -256,7 +310,7 @@ def test_matrices_give_the_frame_s_modes():
 
 def test_craig_bampton_form_and_files(tmp_path):
     m, k = frame()
-    whole = from_matrices(m, k, range(6))
+    whole = from_matrices(tmp_path, m, k, range(6))
     count = 12  # reduced by hand: six port freedoms and twelve modes
     cb_m = np.eye(6 + count)
     cb_m[:6, :6] = whole.rigid_mass
@@ -265,29 +319,26 @@ def test_craig_bampton_form_and_files(tmp_path):
     cb_k = np.diag(np.concatenate([np.zeros(6), whole.frequencies[:count] ** 2]))
     np.savez(tmp_path / "cb.npz", M=cb_m, K=cb_k, boundary=np.arange(6))
     io.savemat(tmp_path / "cb.mat", {"M": cb_m, "K": cb_k, "boundary": np.arange(1, 7)})
-    io.mmwrite(tmp_path / "M.mtx", cb_m)
-    io.mmwrite(tmp_path / "K.mtx", cb_k)
-    (tmp_path / "cb.toml").write_text(
-        'matrices = { mass = "M.mtx", stiffness = "K.mtx", boundary = [1, 2, 3, 4, 5, 6] }\n'
-    )
-    for name in ("cb.npz", "cb.mat", "cb.toml"):
+    for name in ("cb.npz", "cb.mat"):
         data = read_modes(tmp_path / name)
         assert data.frequencies == pytest.approx(whole.frequencies[:count], rel=1e-9)
-        assert np.abs(data.participation) == pytest.approx(np.abs(whole.participation[:count]), rel=1e-6, abs=1e-8)
+        assert np.abs(data.participation) == pytest.approx(
+            np.abs(whole.participation[:count]), rel=1e-6, abs=1e-8
+        )
 
 
 def test_matrices_that_do_not_serve_are_refused(tmp_path):
     m, k = frame(3)
     with pytest.raises(InputError, match="six different freedoms"):
-        from_matrices(m, k, range(5))
+        from_matrices(tmp_path, m, k, range(5))
     with pytest.raises(InputError, match="order x, y, z"):
-        from_matrices(m, k + np.diag([0.0] * 20 + [50.0] * 4), range(6))
+        from_matrices(tmp_path, m, k + np.diag([0.0] * 20 + [50.0] * 4), range(6))
     with pytest.raises(InputError, match="not symmetric"):
-        from_matrices(m, np.triu(k), range(6))
+        from_matrices(tmp_path, m, np.triu(k), range(6))
     for elements in (2, 3, 5, 8):  # rounding lets some of these be factored
         loose_m, loose_k = frame(elements)
         with pytest.raises(InputError, match="can still move"):
-            from_matrices(loose_m, loose_k, [0, 1, 2, 3, 6, 7])
+            from_matrices(tmp_path, loose_m, loose_k, [0, 1, 2, 3, 6, 7])
     (tmp_path / "x.npz").write_bytes(b"PK\3\4 cut")
     with pytest.raises(InputError, match="cannot be read"):
         read_modes(tmp_path / "x.npz")
@@ -299,31 +350,22 @@ def test_matrices_that_do_not_serve_are_refused(tmp_path):
         read_modes(tmp_path / "z.npz")
 
 
-def test_op2_tables():
-    class Table:
-        radians = (3.0, 5.0)
-        generalized_mass = (1.0, 4.0)
-
-    rows = np.zeros((2, 6))
-    rows[:, 2] = 0.5, 0.1
-    data = from_tables("a.op2", {"run": Table}, {"MPFACS": rows.T, "RBMASS": np.eye(6)})
-    assert data.participation[:, 2].tolist() == [0.5, 0.2]
-    assert from_tables("a.op2", {"run": Table}, {"MPFACS": rows, "RBMASSS": np.eye(6)}).modes == 2
-    with pytest.raises(InputError, match=r"MPFACS, RBMASS.*give me the f06"):
-        from_tables("a.op2", {"run": Table}, {})
-
-
-# -- the mass line -----------------------------------------------------------------------------------------------------
+# -- the mass line ---------------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    ("mass", "centre", "gyration"), [(3.0, 0.5, 0.2887), (3.0, 0.5, 0.36), (3.0, 0.3, 0.2), (3.0, 0.8, 0.1)]
+    ("mass", "centre", "gyration"),
+    [(3.0, 0.5, 0.2887), (3.0, 0.5, 0.36), (3.0, 0.3, 0.2), (3.0, 0.8, 0.1)],
 )
 def test_spread_mass_has_the_moments_it_was_made_from(mass, centre, gyration):
     rigid = np.diag([mass, mass, mass, 0.2, *[mass * (gyration**2 + centre**2)] * 2])
     rigid[1, 5] = rigid[5, 1] = mass * centre
     rigid[2, 4] = rigid[4, 2] = -mass * centre
-    line = spread(rigid, 1.0)
+    line = ModalData(
+        rigid, np.array([1.0]), np.array([[0.0, 0.1, 0.0, 0.0, 0.0, 0.0]]), length=1.0
+    ).line()
     total = line.moments(0.0, 1.0, closed=True)
-    assert (total.mass, total.first, total.polar) == pytest.approx((mass, mass * centre, 0.2), rel=1e-9)
+    assert (total.mass, total.first, total.polar) == pytest.approx(
+        (mass, mass * centre, 0.2), rel=1e-9
+    )
     assert total.second + total.rotary_xy == pytest.approx(rigid[5, 5], rel=1e-9)
     assert total.second + total.rotary_xz == pytest.approx(rigid[4, 4], rel=1e-9)
     assert line.behind(np.array([-1.0]))[0] == pytest.approx(rigid, rel=1e-9, abs=1e-12)
@@ -334,14 +376,11 @@ def test_spread_mass_has_the_moments_it_was_made_from(mass, centre, gyration):
 
 
 def test_a_length_that_does_not_hold_the_mass_is_refused():
-    rigid = modes_of_beam(tapered_boom(), {"xy": 1}).rigid_mass
+    data = modes_of_beam(tapered_boom(), {"xy": 1})
     with pytest.raises(InputError, match=r"does not hold the mass.*reference"):
-        spread(rigid, 2.0)
-    assert default_length(np.diag([3.0, 3.0, 3.0, 0.0, 1.0, 1.0]) + _coupled(1.5)) == pytest.approx(1.0, rel=1e-9)
-
-
-def _coupled(first: float) -> np.ndarray:
-    out = np.zeros((6, 6))
-    out[1, 5] = out[5, 1] = first
-    out[2, 4] = out[4, 2] = -first
-    return out
+        fit(replace(data, length=2.0, pieces=()))
+    rigid = np.diag([3.0, 3.0, 3.0, 0.0, 1.0, 1.0])
+    rigid[1, 5] = rigid[5, 1] = 1.5
+    rigid[2, 4] = rigid[4, 2] = -1.5
+    uniform = ModalData(rigid, np.array([1.0]), np.array([[0.0, 0.1, 0.0, 0.0, 0.0, 0.0]]))
+    assert uniform.line().length == pytest.approx(1.0, rel=1e-9)

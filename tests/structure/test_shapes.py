@@ -1,10 +1,20 @@
-"""Mode shapes: of the beam by marching, against closed forms and the elements' own tip; of the chain, against both."""
+"""Tests internals, `structure.shapes` and `report.shapes`: mode shapes of the beam by marching,
+against closed forms and the elements' own tip; of the chain, against both.
+"""
 
 import numpy as np
 import pytest
 
 import beamchain as bc
-from appendages import panels, seed_boom, soft_root_boom, stepped_boom, tapered_boom, timoshenko_boom, tip_loaded_boom
+from appendages import (
+    panels,
+    seed_boom,
+    soft_root_boom,
+    stepped_boom,
+    tapered_boom,
+    timoshenko_boom,
+    tip_loaded_boom,
+)
 from beamchain.report.shapes import chain_shapes, shapes_svg
 from beamchain.structure.shapes import mode_shapes
 
@@ -12,7 +22,15 @@ CLOSED = 1e-6  # of the largest: fourth order in 240 steps, and the wave's growt
 TIP = 1e-5
 CHAIN = 1e-9  # the chain's shapes are linear between its hinges: only rounding is left
 
-BEAMS = [seed_boom, tapered_boom, stepped_boom, panels, tip_loaded_boom, soft_root_boom, timoshenko_boom]
+BEAMS = [
+    seed_boom,
+    tapered_boom,
+    stepped_boom,
+    panels,
+    tip_loaded_boom,
+    soft_root_boom,
+    timoshenko_boom,
+]
 
 
 def test_uniform_cantilever_against_the_closed_form():
@@ -51,7 +69,8 @@ def test_strings(port):
 
 @pytest.mark.parametrize("make", BEAMS)
 def test_shapes_are_orthogonal_in_the_mass(make):
-    """Independent of participation at the root: what the march could get wrong on the way shows here."""
+    """Independent of participation at the root:
+    what the march could get wrong on the way shows here."""
     beam = make()
     x, shapes = mode_shapes(beam, "xy", beam.port("xy", 8).truncated(3))
     if any(segment.theory == "timoshenko" for segment in beam.segments):

@@ -1,7 +1,5 @@
-"""The study's model that is exact in time: its error as simulated, its step, its input, and the spec that gives it."""
-
-from importlib.resources import files
-from pathlib import Path
+"""Tests internals of a study (`studies.field`, `run_time`, `scenario`): its model that is exact in
+time: its error as simulated, its step, its input, and the spec that gives it."""
 
 import msgspec
 import numpy as np
@@ -9,18 +7,24 @@ import pytest
 
 import beamchain as bc
 from beamchain.engine.rollout import simulate
-from beamchain.fitting.options import Damping
 from beamchain.fitting.spec_text import spec_toml
-from beamchain.steps.modal import made_for
-from beamchain.steps.start import HeldInput
 from beamchain.studies import field
 from beamchain.studies import study as studies
 from beamchain.studies.field import TIMED, Entry, Task
-from beamchain.studies.run_time import Growth, Ladder, Point, climb, clock, rigid_motion, steps_below
+from beamchain.studies.run_time import (
+    Growth,
+    Ladder,
+    Point,
+    climb,
+    clock,
+    rigid_motion,
+    steps_below,
+)
 from beamchain.studies.scenario import Scenario
+from examples import EXAMPLES, example
+from mechanics import made_for
 
-EXAMPLES = Path(str(files("beamchain"))) / "examples"
-SEED = EXAMPLES / "seed_boom.toml"
+SEED = example("seed_boom")
 ROUNDING = 1e-9  # of the hub's turn, relative: unit quaternions over 1e-6 rad
 SAME = 1e-12
 
@@ -34,10 +38,12 @@ def error(prepared: tuple[Task, Scenario], entry: Entry, h: float) -> float:
     """As simulated: at the time after each step, nothing taken off."""
     task, scenario = prepared
     wrench = entry.fed(scenario.profile.mean(h, round(scenario.duration / h)))
-    return scenario.error(simulate(field.model_of(task, entry, h), entry.integrator, h, wrench).motion, h)
+    return scenario.error(
+        simulate(field.model_of(task, entry, h), entry.integrator, h, wrench).motion, h
+    )
 
 
-# -- the seed's boom -------------------------------------------------------------------------------------------------
+# -- the seed's boom -------------------------------------------------------------------------------
 @pytest.mark.parametrize(("n", "h", "bound"), [(2, 1.0, 1.5e-3), (3, 0.5, 1.5e-4), (4, 0.25, 3e-5)])
 def test_error_as_simulated(prepared, n, h, bound):
     """60 s of the doublet; what is left is the modes that were not kept."""
@@ -46,13 +52,15 @@ def test_error_as_simulated(prepared, n, h, bound):
 
 @pytest.mark.parametrize(("n", "h"), [(2, 1.0), (3, 0.5), (4, 0.25)])
 def test_finer_steps_gain_nothing(prepared, n, h):
-    """The step has no error of its own: one four times finer has the same error, to what sampling shows of its peak."""
+    """The step has no error of its own: one four times finer has the same error,
+    to what sampling shows of its peak."""
     entry = Entry(TIMED, n, "Euler")
     assert error(prepared, entry, h / 4.0) == pytest.approx(error(prepared, entry, h), rel=0.2)
 
 
 def test_same_floor_as_the_chain_at_fine_steps(prepared):
-    """RK4 at a step at which it has no error left: another integrator, other springs, the same modes."""
+    """RK4 at a step at which it has no error left: another integrator, other springs,
+    the same modes."""
     fine = error(prepared, Entry("exact, hub", 3, "RK4"), 0.02)
     assert error(prepared, Entry(TIMED, 3, "Euler"), 0.02) == pytest.approx(fine, rel=0.02)
 
@@ -71,25 +79,30 @@ def test_stable_at_steps_beyond_the_old_limit(prepared, n, times):
 
 def test_without_the_mean_of_two_inputs_it_is_half_a_step_early(prepared):
     task, scenario = prepared
-    h, entry = 0.5, Entry(TIMED, 3, "Euler")
+    h = 0.5
+    entry = Entry(TIMED, 3, "Euler")
     wrench = scenario.profile.mean(h, 120)
     motion = simulate(field.model_of(task, entry, h), "Euler", h, wrench).motion
     assert scenario.error(motion, h) > 100.0 * error(prepared, entry, h)
 
 
 def test_the_rigid_hub_is_at_its_true_time(prepared):
-    """Euler under the mean of two inputs turns a rigid hub exactly: the model's clock is the end of its step."""
+    """Euler under the mean of two inputs turns a rigid hub exactly:
+    the model's clock is the end of its step."""
     task, scenario = prepared
-    h, entry = 0.5, Entry(TIMED, 2, "Euler")
+    h = 0.5
+    entry = Entry(TIMED, 2, "Euler")
     wrench = entry.fed(scenario.profile.mean(h, 120))
     turned = rigid_motion(task, "Euler", h, wrench)[:, 5]
     exact = scenario.response.rigid(scenario.profile, h * np.arange(1.0, 121.0))[:, 5]
-    np.testing.assert_allclose(turned, exact, rtol=ROUNDING, atol=ROUNDING * float(np.max(np.abs(exact))))
+    np.testing.assert_allclose(
+        turned, exact, rtol=ROUNDING, atol=ROUNDING * float(np.max(np.abs(exact)))
+    )
     assert clock(entry) == 0.0
     assert clock(Entry("exact, hub", 2, "Euler")) == 0.5
 
 
-# -- the field -------------------------------------------------------------------------------------------------------
+# -- the field -------------------------------------------------------------------------------------
 def test_model_is_made_for_its_step(prepared):
     task, _ = prepared
     entry = Entry(TIMED, 3, "Euler")
@@ -100,7 +113,7 @@ def test_model_is_made_for_its_step(prepared):
 
 def test_input_is_the_mean_of_two(prepared):
     rows = np.arange(24.0).reshape(4, 6)
-    held = HeldInput()
+    held = bc.HeldInput()
     np.testing.assert_array_equal(Entry(TIMED, 2, "Euler").fed(rows), [held(row) for row in rows])
     np.testing.assert_array_equal(Entry("exact, hub", 2, "Euler").fed(rows), rows)
     assert Entry(TIMED, 2, "Euler").fed(np.zeros((0, 6))).shape == (0, 6)
@@ -136,16 +149,19 @@ def test_measured_like_every_other_model(prepared):
 
 @pytest.mark.slow
 def test_in_space_with_damping():
-    """Two planes, torsion, damping, a hub offset to the side: steps three times beyond RK4's limit reach 1e-3."""
-    task, scenario = studies.prepare(spec_toml(bc.read_spec(EXAMPLES / "array_uncertain.toml")), studies.Options())
+    """Two planes, torsion, damping, a hub offset to the side:
+    steps three times beyond RK4's limit reach 1e-3."""
+    task, scenario = studies.prepare(
+        spec_toml(bc.read_spec(EXAMPLES / "array_uncertain.toml")), studies.Options()
+    )
     found = climb(task, scenario, Entry(TIMED, 2, "Euler"), 0.05)
     old = field.largest_step(task, Entry("exact, hub", 2, "RK4"))
     assert max(p.timestep for p in found.points if p.error < 1e-3) > 3.0 * old
     assert min(p.error for p in found.points) < 5e-5
 
 
-# -- what is recommended ---------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("damping", [None, Damping(ratio=0.01, form="hinge")])
+# -- what is recommended ---------------------------------------------------------------------------
+@pytest.mark.parametrize("damping", [None, bc.Damping(ratio=0.01, form="hinge")])
 def test_recommended_spec(damping):
     spec = bc.read_spec(SEED)
     if damping is not None:
@@ -153,7 +169,9 @@ def test_recommended_spec(damping):
     _, scenario = studies.prepare(spec_toml(spec), studies.Options())
     point = Point(TIMED, 3, "Euler", 0.5, 1e-4, 1e-4, 2e-4, 2e-6, 0.0, 1.5, 3)
     ladders = (Ladder(Entry(TIMED, 3, "Euler"), [point], ""),)
-    found = studies.Study(spec, studies.Options(), {"xy": 2}, scenario, ladders, Growth((), None, (), None), 0.0)
+    found = studies.Study(
+        spec, studies.Options(), {"xy": 2}, scenario, ladders, Growth((), None, (), None), 0.0
+    )
     given = found.recommended(1e-3, "error")
     assert given is not None
     assert given.scene is not None

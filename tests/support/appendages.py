@@ -1,7 +1,8 @@
-"""Appendages that the tests share, and an independent transfer-matrix solution to hold them against.
+"""Appendages that the tests share, and an independent transfer-matrix solution to
+hold them against.
 
-Nothing here is imported from `beamchain.structure.elements` or `beamchain.structure.exact`: the references must not
-share code with what they judge.
+Nothing here is imported from `beamchain.structure.elements` or `beamchain.structure.exact`: the
+references must not share code with what they judge.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,12 +13,12 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from beamchain.structure.beam import Beam, Joint, Lump, Segment
-from beamchain.structure.section import Equivalent, Material, Rectangle, Round
+from beamchain import Beam, Equivalent, Joint, Lump, Material, Rectangle, Round, Segment
 
 
 def close(expected: object, rel: float = 0.0, abs: float = 0.0) -> object:
-    """`pytest.approx` without its silent absolute tolerance of 1e-12, which swallows small SI numbers whole."""
+    """`pytest.approx` without its silent absolute tolerance of 1e-12,
+    which swallows small SI numbers whole."""
     return pytest.approx(expected, rel=rel, abs=abs)
 
 
@@ -27,13 +28,21 @@ SEED_LENGTH, SEED_DIAMETER = 15.0, 0.012
 
 def seed_boom() -> Beam:
     """The 2008 paper's uniform rod: L = 15 m, d = 0.012 m, rho = 7800, E = 2.06e11."""
-    return Beam(segments=(Segment(length=SEED_LENGTH, section=Round(diameter=SEED_DIAMETER), material=STEEL),))
+    return Beam(
+        segments=(
+            Segment(length=SEED_LENGTH, section=Round(diameter=SEED_DIAMETER), material=STEEL),
+        )
+    )
 
 
 def unit_beam() -> Beam:
     """L = 1, EI = 1, mass 1; GJ = EA = 1 and polar inertia 1e-3 so that every port exists."""
     section = Equivalent(
-        bending_stiffness_xy=1.0, linear_mass=1.0, torsion_stiffness=1.0, axial_stiffness=1.0, polar_inertia=1e-3
+        bending_stiffness_xy=1.0,
+        linear_mass=1.0,
+        torsion_stiffness=1.0,
+        axial_stiffness=1.0,
+        polar_inertia=1e-3,
     )
     return Beam(segments=(Segment(length=1.0, section=section),))
 
@@ -41,7 +50,14 @@ def unit_beam() -> Beam:
 def tapered_boom() -> Beam:
     """A solid cone, diameter falling linearly to 40 %."""
     return Beam(
-        segments=(Segment(length=10.0, section=Round(diameter=0.05), section_end=Round(diameter=0.02), material=STEEL),)
+        segments=(
+            Segment(
+                length=10.0,
+                section=Round(diameter=0.05),
+                section_end=Round(diameter=0.02),
+                material=STEEL,
+            ),
+        )
     )
 
 
@@ -62,11 +78,14 @@ def tip_loaded_boom(ratio: float = 1.0) -> Beam:
 
 def soft_root_boom(stiffness: float = 3.0) -> Beam:
     """The unit beam on a root joint of `stiffness` times EI / L."""
-    return Beam(segments=unit_beam().segments, joints=(Joint(after_segment=0, stiffness_xy=stiffness),))
+    return Beam(
+        segments=unit_beam().segments, joints=(Joint(after_segment=0, stiffness_xy=stiffness),)
+    )
 
 
 def panels() -> Beam:
-    """Three stiff panels on compliant hinge lines, with a lump in the middle: everything at once."""
+    """Three stiff panels on compliant hinge lines, with a lump in the middle:
+    everything at once."""
     panel = Segment(
         length=2.0,
         section=Equivalent(
@@ -82,13 +101,21 @@ def panels() -> Beam:
         Joint(after_segment=i, stiffness_xy=k, stiffness_torsion=2.0 * k)
         for i, k in ((0, 2500.0), (1, 1800.0), (2, 1800.0))
     )
-    return Beam(segments=(panel,) * 3, joints=joints, lumps=(Lump(x=3.1, mass=1.7, inertia=(0.05, 0.03, 0.04)),))
+    return Beam(
+        segments=(panel,) * 3,
+        joints=joints,
+        lumps=(Lump(x=3.1, mass=1.7, inertia=(0.05, 0.03, 0.04)),),
+    )
 
 
 def timoshenko_boom() -> Beam:
     """A stocky rectangular bar with shear and rotary inertia."""
     bar = Segment(
-        length=2.0, section=Rectangle(width_y=0.3, width_z=0.2), material=STEEL, theory="timoshenko", shear_factor=0.85
+        length=2.0,
+        section=Rectangle(width_y=0.3, width_z=0.2),
+        material=STEEL,
+        theory="timoshenko",
+        shear_factor=0.85,
     )
     return Beam(segments=(bar,))
 
@@ -109,16 +136,17 @@ REALISABLE = {
 class TransferMatrix:
     """Exact solution of a beam of uniform pieces in one bending plane, in `mpmath`.
 
-    The state (displacement, rotation, moment, shear) runs from the root to the free tip; moment and shear are what the
-    outer part exerts on the inner one. Every piece is the matrix exponential of its first-order system
+    The state (displacement, rotation, moment, shear) runs from the root to the free tip; moment and
+    shear are what the outer part exerts on the inner one. Every piece is the matrix exponential of
+    its first-order system
 
         w' = theta + V / kGA,  theta' = M / EI,  M' = -V - omega^2 rho I theta,  V' = -omega^2 m w,
 
     a joint adds M / stiffness to the rotation, a body takes up its inertia force and moment.
 
     Args:
-        steps: from the root outwards: ("piece", length, EI, mass per length, kGA or None, rho I), ("joint", stiffness)
-            or ("body", mass, inertia).
+        steps: from the root outwards: ("piece", length, EI, mass per length, kGA or None, rho I),
+            ("joint", stiffness) or ("body", mass, inertia).
     """
 
     steps: Sequence[tuple]
@@ -183,7 +211,9 @@ def _body(square, mass, inertia=0.0):
 _STEPS = {"piece": _piece, "joint": _joint, "body": _body}
 
 
-def roots_within(function: Callable[[float], object], frequencies: Sequence[float], tolerance: float) -> list[bool]:
+def roots_within(
+    function: Callable[[float], object], frequencies: Sequence[float], tolerance: float
+) -> list[bool]:
     """Whether `function` changes sign within `tolerance` (relative) of each frequency."""
     return [
         bool(function(w * (1.0 - tolerance)) * function(w * (1.0 + tolerance)) < 0)  # type: ignore[operator]
@@ -192,18 +222,23 @@ def roots_within(function: Callable[[float], object], frequencies: Sequence[floa
 
 
 def sign_changes(function: Callable[[float], object], start: float, end: float, points: int) -> int:
-    """Roots of `function` from `start` to `end` that `points` see, spread evenly in sqrt(w) as a beam's roots are."""
-    values = [float(np.sign(float(function(w)))) for w in np.linspace(np.sqrt(start), np.sqrt(end), points) ** 2]  # type: ignore[arg-type]
+    """Roots of `function` from `start` to `end` that `points` see,
+    spread evenly in sqrt(w) as a beam's roots are."""
+    values = [
+        float(np.sign(float(function(w))))
+        for w in np.linspace(np.sqrt(start), np.sqrt(end), points) ** 2
+    ]  # type: ignore[arg-type]
     return int(np.sum(np.diff(values) != 0.0))
 
 
 def dense_port(
     rigid: Sequence[tuple[float, float, float]], hinges: Sequence[tuple[float, float]]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rigid mass `(2, 2)`, held frequencies and participation of a planar chain, from its mass and stiffness matrices.
+    """Rigid mass `(2, 2)`, held frequencies and participation of a planar chain,
+    from its mass and stiffness matrices.
 
-    Written out with coordinates (root displacement, root rotation, hinge angles) and LAPACK's generalised
-    eigenproblem: an independent way to what `Chain.port` computes from weighted rows.
+    Written out with coordinates (root displacement, root rotation, hinge angles) and LAPACK's
+    generalised eigenproblem: an independent way to what `Chain.port` computes from weighted rows.
 
     Args:
         rigid: (mass, x of the mass centre, inertia about it) per link.
@@ -216,7 +251,8 @@ def dense_port(
         moves = np.array([1.0, x] + [x - hinges[j][0] if j < i else 0.0 for j in range(count)])
         mass += m * np.outer(moves, moves) + inertia * np.outer(turns, turns)
     spring = np.diag([c for _, c in hinges])
-    inverse, shapes = eigh(mass[2:, 2:], spring)  # for 1 / w^2: the low frequencies keep their digits
+    # for 1 / w^2: the low frequencies keep their digits
+    inverse, shapes = eigh(mass[2:, 2:], spring)
     inverse, shapes = inverse[::-1], shapes[:, ::-1]
     participation = (mass[:2, 2:] @ shapes / np.sqrt(inverse)).T
     return mass[:2, :2], 1.0 / np.sqrt(inverse), participation

@@ -1,9 +1,9 @@
-"""Appendages in space that the tests and benchmarks of issue B share: tubes, bars, deployed arrays."""
+"""Appendages in space that the tests and benchmarks of issue B share: tubes, bars,
+deployed arrays."""
 
 import numpy as np
 
-from beamchain.structure.beam import Beam, Joint, Lump, Segment
-from beamchain.structure.section import Equivalent, Material, Rectangle, Tube
+from beamchain import Beam, Equivalent, Joint, Lump, Material, Rectangle, Segment, Tube
 
 ALUMINIUM = Material(youngs_modulus=7e10, density=2700.0, poissons_ratio=0.33)
 
@@ -23,14 +23,19 @@ def flat_bar() -> Beam:
 def space_beam() -> Beam:
     """L = EI = m = 1 in both planes, next to no polar inertia."""
     section = Equivalent(
-        bending_stiffness_xy=1.0, bending_stiffness_xz=1.0, linear_mass=1.0, torsion_stiffness=1.0, axial_stiffness=1.0,
+        bending_stiffness_xy=1.0,
+        bending_stiffness_xz=1.0,
+        linear_mass=1.0,
+        torsion_stiffness=1.0,
+        axial_stiffness=1.0,
         polar_inertia=1e-6,
-    )  # fmt: skip
+    )
     return Beam(segments=(Segment(length=1.0, section=section),))
 
 
 def deployed_array() -> Beam:
-    """A yoke and two tapered panels on hinge lines soft in plane xz only, with a lump; EI varies differently."""
+    """A yoke and two tapered panels on hinge lines soft in plane xz only, with a lump;
+    EI varies differently."""
     yoke = Segment(length=1.0, section=Tube(outer_diameter=0.05, wall=0.002), material=ALUMINIUM)
     inner, outer = (
         Segment(
@@ -42,7 +47,10 @@ def deployed_array() -> Beam:
         )
         for a, b in (((0.3, 0.02), (0.2, 0.015)), ((0.2, 0.015), (0.2, 0.01)))
     )
-    joints = (Joint(after_segment=1, stiffness_xz=500.0), Joint(after_segment=2, stiffness_xz=300.0))
+    joints = (
+        Joint(after_segment=1, stiffness_xz=500.0),
+        Joint(after_segment=2, stiffness_xz=300.0),
+    )
     return Beam(
         segments=(yoke, inner, outer),
         joints=joints,
@@ -51,10 +59,11 @@ def deployed_array() -> Beam:
 
 
 def random_array(seed: int) -> Beam:
-    """Three tapered panels, two hinge lines soft in plane xz only, a lump: like `deployed_array`, drawn at random.
+    """Three tapered panels, two hinge lines soft in plane xz only, a lump: like `deployed_array`,
+    drawn at random.
 
-    Widths fall outwards, thicknesses go up and down, each hinge line's stiffness lies between 0.5 and 30 times EI / L
-    of plane xz, the lump weighs 0.1 to 0.6 of the panels.
+    Widths fall outwards, thicknesses go up and down, each hinge line's stiffness lies between 0.5
+    and 30 times EI / L of plane xz, the lump weighs 0.1 to 0.6 of the panels.
     """
     rng = np.random.default_rng(seed)
     lengths = rng.uniform(1.5, 3.0, 3)
@@ -73,8 +82,11 @@ def random_array(seed: int) -> Beam:
     plain = Beam(segments=segments)
     stiffness = 1.0 / plain.compliance(0.0, plain.length, "xz")
     joints = tuple(
-        Joint(after_segment=i, stiffness_xz=float(stiffness * 10.0 ** rng.uniform(-0.3, 1.5))) for i in (1, 2)
+        Joint(after_segment=i, stiffness_xz=float(stiffness * 10.0 ** rng.uniform(-0.3, 1.5)))
+        for i in (1, 2)
     )
     x = float(plain.length * rng.uniform(0.2, 0.95))
     mass = float(rng.uniform(0.1, 0.6) * plain.rigid_mass()[0, 0])
-    return Beam(segments=segments, joints=joints, lumps=(Lump(x=x, mass=mass, inertia=(0.02, 0.02, 0.03)),))
+    return Beam(
+        segments=segments, joints=joints, lumps=(Lump(x=x, mass=mass, inertia=(0.02, 0.02, 0.03)),)
+    )

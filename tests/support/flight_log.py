@@ -1,8 +1,10 @@
-"""Logs of a rigid hub with an elastic appendage of closed-form modes, and what they determine; shares no code with the package.
+"""Logs of a rigid hub with an elastic appendage of closed-form modes, and what they determine;
+shares no code with the package.
 
-The appendage is a uniform beam (two bending planes, torsion), or a pair of them, its frequencies and participation in
-closed form. Hub and appendage move freely by small motions; torque is held between samples, and the transition over a
-sample is the matrix exponential of the coupled equations. A sensor adds noise, bias, quantisation and saturation.
+The appendage is a uniform beam (two bending planes, torsion), or a pair of them, its frequencies
+and participation in closed form. Hub and appendage move freely by small motions; torque is held
+between samples, and the transition over a sample is the matrix exponential of the coupled
+equations. A sensor adds noise, bias, quantisation and saturation.
 """
 
 from dataclasses import dataclass, field, replace
@@ -14,10 +16,11 @@ from scipy.optimize import brentq
 AXES = "xyz"
 
 
-# -- the structure ---------------------------------------------------------------------------------------------------
+# -- the structure ---------------------------------------------------------------------------------
 @dataclass(frozen=True, eq=False)
 class Elastic:
-    """Modes with the port held, mass-normalised: rad/s, ratios, `(6, n)` participation; `(6, 6)` rigid mass about the port."""
+    """Modes with the port held, mass-normalised: rad/s, ratios, `(6, n)` participation;
+    `(6, 6)` rigid mass about the port."""
 
     frequency: np.ndarray
     damping: np.ndarray
@@ -35,7 +38,10 @@ class Elastic:
         )
 
     def damped(self, ratios):
-        return replace(self, damping=np.broadcast_to(np.asarray(ratios, dtype=float), self.frequency.shape).copy())
+        return replace(
+            self,
+            damping=np.broadcast_to(np.asarray(ratios, dtype=float), self.frequency.shape).copy(),
+        )
 
     def at_frequencies(self, values):
         """The first modes at other frequencies (rad/s)."""
@@ -45,7 +51,8 @@ class Elastic:
 
 
 def doublet(elastic, axis, frequency, apart, second=0.7):
-    """The appendage with its first two modes about an axis near each other, the second's row that much of the first's."""
+    """The appendage with its first two modes about an axis near each other,
+    the second's row that much of the first's."""
     row = 3 + AXES.index(axis)
     pair = np.flatnonzero(elastic.participation[row])[:2]
     changed = elastic.at_frequencies([])
@@ -56,18 +63,32 @@ def doublet(elastic, axis, frequency, apart, second=0.7):
 
 
 def cantilever(count):
-    """Roots b of cos b cosh b = -1, and the constants s of their shapes cosh - cos - s (sinh - sin)."""
+    """Roots b of cos b cosh b = -1, and the constants s of their shapes cosh -
+    cos - s (sinh - sin)."""
     guess = np.pi * (np.arange(count) + 0.5)
-    roots = np.array([brentq(lambda b: np.cos(b) + 1.0 / np.cosh(b), g - 0.6, g + 0.6, xtol=1e-15) for g in guess])
+    roots = np.array(
+        [
+            brentq(lambda b: np.cos(b) + 1.0 / np.cosh(b), g - 0.6, g + 0.6, xtol=1e-15)
+            for g in guess
+        ]
+    )
     fading = np.exp(-roots)  # (sinh b - sin b) / (cosh b + cos b), without overflow
-    shape = (1.0 - fading**2 - 2.0 * fading * np.sin(roots)) / (1.0 + fading**2 + 2.0 * fading * np.cos(roots))
+    shape = (1.0 - fading**2 - 2.0 * fading * np.sin(roots)) / (
+        1.0 + fading**2 + 2.0 * fading * np.cos(roots)
+    )
     return roots, shape
 
 
 def boom(length, line_mass, ei_xy, ei_xz, gj, polar, counts=(16, 16, 8), damping=0.005):
-    """A uniform Euler beam along x, its root clamped: bending in xy and xz, torsion; `polar` is inertia per length."""
-    mass, frequency, columns = line_mass * length, [], []
-    for stiffness, count, force, moment, sign in ((ei_xy, counts[0], 1, 5, 1.0), (ei_xz, counts[1], 2, 4, -1.0)):
+    """A uniform Euler beam along x, its root clamped: bending in xy and xz, torsion;
+    `polar` is inertia per length."""
+    mass = line_mass * length
+    frequency = []
+    columns = []
+    for stiffness, count, force, moment, sign in (
+        (ei_xy, counts[0], 1, 5, 1.0),
+        (ei_xz, counts[1], 2, 4, -1.0),
+    ):
         roots, shape = cantilever(count)
         frequency.extend(roots**2 * np.sqrt(stiffness / line_mass) / length**2)
         part = np.zeros((6, count))
@@ -79,7 +100,9 @@ def boom(length, line_mass, ei_xy, ei_xz, gj, polar, counts=(16, 16, 8), damping
     part = np.zeros((6, counts[2]))
     part[3] = np.sqrt(2.0 * polar * length) / turns
     columns.append(part)
-    rigid = np.diag([mass, mass, mass, polar * length, mass * length**2 / 3.0, mass * length**2 / 3.0])
+    rigid = np.diag(
+        [mass, mass, mass, polar * length, mass * length**2 / 3.0, mass * length**2 / 3.0]
+    )
     rigid[1, 5] = rigid[5, 1] = mass * length / 2.0
     rigid[2, 4] = rigid[4, 2] = -mass * length / 2.0
     return _sorted(np.array(frequency), damping, np.hstack(columns), rigid)
@@ -96,13 +119,16 @@ def wings(length, line_mass, ei_xy, ei_xz, gj, polar, counts=(16, 16, 8), dampin
 
 def _sorted(frequency, damping, participation, rigid):
     order = np.argsort(frequency, kind="stable")
-    return Elastic(frequency[order], np.full(frequency.size, damping), participation[:, order], rigid)
+    return Elastic(
+        frequency[order], np.full(frequency.size, damping), participation[:, order], rigid
+    )
 
 
-# -- the spacecraft --------------------------------------------------------------------------------------------------
+# -- the spacecraft --------------------------------------------------------------------------------
 @dataclass(frozen=True, eq=False)
 class Hub:
-    """A rigid body: mass, mass centre, inertia about it, the port's place and axes (rows: the port's x, y, z)."""
+    """A rigid body: mass, mass centre, inertia about it,
+    the port's place and axes (rows: the port's x, y, z)."""
 
     mass: float = 300.0
     inertia: np.ndarray = field(default_factory=lambda: np.diag([100.0, 120.0, 150.0]))
@@ -114,24 +140,30 @@ class Hub:
     def xml(self):
         """The bare spacecraft as MJCF, with the site `mount`."""
         j = self.inertia
-        full = " ".join(repr(float(v)) for v in (j[0, 0], j[1, 1], j[2, 2], j[0, 1], j[0, 2], j[1, 2]))
+        full = " ".join(
+            repr(float(v)) for v in (j[0, 0], j[1, 1], j[2, 2], j[0, 1], j[0, 2], j[1, 2])
+        )
         say = lambda v: " ".join(repr(float(one)) for one in v)  # noqa: E731
         return (
             '<mujoco model="bus"><option gravity="0 0 0"/><worldbody><body name="bus"><freejoint/>'
             f'<inertial pos="{say(self.centre)}" mass="{self.mass!r}" fullinertia="{full}"/>'
-            f'<site name="mount" pos="{say(self.port)}" xyaxes="{say(self.axes[0])} {say(self.axes[1])}"/>'
+            f'<site name="mount" pos="{say(self.port)}" xyaxes="{say(self.axes[0])} '
+            f'{say(self.axes[1])}"/>'
             "</body></worldbody></mujoco>"
         )
 
     def at_origin(self):
         """`(6, 6)` mass matrix about the body's origin, in its axes."""
         return moved(
-            np.block([[self.mass * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), self.inertia]]), self.centre
+            np.block([[self.mass * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), self.inertia]]),
+            self.centre,
         )
 
     def to_port(self):
         """`(6, 6)`: motion of the port, in its axes, from that of the body's origin."""
-        return np.kron(np.eye(2), self.axes) @ np.block([[np.eye(3), -cross(self.port)], [np.zeros((3, 3)), np.eye(3)]])
+        return np.kron(np.eye(2), self.axes) @ np.block(
+            [[np.eye(3), -cross(self.port)], [np.zeros((3, 3)), np.eye(3)]]
+        )
 
 
 def cross(v):
@@ -145,7 +177,8 @@ def moved(mass, place):
 
 
 def seen(hub, elastic):
-    """What torques and rotation rates can tell: `(3, 3)` inertia of all, `(3, n)` rows, `(n, n)` modal mass, free to translate."""
+    """What torques and rotation rates can tell: `(3, 3)` inertia of all, `(3, n)` rows, `(n, n)`
+    modal mass, free to translate."""
     to_port = hub.to_port()
     total = hub.at_origin() + to_port.T @ elastic.rigid @ to_port
     rows = to_port.T @ elastic.participation
@@ -156,7 +189,8 @@ def seen(hub, elastic):
 
 
 def as_seen(hub, elastic):
-    """The modes with the hub's rotation held and its translation free: frequency, damping, `(3, n)` rows in the hub's axes."""
+    """The modes with the hub's rotation held and its translation free: frequency, damping,
+    `(3, n)` rows in the hub's axes."""
     _, turning, modal = seen(hub, elastic)
     root = np.linalg.cholesky(modal)
     stiffness = np.linalg.solve(root, np.linalg.solve(root, np.diag(elastic.frequency**2)).T)
@@ -184,7 +218,8 @@ def motion(hub, elastic):
 
 
 def turn(hub, elastic, time, torque, start=None):
-    """Rates and angles `(n, 3)` at the samples; `torque` `(n, 3)` at a sample acts until the next. Starts at rest, or at `start`."""
+    """Rates and angles `(n, 3)` at the samples; `torque` `(n, 3)` at a sample acts until the next.
+    Starts at rest, or at `start`."""
     a, b = motion(hub, elastic)
     half = a.shape[0] // 2
     steps = np.round(np.diff(time), 9)
@@ -209,14 +244,18 @@ def response(hub, elastic, omega):
     """`(n, 3, 3)` rates per torque at the frequencies `omega` [rad/s]."""
     inertia, turning, modal = seen(hub, elastic)
     s = 1j * np.asarray(omega)[:, None, None]
-    spring = s**2 * modal + np.diag(elastic.frequency**2) + s * np.diag(2.0 * elastic.damping * elastic.frequency)
+    spring = (
+        s**2 * modal
+        + np.diag(elastic.frequency**2)
+        + s * np.diag(2.0 * elastic.damping * elastic.frequency)
+    )
     felt = inertia - s**2 * turning @ np.linalg.solve(
         spring, np.broadcast_to(turning.T, (s.shape[0], *turning.T.shape))
     )
     return np.linalg.inv(felt) / s
 
 
-# -- torque and sensor -----------------------------------------------------------------------------------------------
+# -- torque and sensor -----------------------------------------------------------------------------
 def steps_at(time, size=1.0, dwell=5.0, seed=0):
     """A sign drawn anew every `dwell` seconds."""
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], int(time[-1] // dwell) + 2)
@@ -250,7 +289,11 @@ class Gyro:
     limit: float = np.inf
 
     def read(self, rates, seed=0):
-        rates = rates + self.bias + self.noise * np.random.default_rng(seed).standard_normal(rates.shape)
+        rates = (
+            rates
+            + self.bias
+            + self.noise * np.random.default_rng(seed).standard_normal(rates.shape)
+        )
         if self.quantum:
             rates = self.quantum * np.round(rates / self.quantum)
         return np.clip(rates, -self.limit, self.limit)
@@ -282,18 +325,23 @@ def without(log, *spans):
 
 def as_csv(log):
     rows = np.column_stack(list(log.values()))
-    return "\n".join([",".join(log), *(",".join(repr(float(v)) for v in row) for row in rows)]) + "\n"
+    return (
+        "\n".join([",".join(log), *(",".join(repr(float(v)) for v in row) for row in rows)]) + "\n"
+    )
 
 
-# -- what the data determine -----------------------------------------------------------------------------------------
+# -- what the data determine -----------------------------------------------------------------------
 def cramer_rao(hub, elastic, time, torques, sigma, *, rigid=True):
-    """Least standard deviations of (frequency, damping, row) of every mode, from one axis of torque and rate.
+    """Least standard deviations of (frequency, damping, row) of every mode,
+    from one axis of torque and rate.
 
-    The inertia of all (unless `rigid` is False), the bias and the initial state are estimated with them. Sensitivities by
-    central differences of `turn`. For an appendage that does not push its port (`wings`), about one axis.
+    The inertia of all (unless `rigid` is False), the bias and the initial state are estimated with
+    them. Sensitivities by central differences of `turn`. For an appendage that does not push its
+    port (`wings`), about one axis.
     """
     ((axis, values),) = torques.items()
-    i, n = AXES.index(axis), elastic.frequency.size
+    i = AXES.index(axis)
+    n = elastic.frequency.size
     torque = np.zeros((len(time), 3))
     torque[:, i] = values
 
@@ -303,15 +351,18 @@ def cramer_rao(hub, elastic, time, torques, sigma, *, rigid=True):
         part[3 + i] *= 1.0 + share[2]
         mass = elastic.rigid.copy()
         mass[3 + i, 3 + i] *= 1.0 + change[3 * n]
-        other = Elastic(elastic.frequency * (1 + share[0]), elastic.damping * (1 + share[1]), part, mass)
+        other = Elastic(
+            elastic.frequency * (1 + share[0]), elastic.damping * (1 + share[1]), part, mass
+        )
         return turn(hub, other, time, torque)[0][:, i]
 
     small = np.where(np.arange(3 * n + 1) // n == 0, 1e-6, 1e-4)
-    columns = [(rate(e) - rate(-e)) / (2.0 * s) for s, e in zip(small, np.diag(small), strict=True)][
-        : 3 * n + int(rigid)
-    ]
+    columns = [
+        (rate(e) - rate(-e)) / (2.0 * s) for s, e in zip(small, np.diag(small), strict=True)
+    ][: 3 * n + int(rigid)]
     half = n + 3
-    for state in (*range(3, half), half + i, *range(half + 3, 2 * half)):  # free motion, each from one initial value
+    # free motion, each from one initial value
+    for state in (*range(3, half), half + i, *range(half + 3, 2 * half)):
         first = np.eye(2 * half)[state]
         columns.append(turn(hub, elastic, time, 0.0 * torque, first)[0][:, i])
     columns.append(np.ones(len(time)))

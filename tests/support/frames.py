@@ -1,9 +1,11 @@
-"""Frames of beams out of one axis (L-shapes, skew legs), and modes files as another program would deliver them.
+"""Frames of beams out of one axis (L-shapes, skew legs),
+and modes files as another program would deliver them.
 
-Elements of 12 freedoms after Euler and Bernoulli in any direction, consistent mass, bodies at nodes. As in
-`finite_elements`, stiffness and mass are kept as rows: four Gauss points of the cubic shape functions are the
-consistent mass exactly, and the six natural strains (stretch, twist, and in each plane the symmetric and the
-antisymmetric bending) are the stiffness exactly. Nothing is imported from the package.
+Elements of 12 freedoms after Euler and Bernoulli in any direction, consistent mass, bodies at
+nodes. As in `finite_elements`, stiffness and mass are kept as rows: four Gauss points of the cubic
+shape functions are the consistent mass exactly, and the six natural strains (stretch, twist, and in
+each plane the symmetric and the antisymmetric bending) are the stiffness exactly. Nothing is
+imported from the package.
 """
 
 import json
@@ -17,7 +19,8 @@ from scipy.linalg import solve_triangular
 
 @dataclass(frozen=True)
 class Leg:
-    """A prismatic member between two points, cut into `elements`: stiffness and inertia per length."""
+    """A prismatic member between two points, cut into `elements`:
+    stiffness and inertia per length."""
 
     start: tuple
     end: tuple
@@ -41,7 +44,8 @@ class Body:
 
 @dataclass(frozen=True)
 class FrameModes:
-    """Modes about the port in SI: `(n,)`, `(n, 6)`, `(n, 6)` motion of the tip, `(6, 6)` rigid mass, length along x."""
+    """Modes about the port in SI: `(n,)`, `(n, 6)`, `(n, 6)` motion of the tip,
+    `(6, 6)` rigid mass, length along x."""
 
     frequencies: np.ndarray
     participation: np.ndarray
@@ -57,7 +61,8 @@ def _cross(r):
 
 
 def _axes(direction):
-    """Rows: a member's own x, y, z; its z lies as near the frame's z as can be (the frame's y for upright members)."""
+    """Rows: a member's own x, y, z; its z lies as near the frame's z as can be (the frame's y
+    for upright members)."""
     x = direction / np.linalg.norm(direction)
     up = np.array([0.0, 0.0, 1.0]) if abs(x[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
     y = np.cross(up, x)
@@ -66,7 +71,8 @@ def _axes(direction):
 
 
 def _element(a, b, leg):
-    """Rows of mass `(24, 12)`, positions of them as rigid rows `(24, 6)`, and rows of stiffness `(6, 12)`."""
+    """Rows of mass `(24, 12)`, positions of them as rigid rows `(24, 6)`,
+    and rows of stiffness `(6, 12)`."""
     span = float(np.linalg.norm(b - a))
     turn = _axes(b - a)
     own = np.zeros((12, 12))
@@ -98,9 +104,9 @@ def _element(a, b, leg):
         rows[3, twist] = line
         heavy = np.sqrt(weight * np.array([leg.mass, leg.mass, leg.mass, leg.polar]))[:, None]
         here = a + s * (b - a)
-        still = np.vstack([
-            np.hstack([turn, -turn @ _cross(here)]), np.hstack([np.zeros((1, 3)), turn[:1]])
-        ])  # fmt: skip
+        still = np.vstack(
+            [np.hstack([turn, -turn @ _cross(here)]), np.hstack([np.zeros((1, 3)), turn[:1]])]
+        )
         mass.append(heavy * rows @ own)
         rigid.append(heavy * still)
     return np.vstack(mass), np.vstack(rigid), stiff @ own
@@ -130,7 +136,8 @@ def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
     assert node(port) == 0
     members = []
     for leg in legs:
-        a, b = np.asarray(leg.start, dtype=float), np.asarray(leg.end, dtype=float)
+        a = np.asarray(leg.start, dtype=float)
+        b = np.asarray(leg.end, dtype=float)
         ends = [node(a + (b - a) * k / leg.elements) for k in range(leg.elements + 1)]
         members += [(i, j, leg) for i, j in zip(ends[:-1], ends[1:], strict=True)]
     size = 6 * len(nodes)
@@ -151,9 +158,13 @@ def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
         i = node(body.at)
         root = np.diag(np.sqrt([body.mass] * 3 + list(body.inertia)))
         mass.append(wide(root, i))
-        rigid.append(root @ np.block([[np.eye(3), -_cross(nodes[i])], [np.zeros((3, 3)), np.eye(3)]]))
+        rigid.append(
+            root @ np.block([[np.eye(3), -_cross(nodes[i])], [np.zeros((3, 3)), np.eye(3)]])
+        )
     assert size == 6 * len(nodes), "bodies sit at ends of elements"
-    moving, carried, strain = np.vstack(mass)[:, 6:], np.vstack(rigid), np.vstack(stiff)[:, 6:]
+    moving = np.vstack(mass)[:, 6:]
+    carried = np.vstack(rigid)
+    strain = np.vstack(stiff)[:, 6:]
     scale = np.linalg.norm(strain, axis=0)
     triangle = np.linalg.qr(strain / scale, mode="r")
     elastic = solve_triangular(triangle, (moving / scale).T, trans="T").T
@@ -164,38 +175,69 @@ def frame_modes(legs, bodies=(), modes=8, port=(0.0, 0.0, 0.0), tip=None):
     motion = shapes[6 * far : 6 * far + 6].T
     n = min(modes, values.size)
     return FrameModes(
-        1.0 / values[:n], participation[:n], motion[:n], carried.T @ carried, float(max(p[0] for p in nodes)),
+        1.0 / values[:n],
+        participation[:n],
+        motion[:n],
+        carried.T @ carried,
+        float(max(p[0] for p in nodes)),
         participation.T @ participation,
-    )  # fmt: skip
+    )
 
 
-# -- the frames that are tried ----------------------------------------------------------------------------------------
+# -- the frames that are tried ---------------------------------------------------------------------
 def tube(start, end, elements, diameter=0.05, wall=0.002, young=7e10, density=2700.0, poisson=0.33):
     """A round tube as a leg."""
     inner = diameter - 2.0 * wall
-    area, i = np.pi / 4.0 * (diameter**2 - inner**2), np.pi / 64.0 * (diameter**4 - inner**4)
+    area = np.pi / 4.0 * (diameter**2 - inner**2)
+    i = np.pi / 64.0 * (diameter**4 - inner**4)
     shear = young / 2.0 / (1.0 + poisson)
-    return Leg(tuple(start), tuple(end), elements, young * area, 2.0 * shear * i, young * i, young * i, density * area,
-               2.0 * density * i)  # fmt: skip
+    return Leg(
+        tuple(start),
+        tuple(end),
+        elements,
+        young * area,
+        2.0 * shear * i,
+        young * i,
+        young * i,
+        density * area,
+        2.0 * density * i,
+    )
 
 
-def strip(start, end, elements, width=0.1, thickness=0.01, young=7e10, density=2700.0, poisson=0.33):
+def strip(
+    start, end, elements, width=0.1, thickness=0.01, young=7e10, density=2700.0, poisson=0.33
+):
     """A flat strip, soft about its own y axis (its normal lies near the frame's z)."""
-    area, soft, hard = width * thickness, width * thickness**3 / 12.0, thickness * width**3 / 12.0
+    area = width * thickness
+    soft = width * thickness**3 / 12.0
+    hard = thickness * width**3 / 12.0
     twist = width * thickness**3 / 3.0 * (1.0 - 0.63 * thickness / width)
     shear = young / 2.0 / (1.0 + poisson)
-    return Leg(tuple(start), tuple(end), elements, young * area, shear * twist, young * soft, young * hard,
-               density * area, density * (soft + hard))  # fmt: skip
+    return Leg(
+        tuple(start),
+        tuple(end),
+        elements,
+        young * area,
+        shear * twist,
+        young * soft,
+        young * hard,
+        density * area,
+        density * (soft + hard),
+    )
 
 
 def l_frame(seed, modes):
-    """An L or a skew three-legged frame: the first leg along x, then out of the axis; bodies at corner and end."""
+    """An L or a skew three-legged frame: the first leg along x, then out of the axis;
+    bodies at corner and end."""
     rng = np.random.default_rng(7000 + seed)
     first = rng.uniform(1.0, 4.0)
     corner = np.array([first, 0.0, 0.0])
-    way = (np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), np.array([0.0, -0.8, 0.6]), rng.normal(size=3))[
-        seed % 4
-    ]
+    way = (
+        np.array([0.0, 1.0, 0.0]),
+        np.array([0.0, 0.0, 1.0]),
+        np.array([0.0, -0.8, 0.6]),
+        rng.normal(size=3),
+    )[seed % 4]
     end = corner + rng.uniform(0.3, 1.2) * first * way / np.linalg.norm(way)
     legs = [
         tube((0.0, 0.0, 0.0), corner, 6, rng.uniform(0.03, 0.08), rng.uniform(0.001, 0.003)),
@@ -216,7 +258,7 @@ def turned_axes(seed):
     return q if np.linalg.det(q) > 0.0 else q[[1, 0, 2]]
 
 
-# -- files -------------------------------------------------------------------------------------------------------------
+# -- files -----------------------------------------------------------------------------------------
 def as_delivered(found, length=1.0, mass=1.0, axes=None, reference=(0.0, 0.0, 0.0)):
     """The modes in a file's units and axes, about a file's reference point.
 
@@ -229,7 +271,8 @@ def as_delivered(found, length=1.0, mass=1.0, axes=None, reference=(0.0, 0.0, 0.
     turn = np.eye(3) if axes is None else np.asarray(axes, dtype=float)
     away = np.asarray(reference, dtype=float) * length
     both = np.block([[turn, np.zeros((3, 3))], [np.zeros((3, 3)), turn]])
-    # motion of the port (appendage axes) per motion of the reference point (file axes): v + omega x away
+    # motion of the port (appendage axes) per motion of the reference point (file axes):
+    # v + omega x away
     move = both @ np.block([[np.eye(3), -_cross(away)], [np.zeros((3, 3)), np.eye(3)]])
     unit = np.array([1.0] * 3 + [length] * 3)
     rigid = move.T @ found.rigid @ move
@@ -242,8 +285,18 @@ def as_delivered(found, length=1.0, mass=1.0, axes=None, reference=(0.0, 0.0, 0.
     }
 
 
-def write_modes(path, found, length=1.0, mass=1.0, axes=None, reference=(0.0, 0.0, 0.0), damping=0.005, hertz=False):
-    """Write a modes file (.toml or .json) and return the `[imported]` table that takes it back to SI and the port."""
+def write_modes(
+    path,
+    found,
+    length=1.0,
+    mass=1.0,
+    axes=None,
+    reference=(0.0, 0.0, 0.0),
+    damping=0.005,
+    hertz=False,
+):
+    """Write a modes file (.toml or .json) and return the `[imported]` table that takes it back
+    to SI and the port."""
     given = as_delivered(found, length, mass, axes, reference)
     w = given["frequencies"]
     keys = {

@@ -1,7 +1,8 @@
-"""Planar craft made by hand: a hub and appendages whose springs are modal tendons, and their matrices in numpy.
+"""Planar craft made by hand: a hub and appendages whose springs are modal tendons,
+and their matrices in numpy.
 
-The appendages' bodies are those of a fitted chain; everything else (mass matrices, modes, tendon coefficients, the exact
-motion) is worked out here, apart from the package.
+The appendages' bodies are those of a fitted chain; everything else (mass matrices, modes, tendon
+coefficients, the exact motion) is worked out here, apart from the package.
 """
 
 from dataclasses import dataclass
@@ -14,8 +15,7 @@ from scipy.optimize import brentq
 
 import beamchain as bc
 from appendages import STEEL, seed_boom
-from beamchain.structure.beam import Beam, Segment
-from beamchain.structure.section import Round
+from beamchain import Beam, Round, Segment
 
 
 @cache
@@ -24,14 +24,19 @@ def chain_of(kind: str, modes: int):
     if kind == "seed":
         beam = seed_boom()
     else:
-        diameter, length = {"light": (0.0085, 9.0), "heavy": (0.02, 14.7), "stub": (0.01, 5.0)}[kind]
-        beam = Beam(segments=(Segment(length=length, section=Round(diameter=diameter), material=STEEL),))
+        diameter, length = {"light": (0.0085, 9.0), "heavy": (0.02, 14.7), "stub": (0.01, 5.0)}[
+            kind
+        ]
+        beam = Beam(
+            segments=(Segment(length=length, section=Round(diameter=diameter), material=STEEL),)
+        )
     return bc.fit(beam, modes={"xy": modes}).chain
 
 
 @dataclass(frozen=True)
 class Part:
-    """An appendage in the plane: hinge mass matrix Q, coupling P to (x, y, rotation) of its root, rows, frequencies."""
+    """An appendage in the plane: hinge mass matrix Q, coupling P to (x, y, rotation) of its root,
+    rows, frequencies."""
 
     chain: object
     q: np.ndarray
@@ -46,9 +51,13 @@ def part(kind: str, modes: int) -> Part:
     chain = chain_of(kind, modes)
     at = np.array([h.x for h in chain.hinges])
     n = at.size
-    q, p, rigid = np.zeros((n, n)), np.zeros((3, n)), np.zeros((3, 3))
+    q = np.zeros((n, n))
+    p = np.zeros((3, n))
+    rigid = np.zeros((3, 3))
     for i, link in enumerate(chain.links):
-        m, x, inertia = link.mass, link.com, link.inertia[2]
+        m = link.mass
+        x = link.com
+        inertia = link.inertia[2]
         arm = np.where(np.arange(n) < i, x - at, 0.0)
         turn = np.where(np.arange(n) < i, 1.0, 0.0)
         root = np.array([0.0, 1.0, x])
@@ -78,7 +87,9 @@ class Craft:
     def continuous(self) -> np.ndarray:
         n = self.mass.shape[0]
         inverse = np.linalg.inv(self.mass)
-        return np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ self.stiffness, -inverse @ self.damping]])
+        return np.block(
+            [[np.zeros((n, n)), np.eye(n)], [-inverse @ self.stiffness, -inverse @ self.damping]]
+        )
 
     def poles(self) -> np.ndarray:
         s = np.linalg.eigvals(self.continuous())
@@ -113,12 +124,15 @@ def craft(parts, mass, inertia, offset=1.0, ratio=0.0, scale=1.0) -> Craft:
     """
     out = [part(kind, modes) for kind, modes, _ in parts]
     n = 3 + sum(a.w.size for a in out)
-    m, k, d = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    m = np.zeros((n, n))
+    k = np.zeros((n, n))
+    d = np.zeros((n, n))
     m[:3, :3] = np.diag([mass, mass, inertia])
     bodies, tendons, first = [], [], 3
     for number_, (a, (_, _, angle)) in enumerate(zip(out, parts, strict=True), 1):
         name = f"boom{number_}"
-        cos, sin = np.cos(angle), np.sin(angle)
+        cos = np.cos(angle)
+        sin = np.sin(angle)
         # motion of the root, in its own axes, by that of the hub
         root = np.array([[cos, sin, 0.0], [-sin, cos, offset], [0.0, 0.0, 1.0]])
         here = slice(first, first + a.w.size)
@@ -132,16 +146,23 @@ def craft(parts, mass, inertia, offset=1.0, ratio=0.0, scale=1.0) -> Craft:
         d[here, here] = a.rows.T @ np.diag(2 * ratios * w) @ a.rows
         bodies.append(body_text(a.chain, name, (offset * cos, offset * sin), angle))
         for i, row in enumerate(a.rows):
-            joints = "".join(f'<joint joint="{name}_hinge{j + 1}_xy" coef="{number(c)}"/>' for j, c in enumerate(row))
+            joints = "".join(
+                f'<joint joint="{name}_hinge{j + 1}_xy" coef="{number(c)}"/>'
+                for j, c in enumerate(row)
+            )
             tendons.append(
-                f'<fixed name="{name}_mode{i + 1}_xy" limited="false" stiffness="{number(w[i] ** 2)}" '
-                f'damping="{number(2 * ratios[i] * w[i])}" armature="0" frictionloss="0" springlength="0">{joints}</fixed>'
+                f'<fixed name="{name}_mode{i + 1}_xy" limited="false" '
+                f'stiffness="{number(w[i] ** 2)}" damping="{number(2 * ratios[i] * w[i])}" '
+                f'armature="0" frictionloss="0" springlength="0">{joints}</fixed>'
             )
         first += a.w.size
-    xml = f"""<mujoco model="craft"><compiler angle="radian"/><option gravity="0 0 0"><flag contact="disable"/></option>
-<worldbody><body name="hub"><joint name="hub_x" type="slide" axis="1 0 0"/><joint name="hub_y" type="slide" axis="0 1 0"/>
+    xml = f"""<mujoco model="craft"><compiler angle="radian"/><option gravity="0 0 0">
+    <flag contact="disable"/></option>
+<worldbody><body name="hub"><joint name="hub_x" type="slide" axis="1 0 0"/>
+<joint name="hub_y" type="slide" axis="0 1 0"/>
 <joint name="hub_turn" type="hinge" axis="0 0 1"/>
-<inertial pos="0 0 0" mass="{number(mass)}" diaginertia="{number([inertia, inertia, inertia])}"/>{"".join(bodies)}</body></worldbody>
+<inertial pos="0 0 0" mass="{number(mass)}"
+diaginertia="{number([inertia, inertia, inertia])}"/>{"".join(bodies)}</body></worldbody>
 <tendon>{"".join(tendons)}</tendon></mujoco>"""
     return Craft(xml, m, k, d)
 
@@ -153,31 +174,42 @@ def body_text(chain, name, at, angle) -> str:
         link = chain.links[i]
         start = starts[i]
         joint = (
-            f'<joint name="{name}_hinge{i}_xy" type="hinge" axis="0 0 1" stiffness="0" damping="0" armature="0"/>'
+            f'<joint name="{name}_hinge{i}_xy" type="hinge" axis="0 0 1" stiffness="0" damping="0" '
+            'armature="0"/>'
             if i
             else ""
         )
         place = (
             f'pos="{number(start - starts[i - 1])} 0 0"'
             if i
-            else f'pos="{number(at)} 0" quat="{number([np.cos(angle / 2), 0, 0, np.sin(angle / 2)])}"'
+            else f'pos="{number(at)} 0" '
+            f'quat="{number([np.cos(angle / 2), 0, 0, np.sin(angle / 2)])}"'
         )
         text = (
-            f'<body name="{name}_link{i + 1}" {place}>{joint}<inertial pos="{number(link.com - start)} 0 0" '
-            f'mass="{number(link.mass)}" diaginertia="{number(link.inertia)}"/>{text}</body>'
+            f'<body name="{name}_link{i + 1}" {place}>{joint}<inertial '
+            f'pos="{number(link.com - start)} 0 0" mass="{number(link.mass)}" '
+            f'diaginertia="{number(link.inertia)}"/>{text}</body>'
         )
     return text
 
 
-def uniform_beam_truth(modes: int, mass=500.0, inertia=500.0, offset=1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Mass and squared frequencies over (hub y, hub rotation, modes) of the 2008 rod on a hub, from the beam's formulas."""
+def uniform_beam_truth(
+    modes: int, mass=500.0, inertia=500.0, offset=1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mass and squared frequencies over (hub y, hub rotation, modes) of the 2008 rod on a hub,
+    from the beam's formulas."""
     length, diameter = 15.0, 0.012
-    area, second = np.pi * diameter**2 / 4, np.pi * diameter**4 / 64
+    area = np.pi * diameter**2 / 4
+    second = np.pi * diameter**4 / 64
     line, bend = 7800.0 * area, 2.06e11 * second
     beam = line * length
     lam = np.array(
         [
-            brentq(lambda v: np.cos(v) + 1 / np.cosh(v), (i + 0.5) * np.pi - 1.0, (i + 0.5) * np.pi + 1.0)
+            brentq(
+                lambda v: np.cos(v) + 1 / np.cosh(v),
+                (i + 0.5) * np.pi - 1.0,
+                (i + 0.5) * np.pi + 1.0,
+            )
             for i in range(modes)
         ]
     )
@@ -187,6 +219,8 @@ def uniform_beam_truth(modes: int, mass=500.0, inertia=500.0, offset=1.0) -> tup
     moment = np.sqrt(beam) * length * 2 / lam**2
     rows = np.stack([force, moment + offset * force])
     x = length / 2 + offset
-    rigid = np.array([[mass + beam, beam * x], [beam * x, inertia + beam * (length**2 / 12 + x**2)]])
+    rigid = np.array(
+        [[mass + beam, beam * x], [beam * x, inertia + beam * (length**2 / 12 + x**2)]]
+    )
     full = np.block([[rigid, rows], [rows.T, np.eye(modes)]])
     return full, bend / line * (lam / length) ** 4

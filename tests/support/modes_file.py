@@ -5,7 +5,10 @@ import numpy as np
 
 def write_prior(folder, elastic, *, frequency=1.0, damping=1.0, participation=1.0):
     """The path of `prior.toml`, beside its `prior_modes.toml`; rigid mass as it is."""
-    rows = lambda matrix: "[" + ", ".join(str([float(v) for v in row]) for row in np.asarray(matrix)) + "]"  # noqa: E731
+
+    def rows(matrix):
+        return "[" + ", ".join(str([float(v) for v in row]) for row in np.asarray(matrix)) + "]"
+
     (folder / "prior_modes.toml").write_text(
         f"frequencies = {[float(v) for v in frequency * elastic.frequency]}\n"
         f"participation = {rows(participation * elastic.participation)}\n"

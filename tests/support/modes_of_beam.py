@@ -1,48 +1,74 @@
-"""A beam's modes as another program would deliver them."""
+"""A beam's modes as another program would deliver them: of the tests' own finite elements,
+by way of a modes file."""
 
 import json
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from beamchain.ports.compose import in_space
-from beamchain.ports.motions import PORT_MOTION
-from beamchain.structure.mass_line import MassPiece
-from beamchain.structure.modal_data import EXACT, ModalData
-from beamchain.structure.readers.own_format import FULL_DIGITS
+import beamchain as bc
+import finite_elements as fe
+from spec_tables import table_of
 
-STATIONS = 5  # a linear taper's mass per length is quadratic, its polar inertia quartic: five stations are exact
-
-
-def line_of(beam):
-    """Pieces and points of a beam, exact for linear tapers."""
-    pieces = []
-    for x0, segment in zip(beam.starts, beam.segments, strict=True):
-        at = segment.at(np.linspace(0.0, 1.0, STATIONS))
-        turn = 1.0 if segment.theory == "timoshenko" else 0.0
-        rows = np.column_stack([at.mass, at.polar, turn * at.rotary_xy, turn * at.rotary_xz])
-        pieces.append(MassPiece(x0, segment.length, rows))
-    points = [[b.x, b.mass, b.inertia[0], b.inertia[2], b.inertia[1]] for b in beam.lumps]
-    return tuple(pieces), np.array(points, dtype=np.float64).reshape(-1, 5)
+# a linear taper's mass per length is quadratic, its polar inertia quartic: five stations are exact
+STATIONS = 5
+DENSITIES = ("mass", "polar", "rotary_xy", "rotary_xz")
+FULL_DIGITS = 15  # a number with as many was computed, not printed
 
 
-def modes_of_beam(beam, modes, *, every=False):
-    """The lowest modes per port; `every`: all of the discretisation, of which those are the converged ones."""
-    ports = {port: beam.port(port, 2 * count + 4) for port, count in modes.items()}
-    if not every:
-        ports = {port: model.truncated(modes[port]) for port, model in ports.items()}
-    rigid = beam.rigid_mass()
-    whole = in_space(ports, rigid + np.diag([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]) * (rigid[3, 3] <= 0))
-    tip = np.vstack([m.tip @ PORT_MOTION[p].T for p, m in ports.items() if m.tip is not None])
-    order = np.argsort(np.concatenate([m.frequencies for m in ports.values()]), kind="stable")
-    pieces, points = line_of(beam)
-    return ModalData(
-        rigid, whole.frequencies, whole.participation, tip=tip[order], length=beam.length, pieces=pieces,
-        points=points, source="a beam",
-    )  # fmt: skip
+@dataclass(frozen=True)
+class Delivered:
+    """Modes by frequency `(n,)`, `(n, 6)`, `(n, 6)`, rigid mass `(6, 6)`,
+    length and mass along x."""
+
+    frequencies: np.ndarray
+    participation: np.ndarray
+    tip: np.ndarray
+    mass: np.ndarray
+    length: float
+    line: list
+    points: list
 
 
-def modes_text(data):
-    """The data as a .toml file that reads back as the same numbers."""
+def delivered(beam: "bc.Beam", modes: dict[str, int]) -> Delivered:
+    """The lowest modes per port of a beam, and its mass along x, exact for linear tapers."""
+    table = table_of(beam)
+    found = fe.cantilever(table, modes)
+    line, x = [], 0.0
+    for segment in table["segment"]:
+        at = fe.section_properties(segment, np.linspace(0.0, 1.0, STATIONS))
+        line.append(
+            {"start": x, "length": segment["length"], **{name: at[name] for name in DENSITIES}}
+        )
+        x += segment["length"]
+    points = []
+    for lump in table.get("lump", ()):
+        about_x, about_y, about_z = lump.get("inertia", (0.0, 0.0, 0.0))
+        points.append(
+            {
+                "x": lump["x"],
+                "mass": lump["mass"],
+                "polar": about_x,
+                "rotary_xy": about_z,
+                "rotary_xz": about_y,
+            }
+        )
+    return Delivered(
+        found.frequencies,
+        found.participation,
+        found.tip,
+        fe.rigid_mass(table),
+        fe.length(table),
+        line,
+        points,
+    )
+
+
+def modes_text(beam: "bc.Beam", modes: dict[str, int]) -> str:
+    """The lowest modes per port of a beam as a .toml file of full digits."""
+    data = delivered(beam, modes)
 
     def listed(values):
         return "[" + ", ".join(repr(float(v)) for v in values) + "]"
@@ -50,20 +76,29 @@ def modes_text(data):
     def table(key, rows):
         return [f"{key} = [", *(f"  {listed(row)}," for row in rows), "]"]
 
-    out = [f"note = {json.dumps(f'{data.source}; SI, about the port')}", f"frequencies = {listed(data.frequencies)}"]
-    out += table("participation", data.participation.T) + table("mass", data.rigid_mass)
-    out.append(f"damping = {listed(data.damping)}")
-    out.append(f"digits = {FULL_DIGITS if data.precision <= EXACT else round(-np.log10(data.precision / 5.0))}")
-    if data.tip is not None:
-        out += table("tip", data.tip.T)
-    if data.length is not None:
-        out.append(f"length = {float(data.length)!r}")
-    for piece in data.pieces:
-        out += ["", "[[line]]", f"start = {float(piece.start)!r}", f"length = {float(piece.length)!r}"]
-        names = ("mass", "polar", "rotary_xy", "rotary_xz")
-        out += [f"{name} = {listed(piece.densities[:, i])}" for i, name in enumerate(names)]
+    out = [
+        f"note = {json.dumps('a beam; SI, about the port')}",
+        f"frequencies = {listed(data.frequencies)}",
+    ]
+    out += table("participation", data.participation.T) + table("mass", data.mass)
+    out.append(f"damping = {listed(np.zeros(data.frequencies.size))}")
+    out.append(f"digits = {FULL_DIGITS}")
+    out += table("tip", data.tip.T)
+    out.append(f"length = {data.length!r}")
+    for piece in data.line:
+        out += ["", "[[line]]"]
+        out += [
+            f"{name} = {float(v)!r}" if np.ndim(v) == 0 else f"{name} = {listed(v)}"
+            for name, v in piece.items()
+        ]
     for point in data.points:
-        out += ["", "[[points]]"]
-        names = ("x", "mass", "polar", "rotary_xy", "rotary_xz")
-        out += [f"{name} = {float(value)!r}" for name, value in zip(names, point, strict=True)]
+        out += ["", "[[points]]", *(f"{name} = {float(value)!r}" for name, value in point.items())]
     return "\n".join(out) + "\n"
+
+
+def modes_of_beam(beam: "bc.Beam", modes: dict[str, int]) -> "bc.ModalData":
+    """The lowest modes per port, read from their file."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "modes.toml"
+        path.write_text(modes_text(beam, modes))
+        return bc.read_modes(path)

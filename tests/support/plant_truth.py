@@ -1,7 +1,9 @@
-"""Whole spacecraft assembled by hand: hub, wheels, drives, and appendages in finite elements. `Truth` knows no package.
+"""Whole spacecraft assembled by hand: hub, wheels, drives, and appendages in finite elements.
+`Truth` knows no package.
 
-A craft is a dict; `text` writes it as MJCF for MuJoCo, `Truth` assembles `M q'' + C q' + K q` in numpy. Freedoms: six of the
-hub (in its own axes), one per wheel, one per drive, then the cantilever modes of the appendages.
+A craft is a dict; `text` writes it as MJCF for MuJoCo, `Truth` assembles `M q'' + C q' + K q` in
+numpy. Freedoms: six of the hub (in its own axes), one per wheel, one per drive, then the cantilever
+modes of the appendages.
 """
 
 import contextlib
@@ -26,7 +28,8 @@ def cross(v):
 
 
 def moved(place, turn):
-    """`(6, 6)` motion of a frame at `place`, its axes in the columns of `turn`, per motion of the parent in its axes."""
+    """`(6, 6)` motion of a frame at `place`, its axes in the columns of `turn`,
+    per motion of the parent in its axes."""
     return np.block([[turn.T, -turn.T @ cross(place)], [np.zeros((3, 3)), turn.T]])
 
 
@@ -47,44 +50,59 @@ def along(axis):
 
 
 def text(craft, step=0.01, angles=None):
-    """MJCF of the bare craft: hub `hub`, wheels' motors by their names, drives' too, sensors, keyframe `run`."""
+    """MJCF of the bare craft: hub `hub`, wheels' motors by their names, drives' too, sensors,
+    keyframe `run`."""
     hub, motors, bodies = craft["hub"], [], []
     for name, wheel in craft.get("wheels", {}).items():
         j, t = wheel["inertia"]
-        motors.append(f'<motor name="{name}_motor" joint="{name}" gear="{number(wheel.get("gear", 1.0))}"/>')
+        motors.append(
+            f'<motor name="{name}_motor" joint="{name}" gear="{number(wheel.get("gear", 1.0))}"/>'
+        )
         bodies.append(
-            f'<body name="{name}" pos="{number(wheel["at"])}" quat="{quat(along(wheel["axis"]))}"><joint name="{name}" '
-            f'axis="0 0 1" damping="{number(wheel.get("damping", 0.0))}"/>'
-            f'<inertial pos="0 0 0" mass="{number(wheel["mass"])}" diaginertia="{number([t, t, j])}"/></body>'
+            f'<body name="{name}" pos="{number(wheel["at"])}" '
+            f'quat="{quat(along(wheel["axis"]))}"><joint name="{name}" axis="0 0 1" '
+            f'damping="{number(wheel.get("damping", 0.0))}"/><inertial pos="0 0 0" '
+            f'mass="{number(wheel["mass"])}" diaginertia="{number([t, t, j])}"/></body>'
         )
     for name, drive in craft.get("drives", {}).items():
         motors.append(f'<motor name="{name}_motor" joint="{name}"/>')
         sites = "".join(
             f'<site name="{n}" pos="{number(a["at"])}" quat="{quat(a["turn"])}"/>'
-            for n, a in craft["appendages"].items() if a.get("on") == name
-        )  # fmt: skip
+            for n, a in craft["appendages"].items()
+            if a.get("on") == name
+        )
         bodies.append(
-            f'<body name="{name}_rotor" pos="{number(drive["at"])}" quat="{quat(drive["turn"])}"><joint name="{name}" '
-            f'axis="1 0 0" damping="{number(drive.get("damping", 0.0))}" stiffness="{number(drive.get("stiffness", 0.0))}"/>'
-            f'<inertial pos="0 0 0" mass="{number(drive["mass"])}" diaginertia="{number(drive["inertia"])}"/>{sites}</body>'
+            f'<body name="{name}_rotor" pos="{number(drive["at"])}" '
+            f'quat="{quat(drive["turn"])}"><joint name="{name}" axis="1 0 0" '
+            f'damping="{number(drive.get("damping", 0.0))}" '
+            f'stiffness="{number(drive.get("stiffness", 0.0))}"/><inertial pos="0 0 0" '
+            f'mass="{number(drive["mass"])}" '
+            f'diaginertia="{number(drive["inertia"])}"/>{sites}</body>'
         )
     sites = "".join(
         f'<site name="{n}" pos="{number(a["at"])}" quat="{quat(a["turn"])}"/>'
-        for n, a in craft["appendages"].items() if a.get("on") is None
-    )  # fmt: skip
+        for n, a in craft["appendages"].items()
+        if a.get("on") is None
+    )
     full = hub["inertia"]
     inertia = number([full[0, 0], full[1, 1], full[2, 2], full[0, 1], full[0, 2], full[1, 2]])
-    wheels, drives = list(craft.get("wheels", {}).values()), list(craft.get("drives", {}))
+    wheels = list(craft.get("wheels", {}).values())
+    drives = list(craft.get("drives", {}))
     qvel = number([0.0] * 6 + [w.get("rate", 0.0) for w in wheels] + [0.0] * len(drives))
-    place = number([0.0, 0.0, 0.0, *Rotation.from_matrix(craft.get("attitude", EYE)).as_quat()[[3, 0, 1, 2]]])
-    qpos = place + "".join(f" {number((angles or {}).get(n, 0.0))}" for n in [*craft.get("wheels", {}), *drives])
+    place = number(
+        [0.0, 0.0, 0.0, *Rotation.from_matrix(craft.get("attitude", EYE)).as_quat()[[3, 0, 1, 2]]]
+    )
+    qpos = place + "".join(
+        f" {number((angles or {}).get(n, 0.0))}" for n in [*craft.get("wheels", {}), *drives]
+    )
     joints = "".join(f'<jointpos name="{n}_angle" joint="{n}"/>' for n in drives)
     joints += "".join(f'<jointvel name="{n}_rate" joint="{n}"/>' for n in craft.get("wheels", {}))
     return f"""<mujoco model="craft"><compiler angle="radian"/>
 <option timestep="{step!r}" gravity="0 0 0" integrator="Euler"><flag contact="disable"/></option>
 <worldbody><body name="hub" quat="{quat(craft.get("attitude", EYE))}"><freejoint name="free"/>
 <inertial pos="{number(hub["com"])}" mass="{number(hub["mass"])}" fullinertia="{inertia}"/>
-<site name="unit" pos="{number(craft["unit"][0])}" quat="{quat(craft["unit"][1])}"/>{sites}{"".join(bodies)}</body></worldbody>
+<site name="unit" pos="{number(craft["unit"][0])}"
+quat="{quat(craft["unit"][1])}"/>{sites}{"".join(bodies)}</body></worldbody>
 <actuator>{"".join(motors)}</actuator>
 <sensor><gyro name="gyro" site="unit"/><accelerometer name="accelerometer" site="unit"/>
 <framequat name="star" objtype="site" objname="unit"/>{joints}</sensor>
@@ -92,18 +110,30 @@ def text(craft, step=0.01, angles=None):
 
 
 class Truth:
-    """The craft in numpy at angles of its drives; appendages with all modes in `counts`, the rest of their mass rigid."""
+    """The craft in numpy at angles of its drives; appendages with all modes in `counts`,
+    the rest of their mass rigid."""
 
     def __init__(self, craft, counts, angles=None):
-        wheels, drives = craft.get("wheels", {}), craft.get("drives", {})
+        wheels = craft.get("wheels", {})
+        drives = craft.get("drives", {})
         rigid = 6 + len(wheels) + len(drives)
-        parts = [(name, a, self.modes(a["spec"], counts(a))) for name, a in craft["appendages"].items()]
+        parts = [
+            (name, a, self.modes(a["spec"], counts(a))) for name, a in craft["appendages"].items()
+        ]
         size = rigid + sum(w.size for *_, (w, _) in parts)
-        self.m, self.c, self.k = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
+        self.m, self.c, self.k = (
+            np.zeros((size, size)),
+            np.zeros((size, size)),
+            np.zeros((size, size)),
+        )
         self.names = [*wheels, *drives]
         hub = np.hstack([np.eye(6), np.zeros((6, size - 6))])
         self.hub = hub
-        self.m += hub.T @ fe.body_mass(craft["hub"]["mass"], craft["hub"]["com"], craft["hub"]["inertia"]) @ hub
+        self.m += (
+            hub.T
+            @ fe.body_mass(craft["hub"]["mass"], craft["hub"]["com"], craft["hub"]["inertia"])
+            @ hub
+        )
         for i, wheel in enumerate(wheels.values()):
             turn, (j, t) = along(wheel["axis"]), wheel["inertia"]
             motion = moved(np.array(wheel["at"]), turn) @ hub
@@ -114,7 +144,8 @@ class Truth:
             self.c[6 + i, 6 + i] += wheel.get("damping", 0.0)
         frames = {None: hub}
         for i, (name, drive) in enumerate(drives.items()):
-            angle, at = (angles or {}).get(name, 0.0), 6 + len(wheels) + i
+            angle = (angles or {}).get(name, 0.0)
+            at = 6 + len(wheels) + i
             turn = drive["turn"] @ Rotation.from_rotvec([angle, 0.0, 0.0]).as_matrix()
             motion = moved(np.array(drive["at"]), turn) @ hub
             motion[3, at] = 1.0
@@ -175,38 +206,63 @@ class Truth:
                 rows.append(s**2 * unit[:3])
             else:
                 joint, kind = name.rsplit("_", 1)
-                rows.append(np.eye(self.size)[[6 + self.names.index(joint)]] * (s if kind == "rate" else 1.0))
+                rows.append(
+                    np.eye(self.size)[[6 + self.names.index(joint)]]
+                    * (s if kind == "rate" else 1.0)
+                )
         return np.vstack(rows)
 
     def transfer(self, s, inputs, outputs):
         """`(outputs, inputs, k)` at complex frequencies."""
         b = self.inputs(inputs)
         return np.stack(
-            [self.outputs(outputs, v) @ np.linalg.solve(v**2 * self.m + v * self.c + self.k, b) for v in s], -1
+            [
+                self.outputs(outputs, v) @ np.linalg.solve(v**2 * self.m + v * self.c + self.k, b)
+                for v in s
+            ],
+            -1,
         )
 
     def system(self):
         """A and the inverse mass, over (q, q')."""
-        n, inverse = self.size, np.linalg.inv(self.m)
-        return np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ self.k, -inverse @ self.c]]), inverse
+        n = self.size
+        inverse = np.linalg.inv(self.m)
+        return np.block(
+            [[np.zeros((n, n)), np.eye(n)], [-inverse @ self.k, -inverse @ self.c]]
+        ), inverse
 
 
 def error(found, true):
-    """Largest difference of two `(p, m, k)` responses, channel by channel; what is nothing beside its row and column is not asked."""
+    """Largest difference of two `(p, m, k)` responses, channel by channel; what is nothing beside
+    its row and column is not asked."""
     size = np.abs(true)
-    rows, columns, top = size.max(1, keepdims=True), size.max(0, keepdims=True), size.max((0, 1), keepdims=True)
+    rows = size.max(1, keepdims=True)
+    columns = size.max(0, keepdims=True)
+    top = size.max((0, 1), keepdims=True)
     return float(np.max(np.abs(found - true) / np.maximum(size, 1e-3 * rows * columns / top)))
 
 
-# -- craft -------------------------------------------------------------------------------------------------------------
+# -- craft -----------------------------------------------------------------------------------------
 def tube(length, diameter=0.05, wall=0.002, density=1600.0, young=7e10):
-    return {"length": length, "section": {"shape": "tube", "outer_diameter": diameter, "wall": wall},
-            "material": {"youngs_modulus": young, "density": density, "poissons_ratio": 0.3}}  # fmt: skip
+    return {
+        "length": length,
+        "section": {"shape": "tube", "outer_diameter": diameter, "wall": wall},
+        "material": {"youngs_modulus": young, "density": density, "poissons_ratio": 0.3},
+    }
 
 
 def panel(length, xy=6e4, xz=900.0, torsion=600.0):
-    return {"length": length, "section": {"shape": "equivalent", "bending_stiffness_xy": xy, "bending_stiffness_xz": xz,
-            "torsion_stiffness": torsion, "linear_mass": 4.0, "polar_inertia": 1.2}}  # fmt: skip
+    return {
+        "length": length,
+        "section": {
+            "shape": "equivalent",
+            "bending_stiffness_xy": xy,
+            "bending_stiffness_xz": xz,
+            "torsion_stiffness": torsion,
+            "linear_mass": 4.0,
+            "polar_inertia": 1.2,
+        },
+    }
 
 
 def spec(name, segments, modes, ratio=0.005, **more):
@@ -224,7 +280,8 @@ def turned(*vector):
     return Rotation.from_rotvec(vector).as_matrix()
 
 
-LEFT, RIGHT = turned(0.0, 0.0, np.pi / 2), turned(0.0, 0.0, -np.pi / 2)
+LEFT = turned(0.0, 0.0, np.pi / 2)
+RIGHT = turned(0.0, 0.0, -np.pi / 2)
 PYRAMID = {
     f"wheel{i + 1}": {
         "at": (0.2 * a, 0.2 * b, -0.3),
@@ -233,7 +290,9 @@ PYRAMID = {
         "inertia": (0.05, 0.03),
         "rate": rate,
     }
-    for i, ((a, b), rate) in enumerate(zip(product((1, -1), repeat=2), (400.0, 250.0, -120.0, 310.0), strict=True))
+    for i, ((a, b), rate) in enumerate(
+        zip(product((1, -1), repeat=2), (400.0, 250.0, -120.0, 310.0), strict=True)
+    )
 }
 ARRAY = {"xy": 2, "xz": 3, "torsion": 2}
 BOOM = {"xy": 3, "xz": 3}
@@ -245,59 +304,129 @@ def hub(mass=400.0, com=(0.01, 0.02, -0.03), inertia=(180.0, 150.0, 120.0), skew
 
 
 def array(name, on, at=(0.1, 0.0, 0.0), turn=EYE, **more):
-    return {"spec": spec(name, [tube(1.0), panel(4.0)], ARRAY, **more), "on": on, "at": at, "turn": turn}
+    return {
+        "spec": spec(name, [tube(1.0), panel(4.0)], ARRAY, **more),
+        "on": on,
+        "at": at,
+        "turn": turn,
+    }
 
 
 def boom(name, at, turn, on=None, lump=1.0, **more):
     lumps = [{"x": 5.0, "mass": lump, "inertia": [0.02, 0.02, 0.02]}]
-    return {"spec": spec(name, [tube(5.0, 0.04, 0.001)], BOOM, lump=lumps, **more), "on": on, "at": at, "turn": turn}
+    return {
+        "spec": spec(name, [tube(5.0, 0.04, 0.001)], BOOM, lump=lumps, **more),
+        "on": on,
+        "at": at,
+        "turn": turn,
+    }
 
 
 UNIT = (np.array([0.3, -0.2, 0.4]), turned(0.3, -0.2, 0.5))
 
 CRAFTS = {
     "four wheels, two drives with arrays, a boom": {
-        "hub": hub(), "unit": UNIT, "wheels": PYRAMID,
+        "hub": hub(),
+        "unit": UNIT,
+        "wheels": PYRAMID,
         "drives": {
-            "left_drive": {"at": (0.0, 0.6, 0.1), "turn": LEFT, "mass": 4.0, "inertia": (0.3, 0.2, 0.2)},
-            "right_drive": {"at": (0.0, -0.6, 0.1), "turn": RIGHT, "mass": 4.0, "inertia": (0.3, 0.2, 0.2)},
+            "left_drive": {
+                "at": (0.0, 0.6, 0.1),
+                "turn": LEFT,
+                "mass": 4.0,
+                "inertia": (0.3, 0.2, 0.2),
+            },
+            "right_drive": {
+                "at": (0.0, -0.6, 0.1),
+                "turn": RIGHT,
+                "mass": 4.0,
+                "inertia": (0.3, 0.2, 0.2),
+            },
         },
         "appendages": {
-            "left": array("left_array", "left_drive"), "right": array("right_array", "right_drive"),
+            "left": array("left_array", "left_drive"),
+            "right": array("right_array", "right_drive"),
             "top": boom("boom", (0.0, 0.0, 0.7), turned(0.0, -np.pi / 2, 0.0)),
         },
     },
     "one undamped boom": {
-        "hub": hub(60.0, (0.0, 0.0, 0.0), (20.0, 25.0, 30.0), 0.0), "unit": UNIT,  # its planes do not couple
+        # its planes do not couple
+        "hub": hub(60.0, (0.0, 0.0, 0.0), (20.0, 25.0, 30.0), 0.0),
+        "unit": UNIT,
         "appendages": {"mount": boom("boom", (0.4, 0.0, 0.0), EYE, ratio=0.0)},
     },
     "a tilted bus with two booms": {
-        "hub": hub(200.0, (0.05, -0.1, 0.08)), "unit": UNIT, "attitude": turned(0.4, -1.1, 0.7),
-        "wheels": {"bias": {"at": (0.1, 0.0, 0.2), "axis": (0.2, 1.0, -0.1), "mass": 8.0, "inertia": (0.2, 0.12), "rate": 500.0,
-                            "gear": 0.2}},
-        "appendages": {"up": boom("mast", (0.1, 0.2, 0.6), turned(0.2, -1.4, 0.1)),
-                       "down": boom("rod", (-0.2, 0.0, -0.6), turned(0.0, 1.3, 0.4), lump=3.0, ratio=0.01)},
+        "hub": hub(200.0, (0.05, -0.1, 0.08)),
+        "unit": UNIT,
+        "attitude": turned(0.4, -1.1, 0.7),
+        "wheels": {
+            "bias": {
+                "at": (0.1, 0.0, 0.2),
+                "axis": (0.2, 1.0, -0.1),
+                "mass": 8.0,
+                "inertia": (0.2, 0.12),
+                "rate": 500.0,
+                "gear": 0.2,
+            }
+        },
+        "appendages": {
+            "up": boom("mast", (0.1, 0.2, 0.6), turned(0.2, -1.4, 0.1)),
+            "down": boom("rod", (-0.2, 0.0, -0.6), turned(0.0, 1.3, 0.4), lump=3.0, ratio=0.01),
+        },
     },
     "a sprung drive and worn bearings": {
-        "hub": hub(900.0), "unit": UNIT,
-        "wheels": {"spin": {"at": (0.0, 0.1, 0.0), "axis": (1.0, 0.1, 0.0), "mass": 6.0, "inertia": (0.07, 0.04), "rate": -300.0,
-                            "damping": 2e-3}},
-        "drives": {"drive": {"at": (0.0, 0.9, 0.0), "turn": LEFT, "mass": 8.0, "inertia": (0.4, 0.3, 0.3), "stiffness": 4000.0,
-                             "damping": 40.0}},
+        "hub": hub(900.0),
+        "unit": UNIT,
+        "wheels": {
+            "spin": {
+                "at": (0.0, 0.1, 0.0),
+                "axis": (1.0, 0.1, 0.0),
+                "mass": 6.0,
+                "inertia": (0.07, 0.04),
+                "rate": -300.0,
+                "damping": 2e-3,
+            }
+        },
+        "drives": {
+            "drive": {
+                "at": (0.0, 0.9, 0.0),
+                "turn": LEFT,
+                "mass": 8.0,
+                "inertia": (0.4, 0.3, 0.3),
+                "stiffness": 4000.0,
+                "damping": 40.0,
+            }
+        },
         "appendages": {"panel": array("array", "drive", (0.4, 0.0, 0.0))},
     },
     "a boom on a damped drive": {
-        "hub": hub(100.0, (0.0, 0.1, 0.0), (40.0, 50.0, 60.0)), "unit": UNIT,
-        "wheels": {f"w{i}": {"at": (0.0, 0.0, 0.1 * i), "axis": axis, "mass": 3.0, "inertia": (0.02, 0.012), "rate": 200.0 * i}
-                   for i, axis in enumerate(((1, 0, 0), (0, 1, 0), (0, 0, 1)))},
-        "drives": {"drive": {"at": (0.5, 0.0, 0.0), "turn": turned(0.1, 0.2, 0.3), "mass": 2.0, "inertia": (0.1, 0.1, 0.1),
-                             "damping": 3.0}},
+        "hub": hub(100.0, (0.0, 0.1, 0.0), (40.0, 50.0, 60.0)),
+        "unit": UNIT,
+        "wheels": {
+            f"w{i}": {
+                "at": (0.0, 0.0, 0.1 * i),
+                "axis": axis,
+                "mass": 3.0,
+                "inertia": (0.02, 0.012),
+                "rate": 200.0 * i,
+            }
+            for i, axis in enumerate(((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+        },
+        "drives": {
+            "drive": {
+                "at": (0.5, 0.0, 0.0),
+                "turn": turned(0.1, 0.2, 0.3),
+                "mass": 2.0,
+                "inertia": (0.1, 0.1, 0.1),
+                "damping": 3.0,
+            }
+        },
         "appendages": {"arm": boom("arm", (0.1, 0.0, 0.1), turned(0.0, -0.8, 0.0), on="drive")},
     },
-}  # fmt: skip
+}
 
 
-# -- what the tests share ----------------------------------------------------------------------------------------------
+# -- what the tests share --------------------------------------------------------------------------
 @cache
 def embedded(name, step=0.01, retime=None):
     """The craft with its appendages as the package embeds them."""
@@ -307,7 +436,9 @@ def embedded(name, step=0.01, retime=None):
             (Path(folder) / f"{place}.toml").write_text(toml(a["spec"]))
         (Path(folder) / "craft.xml").write_text(text(craft, step))
         return bc.embed(
-            Path(folder) / "craft.xml", {n: Path(folder) / f"{n}.toml" for n in craft["appendages"]}, retime=retime
+            Path(folder) / "craft.xml",
+            {n: Path(folder) / f"{n}.toml" for n in craft["appendages"]},
+            retime=retime,
         )
 
 

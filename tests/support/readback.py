@@ -1,11 +1,13 @@
 """Read an exported appendage back from MuJoCo: only mujoco and numpy, nothing from the package.
 
-The file's root body is welded to the world, so the compiled model's velocities are the appendage's own hinges and
-slides. Rows of the square root of mass over (root motions, joints) come from the Jacobians and inertias of the bodies
-and from the armatures of joints and tendons; rows of the square root of stiffness from the springs of joints and
-tendons. Modes are singular values of one over the other, so that no digits are lost by forming M and K.
+The file's root body is welded to the world, so the compiled model's velocities are the appendage's
+own hinges and slides. Rows of the square root of mass over (root motions, joints) come from the
+Jacobians and inertias of the bodies and from the armatures of joints and tendons; rows of the
+square root of stiffness from the springs of joints and tendons. Modes are singular values of one
+over the other, so that no digits are lost by forming M and K.
 
-`transition` reads the same numbers from `mjd_transitionFD` of the appendage on a free base, to some 1e-9.
+`transition` reads the same numbers from `mjd_transitionFD` of the appendage on a free
+base, to some 1e-9.
 """
 
 import xml.etree.ElementTree as ET
@@ -17,7 +19,12 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 PORTS = ("xy", "xz", "torsion", "axial")
-COLUMNS = {"xy": ((1, 1.0), (5, 1.0)), "xz": ((2, 1.0), (4, -1.0)), "torsion": ((3, 1.0),), "axial": ((0, 1.0),)}
+COLUMNS = {
+    "xy": ((1, 1.0), (5, 1.0)),
+    "xz": ((2, 1.0), (4, -1.0)),
+    "torsion": ((3, 1.0),),
+    "axial": ((0, 1.0),),
+}
 
 
 def into_space(port):
@@ -28,18 +35,25 @@ def into_space(port):
     return out
 
 
-# -- files -------------------------------------------------------------------------------------------------------------
+# -- files -----------------------------------------------------------------------------------------
 def text_of(source):
     """The XML text of a path, or the text itself."""
-    return source if isinstance(source, str) and source.lstrip().startswith("<") else Path(source).read_text()
+    return (
+        source
+        if isinstance(source, str) and source.lstrip().startswith("<")
+        else Path(source).read_text()
+    )
 
 
 def with_payload(source, site, mass, inertia=(0.0, 0.0, 0.0)):
-    """The file's text with a rigid body welded at a site, its centre there and its axes along the site's body."""
+    """The file's text with a rigid body welded at a site,
+    its centre there and its axes along the site's body."""
     tree = ET.fromstring(text_of(source))
     parent = {child: above for above in tree.iter() for child in above}
     (spot,) = [s for s in tree.iter("site") if s.get("name") == site]
-    body = ET.SubElement(parent[spot], "body", name="attached_payload", pos=spot.get("pos", "0 0 0"))
+    body = ET.SubElement(
+        parent[spot], "body", name="attached_payload", pos=spot.get("pos", "0 0 0")
+    )
     least = 1e-9 * mass  # MuJoCo wants an inertia
     turn = " ".join(repr(max(float(v), least)) for v in inertia)
     ET.SubElement(body, "inertial", pos="0 0 0", mass=repr(float(mass)), diaginertia=turn)
@@ -47,7 +61,8 @@ def with_payload(source, site, mass, inertia=(0.0, 0.0, 0.0)):
 
 
 def on_free_base(source, ballast, motors=True):
-    """The file's text with its root body on six slides and hinges and a rigid body `ballast` (mass, inertia) there."""
+    """The file's text with its root body on six slides and hinges and a rigid body `ballast`
+    (mass, inertia) there."""
     tree = ET.fromstring(text_of(source))
     world = tree.find("worldbody")
     (root,) = world.findall("body")
@@ -57,7 +72,16 @@ def on_free_base(source, ballast, motors=True):
     for kind in ("slide", "hinge"):
         for axis in axes:
             names.append(f"base_{kind}_{axis[::2]}")
-            ET.SubElement(base, "joint", name=names[-1], type=kind, axis=axis, pos="0 0 0", damping="0", armature="0")
+            ET.SubElement(
+                base,
+                "joint",
+                name=names[-1],
+                type=kind,
+                axis=axis,
+                pos="0 0 0",
+                damping="0",
+                armature="0",
+            )
     mass, inertia = ballast
     turn = " ".join(repr(float(v)) for v in inertia)
     ET.SubElement(base, "inertial", pos="0 0 0", mass=repr(float(mass)), diaginertia=turn)
@@ -74,12 +98,14 @@ def on_free_base(source, ballast, motors=True):
             ET.SubElement(actuator, "motor", joint=name, gear="1")
     for old in tree.findall("option"):
         tree.remove(old)
-    option = ET.SubElement(tree, "option", gravity="0 0 0", integrator="implicitfast", timestep="0.001")
+    option = ET.SubElement(
+        tree, "option", gravity="0 0 0", integrator="implicitfast", timestep="0.001"
+    )
     ET.SubElement(option, "flag", contact="disable", constraint="disable")
     return ET.tostring(tree, encoding="unicode")
 
 
-# -- square roots ------------------------------------------------------------------------------------------------------
+# -- square roots ----------------------------------------------------------------------------------
 def _turned(matrix):
     """Square root rows of a positive semidefinite matrix."""
     values, vectors = np.linalg.eigh(matrix)
@@ -92,7 +118,8 @@ def _cross(r):
 
 
 def _first(values):
-    """Springs and dampers of MuJoCo: the linear term, also where a version keeps polynomials beside it."""
+    """Springs and dampers of MuJoCo: the linear term,
+    also where a version keeps polynomials beside it."""
     values = np.asarray(values, dtype=float)
     return values if values.ndim == 1 else values[:, 0]
 
@@ -122,7 +149,8 @@ class Reading:
         shapes: `(nv, n)` joint motions.
         moving, carried: rows of the mass's square root over joints and over motions of the root.
         strain, damper: rows of the square roots of stiffness and damping over joints.
-        elastic, back: `moving` and the joints themselves over strain coordinates y (strain energy |y|^2 / 2).
+        elastic, back: `moving` and the joints themselves over strain coordinates y (strain
+            energy |y|^2 / 2).
         joints, tendons: names.
         model, data: MuJoCo's, at rest.
     """
@@ -145,7 +173,7 @@ class Reading:
     model: object = field(default=None, repr=False)
     data: object = field(default=None, repr=False)
 
-    # -- ports ---------------------------------------------------------------------------------------------------------
+    # -- ports -------------------------------------------------------------------------------------
     @property
     def scale(self):
         """`(6,)` square roots of the rigid masses, 1 where there is none."""
@@ -157,10 +185,11 @@ class Reading:
         return np.array([_kind(self.model, self.data, j) for j in range(self.model.njnt)])
 
     def port(self, port):
-        """Frequencies `(k,)`, participation `(k, m)` and damping ratios of one port of a straight chain.
+        """Frequencies `(k,)`, participation `(k, m)` and damping ratios of one port
+        of a straight chain.
 
-        Only the joints of that port move, so that equal frequencies of two planes do not mix; `coupling` tells whether
-        that is right. Signs as in a plane: force participation positive.
+        Only the joints of that port move, so that equal frequencies of two planes do not mix;
+        `coupling` tells whether that is right. Signs as in a plane: force participation positive.
         """
         pick = self.kinds() == port
         turn = into_space(port)
@@ -170,23 +199,33 @@ class Reading:
         found = _modes(moving, self.carried, strain, damper)
         rows = found["participation"] @ turn
         signs = np.array([first_sign(r / (self.scale @ np.abs(turn))) for r in rows])
-        return found["frequencies"], rows * signs[:, None], np.diag(found["damping"]) / 2.0 / found["frequencies"]
+        return (
+            found["frequencies"],
+            rows * signs[:, None],
+            np.diag(found["damping"]) / 2.0 / found["frequencies"],
+        )
 
     def coupling(self):
-        """Largest relative coupling between ports in mass, stiffness and with other motions of the root."""
-        kinds, worst = self.kinds(), 0.0
+        """Largest relative coupling between ports in mass,
+        stiffness and with other motions of the root."""
+        kinds = self.kinds()
+        worst = 0.0
         apart = kinds[:, None] != kinds[None, :]
         for rows in (self.moving, self.strain):
             gram = rows.T @ rows
             size = np.sqrt(np.diag(gram))
-            worst = max(worst, float(np.max(np.abs(gram / np.outer(size, size)) * apart, initial=0.0)))
-        push = self.moving.T @ self.carried / np.linalg.norm(self.moving, axis=0)[:, None] / self.scale
+            worst = max(
+                worst, float(np.max(np.abs(gram / np.outer(size, size)) * apart, initial=0.0))
+            )
+        push = (
+            self.moving.T @ self.carried / np.linalg.norm(self.moving, axis=0)[:, None] / self.scale
+        )
         for row, kind in zip(push, kinds, strict=True):
             own = np.abs(into_space(kind)).sum(axis=1) > 0.0
             worst = max(worst, float(np.max(np.abs(row[~own]))))
         return worst
 
-    # -- other places --------------------------------------------------------------------------------------------------
+    # -- other places ------------------------------------------------------------------------------
     def site(self, name):
         """`(n, 6)` motion (displacement, rotation) of a site in each mode, root held."""
         return (_site_rows(self.model, self.data, name) @ self.shapes).T
@@ -205,7 +244,8 @@ class Reading:
             site: where the payload sits.
             payload: (mass, principal inertia) of it.
         """
-        elastic, carried = self.elastic, self.carried
+        elastic = self.elastic
+        carried = self.carried
         if payload is not None:
             at = _site_rows(self.model, self.data, site) @ self.back
             where = self.data.site(site).xpos - self.root
@@ -237,7 +277,8 @@ class Reading:
         return np.linalg.inv(self.dynamic_mass(frequency, ratios))
 
     def dynamic_mass(self, frequency, ratios=True):
-        """`(6, 6)` wrench needed per unit acceleration of the root at one frequency [rad/s], modal damping."""
+        """`(6, 6)` wrench needed per unit acceleration of the root at one frequency [rad/s],
+        modal damping."""
         w, s = self.frequencies, 1j * frequency
         zeta = self.ratios if ratios else np.zeros_like(w)
         gain = s**2 / (s**2 + 2.0 * zeta * w * s + w**2)
@@ -254,7 +295,8 @@ def first_sign(row, small=1e-9):
 
 
 def _site_rows(model, data, name):
-    at, turn = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    at = np.zeros((3, model.nv))
+    turn = np.zeros((3, model.nv))
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name)
     if site < 0:
         raise KeyError(f"no site {name!r}")
@@ -279,29 +321,43 @@ def compiled(source):
 
 
 def _rows(model, data, root):
-    """Square-root rows of mass over joints and over motions of `root`, and of stiffness over joints."""
+    """Square-root rows of mass over joints and over motions of `root`,
+    and of stiffness over joints."""
     moving, carried = [], []
     for body in range(1, model.nbody):
-        mass, inertia = model.body_mass[body], model.body_inertia[body]
+        mass = model.body_mass[body]
+        inertia = model.body_inertia[body]
         if mass == 0.0:
             continue
-        at, turn = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        at = np.zeros((3, model.nv))
+        turn = np.zeros((3, model.nv))
         mujoco.mj_jacBodyCom(model, data, at, turn, body)
         frame = data.ximat[body].reshape(3, 3).T  # rows: principal axes
         where = data.xipos[body] - root
-        heavy, round_ = np.sqrt(mass), np.sqrt(inertia)[:, None] * frame
+        heavy = np.sqrt(mass)
+        round_ = np.sqrt(inertia)[:, None] * frame
         moving += [heavy * at, round_ @ turn]
-        carried += [heavy * np.hstack([np.eye(3), -_cross(where)]), np.hstack([np.zeros((3, 3)), round_])]
+        carried += [
+            heavy * np.hstack([np.eye(3), -_cross(where)]),
+            np.hstack([np.zeros((3, 3)), round_]),
+        ]
     tendons = _tendon_rows(model, data)
-    own = np.vstack([np.diag(np.sqrt(model.dof_armature)), np.sqrt(model.tendon_armature)[:, None] * tendons])
+    own = np.vstack(
+        [np.diag(np.sqrt(model.dof_armature)), np.sqrt(model.tendon_armature)[:, None] * tendons]
+    )
     moving.append(own)
     carried.append(np.zeros((own.shape[0], 6)))
     springs = np.zeros(model.nv)
     springs[model.jnt_dofadr] = _first(model.jnt_stiffness)
-    strain = np.vstack([np.diag(np.sqrt(springs)), np.sqrt(_first(model.tendon_stiffness))[:, None] * tendons])
-    damper = np.vstack([
-        np.diag(np.sqrt(_first(model.dof_damping))), np.sqrt(_first(model.tendon_damping))[:, None] * tendons
-    ])  # fmt: skip
+    strain = np.vstack(
+        [np.diag(np.sqrt(springs)), np.sqrt(_first(model.tendon_stiffness))[:, None] * tendons]
+    )
+    damper = np.vstack(
+        [
+            np.diag(np.sqrt(_first(model.dof_damping))),
+            np.sqrt(_first(model.tendon_damping))[:, None] * tendons,
+        ]
+    )
     return np.vstack(moving), np.vstack(carried), strain, damper
 
 
@@ -323,9 +379,13 @@ def _modes(moving, carried, strain, damper):
     shapes = shapes * signs
     modal = damper @ shapes
     return {
-        "frequencies": 1.0 / values, "participation": participation * signs[:, None], "shapes": shapes,
-        "damping": modal.T @ modal, "elastic": elastic, "back": back,
-    }  # fmt: skip
+        "frequencies": 1.0 / values,
+        "participation": participation * signs[:, None],
+        "shapes": shapes,
+        "damping": modal.T @ modal,
+        "elastic": elastic,
+        "back": back,
+    }
 
 
 def read(source, root=None):
@@ -345,35 +405,47 @@ def read(source, root=None):
     found = _modes(moving, carried, strain, damper)
     name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, 1) or ""
     return Reading(
-        name=name.rsplit("_link", 1)[0], rigid=carried.T @ carried,
-        ratios=np.diag(found["damping"]) / (2.0 * found["frequencies"]), moving=moving, carried=carried, strain=strain,
-        damper=damper, joints=tuple(model.joint(j).name for j in range(model.njnt)),
-        tendons=tuple(model.tendon(t).name for t in range(model.ntendon)), model=model, data=data, **found,
-    )  # fmt: skip
+        name=name.rsplit("_link", 1)[0],
+        rigid=carried.T @ carried,
+        ratios=np.diag(found["damping"]) / (2.0 * found["frequencies"]),
+        moving=moving,
+        carried=carried,
+        strain=strain,
+        damper=damper,
+        joints=tuple(model.joint(j).name for j in range(model.njnt)),
+        tendons=tuple(model.tendon(t).name for t in range(model.ntendon)),
+        model=model,
+        data=data,
+        **found,
+    )
 
 
-# -- the other way round: what MuJoCo's derivatives say ----------------------------------------------------------------
+# -- the other way round: what MuJoCo's derivatives say --------------------------------------------
 def matrices(source, ballast):
     """`(6 + n, 6 + n)` M, K and D of the appendage on a free base, from `mjd_transitionFD` alone.
 
-    The step is `v+ = v + h a(q, v+)`, `q+ = q + h v+` (implicitfast: stiffness explicit, damping implicit), so with
-    `X = A_vv^-1`: `M^-1 = X B_v / h`, `M^-1 K = -X A_vq / h`, `M^-1 D = (X - 1) / h`. The ballast is taken off M.
+    The step is `v+ = v + h a(q, v+)`, `q+ = q + h v+` (implicitfast: stiffness explicit, damping
+    implicit), so with `X = A_vv^-1`: `M^-1 = X B_v / h`, `M^-1 K = -X A_vq / h`, `M^-1 D = (X - 1)
+    / h`. The ballast is taken off M.
     """
     model = mujoco.MjModel.from_xml_string(on_free_base(source, ballast))
     data = mujoco.MjData(model)
     n, h = model.nv, model.opt.timestep
-    a, b = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, model.nu))
+    a = np.zeros((2 * n, 2 * n))
+    b = np.zeros((2 * n, model.nu))
     mujoco.mjd_transitionFD(model, data, 1e-6, True, a, b, None, None)
     x = np.linalg.inv(a[n:, n:])
     mass = np.linalg.inv(x @ b[n:] / h)
-    stiffness, damping = mass @ (-x @ a[n:, :n] / h), mass @ (x - np.eye(n)) / h
+    stiffness = mass @ (-x @ a[n:, :n] / h)
+    damping = mass @ (x - np.eye(n)) / h
     mass[:6, :6] -= np.diag([ballast[0]] * 3 + list(ballast[1]))
     return tuple((m + m.T) / 2.0 for m in (mass, stiffness, damping))
 
 
 @dataclass(frozen=True)
 class Transition:
-    """What `mjd_transitionFD` says, root held: rigid `(6, 6)`, frequencies, participation `(n, 6)`, ratios."""
+    """What `mjd_transitionFD` says, root held: rigid `(6, 6)`, frequencies,
+    participation `(n, 6)`, ratios."""
 
     rigid: np.ndarray
     frequencies: np.ndarray
@@ -382,12 +454,15 @@ class Transition:
 
 
 def transition(source, ballast=None):
-    """The reading through `mjd_transitionFD`; `ballast` (mass, inertia) sits on the base, the appendage's size."""
+    """The reading through `mjd_transitionFD`; `ballast` (mass, inertia) sits on the base,
+    the appendage's size."""
     if ballast is None:
         diagonal = np.diag(read(source).rigid)
         ballast = (diagonal[0], [np.max(diagonal[3:])] * 3)
     mass, stiffness, damping = matrices(source, ballast)
-    m, k, d = mass[6:, 6:], stiffness[6:, 6:], damping[6:, 6:]
+    m = mass[6:, 6:]
+    k = stiffness[6:, 6:]
+    d = damping[6:, 6:]
     root = np.linalg.cholesky(k)
     values, vectors = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, m).T))
     values, vectors = values[::-1], vectors[:, ::-1]
@@ -396,21 +471,25 @@ def transition(source, ballast=None):
     participation = (mass[:6, 6:] @ shapes).T
     size = np.sqrt(np.abs(np.diag(mass[:6, :6])))
     participation *= np.array([first_sign(row / size, 1e-6) for row in participation])[:, None]
-    return Transition(mass[:6, :6], w, participation, np.einsum("ik,ij,jk->k", shapes, d, shapes) / (2.0 * w))
+    return Transition(
+        mass[:6, :6], w, participation, np.einsum("ik,ij,jk->k", shapes, d, shapes) / (2.0 * w)
+    )
 
 
-# -- comparing ---------------------------------------------------------------------------------------------------------
+# -- comparing -------------------------------------------------------------------------------------
 def mass_error(found, expected):
-    """Largest difference of two mass matrices, each entry over the square root of its two diagonals."""
+    """Largest difference of two mass matrices,
+    each entry over the square root of its two diagonals."""
     size = np.sqrt(np.where(np.diag(expected) > 0.0, np.diag(expected), 1.0))
     return float(np.max(np.abs((found - expected) / np.outer(size, size))))
 
 
 def mode_error(found, expected, rigid, near=1e-3):
-    """Largest relative error of frequencies, and largest error of participation rows over the larger rows of a mode.
+    """Largest relative error of frequencies,
+    and largest error of participation rows over the larger rows of a mode.
 
-    Modes whose frequencies lie within `near` of each other are compared as a group: any orthogonal mixture of them is
-    as good, so the best one is taken.
+    Modes whose frequencies lie within `near` of each other are compared as a group: any orthogonal
+    mixture of them is as good, so the best one is taken.
 
     Args:
         found, expected: (frequencies `(n,)`, participation `(n, m)`), by frequency.

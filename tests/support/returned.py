@@ -24,6 +24,7 @@ def named(annotation: Any, space: dict[str, Any]) -> Iterator[type]:
 
 def of_call(function: Callable[..., Any]) -> list[type]:
     """What a function returns."""
+    function = inspect.unwrap(function)
     return list(named(function.__annotations__.get("return"), function.__globals__))
 
 
@@ -41,12 +42,15 @@ def calls(thing: type) -> dict[str, Callable[..., Any]]:
 def by_functions() -> dict[str, type]:
     """Classes that public functions return, the public ones left out."""
     public = [getattr(bc, name) for name in bc.__all__]
-    found = [one for function in public if inspect.isfunction(function) for one in of_call(function)]
+    found = [
+        one for function in public if inspect.isfunction(function) for one in of_call(function)
+    ]
     return {one.__name__: one for one in found if one not in public}
 
 
 def by_all() -> dict[str, type]:
-    """The same, with what methods and properties of those and of public classes return, and so on."""
+    """The same, with what methods and properties of those and of public classes
+    return, and so on."""
     public = [getattr(bc, name) for name in bc.__all__]
     todo = [
         *by_functions().values(),

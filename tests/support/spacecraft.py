@@ -1,5 +1,6 @@
 """The fixtures' places and appendages, and small readers that share nothing with the package."""
 
+import copy
 from pathlib import Path
 
 import mujoco
@@ -27,10 +28,14 @@ STYLES = {
 
 
 def frequencies(model: mujoco.MjModel) -> np.ndarray:
-    """Undamped frequencies [rad/s] from forces and MuJoCo's mass matrix: no A, no B, nothing of ours."""
+    """Undamped frequencies [rad/s] from forces and MuJoCo's mass matrix: no A, no B,
+    nothing of ours."""
+    model = copy.copy(model)  # its switches are changed
     data = mujoco.MjData(model)
     model.opt.gravity[:] = 0.0
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    model.opt.disableflags |= int(
+        mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    )
 
     def pull(step: np.ndarray) -> np.ndarray:
         mujoco.mj_resetData(model, data)
@@ -47,12 +52,15 @@ def frequencies(model: mujoco.MjModel) -> np.ndarray:
         column = np.zeros(model.nv)
         mujoco.mj_mulM(model, data, column, e)
         mass[:, i] = column
-    squares = np.sort(np.linalg.eigvals(np.linalg.solve(mass, (stiffness + stiffness.T) / 2.0)).real)
+    squares = np.sort(
+        np.linalg.eigvals(np.linalg.solve(mass, (stiffness + stiffness.T) / 2.0)).real
+    )
     return np.sqrt(squares[squares > 1e-9 * squares.max()])
 
 
 def response(model: mujoco.MjModel, seconds: float = 20.0, timestep: float = 2e-3) -> np.ndarray:
-    """`(k, 7)` position and attitude of the root body of the first joint over free motion by RK4, hub kicked."""
+    """`(k, 7)` position and attitude of the root body of the first joint over free motion
+    by RK4, hub kicked."""
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     model.opt.timestep = timestep
     model.opt.gravity[:] = 0.0

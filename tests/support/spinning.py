@@ -1,11 +1,13 @@
-"""A chain on a hub that turns fast: its flap and lag frequencies through MuJoCo, and a printed table for beams."""
+"""A chain on a hub that turns fast: its flap and lag frequencies through MuJoCo,
+and a printed table for beams."""
 
 import mujoco
 import numpy as np
 
-from beamchain.engine.linearise import linearise
+from beamchain import linearise
 
-#: S. Wright, C. Smith, R. Thresher, J. Wang, J. Appl. Mech. 49 (1982) 197: hub radius 0, L = EI = m = 1
+#: S. Wright, C. Smith, R. Thresher, J. Wang, J. Appl. Mech. 49 (1982) 197: hub radius 0,
+#: L = EI = m = 1
 FLAP = {
     0: (3.5160, 22.0345, 61.6972),
     1: (3.6816, 22.1810, 61.8418),
@@ -33,6 +35,8 @@ def spinning(result, eta):
     for port in ("xz", "xy"):
         own = [i for i, joint in enumerate(linear.joints) if joint.endswith(f"_{port}")]
         other = [i for i in range(1, model.nv) if i not in own]
-        assert np.max(np.abs(linear.stiffness[np.ix_(own, other)])) < 1e-9 * np.max(np.abs(linear.stiffness))
+        assert np.max(np.abs(linear.stiffness[np.ix_(own, other)])) < 1e-9 * np.max(
+            np.abs(linear.stiffness)
+        )
         out.append(np.sqrt(np.sort(np.linalg.eigvals(linear.stiffness[np.ix_(own, own)]).real)))
     return out

@@ -1,4 +1,5 @@
-"""The finite elements that exact chains are held against: closed forms, published figures, a shooting method."""
+"""The finite elements that exact chains are held against: closed forms, published figures,
+a shooting method."""
 
 import numpy as np
 import pytest
@@ -11,42 +12,66 @@ ALU = {"youngs_modulus": 7e10, "density": 2700.0, "poissons_ratio": 0.33}
 
 
 def unit_beam(**more):
-    section = {"shape": "equivalent", "bending_stiffness_xy": 1.0, "linear_mass": 1.0, "torsion_stiffness": 1.0,
-               "axial_stiffness": 1.0, "polar_inertia": 1e-3}  # fmt: skip
+    section = {
+        "shape": "equivalent",
+        "bending_stiffness_xy": 1.0,
+        "linear_mass": 1.0,
+        "torsion_stiffness": 1.0,
+        "axial_stiffness": 1.0,
+        "polar_inertia": 1e-3,
+    }
     return {"name": "beam", "segment": [{"length": 1.0, "section": section}], **more}
 
 
 def roots(function, low, high, steps=4000):
     at = np.linspace(low, high, steps)
     values = [function(x) for x in at]
-    return np.array([
-        brentq(function, a, b, xtol=1e-14, rtol=1e-15)
-        for a, b, u, v in zip(at[:-1], at[1:], values[:-1], values[1:], strict=True)
-        if u * v < 0.0
-    ])  # fmt: skip
+    return np.array(
+        [
+            brentq(function, a, b, xtol=1e-14, rtol=1e-15)
+            for a, b, u, v in zip(at[:-1], at[1:], values[:-1], values[1:], strict=True)
+            if u * v < 0.0
+        ]
+    )
 
 
 def stepped():
-    """Tapers, a stout segment, joints (one at the root, soft in one plane), lumps, one of them at a joint."""
+    """Tapers, a stout segment, joints (one at the root, soft in one plane), lumps,
+    one of them at a joint."""
     return {
         "name": "boom",
         "segment": [
-            {"length": 1.2, "section": {"shape": "tube", "outer_diameter": 0.06, "wall": 0.003},
-             "section_end": {"shape": "tube", "outer_diameter": 0.03, "wall": 0.002}, "material": ALU,
-             "nonstructural_mass": 0.2},
-            {"length": 0.7, "section": {"shape": "rectangle", "width_y": 0.05, "width_z": 0.12}, "material": ALU,
-             "theory": "timoshenko"},
-            {"length": 2.0, "section": {"shape": "box", "width_y": 0.03, "width_z": 0.05, "wall": 0.002},
-             "section_end": {"shape": "box", "width_y": 0.02, "width_z": 0.04, "wall": 0.001}, "material": ALU},
+            {
+                "length": 1.2,
+                "section": {"shape": "tube", "outer_diameter": 0.06, "wall": 0.003},
+                "section_end": {"shape": "tube", "outer_diameter": 0.03, "wall": 0.002},
+                "material": ALU,
+                "nonstructural_mass": 0.2,
+            },
+            {
+                "length": 0.7,
+                "section": {"shape": "rectangle", "width_y": 0.05, "width_z": 0.12},
+                "material": ALU,
+                "theory": "timoshenko",
+            },
+            {
+                "length": 2.0,
+                "section": {"shape": "box", "width_y": 0.03, "width_z": 0.05, "wall": 0.002},
+                "section_end": {"shape": "box", "width_y": 0.02, "width_z": 0.04, "wall": 0.001},
+                "material": ALU,
+            },
         ],
-        "joint": [{"after_segment": 0, "stiffness_xz": 900.0},
-                  {"after_segment": 2, "stiffness_xy": 3000.0, "stiffness_torsion": 500.0}],
+        "joint": [
+            {"after_segment": 0, "stiffness_xz": 900.0},
+            {"after_segment": 2, "stiffness_xy": 3000.0, "stiffness_torsion": 500.0},
+        ],
         "lump": [{"x": 1.9, "mass": 0.7, "inertia": [0.01, 0.02, 0.015]}, {"x": 3.2, "mass": 0.4}],
-    }  # fmt: skip
+    }
 
 
 def shooting(spec, port, guess):
-    """The natural frequency nearest `guess` by marching the beam's equations with an ordinary differential solver."""
+    """The natural frequency nearest `guess` by marching the beam's equations with an ordinary
+    differential solver."""
     bending = port in fe.BENDING
     about = {"xy": 2, "xz": 1, "torsion": 0}[port]
 
@@ -65,16 +90,31 @@ def shooting(spec, port, guess):
 
                 def rate(s, z, segment=segment, x=x, shape=state.shape):
                     z = z.reshape(shape)
-                    at = {k: float(v) for k, v in fe.section_properties(segment, (s - x) / segment["length"]).items()}
+                    at = {
+                        k: float(v)
+                        for k, v in fe.section_properties(
+                            segment, (s - x) / segment["length"]
+                        ).items()
+                    }
                     if not bending:
-                        return np.array([z[1] / at["torsion"], -(w**2) * at["polar"] * z[0]]).ravel()
-                    shear = z[3] / at[f"shear_{port}"] if segment.get("theory") == "timoshenko" else 0.0
-                    return np.array([
-                        z[1] + shear, z[2] / at[f"bending_{port}"],
-                        -z[3] - w**2 * at[f"rotary_{port}"] * z[1], -(w**2) * at["mass"] * z[0],
-                    ]).ravel()  # fmt: skip
+                        return np.array(
+                            [z[1] / at["torsion"], -(w**2) * at["polar"] * z[0]]
+                        ).ravel()
+                    shear = (
+                        z[3] / at[f"shear_{port}"] if segment.get("theory") == "timoshenko" else 0.0
+                    )
+                    return np.array(
+                        [
+                            z[1] + shear,
+                            z[2] / at[f"bending_{port}"],
+                            -z[3] - w**2 * at[f"rotary_{port}"] * z[1],
+                            -(w**2) * at["mass"] * z[0],
+                        ]
+                    ).ravel()
 
-                done = solve_ivp(rate, (a, b), state.ravel(), method="DOP853", rtol=1e-12, atol=1e-14)
+                done = solve_ivp(
+                    rate, (a, b), state.ravel(), method="DOP853", rtol=1e-12, atol=1e-14
+                )
                 state = done.y[:, -1].reshape(state.shape)
                 for body in bodies:
                     if abs(body["x"] - b) < 1e-12:
@@ -96,11 +136,17 @@ def test_uniform_cantilever():
         p = fe.port(unit_beam(), port, 8)
         np.testing.assert_allclose(p.frequencies, beta**2, rtol=2e-12)
         sigma = (np.cos(beta) + np.cosh(beta)) / (np.sin(beta) + np.sinh(beta))
-        np.testing.assert_allclose(p.participation, np.column_stack([2 * sigma / beta, 2 / beta**2]), rtol=1e-9)
+        np.testing.assert_allclose(
+            p.participation, np.column_stack([2 * sigma / beta, 2 / beta**2]), rtol=1e-9
+        )
         np.testing.assert_allclose(np.abs(p.tip[:, 0]), 2.0, rtol=1e-9)
         # published: effective mass fractions of the first three modes
-        np.testing.assert_allclose(p.participation[:3, 0] ** 2, [0.613076, 0.188300, 0.064732], atol=1e-6)
-        np.testing.assert_allclose(3.0 * p.participation[:3, 1] ** 2, [0.970688, 0.024716, 0.003152], atol=1e-6)
+        np.testing.assert_allclose(
+            p.participation[:3, 0] ** 2, [0.613076, 0.188300, 0.064732], atol=1e-6
+        )
+        np.testing.assert_allclose(
+            3.0 * p.participation[:3, 1] ** 2, [0.970688, 0.024716, 0.003152], atol=1e-6
+        )
         np.testing.assert_allclose(p.rigid, [[1.0, 0.5], [0.5, 1.0 / 3.0]], rtol=1e-14)
 
 
@@ -113,17 +159,24 @@ def test_rods():
     spec = unit_beam()
     k = (np.arange(1, 9) - 0.5) * np.pi
     np.testing.assert_allclose(fe.port(spec, "axial", 8).frequencies, k, rtol=1e-12)
-    np.testing.assert_allclose(fe.port(spec, "torsion", 8).frequencies, k / np.sqrt(1e-3), rtol=1e-12)
-    np.testing.assert_allclose(fe.port(spec, "axial", 8).participation[:, 0], np.sqrt(2.0) / k, rtol=1e-11)
+    np.testing.assert_allclose(
+        fe.port(spec, "torsion", 8).frequencies, k / np.sqrt(1e-3), rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        fe.port(spec, "axial", 8).participation[:, 0], np.sqrt(2.0) / k, rtol=1e-11
+    )
 
 
 def test_published_manipulator_link():
-    """DETC2007-35511: 2.82 kg/m, EI 100.64207 N m^2, 3.372 m, a payload of 5.18 times the link's mass at its tip."""
+    """DETC2007-35511: 2.82 kg/m, EI 100.64207 N m^2, 3.372 m,
+    a payload of 5.18 times the link's mass at its tip."""
     section = {"shape": "equivalent", "bending_stiffness_xy": 5.974**2 * 2.82, "linear_mass": 2.82}
     spec = {"segment": [{"length": 3.372, "section": section}]}
     load = (5.18 * 2.82 * 3.372, (0.0, 0.0, 0.0))
     held = fe.port(spec, "xy", 4, load)
-    np.testing.assert_allclose(held.frequencies, [0.391031, 8.194197, 26.351741, 54.872162], rtol=2e-6)
+    np.testing.assert_allclose(
+        held.frequencies, [0.391031, 8.194197, 26.351741, 54.872162], rtol=2e-6
+    )
     # pinned: the displacement held by a huge mass
     pinned = held.coupled(np.diag([1e14, 0.0]), 4)
     np.testing.assert_allclose(pinned, [5.28343, 20.84173, 46.76976, 83.06847], rtol=2e-6)
@@ -139,16 +192,21 @@ def test_published_manipulator_link():
 def test_stout_cantilever():
     """A Timoshenko cantilever by shooting, and its static deflection."""
     spec = {
-        "segment": [{
-            "length": 2.0, "section": {"shape": "rectangle", "width_y": 0.4, "width_z": 0.4}, "theory": "timoshenko",
-            "material": {"youngs_modulus": 1e9, "density": 7850.0, "poissons_ratio": 0.3},
-        }]
-    }  # fmt: skip
+        "segment": [
+            {
+                "length": 2.0,
+                "section": {"shape": "rectangle", "width_y": 0.4, "width_z": 0.4},
+                "theory": "timoshenko",
+                "material": {"youngs_modulus": 1e9, "density": 7850.0, "poissons_ratio": 0.3},
+            }
+        ]
+    }
     p = fe.port(spec, "xy", 6)
     ours = [shooting(spec, "xy", w) for w in p.frequencies]
     np.testing.assert_allclose(p.frequencies, ours, rtol=1e-10)
     at = fe.section_properties(spec["segment"][0], np.array(0.5))
-    bend, shear = 2.0**3 / 3.0 / at["bending_xy"], 2.0 / at["shear_xy"]
+    bend = 2.0**3 / 3.0 / at["bending_xy"]
+    shear = 2.0 / at["shear_xy"]
     np.testing.assert_allclose(p.flexibility(2.0)[0, 0], bend + shear, rtol=1e-12)
     assert at["shear_xy"] == pytest.approx(10 * 1.3 / (12 + 11 * 0.3) * 1e9 / 2.6 * 0.16, rel=1e-14)
 
@@ -167,23 +225,31 @@ def test_static_flexibility(port):
     spec = stepped()
     target = 2.9
     hinges = {0: 0.0, 1: 1.2, 2: 1.9}
-    total, x0 = np.zeros((2, 2)), 0.0
+    total = np.zeros((2, 2))
+    x0 = 0.0
     for segment in spec["segment"]:
         end = min(x0 + segment["length"], target)
 
         def soft(x, power, segment=segment, x0=x0, kind=port):
             at = fe.section_properties(segment, (x - x0) / segment["length"])
             key = (
-                "torsion" if kind == "torsion" else f"{'shear' if kind.startswith('shear') else 'bending'}_{kind[-2:]}"
+                "torsion"
+                if kind == "torsion"
+                else f"{'shear' if kind.startswith('shear') else 'bending'}_{kind[-2:]}"
             )
             return (target - x) ** power / float(at[key])
 
-        a, b, c = (quad(soft, x0, end, args=(power,), epsabs=0.0, epsrel=1e-12)[0] for power in range(3))
+        a, b, c = (
+            quad(soft, x0, end, args=(power,), epsabs=0.0, epsrel=1e-12)[0] for power in range(3)
+        )
         total += [[c, b], [b, a]]
         if segment.get("theory") == "timoshenko" and port != "torsion":
-            total[0, 0] += quad(lambda x, s=segment, x0=x0: soft(x, 0, s, x0, f"shear_{port}"), x0, end, epsrel=1e-12)[
-                0
-            ]
+            total[0, 0] += quad(
+                lambda x, s=segment, x0=x0: soft(x, 0, s, x0, f"shear_{port}"),
+                x0,
+                end,
+                epsrel=1e-12,
+            )[0]
         x0 += segment["length"]
     for joint in spec["joint"]:
         arm = target - hinges[joint["after_segment"]]
@@ -200,14 +266,19 @@ def test_rigid_mass_is_that_of_the_rows():
         turn = fe.into_space(port)
         np.testing.assert_allclose(fe.port(spec, port, 3).rigid, turn.T @ whole @ turn, rtol=1e-12)
     tube = fe.section_properties(spec["segment"][0], np.linspace(0.0, 1.0, 5))
-    first = quad(lambda x: float(fe.section_properties(spec["segment"][0], x / 1.2)["mass"]), 0.0, 1.2)[0]
-    assert tube["mass"][0] == pytest.approx(np.pi / 4 * (0.06**2 - 0.054**2) * 2700 + 0.2, rel=1e-13)
+    first = quad(
+        lambda x: float(fe.section_properties(spec["segment"][0], x / 1.2)["mass"]), 0.0, 1.2
+    )[0]
+    assert tube["mass"][0] == pytest.approx(
+        np.pi / 4 * (0.06**2 - 0.054**2) * 2700 + 0.2, rel=1e-13
+    )
     assert whole[0, 0] > first + 1.1
 
 
 @pytest.mark.parametrize("port", fe.PORTS)
 def test_participation_adds_up_to_the_rigid_mass(port):
-    """With all modes of the discretisation the effective masses are the rigid mass of what moves."""
+    """With all modes of the discretisation the effective masses are the rigid
+    mass of what moves."""
     p = fe.port(stepped(), port, 400)
     part = p.participation.T @ p.participation
     assert np.all(np.linalg.eigvalsh(p.rigid - part) > -1e-9 * np.linalg.norm(p.rigid))
@@ -215,10 +286,16 @@ def test_participation_adds_up_to_the_rigid_mass(port):
 
 
 def test_coupled_in_space_is_coupled_in_the_planes_for_a_centred_hub():
-    spec, hub = stepped(), np.diag([50.0, 50.0, 50.0, 4.0, 6.0, 7.0])
-    apart = np.sort(np.concatenate([
-        fe.port(spec, p, 6).coupled(fe.into_space(p).T @ hub @ fe.into_space(p), 6) for p in fe.PORTS
-    ]))[:6]  # fmt: skip
+    spec = stepped()
+    hub = np.diag([50.0, 50.0, 50.0, 4.0, 6.0, 7.0])
+    apart = np.sort(
+        np.concatenate(
+            [
+                fe.port(spec, p, 6).coupled(fe.into_space(p).T @ hub @ fe.into_space(p), 6)
+                for p in fe.PORTS
+            ]
+        )
+    )[:6]
     np.testing.assert_allclose(fe.coupled(spec, hub, 6), apart, rtol=1e-11)
     held = fe.cantilever(spec, {"xy": 4, "xz": 4, "torsion": 2})
     heavy = fe.coupled(spec, 1e13 * np.eye(6), 3)
@@ -228,10 +305,15 @@ def test_coupled_in_space_is_coupled_in_the_planes_for_a_centred_hub():
 def test_payload_is_a_lump():
     spec = stepped()
     load = (2.0, (0.1, 0.2, 0.15))
-    lumped = {**spec, "lump": [*spec["lump"], {"x": fe.length(spec), "mass": 2.0, "inertia": [0.1, 0.2, 0.15]}]}
+    lumped = {
+        **spec,
+        "lump": [*spec["lump"], {"x": fe.length(spec), "mass": 2.0, "inertia": [0.1, 0.2, 0.15]}],
+    }
     for port in fe.PORTS:
         np.testing.assert_allclose(
-            fe.port(spec, port, 5, load).frequencies, fe.port(lumped, port, 5).frequencies, rtol=1e-14
+            fe.port(spec, port, 5, load).frequencies,
+            fe.port(lumped, port, 5).frequencies,
+            rtol=1e-14,
         )
     np.testing.assert_allclose(fe.rigid_mass(spec, load), fe.rigid_mass(lumped), rtol=1e-14)
 
@@ -239,9 +321,11 @@ def test_payload_is_a_lump():
 @pytest.mark.parametrize("make", [unit_beam, stepped])
 @pytest.mark.parametrize("port", ["xy", "xz", "torsion"])
 def test_two_ports_keep_modes_and_static_flexibility(make, port):
-    spec, n = make(), 3
+    spec = make()
+    n = 3
     x = fe.length(spec)
-    model, whole = fe.two_port(spec, port, n, x), fe.port(spec, port, n)
+    model = fe.two_port(spec, port, n, x)
+    whole = fe.port(spec, port, n)
     np.testing.assert_allclose(model.frequencies[:n], whole.frequencies, rtol=1e-11)
     np.testing.assert_allclose(model.participation[:n], whole.participation, rtol=1e-8)
     np.testing.assert_allclose(model.motion[:n], whole.tip, rtol=1e-8)
@@ -253,11 +337,14 @@ def test_two_ports_keep_modes_and_static_flexibility(make, port):
 @pytest.mark.parametrize("ratio", [0.0, 0.1, 1.0, 10.0, 1000.0])
 @pytest.mark.parametrize(("modes", "bound"), [(2, 1e-5), (3, 2e-4)])
 def test_two_ports_are_good_for_any_payload(modes, bound, ratio):
-    """What n normal modes and the static shapes are worth, without any chain: a bound for the chains that keep them."""
+    """What n normal modes and the static shapes are worth, without any chain:
+    a bound for the chains that keep them."""
     load = (ratio, (0.0, 0.0, 0.0))
     truth = fe.port(unit_beam(), "xy", 6, load)
     model = fe.two_port(unit_beam(), "xy", modes)
     np.testing.assert_allclose(model.coupled(load, modes), truth.frequencies[:modes], rtol=bound)
     for weight in (20.0, 1e4):
         hub = weight * np.array([[1.0, -0.2], [-0.2, 0.4]])
-        np.testing.assert_allclose(model.coupled(load, modes, hub), truth.coupled(hub, modes), rtol=max(bound, 2e-4))
+        np.testing.assert_allclose(
+            model.coupled(load, modes, hub), truth.coupled(hub, modes), rtol=max(bound, 2e-4)
+        )

@@ -1,4 +1,5 @@
-"""The simulation of logs: against momentum, quadrature of the beam's shapes, an integrator, and itself on other samples."""
+"""The simulation of logs: against momentum, quadrature of the beam's shapes, an integrator,
+and itself on other samples."""
 
 import numpy as np
 import pytest
@@ -29,8 +30,10 @@ TURN = np.linalg.qr(np.array([[1.0, 0.3, -0.2], [0.1, 1.0, 0.5], [0.4, -0.3, 1.0
 TURN *= np.sign(np.linalg.det(TURN))
 HUB = Hub(
     inertia=np.array([[100.0, 3.0, -2.0], [3.0, 120.0, 4.0], [-2.0, 4.0, 150.0]]),
-    centre=np.array([0.02, -0.03, 0.05]), port=np.array([0.5, 0.2, -0.1]), axes=TURN,
-)  # fmt: skip
+    centre=np.array([0.02, -0.03, 0.05]),
+    port=np.array([0.5, 0.2, -0.1]),
+    axes=TURN,
+)
 BOOM = boom(8.0, 1.2, 500.0, 900.0, 60.0, 0.05)
 
 
@@ -47,7 +50,9 @@ def test_participation_is_that_of_the_shapes():
         size = np.sqrt(1.2 * 8.0 / mass)
         assert abs(BOOM.participation[1, mode] / (size * push) - 1.0) < CLOSED
         assert abs(BOOM.participation[5, mode] / (size * 8.0 * turned) - 1.0) < CLOSED
-        assert abs(BOOM.frequency[mode] ** 2 / (500.0 / 1.2 / 8.0**4 * energy / mass) - 1.0) < CLOSED
+        assert (
+            abs(BOOM.frequency[mode] ** 2 / (500.0 / 1.2 / 8.0**4 * energy / mass) - 1.0) < CLOSED
+        )
 
 
 @pytest.mark.parametrize("elastic", [BOOM, wings(5.0, 1.0, 200.0, 350.0, 50.0, 0.05)])
@@ -75,7 +80,12 @@ def test_the_samples_are_those_of_an_integrator_also_at_unequal_steps():
     state = np.zeros(14)
     for k in range(59):
         state = solve_ivp(
-            lambda _, x, k=k: a @ x + b @ torque[k], time[k : k + 2], state, "DOP853", rtol=1e-11, atol=1e-14
+            lambda _, x, k=k: a @ x + b @ torque[k],
+            time[k : k + 2],
+            state,
+            "DOP853",
+            rtol=1e-11,
+            atol=1e-14,
         ).y[:, -1]
         assert np.abs(state[7:10] - rates[k + 1]).max() < INTEGRATED * np.abs(rates).max()
         assert np.abs(state[:3] - angles[k + 1]).max() < INTEGRATED * np.abs(angles).max()
@@ -94,7 +104,9 @@ def test_seen_from_a_hub_that_cannot_be_pushed_the_modes_are_the_clamped_ones():
     frequency, damping, rows = as_seen(heavy, BOOM.kept(6))
     assert np.allclose(frequency, BOOM.frequency[:6], rtol=1e-9)
     assert np.allclose(damping, 0.005, rtol=1e-9)
-    about_centre = BOOM.participation[3:, :6] + np.cross([0.5, 0, 0], BOOM.participation[:3, :6].T).T
+    about_centre = (
+        BOOM.participation[3:, :6] + np.cross([0.5, 0, 0], BOOM.participation[:3, :6].T).T
+    )
     assert np.allclose(np.abs(rows), np.abs(about_centre), atol=1e-8)
 
 

@@ -1,4 +1,5 @@
-"""The frames that coupled chains are held against: straight ones are the beam, turned ones turn, files come back."""
+"""The frames that coupled chains are held against: straight ones are the beam, turned ones turn,
+files come back."""
 
 import numpy as np
 import pytest
@@ -23,15 +24,20 @@ def the_same_beam():
 
 
 def test_a_straight_frame_is_the_beam():
-    found = frames.frame_modes([straight(24)], [frames.Body((3.0, 0.0, 0.0), 2.0, (0.1, 0.2, 0.3))], 12)
+    found = frames.frame_modes(
+        [straight(24)], [frames.Body((3.0, 0.0, 0.0), 2.0, (0.1, 0.2, 0.3))], 12
+    )
     truth = fe.cantilever(the_same_beam(), {"xy": 3, "xz": 3, "torsion": 1, "axial": 1})
     np.testing.assert_allclose(found.rigid, truth.rigid, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(found.frequencies[:5], truth.frequencies[:5], rtol=2e-6)
     _, rows = rb.mode_error(
-        (found.frequencies[:5], found.participation[:5]), (truth.frequencies[:5], truth.participation[:5]), truth.rigid
+        (found.frequencies[:5], found.participation[:5]),
+        (truth.frequencies[:5], truth.participation[:5]),
+        truth.rigid,
     )
     assert rows < 1e-5
-    for w, row in zip(truth.frequencies[5:], truth.participation[5:], strict=True):  # those of stiff motions too
+    # those of stiff motions too
+    for w, row in zip(truth.frequencies[5:], truth.participation[5:], strict=True):
         close = found.frequencies / w - 1.0
         assert np.min(np.abs(close)) < 1e-3, row
 
@@ -58,13 +64,18 @@ def test_a_turned_frame_has_turned_numbers(seed):
         frames.tube(turn @ a, turn @ b, 4, d)
         for a, b, d in ((leg.start, leg.end, d) for leg, d in zip(legs, (0.05, 0.03), strict=True))
     ]
-    one, other = frames.frame_modes(legs, modes=8), frames.frame_modes(turned, modes=8)
+    one = frames.frame_modes(legs, modes=8)
+    other = frames.frame_modes(turned, modes=8)
     both = np.block([[turn, np.zeros((3, 3))], [np.zeros((3, 3)), turn]])
-    np.testing.assert_allclose(both @ one.rigid @ both.T, other.rigid, atol=1e-12 * np.max(one.rigid))
+    np.testing.assert_allclose(
+        both @ one.rigid @ both.T, other.rigid, atol=1e-12 * np.max(one.rigid)
+    )
     assert (
         max(
             rb.mode_error(
-                (other.frequencies, other.participation), (one.frequencies, one.participation @ both.T), other.rigid
+                (other.frequencies, other.participation),
+                (one.frequencies, one.participation @ both.T),
+                other.rigid,
             )
         )
         < 1e-9
@@ -92,7 +103,10 @@ def test_files_come_back_in_si_about_the_port(tmp_path, suffix, seed):
         tmp_path / f"modes{suffix}", found, 1e-3, 1e3, axes, (120.0, -40.0, 33.0), hertz=seed == 1
     )
     data = bc.read_modes(
-        tmp_path / table["file"], reference=table["reference"], axes=np.array(table["axes"]), units=table["units"]
+        tmp_path / table["file"],
+        reference=table["reference"],
+        axes=np.array(table["axes"]),
+        units=table["units"],
     )
     np.testing.assert_allclose(data.frequencies, found.frequencies, rtol=1e-13)
     size = np.sqrt(np.diag(found.rigid))

@@ -7,11 +7,7 @@ import numpy as np
 
 import beamchain as bc
 from appendages import seed_boom
-from beamchain.engine.linearise import INTEGRATORS, compile_model
-from beamchain.fitting.hub import Hub
-from beamchain.fitting.options import Root
-from beamchain.steps.budget import budget, linear_model
-from beamchain.steps.limits import oscillating
+from beamchain import Hub, Root
 
 SHARE = 0.5  # of the stable step
 SMALL = 1e-5  # rad: linear motion
@@ -24,7 +20,8 @@ class Ringing:
 
     Args:
         timestep: [s].
-        worst, last: mean energy of 200 periods over that of the first ones, less one: the largest, and the last.
+        worst, last: mean energy of 200 periods over that of the first ones, less one:
+            the largest, and the last.
         phase: frequency seen over the true one, less one.
         predicted: the same from the step's matrix.
     """
@@ -39,29 +36,33 @@ class Ringing:
 def boom() -> mujoco.MjModel:
     """The seed's boom on a hub."""
     hub = Hub(mass=500.0, inertia=(400.0, 400.0, 500.0), offset=(1.0, 0.0, 0.0))
-    return compile_model(bc.fit(seed_boom(), modes={"xy": 2}, root=Root(hub=hub)).scene_mjcf())
+    return mujoco.MjModel.from_xml_string(
+        bc.fit(seed_boom(), modes={"xy": 2}, root=Root(hub=hub)).scene_mjcf()
+    )
 
 
 def ringing(integrator: str, steps: int) -> Ringing:
-    """Ring the first mode alone for `steps` steps at half the stable step (of Euler, where there is no limit)."""
+    """Ring the first mode alone for `steps` steps at half the stable step (of Euler, where
+    there is no limit)."""
     model = boom()
-    model.opt.integrator = INTEGRATORS[integrator]
+    model.opt.integrator = number(integrator)
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
-    limits = budget(model)
-    limit = limits.largest_step[integrator]
-    h = SHARE * (limit if limit < np.inf else limits.largest_step["Euler"])
+    linear = bc.linearise(model)
+    frequencies = linear.frequencies()
+    # without damping: |x| < 2 for semi-implicit steps, 2 sqrt(2) for RK4, where x = w h;
+    # `discrete` has no limit
+    h = SHARE * (2.0 * np.sqrt(2.0) if integrator == "RK4" else 2.0) / float(frequencies[-1])
     model.opt.timestep = h
     data = mujoco.MjData(model)
-    linear = linear_model(model, data)
-    pole = oscillating(linear.poles())[0]
+    w = float(frequencies[0])
     values, shapes = np.linalg.eig(linear.stiffness)
-    mode = np.argmin(np.abs(values - abs(pole) ** 2))
+    mode = np.argmin(np.abs(values - w**2))
     shape = shapes[:, mode].real
     shape *= SMALL / np.max(np.abs(shape))
-    data.qvel[:] = shape * abs(pole)
+    data.qvel[:] = shape * w
     hinge = int(np.argmax(np.abs(shape[6:]))) + 6
     place = int(model.jnt_qposadr[model.dof_jntid[hinge]])
-    window = round(200.0 * 2.0 * np.pi / abs(pole) / h)
+    window = round(200.0 * 2.0 * np.pi / w / h)
     trace = np.zeros(steps)
     energy = np.zeros(steps)
     for i in range(steps):
@@ -69,9 +70,27 @@ def ringing(integrator: str, steps: int) -> Ringing:
         trace[i], energy[i] = data.qpos[place], data.energy[0] + data.energy[1]
     smooth = np.convolve(energy, np.ones(window) / window, mode="valid")
     seen = _frequency(trace, h)
-    wanted = abs(linear.shown(integrator, h, np.array([pole]))[0].imag) / abs(pole) - 1.0
+    wanted = turn(integrator, w * h) / (w * h) - 1.0
     drift = smooth / smooth[0] - 1.0
-    return Ringing(h, float(np.max(np.abs(drift))), float(drift[-1]), seen / abs(pole) - 1.0, float(wanted))
+    return Ringing(h, float(np.max(np.abs(drift))), float(drift[-1]), seen / w - 1.0, float(wanted))
+
+
+def number(integrator: str) -> int:
+    """MuJoCo's number of an integrator."""
+    return int(getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}"))
+
+
+def turn(integrator: str, x: float) -> float:
+    """Angle of the step's eigenvalue [rad] for an undamped mode with `x = w h`."""
+    if integrator == "RK4":
+        z = 1j * x
+        return float(np.angle(1.0 + z + z**2 / 2.0 + z**3 / 6.0 + z**4 / 24.0))
+    if integrator == "discrete":  # v+ = (v - x^2 q) / (1 + x^2), q+ = q + v+
+        share = 1.0 / (1.0 + x**2)
+        return float(
+            np.max(np.angle(np.linalg.eigvals([[share, share], [-(x**2) * share, share]])))
+        )
+    return 2.0 * float(np.arcsin(x / 2.0))
 
 
 def _frequency(trace: np.ndarray, h: float) -> float:
@@ -85,7 +104,8 @@ def _frequency(trace: np.ndarray, h: float) -> float:
 
 
 def tumbling(integrator: str, timestep: float, seconds: float = 20.0) -> tuple[float, float]:
-    """Worst drift of linear and angular momentum of a free craft in space, relative to their sizes."""
+    """Worst drift of linear and angular momentum of a free craft in space,
+    relative to their sizes."""
     hub = Hub(mass=40.0, inertia=(4.0, 6.0, 9.0), offset=(0.3, 0.1, 0.0))
     beam = bc.Beam(
         segments=(
@@ -102,8 +122,8 @@ def tumbling(integrator: str, timestep: float, seconds: float = 20.0) -> tuple[f
         )
     )
     result = bc.fit(beam, modes={"xy": 2, "xz": 2, "torsion": 1}, root=Root(hub=hub))
-    model = compile_model(result.scene_mjcf())
-    model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep
+    model = mujoco.MjModel.from_xml_string(result.scene_mjcf())
+    model.opt.integrator, model.opt.timestep = number(integrator), timestep
     data = mujoco.MjData(model)
     data.qvel[:6] = [0.02, -0.01, 0.03, WHEEL, 2.0 * WHEEL, -WHEEL]
     moments = []
@@ -112,16 +132,20 @@ def tumbling(integrator: str, timestep: float, seconds: float = 20.0) -> tuple[f
         moments.append(momenta(model, data))
         mujoco.mj_step(model, data)
     p, angular = (np.array(v) for v in zip(*moments, strict=True))
-    return tuple(float(np.max(np.linalg.norm(v - v[0], axis=1)) / np.linalg.norm(v[0])) for v in (p, angular))  # type: ignore[return-value]
+    return tuple(
+        float(np.max(np.linalg.norm(v - v[0], axis=1)) / np.linalg.norm(v[0])) for v in (p, angular)
+    )  # type: ignore[return-value]
 
 
 def momenta(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
     """Linear momentum, and angular momentum about the world's origin, from bodies' velocities."""
-    p, angular = np.zeros(3), np.zeros(3)
+    p = np.zeros(3)
+    angular = np.zeros(3)
     velocity = np.zeros(6)
     for body in range(1, model.nbody):
         mujoco.mj_objectVelocity(model, data, int(mujoco.mjtObj.mjOBJ_BODY), body, velocity, 0)
-        turn, move = velocity[:3].copy(), velocity[3:].copy()  # at the mass centre
+        turn = velocity[:3].copy()
+        move = velocity[3:].copy()  # at the mass centre
         frame = data.ximat[body].reshape(3, 3)
         p += model.body_mass[body] * move
         angular += frame @ (model.body_inertia[body] * (frame.T @ turn)) + np.cross(

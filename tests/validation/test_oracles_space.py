@@ -1,6 +1,8 @@
-"""Other people's numbers for appendages in space: Exudyn's shear-deformable beam, a manipulator, spinning blades.
+"""Other people's numbers for appendages in space: Exudyn's shear-deformable beam, a manipulator,
+spinning blades.
 
-Each figure is held twice: the closed form tightly, what somebody printed loosely. The chains are read through MuJoCo.
+Each figure is held twice: the closed form tightly, what somebody printed loosely.
+The chains are read through MuJoCo.
 """
 
 from math import pi
@@ -12,18 +14,25 @@ import pytest
 from scipy.linalg import eigh, null_space
 
 from appendages import TransferMatrix, close, roots_within
-from beamchain.engine.linearise import linearise
-from beamchain.fitting.fit import fit
-from beamchain.fitting.hub import Hub
-from beamchain.fitting.options import Root
-from beamchain.structure.beam import Beam, Lump, Segment
-from beamchain.structure.section import Custom, Equivalent, Material, Rectangle
+from beamchain import (
+    Beam,
+    Custom,
+    Equivalent,
+    Hub,
+    Lump,
+    Material,
+    Rectangle,
+    Root,
+    Segment,
+    fit,
+    linearise,
+)
 
 CLOSED = 1e-8  # the issue's own bound on closed forms
 EXUDYN = 1e-4  # the issue's own bound on Exudyn's figures (256 elements)
 MANIPULATOR = 1e-5  # the issue's own; the figures are printed with six digits
 
-# -- O5: Exudyn, ANCFBeamEigTest.py; K. Nachbagauer et al., J. Comput. Nonlinear Dyn. 8 (2013) 021004 -----------------
+# -- O5: Exudyn, ANCFBeamEigTest.py; Nachbagauer et al., J. Comput. Nonlin. Dyn. 8 (2013) 021004 ---
 LENGTH, WIDTH, YOUNG, NU, DENSITY = 2.0, 0.4, 1e9, 0.3, 7850.0
 SHEAR = 10.0 * (1.0 + NU) / (12.0 + 11.0 * NU)
 GUM = Material(youngs_modulus=YOUNG, density=DENSITY, poissons_ratio=NU)
@@ -32,35 +41,51 @@ GUM = Material(youngs_modulus=YOUNG, density=DENSITY, poissons_ratio=NU)
 def stocky(theory="timoshenko"):
     section = Rectangle(width_y=WIDTH, width_z=WIDTH)
     factor = SHEAR if theory == "timoshenko" else None
-    return Beam(segments=(Segment(length=LENGTH, section=section, material=GUM, theory=theory, shear_factor=factor),))
+    return Beam(
+        segments=(
+            Segment(
+                length=LENGTH, section=section, material=GUM, theory=theory, shear_factor=factor
+            ),
+        )
+    )
 
 
 def exudyn_torsion():
     """Their torsion factor 0.8436 of the polar moment, instead of the square's own 0.84346."""
     polar = WIDTH**4 / 6.0
     section = Custom(
-        area=WIDTH**2, second_moment_z=WIDTH**4 / 12, second_moment_y=WIDTH**4 / 12, torsion_constant=0.8436 * polar,
+        area=WIDTH**2,
+        second_moment_z=WIDTH**4 / 12,
+        second_moment_y=WIDTH**4 / 12,
+        torsion_constant=0.8436 * polar,
         polar_moment=polar,
-    )  # fmt: skip
+    )
     return Beam(segments=(Segment(length=LENGTH, section=section, material=GUM),))
 
 
 def simply_supported(port, count):
-    """Frequencies with both ends' displacement held: constraints on root motion and all cantilever modes."""
+    """Frequencies with both ends' displacement held:
+    constraints on root motion and all cantilever modes."""
     n = port.modes
     mass = np.block([[port.rigid_mass, port.participation.T], [port.participation, np.eye(n)]])
     stiffness = np.diag([0.0, 0.0, *port.frequencies**2])
     held = np.vstack([[1.0, 0.0, *np.zeros(n)], [1.0, LENGTH, *port.tip[:, 0]]])
     left = null_space(held)
     scale = np.diag(1.0 / np.sqrt(np.diag(left.T @ stiffness @ left)))
-    inverse = eigh(scale @ left.T @ mass @ left @ scale, scale @ left.T @ stiffness @ left @ scale, eigvals_only=True)
+    inverse = eigh(
+        scale @ left.T @ mass @ left @ scale,
+        scale @ left.T @ stiffness @ left @ scale,
+        eigvals_only=True,
+    )
     return 1.0 / np.sqrt(inverse[::-1][:count])
 
 
 def timoshenko_simply_supported(k):
     """S. Timoshenko, Phil. Mag. 41 (1921) 744: the lower root for k half waves."""
     with mpmath.workdps(30):
-        area, second, g = WIDTH**2, WIDTH**4 / mpmath.mpf(12), YOUNG / (2 * (1 + mpmath.mpf(NU)))
+        area = WIDTH**2
+        second = WIDTH**4 / mpmath.mpf(12)
+        g = YOUNG / (2 * (1 + mpmath.mpf(NU)))
         wave = k * mpmath.pi / LENGTH
         a = DENSITY**2 * second / (SHEAR * g)
         b = DENSITY * area + DENSITY * second * wave**2 * (1 + YOUNG / (SHEAR * g))
@@ -84,9 +109,19 @@ def test_o5_euler_bending_would_be_far_off():
 @pytest.mark.parametrize("n", [1, 2])
 def test_o5_cantilever_through_mujoco_against_the_transfer_matrix(n):
     # the chain's own check: the clamped Timoshenko beam from mpmath's matrix exponential
-    second, g = WIDTH**4 / 12, YOUNG / (2 * (1 + NU))
+    second = WIDTH**4 / 12
+    g = YOUNG / (2 * (1 + NU))
     exact = TransferMatrix(
-        [("piece", LENGTH, YOUNG * second, DENSITY * WIDTH**2, SHEAR * g * WIDTH**2, DENSITY * second)]
+        [
+            (
+                "piece",
+                LENGTH,
+                YOUNG * second,
+                DENSITY * WIDTH**2,
+                SHEAR * g * WIDTH**2,
+                DENSITY * second,
+            )
+        ]
     )
     result = fit(stocky(), modes={"xy": n, "xz": n})
     assert result.status.ok
@@ -101,7 +136,9 @@ def test_o5_torsion():
     assert found == close(wanted, rel=CLOSED)
     assert found == close(319.346597, rel=EXUDYN)
     chain = fit(exudyn_torsion(), modes={"torsion": 2}, root=Root(target="free"))
-    assert chain.achieved["torsion"].free_frequencies == close(wanted * np.array([1.0, 2.0]), rel=CLOSED)
+    assert chain.achieved["torsion"].free_frequencies == close(
+        wanted * np.array([1.0, 2.0]), rel=CLOSED
+    )
 
 
 def test_o5_axial():
@@ -114,7 +151,7 @@ def test_o5_axial():
     assert chain.achieved["axial"].frequencies == close(wanted * np.array([1.0, 3.0]), rel=CLOSED)
 
 
-# -- O6: a space manipulator link with a heavy payload (DETC2007-35511, in MBDyn's tests) ------------------------------
+# -- O6: a space manipulator link with a heavy payload (DETC2007-35511, in MBDyn's tests) ----------
 CLAMPED = [0.391031, 8.194197, 26.351741, 54.872162]
 PINNED = [5.28343, 20.84173, 46.76976, 83.06847]
 PUBLISHED = [5.28, 20.9, 46.7, 83.4]
@@ -122,7 +159,10 @@ PUBLISHED = [5.28, 20.9, 46.7, 83.4]
 
 def manipulator():
     section = Equivalent(
-        bending_stiffness_xy=5.974**2 * 2.82, bending_stiffness_xz=5.974**2 * 2.82, linear_mass=2.82, polar_inertia=1e-3
+        bending_stiffness_xy=5.974**2 * 2.82,
+        bending_stiffness_xz=5.974**2 * 2.82,
+        linear_mass=2.82,
+        polar_inertia=1e-3,
     )
     load = Lump(x=3.372, mass=5.18 * 2.82 * 3.372)
     return Beam(segments=(Segment(length=3.372, section=section),), lumps=(load,))
@@ -163,11 +203,17 @@ def test_o6_pinned_chain_through_mujoco(n):
     assert found == close(PUBLISHED[:n], rel=5e-3)
 
 
-# -- O7: rotating cantilever, hub radius 0 (Wright, Smith, Thresher, Wang, J. Appl. Mech. 49 (1982) 197) ---------------
+# -- O7: rotating cantilever, hub radius 0 (Wright et al., J. Appl. Mech. 49 (1982) 197) ---
 @pytest.mark.parametrize(("n", "flap_bound", "lag_bound"), [(3, 0.004, 0.009), (5, 0.0015, 0.003)])
 def test_o7_spinning_at_eta_five(n, flap_bound, lag_bound):
-    section = Equivalent(bending_stiffness_xy=1.0, bending_stiffness_xz=1.0, linear_mass=1.0, polar_inertia=1e-6)
-    result = fit(Beam(segments=(Segment(length=1.0, section=section),)), name="blade", modes={"xy": n, "xz": n})
+    section = Equivalent(
+        bending_stiffness_xy=1.0, bending_stiffness_xz=1.0, linear_mass=1.0, polar_inertia=1e-6
+    )
+    result = fit(
+        Beam(segments=(Segment(length=1.0, section=section),)),
+        name="blade",
+        modes={"xy": n, "xz": n},
+    )
     spec = mujoco.MjSpec()
     spec.option.gravity = [0.0, 0.0, 0.0]
     hub = spec.worldbody.add_body(name="hub", mass=1.0, inertia=[1e9] * 3, explicitinertial=True)
@@ -178,7 +224,10 @@ def test_o7_spinning_at_eta_five(n, flap_bound, lag_bound):
     data = mujoco.MjData(model)
     data.qvel[0] = 5.0
     linear = linearise(model, data)
-    for port, wanted, bound in (("xz", 6.4495, flap_bound), ("xy", np.sqrt(6.4495**2 - 25.0), lag_bound)):
+    for port, wanted, bound in (
+        ("xz", 6.4495, flap_bound),
+        ("xy", np.sqrt(6.4495**2 - 25.0), lag_bound),
+    ):
         own = [i for i, joint in enumerate(linear.joints) if joint.endswith(port)]
         first = np.sqrt(np.min(np.linalg.eigvals(linear.stiffness[np.ix_(own, own)]).real))
         assert first == close(wanted, rel=bound)

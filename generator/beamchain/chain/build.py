@@ -1,4 +1,5 @@
-"""From targets to one chain: springs on the hinges where the recursion serves all ports, else one tendon per mode.
+"""From targets to one chain: springs on the hinges where the recursion serves all ports,
+else one tendon per mode.
 
 Theory: docs/theory.md, sections 3 and 4.
 """
@@ -11,7 +12,15 @@ import numpy as np
 
 from beamchain.chain.chain import Chain, Hinge, sprung
 from beamchain.chain.cut import Cut, choose_cut
-from beamchain.chain.links import NO_POLAR, TINY, bodies, polar_inertias, real_polar, settled, with_polar
+from beamchain.chain.links import (
+    NO_POLAR,
+    TINY,
+    bodies,
+    polar_inertias,
+    real_polar,
+    settled,
+    with_polar,
+)
 from beamchain.chain.margin import Wanted, shortest_link
 from beamchain.chain.recursion import Nodes, planar_links, realise, realise_scalar
 from beamchain.chain.tendons import ModeGroup, given_modes, group_motion, springs_as_modes
@@ -19,7 +28,7 @@ from beamchain.errors import InputError, RealisationError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
-from beamchain.structure.mass_line import MassLine, spread
+from beamchain.structure.mass_line import MassLine, spread_mass
 
 Springs = Literal["auto", "hinges", "modes"]
 
@@ -58,9 +67,10 @@ class Built:
 class Wishes:
     """What is asked of the realisation beside the modes.
 
-    `springs` "auto": on the hinges where the recursion serves all ports; `lines`: x where hinges must stand [m];
-    `further`: x of further ports [m], whose motion stands in the `columns` of the targets' `tip`; `neutral`: per port,
-    last frequency on the one hub [rad/s] that modes of surplus hinges must not disturb.
+    `springs` "auto": on the hinges where the recursion serves all ports; `lines`: x where hinges
+    must stand [m]; `further`: x of further ports [m], whose motion stands in the `columns` of the
+    targets' `tip`; `neutral`: per port, last frequency on the one hub [rad/s] that modes of surplus
+    hinges must not disturb.
     """
 
     springs: Springs = "auto"
@@ -72,20 +82,31 @@ class Wishes:
     neutral: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
-def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes | None = None) -> Built:
+def build_exact(
+    beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes | None = None
+) -> Built:
     """The exact chain of all kept ports."""
     if not kept:
         return _rigid(beam)
     wishes = wishes or Wishes()
     if wishes.springs == "hinges" and (wishes.lines or wishes.further or wishes.per_mode):
-        what = "fit.cuts" if wishes.lines else "a further port" if wishes.further else 'damping.form = "modal"'
+        what = (
+            "fit.cuts"
+            if wishes.lines
+            else "a further port"
+            if wishes.further
+            else 'damping.form = "modal"'
+        )
         raise InputError(
-            f'fit.springs = "hinges" and {what} do not go together: that takes a tendon per mode; use fit.springs = "auto".'
+            f'fit.springs = "hinges" and {what} do not go together: that takes a tendon per mode; '
+            'use fit.springs = "auto".'
         )
     history: list[str] = []
     if not wishes.lines and not wishes.further and wishes.cut is None:
         try:
-            return _recursive(beam, kept, target_of, wishes, history, fewer=wishes.springs == "hinges")
+            return _recursive(
+                beam, kept, target_of, wishes, history, fewer=wishes.springs == "hinges"
+            )
         except RealisationError as error:
             if wishes.springs == "hinges":
                 raise
@@ -102,11 +123,17 @@ def build_exact(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wi
         raise
 
 
-def _cut(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes, history: list[str]) -> Built:
+def _cut(
+    beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes, history: list[str]
+) -> Built:
     """The chain on a chosen cut for all ports."""
     notes: list[str] = []
     targets = {port: _available(target_of, port, count, notes) for port, count in kept.items()}
-    beyond = {} if wishes.further else {port: _next(target_of, port, count) for port, count in kept.items()}
+    beyond = (
+        {}
+        if wishes.further
+        else {port: _next(target_of, port, count) for port, count in kept.items()}
+    )
     groups = [_modes_of(port, target, wishes, beyond.get(port)) for port, target in targets.items()]
     chain, how, cut = cut_chain(beam, groups, wishes.lines, wishes.further, wishes.cut)
     for port, target in () if wishes.further else targets.items():
@@ -114,16 +141,23 @@ def _cut(beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: W
         miss = float(np.max(np.abs(found / target.frequencies - 1.0)))
         if miss > LOST_DIGITS:
             raise RealisationError(
-                f"digits are lost with {target.modes} modes in {port}: a frequency is off by {miss:.1e}; keep fewer modes."
+                f"digits are lost with {target.modes} modes in {port}: a frequency is off by "
+                f"{miss:.1e}; keep fewer modes."
             )
     message = _message(how, targets, notes, kept if wishes.further else {})
     return Built(chain, targets, Status(not notes, message, tuple(history)), cut)
 
 
 def _message(
-    how: str, targets: Mapping[str, PortModel], notes: Sequence[str] = (), kept: Mapping[str, int] | None = None
+    how: str,
+    targets: Mapping[str, PortModel],
+    notes: Sequence[str] = (),
+    kept: Mapping[str, int] | None = None,
 ) -> str:
-    own = {port: min((kept or {}).get(port, target.modes), target.modes) for port, target in targets.items()}
+    own = {
+        port: min((kept or {}).get(port, target.modes), target.modes)
+        for port, target in targets.items()
+    }
     static = {port: target.modes - own[port] for port, target in targets.items()}
     modes = ", ".join(
         f"{count} in {port}" + (f" (and {static[port]} for further points)" if static[port] else "")
@@ -132,7 +166,9 @@ def _message(
     return f"exact chain ({how}), modes kept: {modes}." + "".join(f" {note}" for note in notes)
 
 
-def _modes_of(port: str, target: PortModel, wishes: Wishes, beyond: float | None = None) -> ModeGroup:
+def _modes_of(
+    port: str, target: PortModel, wishes: Wishes, beyond: float | None = None
+) -> ModeGroup:
     """A port's target as modes to be given to bodies."""
     rows = [target.participation]
     m = target.motions
@@ -141,9 +177,15 @@ def _modes_of(port: str, target: PortModel, wishes: Wishes, beyond: float | None
         rows.append(target.tip[:, column * m : (column + 1) * m])
     damping = target.damping if wishes.per_mode else np.zeros(target.modes)
     return ModeGroup(
-        (port,), target.frequencies, np.hstack(rows), damping, target.shapes, rigid=target.rigid_mass, beyond=beyond,
+        (port,),
+        target.frequencies,
+        np.hstack(rows),
+        damping,
+        target.shapes,
+        rigid=target.rigid_mass,
+        beyond=beyond,
         neutral=wishes.neutral.get(port),
-    )  # fmt: skip
+    )
 
 
 def _next(target_of: TargetOf, port: str, count: int) -> float | None:
@@ -176,9 +218,15 @@ def _rigid(beam: MassLine) -> Built:
     return Built(Chain(tuple(links), (), beam.length), {}, Status(True, "one rigid body."))
 
 
-# -- springs on the hinges: the recursion ------------------------------------------------------------------------------
+# -- springs on the hinges: the recursion ----------------------------------------------------------
 def _recursive(
-    beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes, history: list[str], *, fewer: bool
+    beam: MassLine,
+    kept: Mapping[str, int],
+    target_of: TargetOf,
+    wishes: Wishes,
+    history: list[str],
+    *,
+    fewer: bool,
 ) -> Built:
     """The recursion's chain for all ports, perhaps with fewer modes in a plane."""
     targets: dict[str, PortModel] = {}
@@ -194,7 +242,9 @@ def _recursive(
     chain = assemble(beam, nodes, strings)
     across = float(max(np.diag(chain.rigid_mass())[4:]))
     if any(min(link.inertia[1:]) < A_POINT * across for link in chain.links[1:]):
-        raise RealisationError("a link of the recursion would be a point; its hinges nearly coincide.")
+        raise RealisationError(
+            "a link of the recursion would be a point; its hinges nearly coincide."
+        )
     notes = [
         f"{port} keeps {targets[port].modes} of the {count} modes asked for."
         for port, count in kept.items()
@@ -203,7 +253,11 @@ def _recursive(
     how = "springs on the hinges"
     if wishes.springs == "modes" or wishes.per_mode:
         undamped = {port: np.zeros(target.modes) for port, target in targets.items()}
-        ratios = {port: target.damping for port, target in targets.items()} if wishes.per_mode else undamped
+        ratios = (
+            {port: target.damping for port, target in targets.items()}
+            if wishes.per_mode
+            else undamped
+        )
         chain = springs_as_modes(chain, ratios)
         why = 'fit.springs = "modes"' if wishes.springs == "modes" else "each has its own damping"
         how = f"one tendon per mode, as {why}, on the bodies of the recursion"
@@ -212,7 +266,9 @@ def _recursive(
     return Built(chain, targets, Status(not notes, _message(how, targets, notes), tuple(history)))
 
 
-def assemble(beam: MassLine, nodes: Mapping[str, Nodes], strings: Mapping[str, tuple[Array, Array]]) -> Chain:
+def assemble(
+    beam: MassLine, nodes: Mapping[str, Nodes], strings: Mapping[str, tuple[Array, Array]]
+) -> Chain:
     """The chain whose bodies serve all planes, torsion springs on its hinges."""
     total = beam.moments(0.0, beam.length, closed=True)
     rotary = abs(total.rotary_xy - total.rotary_xz) / total.second
@@ -224,10 +280,15 @@ def assemble(beam: MassLine, nodes: Mapping[str, Nodes], strings: Mapping[str, t
     if "axial" in strings:
         raise RealisationError("axial modes do not share the hinges of bending.")
     own = total.polar if total.polar > NO_POLAR * total.second else 0.0
-    links, cuts = planar_links(shared, beam), shared.positions[1:-1]
+    links = planar_links(shared, beam)
+    cuts = shared.positions[1:-1]
     inertias = np.array([own]) if "torsion" not in strings else strings["torsion"][0]
     turning, polars = polar_inertias(beam, links, cuts, inertias, real_polar(beam, cuts))
-    torsion = dict(zip(turning, strings["torsion"][1].tolist(), strict=True)) if "torsion" in strings else {}
+    torsion = (
+        dict(zip(turning, strings["torsion"][1].tolist(), strict=True))
+        if "torsion" in strings
+        else {}
+    )
     hinges = tuple(
         Hinge(
             x=float(x),
@@ -266,15 +327,19 @@ def _plane(
             probe = Chain(tuple(planar_links(nodes, beam)), springs, beam.length).port(port)
             miss = float(np.max(np.abs(probe.frequencies / target.frequencies - 1.0)))
             if miss > LOST_DIGITS:
-                raise RealisationError(f"digits are lost with {modes} modes: a frequency is off by {miss:.1e}.")
+                raise RealisationError(
+                    f"digits are lost with {modes} modes: a frequency is off by {miss:.1e}."
+                )
         except RealisationError as error:
             history.append(f"{port}, {modes} modes: {error}")
             continue
         return target, nodes
-    raise RealisationError(f"no chain with springs on its hinges exists for this appendage in {port}: {history[-1]}")
+    raise RealisationError(
+        f"no chain with springs on its hinges exists for this appendage in {port}: {history[-1]}"
+    )
 
 
-# -- one tendon per mode: a cut ----------------------------------------------------------------------------------------
+# -- one tendon per mode: a cut --------------------------------------------------------------------
 def cut_chain(
     line: MassLine,
     groups: Sequence[ModeGroup],
@@ -284,10 +349,14 @@ def cut_chain(
 ) -> tuple[Chain, str, Cut]:
     """A chain with one tendon per mode, how it was found, and the cut."""
     rigid = line.behind(np.array([-line.length]))[0]
-    groups = [group.fitting(group_motion(group.ports).T @ rigid @ group_motion(group.ports)) for group in groups]
+    groups = [
+        group.fitting(group_motion(group.ports).T @ rigid @ group_motion(group.ports))
+        for group in groups
+    ]
     wanted = [Wanted(group, _counts(group), _fixed(line, group, lines, rigid)) for group in groups]
     wanted = [
-        Wanted(w.modes, {p: max(count, len(w.fixed[p])) for p, count in w.counts.items()}, w.fixed) for w in wanted
+        Wanted(w.modes, {p: max(count, len(w.fixed[p])) for p, count in w.counts.items()}, w.fixed)
+        for w in wanted
     ]
     cut = cut or choose_cut(line, wanted, lines, further)
     try:
@@ -295,22 +364,42 @@ def cut_chain(
     except RealisationError:
         if not isinstance(line, Beam):
             raise
-        # too wide for thin links: bodies of the same rigid mass whose breadth stands in all three inertias
+        # too wide for thin links: bodies of the same rigid mass whose breadth stands in
+        # all three inertias
         chain, how, cut = _wide(line, groups, lines, further)
-        return chain, f"{how}, bodies of the appendage's rigid mass as it is too wide for thin links", cut
-    hinges = tuple(Hinge(x=float(x), stiffness=dict.fromkeys(p, 0.0)) for x, p in zip(cut.x, cut.ports, strict=True))
+        return (
+            chain,
+            f"{how}, bodies of the appendage's rigid mass as it is too wide for thin links",
+            cut,
+        )
+    hinges = tuple(
+        Hinge(x=float(x), stiffness=dict.fromkeys(p, 0.0))
+        for x, p in zip(cut.x, cut.ports, strict=True)
+    )
     chain = Chain(tuple(links), hinges, line.length)
-    placed = [group.on(np.array([hinges[i].x for i, _ in chain.freedoms(group.ports)])) for group in groups]
+    placed = [
+        group.on(np.array([hinges[i].x for i, _ in chain.freedoms(group.ports)]))
+        for group in groups
+    ]
     damped = any(np.any(group.damping > 0.0) for group in groups)
     chain = given_modes(chain, placed, further, ratio=FILLER_RATIO if damped else 0.0)
     short = shortest_link(cut.x, line.length)
-    how = f"one tendon per mode on {len(hinges)} chosen cuts, shortest link {short:.3g} of the length"
+    how = (
+        f"one tendon per mode on {len(hinges)} chosen cuts, shortest link {short:.3g} of the length"
+    )
     if cut.added:
         how += f", {cut.added} more than the modes alone would need"
         if lines:
             count = len(cut.x) - cut.added
-            free = [x for x in cut.x if not np.any(np.isclose(x, lines, rtol=0.0, atol=1e-9 * line.length))]
-            how += f" (with {count}, {len(lines)} of them from fit.cuts, {cut.reason}; now hinges stand also at "
+            free = [
+                x
+                for x in cut.x
+                if not np.any(np.isclose(x, lines, rtol=0.0, atol=1e-9 * line.length))
+            ]
+            how += (
+                f" (with {count}, {len(lines)} of them from fit.cuts, {cut.reason}; now hinges "
+                "stand also at "
+            )
             how += ", ".join(f"{x:.3g}" for x in free) + " m)"
     return chain, how, cut
 
@@ -322,7 +411,9 @@ def _wide(
     reason: RealisationError | None = None
     for power in (0, 1, 2, 4):
         try:
-            return cut_chain(spread(line.rigid_mass(), line.length, power=power), groups, lines, further)
+            return cut_chain(
+                spread_mass(line.rigid_mass(), line.length, power=power), groups, lines, further
+            )
         except (RealisationError, InputError) as error:
             reason = reason or RealisationError(str(error))
     assert reason is not None
@@ -333,20 +424,25 @@ def _counts(group: ModeGroup) -> dict[str, int]:
     """Hinges per port: as many as the modes need together, shared out as they move the ports."""
     n, m = group.rows.shape
     scale = np.linalg.norm(group.rows, axis=0)
-    rank = np.linalg.matrix_rank(group.rows / np.where(scale > 0.0, scale, 1.0), tol=RANK) if n else 0
+    rank = (
+        np.linalg.matrix_rank(group.rows / np.where(scale > 0.0, scale, 1.0), tol=RANK) if n else 0
+    )
     total = n + m - int(rank)
     if len(group.ports) == 1:
         return {group.ports[0]: total}
     own = dict.fromkeys(group.moving, 0)
     least = {port: 2 if port in PLANES else 1 for port in own}
     weights = group.weights
-    for _ in range(max(total, sum(least.values()))):  # the port that has least beside what moves in it
+    # the port that has least beside what moves in it
+    for _ in range(max(total, sum(least.values()))):
         port = min(own, key=lambda p: (own[p] >= least[p], (own[p] + 0.5) / max(weights[p], 1e-3)))
         own[port] += 1
     return own
 
 
-def _fixed(line: MassLine, group: ModeGroup, lines: Sequence[float], rigid: Array) -> dict[str, tuple[float, ...]]:
+def _fixed(
+    line: MassLine, group: ModeGroup, lines: Sequence[float], rigid: Array
+) -> dict[str, tuple[float, ...]]:
     """Per port, x of the hinges that must stand: the user's, real ones, a massless root."""
     motion = group_motion(group.ports)
     mass = motion.T @ rigid @ motion

@@ -1,4 +1,5 @@
-"""The hinge chain: rigid links joined by hinges, with springs on the hinges or on modal tendons; what MuJoCo simulates."""
+"""The hinge chain: rigid links joined by hinges, with springs on the hinges or on modal tendons;
+what MuJoCo simulates."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,9 +11,10 @@ from beamchain.checks import one_of
 from beamchain.errors import RealisationError
 from beamchain.ports.compose import port_from_rows
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array, body_mass_matrix, shifted
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, body_mass_matrix, offset_matrix
 
-#: A degree of freedom of a chain: number of its hinge from 0, and the port in which that hinge moves.
+#: A degree of freedom of a chain: number of its hinge from 0,
+#: and the port in which that hinge moves.
 Freedom = tuple[int, str]
 
 STRAIGHT = (0.0, 0.0)
@@ -59,8 +61,9 @@ class Link:
         """`(6, 6)`: weighted velocity of the centre and rate of turn, per root motion."""
         values, axes = np.linalg.eigh(self.inertia_matrix())
         if self.products == PRINCIPAL:
-            values, axes = np.array(self.inertia), np.eye(3)
-        motion = shifted(self.centre)
+            values = np.array(self.inertia)
+            axes = np.eye(3)
+        motion = offset_matrix(self.centre)
         turning = np.sqrt(np.maximum(values, 0.0))[:, None] * axes.T
         return np.vstack([np.sqrt(self.mass) * motion[:3], turning @ motion[3:]])
 
@@ -71,7 +74,8 @@ class Hinge:
 
     Args:
         x: from the root [m].
-        stiffness: per port that moves here [N m/rad] ([N/m] for axial); zero: its springs are modal tendons.
+        stiffness: per port that moves here [N m/rad] ([N/m] for axial); zero:
+            its springs are modal tendons.
         damping: per port, plain joint damping [N m s/rad].
     """
 
@@ -84,13 +88,15 @@ class Hinge:
             one_of("hinge.stiffness", port, PORTS)
             if not value >= 0.0:
                 raise RealisationError(
-                    f"hinge at x = {self.x:.6g} m: stiffness {port} = {value!r} must not be negative."
+                    f"hinge at x = {self.x:.6g} m: stiffness {port} = {value!r} must not be "
+                    "negative."
                 )
         object.__setattr__(self, "stiffness", MappingProxyType(dict(self.stiffness)))
         object.__setattr__(self, "damping", MappingProxyType(dict(self.damping)))
 
     def __reduce__(self) -> tuple[type["Hinge"], tuple[object, ...]]:
-        return Hinge, (self.x, dict(self.stiffness), dict(self.damping))  # a proxy cannot be pickled
+        # a proxy cannot be pickled
+        return Hinge, (self.x, dict(self.stiffness), dict(self.damping))
 
 
 def sprung(port: str, x: Array, stiffness: Array) -> tuple[Hinge, ...]:
@@ -147,13 +153,16 @@ class Chain:
     def __post_init__(self) -> None:
         if len(self.hinges) != len(self.links) - 1:
             raise RealisationError(
-                f"{len(self.links)} links need {len(self.links) - 1} hinges, not {len(self.hinges)}."
+                f"{len(self.links)} links need {len(self.links) - 1} hinges, not "
+                f"{len(self.hinges)}."
             )
 
     @property
     def ports(self) -> tuple[str, ...]:
         """Ports in which at least one hinge moves."""
-        return tuple(port for port in PORTS if any(port in hinge.stiffness for hinge in self.hinges))
+        return tuple(
+            port for port in PORTS if any(port in hinge.stiffness for hinge in self.hinges)
+        )
 
     @property
     def mass(self) -> float:
@@ -167,13 +176,16 @@ class Chain:
     def freedoms(self, ports: Sequence[str] = PORTS) -> tuple[Freedom, ...]:
         """Degrees of freedom in the given ports, hinge by hinge."""
         return tuple(
-            (i, p) for i, hinge in enumerate(self.hinges) for p in PORTS if p in ports and p in hinge.stiffness
+            (i, p)
+            for i, hinge in enumerate(self.hinges)
+            for p in PORTS
+            if p in ports and p in hinge.stiffness
         )
 
     def freedom_motion(self, freedom: Freedom) -> Array:
         """`(6,)` motion of the root that moves what hangs behind as the freedom does."""
         hinge, port = freedom
-        return shifted(np.array([-self.hinges[hinge].x, 0.0, 0.0])) @ PORT_MOTION[port][:, -1]
+        return offset_matrix(np.array([-self.hinges[hinge].x, 0.0, 0.0])) @ PORT_MOTION[port][:, -1]
 
     def rows(self, freedoms: Sequence[Freedom]) -> tuple[Array, Array]:
         """Motion rows, rigid `(r, 6)` and elastic `(r, f)` per freedom: `M = rows^T rows`."""
@@ -181,9 +193,13 @@ class Chain:
         behind = np.array([i for i, _ in freedoms], dtype=np.int64)
         own = [link.rows() for link in self.links]
         elastic = [rows @ (motions * (behind < k)) for k, rows in enumerate(own)]
-        tied = [self._along(t, freedoms) * np.sqrt(t.armature) for t in self.tendons if t.armature > 0.0]
+        tied = [
+            self._along(t, freedoms) * np.sqrt(t.armature) for t in self.tendons if t.armature > 0.0
+        ]
         tied = [row for row in tied if np.any(row)]
-        return np.vstack([*own, np.zeros((len(tied), 6))]), np.vstack([*elastic, *(row[None] for row in tied)])
+        return np.vstack([*own, np.zeros((len(tied), 6))]), np.vstack(
+            [*elastic, *(row[None] for row in tied)]
+        )
 
     def _along(self, tendon: Tendon, freedoms: Sequence[Freedom]) -> Array:
         """`(f,)` coefficients of a tendon over the given freedoms."""
@@ -194,7 +210,11 @@ class Chain:
         """`(s, f)` with `K = rows^T rows`: roots of the hinges' and tendons' springs."""
         springs = np.array([self.hinges[i].stiffness[port] for i, port in freedoms])
         on_hinges = np.diag(np.sqrt(springs))[springs > 0.0]
-        on_tendons = [np.sqrt(t.stiffness) * self._along(t, freedoms) for t in self.tendons if t.stiffness > 0.0]
+        on_tendons = [
+            np.sqrt(t.stiffness) * self._along(t, freedoms)
+            for t in self.tendons
+            if t.stiffness > 0.0
+        ]
         return np.vstack([on_hinges, *(row[None] for row in on_tendons if np.any(row))])
 
     def stiffness(self, freedoms: Sequence[Freedom]) -> Array:
@@ -220,15 +240,23 @@ class Chain:
         freedoms = self.freedoms(ports)
         rigid, elastic, tip = self._scaled(freedoms)
         if not freedoms:
-            return PortModel(motion.T @ self.rigid_mass() @ motion, np.zeros(0), np.zeros((0, motion.shape[1])))
+            return PortModel(
+                motion.T @ self.rigid_mass() @ motion, np.zeros(0), np.zeros((0, motion.shape[1]))
+            )
         return port_from_rows(rigid @ motion, elastic, motion.T @ tip)
 
     def _scaled(self, freedoms: Sequence[Freedom]) -> tuple[Array, Array, Array]:
         """Rigid and elastic rows and the tip's motions; strain energy `|y|^2 / 2`."""
         rigid, elastic = self.rows(freedoms)
-        root = np.linalg.inv(np.linalg.qr(self.spring_rows(freedoms), mode="r")) if freedoms else np.zeros((0, 0))
-        tip = shifted(np.array([self.length, 0.0, 0.0]))
-        motions = np.column_stack([np.zeros((6, 0)), *(tip @ self.freedom_motion(f) for f in freedoms)])
+        root = (
+            np.linalg.inv(np.linalg.qr(self.spring_rows(freedoms), mode="r"))
+            if freedoms
+            else np.zeros((0, 0))
+        )
+        tip = offset_matrix(np.array([self.length, 0.0, 0.0]))
+        motions = np.column_stack(
+            [np.zeros((6, 0)), *(tip @ self.freedom_motion(f) for f in freedoms)]
+        )
         return rigid, elastic @ root, motions @ root
 
     def shapes(self, port: str, modes: PortModel) -> Array:
@@ -237,9 +265,12 @@ class Chain:
         springs = np.linalg.qr(self.spring_rows(freedoms), mode="r")
         rigid, elastic, _ = self._scaled(freedoms)
         u, s, vt = np.linalg.svd(elastic, full_matrices=False)
-        u, s, vt = u[:, : modes.modes], s[: modes.modes], vt[: modes.modes]  # less what `port` leaves out as rounding
+        # less what `port` leaves out as rounding
+        u, s, vt = u[:, : modes.modes], s[: modes.modes], vt[: modes.modes]
         signs = np.sign(np.sum((u.T @ rigid @ PORT_MOTION[port]) * modes.participation, axis=1))
-        return np.asarray(np.linalg.solve(springs, (signs[:, None] * vt / s[:, None]).T).T, dtype=np.float64)
+        return np.asarray(
+            np.linalg.solve(springs, (signs[:, None] * vt / s[:, None]).T).T, dtype=np.float64
+        )
 
     def damped(self, port: str) -> PortModel:
         """`port(...)` with the damping ratios that hinges and tendons give its modes."""
@@ -249,8 +280,3 @@ class Chain:
         shapes = self.shapes(port, modes)
         rates = np.diag(shapes @ self.damping(self.freedoms([port])) @ shapes.T)
         return modes.replaced(damping=rates / (2.0 * modes.frequencies))
-
-    def modal_damping(self, port: str) -> Array:
-        """`(n, n)` what hinges and tendons damp of the modes of a port, mass-normalised [1/s]."""
-        shapes = self.shapes(port, self.port(port))
-        return np.asarray(shapes @ self.damping(self.freedoms([port])) @ shapes.T, dtype=np.float64)

@@ -1,6 +1,8 @@
-"""Where an appendage is cut: hinges as evenly spaced as the modes let them be, real hinge lines and the user's kept.
+"""Where an appendage is cut: hinges as evenly spaced as the modes let them be,
+real hinge lines and the user's kept.
 
-The margin grows as the first hinges move towards the root; the most even cut with enough margin is wanted.
+The margin grows as the first hinges move towards the root;
+the most even cut with enough margin is wanted.
 
 Theory: docs/theory.md, section 4.
 """
@@ -11,7 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize
 
-from beamchain.chain.margin import MARGIN, SAME_PLACE, SHORTEST, Margins, MassTable, Wanted, shortest_link
+from beamchain.chain.margin import (
+    MARGIN,
+    SAME_PLACE,
+    SHORTEST,
+    Margins,
+    MassTable,
+    Wanted,
+    shortest_link,
+)
 from beamchain.errors import RealisationError
 from beamchain.ports.motions import Array
 from beamchain.structure.mass_line import MassLine
@@ -40,10 +50,15 @@ class Cut:
     reason: str = ""
 
 
-def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float], further: Sequence[float] = ()) -> Cut:
+def choose_cut(
+    line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float], further: Sequence[float] = ()
+) -> Cut:
     """The most even cut that holds the modes; hinges at `lines`, ports at `further` [m]."""
     length = line.length
-    fixed = _merged([*lines, *(x for group in wanted for places in group.fixed.values() for x in places)], length)
+    fixed = _merged(
+        [*lines, *(x for group in wanted for places in group.fixed.values() for x in places)],
+        length,
+    )
     groups = list(wanted)
     table = MassTable(line)
     first: str | None = None
@@ -60,7 +75,9 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
             search = Margins(table, tuple(_fewest(search, x, wanted, groups)), tuple(further))
             x = _even(search, x, fixed)
             margin, chosen, _ = search.assigned(x)
-            ports = [tuple(p for group in chosen for i, p in group if i == k) for k in range(x.size)]
+            ports = [
+                tuple(p for group in chosen for i, p in group if i == k) for k in range(x.size)
+            ]
             used = [k for k in range(x.size) if ports[k]]
             return Cut(x[used], tuple(ports[k] for k in used), margin, added, first or "")
         margins = search.assigned(x)[2] if np.isfinite(margin) else [-np.inf] * len(groups)
@@ -77,7 +94,9 @@ def choose_cut(line: MassLine, wanted: Sequence[Wanted], lines: Sequence[float],
     )
 
 
-def _fewest(search: Margins, x: Array, wanted: Sequence[Wanted], groups: Sequence[Wanted]) -> list[Wanted]:
+def _fewest(
+    search: Margins, x: Array, wanted: Sequence[Wanted], groups: Sequence[Wanted]
+) -> list[Wanted]:
     """The groups, each with no more hinges than it needs on a cut that others needed."""
     out = list(groups)
     for k, first in enumerate(wanted):
@@ -95,7 +114,10 @@ def _told(groups: Sequence[Wanted], margins: Sequence[float]) -> str:
     ports = " and ".join(groups[k].modes.ports)
     if not np.isfinite(margins[k]):
         return f"the modes in {ports} leave no positive residual mass"
-    return f"in {ports} the limp chain weighs {1.0 - margins[k]:.3g} times the residual mass, where {1.0 - MARGIN:g} is the limit"
+    return (
+        f"in {ports} the limp chain weighs {1.0 - margins[k]:.3g} times the residual mass, "
+        f"where {1.0 - MARGIN:g} is the limit"
+    )
 
 
 def _merged(places: Sequence[float], length: float) -> Array:
@@ -120,7 +142,8 @@ def _best(search: Margins, fixed: Array, free: int) -> tuple[Array, float]:
         while low < high:
             middle = (low + high) // 2
             x = np.sort(np.concatenate([fixed, pattern(float(SPREADS[middle]))]))
-            margin, short = search.value(x, whole=good is None), shortest_link(x, length)
+            margin = search.value(x, whole=good is None)
+            short = shortest_link(x, length)
             if margin >= MARGIN:
                 high = middle
                 if good is None or short > good[0]:
@@ -135,7 +158,9 @@ def _best(search: Margins, fixed: Array, free: int) -> tuple[Array, float]:
     return _climbed(search, fixed, *most)
 
 
-def _patterns(length: float, free: int, further: Sequence[float]) -> Iterator[Callable[[float], Array]]:
+def _patterns(
+    length: float, free: int, further: Sequence[float]
+) -> Iterator[Callable[[float], Array]]:
     """Free hinges [m] by the place of the first, graded towards root and further ports."""
 
     def graded(a: float, power: float, count: int, end: float) -> Array:
@@ -153,7 +178,9 @@ def _patterns(length: float, free: int, further: Sequence[float]) -> Iterator[Ca
             if not 0 < own.size <= free:
                 continue
             for power in POWERS[:3]:
-                yield lambda a, p=power, o=own: np.concatenate([graded(a, p, free - o.size, 0.97 * float(o.min())), o])
+                yield lambda a, p=power, o=own: np.concatenate(
+                    [graded(a, p, free - o.size, 0.97 * float(o.min())), o]
+                )
 
 
 def _climbed(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Array, float]:
@@ -178,9 +205,12 @@ def _climbed(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Ar
             raise StopIteration
 
     found = minimize(
-        lost, np.log(own / (length - own)), method="Nelder-Mead", callback=enough,
+        lost,
+        np.log(own / (length - own)),
+        method="Nelder-Mead",
+        callback=enough,
         options={"maxfev": 60 * own.size, "xatol": 1e-3, "fatol": 1e-3},
-    )  # fmt: skip
+    )
     better = places(found.x)
     value = search.value(better)
     return (better, value) if value > margin else (x, margin)
@@ -197,11 +227,15 @@ def _even(search: Margins, x: Array, fixed: Array) -> Array:
         for i in range(x.size):
             if np.any(np.abs(fixed - x[i]) <= SAME_PLACE * length):
                 continue
-            low, high = x[i - 1] if i else 0.0, x[i + 1] if i + 1 < x.size else length
+            low = x[i - 1] if i else 0.0
+            high = x[i + 1] if i + 1 < x.size else length
             for step in STEPS:
                 moved = x.copy()
                 moved[i] += step * ((low + high) / 2.0 - x[i])
-                if abs(moved[i] - x[i]) > 1e-6 * length and search.value(moved, whole=False) >= MARGIN:
+                if (
+                    abs(moved[i] - x[i]) > 1e-6 * length
+                    and search.value(moved, whole=False) >= MARGIN
+                ):
                     x = moved
                     break
         if np.max(np.abs(x - before)) < 1e-4 * length:

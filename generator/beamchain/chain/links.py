@@ -1,4 +1,5 @@
-"""The rigid links of a chain: bodies between its hinges, and how much of the polar inertia each of them carries.
+"""The rigid links of a chain: bodies between its hinges,
+and how much of the polar inertia each of them carries.
 
 Theory: docs/theory.md, section 3.
 """
@@ -43,15 +44,31 @@ def bodies(line: MassLine, x: Array) -> list[Link]:
         if mass <= 0.0:
             out.append(Link(a, b - a, 0.0, a, (0.0, 0.0, 0.0)))
             continue
-        centre = np.array([matrix[1, 5] - matrix[2, 4], 2.0 * matrix[2, 3], -2.0 * matrix[1, 3]]) / 2.0 / mass
+        centre = (
+            np.array([matrix[1, 5] - matrix[2, 4], 2.0 * matrix[2, 3], -2.0 * matrix[1, 3]])
+            / 2.0
+            / mass
+        )
         about = matrix[3:, 3:] - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
         about = _rounded(about, ROUNDED * float(np.trace(behind[0][3:, 3:])))
-        if np.max(np.abs(about - np.diag(np.diag(about)))) < ROUNDED * float(np.trace(behind[0][3:, 3:])):
+        if np.max(np.abs(about - np.diag(np.diag(about)))) < ROUNDED * float(
+            np.trace(behind[0][3:, 3:])
+        ):
             about = np.diag(np.diag(about))
         centre[1:] = np.where(np.abs(centre[1:]) < ROUNDED * line.length, 0.0, centre[1:])
         inertia = (float(about[0, 0]), float(about[1, 1]), float(about[2, 2]))
         products = (float(about[0, 1]), float(about[0, 2]), float(about[1, 2]))
-        out.append(Link(a, b - a, mass, float(centre[0]), inertia, (float(centre[1]), float(centre[2])), products))
+        out.append(
+            Link(
+                a,
+                b - a,
+                mass,
+                float(centre[0]),
+                inertia,
+                (float(centre[1]), float(centre[2])),
+                products,
+            )
+        )
     return out
 
 
@@ -78,12 +95,18 @@ def _natural_positions(beam: MassLine, shares: Array) -> Array:
     return np.interp(np.cumsum(shares)[:-1] * (own[-1] / np.sum(shares)), own, grid)
 
 
-def share(links: list[Link], wanted: list[float], groups: list[list[int]], real: Array) -> list[float]:
+def share(
+    links: list[Link], wanted: list[float], groups: list[list[int]], real: Array
+) -> list[float]:
     """Polar inertia of every link, near to `real` `(N,)`; sums per group as `wanted`."""
     out = [0.0] * len(links)
     for total, members in zip(wanted, groups, strict=True):
-        low = np.array([abs(links[i].inertia[2] - links[i].inertia[1]) for i in members]) * (1.0 + 1e-12)
-        high = np.array([links[i].inertia[2] + links[i].inertia[1] for i in members]) * (1.0 - 1e-12)
+        low = np.array([abs(links[i].inertia[2] - links[i].inertia[1]) for i in members]) * (
+            1.0 + 1e-12
+        )
+        high = np.array([links[i].inertia[2] + links[i].inertia[1] for i in members]) * (
+            1.0 - 1e-12
+        )
         floor = np.minimum(np.maximum(low, TINY * high / 2.0 * (total <= 0.0)), high)
         if total <= 0.0:
             for i, value in zip(members, floor, strict=True):
@@ -91,12 +114,15 @@ def share(links: list[Link], wanted: list[float], groups: list[list[int]], real:
             continue
         if not low.sum() * (1.0 - 1e-9) <= total <= high.sum():
             raise RealisationError(
-                f"links {members[0] + 1} to {members[-1] + 1} would need a polar inertia of {total:.4g} kg m^2, but "
-                f"rigid bodies of their shape carry {low.sum():.4g} to {high.sum():.4g}: the appendage is too wide for "
+                f"links {members[0] + 1} to {members[-1] + 1} would need a polar inertia of "
+                f"{total:.4g} kg m^2, but "
+                f"rigid bodies of their shape carry {low.sum():.4g} to {high.sum():.4g}: the "
+                "appendage is too wide for "
                 'its length here; keep fewer modes, or use theory = "timoshenko" (rotary inertia).'
             )
         weight = np.maximum(real[members], 1e-12 * total)
-        lo, hi = 0.0, float(np.max(high / weight)) + 1.0
+        lo = 0.0
+        hi = float(np.max(high / weight)) + 1.0
         for _ in range(200):
             t = (lo + hi) / 2.0
             lo, hi = (t, hi) if np.clip(t * weight, low, high).sum() < total else (lo, t)
@@ -112,13 +138,17 @@ def share(links: list[Link], wanted: list[float], groups: list[list[int]], real:
 def polar_inertias(
     beam: MassLine, links: list[Link], cuts: Array, inertias: Array, real: Array
 ) -> tuple[list[int], list[float]]:
-    """The n hinges of `cuts` `(c,)` [m] that turn in torsion, and the links' polar inertias `(c + 1,)`.
+    """The n hinges of `cuts` `(c,)` [m] that turn in torsion,
+    and the links' polar inertias `(c + 1,)`.
 
-    `inertias` `(n + 1,)`: of the groups; one entry: rigid in torsion. `real` `(c + 1,)`: of the real pieces.
+    `inertias` `(n + 1,)`: of the groups; one entry: rigid in torsion. `real` `(c + 1,)`:
+    of the real pieces.
     """
     n = inertias.size - 1
     wish = _natural_positions(beam, inertias) if n else np.zeros(0)
-    choices = sorted(combinations(range(cuts.size), n), key=lambda c: float(np.sum((cuts[list(c)] - wish) ** 2)))
+    choices = sorted(
+        combinations(range(cuts.size), n), key=lambda c: float(np.sum((cuts[list(c)] - wish) ** 2))
+    )
     reason = RealisationError(f"{n} torsion modes need {n} hinges, but there are {cuts.size}.")
     for choice in choices[:TRIES]:
         bounds = [0, *(i + 1 for i in choice), len(links)]
@@ -137,11 +167,17 @@ def rigid_in_torsion(beam: MassLine, links: list[Link], cuts: Array) -> list[Lin
 
 
 def raised(chain: Chain, least: float) -> tuple[Chain, str]:
-    """The chain with no polar inertia below `least` [kg m^2], and a sentence that says so; both as before where none is.
+    """The chain with no polar inertia below `least` [kg m^2], and a sentence that says so;
+    both as before where none is.
 
-    A chain that bends in torsion is left alone, as is one whose roll inertia would no longer be small.
+    A chain that bends in torsion is left alone,
+    as is one whose roll inertia would no longer be small.
     """
-    low = [i for i, link in enumerate(chain.links) if link.inertia[0] < least <= min(link.mass, *link.inertia[1:])]
+    low = [
+        i
+        for i, link in enumerate(chain.links)
+        if link.inertia[0] < least <= min(link.mass, *link.inertia[1:])
+    ]
     rigid = chain.rigid_mass()
     across = float(max(rigid[4, 4], rigid[5, 5]))
     added = sum(least - chain.links[i].inertia[0] for i in low)
@@ -150,11 +186,13 @@ def raised(chain: Chain, least: float) -> tuple[Chain, str]:
     links = list(chain.links)
     for i in low:
         links[i] = replace(links[i], inertia=(least, *links[i].inertia[1:]))
-    smallest, roll = min(chain.links[i].inertia[0] for i in low), float(rigid[3, 3])
+    smallest = min(chain.links[i].inertia[0] for i in low)
+    roll = float(rigid[3, 3])
     return replace(chain, links=tuple(links)), (
-        f"the links are so thin that their polar inertia falls to {smallest:.3g} kg m^2; MuJoCo takes nothing below "
-        f"1e-15, so {len(low)} of them carry {least:.3g}: the appendage's roll inertia is {roll + added:.3g} instead of "
-        f"{roll:.3g} kg m^2 ({(roll + added) / across:.1e} of its transverse inertia). Bending does not see it."
+        f"the links are so thin that their polar inertia falls to {smallest:.3g} kg m^2; MuJoCo "
+        f"takes nothing below 1e-15, so {len(low)} of them carry {least:.3g}: the appendage's roll "
+        f"inertia is {roll + added:.3g} instead of {roll:.3g} kg m^2 "
+        f"({(roll + added) / across:.1e} of its transverse inertia). Bending does not see it."
     )
 
 
@@ -165,7 +203,12 @@ def settled(line: MassLine, links: Sequence[Link], cuts: Array) -> list[Link]:
     rigid = line.rigid_mass()
     none = float(rigid[3, 3]) <= NO_POLAR * float(max(rigid[4, 4], rigid[5, 5]))
     solid = [link.inertia for link in links if link.mass > 0.0]
-    if not none and all(abs(b - c) * (1.0 + 1e-12) <= a <= (b + c) * (1.0 - 1e-12) and a > 0.0 for a, b, c in solid):
+    if not none and all(
+        abs(b - c) * (1.0 + 1e-12) <= a <= (b + c) * (1.0 - 1e-12) and a > 0.0 for a, b, c in solid
+    ):
         return list(links)
     real = real_polar(line, cuts)
-    return with_polar(links, share(list(links), [0.0 if none else float(real.sum())], [list(range(len(links)))], real))
+    return with_polar(
+        links,
+        share(list(links), [0.0 if none else float(real.sum())], [list(range(len(links)))], real),
+    )

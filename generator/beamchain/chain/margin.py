@@ -1,4 +1,5 @@
-"""Whether the rigid links of a cut can hold the residual mass of the wanted modes, and with what margin.
+"""Whether the rigid links of a cut can hold the residual mass of the wanted modes,
+and with what margin.
 
 Theory: docs/theory.md, section 4.
 """
@@ -11,7 +12,7 @@ import numpy as np
 
 from beamchain.chain.chain import Freedom
 from beamchain.chain.tendons import ModeGroup, group_motion
-from beamchain.ports.motions import PORT_MOTION, Array, shifted
+from beamchain.ports.motions import PORT_MOTION, Array, offset_matrix
 from beamchain.structure.mass_line import MassLine
 
 MARGIN = 0.02  # of the residual mass, that the inequality must leave
@@ -21,9 +22,13 @@ NOTHING_LEFT = 1e-11  # of the rigid mass: less residual mass than this is none
 SAME_PLACE = 1e-9  # of the length
 TABLE = 1001  # stations of the mass behind them, between which is interpolated
 
-#: Motion of the root equal to a unit motion of a hinge at x: the first vector less x times the second.
+#: Motion of the root equal to a unit motion of a hinge at x:
+#: the first vector less x times the second.
 TURNS = {
-    port: (motion[:, -1], -shifted(np.array([-1.0, 0.0, 0.0])) @ motion[:, -1] + motion[:, -1])
+    port: (
+        motion[:, -1],
+        -offset_matrix(np.array([-1.0, 0.0, 0.0])) @ motion[:, -1] + motion[:, -1],
+    )
     for port, motion in PORT_MOTION.items()
 }
 
@@ -38,7 +43,9 @@ class Wanted:
 
     def more(self) -> "Wanted":
         """The same with one more hinge in every port."""
-        return Wanted(self.modes, {port: count + 1 for port, count in self.counts.items()}, self.fixed)
+        return Wanted(
+            self.modes, {port: count + 1 for port, count in self.counts.items()}, self.fixed
+        )
 
 
 def shortest_link(x: Array, length: float) -> float:
@@ -63,7 +70,8 @@ class MassTable:
         """`(c, 6, 6)` mass matrix behind each of `x` `(c,)`."""
         at = np.clip(np.searchsorted(self._grid, x, side="right") - 1, 0, self._grid.size - 2)
         part = (x - self._grid[at]) / (self._grid[at + 1] - self._grid[at])
-        low, high = self._behind[at], self._behind[at + 1]
+        low = self._behind[at]
+        high = self._behind[at + 1]
         return low + np.clip(part, 0.0, 1.0)[:, None, None] * (high - low)
 
 
@@ -86,11 +94,12 @@ class Margins:
         own = np.array([TURNS[p][0] - x[i] * TURNS[p][1] for i, p in freedoms])
         pulled = (behind[at] @ own[:, :, None])[:, :, 0]  # momentum of what moves, per freedom
         kinematics = (pulled @ motion).T
-        inertia = np.where(at[:, None] >= at[None, :], pulled @ own.T, (pulled @ own.T).T)  # of the later of two
+        # of the later of two
+        inertia = np.where(at[:, None] >= at[None, :], pulled @ own.T, (pulled @ own.T).T)
         own = own.T
         rows = [kinematics]
         for place in self.further:
-            moved = motion.T @ shifted(np.array([place, 0.0, 0.0])) @ own
+            moved = motion.T @ offset_matrix(np.array([place, 0.0, 0.0])) @ own
             rows.append(moved * (x[at] < place))
         stack = np.vstack(rows)
         try:
@@ -111,14 +120,17 @@ class Margins:
         """Motion, the modes' share, a floor, and the residual mass of a group."""
         key = id(group)
         if key not in self._known:
-            motion, rows = group_motion(group.modes.ports), group.modes.rows
+            motion = group_motion(group.modes.ports)
+            rows = group.modes.rows
             mass = motion.T @ self.table.rigid @ motion
             part = rows[:, : motion.shape[1]]
             floor = NOTHING_LEFT * np.diag(np.diag(mass))
             self._known[key] = motion, rows.T @ rows, floor, mass - part.T @ part + floor
         return self._known[key]
 
-    def assigned(self, x: Array, *, whole: bool = True) -> tuple[float, list[list[Freedom]], list[float]]:
+    def assigned(
+        self, x: Array, *, whole: bool = True
+    ) -> tuple[float, list[list[Freedom]], list[float]]:
         """Least margin, and per group its freedoms and margin, for hinges at `x`."""
         behind = self.table.behind(x)
         chosen: list[list[Freedom]] = []
@@ -175,7 +187,9 @@ def _least_share(left: Array, blocks: Sequence[Array]) -> float:
     at = 0
     for block in blocks:
         try:
-            scale[at : at + len(block), at : at + len(block)] = np.linalg.inv(np.linalg.cholesky(block))
+            scale[at : at + len(block), at : at + len(block)] = np.linalg.inv(
+                np.linalg.cholesky(block)
+            )
         except np.linalg.LinAlgError:
             return -np.inf
         at += len(block)

@@ -1,8 +1,8 @@
 """The exact chain: for given modes, the one hinge chain whose root behaves as theirs does.
 
-Block Lanczos on the beam's own root motion; cf. G. M. L. Gladwell, Inverse Problems in Vibration (2nd ed., 2004), on
-reconstructing a discrete beam from its spectra. It answers Belonozhko's (2008) closing question, for links with
-redistributed mass, in closed form.
+Block Lanczos on the beam's own root motion; cf. G. M. L. Gladwell, Inverse Problems in Vibration
+(2nd ed., 2004), on reconstructing a discrete beam from its spectra. It answers Belonozhko's (2008)
+closing question, for links with redistributed mass, in closed form.
 
 Theory: docs/theory.md, section 3.
 """
@@ -27,8 +27,9 @@ NEAR_ROOT = 1e-9  # of the distance of the mass centre: a hinge closer to the ro
 class Nodes:
     """The canonical planar chain: massless rods between point masses, springs at the inner nodes.
 
-    `masses` `(N + 1,)` from the root [kg], the first 0: a hinge at the root or a massless first rod; `lengths` `(N,)`
-    of the rods [m], the first may be 0 then; `stiffness` `(N - 1,)` at nodes 1..N-1 [N m/rad].
+    `masses` `(N + 1,)` from the root [kg], the first 0: a hinge at the root or a massless first
+    rod; `lengths` `(N,)` of the rods [m], the first may be 0 then; `stiffness` `(N - 1,)` at
+    nodes 1..N-1 [N m/rad].
     """
 
     masses: Array
@@ -44,8 +45,9 @@ class Nodes:
 def realise(target: PortModel) -> Nodes:
     """The canonical chain whose port model is `target`, a plane's with n modes: n + 1 rods.
 
-    Where its residual mass is singular (all mass of the root moves with the kept modes in one direction), the first rod
-    is massless. Refused where a mass, length or stiffness would not be positive, or digits are lost.
+    Where its residual mass is singular (all mass of the root moves with the kept modes in one
+    direction), the first rod is massless. Refused where a mass, length or stiffness would not be
+    positive, or digits are lost.
     """
     n = target.modes
     rows = np.hstack([target.rigid_port_values, target.free_port_values.T])
@@ -57,8 +59,9 @@ def realise(target: PortModel) -> Nodes:
         nodes = Nodes(*_rods(rows[0], rows[1], lam, n + 1))
     else:
         raise RealisationError(
-            f"with {n} modes no residual mass is left at the root in either direction, where a chain needs one; keep "
-            "fewer modes, or give the rigid mass with that of the clamped nodes."
+            f"with {n} modes no residual mass is left at the root in either direction, where a "
+            "chain needs one; keep fewer modes, or give the rigid mass with that of the clamped "
+            "nodes."
         )
     _check(nodes, scale_length)
     return nodes
@@ -67,8 +70,11 @@ def realise(target: PortModel) -> Nodes:
 def _rods(r: Array, phi: Array, lam: Array, count: int) -> tuple[Array, Array, Array]:
     """Masses `(count + 1,)`, lengths `(count,)`, springs `(count - 1,)` from a node."""
     nodes = [r]
-    masses, lengths, springs = [float(1.0 / (r @ r))], list[float](), list[float]()
-    shear, moment = np.zeros(r.size), np.zeros(r.size)
+    masses = [float(1.0 / (r @ r))]
+    lengths = list[float]()
+    springs = list[float]()
+    shear = np.zeros(r.size)
+    moment = np.zeros(r.size)
     with np.errstate(all="ignore"):
         for j in range(1, count + 1):
             shear = shear + masses[-1] * lam * nodes[-1]
@@ -87,29 +93,33 @@ def _rods(r: Array, phi: Array, lam: Array, count: int) -> tuple[Array, Array, A
 
 
 def _with_root_hinge(target: PortModel, rows: Array, lam: Array) -> Nodes:
-    """The chain of a target whose residual mass is that of a point at `x0`: the first rod is massless and ends there.
+    """The chain of a target whose residual mass is that of a point at `x0`:
+    the first rod is massless and ends there.
 
-    The hinge's stiffness is what resists at high frequency along `v = (-x0, 1)`: `c_1 = sum W_k^2 (L_k v)^2`.
+    The hinge's stiffness is what resists at high frequency along `v = (-x0, 1)`:
+    `c_1 = sum W_k^2 (L_k v)^2`.
     """
     residual = target.residual_mass
     reach = abs(float(target.rigid_mass[0, 1] / target.rigid_mass[0, 0]))
     if residual[0, 0] <= NO_MASS * target.rigid_mass[0, 0]:
         raise RealisationError(
-            "all mass at the root moves with the modes kept, so that its displacement meets no mass; keep fewer modes, "
-            "or give the rigid mass with that of the clamped nodes."
+            "all mass at the root moves with the modes kept, so that its displacement meets no "
+            "mass; keep fewer modes, or give the rigid mass with that of the clamped nodes."
         )
     x0 = float(residual[0, 1] / residual[0, 0])
     if x0 < -NEAR_ROOT * reach:
         raise RealisationError(
-            f"the exact chain would need a hinge at x = {x0:.4g} m, before the root; keep fewer modes, or check the "
-            "reference point."
+            f"the exact chain would need a hinge at x = {x0:.4g} m, before the root; keep fewer "
+            "modes, or check the reference point."
         )
     x0 = x0 if x0 > NEAR_ROOT * reach else 0.0
     moments = target.participation @ np.array([-x0, 1.0])
     stiffness = float(np.sum((target.frequencies * moments) ** 2))
     masses, lengths, springs = _rods(rows[0] + x0 * rows[1], rows[1], lam, target.modes)
     return Nodes(
-        np.concatenate([[0.0], masses]), np.concatenate([[x0], lengths]), np.concatenate([[stiffness], springs])
+        np.concatenate([[0.0], masses]),
+        np.concatenate([[x0], lengths]),
+        np.concatenate([[stiffness], springs]),
     )
 
 
@@ -124,22 +134,26 @@ def _check(nodes: Nodes, scale_length: float) -> None:
                 continue  # a hinge at the root
             if not (np.isfinite(value) and value > 0.0):
                 raise RealisationError(
-                    f"the exact chain with {nodes.stiffness.size} flexible modes is not physical: {name} "
-                    f"{i + (name != 'mass of node')} would be {value:.4g} {unit}. Keep fewer modes, or choose "
+                    f"the exact chain with {nodes.stiffness.size} flexible modes is not physical: "
+                    f"{name} "
+                    f"{i + (name != 'mass of node')} would be {value:.4g} {unit}. Keep fewer "
+                    "modes, or choose "
                     'another target ("clamped", "free", "hub").'
                 )
     if nodes.positions[-1] > 1e6 * scale_length:
         raise RealisationError(
-            f"the exact chain with {nodes.stiffness.size} flexible modes is {nodes.positions[-1]:.3g} m long, far "
-            f"beyond the appendage (mass centre at {scale_length:.3g} m): too many modes for double precision; "
-            "keep fewer."
+            f"the exact chain with {nodes.stiffness.size} flexible modes is "
+            f"{nodes.positions[-1]:.3g} m long, far beyond the appendage (mass centre at "
+            f"{scale_length:.3g} m): too many modes for double precision; keep fewer."
         )
 
 
 def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, Array, Array]:
-    """Share the inner nodes' masses between their two rods, each link with the beam's own mass `(N,)` where that can be.
+    """Share the inner nodes' masses between their two rods,
+    each link with the beam's own mass `(N,)` where that can be.
 
-    Returns masses [kg], mass centres from each rod's inner end [m] and inertias [kg m^2], all `(N,)`.
+    Returns masses [kg], mass centres from each rod's inner end [m] and inertias
+    [kg m^2], all `(N,)`.
     """
     inner, outer = [nodes.masses[0]], []
     count = nodes.lengths.size
@@ -150,7 +164,8 @@ def split(nodes: Nodes, beam_mass: Array, share: float = 0.02) -> tuple[Array, A
             break
         outer.append(float(np.clip(beam_mass[j] - inner[j], share * node, (1.0 - share) * node)))
         inner.append(node - outer[j])
-    a, b = np.array(inner), np.array(outer)
+    a = np.array(inner)
+    b = np.array(outer)
     mass = a + b
     return mass, nodes.lengths * b / mass, a * b / mass * nodes.lengths**2
 
@@ -163,13 +178,20 @@ def planar_links(nodes: Nodes, beam: MassLine) -> list[Link]:
     mass, com, inertia = split(nodes, np.array(own))
     ends = [*edges[1:-1], beam.length]
     return [
-        Link(start=a, length=b - a, mass=float(m), com=float(a + c), inertia=(0.0, float(i), float(i)))
+        Link(
+            start=a,
+            length=b - a,
+            mass=float(m),
+            com=float(a + c),
+            inertia=(0.0, float(i), float(i)),
+        )
         for a, b, m, c, i in zip(edges[:-1], ends, mass, com, inertia, strict=True)
     ]
 
 
 def planar_chain(nodes: Nodes, beam: MassLine, port: str = "xy") -> Chain:
-    """The chain of `nodes` in one bending plane: `planar_links` with the beam's own polar inertia, rigid in torsion."""
+    """The chain of `nodes` in one bending plane: `planar_links` with the beam's own polar inertia,
+    rigid in torsion."""
     cuts = nodes.positions[1:-1]
     links = rigid_in_torsion(beam, planar_links(nodes, beam), cuts)
     return Chain(tuple(links), sprung(port, cuts, nodes.stiffness), beam.length)
@@ -181,7 +203,8 @@ def realise_scalar(target: PortModel) -> tuple[Array, Array]:
     r = np.concatenate([target.rigid_port_values[0], target.free_port_values[:, 0]])
     lam = np.concatenate([[0.0], target.free_frequencies**2])
     rows = [r]
-    inertias, springs = [1.0 / float(r @ r)], []
+    inertias = [1.0 / float(r @ r)]
+    springs = []
     torque = inertias[0] * lam * r
     finite = r.size - 1
     for _ in range(finite):

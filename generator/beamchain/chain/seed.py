@@ -1,7 +1,9 @@
-"""The 2008 paper's example: every printed number beside the computed one, and the exact chain on the same beam.
+"""The 2008 paper's example: every printed number beside the computed one,
+and the exact chain on the same beam.
 
-P. P. Belonozhko, "Представление деформируемых упругих элементов космических аппаратов системами твердых тел"
-(representing deformable elastic spacecraft elements by systems of rigid bodies), УДК 539.3 + 629.7, equation (20) ff.
+P. P. Belonozhko, "Представление деформируемых упругих элементов космических аппаратов системами
+твердых тел" (representing deformable elastic spacecraft elements by systems of rigid bodies), УДК
+539.3 + 629.7, equation (20) ff.
 """
 
 from typing import NamedTuple
@@ -63,6 +65,17 @@ class SeedTable(NamedTuple):
     rows: list[SeedRow]
     exact: list[tuple[str, float]]
 
+    def as_dict(self) -> dict[str, list[dict[str, str | float]]]:
+        """For JSON."""
+        rows: list[dict[str, str | float]] = [
+            {"name": row.name, "printed": row.printed, "computed": row.computed}
+            for row in self.rows
+        ]
+        return {
+            "rows": rows,
+            "exact": [{"name": name, "computed": value} for name, value in self.exact],
+        }
+
 
 def seed_beam() -> Beam:
     """The paper's beam, equation (20): round steel rod, 15 m, 12 mm."""
@@ -89,10 +102,15 @@ def seed_table() -> SeedTable:
     k, c = rivals.seed_parameters(mass, beam.length, omega1, omega2)
     chain = rivals.seed_chain(beam, k, c).port("xy")
     values = mass, omega1, omega2, k, c, *chain.free_frequencies[:2].tolist()
-    rows = [SeedRow(name, printed, own) for (name, printed), own in zip(PRINTED_OTHER.items(), values, strict=True)]
+    rows = [
+        SeedRow(name, printed, own)
+        for (name, printed), own in zip(PRINTED_OTHER.items(), values, strict=True)
+    ]
     for i, (owner, port) in enumerate((("beam", model), ("chain", chain))):
         computed = port_parameters(port)
-        rows += [SeedRow(f"{owner}.{name}", pair[i], computed[name]) for name, pair in PRINTED.items()]
+        rows += [
+            SeedRow(f"{owner}.{name}", pair[i], computed[name]) for name, pair in PRINTED.items()
+        ]
     return SeedTable(rows, _exact(beam, model))
 
 
@@ -101,9 +119,18 @@ def _exact(beam: Beam, target: PortModel) -> list[tuple[str, float]]:
     chain = planar_chain(nodes, beam)
     out: list[tuple[str, float]] = []
     for i, link in enumerate(chain.links, 1):
-        out += [(f"link{i}.length", link.length), (f"link{i}.mass", link.mass), (f"link{i}.com", link.com - link.start)]
+        out += [
+            (f"link{i}.length", link.length),
+            (f"link{i}.mass", link.mass),
+            (f"link{i}.com", link.com - link.start),
+        ]
         out.append((f"link{i}.inertia", link.inertia[2]))
-    out += [(f"hinge{i}.stiffness", hinge.stiffness["xy"]) for i, hinge in enumerate(chain.hinges, 1)]
+    out += [
+        (f"hinge{i}.stiffness", hinge.stiffness["xy"]) for i, hinge in enumerate(chain.hinges, 1)
+    ]
     model = chain.port("xy")
-    out += [("omega1", float(model.free_frequencies[0])), ("omega2", float(model.free_frequencies[1]))]
+    out += [
+        ("omega1", float(model.free_frequencies[0])),
+        ("omega2", float(model.free_frequencies[1])),
+    ]
     return out + list(port_parameters(model).items())

@@ -1,7 +1,8 @@
 """Modal tendons: any modes on any bodies, exactly, by one fixed tendon per mode.
 
-With the root held, the mass matrix over (root motions, hinges) is `[[R, P], [P^T, Q]]`; modes with participation `L_k`
-can be given to these bodies if and only if `sum_k L_k L_k^T <= P Q^-1 P^T` and `N >= n + rank P - rank L`.
+With the root held, the mass matrix over (root motions, hinges) is `[[R, P], [P^T, Q]]`; modes with
+participation `L_k` can be given to these bodies if and only if `sum_k L_k L_k^T <= P Q^-1 P^T` and
+`N >= n + rank P - rank L`.
 
 Theory: docs/theory.md, section 4.
 """
@@ -15,7 +16,7 @@ from scipy.optimize import nnls
 from beamchain.chain.chain import Chain, Freedom, Tendon
 from beamchain.errors import RealisationError
 from beamchain.ports.model import Shapes
-from beamchain.ports.motions import PORT_MOTION, Array, shifted
+from beamchain.ports.motions import PORT_MOTION, Array, offset_matrix
 
 SINGULAR = 1e-9  # relative singular value of P: a motion that the hinges do not reach
 TOO_HEAVY = 1e-9  # relative, of what is rounding
@@ -39,13 +40,17 @@ class ModeGroup:
 
     Args:
         frequencies: `(n,)` [rad/s].
-        rows: `(n, m)` participation in the motions of the root, then the motion of any further port.
+        rows: `(n, m)` participation in the motions of the root,
+            then the motion of any further port.
         momenta: `(n, f)` of the real modes in the hinges' own motions; see `on`.
         numbers: `(n,)` of the modes, from 1, for their names; 1, 2, ... where left out.
-        weights: per port, how many of the modes move it most; every port of the group where left out.
-        rigid: `(m, m)` rigid mass that goes with the participation; that of the bodies where left out.
+        weights: per port, how many of the modes move it most;
+            every port of the group where left out.
+        rigid: `(m, m)` rigid mass that goes with the participation;
+            that of the bodies where left out.
         beyond: frequency of the first mode left out, where known [rad/s].
-        neutral: last frequency on the one hub [rad/s], where modes of surplus hinges must not move the root.
+        neutral: last frequency on the one hub [rad/s],
+            where modes of surplus hinges must not move the root.
     """
 
     ports: tuple[str, ...]
@@ -68,7 +73,9 @@ class ModeGroup:
 
     def fitting(self, rigid: Array) -> "ModeGroup":
         """The modes with participation that fits a slightly different `rigid` `(m, m)`."""
-        if self.rigid is None or not np.max(np.abs(self.rigid - rigid)) > SAME_MASS * np.max(np.abs(rigid)):
+        if self.rigid is None or not np.max(np.abs(self.rigid - rigid)) > SAME_MASS * np.max(
+            np.abs(rigid)
+        ):
             return self
         m = rigid.shape[0]
         left = rigid - self.rows[:, :m].T @ self.rows[:, :m]
@@ -76,7 +83,9 @@ class ModeGroup:
         if float(np.linalg.eigvalsh(left / np.outer(size, size))[0]) > LEAST_LEFT:
             return self  # the participation as it is leaves these bodies something
         scale = 1.0 / np.sqrt(np.diag(rigid))
-        both = [np.linalg.cholesky(matrix * np.outer(scale, scale)) for matrix in (rigid, self.rigid)]
+        both = [
+            np.linalg.cholesky(matrix * np.outer(scale, scale)) for matrix in (rigid, self.rigid)
+        ]
         turn = (both[0] @ np.linalg.inv(both[1])) * np.outer(1.0 / scale, scale)
         rows = np.column_stack([self.rows[:, :m] @ turn.T, self.rows[:, m:]])
         return replace(self, rows=rows, rigid=rigid)
@@ -84,7 +93,9 @@ class ModeGroup:
     @property
     def moving(self) -> tuple[str, ...]:
         """Ports that get hinges: those that a mode moves."""
-        return tuple(port for port in self.ports if self.weights.get(port, 0.0) > 0.0 or not self.weights)
+        return tuple(
+            port for port in self.ports if self.weights.get(port, 0.0) > 0.0 or not self.weights
+        )
 
     def on(self, hinges: Array) -> "ModeGroup":
         """The modes seen from hinges at `(f,)` x of their freedoms [m]."""
@@ -92,29 +103,33 @@ class ModeGroup:
 
 
 def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[Array, Array]:
-    """Mass-normalised modes in hinge coordinates `(f, f)`, wanted ones first, and the armature `(f, f)` they need.
+    """Mass-normalised modes in hinge coordinates `(f, f)`, wanted ones first,
+    and the armature `(f, f)` they need.
 
     `kinematics` `(m, f)`: P over the rows of further ports; `inertia` `(f, f)`: Q.
     """
-    n, size = modes.frequencies.size, inertia.shape[0]
+    n = modes.frequencies.size
+    size = inertia.shape[0]
     root = np.linalg.cholesky(inertia)
     unit = np.linalg.solve(root, kinematics.T).T
     scale = np.sqrt(np.sum(unit**2, axis=1))
     scale = np.where(scale > 0.0, scale, 1.0)
     left, s, right = np.linalg.svd(unit / scale[:, None])
     rank = int(np.sum(s > SINGULAR * s[0]))
-    seen, unseen = right[:rank].T, right[rank:].T
+    seen = right[:rank].T
+    unseen = right[rank:].T
     b = (left[:, :rank].T @ (modes.rows / scale).T) / s[:rank, None]
     _, values, vt = np.linalg.svd(b)
     count = int(np.sum(values > SINGULAR * max(values[0], 1e-300))) if values.size else 0
     if size < n + rank - count:
         raise RealisationError(
-            f"{size} hinges hold {max(size - rank + count, 0)} of the {n} modes asked for; give {n + rank - count} hinges."
+            f"{size} hinges hold {max(size - rank + count, 0)} of the {n} modes asked for; give "
+            f"{n + rank - count} hinges."
         )
     if np.any(values > 1.0 + TOO_HEAVY):
         raise RealisationError(
-            f"the modes move {float(values[0]) ** 2:.6g} times the mass that the limp chain lets go, where 1 is the limit; "
-            "cut the appendage nearer to its root, or keep fewer modes."
+            f"the modes move {float(values[0]) ** 2:.6g} times the mass that the limp chain lets "
+            "go, where 1 is the limit; cut the appendage nearer to its root, or keep fewer modes."
         )
     values = np.minimum(values, 1.0)
     gaps = np.ones(n)
@@ -137,19 +152,24 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[A
     stretch = np.linalg.svd(u, compute_uv=False)
     if stretch[-1] * WORST_CONDITION < stretch[0]:
         raise RealisationError(
-            f"the modes on these hinges are too nearly dependent (condition {stretch[0] / max(stretch[-1], 1e-300):.1e}, "
-            f"limit {WORST_CONDITION:g}); keep fewer modes, or cut the appendage elsewhere."
+            "the modes on these hinges are too nearly dependent (condition "
+            f"{stretch[0] / max(stretch[-1], 1e-300):.1e}, limit {WORST_CONDITION:g}); keep fewer "
+            "modes, or cut the appendage elsewhere."
         )
     if apart:
-        u[:, known:] *= FAINT  # the root feels these, of which there is one where a plane keeps one mode
+        # the root feels these, of which there is one where a plane keeps one mode
+        u[:, known:] *= FAINT
     missing = np.linalg.inv(u @ u.T) - np.eye(size)
-    return np.asarray(np.linalg.solve(root.T, u), dtype=np.float64), root @ ((missing + missing.T) / 2.0) @ root.T
+    return np.asarray(np.linalg.solve(root.T, u), dtype=np.float64), root @ (
+        (missing + missing.T) / 2.0
+    ) @ root.T
 
 
 def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
     """`(size, k)` motions that the root does not feel, beside modes `u` `(size, n)`."""
     left = np.eye(u.shape[0]) - u @ u.T
-    own, across = seen.T @ left @ seen, seen.T @ left @ unseen
+    own = seen.T @ left @ seen
+    across = seen.T @ left @ unseen
     room = unseen.T @ left @ unseen - across.T @ np.linalg.pinv(own, hermitian=True) @ across
     values, vectors = np.linalg.eigh((room + room.T) / 2.0)
     pick = [k for k in range(values.size)[::-1] if values[k] > LEAST_ROOM][:count]
@@ -157,18 +177,25 @@ def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
 
 
 def _turned(lift: Array, free: Array, size: int, guide: Array | None) -> Array:
-    """`(size, n)` Z with no singular value above 1: nearest to `guide`, the real modes, never flat where the root is blind.
+    """`(size, n)` Z with no singular value above 1: nearest to `guide`, the real modes,
+    never flat where the root is blind.
 
-    `lift` `(n, n)`: square root of what the root leaves open; `free` `(n, k)`: mode combinations that it does not see.
+    `lift` `(n, n)`: square root of what the root leaves open; `free` `(n, k)`:
+    mode combinations that it does not see.
     """
     n = lift.shape[0]
     if guide is None:  # an isometry: first on what the root does not see, then on the rest
-        rest = np.linalg.svd(free, full_matrices=True)[0][:, free.shape[1] :] if free.size else np.eye(n)
+        rest = (
+            np.linalg.svd(free, full_matrices=True)[0][:, free.shape[1] :]
+            if free.size
+            else np.eye(n)
+        )
         basis = np.column_stack([free, rest])[:, :size]
         return np.eye(size)[:, : basis.shape[1]] @ basis.T
     z = ahead = np.zeros((size, n))
     pace = 1.0
-    for _ in range(PASSES):  # projected gradient with Nesterov's momentum, begun anew where it turns back
+    # projected gradient with Nesterov's momentum, begun anew where it turns back
+    for _ in range(PASSES):
         last, z = z, _clipped(ahead - (ahead @ lift - guide) @ lift)
         moved = z - last
         if np.max(np.abs(moved), initial=0.0) < STILL:
@@ -189,7 +216,9 @@ def _clipped(z: Array) -> Array:
     return (left * np.minimum(s, 1.0)) @ right
 
 
-def given_modes(chain: Chain, groups: Sequence[ModeGroup], further: Sequence[float] = (), ratio: float = 0.0) -> Chain:
+def given_modes(
+    chain: Chain, groups: Sequence[ModeGroup], further: Sequence[float] = (), ratio: float = 0.0
+) -> Chain:
     """The chain with tendons that give it the modes; `further`: x of ports [m]."""
     tendons: list[Tendon] = []
     armatures: list[Tendon] = []
@@ -209,26 +238,38 @@ def given_modes(chain: Chain, groups: Sequence[ModeGroup], further: Sequence[flo
         frequencies = np.concatenate([group.frequencies, np.full(surplus, top)])
         if surplus and further:
             shapes, frequencies = _stiffened(shapes, frequencies, np.vstack(port) @ shapes, n)
-        ratios = np.concatenate([group.damping, np.full(surplus, ratio if np.any(group.damping > 0.0) else 0.0)])
+        ratios = np.concatenate(
+            [group.damping, np.full(surplus, ratio if np.any(group.damping > 0.0) else 0.0)]
+        )
         numbers = group.numbers or tuple(range(1, n + 1))
         word = f"_{group.ports[0]}" if len(group.ports) == 1 else ""
-        labels = [f"mode{k}{word}" for k in numbers] + [f"filler{fillers + k + 1}{word}" for k in range(surplus)]
+        labels = [f"mode{k}{word}" for k in numbers] + [
+            f"filler{fillers + k + 1}{word}" for k in range(surplus)
+        ]
         fillers += surplus
-        for label, along, w, zeta in zip(labels, np.linalg.inv(shapes), frequencies, ratios, strict=True):
-            tendons.append(Tendon(label, freedoms, along, float(w) ** 2, 2.0 * float(zeta) * float(w)))
+        for label, along, w, zeta in zip(
+            labels, np.linalg.inv(shapes), frequencies, ratios, strict=True
+        ):
+            tendons.append(
+                Tendon(label, freedoms, along, float(w) ** 2, 2.0 * float(zeta) * float(w))
+            )
         armatures += _armatures(freedoms, armature, inertia)
     armatures = [replace(t, label=f"armature{k}") for k, t in enumerate(armatures, 1)]
     return replace(chain, tendons=(*tendons, *armatures))
 
 
 def _stiffened(shapes: Array, frequencies: Array, moved: Array, n: int) -> tuple[Array, Array]:
-    """Modes whose attachment modes are stiffer by what fillers yield, so that a port's flexibility is exact.
+    """Modes whose attachment modes are stiffer by what fillers yield,
+    so that a port's flexibility is exact.
 
-    `shapes` `(f, f)`: in hinge coordinates, fillers last; `moved` `(p, f)`: motion of the further ports in them.
+    `shapes` `(f, f)`: in hinge coordinates, fillers last; `moved` `(p, f)`:
+    motion of the further ports in them.
     """
     last = slice(n - moved.shape[0], n)
     own = moved[:, last]
-    yielding = (own / frequencies[last] ** 2) @ own.T - (moved[:, n:] / frequencies[n:] ** 2) @ moved[:, n:].T
+    yielding = (own / frequencies[last] ** 2) @ own.T - (
+        moved[:, n:] / frequencies[n:] ** 2
+    ) @ moved[:, n:].T
     back = np.linalg.inv(own)
     values, turn = np.linalg.eigh(np.linalg.inv(back @ yielding @ back.T))
     if values[0] <= 0.0:
@@ -257,21 +298,32 @@ def group_motion(ports: Sequence[str]) -> Array:
 
 def port_rows(chain: Chain, freedoms: Sequence[Freedom], motion: Array, x: float) -> Array:
     """`(m, f)` motion of the point at `x` [m] per hinge freedom, root held."""
-    place = shifted(np.array([x, 0.0, 0.0]))
-    columns = [motion.T @ place @ chain.freedom_motion(f) * (chain.hinges[f[0]].x < x) for f in freedoms]
+    place = offset_matrix(np.array([x, 0.0, 0.0]))
+    columns = [
+        motion.T @ place @ chain.freedom_motion(f) * (chain.hinges[f[0]].x < x) for f in freedoms
+    ]
     return np.column_stack([np.zeros((motion.shape[1], 0)), *columns])
 
 
 def springs_as_modes(chain: Chain, damping: Mapping[str, Array]) -> Chain:
     """The same chain with one tendon per mode, damped, in place of hinge springs."""
-    tendons = [t for port in chain.ports for t in _modes_of(chain, port, damping[port], springs=True)]
-    loose = tuple(replace(hinge, stiffness=dict.fromkeys(hinge.stiffness, 0.0)) for hinge in chain.hinges)
+    tendons = [
+        t for port in chain.ports for t in _modes_of(chain, port, damping[port], springs=True)
+    ]
+    loose = tuple(
+        replace(hinge, stiffness=dict.fromkeys(hinge.stiffness, 0.0)) for hinge in chain.hinges
+    )
     return replace(chain, hinges=loose, tendons=tuple(tendons))
 
 
 def damped_modes(chain: Chain, damping: Mapping[str, Array]) -> Chain:
     """The chain with a damping tendon for each of the first modes."""
-    tendons = [t for port in damping for t in _modes_of(chain, port, damping[port], springs=False) if t.damping > 0.0]
+    tendons = [
+        t
+        for port in damping
+        for t in _modes_of(chain, port, damping[port], springs=False)
+        if t.damping > 0.0
+    ]
     return replace(chain, tendons=(*chain.tendons, *tendons))
 
 
@@ -280,11 +332,13 @@ def _modes_of(chain: Chain, port: str, ratios: Array, *, springs: bool) -> list[
     modes = chain.port(port)
     freedoms = chain.freedoms([port])
     _, elastic = chain.rows(freedoms)
-    momenta = chain.shapes(port, modes) @ elastic.T @ elastic  # rows of the inverse of the modal matrix
+    # rows of the inverse of the modal matrix
+    momenta = chain.shapes(port, modes) @ elastic.T @ elastic
     out: list[Tendon] = []
     for k in range(min(modes.modes, ratios.size)):
         w = float(modes.frequencies[k])
-        spring, damper = w**2 if springs else 0.0, 2.0 * float(ratios[k]) * w
+        spring = w**2 if springs else 0.0
+        damper = 2.0 * float(ratios[k]) * w
         out.append(Tendon(f"mode{k + 1}_{port}", freedoms, momenta[k], spring, damper))
     return out
 

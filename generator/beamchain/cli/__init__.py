@@ -1,14 +1,19 @@
 """The command line: parse, call, print."""
 
 import json
+import logging
 import os
 import sys
 from importlib import import_module
+from io import TextIOWrapper
 from typing import Any, NoReturn
 
 import typer
 
-from beamchain.cli.common import explain, version
+from beamchain.checks import printable
+from beamchain.cli.common import OneSentenceEach, explain, version
+from beamchain.cli.options import OneValueEach
+from beamchain.dropped import check_words
 from beamchain.errors import BeamchainError
 
 #: base of typer's own errors: click's, or in newer versions typer's copy of it
@@ -16,14 +21,26 @@ USAGE: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ =
 
 #: functions of the modules of their names, in the order of the help
 COMMANDS = (
-    "fit", "embed", "seed", "study", "sweep", "stability", "inspect", "retime", "plant", "identify", "schema", "render", "view",
-    "init", "examples",
-)  # fmt: skip
-MODULES = {"view": "render", "examples": "init"}  #: but for these
+    "fit",
+    "embed",
+    "study",
+    "sweep",
+    "stability",
+    "inspect",
+    "retime",
+    "plant",
+    "identify",
+    "schema",
+    "render",
+    "view",
+    "init",
+)
+MODULES = {"view": "render"}  #: but for this one
 
 app = typer.Typer(
     name="beamchain",
-    help="Model flexible spacecraft appendages in MuJoCo as hinge chains with the modes of the elastic beam.",
+    help="Model flexible spacecraft appendages in MuJoCo as hinge chains with the modes of the "
+    "elastic beam.",
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
@@ -38,18 +55,37 @@ def beamchain(
         False, "--version", callback=version, is_eager=True, help="Print the version and exit."
     ),
 ) -> None:
-    """Model flexible spacecraft appendages in MuJoCo as hinge chains with the modes of the elastic beam."""
+    """Model flexible spacecraft appendages in MuJoCo as hinge chains with the modes
+    of the elastic beam."""
 
 
 for _name in COMMANDS:
     _module = import_module(f"beamchain.cli.{MODULES.get(_name, _name)}")
-    app.command(name=_name, hidden=_name == "examples")(getattr(_module, _name))
+    app.command(name=_name, cls=OneValueEach)(getattr(_module, _name))
 
 
 def main() -> None:
-    """Entry point. Exit status: 0 success, 2 wrong input, 3 files written but a requirement not met."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small: threads only wait for each other
+    """Entry point. Exit status: 0 success, 2 wrong input,
+    3 files written but a requirement not met."""
+    # matrices are small: threads only wait for each other
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ["MPLBACKEND"] = (
+        "agg"  # commands open no window of Matplotlib, which refuses to start with a name unknown
+    )
+    log = logging.getLogger("beamchain.mujoco")
+    log.handlers, log.propagate = [OneSentenceEach()], False
+    # characters that the terminal's encoding lacks are spelled out
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
+        check_words(sys.argv[1:])
+        for word in sys.argv[1:]:
+            if word.startswith("-") and printable(word) != word:
+                raise BeamchainError(
+                    f"'{printable(word)}' is no option; see --help, and write a name that begins "
+                    "with a minus as ./NAME."
+                )
         if "--json" in sys.argv:
             _run_for_a_script()
         app()
@@ -61,7 +97,10 @@ def main() -> None:
     except BrokenPipeError:
         sys.exit(0)
     except OSError as error:  # of standard output: files have their own
-        explain(f"cannot write the output: {error.strerror or error}; what was asked for in files is written.")
+        explain(
+            f"cannot write the output: {error.strerror or error}; what was asked for in files is "
+            "written."
+        )
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the rest of it, at exit
         sys.exit(2)
     except (MemoryError, RecursionError) as error:
@@ -85,8 +124,12 @@ def _run_for_a_script() -> None:
 
 
 def _as_json(message: str, error: BaseException) -> None:
-    """An error on stdout where a script asked for JSON; the sentence stands on stderr in any case."""
+    """An error on stdout where a script asked for JSON;
+    the sentence stands on stderr in any case."""
     if "--json" in sys.argv:
         sys.stdout.write(
-            json.dumps({"error": {"message": " ".join(message.split()), "type": type(error).__name__}}) + "\n"
+            json.dumps(
+                {"error": {"message": " ".join(message.split()), "type": type(error).__name__}}
+            )
+            + "\n"
         )

@@ -1,22 +1,28 @@
 """What all commands share: options, error sentences, the terminal."""
 
+import logging
+import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.text import Text
 
 SpecPath = Annotated[
-    Path, typer.Argument(metavar="SPEC.toml", help="Specification of the appendage; see `beamchain schema`.")
+    Path,
+    typer.Argument(
+        metavar="SPEC.toml", help="Specification of the appendage; see `beamchain schema`."
+    ),
 ]
-Folder = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.")]
+Folder = Annotated[
+    Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the results.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
-Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Run on this Dask scheduler (extra: dask).")]
-Resume = Annotated[bool, typer.Option("--resume", help="Continue an interrupted run without repeating finished work.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 
 
@@ -31,11 +37,41 @@ def version(value: bool) -> None:
 
 def explain(sentence: str) -> None:
     """An error as one sentence on stderr."""
-    print(f"beamchain: {' '.join(sentence.split())}", file=sys.stderr)  # noqa: T201
+    from beamchain.checks import printable
+
+    print(f"beamchain: {printable(' '.join(sentence.split()))}", file=sys.stderr)  # noqa: T201
+
+
+class OneSentenceEach(logging.Handler):
+    """Shows each kind of MuJoCo's warnings once:
+    those that differ in numbers only are of one kind."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._shown: set[str] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """A warning on stderr, unless there was such a one."""
+        sentence = " ".join(str(record.msg).split())
+        kind = re.sub(r"[-+.\d]+(e[-+]?\d+)?", "", sentence)
+        if kind not in self._shown:
+            self._shown.add(kind)
+            explain(f"MuJoCo warns: {sentence}")
 
 
 def console() -> "Console":
-    """The terminal; plain text and no colours when piped or with NO_COLOR."""
+    """The terminal; plain text and no colours when piped or with NO_COLOR.
+
+    Texts are shown as they are, users' names in them too: no brackets are markup,
+    no colons are emoji.
+    """
     from rich.console import Console
 
-    return Console(highlight=False, soft_wrap=False, width=None if sys.stdout.isatty() else 120)
+    from beamchain.checks import printable
+
+    class Terminal(Console):
+        def render_str(self, text: str, **settings: Any) -> "Text":
+            return super().render_str(printable(text), **settings)
+
+    width = None if sys.stdout.isatty() else 120
+    return Terminal(highlight=False, soft_wrap=False, markup=False, emoji=False, width=width)

@@ -1,4 +1,5 @@
-"""`beamchain init`: a commented specification to start from, a shipped example, or a spacecraft to embed into."""
+"""`beamchain init`: a commented specification to start from, a shipped example,
+or a spacecraft to embed into."""
 
 import re
 from pathlib import Path
@@ -17,7 +18,9 @@ COLUMN = 38  # of the comments in a template
 
 
 def _kinds(incomplete: str) -> list[tuple[str, str]]:
-    return [(one.name, one.about) for one in shipped.everything() if one.name.startswith(incomplete)]
+    return [
+        (one.name, one.about) for one in shipped.everything() if one.name.startswith(incomplete)
+    ]
 
 
 def init(
@@ -25,20 +28,28 @@ def init(
         str | None,
         typer.Argument(
             metavar="[boom|array|mast|craft|EXAMPLE]",
-            help="What to write: a specification, a spacecraft (craft), or an example shown by --list.",
+            help="What to write: a specification, a spacecraft (craft), or an example shown by "
+            "--list.",
             autocompletion=_kinds,
         ),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help="Output file.", show_default="KIND.toml or craft.xml"),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="Output file.",
+            show_default="KIND.toml or craft.xml",
+        ),
     ] = None,
     listed: Annotated[bool, typer.Option("--list", help="List what can be written.")] = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a commented SPEC.toml to start from, a shipped example, or a small spacecraft (MJCF) to attach it to.
+    """Write a commented SPEC.toml to start from, a shipped example,
+    or a small spacecraft (MJCF) to attach it to.
 
     Existing files are overwritten only with --force.
 
@@ -59,7 +70,8 @@ def init(
         return
     if kind is None:
         raise InputError(
-            "init: the kind is missing; choose boom, array, mast or craft, or see `beamchain init --list`."
+            "init: the kind is missing; choose boom, array, mast or craft, or see `beamchain init "
+            "--list`."
         )
     start = shipped.pick(shipped.everything(), kind, "init: the kind")
     place = output or Path(f"{kind}{start.path.suffix}")
@@ -69,19 +81,11 @@ def init(
         print_json({"kind": kind, "file": str(place)})
     elif not quiet:
         out = console()
-        out.print(f"wrote {place}", soft_wrap=True, markup=False)
+        out.print(f"wrote {place}", soft_wrap=True)
         following = f"beamchain fit {place} -o {place.stem}"
         if start == shipped.spacecraft():
             following = f"beamchain embed {place} --at mount=array.toml -o flexible.xml"
-        out.print(f"next: {following}", soft_wrap=True, markup=False)
-
-
-def examples(run: Annotated[str | None, typer.Option("--run")] = None, as_json: Json = False) -> None:
-    """Refuse, and name the command that replaced this one."""
-    raise InputError(
-        f"`beamchain examples` is part of `beamchain init` now; run `beamchain init --list`, or `beamchain init "
-        f"{run or 'seed_boom'}` and `beamchain fit` for one of them."
-    )
+        out.print(f"next: {following}", soft_wrap=True)
 
 
 def commented(template: str) -> str:
@@ -90,7 +94,8 @@ def commented(template: str) -> str:
     from beamchain.fitting.sentences import structs_of
     from beamchain.fitting.spec import Spec
 
-    structs, lines = [Spec], list[str]()
+    structs = [Spec]
+    lines = list[str]()
     for line in template.splitlines():
         if table := _TABLE.match(line):
             place: Any = Spec
@@ -105,7 +110,13 @@ def commented(template: str) -> str:
 
 
 def _list(*, as_json: bool, quiet: bool) -> None:
-    rows = [(one.name, one.about) for one in shipped.everything()]
-    record = {"examples": [{"name": name, "about": about} for name, about in rows]}
-    title, head = "what `beamchain init` writes", ("name", "what it is")
-    tell(lambda: record, lambda: print_table(title, head, rows, (0, 1), overflow="fold"), (), as_json, quiet)
+    from beamchain.report.table import Column, Table
+
+    examples = shipped.everything()
+    columns = (
+        Column("name", [example.name for example in examples], key="name"),
+        Column("what it is", [example.about for example in examples], key="about"),
+    )
+    table = Table("What `beamchain init` writes", columns)
+    record = {"examples": table.records()}
+    tell(lambda: record, lambda: print_table(table), (), as_json, quiet)

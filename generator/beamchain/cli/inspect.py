@@ -1,13 +1,12 @@
 """`beamchain inspect`: modes, masses and step limits of a MuJoCo model."""
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from beamchain.cli.common import Json, Quiet, console
-from beamchain.cli.output import print_table, print_warnings, tell
+from beamchain.cli.output import print_headed, print_table, print_warnings, tell
 
 if TYPE_CHECKING:
     from beamchain.craft.inspect import Inspection
@@ -29,41 +28,26 @@ def inspect(
 
 
 def _show(found: "Inspection") -> None:
-    from rich.markup import escape
+    from beamchain.report.tables import inspect as tables
+    from beamchain.report.tables.steps import step_table
 
     out = console()
-    out.print(
-        f"[bold]{found.name}[/bold]: {found.bodies} bodies, {found.joints} joints, "
-        f"{found.dofs} degrees of freedom, mass {found.mass:.6g} kg"
+    print_headed(
+        found.name,
+        f"{found.bodies} bodies, {found.joints} joints, {found.dofs} degrees of freedom, mass "
+        f"{found.mass:.6g} kg",
     )
     for whole in found.composite:
-        out.print(escape(whole.sentence))
-    modes = [
-        (str(i), f"{w:.6g}", f"{w / math.tau:.6g}", f"{z:.3g}")
-        for i, (w, z) in enumerate(zip(found.frequencies, found.damping, strict=True), 1)
-    ]
-    print_table("modes about the rest pose", ("mode", "rad/s", "Hz", "damping ratio"), modes, left=())
-    sprung, tendons = (
-        [(name, *(f"{value:.6g}" for value in values)) for name, *values in rows]
-        for rows in (found.springs, found.tendons)
-    )
-    print_table("sprung joints", ("joint", "stiffness", "damping"), sprung)
-    if tendons:
-        print_table("sprung tendons", ("tendon", "stiffness", "damping", "armature"), tendons)
+        out.print(whole.sentence)
+    print_table(tables.mode_table(found))
+    print_table(tables.spring_table(found))
+    if found.tendons:
+        print_table(tables.tendon_table(found))
     for made in found.made_for:
         out.print(
             f"appendages exact in time for {made.integrator} at {made.timestep:g} s; "
             "modes and steps in these tables are without that"
         )
     print_warnings(found.warnings, "note")
-    never = float("inf"), float("inf")
-    steps = [
-        (
-            name,
-            f"{step:.5g}" if step < 1e9 else "no limit",
-            *(f"{h:.4g}" for h in found.limits.accuracy.get(name, never)),
-        )
-        for name, step in found.limits.largest_step.items()
-    ]
-    title = f"steps (the model asks for {found.integrator}, {found.timestep:g} s)"
-    print_table(title, ("integrator", "largest stable s", "1 % frequency s", "0.1 % frequency s"), steps)
+    title = f"Largest time steps (the model asks for {found.integrator}, {found.timestep:g} s)"
+    print_table(step_table(found.limits, title))

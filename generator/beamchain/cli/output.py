@@ -1,40 +1,52 @@
-"""What commands print: tables, warnings, JSON, and, on stderr while work takes long, what is being done."""
+"""What commands print: tables, warnings, JSON, and, on stderr while work takes long,
+what is being done."""
 
 import sys
-from collections.abc import Callable, Collection, Generator, Iterable, Sequence
+import time
+from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from beamchain.checks import printable
 from beamchain.cli.common import console
 
+if TYPE_CHECKING:
+    from beamchain.report.table import Table
 
-def print_table(
-    title: str,
-    head: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    left: Collection[int] = (0,),
-    caption: str = "",
-    **columns: Any,
-) -> None:
-    """A table; the columns `left` hold words, the others numbers; `columns`: further settings of rich for all."""
-    from rich.table import Table
+SETTLED = 2.0  # seconds of jobs from which the rest is estimated
+LONG = 10.0  # seconds to come that are announced where no bar is shown
 
-    table = Table(title=title, title_justify="left", caption=caption or None)
-    for i, name in enumerate(head):
-        table.add_column(name, justify="left" if i in left else "right", **columns)
-    for row in rows:
-        table.add_row(*row)
-    console().print(table)
+
+def print_table(table: "Table") -> None:
+    """A table, with words on the left of their columns and numbers on the right."""
+    from rich.table import Table as Grid
+
+    shown = table.brief()
+    grid = Grid(title=shown.title, title_justify="left")
+    for column in shown.columns:
+        justify = "left" if column.holds_words else "right"
+        longest_word = max(map(len, column.head.split()), default=0)
+        grid.add_column(column.head, justify=justify, min_width=longest_word, overflow="fold")
+    for row in shown.rows:
+        grid.add_row(*row)
+    console().print(grid)
+    for note in shown.notes:
+        console().print(note)
 
 
 def print_warnings(warnings: Iterable[str], word: str = "warning") -> None:
     """One line each."""
-    from rich.markup import escape
-
     for warning in warnings:
-        console().print(f"[bold]{word}[/bold]: {escape(warning)}")
+        print_headed(word, warning)
+
+
+def print_headed(head: str, text: str) -> None:
+    """A line that begins with a bold word or name."""
+    from rich.text import Text
+
+    console().print(Text.assemble((printable(head), "bold"), f": {printable(text)}"))
 
 
 def print_json(record: dict[str, Any]) -> None:
@@ -45,26 +57,72 @@ def print_json(record: dict[str, Any]) -> None:
 
 
 def tell(
-    record: Callable[[], dict[str, Any]], show: Callable[[], None], files: Iterable[Path], as_json: bool, quiet: bool
+    record: Callable[[], dict[str, Any]],
+    show: Callable[[], None],
+    files: Iterable[Path],
+    as_json: bool,
+    quiet: bool,
 ) -> None:
-    """What a command ends with: its record as JSON, or what it shows and where the files are, or nothing."""
+    """What a command ends with: its record as JSON,
+    or what it shows and where the files are, or nothing."""
     if as_json:
         print_json(record())
     elif not quiet:
         show()
         for file in files:
-            console().print(f"wrote {file}", markup=False)  # brackets in a path are not markup
+            console().print(f"wrote {file}")
 
 
 @contextmanager
 def job_bar(what: str, silent: bool) -> Generator[Callable[[int, int], None]]:
-    """A bar over jobs, and the function that is told how many are done, and of how many."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    """A bar over jobs, and the function that is told how many are done, and of how many.
 
-    text = TextColumn("{task.description}")
-    columns = text, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
+    Where stderr is no terminal, one line says how long the jobs will take if that is long.
+    """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    if not silent and not Console(stderr=True).is_terminal:
+        yield _announcement(what)
+        return
+    text = TextColumn("{task.description}", markup=False)
+    columns = (
+        text,
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
     with _live(what, silent, *columns) as update:
         yield lambda done, total: update(completed=done, total=total)
+
+
+def _announcement(what: str) -> Callable[[int, int], None]:
+    """What is told how many jobs are done, and says once on stderr how long the rest will take."""
+    start = time.perf_counter()
+    announced = False
+
+    def announce(done: int, total: int) -> None:
+        nonlocal announced
+        passed = time.perf_counter() - start
+        if announced or done == 0 or done == total or passed < SETTLED:
+            return
+        left = passed * (total - done) / done
+        announced = True
+        if left >= LONG:
+            print(  # noqa: T201
+                f"{what}: {done / total:.0%} done after {passed:.0f} s, about {left:.0f} s left",
+                file=sys.stderr,
+            )
+
+    return announce
 
 
 @contextmanager
@@ -72,7 +130,9 @@ def spinner(what: str, silent: bool) -> Generator[Callable[[str], None]]:
     """What is being done, while it is; the function it hands out says what is done next."""
     from rich.progress import SpinnerColumn, TextColumn
 
-    with _live(what, silent, SpinnerColumn(), TextColumn("{task.description}")) as update:
+    with _live(
+        what, silent, SpinnerColumn(), TextColumn("{task.description}", markup=False)
+    ) as update:
         yield lambda text: update(description=text)
 
 

@@ -1,6 +1,5 @@
 """`beamchain plant`: the spacecraft as a control engineer's plant."""
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,7 +22,8 @@ Inputs = Annotated[
     typer.Option(
         "--input",
         metavar="NAME",
-        help="An actuator, torque:BODY, force:BODY or wrench:SITE. Repeatable; default: all actuators.",
+        help="An actuator, torque:BODY, force:BODY or wrench:SITE. Repeatable; default: all "
+        "actuators.",
     ),
 ]
 Outputs = Annotated[
@@ -37,7 +37,8 @@ Outputs = Annotated[
 Uncertain = Annotated[
     Path | None,
     typer.Option(
-        metavar="CRAFT.toml", help="What is uncertain: the worst that the controller meets, confirmed in MuJoCo."
+        metavar="CRAFT.toml",
+        help="What is uncertain: the worst for the controller is searched for and run in MuJoCo.",
     ),
 ]
 Worst = Annotated[
@@ -45,21 +46,31 @@ Worst = Annotated[
     typer.Option(
         "--worst",
         metavar="INPUT:OUTPUT",
-        help="Signals of the plant between which the worst gain is sought; default: those of the first loop.",
+        help="Signals of the plant between which the worst gain is sought; default: those of the "
+        "first loop.",
     ),
 ]
 
 
 def plant(
     model: Annotated[Path, typer.Argument(metavar="FILE.xml", help="The spacecraft's MJCF file.")],
-    output: Annotated[Path, typer.Option("-o", "--file", metavar="OUT", help="Output file: .npz, .json or .mat.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--file", metavar="OUT", help="Output file: .npz, .json or .mat.")
+    ],
     inputs: Inputs = None,
     outputs: Outputs = None,
-    at: Annotated[str | None, typer.Option(metavar="KEY", help="Keyframe to linearise at; default: rest.")] = None,
-    angle: Annotated[
-        str | None, typer.Option(metavar="JOINT=0,45,90", help="Angles of a drive in degrees: a plant for each.")
+    at: Annotated[
+        str | None, typer.Option(metavar="KEY", help="Keyframe to linearise at; default: rest.")
     ] = None,
-    discrete: Annotated[float | None, typer.Option(metavar="STEP", help="Sampled at this step in s.")] = None,
+    angle: Annotated[
+        str | None,
+        typer.Option(
+            metavar="JOINT=0,45,90", help="Angles of a drive in degrees: a plant for each."
+        ),
+    ] = None,
+    discrete: Annotated[
+        float | None, typer.Option(metavar="STEP", help="Sampled at this step in s.")
+    ] = None,
     controller: Annotated[
         Path | None, typer.Option(metavar="LOOPS.toml", help="Loops whose margins are computed.")
     ] = None,
@@ -70,47 +81,59 @@ def plant(
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Linearise a spacecraft for control design: a state space with names and units, and the margins of a controller.
+    """Linearise a spacecraft for control design: a state space with names and units,
+    and the margins of a controller.
 
     Example: beamchain plant flexible.xml --input torque:bus -o plant.mat
 
     Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml -o plant.npz
 
-    Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml --uncertain craft.toml -o plant.npz
+    Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml --uncertain
+    craft.toml -o plant.npz
     """
     from beamchain.craft.plants.controllers import read_controller
     from beamchain.craft.plants.loops import margins, told
     from beamchain.craft.plants.plant import plant as linear
     from beamchain.craft.plants.realisation import Plant
-    from beamchain.files import check_free, write_files
-    from beamchain.report.plant_html import plant_report
+    from beamchain.files import beside, check_outputs
+    from beamchain.report.pages.plant import plant_report
 
     if at is not None and angle is not None:
         raise InputError("plant: --at and --angle are both given; leave one out.")
     if uncertain is not None and controller is None:
         raise InputError(
-            "plant: --uncertain needs --controller, whose worst case it seeks; in Python: plant.uncertain."
+            "plant: --uncertain needs --controller, whose worst case it seeks; in Python: "
+            "plant.uncertain."
         )
     first, _, last = (disturbance or "").partition(":")
     if disturbance is not None and not (first and last and uncertain):
         raise InputError(
-            f"--worst {disturbance!r} is INPUT:OUTPUT of the plant, for example torque_z:attitude_z, and needs --uncertain."
+            f"--worst {disturbance!r} is INPUT:OUTPUT of the plant, for example "
+            "torque_z:attitude_z, and needs --uncertain."
         )
+    page = beside(output, "_report.html")
+    files_read = [model, *(place for place in (controller, uncertain) if place is not None)]
+    check_outputs([output, *([page] if report else ())], force=force, inputs=files_read)
     loops = None if controller is None else read_controller(controller)
-    page = output.with_name(f"{output.stem}_report.html")
-    for place in (output, *([page] if report else ())):
-        check_free(place, force=force)
     with spinner("linearising", quiet or as_json):
-        found = linear(model, inputs or None, outputs or None, _angles(angle) if angle else at, discrete=discrete)
+        found = linear(
+            model,
+            inputs or None,
+            outputs or None,
+            _angles(angle) if angle else at,
+            discrete=discrete,
+        )
         plants = [found] if isinstance(found, Plant) else list(found.plants)
         of_loops = [[] if loops is None else margins(one, loops) for one in plants]
         pulled = [] if uncertain is None else [one.uncertain(uncertain) for one in plants]
-        worst = [one.worst_case(loops, first or None, last or None) for one in pulled if loops is not None]
+        worst = [
+            one.worst_case(loops, first or None, last or None)
+            for one in pulled
+            if loops is not None
+        ]
         text = plant_report(found, of_loops, model.name, worst) if report else ""
-    files = [found.write(output, force=force)]
-    if report:
-        write_files({page: text}, force=force)
-        files.append(page)
+    files = [found.write(output, force=force, also={page: text} if report else None)]
+    files += [page] if report else []
     results = plants[0], of_loops, worst, told(plants, of_loops)
     tell(lambda: _record(found, *results), lambda: _show(*results), files, as_json, quiet)
     if not all(one.stable for several in (*of_loops, worst) for one in several):
@@ -138,15 +161,16 @@ def _record(
 ) -> dict[str, Any]:
     import numpy as np
 
-    def rows(head: str, *columns: Any) -> list[dict[str, Any]]:
-        return [dict(zip(head.split(), row, strict=True)) for row in zip(*columns, strict=True)]
+    from beamchain.report.tables import plant as tables
 
     angles = None if found is first else np.degrees(found.angles)  # pyright: ignore[reportAttributeAccessIssue]
+    inputs = tables.signal_table("Inputs", first.input_names, first.input_units)
+    outputs = tables.signal_table("Outputs", first.output_names, first.output_units)
     return {
-        "inputs": rows("name unit", first.input_labels, first.input_units),
-        "outputs": rows("name unit", first.output_labels, first.output_units),
-        "states": list(first.state_labels),
-        "modes": rows("name frequency damping", first.modes, first.frequency.tolist(), first.damping_ratio.tolist()),
+        "inputs": inputs.records(),
+        "outputs": outputs.records(),
+        "states": list(first.state_names),
+        "modes": tables.mode_table(first).records(),
         "angles": angles,
         "margins": [[one.as_dict() for one in several] for several in of_loops],
         "worst": [one.as_dict() for one in worst],
@@ -154,26 +178,21 @@ def _record(
     }
 
 
-def _show(first: "Plant", of_loops: "list[list[Margins]]", worst: "list[WorstCase]", warnings: list[str]) -> None:
-    from beamchain.craft.plants.loops import HEAD
+def _show(
+    first: "Plant", of_loops: "list[list[Margins]]", worst: "list[WorstCase]", warnings: list[str]
+) -> None:
+    from beamchain.report.tables import plant as tables
 
     console().print(
-        f"{first.nstates} states, {first.ninputs} inputs ({', '.join(first.input_labels)}), "
-        f"{first.noutputs} outputs ({', '.join(first.output_labels)})", markup=False,
-    )  # fmt: skip
-    pairs = [f"{output} per {given}" for output in first.output_labels for given in first.input_labels]
-    rows = [
-        [name, f"{w:.6g}", f"{w / math.tau:.5g}", f"{z:.3g}", f"{gain.max():.3g}", pairs[int(gain.argmax())]]
-        for name, w, z, gain in zip(first.modes, first.frequency, first.damping_ratio, first.gain, strict=True)
-    ]
-    head = ("mode", "rad/s", "Hz", "damping ratio", "largest gain", "of")
-    print_table("flexible modes", head, rows, left=(0, 5))
-    for i, several in enumerate(of_loops, 1):
-        title = "margins, the other loops closed" + (f", plant {i}" if len(of_loops) > 1 else "")
-        if several:
-            print_table(title, HEAD, [row for one in several for row in one.rows()], left=(0, 1, 2))
-    for one in worst:
-        console().print(f"worst case, {one.sentence}", markup=False)
-        values = [[name, f"{value:.6g}"] for name, value in one.values.items()]
-        print_table("values of the worst sample", ("quantity", "value"), values)
+        f"{first.nstates} states, {first.ninputs} inputs ({', '.join(first.input_names)}), "
+        f"{first.noutputs} outputs ({', '.join(first.output_names)})",
+    )
+    print_table(tables.mode_table(first))
+    margins = tables.margin_table(of_loops)
+    if margins:
+        print_table(margins)
+    for case in worst:
+        console().print(f"worst case, {case.sentence}")
+    if worst:
+        print_table(tables.worst_value_table(worst))
     print_warnings(warnings, "note")

@@ -25,7 +25,10 @@ FRAMES, CYCLE, RATE = 108, 48, 24.0  # of a turn: four and a half seconds; of a 
 
 Scene = Annotated[
     Path,
-    typer.Argument(metavar="SCENE.xml|SPEC.toml", help="A MuJoCo scene, or a specification, which is fitted first."),
+    typer.Argument(
+        metavar="SCENE.xml|SPEC.toml",
+        help="A MuJoCo scene, or a specification, which is fitted first.",
+    ),
 ]
 
 
@@ -46,21 +49,29 @@ def render(
     scene: Scene,
     output: Folder,
     exaggerate: Annotated[float, typer.Option(help="Factor on the elastic motion.")] = 1.0,
-    angle: Annotated[float, typer.Option(metavar="DEG", help="Angle of the turn in degrees.")] = 40.0,
-    modes: Annotated[int, typer.Option(metavar="N", help="Draw the first N coupled modes in place of a turn.")] = 0,
+    angle: Annotated[
+        float, typer.Option(metavar="DEG", help="Angle of the turn in degrees.")
+    ] = 40.0,
+    modes: Annotated[
+        int, typer.Option(metavar="N", help="Draw the first N coupled modes in place of a turn.")
+    ] = 0,
     width: Annotated[int, typer.Option(help="Width of the pictures in pixels.")] = 640,
     height: Annotated[int, typer.Option(help="Height of the pictures in pixels.")] = 400,
-    want_mp4: Annotated[bool, typer.Option("--mp4/--no-mp4", help="Write an MP4 too; needs ffmpeg.")] = True,
+    want_mp4: Annotated[
+        bool, typer.Option("--mp4/--no-mp4", help="Write an MP4 too; needs ffmpeg.")
+    ] = True,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw the turning spacecraft and its vibrating appendage, or its modes: PNG, GIF, and MP4 if ffmpeg is installed.
+    """Draw the turning spacecraft and its vibrating appendage, or its modes: PNG, GIF,
+    and MP4 if ffmpeg is installed.
 
     The hub turns from rest to rest in a time that excites its first mode.
     A rigid appendage is drawn faintly for comparison.
-    With --modes each coupled mode of the whole spacecraft is a film of one oscillation, slow or fast as it may be.
-    Without ffmpeg there is no MP4, and the exit status is 3. Needs EGL or OSMesa, but no screen.
+    With --modes each coupled mode of the whole spacecraft is a film of one oscillation, slow or
+    fast as it may be. Without ffmpeg there is no MP4, and the exit status is 3. Needs EGL or
+    OSMesa, but no screen.
 
     Example: beamchain render boom.toml -o pictures
 
@@ -69,26 +80,39 @@ def render(
     Example: beamchain render boom/scene.xml -o pictures --modes 2
     """
     sizes = (("width", width, 64, 4096), ("height", height, 64, 4096), ("modes", modes, 0, 100))
-    for name, value, low, high in (("exaggerate", exaggerate, 0.0, 1e6), ("angle", angle, -360.0, 360.0), *sizes):
+    for name, value, low, high in (
+        ("exaggerate", exaggerate, 0.0, 1e6),
+        ("angle", angle, -360.0, 360.0),
+        *sizes,
+    ):
         if not low <= value <= high:
-            raise InputError(f"render: --{name} = {value:g} is out of range; give a value from {low:g} to {high:g}.")
+            raise InputError(
+                f"render: --{name} = {value:g} is out of range; give a value from {low:g} to "
+                f"{high:g}."
+            )
     from beamchain.engine import backend
 
     chosen = backend.choose()
-    from beamchain.files import write_files
+    from beamchain.files import check_outputs, write_files
     from beamchain.report import film as files
 
     name, model, fit = load(scene)
+    stems = [f"{name}_mode{k}" for k in range(1, modes + 1)] or [name]
+    check_outputs([output / f"{stem}.png" for stem in stems], force=force)
     size = {"width": width, "height": height}
     if modes:
         films, told = _modes(model, name, modes, exaggerate, size)
         warnings: list[str] = []
     else:
         film, told, slew = _turn(model, math.radians(angle), exaggerate, size)
-        films, warnings = {name: film}, [] if fit is None else too_far(fit, slew)
+        films = {name: film}
+        warnings = [] if fit is None else too_far(fit, slew)
     out: dict[Path, str | bytes] = {}
     for stem, (still, frames) in films.items():
-        out |= {output / f"{stem}.png": files.png(still), output / f"{stem}.gif": files.gif(frames[::2], RATE / 2.0)}
+        out |= {
+            output / f"{stem}.png": files.png(still),
+            output / f"{stem}.gif": files.gif(frames[::2], RATE / 2.0),
+        }
         if want_mp4 and (moving := files.mp4(frames, RATE)) is not None:
             out[output / f"{stem}.mp4"] = moving
     write_files(out, force=force)
@@ -103,13 +127,16 @@ def render(
     tell(lambda: {**record, **warnings_record(warnings)}, show, out, as_json, quiet)
     if want_mp4 and len(out) < 3 * len(films):
         explain(
-            f"no {next(iter(films))}.mp4 was made, as there is no ffmpeg; install ffmpeg, or pip install "
+            f"no {next(iter(films))}.mp4 was made, as there is no ffmpeg; install ffmpeg, or pip "
+            "install "
             '"beamchain[mp4]", or use the GIF and give --no-mp4.'
         )
         raise typer.Exit(3)
 
 
-def _turn(model: "mujoco.MjModel", angle: float, exaggerate: float, size: dict[str, int]) -> "tuple[Film, Told, Slew]":
+def _turn(
+    model: "mujoco.MjModel", angle: float, exaggerate: float, size: dict[str, int]
+) -> "tuple[Film, Told, Slew]":
     """The film of a turn by `angle` [rad]."""
     from beamchain.engine.draw import drawn
     from beamchain.engine.slew import simulate
@@ -120,14 +147,25 @@ def _turn(model: "mujoco.MjModel", angle: float, exaggerate: float, size: dict[s
     note += "" if exaggerate == 1.0 else f", elastic motion x {exaggerate:g}"
     digits = 0 if slew.times[-1] >= 100 else 1
     texts = [f"{t:.{digits}f} s   {note}" for t in slew.times]
-    shown, rigid, k = slew.shown(exaggerate), slew.shown(0.0), slew.loudest
-    frames = [written(*pair) for pair in zip(drawn(model, slew.body, shown, rigid, **size), texts, strict=True)]
+    shown = slew.shown(exaggerate)
+    rigid = slew.shown(0.0)
+    k = slew.loudest
+    frames = [
+        written(*pair)
+        for pair in zip(drawn(model, slew.body, shown, rigid, **size), texts, strict=True)
+    ]
     still = written(next(drawn(model, slew.body, shown[[k]], rigid[[k]], **size)), texts[k])
     axis = "xyz"[slew.axis]
-    facts = {"body": slew.body, "axis": axis, "angle": slew.angle, "seconds": slew.duration, "omega": slew.omega}
+    facts = {
+        "body": slew.body,
+        "axis": axis,
+        "angle": slew.angle,
+        "seconds": slew.duration,
+        "omega": slew.omega,
+    }
     sentence = (
-        f"{slew.body} turned by {math.degrees(angle):g} degrees about {axis} in {slew.duration:.4g} s, ringing at "
-        f"{slew.omega:.4g} rad/s; {note}"
+        f"{slew.body} turned by {math.degrees(angle):g} degrees about {axis} in "
+        f"{slew.duration:.4g} s, ringing at {slew.omega:.4g} rad/s; {note}"
     )
     return (still, frames), ([sentence], {"slew": facts}), slew
 
@@ -146,7 +184,9 @@ def _modes(
     for k, mode in enumerate(moving_modes(model, count, CYCLE, exaggerate), 1):
         text = f"mode {k}, {mode.name}: {mode.omega:.4g} rad/s, {mode.omega / math.tau:.4g} Hz"
         rest = mode.rest[None].repeat(CYCLE, 0)
-        frames = [written(frame, text) for frame in drawn(model, mode.body, mode.positions, rest, **size)]
+        frames = [
+            written(frame, text) for frame in drawn(model, mode.body, mode.positions, rest, **size)
+        ]
         films[f"{name}_mode{k}"] = frames[CYCLE // 4], frames
         sentences.append(text)
         facts.append({"name": mode.name, "omega": mode.omega, "hz": mode.omega / math.tau})
@@ -159,7 +199,9 @@ def too_far(fit: "Fit", slew: "Slew") -> list[str]:
 
     if fit.space is not None:
         return []
-    return exceeded(fit.large_motion[0], turned(slew.rate, slew.acceleration, slew.axis, fit.hub.offset))
+    return exceeded(
+        fit.large_motion[0], turned(slew.rate, slew.acceleration, slew.axis, fit.hub.offset)
+    )
 
 
 def view(scene: Scene, as_json: Json = False, quiet: Quiet = False) -> None:
@@ -171,12 +213,14 @@ def view(scene: Scene, as_json: Json = False, quiet: Quiet = False) -> None:
 
     if not backend.has_screen():
         raise EngineError(
-            "view: there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use beamchain render, which "
-            "needs none."
+            "view: there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use "
+            "beamchain render, which needs none."
         )
     _, model, _ = load(scene)
     try:
         viewer = import_module("mujoco.viewer")
     except ImportError as error:
-        raise EngineError(f"view: MuJoCo's viewer cannot be loaded ({error}); use beamchain render instead.") from None
+        raise EngineError(
+            f"view: MuJoCo's viewer cannot be loaded ({error}); use beamchain render instead."
+        ) from None
     viewer.launch(model)

@@ -17,12 +17,17 @@ class Shipped(NamedTuple):
 def examples() -> list[Shipped]:
     """The shipped specifications, by name: examples, and commented ones to start from."""
     files = sorted(_EXAMPLES.glob("*.toml"))
-    return [Shipped(p.stem, p, p.read_text(encoding="utf-8").split("\n", 1)[0].lstrip("# ")) for p in files]
+    return [
+        Shipped(p.stem, p, p.read_text(encoding="utf-8").split("\n", 1)[0].lstrip("# "))
+        for p in files
+    ]
 
 
 def spacecraft() -> Shipped:
     """The small spacecraft that `beamchain init craft` writes."""
-    return Shipped("craft", _EXAMPLES / "craft.xml", "A small spacecraft (MJCF) to embed an appendage into.")
+    return Shipped(
+        "craft", _EXAMPLES / "craft.xml", "A small spacecraft (MJCF) to embed an appendage into."
+    )
 
 
 def everything() -> list[Shipped]:

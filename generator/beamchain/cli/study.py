@@ -5,25 +5,41 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, SpecPath, console
-from beamchain.cli.output import job_bar, print_table, print_warnings, tell
+from beamchain.cli.common import Folder, Force, Json, Quiet, SpecPath, console
+from beamchain.cli.output import job_bar, print_headed, print_table, print_warnings, tell
 
 if TYPE_CHECKING:
     from beamchain.studies.study import Study
 
 Profile = Annotated[
-    Path | None, typer.Option(metavar="CSV", help="Wrench on the hub: columns time, fx fy fz [N], mx my mz [N m].")
+    Path | None,
+    typer.Option(
+        metavar="CSV", help="Wrench on the hub: columns time, fx fy fz [N], mx my mz [N m]."
+    ),
 ]
 Duration = Annotated[
-    float | None, typer.Option(metavar="SECONDS", help="Simulated time; default: four periods of the slowest mode.")
+    float | None,
+    typer.Option(
+        metavar="SECONDS", help="Simulated time; default: four periods of the slowest mode."
+    ),
 ]
 Amplitude = Annotated[
     float | None,
-    typer.Option(metavar="SIZE", help="Size of the doublet [N or N m]; default: small enough to stay linear."),
+    typer.Option(
+        metavar="SIZE", help="Size of the doublet [N or N m]; default: small enough to stay linear."
+    ),
 ]
-Budget = Annotated[float, typer.Option(metavar="SECONDS", help="Computing time per model and integrator.")]
-Only = Annotated[list[str] | None, typer.Option("--model", metavar="NAME", help="Measure this model only. Repeatable.")]
-Workers = Annotated[int, typer.Option(min=1, max=256, help="Local processes; with several, timings are less accurate.")]
+Budget = Annotated[
+    float, typer.Option(metavar="SECONDS", help="Computing time per model and integrator.")
+]
+Only = Annotated[
+    list[str] | None,
+    typer.Option("--model", metavar="NAME", help="Measure this model only. Repeatable."),
+]
+Workers = Annotated[
+    int,
+    typer.Option(min=1, max=256, help="Local processes; with several, timings are less accurate."),
+]
 
 LARGEST_PROFILE = 10_000_000  # bytes
 
@@ -37,20 +53,18 @@ def study(
     budget: Budget = 0.1,
     model: Only = None,
     workers: Workers = 1,
-    dask: Dask = None,
-    resume: Resume = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Measure error against run time for many models of an appendage on its hub, including chains of equal links.
+    """Measure error against run time for many models of an appendage on its hub,
+    including chains of equal links.
 
     Writes study.html, study.json, a picture and the recommended specs into DIR.
 
     Example: beamchain study boom.toml -o study
     """
     from beamchain.checks import positive
-    from beamchain.engine.jobs import workers as pool
     from beamchain.files import check_free
     from beamchain.fitting.spec import read_spec
     from beamchain.studies.study import study as measure
@@ -65,11 +79,17 @@ def study(
             positive(f"--{name}", value, unit)
     check_free(output / "study.json", force=force)
     text = None if profile is None else read_text(profile)
-    with pool(workers, dask) as executor, job_bar("measuring", quiet or as_json) as progress:
+    with job_bar("measuring", quiet or as_json) as progress:
         result = measure(
-            read, models=model or (), duration=duration, budget=budget, amplitude=amplitude, profile=text,
-            executor=executor, folder=output, resume=resume, progress=progress,
-        )  # fmt: skip
+            read,
+            models=model or (),
+            duration=duration,
+            budget=budget,
+            amplitude=amplitude,
+            profile=text,
+            workers=workers,
+            progress=progress,
+        )
     files = result.write(output, force=force)
     tell(result.as_dict, lambda: show(result), files, as_json, quiet)
 
@@ -77,24 +97,31 @@ def study(
 def read_text(path: Path) -> str:
     """The text of a file the user names."""
     from beamchain.errors import InputError
+    from beamchain.files import note_input
 
+    note_input(path)
     try:
         if path.stat().st_size > LARGEST_PROFILE:
-            raise InputError(f"--profile {str(path)!r} has more than the {LARGEST_PROFILE} bytes taken; thin it out.")
+            raise InputError(
+                f"--profile {str(path)!r} has more than the {LARGEST_PROFILE} bytes taken; thin it "
+                "out."
+            )
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"--profile {str(path)!r} cannot be read ({error}); give a CSV file of text.") from None
+        raise InputError(
+            f"--profile {str(path)!r} cannot be read ({error}); give a CSV file of text."
+        ) from None
 
 
 def show(result: "Study") -> None:
     """The answer as tables."""
-    from beamchain.report.study_html import answer, commands, how_to_feed, scenario_sentence, table
+    from beamchain.report.pages.study import answer, commands, how_to_feed, scenario_sentence
+    from beamchain.report.tables.study import reach_table
 
     out = console()
-    out.print(f"[bold]{result.spec.name}[/bold]: {answer(result)}")
+    print_headed(result.spec.name, answer(result))
     out.print(scenario_sentence(result))
-    found = table(result, "error")
-    print_table(found.caption, found.head, found.rows, left=(0, 1, 3))
+    print_table(reach_table(result, "error"))
     hub = ", ".join(f"{name} {1e6 * seconds:.2f} us" for name, seconds in result.rigid_hub.items())
     out.print(f"a step of the rigid hub alone: {hub}")
     growth = result.growth

@@ -1,13 +1,14 @@
-"""`beamchain sweep`: variants of an appendage or of a whole craft, as arrays for one compiled model."""
+"""`beamchain sweep`: variants of an appendage or of a whole craft,
+as arrays for one compiled model."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from beamchain.cli.common import Dask, Folder, Force, Json, Quiet, Resume, console
+from beamchain.cli.common import Folder, Force, Json, Quiet, console
 from beamchain.cli.embed import places
-from beamchain.cli.output import job_bar, print_table, print_warnings, tell
+from beamchain.cli.output import job_bar, print_headed, print_table, print_warnings, tell
 
 if TYPE_CHECKING:
     from beamchain.craft.variants.sweep import Sweep
@@ -16,38 +17,53 @@ Source = Annotated[
     Path,
     typer.Argument(
         metavar="SPEC.toml|CRAFT.xml",
-        help="An appendage with \\[uncertain], or a spacecraft: bare with --at, or as `beamchain embed` wrote it.",
+        help="An appendage with \\[uncertain], or a spacecraft: bare with --at, or as `beamchain "
+        "embed` wrote it.",
     ),
 ]
 At = Annotated[
     list[str] | None,
     typer.Option(
-        "--at", metavar="NAME=SPEC.toml", help="Site or body of the spacecraft and its appendage, as for `embed`. Repeatable.",
+        "--at",
+        metavar="NAME=SPEC.toml",
+        help="Site or body of the spacecraft and its appendage, as for `embed`. Repeatable.",
     ),
-]  # fmt: skip
+]
 Prefixes = Annotated[
-    list[str] | None, typer.Option("--prefix", help="Prefix of the appendage's elements, as for `embed`. One per --at.")
+    list[str] | None,
+    typer.Option(
+        "--prefix", help="Prefix of the appendage's elements, as for `embed`. One per --at."
+    ),
 ]
 Retime = Annotated[
     bool | None,
-    typer.Option("--retime/--no-retime", help="As for `embed`; variants are timed as the nominal craft is."),
+    typer.Option(
+        "--retime/--no-retime", help="As for `embed`; variants are timed as the nominal craft is."
+    ),
 ]
 Known = Annotated[
     Path | None,
     typer.Option(
-        "--uncertain", metavar="CRAFT.toml", help="What is uncertain of the craft: \\[body.NAME], \\[joint.NAME], "
+        "--uncertain",
+        metavar="CRAFT.toml",
+        help="What is uncertain of the craft: \\[body.NAME], \\[joint.NAME], "
         "\\[appendage.PREFIX], \\[\\[correlation]].",
     ),
-]  # fmt: skip
+]
 Gains = Annotated[
     list[str] | None,
     typer.Option(
-        "--gain", metavar="INPUT=OUTPUT", help="Signals, named as for `plant`, whose modal gains are followed. Repeatable. "
+        "--gain",
+        metavar="INPUT=OUTPUT",
+        help="Signals, named as for `plant`, whose modal gains are followed. Repeatable. "
         "Default: torque:BASE=attitude.",
     ),
-]  # fmt: skip
+]
 Samples = Annotated[int, typer.Option(min=1, max=1_000_000, help="Number of variants.")]
-Seed = Annotated[int, typer.Option(min=0, help="Random seed; the same seed gives the same variants on any machine.")]
+Seed = Annotated[
+    int,
+    typer.Option(min=0, help="Random seed; the same seed gives the same variants on any machine."),
+]
 Workers = Annotated[int, typer.Option(min=1, max=256, help="Local processes.")]
 
 
@@ -62,48 +78,51 @@ def sweep(
     samples: Samples = 1000,
     seed: Seed = 0,
     workers: Workers = 2,
-    dask: Dask = None,
-    resume: Resume = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw random variants of an appendage or of a whole spacecraft, and write them as arrays for one compiled model.
+    """Draw random variants of an appendage or of a whole spacecraft,
+    and write them as arrays for one compiled model.
 
-    Writes scene.xml or flexible.xml, variants.npz, apply_variants.py, pictures and sweep.json into DIR.
-    Uncertain modes, masses and drives only change numbers; an uncertain structure is fitted again for every sample.
+    Writes scene.xml or flexible.xml, variants.npz, apply_variants.py, pictures and sweep.json into
+    DIR. Uncertain modes, masses and drives only change numbers; an uncertain structure is fitted
+    again for every sample.
 
     Example: beamchain sweep craft.xml --at mount=array.toml --uncertain craft.toml -o variants
     """
     from beamchain.craft.variants.sweep import sweep as draw
-    from beamchain.engine.jobs import workers as pool
     from beamchain.files import check_free
 
     wanted = places(at) if at else None
     check_free(output / "sweep.json", force=force)
-    with pool(workers, dask) as executor, job_bar("making variants", quiet or as_json) as progress:
+    with job_bar("making variants", quiet or as_json) as progress:
         result = draw(
-            source, samples, at=wanted, uncertain=uncertain, prefixes=prefix, retime=retime, gains=gain, seed=seed,
-            executor=executor, folder=output, resume=resume, progress=progress,
-        )  # fmt: skip
+            source,
+            samples,
+            at=wanted,
+            uncertain=uncertain,
+            prefixes=prefix,
+            retime=retime,
+            gains=gain,
+            seed=seed,
+            workers=workers,
+            progress=progress,
+        )
     files = result.write(output, force=force)
     tell(result.as_dict, lambda: _show(result), files, as_json, quiet)
 
 
 def _show(result: "Sweep") -> None:
+    from beamchain.report.tables.sweep import spread_tables
+
     record = result.as_dict()
-    console().print(
-        f"[bold]{result.name}[/bold]: {record['variants']} variants of {record['samples']} samples in {result.seconds:.1f} s"
+    print_headed(
+        result.name,
+        f"{record['variants']} variants of {record['samples']} samples in {result.seconds:.1f} s",
     )
-    tables = [("coupled frequencies, rad/s", record["coupled_frequencies"])]
-    tables += [(f"modal gain {one['pair']}, {one['unit']}", one["modes"]) for one in record["gains"]]
-    for title, spreads in tables:
-        rows = [
-            [str(k), *(f"{v:.5g}" for v in (s["mean"], s["deviation"], *s["quantiles"]))]
-            for k, s in enumerate(spreads, 1)
-        ]
-        head = ("mode", "mean", "deviation", *(f"{100 * q:g} %" for q in record["quantiles"]))
-        print_table(title, head, rows, left=())
+    for table in spread_tables(result):
+        print_table(table)
     for entry in record["left_out"][:10]:
-        console().print(f"left out: sample {entry['sample']}: {entry['why']}", markup=False)
+        console().print(f"left out: sample {entry['sample']}: {entry['why']}")
     print_warnings(result.warnings, "note")

@@ -1,4 +1,5 @@
-"""One embedded appendage, and what is proved of it: its numbers and the spacecraft's are as they were."""
+"""One embedded appendage, and what is proved of it:
+its numbers and the spacecraft's are as they were."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,20 +11,21 @@ from lxml.etree import _Element as Element
 from numpy.typing import NDArray
 
 from beamchain.caution import Caution, at
-from beamchain.craft.assembly import Carried, quiet
+from beamchain.craft.assembly import Carried
 from beamchain.craft.spoilers import TENDON_DAMPING, spoilers
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import Mount
+from beamchain.engine.operating_point import quiet_copy
 from beamchain.engine.unchanged import NAMED, Difference, appended, differences, others
 from beamchain.errors import EngineError, InputError
+from beamchain.fitting.exact import exact_in_space, exact_ports, spatial
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import compatibility, insert, write
-from beamchain.ports.compose import in_space
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS, Array
+from beamchain.ports.motions import Array
 from beamchain.steps.budget import linear_model, preload
 from beamchain.steps.driven import exceeded, keyframes
 from beamchain.steps.large_motion import LargeMotion
@@ -31,8 +33,8 @@ from beamchain.steps.limits import step_limits
 from beamchain.steps.retime_file import put_time
 from beamchain.structure.modal_data import ModalData
 
-EXTRA_MODES = 6  # of each port beyond the kept ones that the reference is converged for
-PROBE = "beamchain probe "  # names of the empty bodies that stand for appendages while the spacecraft is measured
+# names of the empty bodies that stand for appendages while the spacecraft is measured
+PROBE = "beamchain probe "
 SAME = 1e-12  # relative: the appendage's numbers alone and in the spacecraft
 
 
@@ -47,7 +49,8 @@ class Appendage:
         hub: what its root feels, other appendages rigid.
         spec: as it was given.
         fit: made for that hub.
-        timed: the spacecraft with its appendages exact in time for its own step; None: they are not.
+        timed: the spacecraft with its appendages exact in time for its own step;
+            None: they are not.
         rigid: without joints and tendons.
     """
 
@@ -62,16 +65,20 @@ class Appendage:
 
     def element(self) -> Element:
         """Its drop-in MJCF, exact in time where the spacecraft is."""
-        tree, name = self.fit.appendage(timed=False), self.fit.spec.name
+        tree = self.fit.appendage(timed=False)
+        name = self.fit.spec.name
         if self.timed is not None:
-            put_time([tree], self.timed, lambda word: self.prefix + word.removeprefix(f"{name}_"))
+            put_time(tree, self.timed, lambda word: self.prefix + word.removeprefix(f"{name}_"))
         if self.rigid:
-            etree.strip_elements(tree, "joint", "tendon", "tendonpos", "tendonvel", "exclude", with_tail=False)
+            etree.strip_elements(
+                tree, "joint", "tendon", "tendonpos", "tendonvel", "exclude", with_tail=False
+            )
         return tree
 
     @cached_property
     def large_motion(self) -> dict[str, LargeMotion]:
-        """How far its chain may be driven, per bending plane; empty where no beam or no chain is there to compare."""
+        """How far its chain may be driven, per bending plane;
+        empty where no beam or no chain is there to compare."""
         return {} if self.fit.space is not None else self.fit.large_motion[0]
 
 
@@ -80,17 +87,24 @@ def driven_too_far(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> 
     out: list[str] = []
     for a in appendages:
         for name, run in keyframes(model, f"{a.prefix}link1").items():
-            out += [at(f"{a.at}, keyframe {name}", sentence) for sentence in exceeded(a.large_motion, run)]
+            out += [
+                at(f"{a.at}, keyframe {name}", sentence)
+                for sentence in exceeded(a.large_motion, run)
+            ]
     return out
 
 
 def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
     """Names of all elements the appendages bring, per kind."""
     kinds = {"body": "body", "joint": "jnt", "geom": "geom", "site": "site", "fixed": "tendon"}
-    kinds |= dict.fromkeys(("tendonpos", "tendonvel", "framepos", "framequat", "force", "torque"), "sensor")
+    kinds |= dict.fromkeys(
+        ("tendonpos", "tendonvel", "framepos", "framequat", "force", "torque"), "sensor"
+    )
     out: dict[str, set[str]] = {kind: set() for kind in kinds.values()}
     for a in appendages:
-        for node in insert.renamed(a.fit.appendage(timed=False), a.fit.spec.name, a.prefix).iter(*kinds):
+        for node in insert.with_prefix(
+            a.fit.appendage(timed=False), a.fit.spec.name, a.prefix
+        ).iter(*kinds):
             if node.get("name"):
                 out[kinds[str(node.tag)]].add(str(node.get("name")))
     return out
@@ -102,11 +116,16 @@ def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> Non
     for kind, word in NAMED.items():
         if taken[kind]:
             name = getattr(craft, word)(taken[kind][0]).name
-            raise InputError(f"the spacecraft already has a {word} {name!r}; give the appendage another --prefix.")
+            raise InputError(
+                f"the spacecraft already has a {word} {name!r}; give the appendage another "
+                "--prefix."
+            )
     prefixes = [a.prefix for a in appendages]
     for i, prefix in enumerate(prefixes):
         if prefix in prefixes[:i]:
-            raise InputError(f"two appendages have the prefix {prefix!r}; give each its own --prefix.")
+            raise InputError(
+                f"two appendages have the prefix {prefix!r}; give each its own --prefix."
+            )
 
 
 def judged(
@@ -116,71 +135,102 @@ def judged(
     final: "mujoco.MjModel",
     defaults: Mapping[str, Mapping[str, int]] | None = None,
 ) -> list[str]:
-    """Every number of the spacecraft and of the appendages is as it was; then what spoils the motion.
+    """Every number of the spacecraft and of the appendages is as it was;
+    then what spoils the motion.
 
-    `model`: with appendages, timing taken out; `final`: as it will run; `defaults`: attributes that the file of the
-    spacecraft sets by default, per tag.
+    `model`: with appendages, timing taken out; `final`: as it will run; `defaults`: attributes that
+    the file of the spacecraft sets by default, per tag.
     """
     mine = appended(model, names(appendages))
     theirs = others(model, mine)
     own = _without_probes(craft)
     changed = differences(craft, model, {kind: (own[kind], ids) for kind, ids in theirs.items()})
     if changed:
-        raise EngineError(f"embedding changed the spacecraft itself: {_told(changed[0])}; please report this.")
+        raise EngineError(
+            f"embedding changed the spacecraft itself: {_told(changed[0])}; please report this."
+        )
     for a in appendages:
-        alone = compile_model(write.text(write.scene(
-            a.fit.appendage(timed=False), a.fit.spec.name, mass=1.0, inertia=np.eye(3), offset=np.zeros(3), timestep=0.01,
-            integrator="implicitfast",
-        )))  # fmt: skip
+        alone = compile_model(
+            write.document_text(
+                write.scene_document(
+                    a.fit.appendage(timed=False),
+                    a.fit.spec.name,
+                    mass=1.0,
+                    inertia=np.eye(3),
+                    offset=np.zeros(3),
+                    timestep=0.01,
+                    integrator="implicitfast",
+                )
+            )
+        )
         own = appended(alone, names([replace(a, prefix=f"{a.spec.name}_")]))
         here = appended(model, names([a]))
         pairs = {k: (own[k], here[k]) for k in own}
-        found = differences(alone, model, pairs, root=f"{a.prefix}link1", tolerance=SAME, user=False)
+        found = differences(
+            alone, model, pairs, root=f"{a.prefix}link1", tolerance=SAME, user=False
+        )
         if found:
             _refuse(found[0], a, defaults or {})
     ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
     kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
-    limits = step_limits(linear_model(quiet(final)))
+    limits = step_limits(linear_model(quiet_copy(final)))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     pull = preload(model, data)
     out: list[str] = []
     if pull:
-        text = f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, move its springref."
+        text = (
+            f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, "
+            "move its springref."
+        )
         out.append(Caution("preloaded-spring", text))
     spoilt = spoilers(final, limits, kept, min(ratios, default=0.0), mine["geom"])
     return out + [text for text in spoilt if final is model or not text.startswith(TENDON_DAMPING)]
 
 
-def _refuse(found: Difference, changed: Appendage, defaults: Mapping[str, Mapping[str, int]]) -> None:
+def _refuse(
+    found: Difference, changed: Appendage, defaults: Mapping[str, Mapping[str, int]]
+) -> None:
     """Say what the spacecraft would change of an appendage, and the way out that works."""
     if found.field == "number of elements" and found.element == "geom":
         raise InputError(
-            f"the spacecraft's compiler would drop the appendage's shapes ({found.found:g} of {found.wanted:g} are left); "
-            'write discardvisual="false" in <compiler>, or scene.visuals = false in the appendage\'s spec.'
+            f"the spacecraft's compiler would drop the appendage's shapes ({found.found:g} of "
+            f"{found.wanted:g} are left); "
+            'write discardvisual="false" in <compiler>, or scene.visuals = false in the '
+            "appendage's spec."
         )
     kind, _, field = found.field.partition("_")
     tag = {"jnt": "joint", "dof": "joint", "tendon": "fixed"}.get(kind, kind)
-    own = {str(name) for node in changed.fit.appendage(timed=False).iter(tag) for name in node.attrib}
+    own = {
+        str(name) for node in changed.fit.appendage(timed=False).iter(tag) for name in node.attrib
+    }
     left = [
-        name for name in defaults.get(tag, {}) if name not in own and name not in compatibility.NEUTRAL.get(tag, {})
+        name
+        for name in defaults.get(tag, {})
+        if name not in own and name not in compatibility.NEUTRAL.get(tag, {})
     ]
     word = ", ".join(left) or field  # a mesh by default shows in aabb, rbound, ...
     raise InputError(
-        f'the spacecraft\'s defaults or compiler would change the appendage: {_told(found)}; use form "attach", which '
+        f"the spacecraft's defaults or compiler would change the appendage: {_told(found)}; use "
+        'form "attach", which '
         f"no default of the spacecraft reaches, or take {word} out of them."
     )
 
 
 def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str]:
-    """What MuJoCo itself does otherwise with the spacecraft as soon as its bodies carry something (alignfree)."""
+    """What MuJoCo itself does otherwise with the spacecraft as soon as its bodies carry
+    something (alignfree)."""
     own = _without_probes(loaded)
-    moved = differences(craft, loaded, {kind: (ids, own[kind]) for kind, ids in others(craft, {}).items()})
+    moved = differences(
+        craft, loaded, {kind: (ids, own[kind]) for kind, ids in others(craft, {}).items()}
+    )
     if not moved:
         return []
     text = (
-        f"as soon as it carries something, MuJoCo lays {moved[0].element}'s frame otherwise ({_told(moved[0])}; "
-        'alignfree or align); positions and keyframes now mean the frame as written: write align="false" to keep it.'
+        f"as soon as it carries something, MuJoCo lays {moved[0].element}'s frame otherwise "
+        f"({_told(moved[0])}; "
+        "alignfree or align); positions and keyframes now mean the frame as written: write "
+        'align="false" to keep it.'
     )
     return [Caution("alignfree", text)]
 
@@ -191,17 +241,25 @@ def _without_probes(model: "mujoco.MjModel") -> dict[str, list[int]]:
 
 
 def _told(difference: Difference) -> str:
-    return f"{difference.field} of {difference.element} is {difference.found!r} instead of {difference.wanted!r}"
+    return (
+        f"{difference.field} of {difference.element} is {difference.found!r} instead of "
+        f"{difference.wanted!r}"
+    )
 
 
 def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> list[Carried]:
-    """The appendages as the beams they are, for the exact assembly; without a model their freedoms are left out."""
+    """The appendages as the beams they are, for the exact assembly;
+    without a model their freedoms are left out."""
     out: list[Carried] = []
     for a in appendages:
         whole, kept, band = _imported(a) if a.fit.space is not None else _beam(a)
         if not band:  # a rigid body: as far as the scene looks
             scene = a.fit.spec.scene
-            band = {"rigid": scene.bandwidth if scene and scene.bandwidth else float(whole.frequencies[0])}
+            band = {
+                "rigid": scene.bandwidth
+                if scene and scene.bandwidth
+                else float(whole.frequencies[0])
+            }
         dofs = [] if model is None else appended(model, names([a]))["dof"]
         out.append(Carried(a.mount, whole, kept, dofs, band))
     return out
@@ -209,20 +267,16 @@ def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> 
 
 def _beam(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]:
     """All modes of the beam in space, which of them were kept, the last kept frequency per port."""
-    spec = a.fit.spec
     counts = {port: target.modes for port, target in a.fit.target.items()}
-    ports: dict[str, PortModel] = {}
-    for port in PORTS:
-        try:
-            own = spec.beam.port(port, 2 * counts.get(port, 0) + EXTRA_MODES)
-            known = a.fit.full.get(port)
-            ports[port] = spec.with_ratios(port, known if known is not None and known.modes > own.modes else own)
-        except InputError:
-            continue  # rigid there
-    band = {port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes}
-    flags = np.concatenate([np.arange(own.modes) < counts.get(port, 0) for port, own in ports.items()])
+    ports = exact_ports(a.fit)
+    band = {
+        port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes
+    }
+    flags = np.concatenate(
+        [np.arange(own.modes) < counts.get(port, 0) for port, own in ports.items()]
+    )
     order = np.argsort(np.concatenate([own.frequencies for own in ports.values()]), kind="stable")
-    return in_space(ports, _with_inertia(a.fit, spec.beam.rigid_mass())), flags[order], band
+    return exact_in_space(a.fit), flags[order], band
 
 
 def _imported(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]:
@@ -230,25 +284,19 @@ def _imported(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, flo
     space = a.fit.space
     assert space is not None
     wanted = space.target.frequencies
-    flags = np.array([bool(np.any(np.abs(w / wanted - 1.0) < SAME)) for w in space.full.frequencies])
-    return spatial(a.fit, space.full), flags, {"space": float(wanted[-1])} if space.target.modes else {}
-
-
-def spatial(fit: Fit, model: PortModel) -> PortModel:
-    """A model in the motions that imported modes have (`fit.space.live`), in all six."""
-    assert fit.space is not None
-    live, rigid, rows = list(fit.space.live), np.zeros((6, 6)), np.zeros((model.modes, 6))
-    rigid[np.ix_(live, live)], rows[:, live] = model.rigid_mass, model.participation
-    return PortModel(_with_inertia(fit, rigid), model.frequencies, rows, model.damping)
-
-
-def _with_inertia(fit: Fit, rigid: Array) -> Array:
-    """A rod without polar inertia gets the little that MuJoCo needs."""
-    return rigid + np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(fit.measured.rigid_mass)))
+    flags = np.array(
+        [bool(np.any(np.abs(w / wanted - 1.0) < SAME)) for w in space.full.frequencies]
+    )
+    return (
+        spatial(a.fit, space.full),
+        flags,
+        {"space": float(wanted[-1])} if space.target.modes else {},
+    )
 
 
 def rigid_mass(spec: Spec, data: ModalData | None = None) -> Array:
-    """`(6, 6)` of an appendage before it is fitted, about its root; `data`: its imported modes, where they are known."""
+    """`(6, 6)` of an appendage before it is fitted, about its root; `data`: its imported modes,
+    where they are known."""
     if spec.imported is None:
         return spec.beam.rigid_mass()
     return (data or spec.imported.read()).rigid_mass

@@ -1,12 +1,13 @@
-"""The whole spacecraft, proved: coupled modes and hub accelerance of the MuJoCo model against the exact assembly.
+"""The whole spacecraft, proved: coupled modes and hub accelerance of the MuJoCo model against
+the exact assembly.
 
-The reference knows nothing of chains: the spacecraft's own mass and stiffness, and on it every appendage as the beam it
-is, all its cantilever modes hung on the port's Jacobian,
+The reference knows nothing of chains: the spacecraft's own mass and stiffness, and on it every
+appendage as the beam it is, all its cantilever modes hung on the port's Jacobian,
 
     M = [[M_craft + sum J^T M_rigid J, J^T L^T], [L J, 1]],   K = diag(K_craft, W^2).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,10 +15,12 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from beamchain.engine.library import mujoco, rest
-from beamchain.engine.linearise import linearise, mass_matrix
+from beamchain.engine.library import mujoco
+from beamchain.engine.linear import Linear, linear_at
+from beamchain.engine.linearise import linearise
 from beamchain.engine.mount import Mount, motion
-from beamchain.ports.compare import DEFAULT_RATIO, damped, relative
+from beamchain.engine.operating_point import OperatingPoint, quiet_copy, rest_point
+from beamchain.ports.compare import DEFAULT_RATIO, relative_error, with_damping
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, square_root
 
@@ -29,14 +32,15 @@ WORDS = {"xy": "bending xy", "xz": "bending xz", "torsion": "torsion", "axial": 
 AXIS = ("along x", "along y", "along z", "about x", "about y", "about z")
 POINTS = 400  # of the even part of the frequency grid
 RANK = 1e-9  # relative, below which the base body is held in a motion
+STILLEST = 1e-12  # of the largest squared frequency, below which a motion is rigid
 
 
 @dataclass(frozen=True, eq=False)
 class Carried:
     """One appendage on the spacecraft: `whole`: the beam in space, all its modes, damped.
 
-    `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the MuJoCo model;
-    `band`: last kept cantilever frequency of each kept port [rad/s].
+    `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the
+    MuJoCo model; `band`: last kept cantilever frequency of each kept port [rad/s].
     """
 
     mount: Mount
@@ -50,8 +54,8 @@ class Carried:
 class Mode:
     """A coupled mode: exact and MuJoCo's frequency [rad/s], None where the other has no partner.
 
-    `kept`: most of its strain energy is in modes that the chains were asked to keep, or in the craft's own springs;
-    `words`: what moves.
+    `kept`: most of its strain energy is in modes that the chains were asked to keep, or in the
+    craft's own springs; `words`: what moves.
     """
 
     exact: float | None
@@ -71,11 +75,14 @@ class Assembly:
 
     Args:
         modes: coupled modes, ascending; exact ones that the chains leave out only up to `band`.
-        band: up to here kept modes are judged: what was asked for, or the highest kept cantilever frequency [rad/s].
-        common: end of the in-band error: what was asked for, or where the first kept port has no more modes [rad/s].
+        band: up to here kept modes are judged: what was asked for,
+            or the highest kept cantilever frequency [rad/s].
+        common: end of the in-band error: what was asked for,
+            or where the first kept port has no more modes [rad/s].
         omega: `(k,)` [rad/s].
         exact, achieved: `(m, m, k)` accelerance of the hub's moving motions.
-        motions: which of the six motions of the hub (x, y, z, rotations) those are: what was asked for.
+        motions: which of the six motions of the hub (x, y, z, rotations) those are:
+            what was asked for.
         error: `(k,)` the in-band error before its maximum is taken.
         in_band: the in-band error up to `common`.
         hub: name of the body.
@@ -101,92 +108,73 @@ class Assembly:
     def worst_told(self) -> str:
         """`worst` in words, and where no kept mode lies within the band."""
         if not self.judged:
-            first = next((m for m in self.modes if m.kept and m.exact is not None and m.error is not None), None)
-            beyond = "" if first is None else f"; the first, at {first.exact:.4g} rad/s, is off by {first.error:.1e}"
+            first = next(
+                (m for m in self.modes if m.kept and m.exact is not None and m.error is not None),
+                None,
+            )
+            beyond = (
+                ""
+                if first is None
+                else f"; the first, at {first.exact:.4g} rad/s, is off by {first.error:.1e}"
+            )
             return f"no kept mode lies up to {self.band:.4g} rad/s{beyond}"
         return f"worst of the kept modes up to {self.band:.4g} rad/s: {self.worst:.1e}"
 
     @property
     def judged(self) -> tuple[Mode, ...]:
         """The kept modes within the band."""
-        return tuple(m for m in self.modes if m.kept and m.exact is not None and m.exact <= self.band)
+        return tuple(
+            m for m in self.modes if m.kept and m.exact is not None and m.exact <= self.band
+        )
 
 
-@dataclass(frozen=True, eq=False)
-class Matrices:
-    """A model at a pose, at rest: `M q'' + D q' + K q = f`, and the base body's motion `(6, nv)` in its own axes."""
-
-    mass: Array
-    damping: Array
-    stiffness: Array
-    base: Array
-
-    def slow_modes(self, reach: float) -> tuple[Array, Array]:
-        """Frequencies above zero, ascending, and mass-normalised shapes; `reach`: a frequency of interest."""
-        shift = (0.1 * reach) ** 2  # eigenvalues of the inverse, so that low frequencies keep their digits
-        values, shapes = eigh(self.mass, self.stiffness + shift * self.mass)
-        above = values > 0.0  # what is not is lost in the rounding of the slowest: far beyond any frequency of interest
-        values, shapes = values[above], shapes[:, above]
-        squares = 1.0 / values[::-1] - shift
-        shapes = shapes[:, ::-1] * np.sqrt(1.0 / values[::-1])
-        moving = squares > 1e-9 * shift
-        return np.sqrt(squares[moving]), shapes[:, moving]
-
-    def dynamic(self, omega: Array, models: Sequence[PortModel] = (), roots: Sequence[Array] = ()) -> Response:
-        """`(k, nv, nv)` dynamic mass at `omega` [rad/s], with that of appendages on Jacobians `roots` `(6, nv)`."""
-        s = 1j * omega[:, None, None]
-        out = self.mass + self.damping / s + self.stiffness / s**2
-        for model, root in zip(models, roots, strict=True):
-            out = out + root.T @ np.moveaxis(damped(model).D(omega), -1, 0) @ root
-        return out
-
-    def coupled(self, models: Sequence[PortModel], roots: Sequence[Array]) -> "Matrices":
-        """The same with the cantilever modes of appendages as further coordinates."""
-        nv = self.mass.shape[0]
-        size = nv + sum(model.modes for model in models)
-        mass, damping, stiffness = np.eye(size), np.zeros((size, size)), np.zeros((size, size))
-        mass[:nv, :nv], damping[:nv, :nv], stiffness[:nv, :nv] = self.mass, self.damping, self.stiffness
-        start = nv
-        for model, root in zip(map(damped, models), roots, strict=True):
-            mine = slice(start, start + model.modes)
-            mass[:nv, :nv] += root.T @ model.rigid_mass @ root
-            mass[mine, :nv] = model.participation @ root
-            mass[:nv, mine] = mass[mine, :nv].T
-            stiffness[mine, mine] = np.diag(model.frequencies**2)
-            damping[mine, mine] = np.diag(2.0 * model.damping * model.frequencies)
-            start += model.modes
-        return Matrices(mass, damping, stiffness, np.hstack([self.base, np.zeros((6, size - nv))]))
-
-    def comparable(self, carried: Sequence[Carried], old: Sequence[int], extra: Array) -> "Matrices":
-        """The same with the damping of the exact answer: `extra` in the `old` freedoms, and that of undamped modes."""
-        damping = self.damping.copy()
-        damping[np.ix_(old, old)] += extra
-        for item in carried:
-            if not np.any(item.whole.damping > 0.0) and item.dofs:  # the ratio that undamped cantilever modes are given
-                mine = np.ix_(item.dofs, item.dofs)
-                damping[mine] += craft_damping(np.zeros_like(self.mass[mine]), self.stiffness[mine], self.mass[mine])
-        return replace(self, damping=damping)
+def comparable(
+    linear: Linear, carried: Sequence[Carried], old: Sequence[int], extra: Array
+) -> Linear:
+    """The compiled craft with the damping of the exact answer: `extra` in its `old` degrees of
+    freedom, the bare craft's own, and that of undamped modes."""
+    damping = linear.damping.copy()
+    damping[np.ix_(old, old)] += extra
+    for item in carried:
+        # the ratio that undamped cantilever modes are given
+        if not np.any(item.whole.damping > 0.0) and item.dofs:
+            dofs = np.ix_(item.dofs, item.dofs)
+            damping[dofs] += default_damping(linear.stiffness[dofs], linear.mass[dofs])
+    return replace(linear, damping=damping)
 
 
-def accelerance(dynamic: Response, base: Array) -> Response:
-    """`(k, m, m)` acceleration of the base body per wrench on it, in motions `base` `(m, nv)`."""
-    drive = np.broadcast_to(base.T, (dynamic.shape[0], *base.T.shape))
-    return base @ np.linalg.solve(dynamic, drive)
+def default_damping(stiffness: Array, mass: Array) -> Array:
+    """`(nv, nv)` 0.5 % of damping in all that is sprung."""
+    values, shapes = eigh(stiffness, mass)
+    moving = values > STILLEST * max(float(np.max(values, initial=0.0)), 1e-300)
+    push = mass @ shapes[:, moving]
+    return push @ np.diag(2.0 * DEFAULT_RATIO * np.sqrt(values[moving])) @ push.T
 
 
-def quiet(model: "mujoco.MjModel") -> "mujoco.MjModel":
-    """A copy for linearising: no gravity, no medium, no contacts, no constraints, springs slack in the pose of rest."""
-    import copy
+def extra_damping(bare: Linear) -> Array:
+    """`(nv, nv)` what the bare craft gets so that no peak is infinite: none where it is damped."""
+    if np.max(np.abs(bare.damping), initial=0.0) > 0.0:
+        return np.zeros_like(bare.damping)
+    return default_damping(bare.stiffness, bare.mass)
 
-    out = copy.deepcopy(model)
-    out.opt.gravity[:] = 0.0
-    out.opt.density = out.opt.viscosity = 0.0
-    out.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    out.qpos_spring[:] = out.qpos0
-    out.tendon_lengthspring[:] = out.tendon_length0[:, None]
-    if hasattr(mujoco.mjtEnableBit, "mjENBL_SLEEP"):
-        out.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-    return out
+
+def slow_modes(linear: Linear, reach: float) -> tuple[Array, Array]:
+    """Frequencies above zero, ascending, and mass-normalised shapes.
+
+    `reach`: a frequency of interest. The matrices may be those of `mjd_transitionFD`, whose
+    rounding holds even rigid motions a little.
+    """
+    # eigenvalues of the inverse, so that low frequencies keep their digits
+    shift = (0.1 * reach) ** 2
+    values, shapes = eigh(linear.mass, linear.stiffness + shift * linear.mass)
+    # what is not is lost in the rounding of the slowest: far beyond any frequency of interest
+    above = values > 0.0
+    values = values[above]
+    shapes = shapes[:, above]
+    squares = 1.0 / values[::-1] - shift
+    shapes = shapes[:, ::-1] * np.sqrt(1.0 / values[::-1])
+    moving = squares > 1e-9 * shift
+    return np.sqrt(squares[moving]), shapes[:, moving]
 
 
 def prove(
@@ -198,100 +186,143 @@ def prove(
 ) -> Assembly:
     """Compare the MuJoCo model with the exact assembly of the bare `craft` and what it carries.
 
-    `asked`: frequencies that matter end here [rad/s], else where the kept modes end; `wanted`: motions of the hub that
-    matter (0 to 5).
+    `asked`: frequencies that matter end here [rad/s], else where the kept modes end; `wanted`:
+    motions of the hub that matter (0 to 5).
     """
-    craft, model = quiet(craft), quiet(model)
+    craft = quiet_copy(craft)
+    model = quiet_copy(model)
     hub = int(craft.body_rootid[carried[0].mount.body])
-    own = craft.body(hub).name
-    name = own or f"body {hub}"
+    label = craft.body(hub).name
     new = {dof for item in carried for dof in item.dofs}
     old = [i for i in range(model.nv) if i not in new]
-    wholes, roots = [item.whole for item in carried], [item.mount.jacobian for item in carried]
-    bare = _matrices(craft, hub)
-    alone = replace(bare, damping=craft_damping(bare.damping, bare.stiffness, bare.mass))
-    exact = alone.coupled(wholes, roots)
-    there = int(model.body(own).id) if own else hub
-    ours = _matrices(model, there).comparable(carried, old, alone.damping - bare.damping)
+    wholes = [with_damping(item.whole) for item in carried]
+    roots = [item.mount.jacobian for item in carried]
+    point = rest_point(craft)
+    bare = on_base(linear_at(point), point, hub)
+    extra = extra_damping(bare)
+    alone = replace(bare, damping=bare.damping + extra)
+    exact = alone.with_appendages(wholes, roots)
+    there = int(model.body(label).id) if label else hub
+    ours = comparable(_transition(model, there), carried, old, extra)
     first = min(w for item in carried for w in item.band.values())
     band = asked or max(w for item in carried for w in item.band.values())
     common = asked or first
-    exact_modes, ours_modes = exact.slow_modes(first), ours.slow_modes(first)
-    frozen = sum((root.T @ whole.rigid_mass @ root for whole, root in zip(wholes, roots, strict=True)), bare.mass)
-    rigid = bare.base @ np.linalg.solve(frozen, bare.base.T)  # accelerance of the hub with every appendage frozen
+    exact_modes = slow_modes(exact, first)
+    ours_modes = slow_modes(ours, first)
+    frozen = sum(
+        (root.T @ whole.rigid_mass @ root for whole, root in zip(wholes, roots, strict=True)),
+        bare.mass,
+    )
+    base = bare.outputs.acceleration
+    # accelerance of the hub with every appendage frozen
+    rigid = base @ np.linalg.solve(frozen, base.T)
     words = _words(exact, exact_modes[1], carried, rigid)
     modes = _matched(exact, exact_modes, carried, ours_modes[0], ours_modes[1][old], band, words)
     peaks = np.concatenate([exact_modes[0], ours_modes[0]])
     peaks = peaks[peaks < 1.3 * band]
-    width = 1.0 + DEFAULT_RATIO * np.concatenate([-np.geomspace(0.02, 40.0, 25), [0.0], np.geomspace(0.02, 40.0, 25)])
-    grid = np.concatenate([np.geomspace(0.02 * common, 1.3 * band, POINTS), np.outer(peaks, width).ravel()])
+    width = 1.0 + DEFAULT_RATIO * np.concatenate(
+        [-np.geomspace(0.02, 40.0, 25), [0.0], np.geomspace(0.02, 40.0, 25)]
+    )
+    grid = np.concatenate(
+        [np.geomspace(0.02 * common, 1.3 * band, POINTS), np.outer(peaks, width).ravel()]
+    )
     omega = np.unique(grid[grid > 0.0])
     able = [int(i) for i in np.flatnonzero(np.diag(rigid) > 1e-9 * np.diag(rigid).max())]
     motions = tuple(i for i in able if i in wanted) or tuple(able)
     pick = np.ix_(motions, motions)
-    both = accelerance(ours.dynamic(omega), ours.base), accelerance(alone.dynamic(omega, wholes, roots), alone.base)
-    ha, hb = (np.moveaxis(h, 0, -1)[pick] for h in both)
+    achieved = ours.response(omega)[pick]
+    true = alone.response(omega, wholes, roots)[pick]
     rigid = rigid[pick]
     full = np.linalg.matrix_rank(rigid) == len(motions)
     scale = np.sqrt(np.diag(np.linalg.inv(rigid))) if full else 1.0 / np.sqrt(np.diag(rigid))
     weight = np.outer(scale, scale)
     inside = omega <= common
-    got, true = (np.moveaxis(h, -1, 0) * weight for h in (ha, hb))
-    error = relative(got, true, float(np.linalg.norm(rigid * weight, 2)))
-    return Assembly(modes, band, common, omega, hb, ha, motions, error, float(error[inside].max()), name)
+    error = relative_error(
+        np.moveaxis(achieved, -1, 0) * weight,
+        np.moveaxis(true, -1, 0) * weight,
+        float(np.linalg.norm(rigid * weight, 2)),
+    )
+    return Assembly(
+        modes,
+        band,
+        common,
+        omega,
+        exact=true,
+        achieved=achieved,
+        motions=motions,
+        error=error,
+        in_band=float(error[inside].max()),
+        hub=label or f"body {hub}",
+    )
 
 
-def _matrices(model: "mujoco.MjModel", body: int) -> Matrices:
-    """A model at rest, damping and stiffness from A of `mjd_transitionFD`, with the motion of `body`."""
-    mass, linear, data = mass_matrix(model), linearise(model), rest(model)
-    stiffness = mass @ linear.stiffness
-    base = motion(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
-    return Matrices(mass, mass @ linear.damping, (stiffness + stiffness.T) / 2.0, base)
+def on_base(linear: Linear, point: OperatingPoint, body: int) -> Linear:
+    """The same with a wrench on a body, in its axes, for inputs, and the body's acceleration for
+    outputs: its response is the accelerance."""
+    data = point.data()
+    rows = motion(point.model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
+    return linear.on_body(rows)
 
 
-def craft_damping(damping: Array, stiffness: Array, mass: Array) -> Array:
-    """The damping itself; where there is none 0.5 % of all that is sprung, so that no peak is infinite."""
-    values, shapes = eigh(stiffness, mass)
-    moving = values > 1e-12 * max(float(np.max(values, initial=0.0)), 1e-300)
-    if not np.any(moving) or np.max(np.abs(damping)) > 0.0:
-        return damping
-    push = mass @ shapes[:, moving]
-    return push @ np.diag(2.0 * DEFAULT_RATIO * np.sqrt(values[moving])) @ push.T
+def _transition(model: "mujoco.MjModel", body: int) -> Linear:
+    """A model at rest with the stiffness and damping that `mjd_transitionFD` gives: the proof."""
+    point = rest_point(model)
+    found = linearise(model)
+    exact = linear_at(point)
+    stiffness = exact.mass @ found.stiffness
+    proof = replace(
+        exact, damping=exact.mass @ found.damping, stiffness=(stiffness + stiffness.T) / 2.0
+    )
+    return on_base(proof, point, body)
 
 
-def _words(exact: Matrices, shapes: Array, carried: Sequence[Carried], rigid: Array) -> list[str]:
-    """What moves in each exact mode; `rigid` `(6, 6)`: accelerance of the base body, every appendage frozen."""
+def _words(
+    exact: Linear, shapes: Array, carried: Sequence[Carried], rigid: Array
+) -> Callable[[int], str]:
+    """Says what moves in an exact mode, by its number from 0.
+
+    `rigid` `(6, 6)`: accelerance of the base body, every appendage frozen.
+    """
     nv = shapes.shape[0] - sum(item.whole.modes for item in carried)
     ends = nv + np.cumsum([item.whole.modes for item in carried])
-    bus = np.sqrt(np.diag(np.linalg.pinv(rigid, rcond=RANK, hermitian=True)).clip(0.0))[:, None] * (exact.base @ shapes)
+    bus = np.sqrt(np.diag(np.linalg.pinv(rigid, rcond=RANK, hermitian=True)).clip(0.0))[:, None] * (
+        exact.outputs.acceleration @ shapes
+    )
     own = np.einsum("ik,ij,jk->k", shapes[:nv], exact.stiffness[:nv, :nv], shapes[:nv])
-    return [
-        mode_words(
-            [item.mount.at for item in carried], [item.whole for item in carried], [item.mount.axes for item in carried],
-            np.split(shapes[nv:, k], ends[:-1] - nv), float(own[k]), bus[:, k],
-        )
-        for k in range(shapes.shape[1])
-    ]  # fmt: skip
+    names, models, axes = zip(
+        *((item.mount.at, item.whole, item.mount.axes) for item in carried), strict=True
+    )
+
+    def words(k: int) -> str:
+        coordinates = np.split(shapes[nv:, k], ends[:-1] - nv)
+        return mode_words(names, models, axes, coordinates, own_energy=float(own[k]), bus=bus[:, k])
+
+    return words
 
 
 def _matched(
-    exact: Matrices,
+    exact: Linear,
     exact_modes: tuple[Array, Array],
     carried: Sequence[Carried],
     ours: Array,
     shapes: Array,
     band: float,
-    words: Sequence[str],
+    words: Callable[[int], str],
 ) -> tuple[Mode, ...]:
-    """Modes paired by frequency and by the direction in which they move the spacecraft, the kept ones first.
+    """Modes paired by frequency and by the direction in which they move the spacecraft,
+    the kept ones first.
 
-    `ours` `(n,)`, `shapes` `(nv, n)`: MuJoCo's, the spacecraft's part; exact modes alone are listed up to `band`.
+    `ours` `(n,)`, `shapes` `(nv, n)`: MuJoCo's, the spacecraft's part;
+    exact modes alone are listed up to `band`.
     """
     frequencies, whole = exact_modes
     nv = shapes.shape[0]
     mask = np.concatenate([np.ones(nv, dtype=bool), *(item.kept for item in carried)])
     energy = np.vstack(
-        [whole[:nv] * (exact.stiffness[:nv, :nv] @ whole[:nv]), (np.diag(exact.stiffness)[nv:, None] * whole[nv:] ** 2)]
+        [
+            whole[:nv] * (exact.stiffness[:nv, :nv] @ whole[:nv]),
+            (np.diag(exact.stiffness)[nv:, None] * whole[nv:] ** 2),
+        ]
     )
     kept = energy[mask].sum(axis=0) > 0.5 * energy.sum(axis=0)
     weigh = square_root(exact.mass[:nv, :nv])
@@ -306,7 +337,7 @@ def _matched(
         first, second = linear_sum_assignment(cost[free][:, group])
         pairs |= {int(group[j]): int(free[i]) for i, j in zip(first, second, strict=True)}
     modes = [
-        Mode(float(w), float(ours[pairs[j]]) if j in pairs else None, bool(kept[j]), words[j])
+        Mode(float(w), float(ours[pairs[j]]) if j in pairs else None, bool(kept[j]), words(j))
         for j, w in enumerate(frequencies)
         if j in pairs or w <= band
     ]
@@ -324,16 +355,21 @@ def mode_words(
 ) -> str:
     """One coupled mode in words, such as "left and right opposed, bending xz; bus about y".
 
-    Per appendage: name of its place, model in space, axes `(3, 3)` of its root in the world (columns), and modal
-    `coordinates` `(n,)` in the mass-normalised mode. `own_energy`: twice the strain energy in the spacecraft's own
-    springs; `bus` `(6,)`: motion of the base body times the square root of the inertia that it feels.
+    Per appendage: name of its place, model in space, axes `(3, 3)` of its root in the world
+    (columns), and modal `coordinates` `(n,)` in the mass-normalised mode. `own_energy`: twice the
+    strain energy in the spacecraft's own springs; `bus` `(6,)`: motion of the base body times the
+    square root of the inertia that it feels.
     """
-    energies = [float(np.sum((m.frequencies * q) ** 2)) for m, q in zip(models, coordinates, strict=True)]
+    energies = [
+        float(np.sum((m.frequencies * q) ** 2)) for m, q in zip(models, coordinates, strict=True)
+    ]
     total = max(sum(energies) + own_energy, 1e-300)
     moving = [i for i, energy in enumerate(energies) if energy > SHARE * total]
     parts: list[str] = []
     if moving:
-        phase = _phase([axes[i] @ models[i].participation[:, :3].T @ coordinates[i] for i in moving])
+        phase = _phase(
+            [axes[i] @ models[i].participation[:, :3].T @ coordinates[i] for i in moving]
+        )
         first = max(moving, key=lambda i: energies[i])
         port = WORDS[_port(models[first], coordinates[first])]
         parts.append(f"{' and '.join(names[i] for i in moving)}{phase}, {port}")
@@ -359,4 +395,6 @@ def _port(model: PortModel, coordinates: Array) -> str:
     k = int(np.argmax((model.frequencies * coordinates) ** 2))
     scale = np.sqrt(np.where(np.diag(model.rigid_mass) > 0.0, np.diag(model.rigid_mass), np.inf))
     row = model.participation[k] / scale
-    return max(PORTS, key=lambda port: float(np.sum((np.abs(PORT_MOTION[port]).T @ np.abs(row)) ** 2)))
+    return max(
+        PORTS, key=lambda port: float(np.sum((np.abs(PORT_MOTION[port]).T @ np.abs(row)) ** 2))
+    )

@@ -1,4 +1,5 @@
-"""A spacecraft's document: read, put together with its appendages, compiled; its keyframes laid out anew."""
+"""A spacecraft's document: read, put together with its appendages, compiled;
+its keyframes laid out anew."""
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -13,25 +14,37 @@ from beamchain.engine.linearise import compile_model
 from beamchain.engine.unchanged import appended
 from beamchain.errors import EngineError
 from beamchain.fitting.spec import Spec, spec_from_dict
-from beamchain.mjcf import insert, marks
-from beamchain.mjcf.craft import Craft, bare, craft_from_text, read_craft, relocate
-from beamchain.mjcf.place import find_target
+from beamchain.mjcf import insert
+from beamchain.mjcf import undo_marks as undo
+from beamchain.mjcf.craft import Craft, craft_from_text, read_craft
+from beamchain.mjcf.place import find_target, place_includes_with_targets
+from beamchain.mjcf.relocate import relocate, spacecraft_before
+from beamchain.mjcf.text import Edit
 
 
 def read_bare(craft: str | Path) -> tuple[Craft, dict[str, tuple[Spec, str]], str]:
     """The bare spacecraft, what was embedded in it by place, and in which form."""
     text = isinstance(craft, str) and craft.lstrip().startswith("<")
     read = craft_from_text(str(craft)) if text else read_craft(craft)
-    facts = marks.embedded(read.root)
-    before = {f["at"]: (_spec_of_mark(f["spec"], f["at"]), f["prefix"]) for f in facts}
-    return bare(read), before, facts[0]["form"] if facts else "inline"
+    marks = undo.appendage_marks(read)
+    before = {mark.at: (_spec_of_mark(mark.spec, mark.at), mark.prefix) for mark in marks}
+    return spacecraft_before(read), before, marks[0].form if marks else "inline"
 
 
 def _spec_of_mark(spec: Mapping[str, Any], at: str) -> Spec:
-    """The spec that a mark holds; one of version 1 may ask for oscillators, which are a chain today."""
+    """The spec that a mark holds, as the present version reads it.
+
+    One of version 1 may ask for oscillators, which are a chain today, and names how its chain was
+    made, which is no choice any more.
+    """
     options = spec.get("fit")
-    if isinstance(options, Mapping) and options.get("form") == "oscillators":
-        spec = {**spec, "fit": {**options, "form": None}}
+    if isinstance(options, Mapping):
+        kept = {
+            key: value for key, value in options.items() if key not in ("method", "links", "free")
+        }
+        if kept.get("form") == "oscillators":
+            kept["form"] = None
+        spec = {**spec, "fit": kept}
     return spec_from_dict(spec, f"mark of {at}")
 
 
@@ -40,16 +53,14 @@ def compiled(
     appendages: Sequence[Appendage],
     form: str,
     layout: dict[str, Any] | None,
-    change: Callable[[Craft], None] | None = None,
+    change: Callable[[Craft], Craft] | None = None,
 ) -> "mujoco.MjModel":
     """The document with its appendages, compiled; `change` edits it before."""
     with tempfile.TemporaryDirectory() as folder:
         out, beside = assemble(original, appendages, form, None, "craft", layout, Path(folder))
         for name, text in beside.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
-        if change is not None:
-            change(out)
-        return compile_model(out.to_bytes().decode("utf-8"))
+        return compile_model((out if change is None else change(out)).text)
 
 
 def assemble(
@@ -62,46 +73,62 @@ def assemble(
     beside: Path | None = None,
 ) -> tuple[Craft, dict[str, str]]:
     """The document with its appendages for a folder, and the files of the attached ones."""
-    out = relocate(original, folder)
+    out = insert.place_includes_with_keys(
+        place_includes_with_targets(relocate(original, folder), [a.at for a in appendages])
+    )
     items = [
         insert.Insertion(
-            find_target(out, a.at), a.mount.position, a.mount.quaternion, a.element(), a.spec.name, a.prefix,
+            find_target(out, a.at),
+            a.mount.position,
+            a.mount.quaternion,
+            a.element(),
+            a.spec.name,
+            a.prefix,
             msgspec.to_builtins(a.spec),
         )
         for a in appendages
-    ]  # fmt: skip
-    keyed = insert.keys_to_extend(out)
+    ]
     files = {a.prefix: f"{stem}_{a.prefix.rstrip('_.-')}.xml" for a in appendages}
-    absolute = {p: str((beside or Path.cwd()) / n) if folder is None else n for p, n in files.items()}
-    insert.put_in(out, items, form, absolute)
-    if keyed and layout is not None:
-        insert.extend_keys(out, layout["qpos"], layout["qvel"], layout["rest"])
-    return out, {files[i.prefix]: insert.child_text(i) for i in items} if form == "attach" else {}
+    absolute = {
+        p: str((beside or Path.cwd()) / n) if folder is None else n for p, n in files.items()
+    }
+    out = insert.insert_appendages(out, items, form, absolute)
+    if layout is not None:
+        out = insert.extend_keys(out, layout["qpos"], layout["qvel"], layout["rest"])
+    return out, {
+        files[i.prefix]: insert.attached_file(i) for i in items
+    } if form == "attach" else {}
 
 
-def layout_of(original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjModel", form: str) -> dict[str, Any]:
-    """Which old position and velocity every new one is: compiled without keyframes, compared by bodies' order."""
+def layout_of(
+    original: Craft, appendages: Sequence[Appendage], craft: "mujoco.MjModel", form: str
+) -> dict[str, Any]:
+    """Which old position and velocity every new one is: compiled without keyframes,
+    compared by bodies' order."""
 
-    def without_keys(out: Craft) -> None:
-        for include in out.includes():
-            marks.inline(include.element, include.content)
-        for keyframe in list(out.root.iter("keyframe")):
-            parent = keyframe.getparent()
-            assert parent is not None
-            parent.remove(keyframe)
+    def without_keys(out: Craft) -> Craft:
+        out = out.edit(undo.replace_include(out, include) for include in out.includes)
+        keyframes = [out.node(element) for element in out.root.iter("keyframe")]
+        return out.edit(Edit(node.start, node.end, "") for node in keyframes)
 
     model = compiled(original, appendages, form, None, without_keys)
     mine = appended(model, names(appendages))
     old = [j for j in range(model.njnt) if j not in set(mine["jnt"])]
     if len(old) != craft.njnt:
-        raise EngineError(f"the spacecraft has {craft.njnt} joints, with appendages {len(old)} of them.")
+        raise EngineError(
+            f"the spacecraft has {craft.njnt} joints, with appendages {len(old)} of them."
+        )
     sizes = {0: (7, 6), 1: (4, 3), 2: (1, 1), 3: (1, 1)}
     qpos: list[int | None] = [None] * model.nq
     qvel: list[int | None] = [None] * model.nv
     for was, now in enumerate(old):
         for place, key, size in zip(
-            (qpos, qvel), ("jnt_qposadr", "jnt_dofadr"), sizes[int(craft.jnt_type[was])], strict=True
+            (qpos, qvel),
+            ("jnt_qposadr", "jnt_dofadr"),
+            sizes[int(craft.jnt_type[was])],
+            strict=True,
         ):
-            new, own = int(getattr(model, key)[now]), int(getattr(craft, key)[was])
+            new = int(getattr(model, key)[now])
+            own = int(getattr(craft, key)[was])
             place[new : new + size] = range(own, own + size)
     return {"qpos": qpos, "qvel": qvel, "rest": [float(v) for v in model.qpos0]}

@@ -7,18 +7,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from beamchain import report
+from beamchain.checks import path_of
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.assembly import Assembly, Mode, prove
 from beamchain.craft.documents import assemble
-from beamchain.craft.error import CraftError, base_body, craft_error, craft_poses, modes_at
+from beamchain.craft.error import CraftError, Pose, craft_error, craft_poses, modes_at
 from beamchain.craft.promise import Asked, asked, kept_band
-from beamchain.craft.timing import without_time
+from beamchain.craft.sampled import craft_sampled_error
+from beamchain.craft.timing import craft_time_error, without_time
 from beamchain.engine.bench import Composite, composite
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, one_thread
+from beamchain.engine.linearise import NUMBERS
+from beamchain.engine.operating_point import base_body
 from beamchain.errors import InputError
-from beamchain.files import write_files
+from beamchain.files import check_name, write_files
 from beamchain.fitting.needs import AXES
 from beamchain.mjcf.craft import Craft
+from beamchain.ports.compare import keeps_tolerance, tolerance_statement
+from beamchain.steps.sampled import SampledError, off_by
+from beamchain.steps.step_map import TimeError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,10 +43,15 @@ class Embedded:
         document: the bare spacecraft's document; None for an `MjSpec`.
         form: "inline" or "attach".
         steps: modes that were added to meet the tolerance of the whole craft, one line each.
+        stepped: whether MuJoCo steps the model as its `<option>` says;
+            False where `retime=False` left the step to others.
+        source: file of the spacecraft, if it was given as one.
+        inputs: that file and all others that were read, which `write` does not replace.
 
     Example:
         >>> import beamchain as bc
-        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
+        ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
         ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
         >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
         >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
@@ -56,6 +68,9 @@ class Embedded:
     form: str = "inline"
     steps: tuple[str, ...] = ()
     _layout: dict[str, Any] = field(default_factory=dict)
+    stepped: bool = True
+    source: Path | None = None
+    inputs: tuple[Path, ...] = ()
 
     def __repr__(self) -> str:
         return report.embedded_text(self)
@@ -68,32 +83,77 @@ class Embedded:
         return asked([a.spec for a in self.appendages])
 
     @cached_property
+    @one_thread()
     def assembly(self) -> Assembly:
-        """Coupled modes and hub accelerance against the exact assembly, at rest, for what the scenes require or all."""
+        """Coupled modes and hub accelerance against the exact assembly, at rest,
+        for what the scenes require or all."""
         want = self._asked
-        return prove(self.craft, self.untimed, carried(self.model, self.appendages), want.band, want.motions)
+        return prove(
+            self.craft, self.untimed, carried(self.model, self.appendages), want.band, want.motions
+        )
 
     @cached_property
+    @one_thread()
     def promise(self) -> CraftError:
-        """Error of the coupled spacecraft against exact appendages, pose by pose, up to the scenes' largest bandwidth.
+        """Error of the coupled spacecraft against exact appendages, pose by pose,
+        up to the scenes' largest bandwidth.
 
-        If no scene states a bandwidth: in all motions, up to where every appendage keeps all modes of its ports.
+        If no scene states a bandwidth: in all motions,
+        up to where every appendage keeps all modes of its ports.
         """
-        want, exact = self._asked, carried(self.model, self.appendages)
-        found = craft_poses(self.craft, exact, want.band or kept_band(self.appendages), want.motions)
-        return craft_error(self.craft, self.untimed, exact, found)
+        return craft_error(
+            self.craft, self.untimed, carried(self.model, self.appendages), self._exact_poses
+        )
 
+    @cached_property
+    def _exact_poses(self) -> dict[str, list[Pose]]:
+        """Every pose of the bare craft with its exact answer."""
+        want = self._asked
+        exact = carried(self.model, self.appendages)
+        return craft_poses(self.craft, exact, want.band or kept_band(self.appendages), want.motions)
+
+    @cached_property
+    def time_error(self) -> TimeError:
+        """The largest error of a coupled pole at the model's own step, worst of all poses.
+
+        `error` is `|z - exp(s h)| / |exp(s h) - 1|` of the pole z of a step of MuJoCo, s the damped
+        pole of the same file with timing taken out; up to the scenes' largest bandwidth, or the
+        last kept coupled mode.
+        """
+        return craft_time_error(self.model, self.untimed, self.appendages, self._asked.band)
+
+    @cached_property
+    def sampled_poses(self) -> dict[str, SampledError]:
+        """The error of the response at the model's own step, pose by pose,
+        with the frequency at which it is largest."""
+        return craft_sampled_error(self.craft, self.model, self._exact_poses)
+
+    @property
+    def sampled_error(self) -> float:
+        """In-band error of the base body's positions at the samples,
+        per wrench held over each step, worst of all poses.
+
+        The file as MuJoCo steps it (inputs through `HeldInput`; RK4: as they are),
+        against the exact spacecraft.
+        """
+        return max(found.error for found in self.sampled_poses.values())
+
+    @one_thread()
     def modes_at(self, key: str) -> tuple[Mode, ...]:
-        """Coupled modes in the band at the keyframe `key` ("rest": the rest pose), exact and from MuJoCo.
+        """Coupled modes in the band at the keyframe `key` ("rest": the rest pose),
+        exact and from MuJoCo.
 
         Raises:
             InputError: the spacecraft has no such keyframe.
         """
-        return modes_at(self.craft, self.untimed, carried(self.model, self.appendages), self.band, key)
+        return modes_at(
+            self.craft, self.untimed, carried(self.model, self.appendages), self.band, key
+        )
 
     @cached_property
     def composite(self) -> Composite:
-        """Mass, centre of mass and inertia of the base body with all that it carries, in the rest pose."""
+        """Mass, centre of mass and inertia of the base body with all that it carries,
+        in the rest pose."""
         body = base_body(self.craft, self.appendages[0].mount.body)
         name = self.craft.body(body).name
         return composite(self.model, int(self.model.body(name).id) if name else body)
@@ -115,29 +175,57 @@ class Embedded:
 
     @property
     def met(self) -> bool | None:
-        """Whether `craft_error` is within the tolerance; None without a tolerance."""
-        return None if self.tolerance is None else self.craft_error <= self.tolerance
+        """Whether 1.01 times the spacecraft's error is within the tolerance;
+        None without a tolerance.
+
+        The error is `sampled_error` where MuJoCo steps the model, and `craft_error` where another
+        host does (`retime=False`) or the appendages are rigid.
+        """
+        if self.tolerance is None:
+            return None
+        return keeps_tolerance(self._decisive, self.tolerance)
+
+    @property
+    def _decisive(self) -> float:
+        """The error that a tolerance is held against."""
+        return self.sampled_error if self._by_step else self.craft_error
+
+    @property
+    def _by_step(self) -> bool:
+        return self.stepped and not any(a.rigid for a in self.appendages)
 
     @property
     def headline(self) -> str:
         """The craft's error in a sentence."""
-        found, tolerance = self.promise, self.tolerance
+        found = self.promise
+        tolerance = self.tolerance
         names = [name for name, i in AXES.items() if i in found.motions]
         twin = "rigid twin: " if self.appendages[0].rigid else ""
         said = (
-            f"{twin}motion of {found.body} ({', '.join(names)}) up to {found.band:.4g} rad/s, all appendages together: off "
-            f"by at most {found.error:.2e}"
+            f"{twin}motion of {found.body} ({', '.join(names)}) up to {found.band:.4g} rad/s, all "
+            f"appendages together: off by at most {found.error:.2e}"
         )
         if len(found.poses) > 1:
-            said += f" (worst of {len(found.poses)} poses: {max(found.poses, key=lambda k: found.poses[k])})"
+            said += (
+                f" (worst of {len(found.poses)} poses: "
+                f"{max(found.poses, key=lambda k: found.poses[k])})"
+            )
+        if self._by_step:
+            option = self.model.opt
+            step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
+            said += f"; stepped by {step} {off_by(self.sampled_error)}"
         if tolerance is None:
             return f"{said}; no tolerance is asked for."
-        return f"{said}, {'within' if self.met else 'above'} the tolerance {tolerance:g}."
+        return f"{said}, {tolerance_statement(self._decisive, tolerance)}."
 
     @cached_property
     def untimed(self) -> "mujoco.MjModel":
         """The model without timing, which is compared with the exact spacecraft."""
-        return without_time(self.model) if any(a.timed is not None for a in self.appendages) else self.model
+        return (
+            without_time(self.model)
+            if any(a.timed is not None for a in self.appendages)
+            else self.model
+        )
 
     def to_mjcf(self, folder: str | Path | None = None) -> str:
         """The file's text, with paths relative to `folder`, or absolute paths if it is omitted.
@@ -145,33 +233,43 @@ class Embedded:
         Raises:
             InputError: the spacecraft was given as an `MjSpec`, which has its own `to_xml`.
         """
-        return self._files(None if folder is None else Path(folder), "craft")[0].to_bytes().decode("utf-8")
+        place = None if folder is None else path_of("folder", folder, "the path of a folder")
+        return self._files(place, "craft")[0].text
 
-    def write(self, path: str | Path, *, force: bool = False, also: Mapping[Path, str] | None = None) -> list[Path]:
+    def write(
+        self, path: str | Path, *, force: bool = False, also: Mapping[Path, str] | None = None
+    ) -> list[Path]:
         """Write the file (and, for "attach", the appendages' files beside it); all or none.
 
         Args:
             path: path of the MJCF file.
-            force: replace files that exist.
+            force: replace files that exist; of what was read only the spacecraft's own file.
             also: further files to write with it, content by path.
 
         Raises:
-            OutputError: a file exists and `force` is False, or cannot be written.
+            OutputError: a file exists and `force` is False, is an appendage's or another output,
+                or cannot be written.
         """
-        path = Path(path)
+        path = path_of("path", path)
+        check_name(path)
         out, beside = self._files(path.parent, path.stem)
-        files: dict[Path, str | bytes] = {path.parent / name: text for name, text in beside.items()}
-        files |= dict(also or {})
-        files[path] = out.to_bytes()
-        write_files(files, force=force)
-        return list(files)
+        files: list[tuple[Path, str | bytes]] = [
+            (path.parent / name, text) for name, text in beside.items()
+        ]
+        files += [*dict(also or {}).items(), (path, out.content)]
+        update = None if self.source is None else (self.source, path)
+        write_files(files, force=force, inputs=self.inputs, update=update)
+        return [place for place, _ in files]
 
+    @one_thread()
     def as_dict(self) -> dict[str, Any]:
         """What `embed --json` prints."""
         return report.embed_record(self)
 
+    @one_thread()
     def plot(self, ax: "Axes | None" = None, motion: str | None = None) -> "Axes":
-        """Plot the accelerance of the hub in one motion, exact and from MuJoCo. Returns the axes; shows nothing.
+        """Plot the accelerance of the hub in one motion, exact and from MuJoCo.
+        Returns the axes; shows nothing.
 
         Args:
             ax: axes to draw into; default: a new figure.
@@ -182,10 +280,12 @@ class Embedded:
         """
         return report.plot_assembly(self.assembly, ax=ax, motion=motion)
 
+    @one_thread()
     def picture(self) -> str:
         """The hub's accelerance in all motions that matter, exact and from MuJoCo, as SVG text."""
         return report.assembly_svg(self.assembly)
 
+    @one_thread()
     def report(self, craft: str = "craft.xml", output: str = "flexible.xml") -> str:
         """The report as the text of one HTML file.
 
@@ -197,5 +297,7 @@ class Embedded:
 
     def _files(self, folder: Path | None, stem: str) -> tuple[Craft, dict[str, str]]:
         if self.document is None:
-            raise InputError("this was made from an MjSpec, which was changed in place; use its own to_xml().")
+            raise InputError(
+                "this was made from an MjSpec, which was changed in place; use its own to_xml()."
+            )
         return assemble(self.document, self.appendages, self.form, folder, stem, self._layout)

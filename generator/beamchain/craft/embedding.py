@@ -7,32 +7,44 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from lxml import etree
+from lxml.etree import _Element as Element
 
-from beamchain.checks import one_of
+from beamchain.checks import list_of_names, of_type, one_of, true_or_false
 from beamchain.checks import whole_number as checked_int
-from beamchain.craft.appendage import PROBE, Appendage, check_names, driven_too_far, judged, lightest, moved_by_load
+from beamchain.craft.appendage import (
+    PROBE,
+    Appendage,
+    check_names,
+    driven_too_far,
+    judged,
+    lightest,
+    moved_by_load,
+)
 from beamchain.craft.documents import compiled, layout_of, read_bare
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.fits import Fits, fit_all
-from beamchain.craft.promise import MOST_MODES
+from beamchain.craft.promise import MOST_MODES, asked
 from beamchain.craft.spoilers import check_flags
-from beamchain.craft.timing import on_tendons, timed, turned, worth_it
+from beamchain.craft.timing import craft_time_error, on_tendons, time_notes, timed, turned, worth_it
 from beamchain.engine import mount as mounting
-from beamchain.engine.library import mujoco
+from beamchain.engine.door import check_model
+from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import EngineError, InputError
+from beamchain.files import noted_inputs
 from beamchain.fitting.fit import as_spec
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import compatibility, insert, write
-from beamchain.mjcf.craft import Craft, relocate
-from beamchain.mjcf.place import find_target, split
+from beamchain.mjcf.craft import Craft
+from beamchain.mjcf.place import find_target, kinds_and_name, place_includes_with_targets
+from beamchain.mjcf.relocate import relocate
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import with_length
 from beamchain.structure.modal_data import ModalData
 
 
+@one_thread()
 def embed(
     craft: "str | Path | mujoco.MjSpec",
     at: Mapping[str, Spec | Beam | ModalData | Fit | str | Path],
@@ -49,27 +61,34 @@ def embed(
 
     Args:
         craft: path or text of an MJCF file, or an `MjSpec`, which is then changed in place.
-        at: the appendage for each named site or body of the spacecraft (x axis of its frame outwards): a spec, the
-            path of a SPEC.toml, a beam, imported modes, or a fit. A fit is used as it is if its hub is that of the
-            spacecraft, and otherwise repeated. If a site and a body share a name, write `site:NAME` or `body:NAME`.
-            Imported modes without a file are not available when the written file is given to `embed` again.
-        form: "inline": one self-contained file; "attach": separate appendage files beside it, included by `<attach>`.
-        prefixes: one per entry of `at`; default: `NAME_` of the appendage, or `NAME_PLACE_` if two would have the
-            same.
-        retime: whether to make the appendages exact in time for the spacecraft's own step and integrator; default:
-            only if the step's error would exceed a tenth of the scenes' tolerance (1e-4 without one).
-        max_modes: largest number of modes per appendage if modes are added to meet the scenes' tolerance.
-        rigid: make the rigid twin: the same bodies, sites, masses and keyframes, without joints and tendons.
+        at: the appendage for each named site or body of the spacecraft (x axis of its frame
+            outwards): a spec, the path of a SPEC.toml, a beam, imported modes, or a fit. A fit is
+            used as it is if its hub is that of the spacecraft, and otherwise repeated. If a site
+            and a body share a name, write `site:NAME` or `body:NAME`. Imported modes without a file
+            are not available when the written file is given to `embed` again.
+        form: "inline": one self-contained file; "attach": separate appendage files beside it,
+            included by `<attach>`.
+        prefixes: one per entry of `at`; default: `NAME_` of the appendage,
+            or `NAME_PLACE_` if two would have the same.
+        retime: whether to make the appendages exact in time for the spacecraft's own step and
+            integrator; default: only if the step's error would exceed a tenth of the scenes'
+            tolerance (1e-4 without one). False also says that another host steps the model: `met`
+            is then decided in continuous time.
+        max_modes: largest number of modes per appendage if modes are added to meet the
+            scenes' tolerance.
+        rigid: make the rigid twin: the same bodies, sites, masses and keyframes,
+            without joints and tendons.
 
     Raises:
-        InputError: a place does not exist, is static or has no orthonormal frame, names clash, or a setting of the
-            spacecraft would change the appendage.
+        InputError: a place does not exist, is static or has no orthonormal frame, names clash, or a
+            setting of the spacecraft would change the appendage.
         EngineError: MuJoCo refuses the spacecraft.
         RealisationError: no chain exists.
 
     Example:
         >>> import beamchain as bc
-        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
+        ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
         ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
         >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
         >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
@@ -77,17 +96,37 @@ def embed(
         >>> [(one.at, one.prefix) for one in flexible.appendages]
         [('mount', 'appendage_')]
     """
+    with noted_inputs() as inputs:
+        result = _embed(craft, at, form, prefixes, retime, max_modes, rigid)
+    is_file = (
+        isinstance(craft, str | Path)
+        and result.document is not None
+        and not str(craft).lstrip().startswith("<")
+    )
+    return replace(result, source=Path(str(craft)) if is_file else None, inputs=tuple(inputs))
+
+
+def _embed(
+    craft: "str | Path | mujoco.MjSpec",
+    at: Mapping[str, Spec | Beam | ModalData | Fit | str | Path],
+    form: str,
+    prefixes: Sequence[str] | None,
+    retime: bool | None,
+    max_modes: int,
+    rigid: bool,
+) -> Embedded:
+    """Do the work of `embed`."""
     one_of("form", form, insert.FORMS)
-    if not isinstance(at, Mapping):
-        raise InputError(
-            f'at = {at!r:.60} is a {type(at).__name__}; give appendages by place: {{"mount": "array.toml"}}.'
-        )
+    check_places(at)
+    rigid = true_or_false("rigid", rigid)
+    retime = None if retime is None else true_or_false("retime", retime)
     if not at:
         raise InputError("nothing to embed: give at least one place and spec, --at NAME=SPEC.toml.")
-    given = list(prefixes or [])
+    given = [] if prefixes is None else list_of_names("prefixes", prefixes)
     if given and len(given) != len(at):
         raise InputError(
-            f"{len(given)} prefixes are given for {len(at)} appendages; give one --prefix per --at, or none."
+            f"{len(given)} prefixes are given for {len(at)} appendages; give one --prefix per "
+            "--at, or none."
         )
     wanted: dict[str, tuple[Spec, str]] = {}
     ready: dict[str, Fit] = {}
@@ -114,8 +153,19 @@ def embed(
     return _embed_in_document(original, _prefixed(before, wanted), form, retime, most, fits, rigid)
 
 
-def _prefixed(before: dict[str, tuple[Spec, str]], wanted: dict[str, tuple[Spec, str]]) -> dict[str, tuple[Spec, str]]:
-    """All appendages with their prefixes: the name of each, with that of its place where two would have the same.
+def check_places(at: object) -> None:
+    """Appendages by place, as `embed` takes them."""
+    of_type("at", at, Mapping, 'appendages by place: {"mount": "array.toml"}')
+    assert isinstance(at, Mapping)
+    for name in at:
+        of_type("a place in at", name, str, "the name of a site or body of the spacecraft")
+
+
+def _prefixed(
+    before: dict[str, tuple[Spec, str]], wanted: dict[str, tuple[Spec, str]]
+) -> dict[str, tuple[Spec, str]]:
+    """All appendages with their prefixes: the name of each,
+    with that of its place where two would have the same.
 
     An appendage that replaces one of the same name at the same place keeps its prefix.
     """
@@ -127,15 +177,17 @@ def _prefixed(before: dict[str, tuple[Spec, str]], wanted: dict[str, tuple[Spec,
             out[at] = spec, before[at][1]  # names that other parts of the user's file may refer to
         elif not prefix:
             alone = names.count(spec.name) == 1 and f"{spec.name}_" not in taken
-            place = re.sub(r"[^A-Za-z0-9_.-]", "_", split(at)[1])
+            place = re.sub(r"[^A-Za-z0-9_.-]", "_", kinds_and_name(at)[1])
             own = f"{spec.name}_" if alone else f"{spec.name}_{place}_"
             insert.check_prefix(own)
             out[at] = spec, own
     return out
 
 
+@one_thread()
 def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
-    """The original document that `embed` was given, or its result without the appendages `at` some places.
+    """The original document that `embed` was given,
+    or its result without the appendages `at` some places.
 
     `craft`: path or text of a file that `embed` wrote.
     """
@@ -144,58 +196,110 @@ def take_out(craft: str | Path, at: Sequence[str] = ()) -> "Craft | Embedded":
     if not before or missing:
         place = f"at {missing[0]!r} " if missing else ""
         raise InputError(
-            f"{original.label} holds no appendage {place}that embed put in; it has: {', '.join(before) or 'none'}."
+            f"{original.label} holds no appendage {place}that embed put in; it has: "
+            f"{', '.join(before) or 'none'}."
         )
     left = {name: entry for name, entry in before.items() if at and name not in at}
     return _embed_in_document(original, left, form) if left else original
 
 
-# -- into a document -------------------------------------------------------------------------------------------------
-def _embed_in_document(
-    original: Craft, wanted: dict[str, tuple[Spec, str]], form: str, retime: bool | None = None,
-    most: int = MOST_MODES, fits: "Fits | None" = None, rigid: bool = False,
-) -> Embedded:  # fmt: skip
-    # an empty body at every place: a hub whose frame MuJoCo would move while it carries nothing stays where it is
-    probe = relocate(original, None)
+# -- into a document -------------------------------------------------------------------------------
+def marked_appendages(path: Path) -> "tuple[mujoco.MjModel, tuple[Appendage, ...]] | None":
+    """The bare spacecraft of a file that `embed` wrote, compiled,
+    and its appendages by their marks; None without marks.
+
+    Raises:
+        BeamchainError: modes that were imported are no longer where the marks say.
+    """
+    original, marked, _ = read_bare(path)
+    return _fitted(original, marked, MOST_MODES, Fits(), rigid=False)[:2] if marked else None
+
+
+def _fitted(
+    original: Craft, wanted: dict[str, tuple[Spec, str]], most: int, fits: Fits, *, rigid: bool
+) -> "tuple[mujoco.MjModel, tuple[Appendage, ...], list[str], tuple[str, ...]]":
+    """The bare spacecraft, compiled, the appendages fitted to it, notes,
+    and the modes that were added."""
+    # an empty body at every place: a hub whose frame MuJoCo would move while it carries nothing
+    # stays where it is
+    plain = relocate(original, None)
+    probe = place_includes_with_targets(plain, wanted)
     targets = {name: find_target(probe, name) for name in wanted}
+    probes: dict[Element, list[str]] = {}
     for i, target in enumerate(targets.values()):
-        etree.SubElement(target.body, "body", name=f"{PROBE}{i}")
-    craft = compile_model(probe.to_bytes().decode("utf-8"))
+        probes.setdefault(target.body, []).append(f'<body name="{PROBE}{i}"/>')
+    craft = compile_model(
+        probe.edit(probe.append(body, some) for body, some in probes.items()).text
+    )
     mounts = {name: mounting.mount(craft, name, t.kind, t.name) for name, t in targets.items()}
-    appendages, warnings, steps = fit_all(craft, mounts, wanted, most, fits or Fits(), rigid)
-    warnings += moved_by_load(compile_model(relocate(original, None).to_bytes().decode("utf-8")), craft)
+    return craft, *fit_all(craft, mounts, wanted, most, fits, rigid)
+
+
+def _embed_in_document(
+    original: Craft,
+    wanted: dict[str, tuple[Spec, str]],
+    form: str,
+    retime: bool | None = None,
+    most: int = MOST_MODES,
+    fits: "Fits | None" = None,
+    rigid: bool = False,
+) -> Embedded:
+    craft, appendages, warnings, steps = _fitted(
+        original, wanted, most, fits or Fits(), rigid=rigid
+    )
+    warnings += moved_by_load(compile_model(relocate(original, None).text), craft)
     check_flags(craft)
     check_names(craft, appendages)
     compatibility.check_compiler(original.parts(), *lightest(appendages))
     layout = layout_of(original, appendages, craft, form)
     appendages, model, said = _proved(
-        craft, appendages, lambda made: compiled(original, made, form, layout), retime,
-        compatibility.hostile(original.parts()),
-    )  # fmt: skip
-    return Embedded(appendages, craft, model, (*warnings, *said), original, form, steps, layout)
+        craft,
+        appendages,
+        lambda made: compiled(original, made, form, layout),
+        retime,
+        compatibility.default_attributes(original.parts()),
+    )
+    return Embedded(
+        appendages,
+        craft,
+        model,
+        (*warnings, *said),
+        original,
+        form,
+        steps,
+        layout,
+        retime is not False,
+    )
 
 
-# -- into an MjSpec --------------------------------------------------------------------------------------------------
+# -- into an MjSpec --------------------------------------------------------------------------------
 def _embed_in_spec(
-    spec: "mujoco.MjSpec", wanted: dict[str, tuple[Spec, str]], retime: bool | None, most: int, fits: Fits, rigid: bool
+    spec: "mujoco.MjSpec",
+    wanted: dict[str, tuple[Spec, str]],
+    retime: bool | None,
+    most: int,
+    fits: Fits,
+    rigid: bool,
 ) -> Embedded:
     places: dict[str, tuple[str, str]] = {}
     probe = spec.copy()
     for at in wanted:
-        kinds, name = split(at)
+        kinds, name = kinds_and_name(at)
         found = [kind for kind in kinds if getattr(spec, kind)(name) is not None]
         if len(found) != 1:
             known = ", ".join(s.name for s in [*spec.sites, *spec.bodies] if s.name)
             raise InputError(
-                f"--at {at}: the spacecraft has {'both a site and a' if found else 'no site or'} body "
-                f"{name!r}; write site:{name} or body:{name}, or choose from: {known}."
+                f"--at {at}: the spacecraft has {'both a site and a' if found else 'no site or'} "
+                f"body {name!r}; write site:{name} or body:{name}, or choose from: {known}."
             )
         places[at] = found[0], name
         _owner(probe, *places[at]).add_body(name=f"{PROBE}{len(places)}")
     try:
-        plain, craft = spec.copy().compile(), probe.compile()
+        plain = spec.copy().compile()
+        craft = probe.compile()
     except ValueError as error:
         raise EngineError(f"MuJoCo refuses the spacecraft: {error}") from None
+    check_model(plain, "the spacecraft")
     mounts = {at: mounting.mount(craft, at, kind, name) for at, (kind, name) in places.items()}
     appendages, warnings, steps = fit_all(craft, mounts, wanted, most, fits, rigid)
     warnings += moved_by_load(plain, craft)
@@ -204,17 +308,24 @@ def _embed_in_spec(
 
     def attached(place: "mujoco.MjSpec", made: Sequence[Appendage]) -> "mujoco.MjSpec":
         for a in made:
-            frame = _owner(place, *places[a.at]).add_frame(pos=a.mount.position, quat=a.mount.quaternion)
-            text = write.text(insert.renamed(a.element(), a.spec.name, ""))
+            frame = _owner(place, *places[a.at]).add_frame(
+                pos=a.mount.position, quat=a.mount.quaternion
+            )
+            text = write.document_text(insert.with_prefix(a.element(), a.spec.name, ""))
             place.attach(mujoco.MjSpec.from_string(text), frame=frame, prefix=a.prefix)
         return place
 
-    appendages, _, said = _proved(craft, appendages, lambda made: attached(spec.copy(), made).compile(), retime)
+    appendages, _, said = _proved(
+        craft, appendages, lambda made: attached(spec.copy(), made).compile(), retime
+    )
     attached(spec, appendages)  # the user's spec is touched only after a copy has proved itself
-    return Embedded(appendages, craft, spec.copy().compile(), (*warnings, *said), steps=steps)
+    made = spec.copy().compile()
+    return Embedded(
+        appendages, craft, made, (*warnings, *said), steps=steps, stepped=retime is not False
+    )
 
 
-# -- both ------------------------------------------------------------------------------------------------------------
+# -- both ------------------------------------------------------------------------------------------
 def _proved(
     craft: "mujoco.MjModel",
     appendages: tuple[Appendage, ...],
@@ -222,22 +333,27 @@ def _proved(
     retime: bool | None,
     found: Mapping[str, Mapping[str, int]] | None = None,
 ) -> "tuple[tuple[Appendage, ...], mujoco.MjModel, list[str]]":
-    """The appendages exact in time where that is worth it, the model with them, and what is to be said of it.
+    """The appendages exact in time where that is worth it, the model with them,
+    and what is to be said of it.
 
     `build` compiles the spacecraft with appendages; `found`: what in its document would spoil them.
     """
     model = build(appendages)
     if any(a.rigid for a in appendages):
         return appendages, model, []
-    good, why = worth_it(model, appendages, retime)
-    if good:
+    decision = worth_it(model, appendages, retime)
+    if decision.good:
         appendages = tuple(replace(a, fit=on_tendons(a.fit)) for a in appendages)
         check_names(craft, appendages)
         model = build(appendages)
-    final, slowed = timed(model) if good else (model, [])
-    warnings = [*([why] if why else []), *slowed, *judged(craft, model, appendages, final, found)]
+    final, notes = timed(model) if decision.good else (model, [])
+    if decision.good:
+        band = asked([a.spec for a in appendages]).band
+        off, own = (craft_time_error(one, model, appendages, band) for one in (final, model))
+        notes = [*time_notes(final, decision.why, off, own), *notes]
+    warnings = [*decision.said, *notes, *judged(craft, model, appendages, final, found)]
     warnings += driven_too_far(model, appendages) + turned(model, appendages)
-    if good:
+    if decision.good:
         appendages = tuple(replace(a, timed=final) for a in appendages)
     return appendages, final, warnings
 

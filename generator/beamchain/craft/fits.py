@@ -1,4 +1,5 @@
-"""Every appendage of a spacecraft fitted to the hub that it meets, with the modes that the promise needs."""
+"""Every appendage of a spacecraft fitted to the hub that it meets,
+with the modes that the promise needs."""
 
 from collections.abc import Iterator, Mapping
 from typing import cast
@@ -32,20 +33,25 @@ def fit_all(
     fits: "Fits",
     rigid: bool = False,
 ) -> tuple[tuple[Appendage, ...], list[str], tuple[str, ...]]:
-    """Every appendage fitted to the hub it meets, with the modes that the craft's promise needs; notes; steps taken.
+    """Every appendage fitted to the hub it meets, with the modes that the craft's promise needs;
+    notes; steps taken.
 
     Rigid ones are fitted as they are asked for: what they lack is no fault.
     """
     frozen = {name: rigid_mass(spec, fits.held.get(name)) for name, (spec, _) in wanted.items()}
     places = list(mounts.values())
-    behind, felt = mounting.rigid_hubs(model, places, frozen), mounting.apparent_hubs(model, places, frozen)
+    behind = mounting.rigid_hubs(model, places, frozen)
+    felt = mounting.apparent_hubs(model, places, frozen)
     out: list[Appendage] = []
     warnings: list[str] = []
     for name, (spec, prefix) in wanted.items():
-        place, hub = mounts[name], Hub.from_mass_matrix(behind[name])
+        place = mounts[name]
+        hub = Hub.from_mass_matrix(behind[name])
         size = np.sqrt(np.diag(behind[name]))
         if np.max(np.abs(felt[name] - behind[name]) / np.outer(size, size)) > RIGID:
-            hub = msgspec.structs.replace(hub, apparent=tuple(tuple(float(v) for v in row) for row in felt[name]))
+            hub = msgspec.structs.replace(
+                hub, apparent=tuple(tuple(float(v) for v in row) for row in felt[name])
+            )
         warnings += _notes(name, spec, place, hub)
         result = fits.ready.get(name)
         if result is None or not _same_hub(result, hub):
@@ -62,7 +68,8 @@ def fit_all(
     for a in appendages:
         if not a.fit.status.ok:
             warnings.append(Caution("fit-missed", f"{a.at}: {a.fit.status.message}"))
-        hinged = a.spec.damping is not None and a.spec.damping.form == "hinge"  # the craft's integrator judges tendons
+        # the craft's integrator judges tendons
+        hinged = a.spec.damping is not None and a.spec.damping.form == "hinge"
         found = a.fit.cautions if hinged else doubtful(a.spec.segment, a.spec.damping, a.fit.target)
         warnings += [said_of(a.at, warning) for warning in found]
     return appendages, warnings, steps
@@ -71,7 +78,9 @@ def fit_all(
 def _notes(name: str, spec: Spec, place: mounting.Mount, hub: Hub) -> Iterator[str]:
     """What the spacecraft makes of an appendage that its spec does not say."""
     for joint in place.joints:
-        taken = "locked, since a spring holds it" if joint.sprung else "free, since no spring holds it"
+        taken = (
+            "locked, since a spring holds it" if joint.sprung else "free, since no spring holds it"
+        )
         if not joint.own:
             yield Caution(
                 "joints-behind",
@@ -81,18 +90,21 @@ def _notes(name: str, spec: Spec, place: mounting.Mount, hub: Hub) -> Iterator[s
     if held := place.held(spec.kept):
         yield Caution(
             "held-ports",
-            f"{name}: the spacecraft's joints hold port {', '.join(held)}, wholly or in part; what they hold counts "
-            "as infinitely heavy.",
+            f"{name}: the spacecraft's joints hold port {', '.join(held)}, wholly or in part; what "
+            "they hold counts as infinitely heavy.",
         )
     for port in spec.unsaid:
         if not place.held([port]):
             yield Caution("rigid-plane", f"{name}: {rigid_plane(port)}.")
-    given, rounding = spec.root.hub, 1e-9 * hub.mass
-    if given is not None and not np.allclose(given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=rounding):
+    given = spec.root.hub
+    rounding = 1e-9 * hub.mass
+    if given is not None and not np.allclose(
+        given.mass_matrix(), hub.mass_matrix(), rtol=1e-6, atol=rounding
+    ):
         yield Caution(
             "other-hub",
-            f"{name}: the hub of the spec ({_words(given)}) is not what the spacecraft has behind the root "
-            f"({_words(hub)}), which was used instead.",
+            f"{name}: the hub of the spec ({_words(given)}) is not what the spacecraft has behind "
+            f"the root ({_words(hub)}), which was used instead.",
         )
 
 
@@ -102,7 +114,9 @@ class Fits:
     `ready`: fits, `held`: imported modes that were handed over, by place.
     """
 
-    def __init__(self, ready: Mapping[str, Fit] | None = None, held: Mapping[str, ModalData] | None = None) -> None:
+    def __init__(
+        self, ready: Mapping[str, Fit] | None = None, held: Mapping[str, ModalData] | None = None
+    ) -> None:
         self.ready: Mapping[str, Fit] = ready or {}
         self.held: Mapping[str, ModalData] = held or {}
         self._made: list[tuple[Spec, Root, ModalData | None, Fit]] = []
@@ -121,7 +135,8 @@ class Fits:
 
 def _same_hub(made: Fit, hub: Hub) -> bool:
     """Whether a fit was made for this hub."""
-    known, here = made.hub_mass, hub.mass_matrix()
+    known = made.hub_mass
+    here = hub.mass_matrix()
     if known is None:
         return False
     size = np.sqrt(np.diag(here))
@@ -130,5 +145,7 @@ def _same_hub(made: Fit, hub: Hub) -> bool:
 
 def _words(hub: Hub) -> str:
     """A hub's mass, inertia and place, for a sentence."""
-    inertia, offset = (", ".join(f"{value + 0.0:.4g}" for value in values) for values in (hub.inertia, hub.offset))
+    inertia, offset = (
+        ", ".join(f"{value + 0.0:.4g}" for value in values) for values in (hub.inertia, hub.offset)
+    )
     return f"{hub.mass:.6g} kg, inertia {inertia} kg m^2, root at {offset} m from its centre"

@@ -6,15 +6,16 @@ from functools import cached_property
 
 import msgspec
 
-from beamchain.craft.appendage import Appendage, carried, spatial
+from beamchain.craft.appendage import Appendage, carried
 from beamchain.errors import InputError
+from beamchain.fitting.exact import spatial
 from beamchain.fitting.fewest import weights
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.options import Modes
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
-from beamchain.ports.compare import damped
-from beamchain.ports.compose import in_space
+from beamchain.ports.compare import with_damping
+from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS
 from beamchain.structure.imported import MOST_MODES as MOST_NAMED
@@ -23,10 +24,11 @@ TRIED = 16  # modes of an imported appendage that are tried at a time: those tha
 
 
 def in_six(fit: Fit, changed: Mapping[str, PortModel] | None = None) -> PortModel:
-    """A fit in six motions as MuJoCo has it; `changed`: other models of some ports, which must be independent."""
+    """A fit in six motions as MuJoCo has it; `changed`: other models of some ports,
+    which must be independent."""
     if fit.space is not None and not changed:
         return spatial(fit, fit.space.achieved)
-    return in_space({**fit.achieved, **(changed or {})}, fit.measured.rigid_mass)
+    return model_in_space({**fit.achieved, **(changed or {})}, fit.measured.rigid_mass)
 
 
 def growing(a: Appendage) -> "Growing":
@@ -39,7 +41,7 @@ def growing(a: Appendage) -> "Growing":
 def free_ports(spec: Spec) -> tuple[str, ...]:
     """Ports whose number of modes was not typed."""
     typed = spec.modes is not None and not spec.chooses
-    if spec.fit.method != "exact" or typed or (spec.imported is not None and spec.imported.modes is not None):
+    if typed or (spec.imported is not None and spec.imported.modes is not None):
         return ()
     given = {} if spec.modes is None else spec.modes.given()
     return tuple(port for port in PORTS if port not in given)
@@ -49,7 +51,8 @@ def free_ports(spec: Spec) -> tuple[str, ...]:
 class PerPort:
     """An appendage whose ports are independent: a beam, or imported modes that keep to their ports.
 
-    `changed`: models of the ports that differ from the fit's; `last`: port that the last mode was added to.
+    `changed`: models of the ports that differ from the fit's; `last`:
+    port that the last mode was added to.
     """
 
     a: Appendage
@@ -89,7 +92,8 @@ class PerPort:
         return msgspec.structs.replace(self.a.spec, modes=modes)
 
     def further(self, band: float) -> dict[str, "Growing"]:
-        """By port, the same with one mode more; empty where none may be added. `band` as of `Coupled.further`."""
+        """By port, the same with one mode more; empty where none may be added.
+        `band` as of `Coupled.further`."""
         del band
         out: dict[str, Growing] = {}
         for port in free_ports(self.a.spec):
@@ -97,24 +101,32 @@ class PerPort:
             full = self._whole(port, count)
             if full is None or count > full.modes:
                 continue
-            model = full.for_target(self.a.fit.kept_for, count, port_hub_mass(self.a.hub.mass_matrix(), port))
+            model = full.for_target(
+                self.a.fit.kept_for, count, port_hub_mass(self.a.hub.mass_matrix(), port)
+            )
             if self.a.fit.space is None:
                 model = self.a.spec.with_ratios(port, model)
             else:
                 model = model.replaced(damping=full.damping[:count])
-            counts, changed = {**self.counts, port: count}, {**self.changed, port: model}
+            counts = {**self.counts, port: count}
+            changed = {**self.changed, port: model}
             out[port] = replace(self, counts=counts, changed=changed, last=port)
         return out
 
     def alone(self, key: str) -> PortModel:
         """The exact appendage, but for one port, which stays as it is."""
         fit = self.a.fit
-        own = {port: model for port in PORTS if port != key and (model := self._exact(port)) is not None}
+        own = {
+            port: model
+            for port in PORTS
+            if port != key and (model := self._exact(port)) is not None
+        }
         now = self.changed.get(key, fit.achieved.get(key))
-        return in_space(own if now is None else {**own, key: now}, fit.measured.rigid_mass)
+        return model_in_space(own if now is None else {**own, key: now}, fit.measured.rigid_mass)
 
     def _whole(self, port: str, count: int) -> PortModel | None:
-        """All modes of a port, at least some more than `count` of a beam; None where it is rigid."""
+        """All modes of a port, at least some more than `count` of a beam;
+        None where it is rigid."""
         fit = self.a.fit
         if fit.space is not None:
             return fit.space.data.port(port, own=True) if port in fit.space.data.belongs else None
@@ -136,7 +148,8 @@ class PerPort:
 
 @dataclass(frozen=True, eq=False)
 class Coupled:
-    """Imported modes that move in several ports at once, kept by their `numbers` in the file; `last`: added last."""
+    """Imported modes that move in several ports at once, kept by their `numbers` in the file;
+    `last`: added last."""
 
     a: Appendage
     numbers: tuple[int, ...]
@@ -176,14 +189,23 @@ class Coupled:
         return msgspec.structs.replace(self.a.spec, imported=imported, modes=None)
 
     def further(self, band: float) -> dict[str, "Growing"]:
-        """By number, the same with one mode more: of those that move the hub most up to `band` [rad/s]."""
-        space, free = self.a.fit.space, free_ports(self.a.spec)
+        """By number, the same with one mode more:
+        of those that move the hub most up to `band` [rad/s]."""
+        space = self.a.fit.space
+        free = free_ports(self.a.spec)
         if space is None or len(self.numbers) >= MOST_NAMED:
             return {}
-        left = [k for k, port in enumerate(space.data.belongs, 1) if k not in self.numbers and port in free]
-        heavy = weights(damped(self._exact), self.a.hub.mass_matrix(), band)
+        left = [
+            k
+            for k, port in enumerate(space.data.belongs, 1)
+            if k not in self.numbers and port in free
+        ]
+        heavy = weights(with_damping(self._exact), self.a.hub.mass_matrix(), band)
         left.sort(key=lambda k: -heavy[k - 1])
-        return {str(k): replace(self, numbers=tuple(sorted((*self.numbers, k))), last=k) for k in left[:TRIED]}
+        return {
+            str(k): replace(self, numbers=tuple(sorted((*self.numbers, k))), last=k)
+            for k in left[:TRIED]
+        }
 
     def alone(self, key: str) -> PortModel:
         """The exact appendage without one of its modes."""

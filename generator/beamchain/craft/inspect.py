@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from beamchain.caution import warnings_record
+from beamchain import report
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS, compile_model
@@ -23,9 +23,10 @@ from beamchain.steps.retime import retime
 class Inspection:
     """What MuJoCo makes of a model about its rest pose.
 
-    `composite`: of every body that moves in the world, with all that hangs on it; `frequencies` [rad/s] and `damping`
-    `(n,)` of the oscillating modes; `springs`, `tendons`: name, stiffness, damping (armature) of what has a spring;
-    `limits`: timing taken out; `shown`: the modes as the model's own step shows them, where anything is exact in time.
+    `composite`: of every body that moves in the world, with all that hangs on it; `frequencies`
+    [rad/s] and `damping` `(n,)` of the oscillating modes; `springs`, `tendons`: name, stiffness,
+    damping (armature) of what has a spring; `limits`: timing taken out; `shown`: the modes as the
+    model's own step shows them, where anything is exact in time.
     """
 
     name: str
@@ -47,23 +48,7 @@ class Inspection:
 
     def as_dict(self) -> dict[str, Any]:
         """For `--json`."""
-        return {
-            "name": self.name,
-            "bodies": self.bodies,
-            "joints": self.joints,
-            "dofs": self.dofs,
-            "mass": self.mass,
-            "composite": [found.as_dict() for found in self.composite],
-            "modes": [{"frequency": w, "damping": z} for w, z in zip(self.frequencies, self.damping, strict=True)],
-            "springs": [{"joint": n, "stiffness": k, "damping": c} for n, k, c in self.springs],
-            "tendons": [{"tendon": n, "stiffness": k, "damping": c, "armature": a} for n, k, c, a in self.tendons],
-            "made_for": [{"timestep": m.timestep, "integrator": m.integrator} for m in self.made_for],
-            **warnings_record(self.warnings),
-            "integrator": self.integrator,
-            "timestep": self.timestep,
-            "stability": {"omega_max": self.limits.omega_max, "largest_step": self.limits.largest_step},
-            "accuracy": {k: {"1%": a, "0.1%": b} for k, (a, b) in self.limits.accuracy.items()},
-        }
+        return report.inspection_record(self)
 
 
 def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
@@ -98,7 +83,9 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
         dofs=model.nv,
         mass=float(np.sum(model.body_mass)),
         composite=[
-            composite(model, i) for i in range(1, model.nbody) if model.body_parentid[i] == 0 and model.body_dofnum[i]
+            composite(model, i)
+            for i in range(1, model.nbody)
+            if model.body_parentid[i] == 0 and model.body_dofnum[i]
         ],
         frequencies=frequencies,
         damping=ratios,

@@ -1,4 +1,5 @@
-"""Coupled modes of a whole spacecraft as motions that a film can show: every body, the hub too, over one oscillation."""
+"""Coupled modes of a whole spacecraft as motions that a film can show: every body, the hub too,
+over one oscillation."""
 
 from typing import NamedTuple
 
@@ -13,7 +14,8 @@ SWING = 0.05  # of the size that MuJoCo gives the spacecraft: the largest displa
 
 
 class MovingMode(NamedTuple):
-    """One mode, named after the cantilever mode or joint with most of its strain energy; `omega` [rad/s].
+    """One mode, named after the cantilever mode or joint with most of its strain energy;
+    `omega` [rad/s].
 
     `positions` `(k, nq)` over one oscillation, from rest; `body`: the spacecraft's.
     """
@@ -25,13 +27,17 @@ class MovingMode(NamedTuple):
     body: str
 
 
-def moving_modes(model: "mujoco.MjModel", count: int, frames: int, exaggerate: float = 1.0) -> list[MovingMode]:
-    """The first `count` coupled modes of a model at rest, in `frames` positions each, `exaggerate` times as large."""
+def moving_modes(
+    model: "mujoco.MjModel", count: int, frames: int, exaggerate: float = 1.0
+) -> list[MovingMode]:
+    """The first `count` coupled modes of a model at rest, in `frames` positions each,
+    `exaggerate` times as large."""
     craft = linear_craft(model, None, None, None, None)
     modes, rest = craft.modes, craft.point.qpos
     if count > modes.frequency.size:
         raise InputError(
-            f"--modes = {count}: the spacecraft has {modes.frequency.size} coupled modes; give at most as many."
+            f"--modes = {count}: the spacecraft has {modes.frequency.size} coupled modes; give at "
+            "most as many."
         )
     free = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))
     body = model.body(int(model.jnt_bodyid[free[0]]) if free.size else 1).name
@@ -41,7 +47,15 @@ def moving_modes(model: "mujoco.MjModel", count: int, frames: int, exaggerate: f
         shape = modes.shapes[:, k]
         size = exaggerate * SWING * model.stat.extent / _reach(model, rest, shape)
         positions = np.array([_moved(model, rest, size * s * shape) for s in swing])
-        out.append(MovingMode(craft.mode_names[k], float(modes.frequency[k]), locked(positions), locked(rest), body))
+        out.append(
+            MovingMode(
+                craft.mode_names[k],
+                float(modes.frequency[k]),
+                locked(positions),
+                locked(rest),
+                body,
+            )
+        )
     return out
 
 

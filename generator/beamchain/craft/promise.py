@@ -1,4 +1,5 @@
-"""What the craft is promised, and the modes that keep it: added one at a time where they pay most."""
+"""What the craft is promised, and the modes that keep it:
+added one at a time where they pay most."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ from beamchain.errors import RealisationError
 from beamchain.fitting.needs import AXES
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
+from beamchain.ports.compare import keeps_tolerance
 from beamchain.ports.model import PortModel
 
 MOST_MODES = 12  # of an appendage, unless --max-modes says otherwise
@@ -21,9 +23,11 @@ ROUNDS = 3  # of growing and fitting: what comes out may miss what was foreseen
 
 @dataclass(frozen=True)
 class Asked:
-    """What the scenes of all appendages ask of the craft together; None where no scene states a band.
+    """What the scenes of all appendages ask of the craft together;
+    None where no scene states a band.
 
-    `band`: the largest [rad/s]; `tolerance`: the smallest; `motions`: union of those asked for, or all (0 to 5).
+    `band`: the largest [rad/s]; `tolerance`: the smallest; `motions`: union of those asked for,
+    or all (0 to 5).
     """
 
     band: float | None
@@ -32,7 +36,8 @@ class Asked:
 
 
 def asked(specs: Sequence[Spec]) -> Asked:
-    """What the scenes with a bandwidth ask for: largest band, smallest tolerance, union of the motions."""
+    """What the scenes with a bandwidth ask for: largest band, smallest tolerance,
+    union of the motions."""
     scenes = [s.scene for s in specs if s.scene is not None and s.scene.bandwidth is not None]
     if not scenes:
         return Asked(None, None, tuple(range(6)))
@@ -46,11 +51,16 @@ def kept_band(appendages: Sequence[Appendage]) -> float:
 
 
 def keep_promise(
-    craft: "mujoco.MjModel", appendages: tuple[Appendage, ...], most: int, refit: Callable[[Appendage, Spec], Fit]
+    craft: "mujoco.MjModel",
+    appendages: tuple[Appendage, ...],
+    most: int,
+    refit: Callable[[Appendage, Spec], Fit],
 ) -> tuple[tuple[Appendage, ...], tuple[str, ...]]:
-    """The appendages with as many modes as the craft's promise needs, and the steps taken; counts that were typed stay.
+    """The appendages with as many modes as the craft's promise needs, and the steps taken;
+    counts that were typed stay.
 
-    `most`: modes of an appendage; `refit` fits an appendage anew with the modes that a spec asks for.
+    `most`: modes of an appendage; `refit` fits an appendage anew with the modes
+    that a spec asks for.
     """
     want = asked([a.spec for a in appendages])
     if want.band is None or want.tolerance is None:
@@ -59,10 +69,13 @@ def keep_promise(
     if len(next(iter(found.values()))) > 1:  # several craft in one file
         return appendages, ()
     flat = {name: several[0] for name, several in found.items()}
-    best, least = appendages, _worst(flat, [in_six(a.fit) for a in appendages])[0]
-    ours, steps, barred = list(appendages), list[str](), set[int]()
+    best = appendages
+    least = _worst(flat, [in_six(a.fit) for a in appendages])[0]
+    ours = list(appendages)
+    steps = list[str]()
+    barred = set[int]()
     for _ in range(ROUNDS):
-        if least <= want.tolerance:
+        if keeps_tolerance(least, want.tolerance):
             break
         wanted = _grow(flat, [growing(a) for a in ours], want.tolerance, most, barred, steps)
         changed = [i for i, item in enumerate(wanted) if item.grown]
@@ -76,24 +89,34 @@ def keep_promise(
                 steps.append(f"{ours[i].at}: no chain has {wanted[i].modes} modes: {error}")
         error, _ = _worst(flat, [in_six(a.fit) for a in ours])
         if error < least:
-            best, least = tuple(ours), error
+            best = tuple(ours)
+            least = error
     return best, tuple(steps)
 
 
 def _grow(
-    poses: Mapping[str, Pose], ours: Sequence[Growing], tolerance: float, most: int, barred: set[int], steps: list[str]
+    poses: Mapping[str, Pose],
+    ours: Sequence[Growing],
+    tolerance: float,
+    most: int,
+    barred: set[int],
+    steps: list[str],
 ) -> list[Growing]:
-    """The appendages with the modes with which their models keep the tolerance, or the best up to `most` each.
+    """The appendages with the modes with which their models keep the tolerance,
+    or the best up to `most` each.
 
-    One mode at a time where it pays most; where none does, where its lack alone costs most. `steps` gets a line each.
+    One mode at a time where it pays most; where none does, where its lack alone costs most.
+    `steps` gets a line each.
     """
     ours = list(ours)
 
     def models(i: int | None = None, other: PortModel | None = None) -> list[PortModel]:
-        return [other if k == i and other is not None else item.model for k, item in enumerate(ours)]
+        return [
+            other if k == i and other is not None else item.model for k, item in enumerate(ours)
+        ]
 
     error, worst = _worst(poses, models())
-    while error > tolerance:
+    while not keeps_tolerance(error, tolerance):
         further = {
             (i, key): longer
             for i, item in enumerate(ours)
@@ -102,11 +125,17 @@ def _grow(
         }
         if not further:
             break
-        tried = {(i, key): worst.of_models(models(i, longer.model)) for (i, key), longer in further.items()}
+        tried = {
+            (i, key): worst.of_models(models(i, longer.model))
+            for (i, key), longer in further.items()
+        }
         found = min(tried, key=lambda k: (tried[k], further[k].newest))
         if tried[found] > PAYS * error:  # it takes several: what alone costs most, all others exact
             exact = [item.whole for item in worst.carried]
-            alone = {(i, key): worst.of_models([*exact[:i], ours[i].alone(key), *exact[i + 1 :]]) for i, key in further}
+            alone = {
+                (i, key): worst.of_models([*exact[:i], ours[i].alone(key), *exact[i + 1 :]])
+                for i, key in further
+            }
             heavy = max(alone, key=lambda k: alone[k])
             if alone[heavy] < IDLE * error:
                 break  # nothing that modes could mend
@@ -115,7 +144,9 @@ def _grow(
         ours[i] = further[found]
         before = error
         error, worst = _worst(poses, models())
-        steps.append(f"{ours[i].a.at}: {ours[i].added}: error of the craft {before:.2e} -> {error:.2e}")
+        steps.append(
+            f"{ours[i].a.at}: {ours[i].added}: error of the craft {before:.2e} -> {error:.2e}"
+        )
     return ours
 
 

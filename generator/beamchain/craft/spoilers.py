@@ -1,4 +1,5 @@
-"""What in a compiled spacecraft spoils its appendages' motion: each with the figure and the cure."""
+"""What in a compiled spacecraft spoils its appendages' motion:
+each with the figure and the cure."""
 
 from collections.abc import Iterator, Sequence
 
@@ -6,12 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beamchain.caution import Caution
-from beamchain.craft.assembly import quiet
 from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
+from beamchain.engine.linear import linear_at
 from beamchain.engine.linearise import NUMBERS
+from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.errors import InputError
-from beamchain.steps.budget import linear_model
 from beamchain.steps.limits import StepLimits
 
 DAMPS = 0.5  # numerical damping is worth a word from this share of the structure's own
@@ -24,8 +25,9 @@ def check_flags(model: "mujoco.MjModel") -> None:
         bit = getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", None)
         if bit is not None and int(model.opt.disableflags) & int(bit):
             raise InputError(
-                f'the spacecraft switches off its passive forces (option flag {name.lower()}="disable"), and so '
-                f'every hinge spring or damper of the appendage; write {name.lower()}="enable".'
+                "the spacecraft switches off its passive forces (option flag "
+                f'{name.lower()}="disable"), and so every hinge spring or damper of the appendage; '
+                f'write {name.lower()}="enable".'
             )
 
 
@@ -34,7 +36,8 @@ def spoilers(
 ) -> Iterator[str]:
     """Warnings about a compiled spacecraft with its appendages.
 
-    `kept`: their cantilever frequencies [rad/s]; `zeta`: smallest damping ratio; `geoms`: ids of their geoms.
+    `kept`: their cantilever frequencies [rad/s]; `zeta`: smallest damping ratio; `geoms`:
+    ids of their geoms.
     """
     option = model.opt
     off = int(option.disableflags)
@@ -42,49 +45,57 @@ def spoilers(
     if np.any(gravity != 0.0) and not off & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
         yield Caution(
             "gravity",
-            f"gravity is {' '.join(f'{g:g}' for g in gravity)} m/s^2: it falls, and where it is held its appendages "
+            f"gravity is {' '.join(f'{g:g}' for g in gravity)} m/s^2: it falls, and where it is "
+            "held its appendages "
             'bend; in orbit write <option gravity="0 0 0">.',
         )
     if option.density > 0.0 or option.viscosity > 0.0:
         yield Caution(
             "medium",
-            f"the medium (density {option.density:g}, viscosity {option.viscosity:g}) drags on the links as on all "
-            "bodies; in space set both to 0.",
+            f"the medium (density {option.density:g}, viscosity {option.viscosity:g}) drags on the "
+            "links as on all bodies; in space set both to 0.",
         )
     collide = [i for i in geoms if int(model.geom_contype[i]) or int(model.geom_conaffinity[i])]
     if collide and not off & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
         yield Caution(
             "collisions",
-            f"{len(collide)} shapes of the appendages collide, and neighbouring links touch; leave scene.contacts off.",
+            f"{len(collide)} shapes of the appendages collide, and neighbouring links touch; leave "
+            "scene.contacts off.",
         )
     if int(model.neq):
         yield Caution(
             "equality",
-            f"{int(model.neq)} equality constraints of the spacecraft are left out of the proof of coupled modes.",
+            f"{int(model.neq)} equality constraints of the spacecraft are left out of the proof of "
+            "coupled modes.",
         )
-    integrator, step = NUMBERS[int(option.integrator)], float(option.timestep)
+    integrator = NUMBERS[int(option.integrator)]
+    step = float(option.timestep)
     largest = limits.largest_step[integrator]
     if step > largest:
         yield Caution(
             "unstable-step",
-            f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes unstable (fastest "
+            f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes "
+            "unstable (fastest "
             f"coupled mode {limits.omega_max:.5g} rad/s{_held_by(model)}); write "
             f'<option timestep="{_round_down(0.5 * largest):g}">.',
         )
     if integrator == "discrete":
-        fastest, own = float(np.max(np.asarray(kept))), DAMPS * max(zeta, 1e-3)
+        fastest = float(np.max(np.asarray(kept)))
+        allowed = DAMPS * max(zeta, 1e-3)
         added = step * fastest / 2.0
-        if added > own:
+        if added > allowed:
             yield Caution(
                 "discrete-damping",
-                f"the integrator discrete adds a damping ratio of {added:.2g} to the fastest kept mode at timestep "
-                f"{step:g} s (the structure has {zeta:g}); take implicitfast, or a timestep below "
-                f"{_round_down(own * 2.0 / fastest):g} s.",
+                f"the integrator discrete adds a damping ratio of {added:.2g} to the fastest kept "
+                f"mode at timestep {step:g} s (the structure has {zeta:g}); take implicitfast, or "
+                f"a timestep below {_round_down(allowed * 2.0 / fastest):g} s.",
             )
     tendon = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0.0))
     eulerdamp = off & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     if integrator == "Euler" and (tendon or eulerdamp) and zeta > 0.0:
-        yield Caution("tendon-damping", f"{TENDON_DAMPING}, which shifts it by about w h; take implicitfast.")
+        yield Caution(
+            "tendon-damping", f"{TENDON_DAMPING}, which shifts it by about w h; take implicitfast."
+        )
 
 
 def _round_down(value: float) -> float:
@@ -93,16 +104,25 @@ def _round_down(value: float) -> float:
 
 
 def _held_by(model: "mujoco.MjModel") -> str:
-    """Words for the spring that holds most of the fastest mode's energy, where a name tells which it is."""
-    linear = linear_model(quiet(model))
-    values, vectors = np.linalg.eig(linear.stiffness)
-    shape = np.real(vectors)[:, int(np.argmax(np.abs(values)))]
+    """Words for the spring that holds most of the fastest mode's energy,
+    where a name tells which it is."""
+    modes = linear_at(rest_point(quiet_copy(model))).modes()
+    if not modes.frequency.size:
+        return ""
+    shape = modes.shapes[:, -1]
     shares: list[tuple[float, str]] = []
     for j in range(model.njnt):
         stiffness = float(model.jnt_stiffness[j])
-        shares.append((stiffness * float(shape[int(model.jnt_dofadr[j])]) ** 2, f"joint {model.joint(j).name!r}"))
+        shares.append(
+            (
+                stiffness * float(shape[int(model.jnt_dofadr[j])]) ** 2,
+                f"joint {model.joint(j).name!r}",
+            )
+        )
     for i in range(model.ntendon):
         stiffness = float(model.tendon_stiffness[i])
-        shares.append((stiffness * float(along(model, i) @ shape) ** 2, f"tendon {model.tendon(i).name!r}"))
+        shares.append(
+            (stiffness * float(along(model, i) @ shape) ** 2, f"tendon {model.tendon(i).name!r}")
+        )
     share, name = max(shares, default=(0.0, ""))
     return f", held mostly by the spring of {name}" if share > 0.0 else ""

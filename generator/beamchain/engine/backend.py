@@ -9,8 +9,9 @@ from beamchain.errors import EngineError
 OFF_SCREEN = ("egl", "osmesa")
 PATIENCE = 60  # seconds for a driver to answer
 _TRY = (
-    "import mujoco; m = mujoco.MjModel.from_xml_string('<mujoco><worldbody><geom size=\".1\"/></worldbody></mujoco>'); "
-    "d = mujoco.MjData(m); r = mujoco.Renderer(m, 16, 16); r.update_scene(d); r.render(); r.close()"
+    "import mujoco; m = mujoco.MjModel.from_xml_string('<mujoco><worldbody><geom "
+    'size=".1"/></worldbody></mujoco>\'); d = mujoco.MjData(m); r = mujoco.Renderer(m, 16, 16); '
+    "r.update_scene(d); r.render(); r.close()"
 )
 
 
@@ -23,10 +24,14 @@ def choose() -> str:
         if _works(name):
             os.environ["MUJOCO_GL"] = name
             return name
-    said = f"MUJOCO_GL = {given!r} does not draw here" if given else "neither EGL nor OSMesa draws here"
+    said = (
+        f"MUJOCO_GL = {given!r} does not draw here"
+        if given
+        else "neither EGL nor OSMesa draws here"
+    )
     raise EngineError(
-        f"{said}; install one (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6) or set "
-        "MUJOCO_GL to egl, osmesa or glfw, whichever this machine has."
+        f"{said}; install one (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri, or "
+        "libosmesa6) or set MUJOCO_GL to egl, osmesa or glfw, whichever this machine has."
     )
 
 
@@ -35,8 +40,11 @@ def _works(name: str) -> bool:
     try:
         done = subprocess.run(
             [sys.executable, "-c", _TRY],
-            env={**os.environ, "MUJOCO_GL": name}, capture_output=True, timeout=PATIENCE, check=False,
-        )  # fmt: skip
+            env={**os.environ, "MUJOCO_GL": name},
+            capture_output=True,
+            timeout=PATIENCE,
+            check=False,
+        )
     except (OSError, subprocess.TimeoutExpired):
         return False
     return done.returncode == 0
@@ -44,4 +52,6 @@ def _works(name: str) -> bool:
 
 def has_screen() -> bool:
     """Whether a window can be opened."""
-    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return sys.platform != "linux" or bool(
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )

@@ -1,4 +1,5 @@
-"""Frames of a spacecraft in given positions: lit, before a dark blue sky with stars, as large as the frame holds."""
+"""Frames of a spacecraft in given positions: lit, before a dark blue sky with stars,
+as large as the frame holds."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, product
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from beamchain.engine.library import mujoco, rest
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import EngineError
+from beamchain.files import note_input
 from beamchain.mjcf.visuals import PANEL, TRUSS
 from beamchain.ports.motions import Array
 
@@ -20,13 +22,21 @@ SLIMMEST = 1.0 / 320.0  # of the picture's extent: thinner solids would vanish
 GHOST = 0.3  # opacity of what is drawn for comparison
 MARGIN = 1.05  # of the frame over what it holds
 SAMPLES = 24  # positions from which the camera is placed
-AZIMUTHS, ELEVATIONS = (68.0, 82.0, 98.0, 112.0), (-14.0, -26.0, -38.0)  # degrees; from the mean direction outwards
-SKY: Any = {"rgb1": (0.06, 0.12, 0.3), "rgb2": (0.02, 0.05, 0.16), "markrgb": (0.85, 0.9, 1.0), "random": 0.001}
+# degrees; from the mean direction outwards
+AZIMUTHS = (68.0, 82.0, 98.0, 112.0)
+ELEVATIONS = (-14.0, -26.0, -38.0)
+SKY: Any = {
+    "rgb1": (0.06, 0.12, 0.3),
+    "rgb2": (0.02, 0.05, 0.16),
+    "markrgb": (0.85, 0.9, 1.0),
+    "random": 0.001,
+}
 PIXELS = 512  # of the sky, a side
 AMBIENT, DIFFUSE = 0.35, 0.5  # at least, of the light at the camera
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
-# cells on panels and lattices in place of trusses, added to a scene that is drawn: they cost a simulation nothing
+# cells on panels and lattices in place of trusses, added to a scene that is drawn:
+# they cost a simulation nothing
 ACROSS = 4  # cells across a panel
 MOST_CELLS = 40  # cells along a panel, bays along a truss, per link
 FILLED = 0.9  # of its place that a cell covers
@@ -37,7 +47,8 @@ WAYS = ((-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0))  # corners of a trus
 
 
 def staged(source: str | Path) -> "mujoco.MjModel":
-    """A compiled model with stars, where the file gives no sky but a plain one, and light, where it gives none.
+    """A compiled model with stars, where the file gives no sky but a plain one, and light,
+    where it gives none.
 
     A compiled .mjb file stays as it is.
     """
@@ -45,44 +56,64 @@ def staged(source: str | Path) -> "mujoco.MjModel":
     text = isinstance(source, str) and source.lstrip().startswith("<")
     if not text and Path(source).suffix.lower() == ".mjb":
         return model
-    spec: Any = mujoco.MjSpec.from_string(str(source)) if text else mujoco.MjSpec.from_file(str(source))
-    kind, flat = mujoco.mjtTexture.mjTEXTURE_SKYBOX, mujoco.mjtBuiltin.mjBUILTIN_FLAT
+    spec: Any = (
+        mujoco.MjSpec.from_string(str(source)) if text else mujoco.MjSpec.from_file(str(source))
+    )
+    if not text:
+        for folder, assets in (
+            (spec.texturedir, spec.textures),
+            (spec.meshdir, (*spec.meshes, *spec.hfields)),
+        ):
+            for asset in assets:
+                note_input(Path(source).parent / folder / asset.file)
+    kind = mujoco.mjtTexture.mjTEXTURE_SKYBOX
+    flat = mujoco.mjtBuiltin.mjBUILTIN_FLAT
     skies = [texture for texture in spec.textures if texture.type == kind]
     if not skies:
         skies = [spec.add_texture(type=kind, builtin=flat)]
     if skies[0].builtin == flat:
-        skies[0].builtin, skies[0].mark = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, mujoco.mjtMark.mjMARK_RANDOM
+        skies[0].builtin, skies[0].mark = (
+            mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+            mujoco.mjtMark.mjMARK_RANDOM,
+        )
         skies[0].width = skies[0].height = PIXELS
         for name, value in SKY.items():
             setattr(skies[0], name, value)
     if not spec.lights:
         spec.worldbody.add_light(
-            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=(-0.3, 0.4, -1.0), diffuse=(0.6, 0.6, 0.6)
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+            dir=(-0.3, 0.4, -1.0),
+            diffuse=(0.6, 0.6, 0.6),
         )
     lamp = spec.visual.headlight
-    lamp.ambient, lamp.diffuse = np.maximum(lamp.ambient, AMBIENT), np.maximum(lamp.diffuse, DIFFUSE)
+    lamp.ambient, lamp.diffuse = (
+        np.maximum(lamp.ambient, AMBIENT),
+        np.maximum(lamp.diffuse, DIFFUSE),
+    )
     return spec.compile()
 
 
 def drawn(
     model: "mujoco.MjModel", body: str, shown: Array, ghosts: Array, *, width: int, height: int
 ) -> Iterator[Frame]:
-    """Frames `(height, width, 3)`, all from one place, from which they are seen as large and as moving as can be.
+    """Frames `(height, width, 3)`, all from one place,
+    from which they are seen as large and as moving as can be.
 
-    `shown`, `ghosts` `(k, nq)`: positions, and those drawn faintly for comparison, of all but the spacecraft's `body`. Thin
-    solids of the model are made thick enough to be seen.
+    `shown`, `ghosts` `(k, nq)`: positions, and those drawn faintly for comparison, of all but the
+    spacecraft's `body`. Thin solids of the model are made thick enough to be seen.
     """
     camera, extent = _camera(model, body, shown, ghosts, width / height)
     _thicken(model, SLIMMEST * extent)
     model.vis.global_.offwidth = max(int(model.vis.global_.offwidth), width)
     model.vis.global_.offheight = max(int(model.vis.global_.offheight), height)
-    data, faint = mujoco.MjData(model), mujoco.MjData(model)
+    data = mujoco.MjData(model)
+    faint = mujoco.MjData(model)
     try:
         renderer: Any = mujoco.Renderer(model, height, width)
     except (ImportError, AttributeError, RuntimeError, mujoco.FatalError) as error:
         raise EngineError(
-            f"MuJoCo cannot draw here ({' '.join(str(error).split())[:120]}); set MUJOCO_GL to egl or osmesa before "
-            "the process starts."
+            f"MuJoCo cannot draw here ({' '.join(str(error).split())[:120]}); set MUJOCO_GL to egl "
+            "or osmesa before the process starts."
         ) from None
     hub = model.body(body).id
     try:
@@ -93,7 +124,8 @@ def drawn(
                 mujoco.mj_comPos(model, state)
                 mujoco.mj_camlight(model, state)
             renderer.update_scene(data, camera)
-            renderer.scene.flags[int(mujoco.mjtRndFlag.mjRND_SHADOW)] = 0  # cast by a far light they are ragged
+            # cast by a far light they are ragged
+            renderer.scene.flags[int(mujoco.mjtRndFlag.mjRND_SHADOW)] = 0
             decorate(model, renderer.scene, SLIMMEST * extent / 4.0)
             _ghosts(model, faint, renderer.scene, hub)
             yield renderer.render().copy()
@@ -107,7 +139,10 @@ def _ghosts(model: "mujoco.MjModel", faint: "mujoco.MjData", scene: Any, hub: in
     mujoco.mjv_addGeoms(model, faint, mujoco.MjvOption(), mujoco.MjvPerturb(), everything, scene)
     for i in range(before, int(scene.ngeom)):
         geom = scene.geoms[i]
-        own = int(geom.objtype) == int(mujoco.mjtObj.mjOBJ_GEOM) and int(model.geom_bodyid[geom.objid]) != hub
+        own = (
+            int(geom.objtype) == int(mujoco.mjtObj.mjOBJ_GEOM)
+            and int(model.geom_bodyid[geom.objid]) != hub
+        )
         geom.rgba[3] = GHOST if own else 0.0
 
 
@@ -119,10 +154,15 @@ def _thicken(model: "mujoco.MjModel", least: float) -> None:
         model.geom_size[i, :n] = np.maximum(model.geom_size[i, :n], least)
 
 
-def _camera(model: "mujoco.MjModel", body: str, shown: Array, ghosts: Array, aspect: float) -> tuple[Any, float]:
-    """The camera that shows most motion of all that see every position, and the width of what it sees [m]."""
+def _camera(
+    model: "mujoco.MjModel", body: str, shown: Array, ghosts: Array, aspect: float
+) -> tuple[Any, float]:
+    """The camera that shows most motion of all that see every position,
+    and the width of what it sees [m]."""
     some = range(0, len(shown), max(len(shown) // SAMPLES, 1))
-    points, faint = (np.array([_corners(model, positions[k]) for k in some]) for positions in (shown, ghosts))
+    points, faint = (
+        np.array([_corners(model, positions[k]) for k in some]) for positions in (shown, ghosts)
+    )
     moved, points = points - faint, np.concatenate([points, faint])
     out = points.mean(axis=(0, 1)) - rest(model, shown[0]).body(body).xpos
     heading = np.degrees(np.arctan2(out[1], out[0]))
@@ -130,7 +170,9 @@ def _camera(model: "mujoco.MjModel", body: str, shown: Array, ghosts: Array, asp
     best: tuple[float, Any] = (-1.0, None)
     for turn, elevation in product(AZIMUTHS, ELEVATIONS):
         frame = _frame(heading + turn, elevation)
-        middle, distance = _fitted(points.reshape(-1, 3) @ frame, np.array([aspect * up, up]) / MARGIN)
+        middle, distance = _fitted(
+            points.reshape(-1, 3) @ frame, np.array([aspect * up, up]) / MARGIN
+        )
         spread = np.std(points @ frame[:, :2], axis=(0, 1)).sum()
         seen = float(np.linalg.norm(moved @ frame[:, :2]) * spread) / distance**2
         if seen > best[0]:
@@ -150,12 +192,15 @@ def _frame(azimuth: float, elevation: float) -> Array:
 
 
 def _fitted(points: Array, tangents: Array) -> tuple[Array, float]:
-    """Where to look `(3,)` and from how far, so that `(n, 3)` points just lie between the four sides of the picture.
+    """Where to look `(3,)` and from how far,
+    so that `(n, 3)` points just lie between the four sides of the picture.
 
-    A point is within a side where its coordinate across is at most the tangent of the angle times its distance.
+    A point is within a side where its coordinate across is at most the tangent of the angle
+    times its distance.
     """
     across, depth = points[:, :2], points[:, 2:]
-    right, left = np.max(across - tangents * depth, axis=0), np.max(-across - tangents * depth, axis=0)
+    right = np.max(across - tangents * depth, axis=0)
+    left = np.max(-across - tangents * depth, axis=0)
     reach = float(np.max((right + left) / (2.0 * tangents)) + depth.mean())
     return np.array([*((right - left) / 2.0), depth.mean()]), reach
 
@@ -165,27 +210,37 @@ def _corners(model: "mujoco.MjModel", positions: Array) -> Array:
     data = rest(model, positions)
     out: Sequence[Array] = [
         data.geom_xpos[i]
-        + (CORNERS * model.geom_aabb[i, 3:] + model.geom_aabb[i, :3]) @ data.geom_xmat[i].reshape(3, 3).T
+        + (CORNERS * model.geom_aabb[i, 3:] + model.geom_aabb[i, :3])
+        @ data.geom_xmat[i].reshape(3, 3).T
         for i in range(model.ngeom)
-        if int(model.geom_type[i]) != int(mujoco.mjtGeom.mjGEOM_PLANE) and model.geom_rgba[i, 3] > 0.0
+        if int(model.geom_type[i]) != int(mujoco.mjtGeom.mjGEOM_PLANE)
+        and model.geom_rgba[i, 3] > 0.0
     ]
     return np.concatenate(out)
 
 
 def decorate(model: "mujoco.MjModel", scene: Any, slim: float) -> None:
-    """Draw the panels and trusses among the geoms of a renderer's scene, known by name and colour, in detail.
+    """Draw the panels and trusses among the geoms of a renderer's scene,
+    known by name and colour, in detail.
 
     `slim`: least radius of a strut [m].
     """
-    solid, box = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtGeom.mjGEOM_BOX)
+    solid = int(mujoco.mjtObj.mjOBJ_GEOM)
+    box = int(mujoco.mjtGeom.mjGEOM_BOX)
     for i in range(int(scene.ngeom)):
         geom = scene.geoms[i]
-        if int(geom.objtype) != solid or int(geom.type) != box or "shape" not in model.geom(geom.objid).name:
+        if (
+            int(geom.objtype) != solid
+            or int(geom.type) != box
+            or "shape" not in model.geom(geom.objid).name
+        ):
             continue
         own = " ".join(f"{value:g}" for value in model.geom_rgba[geom.objid])
         if own not in (PANEL, TRUSS) or geom.rgba[3] == 0.0:
             continue
-        place, turn, half = np.array(geom.pos), np.array(geom.mat).reshape(3, 3), np.array(geom.size)
+        place = np.array(geom.pos)
+        turn = np.array(geom.mat).reshape(3, 3)
+        half = np.array(geom.size)
         colour = np.array(geom.rgba, dtype=np.float32)
         if own == PANEL:
             geom.rgba[:3] = SUBSTRATE
@@ -200,7 +255,9 @@ def decorate(model: "mujoco.MjModel", scene: Any, slim: float) -> None:
             _add(scene, size, place + turn @ (one + two) / 2.0, turn @ _along(span), colour)
 
 
-def _add(scene: Any, half: Array, place: Array, turn: Array, colour: Any, gloss: float = 0.0) -> None:
+def _add(
+    scene: Any, half: Array, place: Array, turn: Array, colour: Any, gloss: float = 0.0
+) -> None:
     """One more box in a scene, unless it is full; boxes are by far the quickest to draw."""
     if int(scene.ngeom) < int(scene.maxgeom):
         geom = scene.geoms[int(scene.ngeom)]
@@ -222,15 +279,23 @@ def _cells(half: Array) -> Iterator[tuple[Array, Array]]:
     wide = 3 - thin
     along = min(max(round(float(ACROSS * half[0] / half[wide])), 1), MOST_CELLS)
     size = np.empty(3)
-    size[[0, wide, thin]] = FILLED * half[0] / along, FILLED * half[wide] / ACROSS, PROUD * half[thin]
+    size[[0, wide, thin]] = (
+        FILLED * half[0] / along,
+        FILLED * half[wide] / ACROSS,
+        PROUD * half[thin],
+    )
     for i, j in product(range(along), range(ACROSS)):
         middle = np.zeros(3)
-        middle[[0, wide]] = ((2 * i + 1) / along - 1.0) * half[0], ((2 * j + 1) / ACROSS - 1.0) * half[wide]
+        middle[[0, wide]] = (
+            ((2 * i + 1) / along - 1.0) * half[0],
+            ((2 * j + 1) / ACROSS - 1.0) * half[wide],
+        )
         yield middle, size
 
 
 def _struts(half: Array) -> Iterator[tuple[Array, Array]]:
-    """Ends of every strut of a truss with half extents `(3,)`: longerons, battens and a diagonal in every bay."""
+    """Ends of every strut of a truss with half extents `(3,)`: longerons,
+    battens and a diagonal in every bay."""
     bays = min(max(round(float(half[0] / half[1:].max())), 1), MOST_CELLS)
     x = np.linspace(-half[0], half[0], bays + 1)
     corners = [np.array([[at, a * half[1], b * half[2]] for a, b in WAYS]) for at in x]

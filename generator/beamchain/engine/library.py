@@ -1,12 +1,14 @@
 """The one place that imports MuJoCo, so that a broken installation is met with its cure."""
 
 import ctypes
+import logging
 import os
 import platform
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from functools import cache, partial
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cython_blas
 
 from beamchain.errors import EngineError
+from beamchain.late import importing
 
 if TYPE_CHECKING:
     from mujoco.rollout import Rollout
@@ -22,7 +25,16 @@ OLDEST = (3, 13)
 
 try:
     import mujoco as mujoco
-except ImportError as error:  # an upgrade 3.x -> 4 by plain pip leaves the split wheels half replaced
+except (
+    ImportError,
+    RuntimeError,
+    AttributeError,
+) as error:  # an upgrade 3.x -> 4 by plain pip leaves the split wheels half replaced
+    if "MUJOCO_GL" in os.environ:
+        raise EngineError(
+            f"MuJoCo cannot be imported with MUJOCO_GL = {os.environ['MUJOCO_GL']!r} ({error}); "
+            "set it to egl, osmesa or glfw, whichever this machine has, or unset it."
+        ) from error
     raise EngineError(
         f"MuJoCo cannot be imported ({error}). If it was upgraded from 3.x to 4.x, repair it with: "
         "pip install --force-reinstall --no-deps mujoco mujoco-core mujoco-studio"
@@ -30,14 +42,21 @@ except ImportError as error:  # an upgrade 3.x -> 4 by plain pip leaves the spli
 
 if tuple(int(part) for part in mujoco.__version__.split(".")[:2]) < OLDEST:
     raise EngineError(
-        f"MuJoCo {mujoco.__version__} is too old; beamchain needs {OLDEST[0]}.{OLDEST[1]} or newer: "
-        "pip install -U mujoco"
+        f"MuJoCo {mujoco.__version__} is too old; beamchain needs {OLDEST[0]}.{OLDEST[1]} or "
+        "newer: pip install -U mujoco"
     )
+
+#: where MuJoCo's warnings go, in place of MUJOCO_LOG.TXT in the working folder and standard output
+LOG = logging.getLogger("beamchain.mujoco")
+
+if mujoco.get_mju_user_warning() is None:  # else the user's program has its own
+    mujoco.set_mju_user_warning(LOG.warning)
 
 
 def rollout_engine() -> "Rollout":
     """MuJoCo's rollouts on the calling thread, imported when asked for."""
-    from mujoco.rollout import Rollout
+    with importing:
+        from mujoco.rollout import Rollout
 
     return Rollout(nthread=0)
 
@@ -59,19 +78,46 @@ def hangs_on(model: "mujoco.MjModel", body: int, top: int) -> bool:
     return body == top
 
 
-@contextmanager
-def quiet() -> Generator[None]:
-    """Keeps MuJoCo's warnings out of MUJOCO_LOG.TXT in the working folder."""
+class _WhileAny:
+    """A setting of the whole process: made by the first thread that enters,
+    undone by the last that leaves.
+
+    `make` makes it and returns what undoes it.
+    """
+
+    def __init__(self, make: Callable[[], Callable[[], object]]) -> None:
+        self._make = make
+        self._undo: Callable[[], object] | None = None
+        self._inside = 0
+        self._lock = Lock()
+
+    @contextmanager
+    def __call__(self) -> Generator[None]:
+        with self._lock:
+            if self._inside == 0:
+                self._undo = self._make()
+            self._inside += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._inside -= 1
+                if self._inside == 0 and self._undo is not None:
+                    self._undo()
+
+
+def _silence() -> Callable[[], object]:
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(_silent)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)
+    return partial(mujoco.set_mju_user_warning, before)
 
 
 def _silent(message: str) -> None:
     """MuJoCo's warning handler while warnings are expected."""
+
+
+#: `with quiet():` within it MuJoCo's warnings, which are expected, go nowhere.
+quiet = _WhileAny(_silence)
 
 
 def machine() -> dict[str, Any]:
@@ -91,24 +137,37 @@ def _processor() -> str:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         return platform.processor() or platform.machine()
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())
+    return next(
+        (line.partition(":")[2].strip() for line in lines if line.startswith("model name")),
+        platform.machine(),
+    )
 
 
-STEMS = ("scipy_openblas_{}_num_threads64_", "scipy_openblas_{}_num_threads", "openblas_{}_num_threads64_",
-         "openblas_{}_num_threads")  # fmt: skip
+STEMS = (
+    "scipy_openblas_{}_num_threads64_",
+    "scipy_openblas_{}_num_threads",
+    "openblas_{}_num_threads64_",
+    "openblas_{}_num_threads",
+)
 
 
-@contextmanager
-def one_thread() -> Generator[None]:
-    """Within it OpenBLAS, NumPy's and SciPy's, works on one thread."""
+def _one_blas_thread() -> Callable[[], object]:
     before = [(put, int(get())) for get, put in _switches()]
-    try:
-        for put, _ in before:
-            put(1)
-        yield
-    finally:
+    for put, _ in before:
+        put(1)
+
+    def undo() -> None:
         for put, count in before:
             put(count)
+
+    return undo
+
+
+#: `with one_thread():` or `@one_thread()`: within it OpenBLAS, NumPy's and SciPy's, works on one
+#: thread. The package's matrices are small, so that more threads only wait for each other. Every
+#: public function and result that computes with MuJoCo or with matrices of a craft has it;
+#: docs/embedding.md lists them.
+one_thread = _WhileAny(_one_blas_thread)
 
 
 @cache

@@ -1,29 +1,38 @@
-"""MuJoCo's own linearisation, undone exactly: A, B of `mjd_transitionFD` -> the continuous system -> a port model.
+"""MuJoCo's own linearisation, undone exactly: A,
+B of `mjd_transitionFD` -> the continuous system -> a port model.
 
-The semi-implicit step is `v+ = v + h a(q, v+)`, `q+ = q + h v+`, so that the blocks of A and B give `M^-1 K`, `M^-1 D`
-and `M^-1 B` without a limit h -> 0, even at a step at which the simulation would be unstable.
+The semi-implicit step is `v+ = v + h a(q, v+)`, `q+ = q + h v+`, so that the blocks of A and B
+give `M^-1 K`, `M^-1 D` and `M^-1 B` without a limit h -> 0, even at a step at which the simulation
+would be unstable.
 
 Theory: docs/theory.md, section 6.
 """
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from beamchain.engine.library import mujoco
+from beamchain.checks import of_type, path_of, positive
+from beamchain.engine.door import check_model
+from beamchain.engine.library import mujoco, one_thread
 from beamchain.errors import EngineError, InputError
-from beamchain.mjcf.craft import check_text
+from beamchain.files import no_file, note_input
+from beamchain.late import importing
+from beamchain.mjcf.sizes import check_sizes
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import Array, locked
+from beamchain.ports.motions import Array, locked, system_matrix
 
 if TYPE_CHECKING:
     import control
 
+MOST_FREEDOMS = 2000  # matrices of its square, differences of its cube: 0.7 s at 200
 EPSILON = 1e-6  # perturbation of the centred differences
-VELOCITY = 1e-3  # the same for velocities: the integrator "discrete" does not see damping forces of 1e-9
+# the same for velocities: the integrator "discrete" does not see damping forces of 1e-9
+VELOCITY = 1e-3
 
 #: Of the installed MuJoCo; "discrete" is not in all versions.
 INTEGRATORS = {
@@ -35,27 +44,53 @@ NUMBERS = {number: name for name, number in INTEGRATORS.items()}
 
 
 def compile_model(source: "mujoco.MjModel | str | Path") -> "mujoco.MjModel":
-    """A compiled model from a model, MJCF text or a path."""
+    """A compiled model from a model, MJCF text or a path; what it asks for is bounded first,
+    its numbers afterwards."""
     if isinstance(source, mujoco.MjModel):
         return source
-    if isinstance(source, str) and source.lstrip().startswith("<"):
-        try:
-            return mujoco.MjModel.from_xml_string(source)
-        except ValueError as error:
-            raise EngineError(f"MuJoCo refuses the model: {error}") from None
-    path = Path(source)
-    if not path.is_file():
-        raise InputError(f"model {str(path)!r} is not a file; give the path of an MJCF (.xml) file.")
-    if path.suffix.lower() != ".mjb":
-        check_text(path.read_bytes(), f"model {str(path)!r}")
+    text = isinstance(source, str) and source.lstrip().startswith("<")
+    wanted = "a compiled mujoco.MjModel, or the path or the text of an MJCF (.xml) file"
+    path = Path() if text else path_of("model", source, wanted)
+    what = "model" if text else f"model {str(path)!r}"
+    if not text:
+        note_input(path)
+        kind = no_file(path)
+        if kind:
+            raise InputError(f"model {str(path)!r} {kind}; give the path of an MJCF (.xml) file.")
+    if text:
+        check_sizes(str(source).encode("utf-8"), Path(), what)
+    elif path.suffix.lower() != ".mjb":
+        check_sizes(path.read_bytes(), path.parent, what)
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        model = (
+            mujoco.MjModel.from_xml_string(str(source))
+            if text
+            else mujoco.MjModel.from_xml_path(str(path))
+        )
     except ValueError as error:
-        raise EngineError(f"MuJoCo refuses {str(path)!r}: {error}") from None
+        raise EngineError(
+            f"MuJoCo refuses {'the model' if text else repr(str(path))}: {error}"
+        ) from None
+    check_model(model, what)
+    return model
+
+
+def check_freedoms(model: "mujoco.MjModel") -> None:
+    """Refuse a model with nothing to linearise, or with too much."""
+    if model.nv == 0:
+        raise EngineError(
+            "the model has no degree of freedom to linearise; put it on a joint (the bench does)."
+        )
+    if model.nv > MOST_FREEDOMS:
+        raise EngineError(
+            f"the model has {model.nv} degrees of freedom; at most {MOST_FREEDOMS} are linearised: "
+            "freeze what does not matter (joints, soft bodies)."
+        )
 
 
 class Held(NamedTuple):
-    """A linearised model with its root held, `n` modes and `m` motions; `reaction x drive` is the sum of `W^2 L L^T`."""
+    """A linearised model with its root held, `n` modes and `m` motions;
+    `reaction x drive` is the sum of `W^2 L L^T`."""
 
     apparent: Array  # (m, m) mass of the port with the joints loose
     squares: Array  # (n,) frequencies squared, ascending [1/s^2]
@@ -67,11 +102,17 @@ class Held(NamedTuple):
         """`(n, m)` participation, the modes of each group of equal frequency taken together."""
         out = np.zeros(self.drive.shape)
         for group in map(list, groups):
-            # the sum over a group of W^2 L L^T is its own, whatever its eigenvectors: the leading eigenpairs are the rows
-            both = (self.reaction[:, group, None] * self.drive[group] / self.squares[group, None]).sum(axis=1)
+            # the sum over a group of W^2 L L^T is its own, whatever its eigenvectors:
+            # the leading eigenpairs are the rows
+            both = (
+                self.reaction[:, group, None] * self.drive[group] / self.squares[group, None]
+            ).sum(axis=1)
             values, vectors = np.linalg.eigh((both + both.T) / 2.0)
-            top = max(values.size - len(group), 0)  # more modes than motions: those left over move nothing
-            out[group[: values.size - top]] = (vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))).T[::-1]
+            # more modes than motions: those left over move nothing
+            top = max(values.size - len(group), 0)
+            out[group[: values.size - top]] = (
+                vectors[:, top:] * np.sqrt(np.clip(values[top:], 0.0, None))
+            ).T[::-1]
         return out
 
 
@@ -118,23 +159,29 @@ class Linearisation:
     @property
     def discrete(self) -> "control.StateSpace":
         """The step as MuJoCo takes it, `control.StateSpace` with dt."""
-        import control
+        with importing:
+            import control
 
         return cast("control.StateSpace", control.ss(self.a, self.b, self.c, self.d, self.timestep))
 
     @property
     def continuous(self) -> "control.StateSpace":
         """The system `q'' = -M^-1 K q - M^-1 D q' + M^-1 B u`, states (q, q')."""
-        import control
+        with importing:
+            import control
 
-        a, b = system_matrix(self.stiffness, self.damping), np.vstack([0.0 * self.inputs, self.inputs])
+        a = system_matrix(self.stiffness, self.damping)
+        b = np.vstack([0.0 * self.inputs, self.inputs])
         return cast("control.StateSpace", control.ss(a, b, self.c, self.d))
 
     def frequencies(self) -> Array:
         """Undamped natural frequencies above zero, ascending [rad/s]."""
-        # rigid motions are exact zero columns for slides and hinges; a free joint leaves them at rounding level
+        # rigid motions are exact zero columns for slides and hinges;
+        # a free joint leaves them at rounding level
         squares = np.linalg.eigvals(self.stiffness).real
-        return np.sqrt(np.sort(squares[squares > 1e-11 * max(float(np.max(squares, initial=0.0)), 1e-300)]))
+        return np.sqrt(
+            np.sort(squares[squares > 1e-11 * max(float(np.max(squares, initial=0.0)), 1e-300)])
+        )
 
     def discrete_frequencies(self) -> tuple[Array, Array]:
         """`|log z| / h` [rad/s] and damping ratios of oscillating discrete poles."""
@@ -143,11 +190,14 @@ class Linearisation:
         s = s[np.argsort(np.abs(s))]
         return np.abs(s), -s.real / np.abs(s)
 
-    def port(self, dofs: "tuple[int, ...] | None" = None, ballast: Array | None = None) -> PortModel:
+    def port(
+        self, dofs: "tuple[int, ...] | None" = None, ballast: Array | None = None
+    ) -> PortModel:
         """The port model seen at the driven joints.
 
         Args:
-            dofs: degrees of freedom that take part (driven ones and hinges of one port); all where left out.
+            dofs: degrees of freedom that take part (driven ones and hinges of one port);
+                all where left out.
             ballast: `(m, m)` mass matrix on the port that is not the appendage's.
 
         Raises:
@@ -156,14 +206,22 @@ class Linearisation:
         use = set(range(self.stiffness.shape[0]) if dofs is None else dofs)
         motors = [(i, dof) for i, dof in enumerate(self.driven) if dof in use]
         if not motors:
-            raise EngineError("no joint of the port is driven; give every motion of the root a <motor> with unit gear.")
+            raise EngineError(
+                "no joint of the port is driven; give every motion of the root a <motor> with unit "
+                "gear."
+            )
         root = [dof for _, dof in motors]
         inner = sorted(use - set(root))
         columns = [i for i, _ in motors]
         held = self.held(root, inner, columns, np.eye(len(root)))
         rigid = (held.apparent + held.apparent.T) / 2.0 - (0.0 if ballast is None else ballast)
         participation = held.rows([k] for k in range(held.squares.size))
-        return PortModel(rigid + participation.T @ participation, np.sqrt(held.squares), participation, held.ratios)
+        return PortModel(
+            rigid + participation.T @ participation,
+            np.sqrt(held.squares),
+            participation,
+            held.ratios,
+        )
 
     def held(self, root: list[int], inner: list[int], columns: list[int], turn: Array) -> Held:
         """The model with its root held.
@@ -173,7 +231,9 @@ class Linearisation:
             columns: numbers of the inputs that drive the root.
             turn: `(m, m)` signs of its motions.
         """
-        apparent: Array = np.asarray(np.linalg.inv(turn @ self.inputs[np.ix_(root, columns)] @ turn), dtype=np.float64)
+        apparent: Array = np.asarray(
+            np.linalg.inv(turn @ self.inputs[np.ix_(root, columns)] @ turn), dtype=np.float64
+        )
         follow = self.inputs[np.ix_(inner, columns)] @ turn @ apparent
         pull = turn @ self.stiffness[np.ix_(root, inner)]
         squares, right = np.linalg.eig(self.stiffness[np.ix_(inner, inner)] - follow @ pull)
@@ -181,27 +241,41 @@ class Linearisation:
         squares, right = np.real(squares)[order], np.real(right)[:, order]
         if np.any(squares <= 0.0):
             raise EngineError(
-                "a joint of the held appendage has no positive stiffness; the port model needs every joint sprung."
+                "a joint of the held appendage has no positive stiffness; the port model needs "
+                "every joint sprung."
             )
         left = np.linalg.inv(right)
-        damping = self.damping[np.ix_(inner, inner)] - follow @ turn @ self.damping[np.ix_(root, inner)]
+        damping = (
+            self.damping[np.ix_(inner, inner)] - follow @ turn @ self.damping[np.ix_(root, inner)]
+        )
         ratios = np.diag(left @ damping @ right) / (2.0 * np.sqrt(squares))
         return Held(
-            apparent, squares, apparent @ pull @ right, left @ follow, np.where(np.abs(ratios) < 1e-14, 0.0, ratios)
+            apparent,
+            squares,
+            apparent @ pull @ right,
+            left @ follow,
+            np.where(np.abs(ratios) < 1e-14, 0.0, ratios),
         )
 
     def coupling(self, groups: "list[tuple[int, ...]]") -> float:
-        """Largest coupling between groups of degrees of freedom, relative: how far ports are from independent.
+        """Largest coupling between groups of degrees of freedom, relative:
+        how far ports are from independent.
 
-        Two measures, the larger counts: M^-1 K and M^-1 D between the groups, and what a motor of one group does to
-        the driven joints of another, over the whole range of frequencies (it also sees a group that is rigid).
+        Two measures, the larger counts: M^-1 K and M^-1 D between the groups, and what a motor of
+        one group does to the driven joints of another, over the whole range of frequencies (it also
+        sees a group that is rigid).
         """
         worst = self._crosstalk(groups)
         for i, first in enumerate(groups):
             for second in groups[i + 1 :]:
                 for matrix in (self.stiffness, self.damping):
-                    across = np.abs(matrix[np.ix_(first, second)]) * np.abs(matrix[np.ix_(second, first)]).T
-                    inside = np.outer(np.abs(np.diag(matrix)[list(first)]), np.abs(np.diag(matrix)[list(second)]))
+                    across = (
+                        np.abs(matrix[np.ix_(first, second)])
+                        * np.abs(matrix[np.ix_(second, first)]).T
+                    )
+                    inside = np.outer(
+                        np.abs(np.diag(matrix)[list(first)]), np.abs(np.diag(matrix)[list(second)])
+                    )
                     with np.errstate(divide="ignore", invalid="ignore"):
                         ratio = np.sqrt(np.where(inside > 0.0, across / inside, 0.0))
                     worst = max(worst, float(np.max(ratio, initial=0.0)))
@@ -214,19 +288,30 @@ class Linearisation:
         of = np.array([member[dof] for _, dof in motors])
         if np.unique(of).size < 2:
             return 0.0
-        columns, rows = [i for i, _ in motors], [dof for _, dof in motors]
-        own = self.frequencies()
-        eye, worst = np.eye(self.stiffness.shape[0]), 0.0
-        for omega in np.geomspace(0.3 * own[0], 3.0 * own[-1], 9) if own.size else [1.0]:
+        columns = [i for i, _ in motors]
+        rows = [dof for _, dof in motors]
+        frequencies = self.frequencies()
+        eye = np.eye(self.stiffness.shape[0])
+        worst = 0.0
+        grid = np.array([1.0])
+        if frequencies.size:
+            grid = np.geomspace(0.3 * frequencies[0], 3.0 * frequencies[-1], 9)
+        for omega in grid:
             s = omega * (0.05 + 1j)  # beside the axis: no pole is met
-            x = np.linalg.solve(s**2 * eye + s * self.damping + self.stiffness, self.inputs[:, columns])[rows]
+            x = np.linalg.solve(
+                s**2 * eye + s * self.damping + self.stiffness, self.inputs[:, columns]
+            )[rows]
             scale = np.sqrt(np.abs(np.diag(x)))
-            worst = max(worst, float(np.max((np.abs(x) / np.outer(scale, scale))[of[:, None] != of[None, :]])))
+            share = np.abs(x) / np.outer(scale, scale)
+            worst = max(worst, float(np.max(share[of[:, None] != of[None, :]])))
         return worst
 
 
+@one_thread()
 def linearise(
-    source: "mujoco.MjModel | str | Path", data: "mujoco.MjData | None" = None, epsilon: float = EPSILON
+    source: "mujoco.MjModel | str | Path",
+    data: "mujoco.MjData | None" = None,
+    epsilon: float = EPSILON,
 ) -> Linearisation:
     """Linearise a MuJoCo model through `mjd_transitionFD`, centred.
 
@@ -236,8 +321,9 @@ def linearise(
         epsilon: perturbation.
 
     Returns:
-        The continuous system recovered exactly (the model is linearised with implicitfast) and the discrete one of
-        the model's own integrator and step (RK4's from the continuous system, by its polynomial).
+        The continuous system recovered exactly (the model is linearised with implicitfast) and
+        the discrete one of the model's own integrator and step (RK4's from the continuous system,
+        by its polynomial).
 
     Raises:
         EngineError: the model does not compile, or has no degree of freedom.
@@ -250,18 +336,21 @@ def linearise(
         array([[4.]])
     """
     model = compile_model(source)
-    if model.nv == 0:
-        raise EngineError("the model has no degree of freedom to linearise; put it on a joint (the bench does).")
+    check_freedoms(model)
     if data is None:
         data = mujoco.MjData(model)
+    of_type("data", data, mujoco.MjData, "a mujoco.MjData of the model")
+    epsilon = positive("epsilon", epsilon, "")
     name = NUMBERS[int(model.opt.integrator)]
     a, b, c, d = transition(model, data, epsilon, "implicitfast")
-    nv, h = model.nv, float(model.opt.timestep)
+    nv = model.nv
+    h = float(model.opt.timestep)
     kept = a[nv : 2 * nv, nv : 2 * nv]
     if not np.all(np.isfinite(kept)) or np.linalg.matrix_rank(kept) < nv:
         raise EngineError(
-            f"a step of {h:g} s leaves no motion in a joint of the model ({nv} degrees of freedom): its numbers lie too far "
-            "apart for double precision; check the units of masses, lengths and stiffnesses."
+            f"a step of {h:g} s leaves no motion in a joint of the model ({nv} degrees of "
+            "freedom): its numbers lie too far apart for double precision; check the units of "
+            "masses, lengths and stiffnesses."
         )
     x = np.linalg.inv(kept)
     stiffness = -x @ a[nv : 2 * nv, :nv] / h
@@ -269,20 +358,18 @@ def linearise(
     inputs = x @ b[nv : 2 * nv] / h
     if name == "RK4":  # states and held inputs in one matrix
         both = np.zeros((2 * nv + model.nu, 2 * nv + model.nu))
-        both[: 2 * nv, : 2 * nv], both[nv : 2 * nv, 2 * nv :] = h * system_matrix(stiffness, damping), h * inputs
+        both[: 2 * nv, : 2 * nv] = h * system_matrix(stiffness, damping)
+        both[nv : 2 * nv, 2 * nv :] = h * inputs
         both = runge_kutta_step(both)
-        a, b = both[: 2 * nv, : 2 * nv], both[: 2 * nv, 2 * nv :]
+        a = both[: 2 * nv, : 2 * nv]
+        b = both[: 2 * nv, 2 * nv :]
     elif name != "implicitfast":
         a, b, c, d = transition(model, data, epsilon, name)
     matrices = (locked(v) for v in (stiffness, damping, inputs, a, b, c, d))
     joints = tuple(model.joint(int(j)).name for j in model.dof_jntid)
-    return Linearisation(*matrices, timestep=h, integrator=name, joints=joints, driven=_driven(model))
-
-
-def system_matrix(stiffness: Array, damping: Array) -> Array:
-    """`(2 nv, 2 nv)` of `q'' + D q' + K q = 0` in the states (q, q')."""
-    n = stiffness.shape[0]
-    return np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])
+    return Linearisation(
+        *matrices, timestep=h, integrator=name, joints=joints, driven=_motor_freedoms(model)
+    )
 
 
 def runge_kutta_step(f: Array) -> Array:
@@ -298,21 +385,33 @@ def transition(
     model: "mujoco.MjModel", data: "mujoco.MjData", epsilon: float, integrator: str
 ) -> tuple[Array, Array, Array, Array]:
     """A, B, C, D of `mjd_transitionFD`, states (q, v, activations)."""
-    n, nu, ns = 2 * model.nv + model.na, model.nu, model.nsensordata
-    a, b = np.zeros((n, n)), np.zeros((n, nu))
-    c, d = np.zeros((ns, n)), np.zeros((ns, nu))
-    before = int(model.opt.integrator)
-    model.opt.integrator = INTEGRATORS[integrator]
+    n = 2 * model.nv + model.na
+    nu = model.nu
+    ns = model.nsensordata
+    a = np.zeros((n, n))
+    b = np.zeros((n, nu))
+    c = np.zeros((ns, n))
+    d = np.zeros((ns, nu))
+    same = copy(model)  # the given one may be in use elsewhere
+    same.opt.integrator = INTEGRATORS[integrator]
     try:
         mujoco.mjd_transitionFD(
-            model, data, epsilon, True, a, b if nu else None, c if ns else None, d if ns and nu else None
+            same,
+            data,
+            epsilon,
+            True,
+            a,
+            b if nu else None,
+            c if ns else None,
+            d if ns and nu else None,
         )
     except (mujoco.FatalError, ValueError) as error:
         raise EngineError(f"MuJoCo could not linearise the model: {error}") from None
-    finally:
-        model.opt.integrator = before
     if not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
-        raise EngineError("MuJoCo's linearisation is not finite; the model's masses or stiffnesses are out of range.")
+        raise EngineError(
+            "MuJoCo's linearisation is not finite; the model's masses or stiffnesses are out of "
+            "range."
+        )
     return a, b, c, d
 
 
@@ -327,7 +426,8 @@ def mass_matrix(model: "mujoco.MjModel", qpos: Array | None = None) -> Array:
 
 def dense_mass(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
     """`(nv, nv)` mass matrix of a state that `mj_forward` has seen."""
-    out, column = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
+    out = np.zeros((model.nv, model.nv))
+    column = np.zeros(model.nv)
     for i, unit in enumerate(np.eye(model.nv)):
         mujoco.mj_mulM(model, data, column, unit)
         out[:, i] = column
@@ -336,12 +436,16 @@ def dense_mass(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:
 
 def implicit_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", damping: Array) -> Array:
     """`(nv, nv)` the share of `M^-1 K` [1/s^2] implicit in "discrete": joints' springs."""
-    nv, h = model.nv, float(model.opt.timestep)
+    nv = model.nv
+    h = float(model.opt.timestep)
     a, *_ = transition(model, data, VELOCITY, "discrete")
     return (np.linalg.inv(a[nv : 2 * nv, nv : 2 * nv]) - np.eye(nv) - h * damping) / h**2
 
 
-def _driven(model: "mujoco.MjModel") -> tuple[int, ...]:
-    plain = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)) & (model.actuator_gear[:, 0] == 1.0)
+def _motor_freedoms(model: "mujoco.MjModel") -> tuple[int, ...]:
+    """The degree of freedom that each actuator drives; -1: no plain joint motor."""
+    plain = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)) & (
+        model.actuator_gear[:, 0] == 1.0
+    )
     joints = zip(plain, model.actuator_trnid[:, 0], strict=True)
-    return tuple(int(model.jnt_dofadr[joint]) if own else -1 for own, joint in joints)
+    return tuple(int(model.jnt_dofadr[joint]) if direct else -1 for direct, joint in joints)

@@ -1,4 +1,5 @@
-"""What a spacecraft is to an appendage, read from the compiled model: frame, hub behind the port, Jacobian."""
+"""What a spacecraft is to an appendage, read from the compiled model: frame,
+hub behind the port, Jacobian."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from beamchain.engine.bench import frozen_mass
 from beamchain.engine.library import hangs_on, mujoco, rest
 from beamchain.engine.linearise import mass_matrix
 from beamchain.errors import InputError
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array, shifted
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, offset_matrix
 
 JOINT_KINDS = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}
 HELD = 1e9  # mass of a motion that is held, relative to the largest that is not
@@ -33,9 +34,11 @@ class Carrier(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Mount:
-    """The place of an appendage in a compiled spacecraft at rest: port in its body, and in the world (axes in columns).
+    """The place of an appendage in a compiled spacecraft at rest: port in its body,
+    and in the world (axes in columns).
 
-    `hub` `(6, 6)`: what is rigidly behind the port; `jacobian` `(6, nv)`: motion of the port; both in its axes.
+    `hub` `(6, 6)`: what is rigidly behind the port; `jacobian` `(6, nv)`: motion of the port;
+    both in its axes.
     """
 
     at: str
@@ -62,7 +65,7 @@ class Mount:
     def from_port(self, other: "Mount") -> Array:
         """`(6, 6)` motion of another port of the same body per motion of this one."""
         here, there = (np.kron(np.eye(2), axes) for axes in (self.axes, other.axes))
-        return there.T @ shifted(other.origin - self.origin) @ here
+        return there.T @ offset_matrix(other.origin - self.origin) @ here
 
 
 def mount(model: "mujoco.MjModel", at: str, kind: str, name: str) -> Mount:
@@ -70,30 +73,48 @@ def mount(model: "mujoco.MjModel", at: str, kind: str, name: str) -> Mount:
     data = rest(model)
     place = int(mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name))
     if place < 0:
-        raise InputError(f"--at {at}: the compiled spacecraft has no {kind} {name!r}; name one that is written out.")
+        raise InputError(
+            f"--at {at}: the compiled spacecraft has no {kind} {name!r}; name one that is written "
+            "out."
+        )
     if kind == "site":
         body = int(model.site_bodyid[place])
-        position, quaternion = model.site_pos[place].copy(), model.site_quat[place].copy()
-        origin, axes = data.site_xpos[place].copy(), data.site_xmat[place].reshape(3, 3).copy()
+        position = model.site_pos[place].copy()
+        quaternion = model.site_quat[place].copy()
+        origin = data.site_xpos[place].copy()
+        axes = data.site_xmat[place].reshape(3, 3).copy()
     else:
         body = place
-        position, quaternion = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-        origin, axes = data.xpos[body].copy(), data.xmat[body].reshape(3, 3).copy()
+        position = np.zeros(3)
+        quaternion = np.array([1.0, 0.0, 0.0, 0.0])
+        origin = data.xpos[body].copy()
+        axes = data.xmat[body].reshape(3, 3).copy()
     top = int(model.body_weldid[body])
     if top == 0:
         raise InputError(
-            f"--at {at}: {kind} {name!r} belongs to a body welded to the world, which no appendage can move; give the "
-            "spacecraft's body a <freejoint/>, or name a body that moves."
+            f"--at {at}: {kind} {name!r} belongs to a body welded to the world, which no appendage "
+            "can move; give the spacecraft's body a <freejoint/>, or name a body that moves."
         )
     return Mount(
-        at, body, position, quaternion, origin, axes, top, _carriers(model, top),
-        frozen_mass(model, data, top, origin, axes), motion(model, data, body, origin, axes),
-    )  # fmt: skip
+        at,
+        body,
+        position,
+        quaternion,
+        origin,
+        axes,
+        top,
+        _carriers(model, top),
+        frozen_mass(model, data, top, origin, axes),
+        motion(model, data, body, origin, axes),
+    )
 
 
-def motion(model: "mujoco.MjModel", data: "mujoco.MjData", body: int, origin: Array, axes: Array) -> Array:
+def motion(
+    model: "mujoco.MjModel", data: "mujoco.MjData", body: int, origin: Array, axes: Array
+) -> Array:
     """`(6, nv)` motion of a frame on a body, in the frame's axes (columns of `axes`)."""
-    translation, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    translation = np.zeros((3, model.nv))
+    rotation = np.zeros((3, model.nv))
     mujoco.mj_jac(model, data, translation, rotation, origin, body)
     return np.vstack([axes.T @ translation, axes.T @ rotation])
 
@@ -113,11 +134,18 @@ def _carriers(model: "mujoco.MjModel", top: int) -> tuple[Carrier, ...]:
 
 def held_joints(model: "mujoco.MjModel") -> set[int]:
     """Joints that a spring or a position servo holds."""
-    servos = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)) & (model.actuator_biasprm[:, 1] < 0.0)
-    return {*np.flatnonzero(model.jnt_stiffness > 0.0).tolist(), *model.actuator_trnid[servos, 0].tolist()}
+    servos = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)) & (
+        model.actuator_biasprm[:, 1] < 0.0
+    )
+    return {
+        *np.flatnonzero(model.jnt_stiffness > 0.0).tolist(),
+        *model.actuator_trnid[servos, 0].tolist(),
+    }
 
 
-def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
+def rigid_hubs(
+    model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]
+) -> dict[str, Array]:
     """`(6, 6)` what is rigidly behind each port, by name; `rigid`: of appendages."""
     out: dict[str, Array] = {}
     for own in mounts:
@@ -130,8 +158,11 @@ def rigid_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[
     return out
 
 
-def apparent_hubs(model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]) -> dict[str, Array]:
-    """`(6, 6)` hub that each port feels, by name: `(J M^-1 J^T)^-1`, loose joints free, sprung ones locked.
+def apparent_hubs(
+    model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]
+) -> dict[str, Array]:
+    """`(6, 6)` hub that each port feels, by name: `(J M^-1 J^T)^-1`, loose joints free,
+    sprung ones locked.
 
     Motions that the spacecraft's joints hold get 1e9 times the largest mass.
     """

@@ -1,4 +1,5 @@
-"""Simulation in one go, without Python between the steps: `mujoco.rollout` on the calling thread, and its time."""
+"""Simulation in one go, without Python between the steps: `mujoco.rollout` on the calling thread,
+and its time."""
 
 import time
 from dataclasses import dataclass
@@ -29,7 +30,8 @@ def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: 
     """Simulate from rest with a wrench `(t, 6)` on the hub, constant over a step."""
     model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep
     data = mujoco.MjData(model)
-    size, steps = mujoco.mj_stateSize(model, STATE), wrench.shape[0]
+    size = mujoco.mj_stateSize(model, STATE)
+    steps = wrench.shape[0]
     state = np.zeros((1, size))
     mujoco.mj_getState(model, data, state[0], STATE)
     rest = data.qpos[:3].copy()
@@ -44,7 +46,14 @@ def simulate(model: "mujoco.MjModel", integrator: str, timestep: float, wrench: 
             out = np.empty((1, count, size))
             start = time.thread_time()
             engine.rollout(
-                [model], [data], state, forces, control_spec=FORCES, skip_checks=True, nstep=count, state=out
+                [model],
+                [data],
+                state,
+                forces,
+                control_spec=FORCES,
+                skip_checks=True,
+                nstep=count,
+                state=out,
             )
             seconds += time.thread_time() - start
             if int(np.sum(data.warning.number)) > 0 or not np.all(np.isfinite(out[0, -1])):
@@ -76,4 +85,7 @@ def _rotation(quaternions: Array) -> Array:
     """Rotation vectors `(t, 3)` of unit quaternions `(t, 4)`, scalar first."""
     sine = np.linalg.norm(quaternions[:, 1:], axis=1)
     angle = 2.0 * np.arctan2(sine, quaternions[:, 0])
-    return quaternions[:, 1:] * np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 2.0)[:, None]
+    return (
+        quaternions[:, 1:]
+        * np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 2.0)[:, None]
+    )

@@ -7,7 +7,8 @@ import numpy as np
 from beamchain.engine.bench import rigid_mass
 from beamchain.engine.forces import sprung
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import linearise
+from beamchain.engine.linear import linear_at
+from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array, locked
 
@@ -16,7 +17,6 @@ _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 RINGING = 3.5  # periods of the first mode shown after the turn
 TRIAL = 0.01  # rad: a turn so small that what bends is proportional to it
 MOST_BENT = 0.22  # rad in one hinge: small enough to be believed, large enough to be seen
-RIGID = 1e-9  # of the largest squared frequency: rigid motion is below
 FELT = 1e-7  # of a mode's largest motion: less rotation of the hub is rounding
 
 
@@ -56,16 +56,26 @@ class Slew:
 
 
 def simulate(model: "mujoco.MjModel", *, angle: float, frames: int) -> Slew:
-    """Turn the spacecraft by `angle` [rad] with a torque forwards and back on its hub, and let it ring.
+    """Turn the spacecraft by `angle` [rad] with a torque forwards and back on its hub,
+    and let it ring.
 
-    The turn takes an odd number of periods of the mode excited, so that what the two halves leave behind adds up.
+    The turn takes an odd number of periods of the mode excited,
+    so that what the two halves leave behind adds up.
     """
-    free = [j for j in range(model.njnt) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)]
+    free = [
+        j for j in range(model.njnt) if int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_FREE)
+    ]
     if not free:
-        raise InputError("the scene has no freely flying body to turn; give one whose spacecraft has a <freejoint/>.")
+        raise InputError(
+            "the scene has no freely flying body to turn; give one whose spacecraft has a "
+            "<freejoint/>."
+        )
     held = sprung(model)
     if not held:
-        raise InputError("no joint of the scene has a spring, so that nothing can ring; attach an appendage first.")
+        raise InputError(
+            "no joint of the scene has a spring, so that nothing can ring; attach an appendage "
+            "first."
+        )
     hub = int(model.jnt_bodyid[free[0]])
     name = model.body(hub).name
     axis, omega = _excited(model, int(model.jnt_dofadr[free[0]]))
@@ -74,16 +84,24 @@ def simulate(model: "mujoco.MjModel", *, angle: float, frames: int) -> Slew:
     period = 2.0 * np.pi / omega
     about = np.zeros(3)
     about[axis] = 1.0 / np.linalg.inv(rigid_mass(model, name))[3 + axis, 3 + axis]
-    trial = _run(model, hub, 4.0 * TRIAL / period**2 * about, period, (1.0 + RINGING) * period, frames)
+    trial = _run(
+        model, hub, 4.0 * TRIAL / period**2 * about, period, (1.0 + RINGING) * period, frames
+    )
     bent = float(np.abs(trial[:, hinged]).max(initial=0.0)) * abs(angle) / TRIAL
     halves = max(int(np.ceil(np.sqrt(bent / MOST_BENT))), 1)
     duration = (halves + 1 - halves % 2) * period
     times = np.linspace(0.0, duration + RINGING * period, frames)
-    positions = _run(model, hub, 4.0 * angle / duration**2 * about, duration, float(times[-1]), frames)
-    return Slew(locked(times), locked(positions), name, axis, angle, float(duration), omega, elastic)
+    positions = _run(
+        model, hub, 4.0 * angle / duration**2 * about, duration, float(times[-1]), frames
+    )
+    return Slew(
+        locked(times), locked(positions), name, axis, angle, float(duration), omega, elastic
+    )
 
 
-def _run(model: "mujoco.MjModel", hub: int, torque: Array, duration: float, end: float, frames: int) -> Array:
+def _run(
+    model: "mujoco.MjModel", hub: int, torque: Array, duration: float, end: float, frames: int
+) -> Array:
     """`(frames, nq)` positions; `torque` forwards and back in the hub's axes."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -99,8 +117,8 @@ def _run(model: "mujoco.MjModel", hub: int, torque: Array, duration: float, end:
             mujoco.mj_step(model, data)
             if data.time < before:  # MuJoCo starts anew where a state is not finite
                 raise EngineError(
-                    f"the simulation is unstable at the scene's step of {step:g} s; see beamchain inspect for the "
-                    "largest one."
+                    f"the simulation is unstable at the scene's step of {step:g} s; see beamchain "
+                    "inspect for the largest one."
                 )
         positions[k] = data.qpos
     return positions
@@ -113,13 +131,12 @@ def _impulse(time: float, duration: float) -> float:
 
 def _excited(model: "mujoco.MjModel", start: int) -> tuple[int, float]:
     """Axis and frequency [rad/s] of the lowest mode in which the hub turns."""
-    values, vectors = np.linalg.eig(linearise(model).stiffness)
-    squares: Array = np.real(values).astype(np.float64)
-    shapes: Array = np.abs(np.real(vectors)).astype(np.float64)
-    for k in np.argsort(squares):
-        if squares[k] <= RIGID * float(squares.max()):
-            continue
-        turn, rest = shapes[start + 3 : start + 6, k], np.delete(shapes[:, k], np.s_[start : start + 6])
+    modes = linear_at(rest_point(quiet_copy(model))).modes()
+    for omega, shape in zip(modes.frequency, np.abs(modes.shapes).T, strict=True):
+        turn = shape[start + 3 : start + 6]
+        rest = np.delete(shape, np.s_[start : start + 6])
         if turn.max() > FELT * rest.max():
-            return int(np.argmax(turn)), float(np.sqrt(squares[k]))
-    raise InputError("no elastic mode of the scene turns its hub; there is nothing that a turn would show.")
+            return int(np.argmax(turn)), float(omega)
+    raise InputError(
+        "no elastic mode of the scene turns its hub; there is nothing that a turn would show."
+    )

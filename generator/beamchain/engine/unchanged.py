@@ -1,4 +1,5 @@
-"""Two compiled models compared element by element: nothing of the spacecraft or of the appendage may have changed."""
+"""Two compiled models compared element by element:
+nothing of the spacecraft or of the appendage may have changed."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -10,20 +11,61 @@ from beamchain.engine.library import mujoco
 from beamchain.ports.motions import Array
 
 KINDS = {
-    "body": "nbody", "jnt": "njnt", "dof": "nv", "geom": "ngeom", "site": "nsite", "cam": "ncam", "light": "nlight",
-    "mesh": "nmesh", "mat": "nmat", "tex": "ntex", "pair": "npair", "eq": "neq", "tendon": "ntendon", "actuator": "nu",
+    "body": "nbody",
+    "jnt": "njnt",
+    "dof": "nv",
+    "geom": "ngeom",
+    "site": "nsite",
+    "cam": "ncam",
+    "light": "nlight",
+    "mesh": "nmesh",
+    "mat": "nmat",
+    "tex": "ntex",
+    "pair": "npair",
+    "eq": "neq",
+    "tendon": "ntendon",
+    "actuator": "nu",
     "sensor": "nsensor",
-}  # fmt: skip
-NAMED = {"body": "body", "jnt": "joint", "geom": "geom", "site": "site", "tendon": "tendon", "sensor": "sensor"}
+}
+NAMED = {
+    "body": "body",
+    "jnt": "joint",
+    "geom": "geom",
+    "site": "site",
+    "tendon": "tendon",
+    "sensor": "sensor",
+}
 #: where a thing is stored, what is derived from the whole model, what a weld group shares
 INDEXED = (
-    "id", "adr", "num", "treeid", "sameframe", "simple", "Madr", "bvh", "limited_", "trnid", "obj", "ref", "dim",
+    "id",
+    "adr",
+    "num",
+    "treeid",
+    "sameframe",
+    "simple",
+    "Madr",
+    "bvh",
+    "limited_",
+    "trnid",
+    "obj",
+    "ref",
+    "dim",
     "sizes",
-)  # fmt: skip
+)
 DERIVED = (
-    "subtreemass", "poscom0", "invweight0", "length0", "dof_length", "lengthspring", "lengthrange", "acc0", "M0",
-    "plugin", "pathadr", "cranklength",
-)  # fmt: skip
+    "subtreemass",
+    "poscom0",
+    "invweight0",
+    "length0",
+    "dof_length",
+    "lengthspring",
+    "lengthrange",
+    "acc0",
+    "M0",
+    "plugin",
+    "pathadr",
+    "cranklength",
+)
 
 
 class Difference(NamedTuple):
@@ -40,7 +82,11 @@ def appended(model: "mujoco.MjModel", names: Mapping[str, set[str]]) -> dict[str
     out: dict[str, list[int]] = {}
     for kind, word in NAMED.items():
         get = getattr(model, word)
-        out[kind] = [i for i in range(int(getattr(model, KINDS[kind]))) if get(i).name in names.get(kind, set())]
+        out[kind] = [
+            i
+            for i in range(int(getattr(model, KINDS[kind])))
+            if get(i).name in names.get(kind, set())
+        ]
     joints = set(out["jnt"])
     out["dof"] = [i for i in range(model.nv) if int(model.dof_jntid[i]) in joints]
     return out
@@ -72,7 +118,8 @@ def differences(
         for field in _fields(wanted, kind):
             if field.endswith("_user") and not user:
                 continue
-            a, b = np.asarray(getattr(wanted, field)), np.asarray(getattr(found, field))
+            a = np.asarray(getattr(wanted, field))
+            b = np.asarray(getattr(found, field))
             for i, j in zip(first, second, strict=True):
                 label = _name(found, kind, j)
                 if label == root and field in ("body_pos", "body_quat"):
@@ -98,16 +145,27 @@ def _fields(model: "mujoco.MjModel", kind: str) -> list[str]:
     count = int(getattr(model, KINDS[kind]))
     out: list[str] = []
     for field in dir(model):
-        if not field.startswith(f"{kind}_") or field.endswith(INDEXED) or any(word in field for word in DERIVED):
+        if (
+            not field.startswith(f"{kind}_")
+            or field.endswith(INDEXED)
+            or any(word in field for word in DERIVED)
+        ):
             continue
         values = getattr(model, field)
-        if isinstance(values, np.ndarray) and values.ndim >= 1 and values.shape[0] == count and values.dtype != object:
+        if (
+            isinstance(values, np.ndarray)
+            and values.ndim >= 1
+            and values.shape[0] == count
+            and values.dtype != object
+        ):
             out.append(field)
     return out
 
 
 def _name(model: "mujoco.MjModel", kind: str, index: int) -> str:
-    word = {"jnt": "joint", "dof": "joint", "cam": "cam", "tex": "tex", "mat": "mat"}.get(kind, kind)
+    word = {"jnt": "joint", "dof": "joint", "cam": "cam", "tex": "tex", "mat": "mat"}.get(
+        kind, kind
+    )
     if kind == "dof":
         index = int(model.dof_jntid[index])
     get = getattr(model, word, None)

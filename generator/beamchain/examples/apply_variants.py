@@ -1,4 +1,5 @@
-"""Apply the variants of `beamchain sweep` to one compiled model, as domain randomisation does; run beside them."""
+"""Apply the variants of `beamchain sweep` to one compiled model, as domain randomisation does;
+run beside them."""
 
 import mujoco
 import numpy as np

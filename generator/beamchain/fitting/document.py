@@ -16,8 +16,9 @@ from beamchain.structure.mass_line import MassLine
 
 def appendage_tree(spec: Spec, chain: Chain, line: MassLine) -> Element:
     """The drop-in file with the elements that the scene uses."""
-    scene, sensors = spec.scene or Scene(), spec.sensors
-    return write.appendage(
+    scene = spec.scene or Scene()
+    sensors = spec.sensors
+    return write.appendage_document(
         chain,
         spec.name,
         beam=line,
@@ -29,17 +30,20 @@ def appendage_tree(spec: Spec, chain: Chain, line: MassLine) -> Element:
 
 
 def put_timing(tree: Element, spec: Spec, *, sprung: bool, form: int) -> None:
-    """Make a document with the appendage exact in time for the specification's step; unchanged where none is stated.
+    """Make a document with the appendage exact in time for the specification's step;
+    unchanged where none is stated.
 
-    `sprung`: the modes stand on tendons; `form`: 2: for any hub, 4: tuned for the hub that the document has.
+    `sprung`: the modes stand on tendons; `form`: 2: for any hub, 4:
+    tuned for the hub that the document has.
     """
-    step, integrator = spec.exact_step, spec.integrator
+    step = spec.exact_step
+    integrator = spec.integrator
     if not step or integrator not in SCHEMES:
         return
     if sprung:
-        model = compile_model(write.text(tree))
+        model = compile_model(write.document_text(tree))
         retime(model, step, integrator, form=form)
-        put_time([tree], model)
+        put_time(tree, model)
     elif spec.fit.springs == "hinges":
         put_hinge_armature(tree, step, integrator)
 
@@ -48,4 +52,6 @@ def safe_step(largest: float) -> float:
     """A round step, a fifth of the largest stable one at most [s]."""
     bound = 0.2 * min(largest, 5.0)
     exponent = np.floor(np.log10(bound))
-    return float(max(m for m in (1.0, 2.0, 5.0) if m * 10**exponent <= bound * (1 + 1e-12)) * 10**exponent)
+    return float(
+        max(m for m in (1.0, 2.0, 5.0) if m * 10**exponent <= bound * (1 + 1e-12)) * 10**exponent
+    )

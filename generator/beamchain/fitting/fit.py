@@ -9,13 +9,10 @@ import msgspec
 import numpy as np
 
 from beamchain.caution import Caution
-from beamchain.chain.build import Built, Wishes, build_exact, with_real_polar
-from beamchain.chain.chain import Chain
+from beamchain.chain.build import Built, Wishes, build_exact
 from beamchain.chain.cut import Cut
-from beamchain.chain.least_squares import TipBody
 from beamchain.chain.links import raised
-from beamchain.chain.rivals import build_least_squares, build_recipe
-from beamchain.chain.tendons import damped_modes, joint_damping
+from beamchain.chain.tendons import joint_damping
 from beamchain.engine.bench import measure, root_body
 from beamchain.engine.library import one_thread
 from beamchain.errors import InputError, RealisationError
@@ -28,18 +25,23 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import uncertain_from
 from beamchain.fitting.warnings import doubtful, fit_warnings
+from beamchain.late import importing
 from beamchain.mjcf.write import SMALLEST, check_hub
-from beamchain.ports.compare import coupling_error
-from beamchain.ports.compose import in_space
+from beamchain.ports.compare import tolerance_statement
+from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.sampled import off_by
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
 from beamchain.structure.modal_data import ModalData
 
-LIGHTEST = 1e-9  # residual over rigid mass: free frequencies are good to about 1e-16 over it (measured)
+# residual over rigid mass: free frequencies are good to about 1e-16 over it (measured)
+LIGHTEST = 1e-9
+# cached by a fit, the same whatever its status
+READ_BACK = ("_scenes", "time", "time_error", "sampled_error")
 LEAST_INERTIA = 1.01 * SMALLEST  # a body's inertia is rounded once more on its way
 
 
@@ -59,20 +61,24 @@ def fit(
     """Fit a hinge chain to an appendage and verify it through MuJoCo's own linearisation.
 
     Args:
-        appendage: a specification or its path, a beam, or imported modes. The other arguments override its values.
+        appendage: a specification or its path, a beam, or imported modes.
+            The other arguments override its values.
         name: prefix of bodies, joints and sites.
-        modes: number of flexible modes, for both bending planes or by port; default: two in both bending planes.
+        modes: number of flexible modes, for both bending planes or by port; default:
+            two in both bending planes.
         hub: the rigid spacecraft that carries the appendage.
-        target: boundary condition of the root at which the modes are exact: "clamped", "free", "hub", or "auto" with a
-            scene.
+        target: boundary condition of the root at which the modes are exact: "clamped", "free",
+            "hub", or "auto" with a scene.
         damping: damping ratio of the cantilever modes, or lists of ratios by port.
-        scene: requirements of the simulation; if they include a bandwidth, the modes are chosen for it.
+        scene: requirements of the simulation; if they include a bandwidth,
+            the modes are chosen for it.
         timestep: step for which the files are made exact in time [s].
         root: hub and target in one.
-        options: method and its settings.
+        options: where the springs stand, hinges at prescribed places.
 
     Returns:
-        The fit; if a requirement is not met, `status.ok` is False and `status.message` states the reason.
+        The fit; if a requirement is not met, `status.ok` is False and `status.message`
+        states the reason.
 
     Raises:
         InputError: the requirements contradict each other or are not supported.
@@ -88,17 +94,44 @@ def fit(
         [1.228, 7.699]
     """
     spec = as_spec(appendage).replace(
-        name=name, modes=modes, root=root, hub=hub, target=target, damping=damping, fit=options, scene=scene,
+        name=name,
+        modes=modes,
+        root=root,
+        hub=hub,
+        target=target,
+        damping=damping,
+        fit=options,
+        scene=scene,
         timestep=timestep,
-    )  # fmt: skip
-    return fit_spec(spec, appendage if isinstance(appendage, ModalData) else None)
+    )
+    return at_its_step(fit_spec(spec, appendage if isinstance(appendage, ModalData) else None))
+
+
+def at_its_step(made: Fit) -> Fit:
+    """The fit, its status decided at the stated step,
+    where there is one and a scene states a tolerance."""
+    scene = made.spec.scene
+    error = made.sampled_error
+    if scene is None or made.met is None or error is None:
+        return made
+    text = (
+        f"{made.status.message} Stepped by {made.spec.integrator} at {made.spec.exact_step:g} s: "
+        f"off {off_by(error)}, {tolerance_statement(error, scene.tolerance)}."
+    )
+    decided = replace(
+        made, status=replace(made.status, ok=made.status.ok and made.met, message=text)
+    )
+    vars(decided).update({name: vars(made)[name] for name in READ_BACK if name in vars(made)})
+    return decided
 
 
 def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
-    """What `fit` does with a whole specification; `data`: its imported modes, else read from its file."""
+    """What `fit` does with a whole specification; `data`: its imported modes,
+    else read from its file."""
     with one_thread():
         if spec.imported is not None:
-            from beamchain.fitting.imported import fit_imported  # which returns a Fit
+            with importing:
+                from beamchain.fitting.imported import fit_imported  # which returns a Fit
 
             data = spec.imported.read() if data is None else data
             if spec.uncertain is None and data.uncertain:
@@ -116,17 +149,21 @@ def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
 
 
 def on_modes(spec: Spec, *, wanted: bool = False) -> Spec:
-    """The spec with springs on modal tendons where its modes are uncertain, or where that is wanted anyway."""
-    if spec.fit.springs == "auto" and (wanted or (spec.uncertain is not None and spec.uncertain.modal)):
+    """The spec with springs on modal tendons where its modes are uncertain,
+    or where that is wanted anyway."""
+    if spec.fit.springs == "auto" and (
+        wanted or (spec.uncertain is not None and spec.uncertain.modal)
+    ):
         return msgspec.structs.replace(spec, fit=msgspec.structs.replace(spec.fit, springs="modes"))
     return spec
 
 
 def _with_integrator(spec: Spec, rigid: Array) -> Spec:
-    """The spec with the integrator that "auto" means, for `rigid` `(6, 6)` of the appendage about its root.
+    """The spec with the integrator that "auto" means,
+    for `rigid` `(6, 6)` of the appendage about its root.
 
-    Euler, exact in time, if its error in the rotation of the rigid spacecraft at the scene's rates is within the
-    tolerance; otherwise RK4.
+    Euler, exact in time, if its error in the rotation of the rigid spacecraft at the scene's rates
+    is within the tolerance; otherwise RK4.
     """
     scene = spec.scene
     if scene is None or scene.integrator != "auto":
@@ -134,10 +171,13 @@ def _with_integrator(spec: Spec, rigid: Array) -> Spec:
     assert scene.rates is not None
     if spec.root.hub is None:
         raise InputError(
-            'integrator = "auto" chooses by how the whole spacecraft turns; add root.hub with its mass and inertia, or name '
+            'integrator = "auto" chooses by how the whole spacecraft turns; add root.hub with its '
+            "mass and inertia, or name "
             "an integrator."
         )
-    error = turn_error(central_inertia(spec.root.hub.mass_matrix() + rigid), scene.rates, scene.step)
+    error = turn_error(
+        central_inertia(spec.root.hub.mass_matrix() + rigid), scene.rates, scene.step
+    )
     chosen = "Euler" if error <= scene.tolerance else "RK4"
     return msgspec.structs.replace(spec, scene=msgspec.structs.replace(scene, integrator=chosen))
 
@@ -153,7 +193,8 @@ def as_spec(appendage: Beam | Spec | ModalData | str | Path) -> Spec:
     if isinstance(appendage, ModalData):
         return Spec(imported=Imported(file=f"{Path(appendage.source).stem or 'modes'}.toml"))
     raise InputError(
-        f"the appendage is a {type(appendage).__name__}; give a Beam, a Spec, the path of a SPEC.toml, or a ModalData."
+        f"the appendage is a {type(appendage).__name__}; give a Beam, a Spec, the path of a "
+        "SPEC.toml, or a ModalData."
     )
 
 
@@ -162,8 +203,9 @@ def _fit(spec: Spec) -> Fit:
     beam = spec.beam
     if spec.root.target == "hub" and spec.root.hub is None:
         raise InputError(
-            'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, 500.0] }, or use '
-            'target = "clamped" (`beamchain embed` reads the hub from the spacecraft).'
+            'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, '
+            '500.0] }, or use target = "clamped" (`beamchain embed` reads the hub from the '
+            "spacecraft)."
         )
     hub = None
     if spec.root.hub is not None:
@@ -179,15 +221,24 @@ def _fit(spec: Spec) -> Fit:
     scene = spec.scene or Scene()
     tree = appendage_tree(spec, chain, beam)
     clock.append(time.perf_counter())
-    free = tuple(kept) if tuple(kept) == ("xy",) else PORTS  # a planar boom is tested as the paper does
+    # a planar boom is tested as the paper does
+    free = tuple(kept) if tuple(kept) == ("xy",) else PORTS
     measured = measure(tree, free, timestep=scene.step, ballast=root_body(chain))
     achieved = {port: measured.ports[port] for port in built.targets}
-    limits = step_limits(chain, in_space(achieved, measured.rigid_mass), hub)
-    promise = plan.promise.error(achieved, dict.fromkeys(achieved, "achieved")) if plan.promise else None
-    if promise is not None and any(hinge.damping for hinge in chain.hinges):
-        promise += _coupled(spec, chain, {port: chain.damped(port) for port in built.targets})
+    limits = step_limits(chain, model_in_space(achieved, measured.rigid_mass), hub)
+    promise = None
+    if plan.promise is not None:
+        promise = (
+            plan.promise.error(achieved, dict.fromkeys(achieved, "achieved"))
+            if measured.coupled is None
+            else plan.promise.error_in_space(measured.coupled)
+        )
     return proved(
-        spec, replace(built, chain=chain), measured, limits, clock,
+        spec,
+        replace(built, chain=chain),
+        measured,
+        limits,
+        clock,
         full=full,
         truth={port: spec.with_ratios(port, full[port]) for port in built.targets},
         achieved=achieved,
@@ -200,11 +251,14 @@ def _fit(spec: Spec) -> Fit:
             *doubtful(spec.segment, spec.damping, built.targets),
             *([Caution("raised-inertia", note)] if note else []),
         ),
-    )  # fmt: skip
+    )
 
 
-def build(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None, *, per_mode: bool = False) -> Built:
-    """The chain of a plan; `cut`: where the hinges stand, else chosen; `per_mode`: a damping tendon per mode."""
+def build(
+    spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None, *, per_mode: bool = False
+) -> Built:
+    """The chain of a plan; `cut`: where the hinges stand, else chosen; `per_mode`:
+    a damping tendon per mode."""
     kept = plan.kept
 
     def target_of(port: str, count: int) -> PortModel:
@@ -213,28 +267,28 @@ def build(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None, *, per_mod
             _check_free(target)
         return spec.with_ratios(port, target)
 
-    options = spec.fit
-    payload = spec.payload
-    if not kept or options.method == "exact":
-        further = tuple(spec.further.values())
-        columns = further_columns(spec)
-        wishes = Wishes(options.springs, per_mode, options.cuts, further, columns, cut, _last_on_hub(spec, plan))
-        return build_exact(beam, kept, target_of, wishes)
-    if options.method == "least_squares":
-        axes, loads = {"xy": 2, "xz": 1}, None
-        if payload is not None:
-            loads = {port: TipBody(payload.mass, payload.inertia[axis]) for port, axis in axes.items()}
-        return build_least_squares(beam, kept, _links(spec, beam, kept), options.free, loads, target_of)
-    links = options.links if isinstance(options.links, int) else None
-    built = build_recipe(beam, options.method, kept, links, target_of)
-    return replace(built, chain=with_real_polar(built.chain))
+    wishes = Wishes(
+        springs=spec.fit.springs,
+        per_mode=per_mode,
+        lines=spec.fit.cuts,
+        further=tuple(spec.further.values()),
+        columns=further_columns(spec),
+        cut=cut,
+        neutral=_last_on_hub(spec, plan),
+    )
+    return build_exact(beam, kept, target_of, wishes)
 
 
 def _last_on_hub(spec: Spec, plan: Plan) -> dict[str, float]:
-    """Per port the last kept frequency on the hub on which a free or hub target is exact; empty for a clamped one [rad/s]."""
+    """Per port the last kept frequency on the hub on which a free or hub target is exact;
+    empty for a clamped one [rad/s]."""
     if plan.target == "clamped":
         return {}
-    hub = spec.root.hub.mass_matrix() if plan.target == "hub" and spec.root.hub is not None else np.zeros((6, 6))
+    hub = (
+        spec.root.hub.mass_matrix()
+        if plan.target == "hub" and spec.root.hub is not None
+        else np.zeros((6, 6))
+    )
     return {
         port: plan.reduce("clamped", port, count).last_on_hub(port_hub_mass(hub, port))
         for port, count in plan.kept.items()
@@ -242,76 +296,46 @@ def _last_on_hub(spec: Spec, plan: Plan) -> dict[str, float]:
 
 
 def _check_free(target: PortModel) -> None:
-    """The free modes stand in double precision: what moves at the root is a difference of nearly equal masses."""
+    """The free modes stand in double precision:
+    what moves at the root is a difference of nearly equal masses."""
     scale = np.sqrt(np.diag(target.rigid_mass))
     left = float(np.linalg.eigvalsh(target.residual_mass / np.outer(scale, scale))[0])
     if left < LIGHTEST:
         raise RealisationError(
-            f"with {target.modes} free modes the root is too light beside the rest: its residual mass is {left:.1e} of the "
-            f"rigid mass, where {LIGHTEST:g} is needed for frequencies good to 1e-6. Keep fewer modes, or choose target "
+            f"with {target.modes} free modes the root is too light beside the rest: its residual "
+            f"mass is {left:.1e} of the "
+            f"rigid mass, where {LIGHTEST:g} is needed for frequencies good to 1e-6. Keep fewer "
+            "modes, or choose target "
             '"clamped" or "hub".'
         )
 
 
-def _links(spec: Spec, beam: Beam, kept: dict[str, int]) -> Array:
-    """Link lengths for least squares: the user's, or as many equal ones as the modes need."""
-    links = spec.fit.links
-    if isinstance(links, tuple):
-        total = sum(links)
-        if abs(total / beam.length - 1.0) > 1e-6:
-            raise InputError(
-                f"fit.links = {list(links)!r} add up to {total!r} m, but the appendage is {beam.length!r} m long; "
-                "make them add up to its length."
-            )
-        return np.array(links) * (beam.length / total)
-    most = max(kept.values())
-    count = links if links is not None else most + 1 if spec.payload is None else max(most + 2, 2 * most)
-    return np.full(count, beam.length / count)
-
-
 def damped(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
-    """The chain of a plan, damped as wanted: by a tendon per mode, or in its hinges where asked for or good enough."""
-    if spec.fit.method == "exact" and spec.fit.springs == "auto":
-        spec = on_modes(spec, wanted=spec.sensors.modes or (bool(spec.exact_step) and needs_time(spec, plan)))
+    """The chain of a plan, damped as wanted: by a tendon per mode,
+    or in its hinges where that is asked for."""
+    if spec.fit.springs == "auto":
+        spec = on_modes(
+            spec, wanted=spec.sensors.modes or (bool(spec.exact_step) and needs_time(spec, plan))
+        )
     given = spec.damping or Damping()
     ratios = {port: given.ratios(port, count) for port, count in plan.kept.items()}
-    if not any(np.any(values > 0.0) for values in ratios.values()):
-        return build(spec, plan, beam, cut)
-    scene, hinge = spec.scene, given.form == "hinge"
-    tried = hinge or (plan.choice is not None and plan.promise is not None and spec.fit.springs == "auto")
-    if tried or spec.fit.method != "exact":
-        built = build(spec, plan, beam, cut)
-        chain = built.chain
-        for port in built.targets:
-            chain = joint_damping(chain, port, given.ratios(port, chain.port(port).modes))
-        if hinge:
-            return replace(built, chain=chain)
-        if plan.promise is not None and scene is not None and not chain.tendons:
-            models = {port: chain.damped(port) for port in built.targets}
-            error = plan.promise.error(models, dict.fromkeys(models, "hinge damping"))
-            if error + _coupled(spec, chain, models) <= scene.tolerance:
-                return replace(built, chain=chain)
-        if spec.fit.method != "exact":
-            return replace(built, chain=damped_modes(built.chain, ratios))
-    return build(spec, plan, beam, cut, per_mode=True)
-
-
-def _coupled(spec: Spec, chain: Chain, models: Mapping[str, PortModel]) -> float:
-    """In-band error that dampers in the hinges make by coupling modes, worst of the ports."""
-    hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
-    band = 0.0 if spec.scene is None else spec.scene.bandwidth or 0.0
-    errors = [
-        coupling_error(model, chain.modal_damping(port), None if hub is None else port_hub_mass(hub, port), band)
-        for port, model in models.items()
-        if model.modes and band
-    ]
-    return max(errors, default=0.0)
+    wanted = any(np.any(values > 0.0) for values in ratios.values())
+    built = build(spec, plan, beam, cut, per_mode=wanted and given.form == "modal")
+    if not wanted or given.form == "modal":
+        return built
+    chain = built.chain
+    for port in built.targets:
+        chain = joint_damping(chain, port, given.ratios(port, chain.port(port).modes))
+    return replace(built, chain=chain)
 
 
 def needs_time(spec: Spec, plan: Plan) -> bool:
-    """Whether a stated step takes a tendon per mode: to be exact in time, or to slow what RK4 could not follow."""
+    """Whether a stated step takes a tendon per mode: to be exact in time,
+    or to slow what RK4 could not follow."""
     scheme = SCHEMES[spec.integrator]
     if scheme.exact or spec.integrator != "RK4":
         return scheme.exact
-    free = [plan.reduce(plan.target, port, count).free_frequencies for port, count in plan.kept.items()]
+    free = [
+        plan.reduce(plan.target, port, count).free_frequencies for port, count in plan.kept.items()
+    ]
     return float(np.max(np.concatenate([np.zeros(1), *free]))) * spec.exact_step > scheme.phase

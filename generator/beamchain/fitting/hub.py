@@ -1,4 +1,5 @@
-"""The rigid spacecraft that carries the appendage: its mass matrix about the root, from the spec and back."""
+"""The rigid spacecraft that carries the appendage: its mass matrix about the root,
+from the spec and back."""
 
 from typing import Annotated
 
@@ -8,11 +9,13 @@ from beamchain.checks import Struct, field, number
 from beamchain.errors import InputError
 from beamchain.ports.motions import PORT_MOTION, Array, body_mass_matrix
 from beamchain.structure.mass_line import MassLine
-from beamchain.structure.segment import body_inertia
+from beamchain.structure.segment import check_body_inertia
 
 Triple = tuple[float, float, float]
 ROUNDING = (
-    1e-14  # least inertia over mass x offset^2: below, the mass matrix about the root is singular but for rounding
+    # least inertia over mass x offset^2: below,
+    # the mass matrix about the root is singular but for rounding
+    1e-14
 )
 
 
@@ -29,11 +32,18 @@ class Hub(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     mass: Annotated[float, field("mass", "kg", above=0.0)]
     inertia: Annotated[
         Triple,
-        field("moments of inertia [Ixx, Iyy, Izz] about its centre, in the axes of the appendage", "kg m^2", above=0.0),
+        field(
+            "moments of inertia [Ixx, Iyy, Izz] about its centre, in the axes of the appendage",
+            "kg m^2",
+            above=0.0,
+        ),
     ]
-    offset: Annotated[Triple, field("from its centre to the root, in the axes of the appendage", "m")] = (0.0, 0.0, 0.0)
+    offset: Annotated[
+        Triple, field("from its centre to the root, in the axes of the appendage", "m")
+    ] = (0.0, 0.0, 0.0)
     products: Annotated[
-        Triple, field("products of inertia [Ixy, Ixz, Iyz], where those axes are not principal", "kg m^2")
+        Triple,
+        field("products of inertia [Ixy, Ixz, Iyz], where those axes are not principal", "kg m^2"),
     ] = (0.0, 0.0, 0.0)
     apparent: Annotated[
         tuple[tuple[float, ...], ...] | None,
@@ -42,23 +52,34 @@ class Hub(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        body_inertia("inertia", self.inertia)
+        check_body_inertia("inertia", self.inertia)
         arm = self.mass * sum(float(value) ** 2 for value in self.offset)
         if min(self.inertia) < ROUNDING * arm:
             raise InputError(
-                f"offset = {list(self.offset)!r} m puts the root so far from the hub's centre that the hub's inertia "
-                f"{list(self.inertia)!r} kg m^2 is lost beside mass x offset^2 = {arm:.4g} kg m^2 (at least "
-                f"{ROUNDING:g} of it is needed); check the units of offset (m), mass (kg) and inertia (kg m^2)."
+                f"offset = {list(self.offset)!r} m puts the root so far from the hub's centre that "
+                f"the hub's inertia {list(self.inertia)!r} kg m^2 is lost beside mass x offset^2 = "
+                f"{arm:.4g} kg m^2 (at least {ROUNDING:g} of it is needed); check the units of "
+                "offset (m), mass (kg) and inertia (kg m^2)."
             )
         if self.apparent is not None:
-            matrix = np.array([[number("apparent", v, "") for v in row] for row in self.apparent if len(row) == 6])
-            if matrix.shape != (6, 6) or float(np.linalg.eigvalsh(matrix)[0]) <= 0.0 or np.any(matrix != matrix.T):
-                raise InputError("apparent must be a symmetric positive definite 6 x 6 matrix [kg, kg m, kg m^2].")
+            matrix = np.array(
+                [[number("apparent", v, "") for v in row] for row in self.apparent if len(row) == 6]
+            )
+            if (
+                matrix.shape != (6, 6)
+                or float(np.linalg.eigvalsh(matrix)[0]) <= 0.0
+                or np.any(matrix != matrix.T)
+            ):
+                raise InputError(
+                    "apparent must be a symmetric positive definite 6 x 6 matrix [kg, kg m, kg "
+                    "m^2]."
+                )
         a, b, c = (float(v) for v in np.linalg.eigvalsh(self.inertia_matrix()))
         if a <= 0.0 or c > (a + b) * (1.0 + 1e-9):
             raise InputError(
-                f"products = {list(self.products)!r} with inertia = {list(self.inertia)!r} belong to no rigid body "
-                f"(principal inertias {a:.6g}, {b:.6g}, {c:.6g}); check signs and order [Ixy, Ixz, Iyz]."
+                f"products = {list(self.products)!r} with inertia = {list(self.inertia)!r} belong "
+                f"to no rigid body (principal inertias {a:.6g}, {b:.6g}, {c:.6g}); check signs and "
+                "order [Ixy, Ixz, Iyz]."
             )
 
     def inertia_matrix(self) -> Array:
@@ -77,7 +98,9 @@ class Hub(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         """The hub with a given `(6, 6)` mass matrix about the root."""
         mass = float(np.trace(matrix[:3, :3])) / 3.0
         coupling = (matrix[3:, :3] - matrix[:3, 3:]) / 2.0 / mass
-        x, y, z = coupling[2, 1], coupling[0, 2], coupling[1, 0]
+        x = coupling[2, 1]
+        y = coupling[0, 2]
+        z = coupling[1, 0]
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         inertia = matrix[3:, 3:] + mass * cross @ cross
         xx, yy, zz = (float(v) for v in np.diag(inertia))
@@ -97,7 +120,8 @@ def port_hub_mass(hub: Array, port: str) -> Array:
 
 def default_hub(beam: MassLine) -> Hub:
     """Ten times the appendage's mass, a cube as wide as a tenth of its length, root at a face."""
-    mass, side = 10.0 * beam.rigid_mass()[0, 0], 0.1 * beam.length
+    mass = 10.0 * beam.rigid_mass()[0, 0]
+    side = 0.1 * beam.length
     inertia = max(mass * side**2 / 6.0, 1e-12)
     return Hub(mass=mass, inertia=(inertia, inertia, inertia), offset=(side / 2.0, 0.0, 0.0))
 
@@ -106,6 +130,7 @@ def assumed_hub(line: MassLine) -> str:
     """What is taken for the hub where a specification has none, in a sentence."""
     mass = line.rigid_mass()[0, 0]
     return (
-        f"no hub is given ([root] hub): errors are the worst on hubs of 0.1, 1 and 10 times the appendage's {mass:.4g} kg, and "
-        f"scene.xml has a hub of {default_hub(line).mass:.4g} kg; beamchain embed reads the hub from your spacecraft."
+        "no hub is given ([root] hub): errors are the worst on hubs of 0.1, 1 and 10 times the "
+        f"appendage's {mass:.4g} kg, and scene.xml has a hub of {default_hub(line).mass:.4g} kg; "
+        "beamchain embed reads the hub from your spacecraft."
     )

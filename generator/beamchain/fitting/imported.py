@@ -1,6 +1,8 @@
-"""Imported modes -> a verified drop-in file: a chain, port by port where the modes are, else with one cut for all."""
+"""Imported modes -> a verified drop-in file: a chain, port by port where the modes are,
+else with one cut for all."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,9 +24,11 @@ from beamchain.fitting.result import Fit, InSpace
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import doubtful
 from beamchain.ports.compare import DEFAULT_RATIO, compare, in_band_error
+from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 from beamchain.steps.integrators import SCHEMES
+from beamchain.structure import planes
 from beamchain.structure.imported import with_length
 from beamchain.structure.mass_line import MassLine, SpreadMass
 from beamchain.structure.modal_data import ModalData
@@ -34,17 +38,24 @@ EMPTY = 1e-5  # residual mass at the root below which the free appendage has no 
 SAME_MASS = 1e-12  # relative, beyond which the chain's rigid mass is said to differ
 ROUNDING = 1e-11  # relative: a residual mass below zero by less is zero
 MOST_LACKING = 1.1  # more than a few printed digits explain
-POWERS = (0, 1, 2, 4)  # of x, with which mass may grow from the root where only its moments are known
+# of x, with which mass may grow from the root where only its moments are known
+POWERS = (0, 1, 2, 4)
 UNDAMPED = 1e-8  # ratio up to which a mode counts as undamped
-A_BODY = 1e-5  # relative, how far a printed rigid mass matrix may be from a rigid body's
+ENTRIES = (
+    # precisions of the print by which two rounded entries of one matrix may differ,
+    # with half as much to spare
+    3.0
+)
+EXACT_BODY = 1e-9  # relative, how far a rigid mass matrix of all digits may be from a rigid body's
 
 
-# -- what a fit starts from -------------------------------------------------------------------------------------------
+# -- what a fit starts from ------------------------------------------------------------------------
 @dataclass(frozen=True, eq=False)
 class Case:
     """What a fit starts from: all modes of the file (`data`), damped, and those that are `kept`.
 
-    `numbers`: of the kept modes in the file; `target`: "clamped", "free" or "hub"; `choice`: how the scene decided.
+    `numbers`: of the kept modes in the file; `target`: "clamped", "free" or "hub"; `choice`:
+    how the scene decided.
     """
 
     spec: Spec
@@ -66,13 +77,16 @@ class Case:
 
     @property
     def carrier(self) -> Array:
-        """`(6, 6)` the hub on which a free or hub target is exact, about the root: a free one's has no mass."""
+        """`(6, 6)` the hub on which a free or hub target is exact, about the root:
+        a free one's has no mass."""
         return np.zeros((6, 6)) if self.hub is None or self.target == "free" else self.hub
 
     @property
     def chooses(self) -> bool:
         """Whether the scene decides which modes are kept."""
-        return self.spec.chooses and (self.spec.imported is None or self.spec.imported.modes is None)
+        return self.spec.chooses and (
+            self.spec.imported is None or self.spec.imported.modes is None
+        )
 
     @cached_property
     def promise(self) -> SpacePromise | None:
@@ -92,11 +106,15 @@ class Case:
             return self
         if any(len(ports) > 1 for ports in self.data.groups):
             fixed = {} if self.spec.modes is None else self.spec.modes.given()
-            numbers, choice = fewest(self.promise, self.data.belongs, self.scene.tolerance, fixed, self.scene.tip)
+            numbers, choice = fewest(
+                self.promise, self.data.belongs, self.scene.tolerance, fixed, self.scene.tip
+            )
             return self._choose(numbers, "clamped", choice)
         full = {port: self.data.port(port, own=True) for port in PORTS if port in self.data.belongs}
         root = self.spec.root if target is None else structs.replace(self.spec.root, target=target)
-        plan = make_plan(structs.replace(self.spec, root=root), full, self.data.rigid_mass, self.hub)
+        plan = make_plan(
+            structs.replace(self.spec, root=root), full, self.data.rigid_mass, self.hub
+        )
         return self._choose(_first(self.data, plan.kept), plan.target, plan.choice)
 
     def _choose(self, numbers: tuple[int, ...], target: str, choice: Choice | None) -> "Case":
@@ -118,8 +136,8 @@ def case_of(spec: Spec, data: ModalData) -> Case:
     if spec.modes is not None:
         if wanted is not None:
             raise InputError(
-                "[modes] and imported.modes are both given; name the modes by number (imported.modes) or count them "
-                "per port ([modes])."
+                "[modes] and imported.modes are both given; name the modes by number "
+                "(imported.modes) or count them per port ([modes])."
             )
         numbers = _first(data, spec.modes.counts())
         wanted = None if spec.chooses else numbers
@@ -135,21 +153,23 @@ def _first(data: ModalData, counts: dict[str, int]) -> tuple[int, ...]:
         own = [k + 1 for k, b in enumerate(data.belongs) if b == port]
         if len(own) < count:
             raise InputError(
-                f"modes.{port} = {count}, but only {len(own)} of the imported modes move mainly in {port}; ask for "
-                "fewer, or import more modes."
+                f"modes.{port} = {count}, but only {len(own)} of the imported modes move mainly in "
+                f"{port}; ask for fewer, or import more modes."
             )
         numbers += own[:count]
     return tuple(sorted(numbers))
 
 
 def resolvable(model: PortModel) -> PortModel:
-    """The model with 0.5 % in every mode that has no damping, of which MuJoCo's differences leave rounding."""
+    """The model with 0.5 % in every mode that has no damping,
+    of which MuJoCo's differences leave rounding."""
     return model.replaced(damping=np.where(model.damping > UNDAMPED, model.damping, DEFAULT_RATIO))
 
 
-# -- the fit ----------------------------------------------------------------------------------------------------------
+# -- the fit ---------------------------------------------------------------------------------------
 def fit_imported(spec: Spec, data: ModalData) -> Fit:
-    """Fit a chain to all modes of a file, as `spec` asks, and prove it through MuJoCo's own linearisation."""
+    """Fit a chain to all modes of a file, as `spec` asks,
+    and prove it through MuJoCo's own linearisation."""
     clock = [time.perf_counter()]
     case = case_of(spec, data).chosen()
     clock.append(time.perf_counter())
@@ -174,17 +194,24 @@ def fit_imported(spec: Spec, data: ModalData) -> Fit:
     tree = appendage_tree(spec, chain, line)
     clock.append(time.perf_counter())
     live = tuple(data.live)
-    measured, achieved = measure_in_space(tree, timestep=case.scene.step, ballast=root_body(chain), live=live)
-    space = _space(case, why, achieved, live)
+    measured, achieved = measure_in_space(
+        tree, timestep=case.scene.step, ballast=root_body(chain), live=live
+    )
+    space = _space(case, why, achieved, live, measured.coupled)
     message = f"{built.status.message} Ports: {why}."
     if space.error.mass_error > SAME_MASS:
-        message += f" Rigid mass off by {space.error.mass_error:.1e}: the print is no rigid body's to its last digits."
+        message += (
+            f" Rigid mass off by {space.error.mass_error:.1e}: the print is no rigid "
+            "body's "
+            "to its last digits."
+        )
     status = Status(built.status.ok, message, (*case.data.steps, *built.status.history))
     return _finish(case, replace(built, chain=chain, status=status), measured, space, line, clock)
 
 
 def _built(case: Case, *, coupled: bool) -> tuple[Built, MassLine]:
-    """The chain, and the mass it is cut from: what the file leaves open of it lies farther out where that is needed."""
+    """The chain, and the mass it is cut from:
+    what the file leaves open of it lies farther out where that is needed."""
     reason: RealisationError | None = None
     for power in POWERS:
         try:
@@ -200,7 +227,8 @@ def _built(case: Case, *, coupled: bool) -> tuple[Built, MassLine]:
 
 
 def _roomy(line: MassLine, kept: ModalData) -> MassLine:
-    """The mass line, heavier by what the print lacks for the modes' participation to leave something at the root."""
+    """The mass line, heavier by what the print lacks for the modes' participation to leave
+    something at the root."""
     if not isinstance(line, SpreadMass) or not kept.modes:
         return line
     live = [i for i in kept.live if line.rigid_mass()[i, i] > 0.0]
@@ -208,27 +236,38 @@ def _roomy(line: MassLine, kept: ModalData) -> MassLine:
     size = np.sqrt(np.diag(own))
     rows = kept.participation[:, live] / size
     root = np.linalg.cholesky(own / np.outer(size, size))
-    most = float(np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, rows.T @ rows).T))[-1])
+    most = float(
+        np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, rows.T @ rows).T))[-1]
+    )
     if not 1.0 + ROUNDING < most < MOST_LACKING:
         return line
     factor = most + 0.2 * (most - 1.0)
     return replace(
-        line, rigid=line.rigid * factor,
+        line,
+        rigid=line.rigid * factor,
         pieces=tuple(replace(piece, densities=piece.densities * factor) for piece in line.pieces),
         points=line.points * np.array([1.0, *[factor] * 4]),
-    )  # fmt: skip
+    )
 
 
-# -- the chain ---------------------------------------------------------------------------------------------------------
+# -- the chain -------------------------------------------------------------------------------------
 def _separate(case: Case, line: MassLine) -> Built:
     """Ports that are independent, each with its own modes."""
-    spec, data, kept = case.spec, case.data, case.kept
-    targets = {port: kept.port(port, own=True) for port in PORTS if port in kept.belongs} if kept.modes else {}
+    spec = case.spec
+    data = case.data
+    kept = case.kept
+    targets = (
+        {port: kept.port(port, own=True) for port in PORTS if port in kept.belongs}
+        if kept.modes
+        else {}
+    )
     same_planes(targets, kept.tolerance)
     target = case.target
     if target == "hub" and case.hub is None:
         raise InputError('target = "hub" needs the hub; add root.hub, or use target = "clamped".')
-    whole = {port: data.port(port, own=True) for port in targets} if target in ("free", "hub") else {}
+    whole = (
+        {port: data.port(port, own=True) for port in targets} if target in ("free", "hub") else {}
+    )
 
     hubs = {port: port_hub_mass(case.carrier, port) for port in targets}
 
@@ -238,15 +277,23 @@ def _separate(case: Case, line: MassLine) -> Built:
         return whole[port].reduced(count, hubs[port]).replaced(damping=whole[port].damping[:count])
 
     counts = {port: model.modes for port, model in targets.items()}
-    last = {} if target == "clamped" else {port: m.last_on_hub(hubs[port]) for port, m in targets.items()}
+    last = (
+        {}
+        if target == "clamped"
+        else {port: m.last_on_hub(hubs[port]) for port, m in targets.items()}
+    )
     wishes = Wishes(spec.fit.springs, _per_mode(spec, kept), spec.fit.cuts, neutral=last)
     return build_exact(line, counts, target_of, wishes)
 
 
 def _per_mode(spec: Spec, kept: ModalData) -> bool:
     """Whether each mode takes a tendon: for damping of its own, or to be exact in time."""
-    timed = spec.exact_step > 0.0 and SCHEMES[spec.integrator].exact and spec.fit.springs != "hinges"
-    damped = bool(np.any(kept.damping > 0.0)) and (spec.damping is None or spec.damping.form == "modal")
+    timed = (
+        spec.exact_step > 0.0 and SCHEMES[spec.integrator].exact and spec.fit.springs != "hinges"
+    )
+    damped = bool(np.any(kept.damping > 0.0)) and (
+        spec.damping is None or spec.damping.form == "modal"
+    )
     return damped or timed or spec.sensors.modes
 
 
@@ -255,8 +302,8 @@ def _coupled(case: Case, line: MassLine) -> Built:
     spec, kept = case.spec, case.kept
     if spec.fit.springs == "hinges":
         raise InputError(
-            'fit.springs = "hinges" needs ports that are independent, but these modes couple them; use '
-            'fit.springs = "auto".'
+            'fit.springs = "hinges" needs ports that are independent, but these modes couple them; '
+            'use fit.springs = "auto".'
         )
     _check_body(kept)
     last: float | None = None
@@ -278,13 +325,27 @@ def _coupled(case: Case, line: MassLine) -> Built:
         rows = kept.participation[own] @ group_motion(ports)
         mass = group_motion(ports).T @ kept.rigid_mass @ group_motion(ports)
         groups.append(
-            ModeGroup(ports, kept.frequencies[own], rows, damping[own], numbers=numbers, weights=weights, rigid=mass,
-                  neutral=last)
-        )  # fmt: skip
+            ModeGroup(
+                ports,
+                kept.frequencies[own],
+                rows,
+                damping[own],
+                numbers=numbers,
+                weights=weights,
+                rigid=mass,
+                neutral=last,
+            )
+        )
     chain, how, cut = cut_chain(line, groups, spec.fit.cuts)
-    alive = [port for port in PORTS if np.all(np.diag(PORT_MOTION[port].T @ kept.rigid_mass @ PORT_MOTION[port]) > 0.0)]
+    alive = [
+        port
+        for port in PORTS
+        if np.all(np.diag(PORT_MOTION[port].T @ kept.rigid_mass @ PORT_MOTION[port]) > 0.0)
+    ]
     targets = {port: model for port in alive if (model := _shown(kept, port)).modes}
-    return Built(chain, targets, Status(True, f"exact chain ({how}), {kept.modes} modes kept."), cut)
+    return Built(
+        chain, targets, Status(True, f"exact chain ({how}), {kept.modes} modes kept."), cut
+    )
 
 
 def _check_body(data: ModalData) -> None:
@@ -294,15 +355,25 @@ def _check_body(data: ModalData) -> None:
     scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
     off = (mass - np.diag(np.diag(mass)))[:3, :3]
     cross = mass[3:, :3]
-    miss = np.max(np.abs(np.concatenate([
-        ((np.diag(mass)[:3] - mean) / mean), (off / mean).ravel(),
-        ((cross + cross.T) / np.outer(scale[3:], scale[:3])).ravel(),
-    ])))  # fmt: skip
-    if miss > max(min(20.0 * data.precision, A_BODY), 1e-9):
+    miss = np.max(
+        np.abs(
+            np.concatenate(
+                [
+                    ((np.diag(mass)[:3] - mean) / mean),
+                    (off / mean).ravel(),
+                    ((cross + cross.T) / np.outer(scale[3:], scale[:3])).ravel(),
+                ]
+            )
+        )
+    )
+    # `settle_rigid_mass` moves an entry and an eigenvalue by up to `least` each; a comparison has
+    # two entries
+    least = min(planes.ROUNDING * data.precision, planes.PRINTED)
+    if miss > max(ENTRIES * data.precision + 4.0 * least, EXACT_BODY):
         raise RealisationError(
-            f"the rigid mass matrix differs by {miss:.1e} from a rigid body's (its mass depends on the direction, as "
-            "when an a-set leaves freedoms out), which no set of bodies can be; give the mass of the grid point "
-            "weight generator."
+            f"the rigid mass matrix differs by {miss:.1e} from a rigid body's (its mass depends on "
+            "the direction, as when an a-set leaves freedoms out), which no set of bodies can be; "
+            "give the mass of the grid point weight generator."
         )
 
 
@@ -310,24 +381,39 @@ def _shown(data: ModalData, port: str) -> PortModel:
     """The port's model with the modes that move there by more than noise."""
     share = np.sqrt(data.shares[:, PORTS.index(port)])
     model = data.port(port)
-    strong = np.flatnonzero(share > max(SLIGHT, data.precision))
-    return model.picked(sorted({int(np.flatnonzero(model.frequencies == data.frequencies[k])[0]) for k in strong}))
+    # no mode that `port` takes for rounding
+    strong = np.flatnonzero(share > max(SLIGHT, data.tolerance))
+    return model.picked(
+        sorted({int(np.flatnonzero(model.frequencies == data.frequencies[k])[0]) for k in strong})
+    )
 
 
-# -- the proof -----------------------------------------------------------------------------------------------------------
-def _space(case: Case, why: str, achieved: PortModel, live: tuple[int, ...]) -> InSpace:
-    """The comparison with all motions at once."""
-    full, target = case.data.space(), case.kept.space()
+# -- the proof -------------------------------------------------------------------------------------
+def _space(
+    case: Case, why: str, achieved: PortModel, live: tuple[int, ...], coupled: CoupledPort | None
+) -> InSpace:
+    """The comparison with all motions at once;
+    `coupled`: the chain with its damping matrix, where joints are damped."""
+    full = case.data.space()
+    target = case.kept.space()
     if case.target != "clamped" and target.modes:
         target = full.reduced(target.modes, case.carrier[np.ix_(live, live)])
     hub = None if case.hub is None else case.hub[np.ix_(live, live)]
     error = compare(achieved, target)
-    in_band = in_band_error(resolvable(achieved), resolvable(full), hub, case.band(target))
+    made = resolvable(achieved) if coupled is None else _live(coupled, live)
+    in_band = in_band_error(made, resolvable(full), hub, case.band(target))
     error = replace(error, accelerance_in_band=in_band)
     return InSpace(case.data, "chain", why, full, target, achieved, error, live, case.numbers)
 
 
-def _finish(case: Case, built: Built, measured: Measured, space: InSpace, line: MassLine, clock: list[float]) -> Fit:
+def _live(whole: CoupledPort, live: Sequence[int]) -> CoupledPort:
+    """The motions in which the appendage has inertia."""
+    return whole.seen(np.eye(6)[:, list(live)])
+
+
+def _finish(
+    case: Case, built: Built, measured: Measured, space: InSpace, line: MassLine, clock: list[float]
+) -> Fit:
     """The result, with step limits on the hub."""
     hub, status = case.hub, built.status
     scale = np.sqrt(np.diag(space.achieved.rigid_mass))
@@ -335,13 +421,27 @@ def _finish(case: Case, built: Built, measured: Measured, space: InSpace, line: 
     if hub is None and np.linalg.eigvalsh(residual)[0] < EMPTY:
         # alone such an appendage has a root without mass, whose fastest mode lies at infinity
         hub = default_hub(line).mass_matrix()
-        message = f"{status.message} Step limits: on ten times its mass, as its root has none of its own."
+        message = (
+            f"{status.message} Step limits: on ten times its mass, as its root has none of its own."
+        )
         status = replace(status, message=message)
     full = {port: case.data.port(port) for port in built.targets}
-    promise = None if case.promise is None else case.promise.error(resolvable(space.achieved))
+    made = (
+        resolvable(space.achieved)
+        if measured.coupled is None
+        else _live(measured.coupled, space.live)
+    )
+    promise = None if case.promise is None else case.promise.error(made)
     return proved(
-        case.spec, replace(built, status=status), measured,
-        step_limits(built.chain, space.achieved, None if hub is None else hub[np.ix_(space.live, space.live)]), clock,
+        case.spec,
+        replace(built, status=status),
+        measured,
+        step_limits(
+            built.chain,
+            space.achieved,
+            None if hub is None else hub[np.ix_(space.live, space.live)],
+        ),
+        clock,
         full=full,
         truth={port: resolvable(model) for port, model in full.items()},
         achieved={port: resolvable(measured.ports[port]) for port in full},
@@ -352,7 +452,7 @@ def _finish(case: Case, built: Built, measured: Measured, space: InSpace, line: 
         cautions=tuple(doubtful((), case.spec.damping)),
         line=line,
         space=space,
-    )  # fmt: skip
+    )
 
 
 def same_planes(targets: dict[str, PortModel], tolerance: float) -> None:
@@ -369,4 +469,6 @@ def same_planes(targets: dict[str, PortModel], tolerance: float) -> None:
         float(np.max(np.abs((a.rigid_mass - b.rigid_mass) / np.outer(scale, scale)))),
     )
     if gap <= tolerance:
-        targets["xz"] = b.replaced(rigid_mass=a.rigid_mass, frequencies=a.frequencies, participation=a.participation)
+        targets["xz"] = b.replaced(
+            rigid_mass=a.rigid_mass, frequencies=a.frequencies, participation=a.participation
+        )

@@ -1,4 +1,5 @@
-"""The tables of a specification beside the structure itself: damping, modes, root, method, scene, points, sensors."""
+"""The tables of a specification beside the structure itself: damping, modes, root, fit, scene,
+points, sensors."""
 
 import re
 from collections.abc import Mapping
@@ -7,33 +8,37 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from beamchain.checks import Struct, field, not_negative, one_of, positive, whole_number
+from beamchain.checks import Struct, field, not_negative, one_of
 from beamchain.errors import InputError
 from beamchain.fitting.hub import Hub
 from beamchain.ports.motions import PORTS, Array
-from beamchain.structure.segment import body_inertia
+from beamchain.structure.segment import check_body_inertia
 
-RECIPES = ("classical", "midpoint", "naive", "seed")  # of one bending plane
 DEFAULT_MODES = 2  # of each bending plane, where a specification says nothing
 DEFAULT_STEP = 0.01  # of scene.xml and of the bench, where none is stated [s]
 
 Target = Literal["clamped", "free", "hub", "auto"]
-Method = Literal["exact", "least_squares", "classical", "midpoint", "naive", "seed"]
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast", "discrete"]
 Triple = tuple[float, float, float]
 
 
 class Payload(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The body that the user's scene will attach at the tip: the fit allows for it, but it is not in the files."""
+    """The body that the user's scene will attach at the tip: the fit allows for it,
+    but it is not in the files."""
 
     mass: Annotated[float, field("mass", "kg", above=0.0)]
     inertia: Annotated[
-        Triple, field("principal moments of inertia about its own centre, which is at the tip", "kg m^2", least=0.0)
+        Triple,
+        field(
+            "principal moments of inertia about its own centre, which is at the tip",
+            "kg m^2",
+            least=0.0,
+        ),
     ] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        body_inertia("inertia", self.inertia)
+        check_body_inertia("inertia", self.inertia)
 
 
 class Damping(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -48,11 +53,13 @@ class Damping(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     ratio: Annotated[
         float | dict[str, tuple[float, ...]],
         field(
-            "damping ratio: a number for all modes, or { xy = [0.005, 0.004] }, whose last value applies to all further modes"
+            "damping ratio: a number for all modes, or { xy = [0.005, 0.004] }, whose last value "
+            "applies to all further modes"
         ),
     ] = 0.0
     form: Annotated[
-        Literal["modal", "hinge"], field('"modal": a tendon per mode, exact; "hinge": plain joint damping, approximate')
+        Literal["modal", "hinge"],
+        field('"modal": a tendon per mode, exact; "hinge": plain joint damping, approximate'),
     ] = "modal"
 
     def __post_init__(self) -> None:
@@ -61,14 +68,18 @@ class Damping(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             for port, values in self.ratio.items():
                 one_of("ratio", port, PORTS)
                 if not isinstance(values, tuple):
-                    raise InputError(f"ratio.{port} = {values!r} must be a list, one per mode; write [{values!r}].")
+                    raise InputError(
+                        f"ratio.{port} = {values!r} must be a list, one per mode; write "
+                        f"[{values!r}]."
+                    )
                 for i, value in enumerate(values):
                     _ratio(f"ratio.{port}[{i}]", value)
         else:
             _ratio("ratio", self.ratio)
 
     def ratios(self, port: str, modes: int) -> Array:
-        """`(modes,)` ratios of a port; the last value of a short list applies to all further modes."""
+        """`(modes,)` ratios of a port; the last value of a short list applies to
+        all further modes."""
         if not isinstance(self.ratio, dict):
             return np.full(modes, float(self.ratio))
         given = self.ratio.get(port, ())
@@ -78,21 +89,28 @@ class Damping(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 def _ratio(name: str, value: object) -> None:
     if not_negative(name, value, "") >= 1.0:
         raise InputError(
-            f"{name} = {value!r} is not an oscillation; damping ratios lie between 0 and 1 (0.005 is usual)."
+            f"{name} = {value!r} is not an oscillation; damping ratios lie between 0 and 1 (0.005 "
+            "is usual)."
         )
 
 
 class Port(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A further point at which the chain is exact, in the ports that are kept; its site is `NAME_<name>`."""
+    """A further point at which the chain is exact, in the ports that are kept;
+    its site is `NAME_<name>`."""
 
     name: Annotated[str, field("part of the name of its site: a-z, 0-9 and _")]
     x: Annotated[float, field("distance from the root", "m", above=0.0)]
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name) or self.name in ("root", "tip", "body"):
+        if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name) or self.name in (
+            "root",
+            "tip",
+            "body",
+        ):
             raise InputError(
-                f"name = {self.name!r} must start with a small letter, hold only a-z, 0-9 and _, and be neither root, tip "
+                f"name = {self.name!r} must start with a small letter, hold only a-z, 0-9 and _, "
+                "and be neither root, tip "
                 'nor body; for example name = "camera".'
             )
 
@@ -100,20 +118,27 @@ class Port(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 class Sensors(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Sensors written with the appendage, for modes, deflections and loads."""
 
-    modes: Annotated[bool, field("amplitude and rate of each mode: NAME_mode1_xy_amplitude, NAME_mode1_xy_rate")] = (
-        False
-    )
+    modes: Annotated[
+        bool, field("amplitude and rate of each mode: NAME_mode1_xy_amplitude, NAME_mode1_xy_rate")
+    ] = False
     points: Annotated[
         tuple[str, ...],
-        field("sites whose position and rotation relative to the root are measured: NAME_tip_place, NAME_tip_turn"),
+        field(
+            "sites whose position and rotation relative to the root are measured: NAME_tip_place, "
+            "NAME_tip_turn"
+        ),
     ] = ()
     root_load: Annotated[
-        bool, field("force and moment between appendage and spacecraft: NAME_root_force, NAME_root_moment")
+        bool,
+        field(
+            "force and moment between appendage and spacecraft: NAME_root_force, NAME_root_moment"
+        ),
     ] = False
 
 
 class Modes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Flexible modes kept per port. A port that is 0 or absent is rigid; with a scene's bandwidth, absent means chosen.
+    """Flexible modes kept per port. A port that is 0 or absent is rigid; with a scene's bandwidth,
+    absent means chosen.
 
     Example:
         >>> import beamchain as bc
@@ -121,9 +146,15 @@ class Modes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         {'xy': 2, 'torsion': 1}
     """
 
-    xy: Annotated[int | None, field("number of bending modes in the plane of x and y", "", least=0, most=20)] = None
-    xz: Annotated[int | None, field("number of bending modes in the plane of x and z", "", least=0, most=20)] = None
-    torsion: Annotated[int | None, field("number of torsional modes about x", "", least=0, most=20)] = None
+    xy: Annotated[
+        int | None, field("number of bending modes in the plane of x and y", "", least=0, most=20)
+    ] = None
+    xz: Annotated[
+        int | None, field("number of bending modes in the plane of x and z", "", least=0, most=20)
+    ] = None
+    torsion: Annotated[
+        int | None, field("number of torsional modes about x", "", least=0, most=20)
+    ] = None
     axial: Annotated[int | None, field("number of modes along x", "", least=0, most=20)] = None
 
     def counts(self) -> dict[str, int]:
@@ -147,7 +178,8 @@ def as_modes(given: object) -> Modes:
     if isinstance(given, Integral) and not isinstance(given, bool):
         return Modes(xy=int(given), xz=int(given))
     raise InputError(
-        f'modes = {given!r:.60} is a {type(given).__name__}; give a number for both planes, or modes={{"xy": 2, "xz": 0}}.'
+        f"modes = {given!r:.60} is a {type(given).__name__}; give a number for both planes, or "
+        'modes={"xy": 2, "xz": 0}.'
     )
 
 
@@ -161,7 +193,11 @@ class Root(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """
 
     target: Annotated[
-        Target | None, field("boundary condition of the root at which the kept modes are exact; clamped where left out")
+        Target | None,
+        field(
+            "boundary condition of the root at which the kept modes are exact; clamped where left "
+            "out"
+        ),
     ] = None
     hub: Annotated[Hub | None, field("the rigid spacecraft that carries the appendage")] = None
 
@@ -169,30 +205,26 @@ class Root(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 class FitOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How the chain is found.
 
-    These recipes are for comparison: "classical" (EI N/L, 2 EI N/L at the root), "midpoint" (hinges at segment
-    middles), "naive" (EI N/L everywhere), "seed" (the three links of the 2008 paper).
-
     Example:
         >>> import beamchain as bc
-        >>> bc.FitOptions(method="classical", links=20).links
-        20
+        >>> bc.FitOptions(springs="modes").springs
+        'modes'
     """
 
-    method: Annotated[Method, field("exact realisation, least squares, or a recipe to compare with")] = "exact"
-    links: Annotated[
-        int | tuple[float, ...] | None,
-        field("number of links or their lengths [m], for methods that do not fix the links themselves"),
-    ] = None
-    free: Annotated[
-        tuple[Literal["stiffness", "lengths", "masses"], ...], field("quantities varied by least squares")
-    ] = ("stiffness", "lengths", "masses")
     springs: Annotated[
         Literal["auto", "hinges", "modes"],
-        field('springs on the hinges, or a tendon per mode; "auto" takes the hinges where that is exact'),
+        field(
+            'springs on the hinges, or a tendon per mode; "auto" takes the hinges where that is '
+            "exact"
+        ),
     ] = "auto"
     cuts: Annotated[
         tuple[float, ...],
-        field("x of hinges at prescribed places; others are added if the modes need them", "m", least=0.0),
+        field(
+            "x of hinges at prescribed places; others are added if the modes need them",
+            "m",
+            least=0.0,
+        ),
     ] = ()
     form: Annotated[Literal["chain", "oscillators"] | None, field('"chain", the only form')] = None
     timestep: Annotated[
@@ -203,23 +235,9 @@ class FitOptions(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         super().__post_init__()
         if self.form == "oscillators":
             raise InputError(
-                'form = "oscillators" is no longer written: a chain with a tendon per mode is exact for any modes, '
+                'form = "oscillators" is no longer written: a chain with a tendon per mode is '
+                "exact for any modes, "
                 "coupled ones included; leave fit.form out."
-            )
-        if self.method != "exact" and (self.cuts or self.springs != "auto"):
-            word = "cuts" if self.cuts else "springs"
-            raise InputError(
-                f'{word} is for method = "exact", but method = "{self.method}" is asked for; leave fit.{word} out.'
-            )
-        if isinstance(self.links, tuple):
-            for i, value in enumerate(self.links):
-                positive(f"links[{i}]", value, "m")
-        elif self.links is not None:
-            whole_number("links", self.links, 1, 496)
-        if self.links is not None and self.method in ("exact", "seed"):
-            raise InputError(
-                f'links = {self.links!r} is given but method = "{self.method}" fixes the links itself (modes + 1); '
-                'remove links, or use method = "least_squares".'
             )
 
 
@@ -238,7 +256,9 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     bandwidth: Annotated[
         float | None,
         field(
-            "highest frequency that matters; the modes are chosen for it where [modes] is left out", "rad/s", above=0.0
+            "highest frequency that matters; the modes are chosen for it where [modes] is left out",
+            "rad/s",
+            above=0.0,
         ),
     ] = None
     tolerance: Annotated[
@@ -248,13 +268,16 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         tuple[Literal["x", "y", "z", "tx", "ty", "tz"], ...],
         field("hub motions that matter: rotations x, y, z, translations tx, ty, tz"),
     ] = ("x", "y", "z", "tx", "ty", "tz")
-    tip: Annotated[bool, field("the motion of the tip matters too, and the tip site is written")] = False
+    tip: Annotated[
+        bool, field("the motion of the tip matters too, and the tip site is written")
+    ] = False
     visuals: Annotated[bool, field("write massless shapes")] = True
     contacts: Annotated[bool, field("write shapes that can touch other bodies")] = False
     integrator: Annotated[
         Integrator | Literal["auto"],
         field(
-            'integrator of MuJoCo; "auto" takes Euler if it turns the spacecraft at the rates within the tolerance, else RK4'
+            'integrator of MuJoCo; "auto" takes Euler if it turns the spacecraft at the rates '
+            "within the tolerance, else RK4"
         ),
     ] = "implicitfast"
     rates: Annotated[
@@ -264,7 +287,8 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     timestep: Annotated[
         float | None,
         field(
-            "step of scene.xml, 0.01 where left out; if given, the written files are exact in time for it",
+            "step of scene.xml, 0.01 where left out; if given, the written files are exact in time "
+            "for it",
             "s",
             above=0.0,
         ),
@@ -280,10 +304,13 @@ class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         if self.integrator == "auto" and (self.rates is None or self.timestep is None):
             missing = "rates" if self.rates is None else "timestep"
             raise InputError(
-                f'integrator = "auto" chooses by what a step does to the turning spacecraft, and {missing} is not given; '
-                "add it, for example rates = [0.01, 0.0, 0.02] and timestep = 0.05, or name an integrator."
+                'integrator = "auto" chooses by what a step does to the turning spacecraft, and '
+                f"{missing} is not given; "
+                "add it, for example rates = [0.01, 0.0, 0.02] and timestep = 0.05, or name an "
+                "integrator."
             )
         if not self.axes:
             raise InputError(
-                "axes = [] leaves no hub motion that matters; name some of x y z tx ty tz, or leave axes out."
+                "axes = [] leaves no hub motion that matters; name some of x y z tx ty tz, or "
+                "leave axes out."
             )

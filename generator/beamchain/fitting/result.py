@@ -14,25 +14,33 @@ from beamchain.chain.build import Status
 from beamchain.chain.chain import Chain
 from beamchain.chain.cut import Cut
 from beamchain.engine.bench import Measured, ballast_for
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, rest
+from beamchain.engine.linear import rigid_body
 from beamchain.engine.linearise import compile_model
+from beamchain.engine.mount import motion
 from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
 from beamchain.fitting.document import appendage_tree, put_timing, safe_step
+from beamchain.fitting.exact import exact_in_space
 from beamchain.fitting.hub import Hub, default_hub
 from beamchain.fitting.needs import AXES, Choice, LeftOut
 from beamchain.fitting.options import Scene
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import step_warnings, turn_warning
 from beamchain.mjcf import write
-from beamchain.ports.compare import Comparison
-from beamchain.ports.compose import in_space
+from beamchain.ports.compare import Comparison, keeps_tolerance
+from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
+from beamchain.steps.budget import linear_model
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.large_motion import LargeMotion, large_limits
-from beamchain.steps.limits import StepChoice, StepLimits, choose_step, coupled_limits
+from beamchain.steps.limits import StepChoice, StepLimits, choose_step, coupled_limits, step_limits
+from beamchain.steps.modal import made_for
 from beamchain.steps.poles import PoleRow, pole_rows
+from beamchain.steps.retime import time_sentence
+from beamchain.steps.sampled import FAR, sampled_error
+from beamchain.steps.step_map import WRONG, TimeError, motion_at, time_error, wrong_from
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
@@ -99,7 +107,8 @@ class Fit:
         bandwidth: per port, of the in-band error [rad/s].
         kept_for: the target whose modes are kept: "clamped", "free" or "hub".
         choice: how the modes were chosen for the scene; None where the spec states them.
-        promise: in-band error of the achieved model on the hub, in the motions of the scene; None without a bandwidth.
+        promise: in-band error of the achieved model on the hub, in the motions of the scene;
+            None without a bandwidth.
         left_out: what the chain leaves out, why, and the error that this causes.
         cautions: warnings about the drop-in file; `warnings` adds those about scene.xml.
         cut: the hinge positions, if they were chosen for modal tendons.
@@ -145,7 +154,8 @@ class Fit:
 
     @property
     def mass_line(self) -> MassLine:
-        """Mass distribution of the appendage along x: its beam, or the distribution for imported modes."""
+        """Mass distribution of the appendage along x: its beam,
+        or the distribution for imported modes."""
         return self.spec.beam if self.line is None else self.line
 
     @property
@@ -163,7 +173,7 @@ class Fit:
         """What was achieved in all motions at once, and which motions those are."""
         if self.space is not None:
             return self.space.achieved, self.space.live
-        return in_space(self.achieved, self.measured.rigid_mass), tuple(range(6))
+        return model_in_space(self.achieved, self.measured.rigid_mass), tuple(range(6))
 
     @property
     def hub(self) -> Hub:
@@ -174,12 +184,30 @@ class Fit:
     def warnings(self) -> tuple[str, ...]:
         """Warnings about the files, as shown by `beamchain fit` and in the report."""
         scene = self.spec.scene
-        if scene is None or not self.achieved:
+        if not self.achieved:
             return self.cautions
+        if scene is None:
+            return (*self.cautions, *self._time_warnings) if self.spec.exact_step else self.cautions
         out = (*self.cautions, *turn_warning(self.turn_error, scene, scene.integrator, scene.step))
         if self.spec.exact_step and self.tendon_sprung and scene.integrator in SCHEMES:
-            return out  # exact in time, or slowed
+            return (*out, *self._time_warnings)
         return (*out, *step_warnings(scene, self.scene_limits, self.steps))
+
+    @property
+    def _time_warnings(self) -> list[str]:
+        """What the stated step does that is not exact: poles that are off,
+        modes that are slowed."""
+        off, (written, plain) = self.time_error, self._scenes
+        # RK4 is not made exact
+        if off is None or off.exact or (off.integrator == "RK4" and off.error < WRONG):
+            return []
+        first = wrong_from(written, plain)
+        more = (
+            ""
+            if first == float("inf")
+            else f" From {first:.4g} rad/s on, poles are off by more than 1e-3."
+        )
+        return [Caution("time-error", f"scene.xml: {time_sentence(off)}{more}")]
 
     @property
     def scene_limits(self) -> StepLimits:
@@ -194,7 +222,10 @@ class Fit:
     def large_motion(self) -> tuple[dict[str, LargeMotion], tuple[str, ...]]:
         """Large-motion limits per bending plane, and the reasons if one could not be computed."""
         if self.spec.imported is not None:
-            why = "large motion is compared with a chain of 60 links of the beam, which imported modes do not have."
+            why = (
+                "large motion is compared with a chain of 60 links of the beam, which imported "
+                "modes do not have."
+            )
             return {}, (Caution("large-motion-unknown", why),)
         modes = {port: target.modes for port, target in self.target.items()}
         hub = self.spec.root.hub
@@ -202,11 +233,17 @@ class Fit:
 
     @cached_property
     def turn_error(self) -> float | None:
-        """Relative error of the rigid craft's rates after one radian of free rotation; None without rates or hub."""
+        """Relative error of the rigid craft's rates after one radian of free rotation;
+        None without rates or hub."""
         scene, hub = self.spec.scene, self.hub_mass
         if scene is None or scene.rates is None or hub is None:
             return None
-        return turn_error(central_inertia(hub + self.measured.rigid_mass), scene.rates, scene.step, scene.integrator)
+        return turn_error(
+            central_inertia(hub + self.measured.rigid_mass),
+            scene.rates,
+            scene.step,
+            scene.integrator,
+        )
 
     @cached_property
     def hub_mass(self) -> Array | None:
@@ -215,15 +252,18 @@ class Fit:
 
     @property
     def readback_error(self) -> dict[str, Comparison]:
-        """Per port, the values read back from MuJoCo against their target: the error of the file, not of the model."""
+        """Per port, the values read back from MuJoCo against their target: the error of the file,
+        not of the model."""
         return self.error
 
     @property
     def modes(self) -> list[ModeRow]:
-        """The kept modes, port by port, slowest first; `pandas.DataFrame(fit.modes)` makes a table of them."""
+        """The kept modes, port by port, slowest first;
+        `pandas.DataFrame(fit.modes)` makes a table of them."""
         rows: list[ModeRow] = []
         for port, error in self.error.items():
-            target, achieved = self.target[port].frequencies, self.achieved[port]
+            target = self.target[port].frequencies
+            achieved = self.achieved[port]
             for k in np.argsort(error.matches[:, 1]):
                 i, j = (int(index) for index in error.matches[k])
                 off = float(error.frequency_errors[k]), float(error.participation_errors[k])
@@ -234,23 +274,33 @@ class Fit:
     @property
     def worst_port(self) -> str | None:
         """The port with the largest in-band error; None where the appendage is rigid."""
-        return max(self.error, key=lambda port: self.error[port].accelerance_in_band or 0.0, default=None)
+        return max(
+            self.error, key=lambda port: self.error[port].accelerance_in_band or 0.0, default=None
+        )
 
     @property
     def in_band_error(self) -> float | None:
-        """In-band error of the model for what the scene requires; without a scene, that of the worst port by itself."""
+        """In-band error of the model for what the scene requires; without a scene,
+        that of the worst port by itself."""
         port = self.worst_port
-        return self.promise if self.promise is not None or port is None else self.error[port].accelerance_in_band
+        return (
+            self.promise
+            if self.promise is not None or port is None
+            else self.error[port].accelerance_in_band
+        )
 
     @property
     def headline(self) -> str:
         """The model's error in a sentence, and the tip's if that is above 1 %."""
-        port, error = self.worst_port, self.in_band_error
+        port = self.worst_port
+        error = self.in_band_error
         if error is None:
             return "rigid: no in-band error is known without scene.bandwidth"
         if port is None or self.promise is not None:
             band = self.spec.scene.bandwidth if self.spec.scene else None
-            said = f"in-band error {error:.2e}" + ("" if band is None else f" up to {band:.4g} rad/s")
+            said = f"in-band error {error:.2e}" + (
+                "" if band is None else f" up to {band:.4g} rad/s"
+            )
             said += ", rigid" if port is None else " of what the scene asks for"
         else:
             said = f"in-band error {error:.2e} up to {self.bandwidth[port]:.4g} rad/s ({port}"
@@ -260,13 +310,17 @@ class Fit:
     @property
     def tip_told(self) -> str | None:
         """The tip's error and the remedy, if it is above 1 %."""
-        off = {(p, k + 1): float(e) for p, errors in self.tip_error.items() for k, e in enumerate(errors)}
+        off = {
+            (p, k + 1): float(e)
+            for p, errors in self.tip_error.items()
+            for k, e in enumerate(errors)
+        }
         worst = max(off, key=lambda k: abs(off[k]), default=None)
         if worst is None or abs(off[worst]) <= TIP_TOLD:
             return None
         return (
-            f"tip motion off by {off[worst]:+.1%} in mode {worst[1]} of {worst[0]}: where the tip matters keep more "
-            "modes, or give it a [[port]]"
+            f"tip motion off by {off[worst]:+.1%} in mode {worst[1]} of {worst[0]}: where the tip "
+            "matters keep more modes, or give it a [[port]]"
         )
 
     @property
@@ -282,15 +336,28 @@ class Fit:
 
     @cached_property
     def steps(self) -> tuple[StepChoice, ...]:
-        """Integrators, each with its largest step within the tolerance, cheapest first; empty without a bandwidth."""
+        """Integrators, each with its largest step within the tolerance, cheapest first;
+        empty without a bandwidth.
+
+        The one step that a file was made for, where it has timing.
+        """
         scene = self.spec.scene
         if scene is None or scene.bandwidth is None or not self.achieved:
             return ()
+        # the file is made for one step
+        if self.time_error is not None and any(made_for(self._scenes[0])):
+            return (StepChoice(scene.integrator, self.spec.exact_step, "the file's own", 1.0),)
         model, live = self._motion
         hub = self.hub_mass[np.ix_(live, live)] if self.hub_mass is not None else model.rigid_mass
         keep = [i for i, motion in enumerate(live) if motion in {AXES[axis] for axis in scene.axes}]
         return choose_step(
-            model, hub, keep, scene.bandwidth, scene.tolerance, tendon=self.tendon_damped, sprung=self.tendon_sprung
+            model,
+            hub,
+            keep,
+            scene.bandwidth,
+            scene.tolerance,
+            tendon=self.tendon_damped,
+            sprung=self.tendon_sprung,
         )
 
     def appendage(self, *, timed: bool = True) -> Element:
@@ -305,31 +372,123 @@ class Fit:
         return tree
 
     @cached_property
+    def _scenes(self) -> "tuple[mujoco.MjModel, mujoco.MjModel]":
+        """scene.xml, compiled, as it is written and with timing taken out."""
+        return compile_model(self.scene_mjcf()), compile_model(write.document_text(self._scene()))
+
+    @cached_property
     def time(self) -> list[PoleRow]:
         """Modes of scene.xml without timing, and their poles under its integrator at its step."""
-        return pole_rows(compile_model(self.scene_mjcf())) if self.achieved else []
+        return pole_rows(*self._scenes) if self.achieved else []
+
+    @cached_property
+    def time_error(self) -> TimeError | None:
+        """The largest error of a coupled pole of scene.xml at its step; None without a stated step.
+
+        `error` is `|z - exp(s h)| / |exp(s h) - 1|` of the pole z of a step of MuJoCo, s the
+        damped pole of the same file with timing taken out; up to the scene's bandwidth, or the
+        last kept coupled mode.
+        """
+        if not self.spec.exact_step or not self.achieved:
+            return None
+        written, plain = self._scenes
+        band = None if self.spec.scene is None else self.spec.scene.bandwidth
+        return time_error(written, plain, {"rest": np.array(plain.qpos0)}, band)
+
+    @cached_property
+    def sampled_error(self) -> float | None:
+        """In-band error of the hub's positions at the samples, per wrench held over each step;
+        None without a stated step.
+
+        scene.xml as MuJoCo steps it (inputs through `HeldInput`; RK4: as they are),
+        against the exact appendage on its hub.
+        """
+        if not self.spec.exact_step or not self.achieved:
+            return None
+        scene = self.spec.scene
+        band = (scene.bandwidth if scene else None) or min(self.bandwidth.values())
+        model = self._scenes[0]
+        hub = self.hub.mass_matrix()
+        whole = exact_in_space(self).condensed(FAR * band)
+        axes = tuple(AXES) if scene is None or scene.bandwidth is None else scene.axes
+        keep = sorted({AXES[axis] for axis in axes})
+        exact = rigid_body(hub).with_appendages([whole], [np.eye(6)]).picked(keep, keep)
+        s = np.sqrt(np.diag(hub + whole.rigid_mass))[keep]
+        rigid = np.linalg.inv(hub + whole.rigid_mass)[np.ix_(keep, keep)] * np.outer(s, s)
+        data = rest(model)
+        root = int(model.body(f"{self.spec.name}_link1").id)
+        rows = motion(model, data, root, data.xpos[root], data.xmat[root].reshape(3, 3))[keep]
+        return sampled_error(
+            exact,
+            motion_at(model),
+            rows,
+            scale=np.outer(s, s),
+            frozen=float(np.linalg.norm(rigid, 2)),
+            band=band,
+        ).error
+
+    @property
+    def met(self) -> bool | None:
+        """Whether 1.01 times the error is within the scene's tolerance; None without a bandwidth.
+
+        The error is `sampled_error` where a step is stated (`fit.timestep`, or a `scene.timestep`
+        that was typed), and `in_band_error` otherwise; both where the specification has no hub,
+        since `sampled_error` is that of one hub.
+        """
+        scene = self.spec.scene
+        if scene is None or scene.bandwidth is None:
+            return None
+        one_hub = self.spec.root.hub is not None and self.sampled_error is not None
+        errors = [self.sampled_error] if one_hub else [self.sampled_error, self.in_band_error]
+        stated = [error for error in errors if error is not None]
+        return keeps_tolerance(max(stated), scene.tolerance) if stated else None
+
+    @cached_property
+    def written_limits(self) -> StepLimits:
+        """Step limits of the files as they are written: of scene.xml, where they have timing;
+        else `limits`."""
+        timed = self.spec.exact_step and self.achieved and self._scenes[0].ntendon
+        return (
+            step_limits(linear_model(self._scenes[0]))
+            if timed and any(made_for(self._scenes[0]))
+            else self.limits
+        )
 
     def to_mjcf(self) -> str:
         """The drop-in MJCF file as text."""
-        return write.text(self.appendage())
+        return write.document_text(self.appendage())
 
     def scene_mjcf(self) -> str:
-        """A free-flying hub with the appendage on it, as text; default hub: ten times the appendage's mass."""
-        scene, hub = self.spec.scene or Scene(), self.hub
+        """A free-flying hub with the appendage on it, as text; default hub:
+        ten times the appendage's mass."""
+        root = self._scene()
+        put_timing(root, self.spec, sprung=self.tendon_sprung, form=4)
+        return write.document_text(root)
+
+    def _scene(self) -> Element:
+        """The same without timing."""
+        scene = self.spec.scene or Scene()
+        hub = self.hub
         timestep = self.spec.exact_step or (
             scene.step if self.spec.scene else safe_step(self.limits.largest_step[scene.integrator])
         )
-        root = write.scene(
-            self.appendage(timed=False), self.spec.name, mass=hub.mass, inertia=hub.inertia_matrix(), offset=hub.offset,
-            timestep=timestep, integrator=scene.integrator, contacts=scene.contacts,
-        )  # fmt: skip
-        put_timing(root, self.spec, sprung=self.tendon_sprung, form=4)
-        return write.text(root)
+        return write.scene_document(
+            self.appendage(timed=False),
+            self.spec.name,
+            mass=hub.mass,
+            inertia=hub.inertia_matrix(),
+            offset=hub.offset,
+            timestep=timestep,
+            integrator=scene.integrator,
+            contacts=scene.contacts,
+        )
 
     def bench_mjcf(self) -> str:
         """The appendage on the test bench: its root free in every kept port, as text."""
         ports = [port for port in PORTS if port in self.achieved]
-        return write.text(write.bench(self.appendage(timed=False), ports, 0.01, ballast_for(self.chain)))
+        return write.document_text(
+            write.bench_document(self.appendage(timed=False), ports, 0.01, ballast_for(self.chain))
+        )
 
     def attach(self, spec: "mujoco.MjSpec", site: str) -> None:
         """Attach the appendage; its names get no prefix.
@@ -343,24 +502,27 @@ class Fit:
         """
         if not isinstance(spec, mujoco.MjSpec):
             raise InputError(
-                f"attach needs an mujoco.MjSpec, not a {type(spec).__name__}: mujoco.MjSpec.from_file(path), attach, "
-                "then compile(); or bc.embed for a file."
+                f"attach needs an mujoco.MjSpec, not a {type(spec).__name__}: "
+                "mujoco.MjSpec.from_file(path), attach, then compile(); or bc.embed for a file."
             )
         if spec.body(f"{self.spec.name}_link1") is not None:
             raise InputError(
-                f"the model already has an appendage {self.spec.name!r}; fit this one under another name: name=..."
+                f"the model already has an appendage {self.spec.name!r}; fit this one under "
+                "another name: name=..."
             )
         place = spec.site(site)
         if place is None:
             known = ", ".join(s.name for s in spec.sites if s.name) or "none"
             raise InputError(f"site {site!r} is not in the model; its sites are: {known}.")
-        # MuJoCo warns of an empty prefix: take the name off every element, and have MuJoCo put it back
+        # MuJoCo warns of an empty prefix: take the name off every element,
+        # and have MuJoCo put it back
         prefix = f"{self.spec.name}_"
         child = mujoco.MjSpec.from_string(self.to_mjcf().replace(f'"{prefix}', '"'))
         spec.attach(child, site=place, prefix=prefix)
 
     def plot(self, ax: "Axes | None" = None, port: str | None = None) -> "Axes":
-        """Plot the accelerance of a port: beam, and chain read back from MuJoCo. Returns the axes; shows nothing.
+        """Plot the accelerance of a port: beam, and chain read back from MuJoCo.
+        Returns the axes; shows nothing.
 
         Args:
             ax: axes to draw into; default: a new figure.
@@ -373,7 +535,8 @@ class Fit:
         return report.fit_record(self)
 
     def write(self, folder: str | Path, *, force: bool = False) -> list[Path]:
-        """Write appendage.xml, scene.xml, pictures, report.html and fit.json (last) into `folder`; all or none.
+        """Write appendage.xml, scene.xml, pictures,
+        report.html and fit.json (last) into `folder`; all or none.
 
         Raises:
             OutputError: a file exists and `force` is False, or the folder cannot be written.

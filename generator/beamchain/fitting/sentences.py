@@ -7,41 +7,66 @@ from typing import Any, get_args, get_type_hints
 import msgspec
 
 from beamchain.checks import literals, meant
+from beamchain.dropped import DROPPED
 
 _KINDS = {
-    "float": "a number", "int": "a whole number", "str": "a text in quotes", "object": "a table { ... }",
-    "date": "a date", "time": "a time", "datetime": "a date",
-    "array": "a list [ ... ]", "bool": "true or false", "null": "nothing",
-}  # fmt: skip
+    "float": "a number",
+    "int": "a whole number",
+    "str": "a text in quotes",
+    "object": "a table { ... }",
+    "date": "a date",
+    "time": "a time",
+    "datetime": "a date",
+    "array": "a list [ ... ]",
+    "bool": "true or false",
+    "null": "nothing",
+}
 
 
 def sentence(message: str, data: Mapping[str, Any], root: type) -> str:
-    """msgspec's `message` on `data` as a sentence: where, what was given, what is allowed, what to do."""
+    """msgspec's `message` on `data` as a sentence: where, what was given,
+    what is allowed, what to do."""
     match = re.fullmatch(r"(.*?)(?: - at `(?:key in )?\$\.?(.*)`)?", message, re.DOTALL)
     assert match is not None
     what, place = match[1], match[2] or ""
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", what)
     if unknown:
-        cure = meant(unknown[1], _keys(root)).strip() or "remove it; `beamchain schema` has the keys."
-        if unknown[1] in _keys(root):
-            here = _keys_at(root, place)
-            cure = f"it belongs elsewhere; {'choose from ' + ', '.join(here) if here else '`beamchain schema` has the keys'}."
-        return f"{place + ': ' if place else ''}unknown key {unknown[1]!r}; {cure}"
+        struct = _struct_at(root, place, data)
+        gone = None if struct is None else DROPPED.get(f"{struct.__name__}({unknown[1]})")
+        answer = gone or (
+            f"unknown key {unknown[1]!r}; {_keys_instead(unknown[1], place, struct, root)}"
+        )
+        return f"{place + ': ' if place else ''}{answer}"
     missing = re.fullmatch(r"Object missing required field `(.*)`", what)
     if missing:
-        return f"{place + ': ' if place else ''}{missing[1]} is missing; add {missing[1]} = ... there."
+        return (
+            f"{place + ': ' if place else ''}{missing[1]} is missing; add {missing[1]} = ... there."
+        )
     wrong = re.fullmatch(r"Expected `(.*)`, got `(.*)`", what)
     if wrong:
         wanted = " or ".join(
-            _KINDS.get(kind.strip(), kind.strip()) for kind in wrong[1].split("|") if kind.strip() != "null"
+            _KINDS.get(kind.strip(), kind.strip())
+            for kind in wrong[1].split("|")
+            if kind.strip() != "null"
         )
         value = _value(data, match[2] or "")
         shown = (
-            "" if value is None else f" = {str(value)[:60]!r}" if isinstance(value, str) else f" = {str(value)[:60]}"
+            ""
+            if value is None
+            else f" = {str(value)[:60]!r}"
+            if isinstance(value, str)
+            else f" = {str(value)[:60]}"
         )
         if (wrong[1], wrong[2]) == ("array", "object") and place in ("segment", "joint", "lump"):
-            return f"[{place}] is one table, but there may be several; write [[{place}]] with double brackets."
-        return f"{place or 'the file'}{shown} is {_KINDS.get(wrong[2], wrong[2])}, but {wanted} is needed; write it so."
+            return (
+                f"[{place}] is one table, but there may be several; write [[{place}]] with "
+                "double brackets."
+            )
+        return (
+            f"{place or 'the file'}{shown} is {_KINDS.get(wrong[2], wrong[2])}, but {wanted} "
+            "is "
+            "needed; write it so."
+        )
     short = re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", what)
     if short:
         return f"{place} holds {short[2]} numbers, but {short[1]} are needed; give all {short[1]}."
@@ -56,7 +81,9 @@ def _choose(word: str, key: str, root: type) -> str:
     """The nearest allowed word for a key, and all of them."""
     structs = structs_of(root)
     tags = [struct.__struct_config__ for struct in structs]
-    allowed = [str(config.tag) for config in tags if config.tag is not None and config.tag_field == key]
+    allowed = [
+        str(config.tag) for config in tags if config.tag is not None and config.tag_field == key
+    ]
     for struct in structs:
         allowed += literals(get_type_hints(struct).get(key))
     return (
@@ -86,13 +113,57 @@ def _keys(root: type) -> list[str]:
     return sorted({field for struct in structs_of(root) for field in struct.__struct_fields__})
 
 
-def _keys_at(root: Any, place: str) -> list[str]:
-    """Keys of the table at a place; none where its shape decides on them."""
-    for step in re.findall(r"[A-Za-z_]\w*", place):
-        root = next(iter(structs_of(get_type_hints(root).get(step))), None)
-        if root is None or root.__struct_config__.tag is not None:
-            return []
-    return list(root.__struct_fields__)
+def _keys_instead(word: str, place: str, struct: Any, root: type) -> str:
+    """The nearest key to a word, where it belongs if it is the key of another table,
+    and the keys of its own table, which is read into `struct`."""
+    if struct is None:
+        return meant(word, _keys(root)).strip() or "remove it; `beamchain schema` has the keys."
+    here = [field for field in struct.__struct_fields__ if not field.startswith("_")]
+    config = struct.__struct_config__
+    table = "[" + re.sub(r"\[.*?\]", "", place) + "]" if place else "the file"
+    if config.tag is not None:
+        table = f'{config.tag_field} = "{config.tag}"'
+        here = [str(config.tag_field), *here]
+    elsewhere = "it belongs to another table; " if word in _keys(root) else ""
+    return f"{meant(word, here) or elsewhere}the keys of {table} are {', '.join(here)}."
+
+
+def _struct_at(root: Any, place: str, data: Any) -> Any:
+    """The struct of the table at a place, where a tag decides between several by the one given;
+    None where unclear."""
+    struct: Any = root
+    for step in re.findall(r"[A-Za-z_]\w*|\d+|\.\.\.", place):
+        if step.isdigit():
+            data = data[int(step)] if isinstance(data, list) and int(step) < len(data) else None
+            continue
+        hint = None if struct is None else get_type_hints(struct).get(step)
+        if hint is None:
+            return None
+        data = data.get(step) if isinstance(data, Mapping) else None
+        struct = _struct_of(hint, data)
+    return struct
+
+
+def _struct_of(hint: Any, data: Any) -> Any:
+    """The struct that a field's type names: the only one,
+    or of several the one whose tag the data give."""
+    arguments = [part for part in get_args(hint) if part is not type(None)]
+    if isinstance(hint, type) and issubclass(hint, msgspec.Struct):
+        return hint
+    several = [
+        part for part in arguments if isinstance(part, type) and issubclass(part, msgspec.Struct)
+    ]
+    tagged = [part for part in several if part.__struct_config__.tag is not None]
+    if len(tagged) > 1:
+        given = (
+            data.get(tagged[0].__struct_config__.tag_field) if isinstance(data, Mapping) else None
+        )
+        return next((part for part in tagged if part.__struct_config__.tag == given), None)
+    if several:
+        return several[0]
+    return next(
+        (found for part in arguments if (found := _struct_of(part, data)) is not None), None
+    )
 
 
 def _value(data: Any, place: str) -> Any:

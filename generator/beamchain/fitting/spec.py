@@ -1,4 +1,5 @@
-"""SPEC.toml: the appendage, the modes to keep and the needs of the scene; read once, checked on construction."""
+"""SPEC.toml: the appendage, the modes to keep and the needs of the scene; read once,
+checked on construction."""
 
 import re
 from collections.abc import Mapping
@@ -7,12 +8,11 @@ from typing import Annotated, Any
 
 import msgspec
 
-from beamchain.checks import Struct, field
+from beamchain.checks import Struct, field, number, path_of
 from beamchain.errors import InputError
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import (
     DEFAULT_MODES,
-    RECIPES,
     Damping,
     FitOptions,
     Modes,
@@ -22,13 +22,13 @@ from beamchain.fitting.options import (
     Scene,
     Sensors,
     as_modes,
-)  # fmt: skip
+)
 from beamchain.fitting.toml_files import converted, read_tables
 from beamchain.fitting.uncertain import Uncertain
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam
 from beamchain.structure.imported import Imported
-from beamchain.structure.segment import Joint, Lump, Segment, check_carried, repeated
+from beamchain.structure.segment import Joint, Lump, Segment, check_carried_body, expand_repeats
 
 #: Shorthands that `replace` and `fit` accept beside the fields.
 SHORT = ("hub", "target", "timestep")
@@ -45,38 +45,54 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         {'xy': 2, 'xz': 2}
     """
 
-    name: Annotated[str, field("prefix of every body, joint, site and geom: a-z, 0-9 and _")] = "appendage"
-    segment: Annotated[tuple[Segment, ...], field("parts of the appendage, from the root to the tip")] = ()
+    name: Annotated[str, field("prefix of every body, joint, site and geom: a-z, 0-9 and _")] = (
+        "appendage"
+    )
+    segment: Annotated[
+        tuple[Segment, ...], field("parts of the appendage, from the root to the tip")
+    ] = ()
     joint: Annotated[tuple[Joint, ...], field("compliant hinge lines between segments")] = ()
     lump: Annotated[tuple[Lump, ...], field("rigid bodies carried along the appendage")] = ()
-    imported: Annotated[Imported | None, field("modes from a finite-element program, in place of segments")] = None
+    imported: Annotated[
+        Imported | None, field("modes from a finite-element program, in place of segments")
+    ] = None
     payload: Annotated[Payload | None, field("body that the scene attaches at the tip")] = None
     port: Annotated[tuple[Port, ...], field("further points at which the chain is exact")] = ()
     sensors: Annotated[Sensors, field("sensors written with the appendage")] = Sensors()
     damping: Annotated[Damping | None, field("damping of the cantilever modes")] = None
-    modes: Annotated[Modes | None, field("number of modes kept per port; two in both planes where left out")] = None
-    root: Annotated[Root, field("the spacecraft, and the boundary condition at which the modes are exact")] = Root()
+    modes: Annotated[
+        Modes | None, field("number of modes kept per port; two in both planes where left out")
+    ] = None
+    root: Annotated[
+        Root, field("the spacecraft, and the boundary condition at which the modes are exact")
+    ] = Root()
     fit: Annotated[FitOptions, field("how the chain is found")] = FitOptions()
-    scene: Annotated[Scene | None, field("needs of the scene, from which the modes can be chosen")] = None
+    scene: Annotated[
+        Scene | None, field("needs of the scene, from which the modes can be chosen")
+    ] = None
     uncertain: Annotated[Uncertain | None, field("properties that a sweep varies")] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        msgspec.structs.force_setattr(self, "segment", repeated(self.segment))
-        if not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name):
+        msgspec.structs.force_setattr(self, "segment", expand_repeats(self.segment))
+        if not isinstance(self.name, str) or not re.fullmatch(r"[a-z][a-z0-9_]{0,62}", self.name):
             raise InputError(
-                f"name = {self.name!r} must start with a small letter and hold only a-z, 0-9 and _ (at most 63), "
+                f"name = {self.name!r} must start with a small letter and hold only a-z, 0-9 and _ "
+                "(at most 63), "
                 'because every body is named after it; for example name = "boom".'
             )
         if self.imported is not None:
             self._check_imported()
         elif not self.segment:
             raise InputError(
-                "the spec has no [[segment]]; add at least one with length, section and material, or an [imported] "
-                "table."
+                "the spec has no [[segment]]; add at least one with length, section and material, "
+                "or an [imported] table."
             )
         if self.root.target == "auto" and not self.chooses:
-            raise InputError('root.target = "auto" chooses for a scene; give scene.bandwidth, or target = "clamped".')
+            raise InputError(
+                'root.target = "auto" chooses for a scene; give scene.bandwidth, or target = '
+                '"clamped".'
+            )
         typed = None if self.scene is None else self.scene.timestep
         if self.fit.timestep > 0.0 and typed is not None and self.fit.timestep != typed:
             raise InputError(
@@ -85,7 +101,8 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             )
         if self.modes is not None and not self.modes.counts() and not self.chooses:
             raise InputError(
-                "[modes] keeps no mode at all; set xy, xz, torsion or axial to 1 or more, or remove [modes]."
+                "[modes] keeps no mode at all; set xy, xz, torsion or axial to 1 or more, or "
+                "remove [modes]."
             )
         self._check_points()
 
@@ -93,16 +110,18 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         """A copy of the specification with some values replaced.
 
         Args:
-            changes: fields by name. `modes` may be a number (for both bending planes) or a mapping by port, `damping` a
-                ratio or lists by port. `hub` and `target` replace those of `root`, `timestep` that of `fit`. A value of
-                None leaves the field unchanged.
+            changes: fields by name. `modes` may be a number (for both bending planes) or a mapping
+                by port, `damping` a ratio or lists by port. `hub` and `target` replace those of
+                `root`, `timestep` that of `fit`. A value of None leaves the field unchanged.
 
         Raises:
             InputError: a field does not exist, or a value is not allowed.
 
         Example:
             >>> import beamchain as bc
-            >>> panel = bc.Segment(length=8.0, section=bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0))
+            >>> panel = bc.Segment(
+            ...     length=8.0, section=bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+            ... )
             >>> bc.Spec(segment=(panel,)).replace(modes=3, damping=0.005, name="array").kept
             {'xy': 3, 'xz': 3}
         """
@@ -110,16 +129,19 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         known = (*self.__struct_fields__, *SHORT)
         for key in given:
             if key not in known:
-                raise InputError(f"a specification has no field {key!r}; it has {', '.join(known)}.")
+                raise InputError(
+                    f"a specification has no field {key!r}; it has {', '.join(known)}."
+                )
         for key, kind, example in (
             ("root", Root, 'Root(target="hub", hub=Hub(...))'),
-            ("fit", FitOptions, 'FitOptions(method="classical", links=20)'),
+            ("fit", FitOptions, 'FitOptions(springs="modes")'),
             ("scene", Scene, "Scene(bandwidth=5.0)"),
             ("hub", Hub, "Hub(mass=500.0, inertia=(400.0, 400.0, 500.0))"),
         ):
             if key in given and not isinstance(given[key], kind):
                 raise InputError(
-                    f"{key} = {given[key]!r:.60} is a {type(given[key]).__name__}; give a {kind.__name__}: {example}."
+                    f"{key} = {given[key]!r:.60} is a {type(given[key]).__name__}; give a "
+                    f"{kind.__name__}: {example}."
                 )
         if "modes" in given:
             given["modes"] = as_modes(given["modes"])
@@ -130,60 +152,75 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             given["root"] = msgspec.structs.replace(given.get("root", self.root), **at)
         if "timestep" in given:
             options = given.get("fit", self.fit)
-            given["fit"] = msgspec.structs.replace(options, timestep=given.pop("timestep"))
+            step = number("timestep", given.pop("timestep"), "s")
+            given["fit"] = msgspec.structs.replace(options, timestep=step)
         return msgspec.structs.replace(self, **given) if given else self
 
     def _check_points(self) -> None:
         """Check that cuts, ports and sensors are on the appendage."""
         names = [port.name for port in self.port]
         if len(set(names)) != len(names):
-            raise InputError(f"two ports have the same name ({', '.join(names)}); give each its own.")
+            raise InputError(
+                f"two ports have the same name ({', '.join(names)}); give each its own."
+            )
         if self.imported is None:
-            length = self.beam.length  # built once so that what the parts say of each other is checked
+            # built once so that what the parts say of each other is checked
+            length = self.beam.length
             if self.payload is not None:
-                check_carried("payload", self.payload.mass, self.payload.inertia, self.beam.own_mass, length)
-            for key, x in [*((f"fit.cuts[{i}]", x) for i, x in enumerate(self.fit.cuts)),
-                           *((f"port.{port.name}.x", port.x) for port in self.port)]:  # fmt: skip
-                if x > length * (1.0 - 1e-9) and not (key.startswith("port") and x <= length * (1.0 + 1e-9)):
-                    raise InputError(f"{key} = {x!r} m lies beyond the appendage, which is {length!r} m long.")
-        if self.port or self.payload is not None:
-            if self.root.target in ("free", "hub"):
-                raise InputError(
-                    f'root.target = "{self.root.target}" and a further port do not go together: a second port is exact with '
-                    'the clamped modes; use target = "clamped", or leave it out.'
+                check_carried_body(
+                    "payload",
+                    self.payload.mass,
+                    self.payload.inertia,
+                    segments_mass=self.beam.own_mass,
+                    length=length,
                 )
-            if self.port and self.fit.method != "exact":
-                raise InputError(f'[[port]] needs method = "exact", not "{self.fit.method}"; leave fit.method out.')
+            for key, x in [
+                *((f"fit.cuts[{i}]", x) for i, x in enumerate(self.fit.cuts)),
+                *((f"port.{port.name}.x", port.x) for port in self.port),
+            ]:
+                if x > length * (1.0 - 1e-9) and not (
+                    key.startswith("port") and x <= length * (1.0 + 1e-9)
+                ):
+                    raise InputError(
+                        f"{key} = {x!r} m lies beyond the appendage, which is {length!r} m long."
+                    )
+        if (self.port or self.payload is not None) and self.root.target in ("free", "hub"):
+            raise InputError(
+                f'root.target = "{self.root.target}" and a further port do not go together: a '
+                'second port is exact with the clamped modes; use target = "clamped", or leave '
+                "it out."
+            )
         if self.sensors.modes and self.fit.springs == "hinges":
             raise InputError(
-                'sensors.modes = true reads the tendon of each mode, and fit.springs = "hinges" leaves none; use '
-                'fit.springs = "auto", or sensors.modes = false.'
+                'sensors.modes = true reads the tendon of each mode, and fit.springs = "hinges" '
+                'leaves none; use fit.springs = "auto", or sensors.modes = false.'
             )
         if self.uncertain is not None:
             self._check_uncertain(self.uncertain)
         for point in self.sensors.points:
             if point not in ("tip", *names):
                 raise InputError(
-                    f"sensors.points names {point!r}, which is no point of this appendage; choose from "
-                    f"{', '.join(['tip', *names])}, or add a [[port]]."
+                    f"sensors.points names {point!r}, which is no point of this appendage; choose "
+                    f"from {', '.join(['tip', *names])}, or add a [[port]]."
                 )
 
     def _check_uncertain(self, given: Uncertain) -> None:
         """Check that what is uncertain can be varied: modes on tendons, the structure of a beam."""
         if self.imported is not None and given.structural:
             raise InputError(
-                f"[uncertain] varies a beam by its {given.structural[0]}, but the appendage {self.name!r} is imported modes "
-                f"({self.imported.file}); give frequency, damping and participation instead, or the appendage as [[segment]]."
+                f"[uncertain] varies a beam by its {given.structural[0]}, but the appendage "
+                f"{self.name!r} is imported modes ({self.imported.file}); give frequency, damping "
+                "and participation instead, or the appendage as [[segment]]."
             )
         form = None if self.damping is None else self.damping.form
         for key, value, wanted in (
             ("fit.springs", self.fit.springs, "auto"),
-            ("fit.method", self.fit.method, "exact"),
             ("damping.form", form, "modal"),
         ):
             if given.modal and value not in (None, wanted, "modes"):
                 raise InputError(
-                    f'uncertain modes need a tendon each, which {key} = "{value}" leaves out; use {key} = "{wanted}".'
+                    f'uncertain modes need a tendon each, which {key} = "{value}" leaves out; use '
+                    f'{key} = "{wanted}".'
                 )
 
     @property
@@ -199,15 +236,24 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     @property
     def further(self) -> dict[str, float]:
-        """x of the further points that must be exact [m]: the ports, and "tip" if it has a payload or the scene needs it."""
-        if self.imported is not None or self.fit.method != "exact":
+        """x of the further points that must be exact [m]: the ports,
+        and "tip" if it has a payload or the scene needs it."""
+        if self.imported is not None:
             return {}
         tip = self.payload is not None or (self.scene is not None and self.scene.tip)
-        return ({"tip": self.beam.length} if tip else {}) | {port.name: port.x for port in self.port}
+        return ({"tip": self.beam.length} if tip else {}) | {
+            port.name: port.x for port in self.port
+        }
 
     def sites(self, length: float) -> dict[str, float]:
-        """x of the sites other than the root's [m]; without a scene there is one at the tip, at `length`."""
-        tip = self.scene is None or self.scene.tip or self.payload is not None or "tip" in self.sensors.points
+        """x of the sites other than the root's [m]; without a scene there is one at the tip,
+        at `length`."""
+        tip = (
+            self.scene is None
+            or self.scene.tip
+            or self.payload is not None
+            or "tip" in self.sensors.points
+        )
         return ({"tip": length} if tip else {}) | {port.name: port.x for port in self.port}
 
     def _check_imported(self) -> None:
@@ -215,46 +261,53 @@ class Spec(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         for key in ("segment", "joint", "lump", "payload", "port"):
             if getattr(self, key):
                 raise InputError(
-                    f"[imported] and {key} are both given; modes from a file replace the beam: remove {key}"
-                    + (", or put the payload into the finite-element model." if key == "payload" else ".")
+                    f"[imported] and {key} are both given; modes from a file replace the beam: "
+                    f"remove {key}"
+                    + (
+                        ", or put the payload into the finite-element model."
+                        if key == "payload"
+                        else "."
+                    )
                 )
-        if self.fit.method != "exact":
-            raise InputError(
-                f'method = "{self.fit.method}" needs a beam, but the modes are imported; leave fit.method out.'
-            )
 
     @property
     def beam(self) -> Beam:
         """The elastic appendage; refused where the modes are imported, so that there is no beam."""
         if self.imported is not None:
             raise InputError(
-                f"the appendage {self.name!r} is imported modes ({self.imported.file}), but this needs a beam; give it "
-                "as [[segment]] instead."
+                f"the appendage {self.name!r} is imported modes ({self.imported.file}), but this "
+                "needs a beam; give it as [[segment]] instead."
             )
         return Beam(segments=self.segment, joints=self.joint, lumps=self.lump)
 
     def with_ratios(self, port: str, model: PortModel) -> PortModel:
-        """A port's model with the specified damping ratios in its cantilever modes; unchanged if there are none."""
-        return model if self.damping is None else model.replaced(damping=self.damping.ratios(port, model.modes))
+        """A port's model with the specified damping ratios in its cantilever modes;
+        unchanged if there are none."""
+        return (
+            model
+            if self.damping is None
+            else model.replaced(damping=self.damping.ratios(port, model.modes))
+        )
 
     @property
     def chooses(self) -> bool:
         """Whether the modes are chosen for the scene."""
-        return self.scene is not None and self.scene.bandwidth is not None and self.fit.method == "exact"
+        return self.scene is not None and self.scene.bandwidth is not None
 
     @property
     def kept(self) -> dict[str, int]:
-        """Modes kept per port, if they are not chosen for the scene; empty means all imported modes."""
+        """Modes kept per port, if they are not chosen for the scene;
+        empty means all imported modes."""
         if self.imported is not None and self.modes is None:
             return {}
-        xz = None if self.fit.method in RECIPES else DEFAULT_MODES
-        default = Modes(xy=DEFAULT_MODES, xz=xz)
+        default = Modes(xy=DEFAULT_MODES, xz=DEFAULT_MODES)
         return (self.modes or default).counts()
 
     @property
     def unsaid(self) -> tuple[str, ...]:
-        """The bending plane that is rigid only because [modes] does not mention it; `xz = 0` states that this is intended."""
-        if self.modes is None or self.chooses or self.imported is not None or self.fit.method in RECIPES:
+        """The bending plane that is rigid only because [modes] does not mention it;
+        `xz = 0` states that this is intended."""
+        if self.modes is None or self.chooses or self.imported is not None:
             return ()
         given = self.modes.given()
         planes = [port for port in ("xy", "xz") if given.get(port)]
@@ -268,7 +321,8 @@ def read_spec(path: str | Path) -> Spec:
         path: path of the file.
 
     Raises:
-        InputError: the file cannot be read or is not TOML, or a value is not allowed; the message names the field.
+        InputError: the file cannot be read or is not TOML, or a value is not allowed;
+            the message names the field.
 
     Example:
         >>> import beamchain as bc
@@ -276,10 +330,11 @@ def read_spec(path: str | Path) -> Spec:
         >>> bc.read_spec(files("beamchain") / "examples" / "seed_boom.toml").name
         'boom'
     """
-    spec = spec_from_dict(read_tables(Path(path), "spec", "a SPEC.toml file"), str(path))
+    path = path_of("spec", path, "a Spec, or the path of a SPEC.toml file")
+    spec = spec_from_dict(read_tables(path, "spec", "a SPEC.toml file"), str(path))
     if spec.imported is None:
         return spec
-    return msgspec.structs.replace(spec, imported=spec.imported.beside(Path(path).parent))
+    return msgspec.structs.replace(spec, imported=spec.imported.beside(path.parent))
 
 
 def spec_from_dict(data: Mapping[str, Any], source: str = "spec") -> Spec:

@@ -1,43 +1,61 @@
 """The spec as its own TOML: what a report shows so that anybody can run it again."""
 
-import json
 from typing import Any
 
 import msgspec
+import tomlkit
 
 from beamchain.fitting.spec import Spec
 
 
 def spec_toml(spec: Spec) -> str:
-    """The spec as a SPEC.toml that reads back as the same spec; what stands at its default is left out."""
-    top, tables = [f"name = {_toml(spec.name)}"], list[str]()
-    for key, value in _given(spec):
+    """The spec as a SPEC.toml that reads back as the same spec;
+    what stands at its default is left out."""
+    document = tomlkit.document()
+    document.add("name", tomlkit.item(spec.name))
+    tables: dict[str, Any] = {}
+    for key, value in _given(spec).items():
         if isinstance(value, msgspec.Struct):
-            tables += ["", f"[{key}]", *(f"{k} = {_toml(v)}" for k, v in _given(value))]
+            tables[key] = _table(value)
         elif isinstance(value, tuple):
-            for item in value:
-                tables += ["", f"[[{key}]]", *(f"{k} = {_toml(v)}" for k, v in _given(item))]
+            tables[key] = tomlkit.aot()
+            tables[key].extend(_table(entry) for entry in value)
         elif key != "name":
-            top.append(f"{key} = {_toml(value)}")
-    return "\n".join(top + tables)
+            document.add(key, _value(value))
+    for key, table in tables.items():  # values of the document itself stand before its tables
+        document.add(key, table)
+    return tomlkit.dumps(document).strip()
 
 
-def _given(struct: msgspec.Struct) -> list[tuple[str, Any]]:
+def _given(struct: msgspec.Struct) -> dict[str, Any]:
     """Fields that do not stand at their default; the tag of a union first."""
     config = struct.__struct_config__
-    out: list[tuple[str, Any]] = [(config.tag_field, config.tag)] if config.tag_field is not None else []
+    out: dict[str, Any] = {} if config.tag_field is None else {config.tag_field: config.tag}
     for field in msgspec.structs.fields(struct):
         value = getattr(struct, field.name)
         if value is not None and (field.default is msgspec.NODEFAULT or value != field.default):
-            out.append((field.encode_name, value))
+            out[field.encode_name] = value
     return out
 
 
-def _toml(value: Any) -> str:
+def _table(struct: msgspec.Struct) -> Any:
+    table = tomlkit.table()
+    for key, value in _given(struct).items():
+        table.add(key, _value(value))
+    return table
+
+
+def _value(value: Any) -> Any:
+    """A number, text or array, or an inline table of a struct or mapping."""
     if isinstance(value, msgspec.Struct):
-        return f"{{ {', '.join(f'{key} = {_toml(item)}' for key, item in _given(value))} }}"
+        value = _given(value)
     if isinstance(value, dict):
-        return f"{{ {', '.join(f'{key} = {_toml(item)}' for key, item in value.items())} }}"
+        inline = tomlkit.inline_table()
+        for key, entry in value.items():
+            inline.add(key, _value(entry))
+        return inline
     if isinstance(value, (tuple, list)):
-        return f"[{', '.join(_toml(item) for item in value)}]"
-    return json.dumps(value, ensure_ascii=False)
+        array = tomlkit.array()
+        array.extend(_value(entry) for entry in value)
+        return array
+    return tomlkit.item(value)

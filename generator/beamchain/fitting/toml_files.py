@@ -7,19 +7,21 @@ from typing import Any, TypeVar
 import msgspec
 
 from beamchain.errors import InputError
-from beamchain.files import LARGEST_TOML, no_file, tables
+from beamchain.files import LARGEST_TOML, no_file, note_input, tables
 from beamchain.fitting.sentences import sentence
 
 T = TypeVar("T")
 
 
 def read_struct(path: "str | Path | T", kind: type[T], word: str, holds: str) -> T:
-    """A struct from its TOML file, or as it was given; messages call the file `word` and say what it `holds`."""
+    """A struct from its TOML file, or as it was given;
+    messages call the file `word` and say what it `holds`."""
     if isinstance(path, kind):
         return path
     if not isinstance(path, str | Path):
         raise InputError(
-            f"{word} = {path!r:.60} is a {type(path).__name__}; give the path of {holds}, or its {kind.__name__}."
+            f"{word} = {path!r:.60} is a {type(path).__name__}; give the path of {holds}, or its "
+            f"{kind.__name__}."
         )
     return converted(read_tables(Path(path), word, holds), kind, str(path))
 
@@ -27,17 +29,20 @@ def read_struct(path: "str | Path | T", kind: type[T], word: str, holds: str) ->
 def read_tables(path: Path, word: str, holds: str) -> dict[str, Any]:
     """The tables of a TOML file; arguments as of `read_struct`."""
     try:
+        note_input(path)
         if kind := no_file(path):
             raise InputError(f"{word} {str(path)!r} {kind}; give the path of {holds}.")
         size = path.stat().st_size
         if size > LARGEST_TOML:
             raise InputError(
-                f"{word} {str(path)!r} has {size} bytes, more than the {LARGEST_TOML} taken; it is a page of text."
+                f"{word} {str(path)!r} has {size} bytes, more than the {LARGEST_TOML} taken; it is "
+                "a page of text."
             )
         content = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{word} {str(path)!r} is not UTF-8 text ({error.reason} at byte {error.start}); save it as UTF-8."
+            f"{word} {str(path)!r} is not UTF-8 text ({error.reason} at byte {error.start}); save "
+            "it as UTF-8."
         ) from None
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
@@ -52,7 +57,9 @@ def read_tables(path: Path, word: str, holds: str) -> dict[str, Any]:
             f"{word} {str(path)!r} is not TOML: {error}. Strings need quotes, tables [brackets]."
         ) from None
     except RecursionError:
-        raise InputError(f"{word} {str(path)!r} is nested too deeply; flatten its tables.") from None
+        raise InputError(
+            f"{word} {str(path)!r} is nested too deeply; flatten its tables."
+        ) from None
 
 
 def converted(data: Mapping[str, Any], kind: type[T], source: str) -> T:

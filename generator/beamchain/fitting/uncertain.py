@@ -1,4 +1,5 @@
-"""What is not known exactly: [uncertain] of SPEC.toml, the file of a craft's uncertainties, and numbers drawn from them."""
+"""What is not known exactly: [uncertain] of SPEC.toml, the file of a craft's uncertainties,
+and numbers drawn from them."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,37 +28,53 @@ class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     relative: Annotated[
         float | None,
         field(
-            "standard deviation (normal, at most three of them) or half width (uniform) over the value", "", above=0.0
+            "standard deviation (normal, at most three of them) or half width (uniform) over the "
+            "value",
+            "",
+            above=0.0,
         ),
     ] = None
     absolute: Annotated[
         float | None,
         field(
-            "standard deviation (normal, at most three of them) or half width (uniform), in the unit of the quantity",
+            "standard deviation (normal, at most three of them) or half width (uniform), in the "
+            "unit of the quantity",
             "",
             above=0.0,
         ),
     ] = None
     distribution: Annotated[Literal["normal", "uniform"], field("distribution")] = "normal"
-    each: Annotated[bool, field("every segment, joint, lump or mode draws for itself; else all of them together")] = (
-        False
-    )
-    group: Annotated[str, field("quantities with the same group draw together, fully correlated")] = ""
+    each: Annotated[
+        bool,
+        field("every segment, joint, lump or mode draws for itself; else all of them together"),
+    ] = False
+    group: Annotated[
+        str, field("quantities with the same group draw together, fully correlated")
+    ] = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.relative is None) == (self.absolute is None):
             raise InputError(
-                "an uncertain quantity takes either relative or absolute; write for example { relative = 0.05 }."
+                "an uncertain quantity takes either relative or absolute; write for example { "
+                "relative = 0.05 }."
             )
         if self.relative is not None and self.relative >= 1.0:
-            raise InputError(f"relative = {self.relative!r} would turn the quantity negative; give less than 1.")
+            raise InputError(
+                f"relative = {self.relative!r} would turn the quantity negative; give less than 1."
+            )
         if self.group and self.each:
-            raise InputError(f'group = "{self.group}" and each = true contradict each other; leave one out.')
+            raise InputError(
+                f'group = "{self.group}" and each = true contradict each other; leave one out.'
+            )
 
     def value(self, nominal: float, score: float) -> float:
         """The quantity for a standard normal `score`."""
-        reach = float(np.clip(score, -CUT, CUT)) if self.distribution == "normal" else 2.0 * float(ndtr(score)) - 1.0
+        reach = (
+            float(np.clip(score, -CUT, CUT))
+            if self.distribution == "normal"
+            else 2.0 * float(ndtr(score)) - 1.0
+        )
         return (
             nominal * (1.0 + self.relative * reach)
             if self.relative is not None
@@ -75,11 +92,14 @@ class UncertainMode(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     number: Annotated[int, field("number of the mode in its port, from 1", "", least=1, most=1000)]
     port: Annotated[
-        Literal["xy", "xz", "torsion", "axial", ""], field("its port; left out: number among all kept modes")
+        Literal["xy", "xz", "torsion", "axial", ""],
+        field("its port; left out: number among all kept modes"),
     ] = ""
     frequency: Annotated[Uncertainty | None, field("frequency with the root held [rad/s]")] = None
     damping: Annotated[Uncertainty | None, field("damping ratio")] = None
-    participation: Annotated[Uncertainty | None, field("participation, by a factor; relative only")] = None
+    participation: Annotated[
+        Uncertainty | None, field("participation, by a factor; relative only")
+    ] = None
 
     @property
     def name(self) -> str:
@@ -91,30 +111,48 @@ class Correlation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """Correlation of some quantities, which are normal."""
 
     of: Annotated[tuple[str, ...], field("names of the quantities, such as mode1_xy.frequency")]
-    matrix: Annotated[tuple[tuple[float, ...], ...], field("their coefficients of correlation, 1 on the diagonal", "")]
+    matrix: Annotated[
+        tuple[tuple[float, ...], ...],
+        field("their coefficients of correlation, 1 on the diagonal", ""),
+    ]
 
     def __post_init__(self) -> None:
         super().__post_init__()
         n = len(self.of)
-        if n == 0 or len(self.matrix) != n or any(len(row) != n for row in self.matrix) or len(set(self.of)) < n:
+        if (
+            n == 0
+            or len(self.matrix) != n
+            or any(len(row) != n for row in self.matrix)
+            or len(set(self.of)) < n
+        ):
             raise InputError(
-                f"correlation: {n} names in `of` need a {n} x {n} matrix, each name once; it has {len(self.matrix)} rows."
+                f"correlation: {n} names in `of` need a {n} x {n} matrix, each name once; it has "
+                f"{len(self.matrix)} rows."
             )
         r = np.array(self.matrix)
         low = float(np.linalg.eigvalsh((r + r.T) / 2.0)[0])
-        if np.any(np.abs(np.diag(r) - 1.0) > ROUNDING) or np.any(np.abs(r - r.T) > ROUNDING) or low < -ROUNDING:
+        if (
+            np.any(np.abs(np.diag(r) - 1.0) > ROUNDING)
+            or np.any(np.abs(r - r.T) > ROUNDING)
+            or low < -ROUNDING
+        ):
             raise InputError(
-                f"correlation of {', '.join(self.of)}: the matrix must be symmetric with 1 on its diagonal and positive "
-                f"semidefinite; its lowest eigenvalue is {low:.3g}. Divide the covariance by the standard deviations."
+                f"correlation of {', '.join(self.of)}: the matrix must be symmetric with 1 on its "
+                f"diagonal and positive semidefinite; its lowest eigenvalue is {low:.3g}. Divide "
+                "the covariance by the standard deviations."
             )
 
 
 class UncertainModes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What is uncertain of the modes of an appendage in a craft."""
 
-    frequency: Annotated[Uncertainty | None, field("frequencies of the modes with the root held [rad/s]")] = None
+    frequency: Annotated[
+        Uncertainty | None, field("frequencies of the modes with the root held [rad/s]")
+    ] = None
     damping: Annotated[Uncertainty | None, field("damping ratios of the modes")] = None
-    participation: Annotated[Uncertainty | None, field("participation of the modes, by a factor; relative only")] = None
+    participation: Annotated[
+        Uncertainty | None, field("participation of the modes, by a factor; relative only")
+    ] = None
     mode: Annotated[tuple[UncertainMode, ...], field("single modes, one [[mode]] each")] = ()
 
     def __post_init__(self) -> None:
@@ -122,10 +160,16 @@ class UncertainModes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         names = [one.name for one in self.mode]
         for name in names:
             if names.count(name) > 1:
-                raise InputError(f"two [[mode]] tables are of {name}; write one with all that is uncertain of it.")
+                raise InputError(
+                    f"two [[mode]] tables are of {name}; write one with all that is uncertain of "
+                    "it."
+                )
         for given in (self.participation, *(one.participation for one in self.mode)):
             if given is not None and given.relative is None:
-                raise InputError("participation takes relative only, for it has six elements; write relative = 0.05.")
+                raise InputError(
+                    "participation takes relative only, for it has six elements; write relative = "
+                    "0.05."
+                )
 
     @property
     def modal(self) -> bool:
@@ -137,13 +181,19 @@ class UncertainBody(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """What is uncertain of the mass properties of a body of the craft, in the body's axes."""
 
     mass: Annotated[Uncertainty | None, field("mass [kg]")] = None
-    centre_x: Annotated[Uncertainty | None, field("place of the mass centre along x [m]; absolute only")] = None
+    centre_x: Annotated[
+        Uncertainty | None, field("place of the mass centre along x [m]; absolute only")
+    ] = None
     centre_y: Annotated[Uncertainty | None, field("the same along y [m]; absolute only")] = None
     centre_z: Annotated[Uncertainty | None, field("the same along z [m]; absolute only")] = None
-    inertia_xx: Annotated[Uncertainty | None, field("moment of inertia about the mass centre [kg m^2]")] = None
+    inertia_xx: Annotated[
+        Uncertainty | None, field("moment of inertia about the mass centre [kg m^2]")
+    ] = None
     inertia_yy: Annotated[Uncertainty | None, field("the same about y [kg m^2]")] = None
     inertia_zz: Annotated[Uncertainty | None, field("the same about z [kg m^2]")] = None
-    inertia_xy: Annotated[Uncertainty | None, field("element xy of the inertia matrix [kg m^2]; absolute only")] = None
+    inertia_xy: Annotated[
+        Uncertainty | None, field("element xy of the inertia matrix [kg m^2]; absolute only")
+    ] = None
     inertia_xz: Annotated[Uncertainty | None, field("the same, xz [kg m^2]; absolute only")] = None
     inertia_yz: Annotated[Uncertainty | None, field("the same, yz [kg m^2]; absolute only")] = None
 
@@ -161,20 +211,24 @@ class UncertainCraft(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     Example:
         >>> import beamchain as bc
         >>> from beamchain.fitting.uncertain import Uncertainty, UncertainBody, UncertainCraft
-        >>> UncertainCraft(body={"bus": UncertainBody(mass=Uncertainty(relative=0.05))}).body["bus"].mass.relative
+        >>> UncertainCraft(body={"bus": UncertainBody(mass=Uncertainty(relative=0.05))}).body[
+        ...     "bus"
+        ... ].mass.relative
         0.05
     """
 
-    appendage: Annotated[dict[str, UncertainModes], field("modes by the prefix of the appendage, such as array_")] = (
-        msgspec.field(default_factory=dict[str, UncertainModes])
-    )
-    body: Annotated[dict[str, UncertainBody], field("mass properties by the name of the body")] = msgspec.field(
-        default_factory=dict[str, UncertainBody]
+    appendage: Annotated[
+        dict[str, UncertainModes], field("modes by the prefix of the appendage, such as array_")
+    ] = msgspec.field(default_factory=dict[str, UncertainModes])
+    body: Annotated[dict[str, UncertainBody], field("mass properties by the name of the body")] = (
+        msgspec.field(default_factory=dict[str, UncertainBody])
     )
     joint: Annotated[dict[str, UncertainJoint], field("sprung joints by name")] = msgspec.field(
         default_factory=dict[str, UncertainJoint]
     )
-    correlation: Annotated[tuple[Correlation, ...], field("correlated quantities, one [[correlation]] each")] = ()
+    correlation: Annotated[
+        tuple[Correlation, ...], field("correlated quantities, one [[correlation]] each")
+    ] = ()
 
 
 def read_uncertain(path: "str | Path | UncertainCraft") -> UncertainCraft:
@@ -199,21 +253,28 @@ def drawn(scores: Array, places: Mapping[str, int], correlations: tuple[Correlat
 
 
 class Uncertain(UncertainModes, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The table [uncertain]; what is left out is certain. What is said of the modes holds for those that are kept."""
+    """The table [uncertain]; what is left out is certain.
+    What is said of the modes holds for those that are kept."""
 
-    stiffness: Annotated[Uncertainty | None, field("elastic stiffness of all segments (EI, GJ, EA); relative only")] = (
-        None
-    )
-    density: Annotated[
-        Uncertainty | None, field("mass per length of all segments, nonstructural mass included; relative only")
+    stiffness: Annotated[
+        Uncertainty | None, field("elastic stiffness of all segments (EI, GJ, EA); relative only")
     ] = None
-    payload: Annotated[Uncertainty | None, field("mass of the payload at the tip [kg]; its inertia in proportion")] = (
-        None
-    )
-    lump: Annotated[Uncertainty | None, field("masses of the lumps [kg]; their inertia in proportion")] = None
-    joint_stiffness: Annotated[Uncertainty | None, field("stiffness of the compliant hinge lines [N m/rad]")] = None
+    density: Annotated[
+        Uncertainty | None,
+        field("mass per length of all segments, nonstructural mass included; relative only"),
+    ] = None
+    payload: Annotated[
+        Uncertainty | None, field("mass of the payload at the tip [kg]; its inertia in proportion")
+    ] = None
+    lump: Annotated[
+        Uncertainty | None, field("masses of the lumps [kg]; their inertia in proportion")
+    ] = None
+    joint_stiffness: Annotated[
+        Uncertainty | None, field("stiffness of the compliant hinge lines [N m/rad]")
+    ] = None
     correlation: Annotated[
-        tuple[Correlation, ...], field("correlated quantities of modes, one [[uncertain.correlation]] each")
+        tuple[Correlation, ...],
+        field("correlated quantities of modes, one [[uncertain.correlation]] each"),
     ] = ()
 
     def __post_init__(self) -> None:
@@ -221,23 +282,31 @@ class Uncertain(UncertainModes, frozen=True, kw_only=True, forbid_unknown_fields
         for name in ONLY_RELATIVE:
             given = getattr(self, name)
             if given is not None and given.relative is None:
-                raise InputError(f"{name} takes relative only, because segments differ; write relative = 0.05.")
+                raise InputError(
+                    f"{name} takes relative only, because segments differ; write relative = 0.05."
+                )
 
     @property
     def structural(self) -> tuple[str, ...]:
         """The properties of the structure that vary, for which samples must be fitted again."""
         return tuple(name for name in STRUCTURAL if getattr(self, name) is not None)
 
-    def scores(self, seed: int, index: int, counts: dict[str, int], owner: str = "") -> dict[str, list[float]]:
-        """Standard normal scores of sample `index`, `counts[name]` per quantity equal if drawn together.
+    def scores(
+        self, seed: int, index: int, counts: dict[str, int], owner: str = ""
+    ) -> dict[str, list[float]]:
+        """Standard normal scores of sample `index`,
+        `counts[name]` per quantity equal if drawn together.
 
-        They depend on nothing but seed, index and `owner`, so that any machine draws the same; appendages with another
-        `owner` draw apart but for what is in a group.
+        They depend on nothing but seed, index and `owner`, so that any machine draws the same;
+        appendages with another `owner` draw apart but for what is in a group.
         """
         out: dict[str, list[float]] = {}
         for name in self.structural:
             given: Uncertainty = getattr(self, name)
-            keys = [f"{owner}{name}{i}" if given.each else given.group or owner + name for i in range(counts[name])]
+            keys = [
+                f"{owner}{name}{i}" if given.each else given.group or owner + name
+                for i in range(counts[name])
+            ]
             out[name] = [score(seed, index, key) for key in keys]
         return out
 

@@ -1,4 +1,5 @@
-"""What to know before a fit's files are used: dampers, steps, ports that are coupled, probable slips of units."""
+"""What to know before a fit's files are used: dampers, steps, ports that are coupled,
+probable slips of units."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
@@ -17,8 +18,11 @@ from beamchain.structure.segment import Segment
 
 SOFT = 1e6  # N/m^2: rubber has more
 LIGHT = 5.0  # kg/m^3: a foam has more
-HUGE = 0.25  # of the appendage's length: a section as wide, and wider than 1 m, is likelier one in mm
-THIN = 0.05  # m: a section with a dimension below was given in metres, unless another one is longer than the appendage
+# of the appendage's length: a section as wide, and wider than 1 m, is likelier one in mm
+HUGE = 0.25
+# m: a section with a dimension below was given in metres,
+# unless another one is longer than the appendage
+THIN = 0.05
 DAMPED = 0.1  # ratio from which an aerospace structure is asked about: rubber has as much
 STOCKY = 10.0  # length over depth, below which Euler's theory misses shear
 DECOUPLED = 1e-9  # relative: what two independent ports may share
@@ -27,37 +31,49 @@ DECOUPLED = 1e-9  # relative: what two independent ports may share
 def rigid_plane(port: str) -> str:
     """The sentence for a bending plane that [modes] leaves out, without its end."""
     return (
-        f"{port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, {port} = 0 says "
-        "that it shall be rigid"
+        f"{port} is rigid, since [modes] names the other plane only; {port} = 2 keeps modes there, "
+        f"{port} = 0 says that it shall be rigid"
     )
 
 
 def fit_warnings(
-    spec: Spec, measured: Measured, achieved: Mapping[str, PortModel], chain: Chain, limits: StepLimits
+    spec: Spec,
+    measured: Measured,
+    achieved: Mapping[str, PortModel],
+    chain: Chain,
+    limits: StepLimits,
 ) -> Iterator[str]:
     """What to know before the file is used."""
     for port in spec.unsaid:
         yield Caution("rigid-plane", rigid_plane(port))
-    modes = [(t, port) for port, model in achieved.items() for t in chain.tendons
-             if t.is_mode and t.damping > 0.0 and t.label.endswith(f"_{port}") and model.modes]  # fmt: skip
-    euler_runs = spec.scene is None or spec.scene.integrator == "Euler"  # a scene that says another is heard
+    modes = [
+        (t, port)
+        for port, model in achieved.items()
+        for t in chain.tendons
+        if t.is_mode and t.damping > 0.0 and t.label.endswith(f"_{port}") and model.modes
+    ]
+    # a scene that says another is heard
+    euler_runs = spec.scene is None or spec.scene.integrator == "Euler"
     if modes and euler_runs and not spec.exact_step:
-        euler, other = limits.largest_step["Euler"], limits.largest_step["implicitfast"]
+        euler = limits.largest_step["Euler"]
+        other = limits.largest_step["implicitfast"]
         text = (
-            "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo takes where nothing "
-            f"is said, integrates tendon damping explicitly and is stable up to {euler:.4g} s only "
-            f"(implicitfast {other:.4g} s)"
+            "the damping tendons are made for implicit, implicitfast and RK4: Euler, which MuJoCo "
+            "takes where nothing is said, integrates tendon damping explicitly and is stable up "
+            f"to {euler:.4g} s only (implicitfast {other:.4g} s)"
         )
         scene = spec.scene or Scene()
         if scene.integrator == "Euler":
             worst, port = max(modes, key=lambda m: m[0].damping)
-            number, model = int(worst.label.removeprefix("mode").partition("_")[0]), achieved[port]
+            number = int(worst.label.removeprefix("mode").partition("_")[0])
+            model = achieved[port]
             k = min(number, model.modes) - 1
-            w, zeta = float(model.frequencies[k]), float(model.damping[k])
+            w = float(model.frequencies[k])
+            zeta = float(model.damping[k])
             _, shown = seen(step_pole("Euler", 1.0, 2.0 * zeta * w, w**2, scene.step), scene.step)
             text += (
-                f"; at the scene's step of {scene.step:g} s mode {number} in {port} will show a damping "
-                f"ratio of {shown:.4g} instead of {zeta:.4g}"
+                f"; at the scene's step of {scene.step:g} s mode {number} in {port} will show a "
+                f"damping ratio of {shown:.4g} instead of {zeta:.4g}"
             )
         yield Caution("tendon-damping", f'{text}. Use implicitfast, or damping.form = "hinge".')
     if spec.damping is not None and spec.damping.form == "hinge":
@@ -77,25 +93,34 @@ def fit_warnings(
             )
     for pair, value in measured.couplings.items():
         if value > DECOUPLED:
-            text = f"MuJoCo sees the ports {pair} coupled, by {value:.1e} relative: they are not independent."
+            text = (
+                f"MuJoCo sees the ports {pair} coupled, by {value:.1e} relative: they are not "
+                "independent."
+            )
             yield Caution("ports-coupled", text)
 
 
-def turn_warning(error: float | None, scene: Scene, integrator: str, timestep: float) -> Iterator[str]:
-    """Where a step turns the rigid spacecraft with more `error` of the rates per radian than the scene allows."""
+def turn_warning(
+    error: float | None, scene: Scene, integrator: str, timestep: float
+) -> Iterator[str]:
+    """Where a step turns the rigid spacecraft with more `error` of the rates per radian
+    than the scene allows."""
     if error is not None and scene.rates is not None and error > scene.tolerance:
         rates = ", ".join(f"{rate:g}" for rate in scene.rates)
         yield Caution(
             "turn-error",
-            f"{integrator} at {timestep:g} s turns the rigid spacecraft from rates of ({rates}) rad/s with an error of "
-            f"{error:.2g} of them in one radian, above the tolerance {scene.tolerance:g}, whatever the appendages do; take RK4, "
-            "for which modes beyond the step are slowed, or a shorter step.",
+            f"{integrator} at {timestep:g} s turns the rigid spacecraft from rates of ({rates}) "
+            f"rad/s with an error of {error:.2g} of them in one radian, above the tolerance "
+            f"{scene.tolerance:g}, whatever the appendages do; take RK4, for which modes beyond "
+            "the step are slowed, or a shorter step.",
         )
 
 
 def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice]) -> Iterator[str]:
-    """Where scene.xml's own step is unstable, or its vibration misses the tolerance; the best of `steps` first."""
-    largest, taken = limits.largest_step[scene.integrator], f"{scene.integrator} at {scene.step:g} s"
+    """Where scene.xml's own step is unstable, or its vibration misses the tolerance;
+    the best of `steps` first."""
+    largest = limits.largest_step[scene.integrator]
+    taken = f"{scene.integrator} at {scene.step:g} s"
     kept = next((choice for choice in steps if choice.integrator == scene.integrator), None)
     if scene.step > largest:
         yield Caution(
@@ -107,52 +132,70 @@ def step_warnings(scene: Scene, limits: StepLimits, steps: Sequence[StepChoice])
         best = steps[0]
         yield Caution(
             "inaccurate-step",
-            f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: it keeps that up to "
-            f"{kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; give scene.integrator and scene.timestep, or "
-            "fit.timestep for a chain made for its step.",
+            f"scene.xml takes {taken}, whose own error is above the tolerance {scene.tolerance:g}: "
+            f"it keeps that up to {kept.step:.3g} s, {best.integrator} up to {best.step:.3g} s; "
+            "give scene.integrator and scene.timestep, or fit.timestep for a chain made for its "
+            "step.",
         )
 
 
-# -- numbers of a spec that can be meant, but are more often a slip of units or of theory -----------------------------
+# -- numbers of a spec that can be meant, but are more often a slip of units or of theory ----------
 def doubtful(
-    segments: Sequence[Segment], damping: Damping | None = None, ports: Collection[str] = ("xy", "xz")
+    segments: Sequence[Segment],
+    damping: Damping | None = None,
+    ports: Collection[str] = ("xy", "xz"),
 ) -> list[str]:
-    """Warnings, one of a kind; only the kept `ports` count: what is rigid by choice needs no theory."""
+    """Warnings, one of a kind; only the kept `ports` count:
+    what is rigid by choice needs no theory."""
     out: dict[str, str] = {}
-    place, ratio = next(((place, ratio) for place, ratio in _ratios(damping) if ratio >= DAMPED), ("", 0.0))
+    place, ratio = next(
+        ((place, ratio) for place, ratio in _ratios(damping) if ratio >= DAMPED), ("", 0.0)
+    )
     if ratio:
         out["high-damping"] = (
-            f"damping.{place} = {ratio:g} is {ratio:.0%} of critical, where structures have 0.001 to 0.02: a likely "
-            f"slip; if {ratio:g} % were meant, write {ratio * 1e-2:g}."
+            f"damping.{place} = {ratio:g} is {ratio:.0%} of critical, where structures have 0.001 "
+            f"to 0.02: a likely slip; if {ratio:g} % were meant, write {ratio * 1e-2:g}."
         )
     length = sum(segment.length for segment in segments)
     for i, segment in enumerate(segments):
-        where, material = f"segment[{i}]", segment.material
+        where = f"segment[{i}]"
+        material = segment.material
         if material is not None and (e := material.youngs_modulus) < SOFT:
             out["soft-material"] = (
-                f"{where}: youngs_modulus = {e:g} N/m^2 is softer than rubber; if GPa were meant, write {e * 1e9:g}."
+                f"{where}: youngs_modulus = {e:g} N/m^2 is softer than rubber; if GPa were meant, "
+                f"write {e * 1e9:g}."
             )
         if material is not None and (rho := material.density) < LIGHT:
             out["light-material"] = (
-                f"{where}: density = {rho:g} kg/m^3 is lighter than foam; if g/cm^3 were meant, write {rho * 1e3:g}."
+                f"{where}: density = {rho:g} kg/m^3 is lighter than foam; if g/cm^3 were meant, "
+                f"write {rho * 1e3:g}."
             )
-        sizes = {} if isinstance(segment.section, Custom | Equivalent) else segment.section.dimensions()
-        most, thin = max(sizes.values(), default=0.0), min(sizes.values(), default=0.0) < THIN
+        sizes = (
+            {} if isinstance(segment.section, Custom | Equivalent) else segment.section.dimensions()
+        )
+        most = max(sizes.values(), default=0.0)
+        thin = min(sizes.values(), default=0.0) < THIN
         if most > max(length if thin else HUGE * length, 1.0):  # a panel is wide, but thin
             name, size = max(sizes.items(), key=lambda item: item[1])
             meant = ", ".join(f"{key} = {value * 1e-3:g}" for key, value in sizes.items())
             out["huge-section"] = (
-                f"{where}: {name} = {size:g} m on an appendage {length:g} m long; if mm were meant, write {meant}."
+                f"{where}: {name} = {size:g} m on an appendage {length:g} m long; if mm were "
+                f"meant, write {meant}."
             )
             continue
         at = segment.at(np.array([0.0]))
         axial = float(at.axial[0])
         if segment.theory == "euler" and axial > 0.0:
             bending = {"xy": float(at.bending_xy[0]), "xz": float(at.bending_xz[0])}
-            depth = np.sqrt(12.0 * max((bending[port] for port in ports if port in bending), default=0.0) / axial)
+            depth = np.sqrt(
+                12.0
+                * max((bending[port] for port in ports if port in bending), default=0.0)
+                / axial
+            )
             if length < STOCKY * depth:
                 out["stocky-beam"] = (
-                    f"{where}: the appendage is only {length / depth:.2g} times as long as it is deep; Euler's theory "
+                    f"{where}: the appendage is only {length / depth:.2g} times as long as it is "
+                    "deep; Euler's theory "
                     'leaves shear out: set theory = "timoshenko".'
                 )
     return [Caution(code, text) for code, text in out.items()]
@@ -164,4 +207,8 @@ def _ratios(damping: Damping | None) -> list[tuple[str, float]]:
         return []
     if not isinstance(damping.ratio, dict):
         return [("ratio", damping.ratio)]
-    return [(f"ratio.{port}[{i}]", v) for port, values in damping.ratio.items() for i, v in enumerate(values)]
+    return [
+        (f"ratio.{port}[{i}]", v)
+        for port, values in damping.ratio.items()
+        for i, v in enumerate(values)
+    ]

@@ -1,66 +1,92 @@
-"""The user's spacecraft: its MJCF as an lxml tree, includes followed, paths moved, places found by name."""
+"""The user's spacecraft: its MJCF as text and as an lxml tree, with the files it includes."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from lxml import etree
 from lxml.etree import _Element as Element
 
+from beamchain.checks import path_of
 from beamchain.errors import InputError
-from beamchain.files import no_file
-from beamchain.mjcf import marks
+from beamchain.files import no_file, note_input
+from beamchain.mjcf.text import Edit, Node, change_start_tag, edit_bytes, outline
 
 LARGEST_FILE = 50_000_000  # bytes
 MOST_ATTRIBUTES = 1000  # of one tag: MuJoCo's parser takes the square of their number
 MOST_TAGS = 500_000  # opened and closed: each takes some hundred bytes, and documents are copied
-ASSETS = {"mesh": "mesh", "hfield": "mesh", "skin": "mesh", "texture": "texture"}  # tag: which of the two folders
+# tag: which of the two folders
+ASSETS = {"mesh": "mesh", "hfield": "mesh", "skin": "mesh", "texture": "texture"}
+BLANK = b" \t\r\n"
 
 
-def parse(path: Path, what: str = "spacecraft") -> Any:
-    """The lxml tree of a file, comments and whitespace kept, nothing fetched or expanded."""
+def read_bytes(path: Path, what: str = "spacecraft") -> bytes:
+    """The content of a file that is not too large."""
     label = f"{what} {str(path)!r}"
+    note_input(path)
     try:
         kind = no_file(path)
         large = not kind and path.stat().st_size > LARGEST_FILE
         content = b"" if kind or large else path.read_bytes()
     except (OSError, ValueError) as error:
-        raise InputError(f"{label} cannot be read ({error}); check the path and its permissions.") from None
+        raise InputError(
+            f"{label} cannot be read ({error}); check the path and its permissions."
+        ) from None
     if kind:
         raise InputError(f"{label} {kind}; give the path of an MJCF (.xml) file.")
     if large:
         raise InputError(f"{label} is larger than the {LARGEST_FILE} bytes taken; is it MJCF?")
-    return parse_text(content, label)
+    return content
 
 
-def parse_text(content: bytes, what: str) -> Any:
-    """The lxml tree of a document; see `parse`."""
-    parser = etree.XMLParser(
-        strip_cdata=False, resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False
-    )
+def parse_text(content: bytes, what: str) -> Element:
+    """The root of a document, comments and whitespace kept, nothing fetched or expanded."""
     check_text(content, what)
     try:
-        tree = etree.ElementTree(etree.fromstring(content, parser))
+        content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{what} is not UTF-8 (byte {error.start}), the only encoding that MuJoCo reads; "
+            "convert it, for example: iconv -f LATIN1 -t UTF-8 craft.xml > utf8.xml."
+        ) from None
+    parser = etree.XMLParser(
+        strip_cdata=False,
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+        encoding="utf-8",
+    )
+    try:
+        root = etree.fromstring(content, parser)
     except (etree.XMLSyntaxError, ValueError) as error:
         raise InputError(f"{what} is not XML: {error}; MuJoCo's own parser may say more.") from None
-    if tree.docinfo.doctype:
-        raise InputError(f"{what} declares a document type (<!DOCTYPE>), which MJCF does not need; remove it.")
-    return tree
+    if root.getroottree().docinfo.doctype:
+        raise InputError(
+            f"{what} declares a document type (<!DOCTYPE>), which MJCF does not need; remove it."
+        )
+    return root
 
 
 def check_text(content: bytes, what: str) -> None:
-    """Refuse what would keep an XML parser, ours or MuJoCo's, busy for minutes or take all memory."""
+    """Refuse what would keep an XML parser, ours or MuJoCo's,
+    busy for minutes or take all memory."""
     if len(content) > LARGEST_FILE:
         raise InputError(f"{what} is larger than the {LARGEST_FILE} bytes taken; is it MJCF?")
     if content.count(b"<") > MOST_TAGS:
         raise InputError(f"{what} holds more than the {MOST_TAGS} tags taken; is it MJCF?")
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise InputError(f"{what} declares a document type (<!DOCTYPE>), which MJCF does not need; remove it.")
+        raise InputError(
+            f"{what} declares a document type (<!DOCTYPE>), which MJCF does not need; remove it."
+        )
     if any(piece.count(b'="') > MOST_ATTRIBUTES for piece in content.split(b"<")):
-        raise InputError(f"{what} has a tag with more than {MOST_ATTRIBUTES} attributes; is it MJCF?")
+        raise InputError(
+            f"{what} has a tag with more than {MOST_ATTRIBUTES} attributes; is it MJCF?"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,110 +95,236 @@ class Include:
 
     element: Element  # where it stands
     path: Path
-    content: Element  # root of that file, its own includes put in place, asset paths as the main file would write them
+    # that file, its own includes put in place, asset paths as the main file would write them
+    content: "Craft"
     nested: bool  # it includes further files
+
+
+class _Included(NamedTuple):
+    """A file as it is included, and the files that it includes."""
+
+    element: Element
+    path: Path
+    file: "Craft"
+    inner: "list[_Included]"
 
 
 @dataclass(frozen=True, eq=False)
 class Craft:
-    """A spacecraft's MJCF document."""
+    """A spacecraft's MJCF document; what changes it returns another one."""
 
-    tree: Any  # lxml's; functions of this package change copies only
+    content: bytes
     folder: Path  # where its relative paths start
     label: str  # how messages call it
-    declared: bool = False  # it begins with an XML declaration
-
-    @property
-    def root(self) -> Element:
-        """The `<mujoco>` element."""
-        return self.tree.getroot()
-
-    def copy(self) -> "Craft":
-        """A copy that may be changed."""
-        return Craft(deepcopy(self.tree), self.folder, self.label, self.declared)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (self.to_bytes(), self.folder, self.label, self.declared)
+        return Craft, (self.content, self.folder, self.label)  # an lxml tree cannot be pickled
 
-    def to_bytes(self) -> bytes:
-        """The file's content, with an XML declaration where it had one."""
-        encoding = self.tree.docinfo.encoding or "utf-8"
-        before, node = [], self.root.getprevious()
-        while node is not None:
-            before.insert(0, etree.tostring(node, encoding=encoding, xml_declaration=False, with_tail=False))
-            node = node.getprevious()
-        after = [etree.tostring(n, encoding=encoding, xml_declaration=False) for n in self.root.itersiblings()]
-        body = etree.tostring(self.root, encoding=encoding, xml_declaration=False)
-        head = [f'<?xml version="1.0" encoding="{encoding}"?>'.encode()] if self.declared else []
-        return b"\n".join([*head, *before, body, *after]) + b"\n"
+    @property
+    def text(self) -> str:
+        """The content, without a byte order mark."""
+        return self.content.decode("utf-8-sig")
 
+    @cached_property
+    def root(self) -> Element:
+        """The `<mujoco>` element; to be read only."""
+        return parse_text(self.content, self.label)
+
+    @cached_property
+    def outline(self) -> list[Node]:
+        """Elements and comments with their places in the content."""
+        return outline(self.content)
+
+    @cached_property
+    def _places(self) -> dict[Element, Node]:
+        elements = [element for element in self.root.iter() if isinstance(element.tag, str)]
+        nodes = [node for node in self.outline if node.tag is not None]
+        return dict(zip(elements, nodes, strict=True))
+
+    def node(self, element: Element) -> Node:
+        """Where an element of the tree stands in the content."""
+        return self._places[element]
+
+    def source(self, start: int, stop: int) -> str:
+        """The text between two places."""
+        return self.content[start:stop].decode("utf-8")
+
+    def start_tag(self, element: Element) -> str:
+        """The start tag of an element as it is written."""
+        node = self.node(element)
+        return self.source(node.start, node.inner)
+
+    def edit(self, edits: Iterable[Edit]) -> "Craft":
+        """The document after some edits."""
+        edits = list(edits)
+        return Craft(edit_bytes(self.content, edits), self.folder, self.label) if edits else self
+
+    # -- how it is written -------------------------------------------------------------------------
+    @cached_property
+    def newline(self) -> str:
+        """The line end of most of its lines."""
+        return "\r\n" if 2 * self.content.count(b"\r\n") > self.content.count(b"\n") else "\n"
+
+    @cached_property
+    def step(self) -> str:
+        """By how much it indents a level."""
+        return "\t" if b"\n\t" in self.content else "  "
+
+    def indent(self, node: Node) -> str:
+        """The blanks at the start of the line on which a node begins."""
+        line = self.content[self.content.rfind(b"\n", 0, node.start) + 1 : node.start]
+        return line[: len(line) - len(line.lstrip(BLANK))].decode("utf-8")
+
+    def begins_line(self, node: Node) -> bool:
+        """Whether nothing but blanks stands before a node on its line."""
+        line = self.content[self.content.rfind(b"\n", 0, node.start) + 1 : node.start]
+        return not line.strip(BLANK)
+
+    def indent_inside(self, node: Node) -> str:
+        """The blanks before a child of a node."""
+        lines = [child for child in node.children if self.begins_line(child)]
+        return self.indent(lines[-1]) if lines else self.indent(node) + self.step
+
+    def gap(self, node: Node) -> str:
+        """The blanks before the end tag of a node."""
+        start = max(len(self.content[: node.close].rstrip(BLANK)), node.inner)
+        return self.source(start, node.close)
+
+    def block(self, element: Element, indent: str) -> str:
+        """An element as lines that are indented as the document is;
+        the first begins where it is put."""
+        element = deepcopy(element)
+        element.tail = None
+        etree.indent(element, space=self.step)
+        lines = etree.tostring(element, encoding="unicode").split("\n")
+        return (self.newline + indent).join(lines)
+
+    # -- edits -------------------------------------------------------------------------------------
+    def append(self, parent: Element, blocks: Sequence[str]) -> Edit:
+        """Put lines of text at the end of an element, each block on a line of its own."""
+        node = self.node(parent)
+        lines = "".join(self.newline + self.indent_inside(node) + block for block in blocks)
+        outdent = self.newline + self.indent(node)
+        if node.self_closing:
+            tag = self.source(node.start, node.inner).removesuffix("/>").rstrip() + ">"
+            return Edit(node.start, node.end, f"{tag}{lines}{outdent}</{node.tag}>")
+        gap = self.gap(node)
+        if "\n" in gap:
+            end = node.close - len(gap)
+            return Edit(end, end, lines)
+        return Edit(node.close - len(gap), node.close, lines + outdent)
+
+    def prepend(self, parent: Element, block: str) -> Edit:
+        """Put lines of text at the start of an element that has content."""
+        node = self.node(parent)
+        return Edit(node.inner, node.inner, self.newline + self.indent_inside(node) + block)
+
+    def change(self, element: Element, changes: Mapping[str, str | None]) -> Edit:
+        """Give attributes of an element other values; None takes one out."""
+        node = self.node(element)
+        return Edit(node.start, node.inner, change_start_tag(self.start_tag(element), changes))
+
+    # -- included files ----------------------------------------------------------------------------
     def parts(self) -> list[Element]:
         """The root of the document and the root of every file it includes, in order."""
-        return [self.root, *(include.content for include in self.includes())]
+        return [self.root, *(include.content.root for include in self.includes)]
 
-    def asset_folders(self, parts: Iterable[Element]) -> dict[str, str]:
-        """`meshdir` and `texturedir` as the compiler elements of the parts leave them."""
-        out = {"mesh": "", "texture": ""}
-        for part in parts:
-            for compiler in part.iter("compiler"):
-                both = compiler.get("assetdir")
-                for kind in out:
-                    out[kind] = compiler.get(f"{kind}dir", out[kind] if both is None else both)
-        return out
-
+    @cached_property
     def includes(self) -> list[Include]:
-        """The document's includes; a file that is included twice (a cycle) is refused, as MuJoCo does."""
-        seen: list[Path] = []
-        files: list[tuple[Element, Path]] = []
-        out: list[Include] = []
-        for element in self.root.iter("include"):
-            path, content = self._read(element, self.folder, seen)
-            nested = self._expand(content, path, seen, files)
-            out.append(Include(element, path, content, nested))
-        folders = self.asset_folders([self.root, *(include.content for include in out)])
-        for element, beside in files:
-            inner = folders.get(ASSETS.get(str(element.tag), ""), "")
-            start = Path(os.path.normpath(self.folder.absolute() / inner))
-            for name, value in file_attributes(element):
-                places = [start / value, beside / value, beside / inner / value]
-                found = next((place for place in places if place.is_file()), None)
-                if found is not None and found != places[0]:
-                    element.set(name, os.path.relpath(found.absolute(), start.absolute()).replace(os.sep, "/"))
-        return out
-
-    def _read(self, element: Element, beside: Path, seen: list[Path]) -> tuple[Path, Element]:
-        file = element.get("file") or ""
-        # MuJoCo looks beside the main file first; the main file's folder need not exist yet
-        places = [Path(os.path.normpath(folder / file)) for folder in (self.folder.absolute(), beside.absolute())]
-        path = next((place for place in places if place.is_file()), places[0])
-        if path.resolve() in seen:
-            raise InputError(
-                f"{self.label} includes {path.name!r} twice or in a cycle "
-                f"({' -> '.join(place.name for place in [*seen, path])}), which MuJoCo refuses; include every file "
-                "once."
+        """The document's includes; a file that is included twice (a cycle) is refused,
+        as MuJoCo does."""
+        read_paths: list[Path] = []
+        files = [
+            self._read(element, self.folder, read_paths) for element in self.root.iter("include")
+        ]
+        folders = asset_folders([self.root, *(_expand(file).root for file in files)])
+        home = self.folder.absolute()
+        start = {kind: Path(os.path.normpath(home / name)) for kind, name in folders.items()}
+        start[""] = home
+        return [
+            Include(
+                element=file.element,
+                path=file.path,
+                content=_expand(file, start, folders),
+                nested=bool(file.inner),
             )
-        seen.append(path.resolve())
-        return path, parse(path, f"{self.label}: included file").getroot()
+            for file in files
+        ]
 
-    def _expand(self, content: Element, path: Path, seen: list[Path], files: list[tuple[Element, Path]]) -> bool:
-        nested = list(content.iter("include"))
-        for element in nested:
-            inner_path, inner = self._read(element, path.parent, seen)
-            self._expand(inner, inner_path, seen, files)
-            parent = element.getparent()
-            assert parent is not None
-            place = parent.index(element)
-            parent.remove(element)
-            for i, child in enumerate(list(inner)):
-                parent.insert(place + i, child)
-        mine = {id(element) for element, _ in files}
-        files += [(node, path.parent) for node in content.iter() if file_attributes(node) and id(node) not in mine]
-        return bool(nested)
+    def _read(self, element: Element, beside: Path, read_paths: list[Path]) -> _Included:
+        name = element.get("file") or ""
+        # MuJoCo looks beside the main file first; the main file's folder need not exist yet
+        folders = (self.folder.absolute(), beside.absolute())
+        places = [Path(os.path.normpath(folder / name)) for folder in folders]
+        path = next((place for place in places if place.is_file()), places[0])
+        if path.resolve() in read_paths:
+            cycle = " -> ".join(place.name for place in [*read_paths, path])
+            raise InputError(
+                f"{self.label} includes {path.name!r} twice or in a cycle ({cycle}), which MuJoCo "
+                "refuses; include every file once."
+            )
+        read_paths.append(path.resolve())
+        what = f"{self.label}: included file"
+        file = Craft(read_bytes(path, what), path.parent, f"{what} {str(path)!r}")
+        nested = file.root.iter("include")
+        inner = [self._read(include, path.parent, read_paths) for include in nested]
+        return _Included(element, path, file, inner)
 
 
-def _restored(content: bytes, folder: Path, label: str, declared: bool) -> Craft:
-    """A document out of a pickle, which cannot hold an lxml tree."""
-    return Craft(parse_text(content, label), folder, label, declared)
+def _expand(
+    included: _Included,
+    start: Mapping[str, Path] | None = None,
+    inner: Mapping[str, str] | None = None,
+) -> Craft:
+    """An included file with its own includes put in place.
+
+    `start`, `inner`: folders of assets by kind ("" for what is no asset), absolute and as they are
+    written; with them every path of a file is written as the main document has to.
+    """
+    file = included.file
+    edits = list[Edit]()
+    for nested in included.inner:
+        node = file.node(nested.element)
+        content = _expand(nested, start, inner)
+        edits.append(Edit(node.start, node.end, inner_text(content)))
+    if start is not None and inner is not None:
+        for element in file.root.iter():
+            changes = _paths_of_main_file(element, included.path.parent, start, inner)
+            if changes:
+                edits.append(file.change(element, changes))
+    return file.edit(edits)
+
+
+def _paths_of_main_file(
+    element: Element, beside: Path, start: Mapping[str, Path], inner: Mapping[str, str]
+) -> dict[str, str | None]:
+    """New values of the attributes of an included file's element that name files."""
+    kind = ASSETS.get(str(element.tag), "")
+    changes: dict[str, str | None] = {}
+    for name, value in file_attributes(element):
+        places = [start[kind] / value, beside / value, beside / inner.get(kind, "") / value]
+        path = next((place for place in places if place.is_file()), None)
+        note_input(path or places[0])
+        if path is not None and path != places[0]:
+            changes[name] = os.path.relpath(path.absolute(), start[kind]).replace(os.sep, "/")
+    return changes
+
+
+def inner_text(craft: Craft) -> str:
+    """What stands between the tags of a document's root."""
+    node = craft.node(craft.root)
+    return craft.source(node.inner, node.close)
+
+
+def asset_folders(parts: Iterable[Element]) -> dict[str, str]:
+    """`meshdir` and `texturedir` as the compiler elements of the parts leave them."""
+    out = {"mesh": "", "texture": ""}
+    for part in parts:
+        for compiler in part.iter("compiler"):
+            for kind in out:
+                common = compiler.get("assetdir", out[kind])
+                out[kind] = compiler.get(f"{kind}dir", common)
+    return out
 
 
 def file_attributes(element: Element) -> list[tuple[str, str]]:
@@ -180,65 +332,33 @@ def file_attributes(element: Element) -> list[tuple[str, str]]:
     if element.tag not in ASSETS and element.tag != "model":
         return []
     pairs = [(str(name), str(value)) for name, value in element.attrib.items()]
-    return [(name, value) for name, value in pairs if name.startswith("file") and not os.path.isabs(value)]
+    files = [(name, value) for name, value in pairs if name.startswith("file")]
+    return [(name, value) for name, value in files if not os.path.isabs(value)]
 
 
 def read_craft(path: str | Path) -> Craft:
     """Read a spacecraft's MJCF file; what earlier embedding put in stays."""
-    path = Path(path)
-    tree = parse(path)
-    declared = path.read_bytes().lstrip().startswith(b"<?xml")
-    return _whole(Craft(tree, path.parent, f"spacecraft {str(path)!r}", declared), "an MJCF file")
+    path = path_of("craft", path, "the path or the text of an MJCF (.xml) file")
+    craft = Craft(read_bytes(path), path.parent, f"spacecraft {str(path)!r}")
+    _check_craft(craft, "an MJCF file")
+    return craft
 
 
 def craft_from_text(content: str) -> Craft:
     """A spacecraft from MJCF text; relative paths in it start at the working folder."""
-    return _whole(Craft(parse_text(content.encode("utf-8"), "spacecraft text"), Path(), "spacecraft text"), "MJCF")
-
-
-def _whole(craft: Craft, wanted: str) -> Craft:
-    """The document itself, if it is MJCF and its includes can be followed."""
-    if craft.root.tag != "mujoco":
-        raise InputError(f"{craft.label} has root element <{craft.root.tag}>, not <mujoco>; give {wanted}.")
-    craft.includes()
+    craft = Craft(content.encode("utf-8"), Path(), "spacecraft text")
+    _check_craft(craft, "MJCF")
     return craft
 
 
-def bare(craft: Craft) -> Craft:
-    """The spacecraft as it was before embedding, seen from the folder it came from: its own document again."""
-    home = craft.folder
-    for _, facts in marks.marks(craft.root):
-        if facts["piece"] == "compiler":
-            home = craft.folder / facts["folder"]
-    out = Craft(deepcopy(craft.tree), home, craft.label, craft.declared)
-    marks.take_out(out.root)
-    return out
-
-
-def relocate(craft: Craft, folder: Path | None) -> Craft:
-    """A copy whose relative paths are right in another folder; absolute where `folder` is None (to compile as text).
-
-    Included files that name files themselves are put in place, because MuJoCo would look for those elsewhere.
-    """
-    out = craft.copy()
-    if folder is not None and folder.resolve() == craft.folder.resolve():
-        return out
-    for include in out.includes():
-        if include.nested or any(file_attributes(node) for node in include.content.iter()):
-            marks.inline(include.element, include.content)
-    parts = out.parts()
-    relative = any(file_attributes(node) for part in parts for node in part.iter())
-    for element in list(out.root.iter("include", "model")):
-        file = element.get("file")
-        if file and not os.path.isabs(file):
-            marks.change(element, "path", {"file": marks.moved(file, craft.folder, folder)})
-            relative = True
-    if relative:
-        folders = out.asset_folders(parts)
-        compiler = etree.Element("compiler")
-        for kind, value in folders.items():
-            if not os.path.isabs(value):
-                compiler.set(f"{kind}dir", marks.moved(value, craft.folder, folder))
-        home = "." if folder is None else marks.moved(".", craft.folder, folder)
-        marks.put_last(out.root, compiler, "compiler", folder=home)
-    return Craft(out.tree, craft.folder if folder is None else folder, craft.label, craft.declared)
+def _check_craft(craft: Craft, wanted: str) -> None:
+    """Refuse a document that is no MJCF or whose includes cannot be followed."""
+    if craft.root.tag != "mujoco":
+        raise InputError(
+            f"{craft.label} has root element <{craft.root.tag}>, not <mujoco>; give {wanted}."
+        )
+    folders = asset_folders(craft.parts())  # refuses what cannot be followed
+    for element in craft.root.iter():
+        kind = ASSETS.get(str(element.tag), "")
+        for _, file in file_attributes(element):
+            note_input(craft.folder / folders.get(kind, "") / file)

@@ -1,4 +1,7 @@
-"""Appendages put into a spacecraft's document: inline, or as files that `<attach>` brings in; keyframes extended."""
+"""Insertion of appendages into a spacecraft's document, inline or by `<attach>`.
+
+Keyframes are extended by the rest values of the new joints.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -10,9 +13,11 @@ from lxml import etree
 from lxml.etree import _Element as Element
 
 from beamchain.errors import InputError
-from beamchain.mjcf import compatibility, marks, write
+from beamchain.mjcf import compatibility, write
+from beamchain.mjcf import undo_marks as undo
 from beamchain.mjcf.craft import Craft
 from beamchain.mjcf.place import Target
+from beamchain.mjcf.text import Edit
 from beamchain.ports.motions import Array
 
 FORMS = ("inline", "attach")
@@ -25,13 +30,13 @@ class Insertion:
     target: Target
     position: Array  # (3,) of the root in the target's body [m]
     quaternion: Array  # (4,) its attitude there; x of that frame points outwards
-    appendage: Element  # from mjcf.write.appendage
+    appendage: Element  # from mjcf.write.appendage_document_document
     name: str  # its own, prefix of its elements
     prefix: str  # what replaces `name_` in the spacecraft
     spec: dict[str, Any]  # plain data, kept in the mark
 
 
-def renamed(appendage: Element, name: str, prefix: str) -> Element:
+def with_prefix(appendage: Element, name: str, prefix: str) -> Element:
     """A copy whose elements carry `prefix` instead of `name_`."""
     out = deepcopy(appendage)
     for node in out.iter():
@@ -43,88 +48,112 @@ def renamed(appendage: Element, name: str, prefix: str) -> Element:
 
 
 def check_prefix(prefix: str) -> None:
-    """A prefix makes valid, findable names."""
+    """Refuse a prefix that does not make valid, findable names."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]{0,62}", prefix):
         raise InputError(
-            f"prefix = {prefix!r} must start with a letter and hold only letters, digits, _ . - (at most 63); "
-            'for example "left_".'
+            f"prefix = {prefix!r} must start with a letter and hold only letters, digits, _ . - "
+            '(at most 63); for example "left_".'
         )
 
 
-def put_in(craft: Craft, insertions: Sequence[Insertion], form: str, files: Mapping[str, str] | None = None) -> None:
-    """Put appendages into a document; `craft` is changed and must be a copy. Keyframes are left to `extend_keys`.
+def insert_appendages(
+    craft: Craft, insertions: Sequence[Insertion], form: str, files: Mapping[str, str] | None = None
+) -> Craft:
+    """The document with appendages in it; keyframes are left to `extend_keys`.
 
     `files`: for the form "attach", name of each appendage's file by prefix.
     """
-    found = compatibility.hostile(craft.parts())
+    defaults = compatibility.default_attributes(craft.parts())
+    pieces: dict[Element, list[tuple[undo.Put, Element]]] = {}
+    at_end: list[tuple[undo.Put, Element]] = []
     for item in insertions:
-        facts = {"at": item.target.at, "form": form, "prefix": item.prefix, "spec": item.spec}
+        at = item.target.at
+        kind = "inline" if form == "inline" else "attach"
+        mark = undo.AppendageMark(at=at, form=kind, prefix=item.prefix, spec=item.spec)
         frame = {"pos": write.number(item.position), "quat": write.number(item.quaternion)}
+        here = pieces.setdefault(item.target.body, [])
         if form == "inline":
-            own = renamed(item.appendage, item.name, item.prefix)
-            compatibility.shield(own, found)
-            body = write.find(own, "worldbody/body")
-            _place(body, frame)
-            marks.put_last(item.target.body, body, "appendage", **facts)
-            for tag in ("tendon", "sensor"):
-                section = own.find(tag)
+            tree = with_prefix(item.appendage, item.name, item.prefix)
+            compatibility.shield_from_defaults(tree, defaults)
+            body = write.find(tree, "worldbody/body")
+            _set_frame(body, frame)
+            here.append((mark, body))
+            for tag, of_section in (("tendon", undo.SectionMark), ("sensor", undo.SensorMark)):
+                section = tree.find(tag)
                 if section is not None:
-                    marks.put_last(craft.root, section, tag, at=item.target.at)
+                    at_end.append((of_section(at=at), section))
         else:
             assert files is not None
             label = item.prefix + "appendage"
             holder = etree.Element("frame", frame)
             etree.SubElement(holder, "attach", model=label, body="link1", prefix=item.prefix)
-            marks.put_last(item.target.body, holder, "appendage", **facts)
+            here.append((mark, holder))
             asset = etree.Element("asset")
             etree.SubElement(asset, "model", name=label, file=files[item.prefix])
-            marks.put_last(craft.root, asset, "model", at=item.target.at)
+            at_end.append((undo.ModelMark(at=at), asset))
+    if at_end:
+        pieces[craft.root] = at_end
+    return craft.edit(undo.append_marked(craft, parent, group) for parent, group in pieces.items())
 
 
-def _place(body: Element, frame: dict[str, str]) -> None:
-    """Position and attitude right behind the name, as people write them."""
-    given = {str(key): str(value) for key, value in body.attrib.items()}
+def _set_frame(body: Element, frame: dict[str, str]) -> None:
+    """Set position and attitude right behind the name, as people write them."""
+    attributes = {str(key): str(value) for key, value in body.attrib.items()}
+    name = attributes.pop("name", "")
+    others = {key: value for key, value in attributes.items() if key not in frame}
     body.attrib.clear()
-    body.attrib.update(
-        {"name": given.get("name", "")} | frame | {k: v for k, v in given.items() if k not in ("name", *frame)}
-    )
+    body.attrib.update({"name": name, **frame, **others})
 
 
-def child_text(item: Insertion) -> str:
+def attached_file(item: Insertion) -> str:
     """The file that `<attach>` brings in; its names have no prefix, the `<attach>` gives it."""
-    root = renamed(item.appendage, item.name, "")
+    root = with_prefix(item.appendage, item.name, "")
     root.set("model", item.name)
-    return write.text(root)
+    return write.document_text(root)
 
 
-def keys_to_extend(craft: Craft) -> bool:
-    """Whether a keyframe states positions or velocities; an included file that does is put in place."""
-    for include in craft.includes():
-        if any(key.get("qpos") or key.get("qvel") for key in include.content.iter("key")):
-            marks.inline(include.element, include.content)
-    return any(key.get("qpos") or key.get("qvel") for key in craft.root.iter("key"))
+def _has_numbers(key: Element) -> bool:
+    return bool(key.get("qpos") or key.get("qvel"))
 
 
-def extend_keys(craft: Craft, qpos: Sequence[int | None], qvel: Sequence[int | None], rest: Sequence[float]) -> None:
-    """Give the keyframes the new joints' rest values; `craft` is changed and must be a copy.
+def place_includes_with_keys(craft: Craft) -> Craft:
+    """The document with those included files put in place in which a keyframe states
+    positions or velocities."""
+    edits: list[Edit] = []
+    for include in craft.includes:
+        if any(_has_numbers(key) for key in include.content.root.iter("key")):
+            edits.append(undo.replace_include(craft, include))
+    return craft.edit(edits)
 
-    `qpos`, `qvel`: per new value, which old one it is; None: an appendage's, whose position is that in `rest`.
+
+def extend_keys(
+    craft: Craft, qpos: Sequence[int | None], qvel: Sequence[int | None], rest: Sequence[float]
+) -> Craft:
+    """The document with the new joints' rest values in its keyframes.
+
+    `qpos`, `qvel`: per new value, which old one it is; None: an appendage's, whose position is
+    that in `rest` and whose velocity is zero.
     """
-    for key in list(craft.root.iter("key")):
+    new_values = {"qpos": [write.number(value) for value in rest], "qvel": ["0"] * len(qvel)}
+    edits: list[Edit] = []
+    for key in craft.root.iter("key"):
         changes: dict[str, str] = {}
         for name, places in (("qpos", qpos), ("qvel", qvel)):
             text = key.get(name)
             if text is None:
                 continue
-            words, wanted = text.split(), sum(place is not None for place in places)
-            if len(words) != wanted:
+            words = text.split()
+            count = sum(place is not None for place in places)
+            if len(words) != count:
                 raise InputError(
-                    f"keyframe {key.get('name') or ''!r}: {name} holds {len(words)} numbers, the spacecraft has "
-                    f"{wanted}; correct the spacecraft's file."
+                    f"keyframe {key.get('name') or ''!r}: {name} holds {len(words)} numbers, the "
+                    f"spacecraft has {count}; correct the spacecraft's file."
                 )
-            changes[name] = " ".join(
-                words[place] if place is not None else write.number(rest[i]) if name == "qpos" else "0"
+            new_words = [
+                words[place] if place is not None else new_values[name][i]
                 for i, place in enumerate(places)
-            )
+            ]
+            changes[name] = " ".join(new_words)
         if changes:
-            marks.change(key, "key", changes)
+            edits.append(undo.change_marked(craft, key, undo.KeyMark, changes))
+    return craft.edit(edits)

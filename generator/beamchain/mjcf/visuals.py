@@ -1,7 +1,8 @@
-"""What a link looks like: panels, tubes, trusses and what they carry, from the sections it is made of.
+"""Shapes of a link: panels, tubes, trusses and what they carry, from its sections.
 
-Shapes have no mass and touch nothing; they cost MuJoCo a frame transform each, so there are as few as the eye needs. Cells
-and lattices are added where pictures are drawn (`engine/draw.py`), which knows panels and trusses by their colours.
+Shapes have no mass and touch nothing; they cost MuJoCo a frame transform each, so there are as few
+as the eye needs. Cells and lattices are added where pictures are drawn (`engine/draw.py`), which
+knows panels and trusses by their colours.
 """
 
 from typing import NamedTuple
@@ -33,46 +34,61 @@ class Shape(NamedTuple):
     rgba: str
 
 
-def shapes(link: Link, beam: MassLine | None, length: float) -> list[Shape]:
-    """What to draw of a link of an appendage of some `length` [m]; a plain bar without the beam's sections."""
+def link_shapes(link: Link, beam: MassLine | None, length: float) -> list[Shape]:
+    """What to draw of a link of an appendage of some `length` [m];
+    a plain bar without the beam's sections."""
     slim = SLIM * length
     if not isinstance(beam, Beam):
-        middle = link.length / 2.0
-        return [Shape("box", link.start + middle, (middle, slim, slim), TRUSS)] if middle > 0.0 else []
-    out: list[Shape] = []
+        half = link.length / 2.0
+        if half <= 0.0:
+            return []
+        return [Shape("box", middle=link.start + half, half=(half, slim, slim), rgba=TRUSS)]
+    shapes: list[Shape] = []
     end = link.start + link.length
     for start, segment in zip(beam.starts, beam.segments, strict=True):
-        low, high = max(link.start, start), min(end, start + segment.length)
+        low = max(link.start, start)
+        high = min(end, start + segment.length)
         if high - low > 1e-9 * length:
-            out.append(_piece(low, high, start, segment, beam, length))
-    last = end > length * (1.0 - 1e-9)
-    out += [_carried(lump, length) for lump in beam.lumps if link.start <= lump.x < end or (last and lump.x >= end)]
-    return out
+            stretch = (low, high)
+            shapes.append(_segment_shape(stretch, start, segment=segment, beam=beam, length=length))
+    is_last = end > length * (1.0 - 1e-9)
+    for lump in beam.lumps:
+        if link.start <= lump.x < end or (is_last and lump.x >= end):
+            shapes.append(_lump_shape(lump, length))
+    return shapes
 
 
-def _piece(low: float, high: float, start: float, segment: Segment, beam: Beam, length: float) -> Shape:
-    """The stretch from `low` to `high` of a segment, as deep as it is in its middle."""
+def _segment_shape(
+    stretch: tuple[float, float], start: float, *, segment: Segment, beam: Beam, length: float
+) -> Shape:
+    """The stretch `(low, high)` of a segment, as deep as it is in its middle."""
+    low, high = stretch
     section = segment.section
-    truss = isinstance(section, Equivalent)
-    bare = (LATTICE if truss else SLIM) * length
-    y, z = (beam.depth((low + high) / 2.0, plane) / 2.0 or bare for plane in ("xy", "xz"))
-    if isinstance(section, Rectangle) or (truss and section.draw is not None and section.draw.panel):
+    is_truss = isinstance(section, Equivalent)
+    slim = (LATTICE if is_truss else SLIM) * length
+    middle = (low + high) / 2.0
+    y = beam.depth(middle, "xy") / 2.0 or slim
+    z = beam.depth(middle, "xz") / 2.0 or slim
+    kind = "box"
+    rgba = TRUSS if is_truss else TUBE
+    drawn_as_panel = is_truss and section.draw is not None and section.draw.panel
+    if isinstance(section, Rectangle) or drawn_as_panel:
         gap = min(GAP * length, 0.1 * (high - low))
         low += gap if low <= start else 0.0
         high -= gap if high >= start + segment.length else 0.0
-        kind, rgba = "box", PANEL
+        rgba = PANEL
     elif isinstance(section, Round | Tube):
-        kind, rgba = "cylinder", TUBE
-    else:
-        kind, rgba = "box", TRUSS if truss else TUBE
-    return Shape(kind, (low + high) / 2.0, ((high - low) / 2.0, y, z), rgba)
+        kind = "cylinder"
+    return Shape(kind, middle=(low + high) / 2.0, half=((high - low) / 2.0, y, z), rgba=rgba)
 
 
-def _carried(lump: Lump, length: float) -> Shape:
-    """A lumped body as the even box of its mass and inertias, a cube of its mass where it has none."""
+def _lump_shape(lump: Lump, length: float) -> Shape:
+    """A lumped body as the even box of its mass and inertias,
+    a cube of its mass where it has none."""
+    # of a box with half sides a, b, c: Iyy + Izz - Ixx = 2 m a^2 / 3
     x, y, z = lump.inertia
-    squares = [1.5 / lump.mass * two for two in (y + z - x, x + z - y, x + y - z)]
+    squares = [1.5 / lump.mass * difference for difference in (y + z - x, x + z - y, x + y - z)]
     cube = (lump.mass / DENSITY) ** (1.0 / 3.0) / 2.0
     sides = [square**0.5 if square > 0.0 else cube for square in squares]
     a, b, c = (min(side, LARGEST * length) for side in sides)
-    return Shape("box", lump.x, (a, b, c), CARRIED)
+    return Shape("box", middle=lump.x, half=(a, b, c), rgba=CARRIED)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.errors import EngineError
-from beamchain.mjcf import visuals
+from beamchain.mjcf.visuals import TUBE, Shape, link_shapes
 from beamchain.ports.motions import Array
 from beamchain.structure.mass_line import MassLine
 
@@ -36,15 +36,19 @@ ROOT_JOINTS = {
     "axial": ("root_axial",),
 }
 
-ALONG_X = "0.7071067811865476 0.0 0.7071067811865475 0.0"  # turns the axis of a capsule or cylinder from z to x
-UNMARKED = "0.9 0.95 0.001 0.5 2"  # MuJoCo's own; a tendon made exact in time carries its step there (steps.modal)
+# turns the axis of a capsule or cylinder from z to x
+ALONG_X = "0.7071067811865476 0.0 0.7071067811865475 0.0"
+# MuJoCo's own; a tendon made exact in time carries its step there (steps.modal)
+UNMARKED = "0.9 0.95 0.001 0.5 2"
 SMALLEST = 1e-15  # mjMINVAL: mass and principal inertia of a moving body
 UNITS = (
-    "Write the spec in smaller units: in millimetres and grams the modulus keeps its number, density is divided by 1e6, "
-    "masses multiplied by 1e3 and inertias by 1e9."
+    "Write the spec in smaller units: in millimetres and grams the modulus keeps its number, "
+    "density is divided by 1e6, masses multiplied by 1e3 and inertias by 1e9."
 )
-ROUNDED = 1e-13  # relative deficit of the triangle inequality that turning to principal axes may leave
-UNSEEN = 1.1e-6  # [m]: where nothing is turned, MuJoCo takes a mass centre this near to the body's origin for it
+# relative deficit of the triangle inequality that turning to principal axes may leave
+ROUNDED = 1e-13
+# [m]: where nothing is turned, MuJoCo takes a mass centre this near to the body's origin for it
+UNSEEN = 1.1e-6
 DEEPEST = 496  # bodies nested in one MJCF file
 
 
@@ -55,11 +59,13 @@ def number(values: float | ArrayLike) -> str:
 
 def template(name: str) -> Element:
     """The root element of `mjcf_templates/NAME.xml`."""
-    parser = etree.XMLParser(remove_blank_text=True, remove_comments=True, resolve_entities=False, no_network=True)
+    parser = etree.XMLParser(
+        remove_blank_text=True, remove_comments=True, resolve_entities=False, no_network=True
+    )
     return etree.parse(str(TEMPLATES / f"{name}.xml"), parser).getroot()
 
 
-def text(root: Element) -> str:
+def document_text(root: Element) -> str:
     """The document as indented text."""
     etree.indent(root, space="  ")
     return etree.tostring(root, encoding="unicode", pretty_print=True)
@@ -73,7 +79,7 @@ def find(root: Element, path: str) -> Element:
     return element
 
 
-def filled(element: Element, **attributes: "str | float | ArrayLike") -> Element:
+def set_attributes(element: Element, **attributes: "str | float | ArrayLike") -> Element:
     """The element itself, with attributes set: text as it is, numbers by `number`."""
     for name, value in attributes.items():
         element.set(name, value if isinstance(value, str) else number(value))
@@ -85,40 +91,45 @@ def joint_name(name: str, hinge: int, port: str) -> str:
     return f"{name}_hinge{hinge}_{port}"
 
 
-def _check(chain: Chain) -> None:
+def _check_links(chain: Chain) -> None:
+    """Refuse links that MuJoCo would refuse."""
     if len(chain.links) >= DEEPEST:
         raise EngineError(
-            f"{len(chain.links)} links and the body that carries them are more than the {DEEPEST} nested bodies one MJCF "
-            f"file can hold; use at most {DEEPEST - 1} links (fit.links; a recipe's hinge at the root takes one more)."
+            f"{len(chain.links)} links and the body that carries them are more than the {DEEPEST} "
+            f"nested bodies one MJCF file can hold; use at most {DEEPEST - 1} links: give fewer "
+            "fit.cuts."
         )
-    for i, link in enumerate(chain.links):
-        if i == 0:
-            continue  # welded to its carrier, which has mass of its own
-        a, b, c = sorted(np.linalg.eigvalsh(link.inertia_matrix()).tolist() if any(link.products) else link.inertia)
-        least = min(link.mass, a)
-        if least < SMALLEST:
+    # the first is welded to its carrier, which has mass of its own
+    for count, link in enumerate(chain.links[1:], start=2):
+        turned = any(link.products)
+        principal = list(link.inertia)
+        if turned:
+            principal = np.linalg.eigvalsh(link.inertia_matrix()).tolist()
+        a, b, c = sorted(principal)
+        if min(link.mass, a) < SMALLEST:
             raise EngineError(
-                f"link {i + 1} would have mass {link.mass:.3g} kg and smallest inertia {a:.3g} kg m^2; MuJoCo takes "
-                f"nothing below {SMALLEST:g}. {UNITS}"
+                f"link {count} would have mass {link.mass:.3g} kg and smallest inertia {a:.3g} kg "
+                f"m^2; MuJoCo takes nothing below {SMALLEST:g}. {UNITS}"
             )
-        if a + b < c * (1.0 - (ROUNDED if any(link.products) else 0.0)):
+        if a + b < c * (1.0 - (ROUNDED if turned else 0.0)):
             raise EngineError(
-                f"link {i + 1} would have inertias {a:.6g}, {b:.6g}, {c:.6g} kg m^2, which no body has (largest above "
-                "the sum of the others); use fewer links."
+                f"link {count} would have inertias {a:.6g}, {b:.6g}, {c:.6g} kg m^2, which no body "
+                "has (largest above the sum of the others); use fewer links."
             )
 
 
 def check_hub(mass: float, inertia: ArrayLike) -> None:
-    """Raise `EngineError` for a hub, mass [kg] and `(3, 3)` inertia about its centre [kg m^2], that MuJoCo refuses."""
+    """Raise `EngineError` for a hub, mass [kg] and `(3, 3)` inertia about its centre [kg m^2],
+    that MuJoCo refuses."""
     smallest = float(np.linalg.eigvalsh(np.asarray(inertia, dtype=np.float64))[0])
     if min(mass, smallest) < SMALLEST:
         raise EngineError(
-            f"the hub has mass {mass:.3g} kg and smallest inertia {smallest:.3g} kg m^2; MuJoCo takes nothing below "
-            f"{SMALLEST:g}. {UNITS}"
+            f"the hub has mass {mass:.3g} kg and smallest inertia {smallest:.3g} kg m^2; MuJoCo "
+            f"takes nothing below {SMALLEST:g}. {UNITS}"
         )
 
 
-def appendage(
+def appendage_document(
     chain: Chain,
     name: str,
     *,
@@ -128,84 +139,115 @@ def appendage(
     contacts: bool = False,
     readings: "Readings | None" = None,
 ) -> Element:
-    """The drop-in file: nested link bodies from the root outwards, frame of the root: x along the appendage.
+    """The drop-in file: link bodies, nested from the root outwards; x points along the appendage.
 
-    Geoms have no mass: `visuals` looks like the `beam`, a thin bar without it; `contacts` in place of them are capsules that
-    touch other things, never each other or what carries the appendage. `sites`: x by name; the tip where left out.
+    Geoms have no mass: `visuals` looks like the `beam`, a thin bar without it; `contacts` in place
+    of them are capsules that touch other things, never each other or what carries the appendage.
+    `sites`: x by name; the tip where left out.
     """
-    _check(chain)
+    _check_links(chain)
     places = {"tip": chain.length} if sites is None else sites
     root = template("appendage")
     root.set("model", name)
     world = find(root, "worldbody")
     prototype = find(world, "body")
     world.remove(prototype)
-    parent, origin = world, 0.0
+    parent = world
+    origin = 0.0
     for i, link in enumerate(chain.links):
         body = deepcopy(prototype)
         hinge = chain.hinges[i - 1] if i else None
         x = hinge.x if hinge else 0.0
-        filled(body, name=f"{name}_link{i + 1}", pos=[x - origin, 0.0, 0.0])
-        _joints(body, name, i, hinge)
-        _inertial(find(body, "inertial"), link, x)
-        _shapes(body, name, i, link, x, beam, chain.length, "capsule" if contacts else "drawn" if visuals else None)
+        set_attributes(body, name=f"{name}_link{i + 1}", pos=[x - origin, 0.0, 0.0])
+        _add_joints(body, name, index=i, hinge=hinge)
+        _set_inertial(find(body, "inertial"), link, x)
+        drawn = _drawn_shapes(link, beam, chain.length, contacts=contacts, visuals=visuals)
+        _add_geoms(body, f"{name}_shape{i + 1}", drawn, x=x, length=chain.length)
         end = np.inf if i == len(chain.links) - 1 else chain.hinges[i].x
-        site = find(body, "site")
-        body.remove(site)
-        here = {"root": 0.0} if i == 0 else {}
-        for point, at in (here | {n: at for n, at in places.items() if x < at <= end}).items():
-            body.append(filled(deepcopy(site), name=f"{name}_{point}", pos=[at - x, 0.0, 0.0]))
+        points = {"root": 0.0} if i == 0 else {}
+        points |= {point: place for point, place in places.items() if x < place <= end}
+        site_prototype = find(body, "site")
+        body.remove(site_prototype)
+        for point, place in points.items():
+            site = deepcopy(site_prototype)
+            set_attributes(site, name=f"{name}_{point}", pos=[place - x, 0.0, 0.0])
+            body.append(site)
         parent.append(body)
-        parent, origin = body, x
-    _tendons(root, name, chain)
+        parent = body
+        origin = x
+    _add_tendons(root, name, chain)
     if readings is not None:
-        _sensors(root, name, chain, readings)
+        _add_sensors(root, name, chain=chain, readings=readings)
     return root
 
 
-def _joints(body: Element, name: str, index: int, hinge: Hinge | None) -> None:
+def _add_joints(body: Element, name: str, *, index: int, hinge: Hinge | None) -> None:
+    """Replace the template's joint by those of the hinge before a link."""
     prototype = find(body, "joint")
     for port, (kind, axis) in JOINTS.items():
         if hinge is not None and port in hinge.stiffness:
-            joint = filled(deepcopy(prototype), name=joint_name(name, index, port), type=kind, axis=axis)
-            filled(joint, stiffness=hinge.stiffness[port], damping=hinge.damping.get(port, 0.0))
+            joint = deepcopy(prototype)
+            set_attributes(joint, name=joint_name(name, index, port), type=kind, axis=axis)
+            damping = hinge.damping.get(port, 0.0)
+            set_attributes(joint, stiffness=hinge.stiffness[port], damping=damping)
             prototype.addprevious(joint)
     body.remove(prototype)
 
 
-def _inertial(element: Element, link: Link, x: float) -> None:
+def _set_inertial(element: Element, link: Link, x: float) -> None:
+    """Mass, centre and principal inertia of a link whose body starts at `x` [m]."""
     inertia: ArrayLike = link.inertia
-    filled(element, pos=[link.com - x, *link.beside])
+    set_attributes(element, pos=[link.com - x, *link.beside])
     if any(link.products) or any(link.beside):
         inertia, axes = np.linalg.eigh(link.inertia_matrix())
         inertia[2] = min(inertia[2], (1.0 - ROUNDED) * (inertia[0] + inertia[1]))
-        turn = Rotation.from_matrix(axes * np.array([1.0, 1.0, np.sign(np.linalg.det(axes))]))
-        filled(element, quat=turn.as_quat(scalar_first=True))
+        right_handed = axes * np.array([1.0, 1.0, np.sign(np.linalg.det(axes))])
+        turn = Rotation.from_matrix(right_handed)
+        set_attributes(element, quat=turn.as_quat(scalar_first=True))
     elif 0.0 < abs(link.com - x) < UNSEEN:
-        element.set("quat", "0 1 0 0")  # a half turn, which changes no inertia, has MuJoCo look at the offset
-    filled(element, mass=link.mass, diaginertia=inertia)
+        # a half turn, which changes no inertia, has MuJoCo look at the offset
+        element.set("quat", "0 1 0 0")
+    set_attributes(element, mass=link.mass, diaginertia=inertia)
 
 
-def _shapes(
-    body: Element, name: str, index: int, link: Link, x: float, beam: MassLine | None, length: float, kind: str | None
+def _drawn_shapes(
+    link: Link, beam: MassLine | None, length: float, *, contacts: bool, visuals: bool
+) -> list[Shape]:
+    """Shapes of a link: one capsule that touches, else what it looks like, else none."""
+    if not contacts and not visuals:
+        return []
+    drawn = link_shapes(link, beam, length)
+    if not contacts or link.length <= 0.0:
+        return drawn
+    radius = max(max(shape.half[1:]) for shape in drawn)
+    half = link.length / 2.0
+    return [Shape("capsule", middle=link.start + half, half=(half, radius, radius), rgba=TUBE)]
+
+
+def _add_geoms(
+    body: Element, name: str, drawn: Sequence[Shape], *, x: float, length: float
 ) -> None:
+    """Replace the template's geom by those of a link whose body starts at `x` [m]."""
     prototype = find(body, "geom")
-    drawn = [] if kind is None else visuals.shapes(link, beam, length)
-    if kind == "capsule" and link.length > 0.0:
-        half = max(max(shape.half[1:]) for shape in drawn)
-        drawn = [visuals.Shape(kind, link.start + link.length / 2.0, (link.length / 2.0, half, half), visuals.TUBE)]
     for count, shape in enumerate(drawn, 1):
-        own = f"{name}_shape{index + 1}" + ("" if count == 1 else f"_{count}")
-        geom = filled(deepcopy(prototype), name=own, pos=[shape.middle - x, 0.0, 0.0], type=shape.kind, rgba=shape.rgba)
+        geom = deepcopy(prototype)
+        set_attributes(
+            geom,
+            name=name if count == 1 else f"{name}_{count}",
+            pos=[shape.middle - x, 0.0, 0.0],
+            type=shape.kind,
+            rgba=shape.rgba,
+        )
         along, *across = shape.half
         if shape.kind == "box":
-            filled(geom, size=shape.half)
+            set_attributes(geom, size=shape.half)
         elif shape.kind == "cylinder":
-            filled(geom, size=[max(across), along], quat=ALONG_X)
+            set_attributes(geom, size=[max(across), along], quat=ALONG_X)
         else:
             radius = min(max(across), along)
+            half_length = max(along - radius, 1e-6 * length)
             # meets what has contype 1, and with contype 0 never another link
-            filled(geom, size=[radius, max(along - radius, 1e-6 * length)], quat=ALONG_X, conaffinity="1")
+            set_attributes(geom, size=[radius, half_length], quat=ALONG_X, conaffinity="1")
         prototype.addprevious(geom)
     body.remove(prototype)
 
@@ -218,19 +260,23 @@ class Readings(NamedTuple):
     root_load: bool = False  # force and moment that the appendage puts on what carries it
 
 
-def _tendons(root: Element, name: str, chain: Chain) -> None:
+def _add_tendons(root: Element, name: str, chain: Chain) -> None:
     if not chain.tendons:
         return
     tendon = etree.SubElement(root, "tendon")
     for item in chain.tendons:
         fixed = etree.SubElement(tendon, "fixed", name=f"{name}_{item.label}")
-        filled(fixed, stiffness=item.stiffness, damping=item.damping, armature=item.armature)
-        filled(fixed, limited="false", solimplimit=UNMARKED)
+        set_attributes(
+            fixed, stiffness=item.stiffness, damping=item.damping, armature=item.armature
+        )
+        set_attributes(fixed, limited="false", solimplimit=UNMARKED)
         for (hinge, port), coefficient in zip(item.freedoms, item.coefficients, strict=True):
-            etree.SubElement(fixed, "joint", joint=joint_name(name, hinge + 1, port), coef=number(coefficient))
+            etree.SubElement(
+                fixed, "joint", joint=joint_name(name, hinge + 1, port), coef=number(coefficient)
+            )
 
 
-def _sensors(root: Element, name: str, chain: Chain, readings: Readings) -> None:
+def _add_sensors(root: Element, name: str, *, chain: Chain, readings: Readings) -> None:
     sensor = etree.SubElement(root, "sensor")
     for item in chain.tendons if readings.modes else ():
         if item.is_mode:
@@ -238,9 +284,14 @@ def _sensors(root: Element, name: str, chain: Chain, readings: Readings) -> None
             etree.SubElement(sensor, "tendonpos", name=f"{tendon}_amplitude", tendon=tendon)
             etree.SubElement(sensor, "tendonvel", name=f"{tendon}_rate", tendon=tendon)
     for point in readings.points:
-        seen = {"objtype": "site", "objname": f"{name}_{point}", "reftype": "site", "refname": f"{name}_root"}
-        etree.SubElement(sensor, "framepos", seen, name=f"{name}_{point}_place")
-        etree.SubElement(sensor, "framequat", seen, name=f"{name}_{point}_turn")
+        frames = {
+            "objtype": "site",
+            "objname": f"{name}_{point}",
+            "reftype": "site",
+            "refname": f"{name}_root",
+        }
+        etree.SubElement(sensor, "framepos", frames, name=f"{name}_{point}_place")
+        etree.SubElement(sensor, "framequat", frames, name=f"{name}_{point}_turn")
     if readings.root_load:
         etree.SubElement(sensor, "force", name=f"{name}_root_force", site=f"{name}_root")
         etree.SubElement(sensor, "torque", name=f"{name}_root_moment", site=f"{name}_root")
@@ -248,26 +299,35 @@ def _sensors(root: Element, name: str, chain: Chain, readings: Readings) -> None
         root.remove(sensor)
 
 
-def hang(appendage_root: Element, host_root: Element, body: Element) -> None:
-    """Put the appendage's bodies below `body` of `host_root`, its tendons and sensors beside the host's."""
+def attach_appendage(appendage_root: Element, host_root: Element, body: Element) -> None:
+    """Put the appendage's bodies below `body` of `host_root`,
+    its tendons and sensors beside the host's."""
     body.extend(list(deepcopy(find(appendage_root, "worldbody"))))
     for tag in ("tendon", "sensor"):
-        own = appendage_root.find(tag)
-        if own is None:
+        section = appendage_root.find(tag)
+        if section is None:
             continue
-        host = host_root.find(tag)
-        (etree.SubElement(host_root, tag) if host is None else host).extend(list(deepcopy(own)))
+        host_section = host_root.find(tag)
+        if host_section is None:
+            host_section = etree.SubElement(host_root, tag)
+        host_section.extend(list(deepcopy(section)))
 
 
-def bench(appendage_root: Element, ports: Iterable[str], timestep: float, ballast: Array | None = None) -> Element:
-    """The appendage with its root on slides and hinges, one motor each; motions of other ports are held.
+def bench_document(
+    appendage_root: Element, ports: Iterable[str], timestep: float, ballast: Array | None = None
+) -> Element:
+    """The appendage with its root on slides and hinges, one motor each;
+    motions of other ports are held.
 
-    `ballast` `(4,)`: mass [kg] and principal inertias [kg m^2] added at a root that the chain leaves massless.
+    `ballast` `(4,)`: mass [kg] and principal inertias [kg m^2] added at a root that the
+    chain leaves massless.
     """
     root = template("bench")
-    filled(find(root, "option"), timestep=timestep)
+    set_attributes(find(root, "option"), timestep=timestep)
     body = find(root, "worldbody/body")
-    kept = {joint for port in ports for joint in ROOT_JOINTS[port]}
+    kept: set[str] = set()
+    for port in ports:
+        kept |= set(ROOT_JOINTS[port])
     for path in ("worldbody/body/joint", "actuator/motor", "sensor/jointpos"):
         for element in root.findall(path):
             if (element.get("joint") or element.get("name")) not in kept:
@@ -278,12 +338,12 @@ def bench(appendage_root: Element, ports: Iterable[str], timestep: float, ballas
     if ballast is None:
         body.remove(inertial)
     else:
-        filled(inertial, mass=ballast[0], diaginertia=ballast[1:])
-    hang(appendage_root, root, body)
+        set_attributes(inertial, mass=ballast[0], diaginertia=ballast[1:])
+    attach_appendage(appendage_root, root, body)
     return root
 
 
-def scene(
+def scene_document(
     appendage_root: Element,
     name: str,
     *,
@@ -296,31 +356,33 @@ def scene(
 ) -> Element:
     """A free-flying hub with the appendage on its `mount`, ready to simulate.
 
-    `inertia` `(3,)` or `(3, 3)` of the hub about its centre [kg m^2]; `offset` `(3,)` from there to the root [m];
-    `contacts` leaves contacts and constraints on.
+    `inertia` `(3,)` or `(3, 3)` of the hub about its centre [kg m^2]; `offset` `(3,)` from there to
+    the root [m]; `contacts` leaves contacts and constraints on.
     """
     root = template("scene")
     root.set("model", f"{name}_scene")
     option = find(root, "option")
     if contacts:
         option.remove(find(option, "flag"))
-    filled(option, timestep=timestep, integrator=integrator)
+    set_attributes(option, timestep=timestep, integrator=integrator)
     hub = find(template("hub"), "worldbody/body")
-    inertial = filled(find(hub, "inertial"), mass=mass)
+    inertial = set_attributes(find(hub, "inertial"), mass=mass)
     inertia = np.asarray(inertia, dtype=np.float64)
     inertia = np.diag(inertia) if inertia.ndim == 1 else inertia
     if np.any(inertia != np.diag(np.diag(inertia))):
         del inertial.attrib["diaginertia"]
-        filled(inertial, fullinertia=[*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]])
+        products = [inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+        set_attributes(inertial, fullinertia=[*np.diag(inertia), *products])
     else:
-        filled(inertial, diaginertia=np.diag(inertia))
+        set_attributes(inertial, diaginertia=np.diag(inertia))
     offset = np.asarray(offset, dtype=np.float64)
-    # a box of that mass and those inertias where one exists, else one that reaches the root
+    # a box of that mass and those inertias where one exists: a^2 = 6 (Iyy + Izz - Ixx) / m
     ix, iy, iz = np.diag(inertia)
     squares = 6.0 / mass * np.array([iy + iz - ix, ix + iz - iy, ix + iy - iz])
-    filled(find(hub, "geom"), size=np.sqrt(np.clip(squares, 1e-6 * float(squares.max()), None)) / 2.0)
-    filled(find(hub, "site"), pos=offset)
+    sides = np.sqrt(np.clip(squares, 1e-6 * float(squares.max()), None))
+    set_attributes(find(hub, "geom"), size=sides / 2.0)
+    set_attributes(find(hub, "site"), pos=offset)
     find(root, "worldbody").append(hub)
-    hang(appendage_root, root, hub)
-    filled(find(hub, "body"), pos=offset)
+    attach_appendage(appendage_root, root, hub)
+    set_attributes(find(hub, "body"), pos=offset)
     return root

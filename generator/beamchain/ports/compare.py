@@ -5,15 +5,17 @@ Theory: docs/theory.md, section 6.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
+from beamchain.checks import of_type, positive
 from beamchain.errors import InputError
+from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import Array, locked
+from beamchain.ports.motions import Array, locked, system_matrix
 
 DEFAULT_RATIO = 0.005  # damping ratio of every cantilever mode where none is given
 UNDAMPED = 1e-9  # ratios up to here are rounding
@@ -22,6 +24,15 @@ NEAR = 0.05  # of the ratio: peaks that close need one cluster of points
 WIDER = 1.5  # times the ratio: the points of a wider peak do not resolve a narrower one
 REACH = 1.3  # times the bandwidth: peaks up to here are resolved as far as they reach into the band
 STANDARD_HUBS = (0.1, 1.0, 10.0)  # times the appendage's rigid mass, where no hub is given
+SLOWEST = 1e-6  # of the bandwidth: slower poles are rigid motion
+# ratios up to here, none above twice another, couple the free modes too little to matter
+EVEN = 0.1
+CREST = 0.7  # of the largest value: lower crests of a curve are not followed between its points
+# of a tolerance: where the largest value on a grid is lower, the curve keeps it between its points
+OPEN = 0.8
+CRESTS = 6  # most crests that are followed
+ZOOMS = 2  # rounds in which a crest is followed, each on points six times as close
+SAFETY = 1.01  # times the stated error must be within the tolerance
 
 Response = Callable[[Array], NDArray[np.complex128]]
 
@@ -33,8 +44,8 @@ class Comparison:
     Args:
         matches: `(k, 2)` mode numbers (from 0) of the first and of the second model.
         frequency_errors: `(k,)` relative, first against second.
-        participation_errors: `(k,)` relative: norm of the difference over the norm, each motion scaled by the
-            rigid mass.
+        participation_errors: `(k,)` relative: norm of the difference over the norm,
+            each motion scaled by the rigid mass.
         mass_error: relative, of the rigid mass matrix.
         accelerance_in_band: the in-band error; None if it was not requested.
 
@@ -69,8 +80,9 @@ def compare(
 ) -> Comparison:
     """Compare `a` with the reference `b`.
 
-    Modes are matched by frequency and by the direction of their participation. With `bandwidth` the in-band error is
-    computed too, on the hub or, without one, as the worst of three (0.1, 1, 10 times the rigid mass).
+    Modes are matched by frequency and by the direction of their participation. With `bandwidth` the
+    in-band error is computed too, on the hub or, without one, as the worst of three (0.1, 1, 10
+    times the rigid mass).
 
     Args:
         a, b: port models with the same motions.
@@ -88,60 +100,106 @@ def compare(
         >>> f"{error.accelerance_in_band:.1e}"
         '2.0e-03'
     """
+    for name, model in (("a", a), ("b", b)):
+        of_type(
+            name,
+            model,
+            PortModel,
+            "a PortModel, for example what Beam.port or ModalData.port returns",
+        )
+    if bandwidth is not None:
+        bandwidth = positive("bandwidth", bandwidth, "rad/s")
     if a.motions != b.motions:
         raise InputError(
-            f"port models with {a.motions} and {b.motions} motions cannot be compared; compare like ports."
+            f"port models with {a.motions} and {b.motions} motions cannot be compared; compare "
+            "like ports."
         )
     scale = np.sqrt(np.diag(b.rigid_mass))
-    la, lb = a.participation / scale, b.participation / scale
-    count = min(a.modes, b.modes)
-    if count:
-        na, nb = np.linalg.norm(la, axis=1), np.linalg.norm(lb, axis=1)
-        aligned = np.abs(la @ lb.T) / np.clip(np.outer(na, nb), 1e-300, None)
-        cost = np.abs(np.log(a.frequencies[:, None] / b.frequencies[None, :])) + 0.05 * (
-            1.0 - np.clip(aligned, 0.0, 1.0)
-        )
-        first, second = linear_sum_assignment(cost)
-    else:
-        first = second = np.zeros(0, dtype=np.int64)
-    signs = np.where(np.sum(la[first] * lb[second], axis=1) < 0.0, -1.0, 1.0)
-    difference = np.linalg.norm(la[first] * signs[:, None] - lb[second], axis=1)
+    rows_a = a.participation / scale
+    rows_b = b.participation / scale
+    first, second = _match_modes(a.frequencies, rows_a, b.frequencies, rows_b)
+    rows_a = rows_a[first]
+    rows_b = rows_b[second]
+    # the sign of a mode is arbitrary
+    signs = np.where(np.sum(rows_a * rows_b, axis=1) < 0.0, -1.0, 1.0)
+    differences = np.linalg.norm(rows_a * signs[:, None] - rows_b, axis=1)
+    sizes = np.linalg.norm(rows_b, axis=1)
+    mass_difference = (a.rigid_mass - b.rigid_mass) / np.outer(scale, scale)
     return Comparison(
         matches=np.column_stack([first, second]).astype(np.int64),
         frequency_errors=locked(a.frequencies[first] / b.frequencies[second] - 1.0),
-        participation_errors=locked(difference / np.clip(np.linalg.norm(lb[second], axis=1), 1e-300, None)),
-        mass_error=float(np.max(np.abs((a.rigid_mass - b.rigid_mass) / np.outer(scale, scale)))),
+        participation_errors=locked(differences / np.clip(sizes, 1e-300, None)),
+        mass_error=float(np.max(np.abs(mass_difference))),
         accelerance_in_band=None if bandwidth is None else in_band_error(a, b, hub_mass, bandwidth),
     )
 
 
+def _match_modes(
+    frequencies_a: Array, rows_a: Array, frequencies_b: Array, rows_b: Array
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Numbers `(k,)` of the modes of two models that belong together.
+
+    Of modes `i` and `j` with scaled participation `L_i` and `L_j` the pairing costs
+    `|ln(W_i / W_j)| + 0.05 (1 - |cos(L_i, L_j)|)`; the sum over all pairs is least.
+    """
+    if not frequencies_a.size or not frequencies_b.size:
+        nothing = np.zeros(0, dtype=np.int64)
+        return nothing, nothing
+    sizes_a = np.linalg.norm(rows_a, axis=1)
+    sizes_b = np.linalg.norm(rows_b, axis=1)
+    cosines = np.abs(rows_a @ rows_b.T) / np.clip(np.outer(sizes_a, sizes_b), 1e-300, None)
+    distances = np.abs(np.log(frequencies_a[:, None] / frequencies_b[None, :]))
+    first, second = linear_sum_assignment(distances + 0.05 * (1.0 - np.clip(cosines, 0.0, 1.0)))
+    return first.astype(np.int64), second.astype(np.int64)
+
+
 def in_band_error(
-    a: PortModel, b: PortModel, hub_mass: ArrayLike | None, bandwidth: float, keep: Sequence[int] | None = None
+    a: PortModel | CoupledPort,
+    b: PortModel,
+    hub_mass: ArrayLike | None,
+    bandwidth: float,
+    keep: Sequence[int] | None = None,
 ) -> float:
     """The in-band error of `a` against `b`, frequency by frequency; see `Reference`.
 
-    A model without damping gets 0.5 % in every cantilever mode; without `hub_mass` `(m, m)` the worst of three hubs,
-    0.1, 1 and 10 times the rigid mass of `b`; `keep`: motions of the hub that matter.
+    A model without damping gets 0.5 % in every cantilever mode; without `hub_mass` `(m, m)`
+    the worst of three hubs, 0.1, 1 and 10 times the rigid mass of `b`; `keep`: motions of
+    the hub that matter.
     """
     if hub_mass is None:
-        return max(in_band_error(a, b, factor * b.rigid_mass, bandwidth, keep) for factor in STANDARD_HUBS)
-    pick = range(b.motions) if keep is None else keep
-    return Reference([Block(np.asarray(hub_mass, dtype=np.float64), b, tuple(pick))], bandwidth).error(0, a)
+        hubs = [factor * b.rigid_mass for factor in STANDARD_HUBS]
+        return max(in_band_error(a, b, hub, bandwidth, keep) for hub in hubs)
+    kept_motions = tuple(range(b.motions) if keep is None else keep)
+    block = Block(np.asarray(hub_mass, dtype=np.float64), b, kept_motions)
+    return Reference([block], bandwidth).error(0, a)
 
 
-def coupling_error(model: PortModel, damping: Array, hub_mass: Array | None, bandwidth: float) -> float:
-    """In-band error of leaving out couplings in `damping` `(n, n)` [1/s]."""
-    if model.modes < 2 or not np.any(damping - np.diag(np.diag(damping))):
-        return 0.0
-    if hub_mass is None:
-        return max(coupling_error(model, damping, f * model.rigid_mass, bandwidth) for f in STANDARD_HUBS)
-    block = Block(hub_mass, model, tuple(range(model.motions)))
-    omega = grid_of([peaks_of(model, hub_mass)], bandwidth)
-    s = 1j * omega[:, None, None]
-    inner = s**2 * np.eye(model.modes) + s * damping + np.diag(model.frequencies**2)
-    felt = model.participation.T @ np.linalg.solve(inner, s**2 * model.participation)
-    coupled = small_inverse(hub_mass + model.rigid_mass - felt) * block.scale
-    return float(relative(coupled, block.response(model, omega), block.frozen).max())
+def keeps_tolerance(error: float, tolerance: float) -> bool:
+    """Whether a stated error keeps a tolerance: 1.01 times the error must not exceed it.
+
+    Example:
+        >>> keeps_tolerance(0.98e-3, 1e-3), keeps_tolerance(0.995e-3, 1e-3)
+        (True, False)
+    """
+    return SAFETY * error <= tolerance
+
+
+def tolerance_statement(error: float, tolerance: float) -> str:
+    """How a stated error stands to a tolerance, as the end of a sentence.
+
+    Example:
+        >>> tolerance_statement(0.98e-3, 1e-3)
+        'within the tolerance 0.001'
+        >>> tolerance_statement(0.995e-3, 1e-3)
+        'too near the tolerance 0.001: 1.01 times the error exceeds it'
+        >>> tolerance_statement(2e-3, 1e-3)
+        'above the tolerance 0.001'
+    """
+    if keeps_tolerance(error, tolerance):
+        return f"within the tolerance {tolerance:g}"
+    if error <= tolerance:
+        return f"too near the tolerance {tolerance:g}: {SAFETY} times the error exceeds it"
+    return f"above the tolerance {tolerance:g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,70 +212,93 @@ class Block:
 
     @cached_property
     def scale(self) -> Array:
-        """`(k, k)` what makes the accelerance dimensionless."""
-        s = np.sqrt(np.diag(self.hub + self.exact.rigid_mass))[list(self.keep)]
-        return np.outer(s, s)
+        """`(k, k)`, `sqrt(m_i m_j)` of the rigid whole: makes the accelerance dimensionless."""
+        masses = np.diag(self.hub + self.exact.rigid_mass)[list(self.keep)]
+        roots = np.sqrt(masses)
+        return np.outer(roots, roots)
 
-    def response(self, model: PortModel, omega: Array) -> NDArray[np.complex128]:
+    def response(self, model: PortModel | CoupledPort, omega: Array) -> NDArray[np.complex128]:
         """`(k, n, n)` dimensionless accelerance of hub and `model`, the motions that matter."""
         pick = list(self.keep)
-        inverse = small_inverse(np.moveaxis(self.hub[:, :, None] + model.D(omega), -1, 0))
-        return inverse[:, pick][:, :, pick] * self.scale
+        dynamic_mass = self.hub[:, :, None] + model.D(omega)
+        accelerance = small_inverse(np.moveaxis(dynamic_mass, -1, 0))
+        return accelerance[:, pick][:, :, pick] * self.scale
 
     @cached_property
     def frozen(self) -> float:
         """Norm of the dimensionless accelerance of the rigid whole."""
         pick = list(self.keep)
-        inverse = np.linalg.inv(self.hub + self.exact.rigid_mass)
-        return float(np.linalg.norm(inverse[np.ix_(pick, pick)] * self.scale, 2))
+        accelerance = np.linalg.inv(self.hub + self.exact.rigid_mass)
+        return float(np.linalg.norm(accelerance[np.ix_(pick, pick)] * self.scale, 2))
 
 
 class Reference:
-    """Exact appendages on a hub, against which models are measured: the one in-band error of the package.
+    """Exact appendages on a hub, against which models are measured:
+    the one in-band error of the package.
 
-    `H(w) = (M_hub + D(w))^-1`, `S = sqrt(diag(M_hub + M_rigid))`. The error is the maximum over 0 < w <= bandwidth [rad/s]
-    of `||S (H_model - H_exact) S||` over the larger of `||S H_exact S||` and `||S H_rigid S||`, on a grid that resolves
-    every peak to a tenth of its damping ratio. Independent blocks do not couple.
+    `H(w) = (M_hub + D(w))^-1`, `S = sqrt(diag(M_hub + M_rigid))`. The error is the maximum over 0 <
+    w <= bandwidth [rad/s] of `||S (H_model - H_exact) S||` over the larger of `||S H_exact S||` and
+    `||S H_rigid S||`: on a grid that resolves every peak to a tenth of its damping ratio, and
+    between its points where it is highest. Independent blocks do not couple.
     """
 
     def __init__(self, blocks: Sequence[Block], bandwidth: float) -> None:
-        self.blocks: list[Block] = [replace(block, exact=damped(block.exact)) for block in blocks]
+        self.blocks: list[Block] = [
+            replace(block, exact=with_damping(block.exact)) for block in blocks
+        ]
         self.bandwidth: float = bandwidth
         self._peaks = [peaks_of(block.exact, block.hub) for block in self.blocks]
         self._floor = max((block.frozen for block in self.blocks), default=1.0)
-        self._own: dict[int, tuple[Array, NDArray[np.complex128], Array]] = {}
+        # of a block alone: frequencies, exact response, denominator
+        self._exact: dict[int, tuple[Array, NDArray[np.complex128], Array]] = {}
 
-    def size(self, omega: Array, number: int = -1, own: NDArray[np.complex128] | None = None) -> Array:
-        """`(k,)` the denominator at `omega`; `own`: known response of block `number`."""
+    def size(
+        self, omega: Array, number: int = -1, known: NDArray[np.complex128] | None = None
+    ) -> Array:
+        """`(k,)` the denominator at `omega`; `known`: response of block `number`, if known."""
         out = np.full(omega.size, self._floor)
         for i, block in enumerate(self.blocks):
-            exact = own if i == number and own is not None else block.response(block.exact, omega)
+            if i == number and known is not None:
+                exact = known
+            else:
+                exact = block.response(block.exact, omega)
             np.maximum(out, spectral_norms(exact), out=out)
         return out
 
-    def error(self, number: int, model: PortModel) -> float:
-        """In-band error that `model` in place of the exact one of block `number` makes."""
-        block, model = self.blocks[number], damped(model)
-        if number not in self._own:
+    def error(
+        self, number: int, model: PortModel | CoupledPort, tolerance: float | None = None
+    ) -> float:
+        """In-band error that `model` in place of the exact one of block `number` makes;
+        `tolerance` as of `maximum_of`."""
+        block, model = self.blocks[number], resolved(model)
+        if number not in self._exact:
             omega = grid_of([self._peaks[number]], self.bandwidth)
             exact = block.response(block.exact, omega)
-            self._own[number] = omega, exact, self.size(omega, number, exact)
-        omega, exact, below = self._own[number]
-        worst = largest(block.response(model, omega) - exact, below)
-        more = clusters(unlike(peaks_of(model, block.hub), self._peaks[number]), self.bandwidth)
-        return max(worst, float(self.curve(number, model, more).max(initial=0.0)))
+            self._exact[number] = omega, exact, self.size(omega, number, exact)
+        omega, exact, size = self._exact[number]
+        values = norm_ratios(block.response(model, omega) - exact, size)
+        new_peaks = unresolved_peaks(peaks_of(model, block.hub), self._peaks[number])
+        more_omega = peak_clusters(new_peaks, self.bandwidth)
+        more_values = self.curve(number, model, more_omega)
+        return maximum_of(
+            partial(self.curve, number, model),
+            np.concatenate([omega, more_omega]),
+            values=np.concatenate([values, more_values]),
+            tolerance=tolerance,
+        )
 
-    def curve(self, number: int, model: PortModel, omega: Array) -> Array:
+    def curve(self, number: int, model: PortModel | CoupledPort, omega: Array) -> Array:
         """`(k,)` the error at each of `omega`, before its maximum is taken."""
-        block, model = self.blocks[number], damped(model)
+        block, model = self.blocks[number], resolved(model)
         if omega.size == 0:
             return np.zeros(0)
         exact = block.response(block.exact, omega)
-        return spectral_norms(block.response(model, omega) - exact) / self.size(omega, number, exact)
+        difference = block.response(model, omega) - exact
+        return spectral_norms(difference) / self.size(omega, number, exact)
 
-    def grid(self, number: int, models: Sequence[PortModel]) -> Array:
+    def grid(self, number: int, models: Sequence[PortModel | CoupledPort]) -> Array:
         """`(k,)` where the error of `models` in a block is looked at [rad/s]."""
-        peaks = [peaks_of(damped(model), self.blocks[number].hub) for model in models]
+        peaks = [peaks_of(resolved(model), self.blocks[number].hub) for model in models]
         return grid_of([self._peaks[number], *peaks], self.bandwidth)
 
 
@@ -227,14 +308,21 @@ def small_inverse(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
     if size == 1:
         return 1.0 / matrices
     if size == 2:
-        a, b, c, d = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 0], matrices[:, 1, 1]
+        a = matrices[:, 0, 0]
+        b = matrices[:, 0, 1]
+        c = matrices[:, 1, 0]
+        d = matrices[:, 1, 1]
         out = np.empty_like(matrices)
-        out[:, 0, 0], out[:, 0, 1], out[:, 1, 0], out[:, 1, 1] = d, -b, -c, a
+        out[:, 0, 0] = d
+        out[:, 0, 1] = -b
+        out[:, 1, 0] = -c
+        out[:, 1, 1] = a
         return out / (a * d - b * c)[:, None, None]
     return np.asarray(np.linalg.inv(matrices), dtype=np.complex128)
 
 
-def damped(model: PortModel) -> PortModel:
+@lru_cache(maxsize=256)  # a search asks for the same models many times
+def with_damping(model: PortModel) -> PortModel:
     """The model with its own damping, or 0.5 % in every mode where it has none."""
     if np.all(model.damping >= NARROWEST):
         return model
@@ -243,32 +331,79 @@ def damped(model: PortModel) -> PortModel:
     return model.replaced(damping=np.full(model.modes, DEFAULT_RATIO))
 
 
-def peaks_of(model: PortModel, hub: Array) -> Array:
+def resolved(model: PortModel | CoupledPort) -> PortModel | CoupledPort:
+    """A model whose peaks a grid resolves: as of `with_damping`;
+    of one with a damping matrix each mode without damping gets 0.5 %."""
+    if not isinstance(model, CoupledPort):
+        return with_damping(model)
+    ratios = np.diag(model.rates) / model.frequencies / 2.0
+    least = np.where(ratios > UNDAMPED, np.maximum(ratios, NARROWEST), DEFAULT_RATIO)
+    more = 2.0 * (least - ratios) * model.frequencies
+    return replace(model, rates=model.rates + np.diag(more))
+
+
+def peaks_of(model: PortModel | CoupledPort, hub: Array) -> Array:
     """`(k, 2)` frequency [rad/s] and ratio of every peak, coupled and held."""
+    if isinstance(model, CoupledPort):
+        held = np.linalg.eigvals(system_matrix(np.diag(model.frequencies**2), model.rates))
+        coupled = free_peaks(model.with_hub(hub), model.rates)
+        return np.vstack([coupled, peaks_at(held.astype(np.complex128))])
     loaded = model.with_hub(hub)
-    coupled = np.column_stack([loaded.free_frequencies, loaded.free_damping])
-    return np.vstack([coupled, np.column_stack([model.frequencies, model.damping])])
+    ratios = model.damping
+    most_even = np.minimum(EVEN, 2.0 * ratios.min(initial=np.inf))
+    if np.all(ratios <= most_even):
+        coupled = np.column_stack([loaded.free_frequencies, loaded.free_damping])
+    else:
+        coupled = free_peaks(loaded, np.diag(2.0 * ratios * model.frequencies))
+    held = np.column_stack([model.frequencies, ratios])
+    return np.vstack([coupled, held])
 
 
-def unlike(peaks: Array, known: Array) -> Array:
+def free_peaks(model: PortModel | CoupledPort, damping: Array) -> Array:
+    """`(k, 2)` as of `peaks_of`: damped poles of a free model whose cantilever modes have
+    `damping` `(n, n)` [1/s]."""
+    rows = model.participation
+    # with the root free: (I - L M^-1 L^T) q'' + damping q' + W^2 q = 0
+    mass = np.eye(model.modes) - rows @ np.linalg.solve(model.rigid_mass, rows.T)
+    # in W q and 1 / s, where a motion without mass has a root 0 and not an infinite one
+    squares = np.outer(model.frequencies, model.frequencies)
+    inverse_poles = np.linalg.eigvals(system_matrix(mass / squares, damping / squares))
+    inverse_poles = inverse_poles.astype(np.complex128)
+    return peaks_at(1.0 / inverse_poles[np.abs(inverse_poles) > 0.0])
+
+
+def peaks_at(poles: NDArray[np.complex128]) -> Array:
+    """`(k, 2)` frequency [rad/s] and ratio of damped poles, one of each pair;
+    ratio 1 where nothing oscillates."""
+    poles = poles[(poles.imag >= 0.0) & (np.abs(poles) > 0.0)]
+    frequencies = np.abs(poles)
+    ratios = np.clip(-poles.real / frequencies, 0.0, 1.0)
+    return np.column_stack([frequencies, ratios])
+
+
+def unresolved_peaks(peaks: Array, known: Array) -> Array:
     """Those of `peaks` `(k, 2)` that the points at `known` peaks do not resolve."""
     if not known.size or not peaks.size:
         return peaks
-    near = np.abs(peaks[:, None, 0] / known[None, :, 0] - 1.0) <= NEAR * np.minimum(
-        peaks[:, None, 1], known[None, :, 1]
-    )
-    alike = near & (known[None, :, 1] <= WIDER * peaks[:, None, 1])
+    frequency, ratio = peaks.T[:, :, None]
+    known_frequency, known_ratio = known.T[:, None, :]
+    near = np.abs(frequency / known_frequency - 1.0) <= NEAR * np.minimum(ratio, known_ratio)
+    alike = near & (known_ratio <= WIDER * ratio)
     return peaks[~alike.any(axis=1)]
 
 
-def clusters(peaks: Array, bandwidth: float) -> Array:
+def peak_clusters(peaks: Array, bandwidth: float) -> Array:
     """`(k,)` frequencies up to `bandwidth` around `peaks` `(n, 2)`."""
     points = [np.zeros(0)]
-    for peak, ratio in peaks[peaks[:, 0] < REACH * bandwidth]:
+    matters = (peaks[:, 0] < REACH * bandwidth) & (peaks[:, 0] > SLOWEST * bandwidth)
+    for peak, ratio in peaks[matters]:
         width = min(max(float(ratio), NARROWEST), 1.0)
         close = width * np.arange(0.0, 2.05, 0.1)
-        count, end = max(int(np.log(0.25 / width) / 0.14), 4), max(0.5, 3.0 * width)
-        far = 2.2 * width * (end / (2.2 * width)) ** np.linspace(0.0, 1.0, count)  # geomspace takes ten times as long
+        # from there in equal ratios; np.geomspace takes ten times as long
+        start = 2.2 * width
+        end = max(0.5, 3.0 * width)
+        count = max(int(np.log(0.25 / width) / 0.14), 4)
+        far = start * (end / start) ** np.linspace(0.0, 1.0, count)
         offsets = np.concatenate([close, far])
         points += [peak * (1.0 + offsets), peak * (1.0 - offsets)]
     grid = np.concatenate(points)
@@ -278,38 +413,106 @@ def clusters(peaks: Array, bandwidth: float) -> Array:
 def grid_of(peaks: Sequence[Array], bandwidth: float) -> Array:
     """`(k,)` frequencies up to `bandwidth` that resolve all `peaks` `(n, 2)`."""
     points = [np.linspace(bandwidth / 400.0, bandwidth, 400)]
-    seen = np.zeros((0, 2))
-    for some in peaks:
-        new = unlike(some, seen)
-        points.append(clusters(new, bandwidth))
-        seen = np.vstack([seen, new])
+    resolved = np.zeros((0, 2))
+    for group in peaks:
+        new = unresolved_peaks(group, resolved)
+        points.append(peak_clusters(new, bandwidth))
+        resolved = np.vstack([resolved, new])
     return np.unique(np.concatenate(points))
 
 
 def band_grid(models: Sequence[PortModel], bandwidth: float) -> Array:
     """`(k,)` frequencies up to `bandwidth` that resolve every peak of `models`."""
-    return grid_of([peaks_of(model, np.zeros_like(model.rigid_mass)) for model in models], bandwidth)
+    peaks = [peaks_of(model, np.zeros_like(model.rigid_mass)) for model in models]
+    return grid_of(peaks, bandwidth)
 
 
-def relative(ours: NDArray[np.complex128], exact: NDArray[np.complex128], frozen: float) -> Array:
-    """`(k,)` the in-band error of responses `(k, m, m)`, before its maximum."""
-    return spectral_norms(ours - exact) / np.maximum(spectral_norms(exact), frozen)
+def relative_error(
+    responses: NDArray[np.complex128], exact: NDArray[np.complex128], frozen: float
+) -> Array:
+    """`(k,)` the in-band error of `responses` `(k, m, m)`, before its maximum."""
+    return spectral_norms(responses - exact) / np.maximum(spectral_norms(exact), frozen)
 
 
-def largest(matrices: NDArray[np.complex128], below: Array) -> float:
-    """Largest spectral norm of `matrices` `(k, m, m)` over `below` `(k,)`."""
-    rough = np.linalg.norm(matrices, axis=(1, 2)) / below
-    near = ~(rough < 0.999 * rough.max() / np.sqrt(matrices.shape[-1]))
-    return float(np.max(spectral_norms(matrices[near]) / below[near]))
+def maximum_of(
+    curve: Callable[[Array], Array], omega: Array, values: Array, tolerance: float | None = None
+) -> float:
+    """Maximum of a curve whose `values` at `omega` `(k,)` are known:
+    its highest crests are followed between the points.
+
+    With a `tolerance` only where the points leave open whether the maximum keeps it:
+    above they are enough for a search.
+    """
+    most = float(values.max(initial=0.0))
+    if tolerance is not None and not (
+        most >= OPEN * tolerance and keeps_tolerance(most, tolerance)
+    ):
+        return most
+    order = np.argsort(omega, kind="stable")
+    omega = omega[order]
+    values = values[order]
+    # points that are as high as both neighbours, the highest few of them
+    fence = np.concatenate([[-np.inf], values, [-np.inf]])
+    is_crest = (values >= fence[:-2]) & (values >= fence[2:]) & (values > CREST * most)
+    crests = np.flatnonzero(is_crest)
+    crests = crests[np.argsort(-values[crests])[:CRESTS]]
+    if crests.size == 0:
+        return most
+    low = omega[np.maximum(crests - 1, 0)]
+    middle = omega[crests]
+    high = omega[np.minimum(crests + 1, omega.size - 1)]
+    top = values[crests][:, None]
+    fractions = np.arange(1, 6) / 6.0
+    row = np.arange(crests.size)
+    zero = np.zeros((crests.size, 1))
+    for _ in range(ZOOMS):
+        rising = low[:, None] + (middle - low)[:, None] * fractions
+        falling = middle[:, None] + (high - middle)[:, None] * fractions
+        points = np.hstack([low[:, None], rising, middle[:, None], falling, high[:, None]])
+        new_values = curve(np.concatenate([rising.ravel(), falling.ravel()]))
+        rising_values, falling_values = new_values.reshape(2, crests.size, fractions.size)
+        # the ends are no crests: zero keeps them from being chosen
+        point_values = np.hstack([zero, rising_values, top, falling_values, zero])
+        best = np.clip(point_values.argmax(axis=1), 1, point_values.shape[1] - 2)
+        low = points[row, best - 1]
+        middle = points[row, best]
+        high = points[row, best + 1]
+        top = point_values[row, best][:, None]
+    return max(most, float(top.max()))
+
+
+def norm_ratios(matrices: NDArray[np.complex128], size: Array) -> Array:
+    """`(k,)` spectral norms of `matrices` `(k, m, m)` over `size` `(k,)`;
+    zero where that is known to be too low for a crest."""
+    motions = matrices.shape[-1]
+    if motions <= 2:
+        return spectral_norms(matrices) / size
+    # |A|_F / sqrt(m) <= |A|_2 <= |A|_F: the largest lies where the Frobenius norm is within sqrt(m)
+    bounds = np.linalg.norm(matrices, axis=(1, 2)) / size
+    near = ~(bounds < 0.999 * bounds.max() / np.sqrt(motions))
+    out = np.zeros(bounds.size)
+    out[near] = spectral_norms(matrices[near]) / size[near]
+    return out
+
+
+def largest_norm_ratio(matrices: NDArray[np.complex128], size: Array) -> float:
+    """Largest spectral norm of `matrices` `(k, m, m)` over `size` `(k,)`."""
+    return float(np.max(norm_ratios(matrices, size)))
 
 
 def spectral_norms(matrices: NDArray[np.complex128]) -> Array:
     """Spectral norms `(k,)` of `(k, m, m)`; in closed form for m = 1 and 2."""
-    size = matrices.shape[-1]
-    if size == 1:
+    motions = matrices.shape[-1]
+    if motions == 1:
         return np.abs(matrices[:, 0, 0])
-    if size == 2:
+    if motions == 2:
+        # |A|_2^2 = (f + sqrt(f^2 - 4 d^2)) / 2 with f = |A|_F^2 and d = |det A|
+        a = matrices[:, 0, 0]
+        b = matrices[:, 0, 1]
+        c = matrices[:, 1, 0]
+        d = matrices[:, 1, 1]
         total = np.sum(np.abs(matrices) ** 2, axis=(1, 2))
-        product = np.abs(matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0])
-        return np.sqrt((total + np.sqrt(np.clip(total**2 - 4.0 * product**2, 0.0, None))) / 2.0)
+        determinant = np.abs(a * d - b * c)
+        root = np.sqrt(np.clip(total**2 - 4.0 * determinant**2, 0.0, None))
+        return np.sqrt((total + root) / 2.0)
     return np.linalg.norm(matrices, 2, axis=(1, 2))

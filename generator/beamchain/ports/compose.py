@@ -1,4 +1,7 @@
-"""Port models composed: of independent ports, and of mass-weighted motion rows. Theory: docs/theory.md, section 1."""
+"""Port models composed: of independent ports, and of mass-weighted motion rows.
+
+Theory: docs/theory.md, section 1.
+"""
 
 from collections.abc import Callable, Mapping
 
@@ -9,28 +12,44 @@ from beamchain.ports.model import PortModel, Shapes
 from beamchain.ports.motions import PORT_MOTION, Array
 
 
-def in_space(ports: Mapping[str, PortModel], rigid_mass: ArrayLike) -> PortModel:
+def model_in_space(ports: Mapping[str, PortModel], rigid_mass: ArrayLike) -> PortModel:
     """One model with six motions from independent ports and the rigid mass `(6, 6)`."""
     rows = [model.participation @ PORT_MOTION[port].T for port, model in ports.items()]
+    participation = np.vstack([np.zeros((0, 6)), *rows])
     frequencies = np.concatenate([np.zeros(0), *(model.frequencies for model in ports.values())])
     damping = np.concatenate([np.zeros(0), *(model.damping for model in ports.values())])
     order = np.argsort(frequencies, kind="stable")
-    participation = np.vstack([np.zeros((0, 6)), *rows])[order]
-    return PortModel(np.asarray(rigid_mass), frequencies[order], participation, damping[order])
+    return PortModel(
+        np.asarray(rigid_mass),
+        frequencies=frequencies[order],
+        participation=participation[order],
+        damping=damping[order],
+    )
 
 
 def port_from_rows(
-    rigid: Array, elastic: Array, tip: Array | None = None, shapes: Callable[[Array], Shapes] | None = None
+    rigid: Array,
+    elastic: Array,
+    tip: Array | None = None,
+    shapes: Callable[[Array], Shapes] | None = None,
 ) -> PortModel:
-    """The port model of mass-weighted motion rows, by singular values, so that every frequency keeps its digits.
+    """The port model of mass-weighted motion rows, by singular values,
+    so that every frequency keeps its digits.
 
-    `rigid` `(r, m)` per unit motion of the port; `elastic` `(r, n)` and `tip` `(t, n)` per elastic coordinate, scaled
-    so that the strain energy is `|y|^2 / 2`; `shapes` makes the shapes from the modes' mass-weighted motion `(n, r)`.
+    `rigid` `(r, m)` per unit motion of the port; `elastic` `(r, n)` and `tip` `(t, n)` per elastic
+    coordinate, scaled so that the strain energy is `|y|^2 / 2`; `shapes` makes the shapes from the
+    modes' mass-weighted motion `(n, r)`.
     """
     u, s, vt = np.linalg.svd(elastic, full_matrices=False)
     keep = s > 1e-14 * s.max(initial=0.0)
-    u, s, vt = u[:, keep], s[keep], vt[keep]
+    u = u[:, keep]
+    s = s[keep]
+    vt = vt[keep]
     tip_modes = None if tip is None else (tip @ vt.T / s).T
     return PortModel(
-        rigid.T @ rigid, 1.0 / s, u.T @ rigid, tip=tip_modes, shapes=None if shapes is None else shapes(u.T)
+        rigid.T @ rigid,
+        frequencies=1.0 / s,
+        participation=u.T @ rigid,
+        tip=tip_modes,
+        shapes=None if shapes is None else shapes(u.T),
     )

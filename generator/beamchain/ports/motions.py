@@ -15,8 +15,9 @@ def locked(values: ArrayLike) -> Array:
     return result
 
 
-#: Motion of the root in space (x, y, z, rotations about x, y, z) per unit of each port's own motion.
-#: Plane xz uses the rotation about -y, so that a round beam has the same numbers in both planes.
+#: Motion of the root in space (x, y, z, rotations about x, y, z) per unit of each port's
+#: own motion. Plane xz uses the rotation about -y, so that a round beam has the same
+#: numbers in both planes.
 PORT_MOTION: dict[str, Array] = {
     "xy": locked(np.eye(6)[:, [1, 5]]),
     "xz": locked(np.eye(6)[:, [2, 4]] @ np.diag([1.0, -1.0]) + 0.0),
@@ -28,19 +29,28 @@ PORT_MOTION: dict[str, Array] = {
 def square_root(matrix: Array, noise: float = 0.0) -> Array:
     """`R`, `R^T R = matrix`; eigenvalues below `noise` become zero."""
     values, vectors = np.linalg.eigh(matrix)
-    return np.sqrt(np.where(values > noise, values, 0.0))[:, None] * vectors.T
+    kept = np.where(values > noise, values, 0.0)
+    return np.sqrt(kept)[:, None] * vectors.T
 
 
 def body_mass_matrix(mass: float, centre: Array, inertia: Array) -> Array:
     """`(6, 6)` about the origin; `inertia` `(3, 3)` is about the `centre` `(3,)`."""
     x, y, z = centre
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.block([[mass * np.eye(3), -mass * cross], [mass * cross, inertia - mass * cross @ cross]])
+    first_moment = mass * cross
+    second_moment = inertia - mass * cross @ cross
+    return np.block([[mass * np.eye(3), -first_moment], [first_moment, second_moment]])
 
 
-def shifted(point: Array) -> Array:
+def system_matrix(stiffness: Array, damping: Array) -> Array:
+    """`(2 n, 2 n)` of `q'' + D q' + K q = 0` in the states (q, q')."""
+    n = stiffness.shape[0]
+    return np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])
+
+
+def offset_matrix(point: Array) -> Array:
     """`(6, 6)` motion of a body's point `(3,)` per motion of its origin."""
     x, y, z = point
-    out = np.eye(6)
-    out[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
-    return out
+    motion = np.eye(6)
+    motion[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
+    return motion

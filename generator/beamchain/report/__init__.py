@@ -1,42 +1,46 @@
 """What results show of themselves: reports, pictures, records, notebook views.
 
-The one door through which the `plot`, `write`, `as_dict` and `_repr_html_` of results reach them; results know nothing
-else of reports, and nothing is imported before it is asked for.
+The one door through which the `plot`, `write`, `as_dict` and `_repr_html_` of results reach them;
+results know nothing else of reports, and nothing is imported before it is asked for.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from beamchain.late import importing
+
 if TYPE_CHECKING:
     from beamchain.report.craft_plots import assembly_svg as assembly_svg
     from beamchain.report.craft_plots import plot_assembly as plot_assembly
     from beamchain.report.craft_plots import sweep_pictures as sweep_pictures
-    from beamchain.report.html import embed_report as embed_report
-    from beamchain.report.html import fit_report as fit_report
-    from beamchain.report.identified_html import identification_html as identification_html
-    from beamchain.report.identified_html import identification_page as identification_page
-    from beamchain.report.identified_html import plot_identification as plot_identification
     from beamchain.report.notebook import embedded_html as embedded_html
     from beamchain.report.notebook import embedded_text as embedded_text
     from beamchain.report.notebook import fit_html as fit_html
     from beamchain.report.notebook import fit_text as fit_text
+    from beamchain.report.pages.embed import embed_report as embed_report
+    from beamchain.report.pages.fit import fit_report as fit_report
+    from beamchain.report.pages.identification import identification_html as identification_html
+    from beamchain.report.pages.identification import identification_page as identification_page
+    from beamchain.report.pages.identification import plot_identification as plot_identification
+    from beamchain.report.pages.study import study_page as study_page
     from beamchain.report.plant_plots import plot_scheduled as plot_scheduled
     from beamchain.report.plant_plots import plot_worst as plot_worst
     from beamchain.report.plots import plot_accelerance as plot_accelerance
     from beamchain.report.record import embed_record as embed_record
     from beamchain.report.record import fit_record as fit_record
+    from beamchain.report.record import inspection_record as inspection_record
     from beamchain.report.record import study_record as study_record
-    from beamchain.report.study_html import study_page as study_page
 
 _PLACES = {
     "craft_plots": ("assembly_svg", "plot_assembly", "sweep_pictures"),
-    "html": ("embed_report", "fit_report"),
-    "identified_html": ("identification_html", "identification_page", "plot_identification"),
+    "pages.embed": ("embed_report",),
+    "pages.fit": ("fit_report",),
+    "pages.identification": ("identification_html", "identification_page", "plot_identification"),
     "notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text"),
     "plant_plots": ("plot_scheduled", "plot_worst"),
     "plots": ("plot_accelerance",),
-    "record": ("embed_record", "fit_record", "study_record"),
-    "study_html": ("study_page",),
+    "record": ("embed_record", "fit_record", "inspection_record", "study_record"),
+    "pages.study": ("study_page",),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 
@@ -44,4 +48,5 @@ _HOME = {name: module for module, names in _PLACES.items() for name in names}
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'beamchain.report' has no attribute {name!r}")
-    return getattr(import_module(f"beamchain.report.{_HOME[name]}"), name)
+    with importing:
+        return getattr(import_module(f"beamchain.report.{_HOME[name]}"), name)

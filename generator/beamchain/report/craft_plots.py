@@ -1,15 +1,26 @@
-"""Pictures of a craft: the hub's accelerance, exact assembly and MuJoCo; how modes and gains spread over a sweep."""
+"""Pictures of a craft: the hub's accelerance, exact assembly and MuJoCo;
+how modes and gains spread over a sweep."""
 
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
 from beamchain.checks import one_of
 from beamchain.fitting.needs import AXES
 from beamchain.ports.motions import Array
-from beamchain.report.plots import BEAM, OURS, STYLE, WIDTH, frame, in_hz, literal, over_frequency, panel, percent
+from beamchain.report.formats import percent
+from beamchain.report.plots import (
+    BEAM,
+    OURS,
+    WIDTH,
+    drawing,
+    frame,
+    in_hz,
+    literal,
+    over_frequency,
+    panel,
+)
 from beamchain.report.svg import to_svg
 
 if TYPE_CHECKING:
@@ -26,7 +37,7 @@ MOTIONS = (
 )
 
 
-@mpl.rc_context(STYLE)
+@drawing()
 def assembly_figure(assembly: "Assembly", columns: int = 2) -> Figure:
     """Diagonal of the hub's accelerance over frequency, one panel per motion that matters."""
     rows = -(-len(assembly.motions) // columns)
@@ -46,16 +57,26 @@ def assembly_figure(assembly: "Assembly", columns: int = 2) -> Figure:
 def _panel(ax: "Axes", assembly: "Assembly", place: int) -> None:
     """One motion's accelerance, exact and through MuJoCo."""
     title, unit = MOTIONS[assembly.motions[place]]
-    exact, ours = np.abs(assembly.exact[place, place]), np.abs(assembly.achieved[place, place])
+    exact = np.abs(assembly.exact[place, place])
+    ours = np.abs(assembly.achieved[place, place])
     heights = float(min(exact.min(), ours.min())) / 1.3, 1.3 * float(max(exact.max(), ours.max()))
     frame(ax, (float(assembly.omega[0]), float(assembly.omega[-1])), heights, assembly.common)
-    ax.plot(assembly.omega, ours, color=OURS, linewidth=3.0, label="MuJoCo, from A and B of mjd_transitionFD")
+    ax.plot(
+        assembly.omega,
+        ours,
+        color=OURS,
+        linewidth=3.0,
+        label="MuJoCo, from A and B of mjd_transitionFD",
+    )
     ax.plot(assembly.omega, exact, color=BEAM, linewidth=1.0, label="exact beams on the same hub")
     ax.set(title=title, ylabel=f"|H|, {unit}")
 
 
-def plot_assembly(assembly: "Assembly", ax: "Axes | None" = None, motion: str | None = None) -> "Axes":
-    """Draw the hub's accelerance in one motion: the exact spacecraft, and the one read back through MuJoCo.
+def plot_assembly(
+    assembly: "Assembly", ax: "Axes | None" = None, motion: str | None = None
+) -> "Axes":
+    """Draw the hub's accelerance in one motion: the exact spacecraft,
+    and the one read back through MuJoCo.
 
     `motion`: "tx", "ty", "tz", "x", "y" or "z"; the first that matters where left out.
     """
@@ -70,7 +91,7 @@ def plot_assembly(assembly: "Assembly", ax: "Axes | None" = None, motion: str | 
     return ax
 
 
-@mpl.rc_context(STYLE)
+@drawing()
 def difference_figure(assembly: "Assembly") -> Figure:
     """Error of the hub's motion over frequency, the band shaded and its largest error marked."""
     figure, ax = panel(3.4)
@@ -80,7 +101,15 @@ def difference_figure(assembly: "Assembly") -> Figure:
     ax.plot(assembly.omega, error, color=OURS, linewidth=2.0, label="MuJoCo")
     at = int(np.argmax(np.where(assembly.omega <= assembly.common, error, -1.0)))
     label = f"largest drawn in the band: {percent(assembly.in_band)}"
-    ax.plot(assembly.omega[at], error[at], marker="o", markersize=5.5, color=OURS, linestyle="none", label=label)
+    ax.plot(
+        assembly.omega[at],
+        error[at],
+        marker="o",
+        markersize=5.5,
+        color=OURS,
+        linestyle="none",
+        label=label,
+    )
     over_frequency(ax, "error of the hub's motion, relative")
     figure.legend(loc="outside upper left", ncols=3)
     return figure
@@ -93,13 +122,17 @@ def assembly_svg(assembly: "Assembly") -> str:
 
 def sweep_pictures(sweep: "Sweep") -> dict[str, str]:
     """SVG texts by the name of their file."""
-    out = {"coupled_frequencies.svg": _histograms(sweep.coupled, "frequency of the coupled mode, rad/s", "rad/s")}
+    out = {
+        "coupled_frequencies.svg": _histograms(
+            sweep.coupled, "frequency of the coupled mode, rad/s", "rad/s"
+        )
+    }
     if sweep.gains:
         out["modal_gains.svg"] = _gains(sweep)
     return out
 
 
-@mpl.rc_context(STYLE)
+@drawing()
 def _histograms(table: Array, label: str, unit: str) -> str:
     """A histogram per column, each on its own axis."""
     count = min(table.shape[1], MOST)
@@ -107,30 +140,44 @@ def _histograms(table: Array, label: str, unit: str) -> str:
     for k in range(count):
         ax = figure.add_subplot(count, 1, k + 1)
         values = table[:, k]
-        mean, spread = float(values.mean()), float(values.std())
+        mean = float(values.mean())
+        spread = float(values.std())
         ax.hist(values, bins=min(40, max(5, values.size // 10)), color=OURS)
+        # frequencies as they are, however close they lie
+        ax.ticklabel_format(axis="x", useOffset=False, style="plain")
         ax.set_title(
-            f"mode {k + 1}: {mean:.4g} {unit}, {mean / (2.0 * np.pi):.4g} Hz, deviation {100 * spread / mean:.2g} %"
+            f"mode {k + 1}: {mean:.4g} {unit}, {mean / (2.0 * np.pi):.4g} Hz, deviation "
+            f"{100 * spread / mean:.2g} %"
         )
         ax.set_ylabel("variants")
     figure.axes[-1].set_xlabel(_counted(label, table, count))
     return to_svg(figure, "sweep")
 
 
-@mpl.rc_context(STYLE)
+@drawing()
 def _gains(sweep: "Sweep") -> str:
     """Every variant's gain over its mode, a panel per pair of signals."""
     figure = Figure(figsize=(WIDTH, 0.6 + 3.0 * len(sweep.gains)), layout="constrained")
     for row, (name, values) in enumerate(sweep.gains.items(), 1):
         ax = figure.add_subplot(len(sweep.gains), 1, row)
-        seen = [k for k in range(values.shape[1]) if values[:, k].max() > NONE * values.max()][:MOST]
+        seen = [k for k in range(values.shape[1]) if values[:, k].max() > NONE * values.max()][
+            :MOST
+        ]
         for place, k in enumerate(seen):
-            across = place + 0.5 * (np.arange(values.shape[0]) % 101) / 101.0 - 0.25  # beside each other, not by chance
+            # beside each other, not by chance
+            across = place + 0.5 * (np.arange(values.shape[0]) % 101) / 101.0 - 0.25
             ax.plot(across, values[:, k], ".", color=OURS, markersize=2.0, alpha=0.5)
-            ax.plot([place - 0.32, place + 0.32], [np.median(values[:, k])] * 2, color="black", linewidth=1.0)
+            ax.plot(
+                [place - 0.32, place + 0.32],
+                [np.median(values[:, k])] * 2,
+                color="black",
+                linewidth=1.0,
+            )
         ax.set_yscale("log")
         ax.set_xticks(
-            range(len(seen)), [f"{k + 1}\n{np.median(sweep.coupled[:, k]):.3g} rad/s" for k in seen], fontsize=7
+            range(len(seen)),
+            [f"{k + 1}\n{np.median(sweep.coupled[:, k]):.3g} rad/s" for k in seen],
+            fontsize=7,
         )
         ax.set(title=literal(f"modal gain {name}; bar: median"), ylabel=sweep.units[name])
         ax.set_xlabel(_counted("coupled mode, its median frequency", values, len(seen)))

@@ -1,4 +1,5 @@
-"""What pictures and tables show of a fit: its rivals, accelerances and errors over frequency. Draws nothing."""
+"""What pictures and tables show of a fit: its rivals, accelerances and errors over frequency.
+Draws nothing."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -8,9 +9,17 @@ import numpy as np
 from beamchain.chain import rivals
 from beamchain.chain.chain import Chain
 from beamchain.fitting.hub import port_hub_mass
-from beamchain.ports.compare import DEFAULT_RATIO, STANDARD_HUBS, Block, Reference, damped
+from beamchain.ports.compare import (
+    DEFAULT_RATIO,
+    STANDARD_HUBS,
+    Block,
+    Reference,
+    peaks_of,
+    with_damping,
+)
+from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import Array
+from beamchain.ports.motions import PORT_MOTION, Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.exact import UniformBeam
 
@@ -18,8 +27,9 @@ if TYPE_CHECKING:
     from beamchain.fitting.result import Fit
 
 PLANES = ("xy", "xz")
+CHAIN = "our chain"
 PAPER = "the 2008 paper's chain"
-METHODS = {"seed": PAPER, "classical": "classical chain", "midpoint": "midpoint chain", "naive": "naive chain"}
+CLASSICAL = "classical chain"
 EDGE = 1.0 + 1e-12  # the end of a band belongs to it
 
 Accelerance = Callable[[Array], Array]
@@ -42,7 +52,8 @@ class Response(NamedTuple):
         return middle[pole], middle[~pole]
 
     def phase(self, i: int, j: int) -> tuple[Array, Array]:
-        """Frequencies [rad/s] and phase [degrees] of one entry, at the ends and on both sides of each turn."""
+        """Frequencies [rad/s] and phase [degrees] of one entry,
+        at the ends and on both sides of each turn."""
         turned = np.where(self.values[i, j] < 0.0, 180.0, 0.0)
         at = np.flatnonzero(np.diff(turned))
         keep = np.unique(np.concatenate([[0], at, at + 1, [turned.size - 1]]))
@@ -60,11 +71,6 @@ class ErrorCurve(NamedTuple):
         return int(np.argmax(np.where(self.omega <= bandwidth * EDGE, self.error, -1.0)))
 
 
-def chain_label(fit: "Fit") -> str:
-    """What the fitted chain is called."""
-    return METHODS.get(fit.spec.fit.method, "our chain")
-
-
 def count(number: int, word: str) -> str:
     """`1 hinge`, `2 hinges`."""
     return f"{number} {word}{'' if number == 1 else 's'}"
@@ -76,17 +82,18 @@ def moving(chain: Chain, port: str) -> int:
 
 
 def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
-    """Recipes to hold the fitted chain against, by name; none that the fit itself is, and none but in bending.
+    """Recipes to hold the fitted chain against, by name; none but in bending.
 
     The classical chain with as many hinges and, for a uniform beam, the paper's three links.
     """
-    beam, hinges, method = fit.mass_line, moving(fit.chain, port), fit.spec.fit.method
+    beam = fit.mass_line
+    hinges = moving(fit.chain, port)
     if port not in PLANES or not isinstance(beam, Beam):
         return {}
     out: dict[str, Chain] = {}
-    if method != "classical" and hinges:
-        out[METHODS["classical"]] = rivals.equal_links(beam, hinges, "classical", port)
-    if method != "seed" and beam.uniform and fit.full[port].free_frequencies.size >= 2:
+    if hinges:
+        out[CLASSICAL] = rivals.equal_links(beam, hinges, "classical", port)
+    if beam.uniform and fit.full[port].free_frequencies.size >= 2:
         first, second = (float(w) for w in fit.full[port].free_frequencies[:2])
         k, c = rivals.seed_parameters(float(beam.rigid_mass()[0, 0]), beam.length, first, second)
         out[PAPER] = rivals.seed_chain(beam, k, c, port)
@@ -94,23 +101,26 @@ def rival_chains(fit: "Fit", port: str) -> dict[str, Chain]:
 
 
 def beam_model(fit: "Fit", port: str) -> PortModel:
-    """The whole beam in a port with the damping that in-band errors are stated with: the spec's, else 0.5 %."""
-    return damped(fit.spec.with_ratios(port, fit.full[port]))
+    """The whole beam in a port with the damping that in-band errors are stated with:
+    the spec's, else 0.5 %."""
+    return with_damping(fit.spec.with_ratios(port, fit.full[port]))
 
 
 def rival_model(fit: "Fit", port: str, chain: Chain) -> PortModel:
     """A rival's port model with the same damping ratios as the beam's."""
-    return damped(fit.spec.with_ratios(port, chain.port(port)))
+    return with_damping(fit.spec.with_ratios(port, chain.port(port)))
 
 
 def undamped(model: PortModel) -> Accelerance:
-    """Accelerance of a port model without damping: the inverse of its dynamic mass, which a hinge at the root leaves."""
+    """Accelerance of a port model without damping: the inverse of its dynamic mass,
+    which a hinge at the root leaves."""
     bare = model.replaced(damping=np.zeros(model.modes))
     return lambda omega: np.linalg.inv(bare.D(omega).real.T).T.astype(np.float64)
 
 
 def exact_accelerance(fit: "Fit", port: str) -> Accelerance:
-    """Accelerance of the beam: the transcendental solution where there is one, else all modes of the discretisation."""
+    """Accelerance of the beam: the transcendental solution where there is one,
+    else all modes of the discretisation."""
     beam = fit.mass_line
     if port in PLANES and isinstance(beam, Beam) and beam.uniform:
         at = beam.segments[0].at(np.array([0.5]))
@@ -120,8 +130,10 @@ def exact_accelerance(fit: "Fit", port: str) -> Accelerance:
 
 
 def span(fit: "Fit", port: str) -> tuple[float, float]:
-    """Frequencies shown [rad/s]: from well below the first cantilever mode to past the first free mode left out."""
-    full, kept = fit.full[port], fit.target[port].modes
+    """Frequencies shown [rad/s]: from well below the first cantilever mode to past the first
+    free mode left out."""
+    full = fit.full[port]
+    kept = fit.target[port].modes
     low = 0.3 * min(float(full.frequencies[0]), float(fit.achieved[port].frequencies[0]))
     beyond = float(full.free_frequencies[min(kept, full.free_frequencies.size - 1)])
     return low, max(1.3 * beyond, 1.6 * fit.bandwidth[port])
@@ -136,7 +148,10 @@ def response(accelerance: Accelerance, limits: tuple[float, float], points: int 
             turns = np.flatnonzero(np.any(np.diff(np.sign(values)) != 0.0, axis=(0, 1)))
             if turns.size == 0:
                 break
-            new = (omega[turns, None] + (omega[turns + 1] - omega[turns])[:, None] * np.arange(1, 7) / 7.0).ravel()
+            new = (
+                omega[turns, None]
+                + (omega[turns + 1] - omega[turns])[:, None] * np.arange(1, 7) / 7.0
+            ).ravel()
             order = np.argsort(np.concatenate([omega, new]))
             values = np.concatenate([values, accelerance(new)], axis=-1)[..., order]
             omega = np.concatenate([omega, new])[order]
@@ -146,34 +161,58 @@ def response(accelerance: Accelerance, limits: tuple[float, float], points: int 
 
 def responses(fit: "Fit", port: str, *, with_rivals: bool) -> dict[str, Response]:
     """Undamped accelerances by name: the beam, the chain through MuJoCo, then the rivals."""
-    drawn = {"beam": exact_accelerance(fit, port), f"{chain_label(fit)}, through MuJoCo": undamped(fit.achieved[port])}
+    drawn = {
+        "beam": exact_accelerance(fit, port),
+        f"{CHAIN}, through MuJoCo": undamped(fit.achieved[port]),
+    }
     for label, chain in rival_chains(fit, port).items() if with_rivals else ():
         drawn[f"{label}, {count(moving(chain, port), 'hinge')}"] = undamped(chain.port(port))
     return {label: response(accelerance, span(fit, port)) for label, accelerance in drawn.items()}
 
 
 def worst_hub(fit: "Fit", port: str) -> tuple[Array, str]:
-    """The hub `(m, m)` of the in-band error, in words too: the spec's, or the worst of the standard three."""
+    """The hub `(m, m)` of the in-band error, in words too: the spec's,
+    or the worst of the standard three."""
     if fit.hub_mass is not None:
         return port_hub_mass(fit.hub_mass, port), "on the hub of the spec"
-    rigid, band = fit.full[port].rigid_mass, fit.bandwidth[port]
+    rigid = fit.full[port].rigid_mass
+    band = fit.bandwidth[port]
     limits = (min(span(fit, port)[0], 0.5 * band), band)
     worst = max(
-        STANDARD_HUBS, key=lambda f: error_curves(fit, port, [fit.achieved[port]], f * rigid, limits)[0].error.max()
+        STANDARD_HUBS,
+        key=lambda f: error_curves(fit, port, [read_back_model(fit, port)], f * rigid, limits)[
+            0
+        ].error.max(),
     )
     return worst * rigid, f"on a hub of {worst:g} times the appendage's mass (the worst of three)"
 
 
+def read_back_model(fit: "Fit", port: str) -> PortModel | CoupledPort:
+    """What MuJoCo has in a port, with its whole damping matrix where joints are damped."""
+    coupled = fit.measured.coupled
+    return fit.achieved[port] if coupled is None else coupled.seen(PORT_MOTION[port])
+
+
 def error_curves(
-    fit: "Fit", port: str, models: Sequence[PortModel], hub: Array, limits: tuple[float, float]
+    fit: "Fit",
+    port: str,
+    models: Sequence[PortModel | CoupledPort],
+    hub: Array,
+    limits: tuple[float, float],
 ) -> list[ErrorCurve]:
-    """Errors of `models` against the beam, all on the hub; a curve's largest in the band is the in-band error."""
-    beam, band = beam_model(fit, port), fit.bandwidth[port]
+    """Errors of `models` against the beam, all on the hub;
+    a curve's largest in the band is the in-band error."""
+    beam = beam_model(fit, port)
+    band = fit.bandwidth[port]
     reference = Reference([Block(hub, beam, tuple(range(beam.motions)))], band)
-    peaks = np.concatenate([thing.with_hub(hub).free_frequencies for thing in (beam, *models)])
-    steps = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0]) * float(np.max(beam.damping, initial=DEFAULT_RATIO))
+    peaks = np.concatenate([peaks_of(model, hub)[:, 0] for model in (beam, *models)])
+    steps = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0]) * float(
+        np.max(beam.damping, initial=DEFAULT_RATIO)
+    )
     beyond = (peaks[:, None] * (1.0 + np.concatenate([-steps[1:], steps]))).ravel()
     inside = reference.grid(0, models)
-    omega = np.unique(np.concatenate([np.geomspace(*limits, 280), beyond[beyond > band], inside, [band]]))
+    omega = np.unique(
+        np.concatenate([np.geomspace(*limits, 280), beyond[beyond > band], inside, [band]])
+    )
     omega = omega[(omega >= limits[0]) & (omega <= limits[1])]
     return [ErrorCurve(omega, reference.curve(0, model, omega)) for model in models]

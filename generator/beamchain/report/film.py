@@ -1,4 +1,5 @@
-"""Frames to files: PNG and GIF with Pillow (which matplotlib brings), MP4 with ffmpeg, installed or from imageio-ffmpeg."""
+"""Frames to files: PNG and GIF with Pillow (which matplotlib brings), MP4 with ffmpeg,
+installed or from imageio-ffmpeg."""
 
 import io
 import shutil
@@ -28,11 +29,18 @@ def png(frame: Frame) -> bytes:
 
 def gif(frames: Sequence[Frame], rate: float) -> bytes:
     """All frames, `rate` per second, as a GIF that repeats for ever."""
-    # one palette for all, from a strip of them: else colours flicker and nothing stays the same between frames
-    palette = Image.fromarray(np.concatenate(frames[:: max(len(frames) // 8, 1)], axis=0)).quantize(COLOURS)
-    first, *rest = [Image.fromarray(f).quantize(palette=palette, dither=Image.Dither.NONE) for f in frames]
+    # one palette for all, from a strip of them:
+    # else colours flicker and nothing stays the same between frames
+    palette = Image.fromarray(np.concatenate(frames[:: max(len(frames) // 8, 1)], axis=0)).quantize(
+        COLOURS
+    )
+    first, *rest = [
+        Image.fromarray(f).quantize(palette=palette, dither=Image.Dither.NONE) for f in frames
+    ]
     each = round(1000.0 / rate)
-    return _saved(first, format="GIF", save_all=True, append_images=rest, duration=each, loop=0, optimize=True)
+    return _saved(
+        first, format="GIF", save_all=True, append_images=rest, duration=each, loop=0, optimize=True
+    )
 
 
 def _saved(picture: Image.Image, **options: Any) -> bytes:
@@ -50,13 +58,34 @@ def mp4(frames: Sequence[Frame], rate: float) -> bytes | None:
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "film.mp4"
         command = [
-            program, "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
-            "-r", f"{rate:g}", "-i", "-", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p",
-            "-movflags", "+faststart", str(place),
-        ]  # fmt: skip
-        done = subprocess.run(command, input=b"".join(f.tobytes() for f in frames), capture_output=True, check=False)
+            program,
+            "-loglevel",
+            "error",
+            "-f",
+            "rawvideo",
+            "-pix_fmt",
+            "rgb24",
+            "-s",
+            f"{width}x{height}",
+            "-r",
+            f"{rate:g}",
+            "-i",
+            "-",
+            "-vf",
+            "pad=ceil(iw/2)*2:ceil(ih/2)*2",
+            "-pix_fmt",
+            "yuv420p",
+            "-movflags",
+            "+faststart",
+            str(place),
+        ]
+        done = subprocess.run(
+            command, input=b"".join(f.tobytes() for f in frames), capture_output=True, check=False
+        )
         if done.returncode != 0:
-            raise EngineError(f"ffmpeg made no film: {done.stderr.decode(errors='replace').strip()[:200]}")
+            raise EngineError(
+                f"ffmpeg made no film: {done.stderr.decode(errors='replace').strip()[:200]}"
+            )
         return place.read_bytes()
 
 
@@ -72,5 +101,7 @@ def written(frame: Frame, text: str) -> Frame:
     picture = Image.fromarray(frame)
     size = max(frame.shape[0] // 26, 11)
     font: Any = ImageFont.load_default(size)
-    ImageDraw.Draw(picture).text((size * 0.8, frame.shape[0] - size * 1.9), text, fill=(205, 212, 224), font=font)
+    ImageDraw.Draw(picture).text(
+        (size * 0.8, frame.shape[0] - size * 1.9), text, fill=(205, 212, 224), font=font
+    )
     return np.asarray(picture)

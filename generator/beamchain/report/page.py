@@ -1,9 +1,10 @@
-"""Pages from the templates beside this module, and the words and numbers that they are filled with."""
+"""Pages from the templates beside this module,
+and the words and numbers that they are filled with."""
 
 import math
 import platform
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -11,10 +12,10 @@ from typing import Any, NamedTuple, cast
 import jinja2
 import numpy as np
 
+from beamchain.checks import printable
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.ports.motions import PORTS
-from beamchain.report.plots import percent, short
-from beamchain.report.svg import parted
+from beamchain.report.formats import number, percent, short, typeset, typeset_unit, vector
 
 
 class Verdict(NamedTuple):
@@ -24,28 +25,17 @@ class Verdict(NamedTuple):
     sentence: str
 
 
-class Table(NamedTuple):
-    """A table; its first column names the row. `style`: "words" where cells are text, "named" where the second is."""
-
-    rows: Sequence[Sequence[str]]
-    head: Sequence[str] = ()
-    caption: str = ""
-    note: str = ""
-    style: str = ""
-
-
 def inline(svg: str, label: str) -> str:
-    """An SVG file's text as it may stand inside a page, where it scrolls if need be, its legend before it as text."""
-    picture, legend = parted(svg)
-    quoted = label.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
-    body = picture[picture.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{quoted}"', 1)
+    """An SVG file's text as it may stand inside a page, where it scrolls if need be."""
+    quoted = printable(label).replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
+    body = svg[svg.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{quoted}"', 1)
     for gone in (
         '<style type="text/css">*{stroke-linejoin: round; stroke-linecap: butt}</style>',
         ' xmlns:xlink="http://www.w3.org/1999/xlink"',
         ' xmlns="http://www.w3.org/2000/svg"',
     ):
-        body, legend = body.replace(gone, ""), legend.replace(gone, "")
-    return f'{legend}<div class="scroll">{body.strip()}</div>'.replace("xlink:href", "href")
+        body = body.replace(gone, "")
+    return f'<div class="scroll">{body.strip()}</div>'.replace("xlink:href", "href")
 
 
 def begun(text: str, names: Iterable[str] = ()) -> str:
@@ -55,25 +45,18 @@ def begun(text: str, names: Iterable[str] = ()) -> str:
     return text if own else text[:1].upper() + text[1:]
 
 
-def number(value: float) -> str:
-    """Six digits, and no minus before a zero."""
-    return f"{value + 0.0:.6g}"
-
-
-def vector(values: Iterable[float]) -> str:
-    """Five digits each."""
-    return ", ".join(f"{value:.5g}" for value in values)
-
-
-def step_words(value: float | str) -> str:
-    """A step, or that there is no limit; text as it is."""
-    return value if isinstance(value, str) else "no limit" if math.isinf(value) else f"{value:.4g}"
-
-
 def page_text(template: str, **values: Any) -> str:
     """The text of a page, made from a template and what it asks for by name."""
-    common = {"titles": [], "zip": zip, "infinity": math.inf, "turn": math.tau, "spec_toml": spec_toml}
-    return _environment().get_template(template).render({**common, "versions": _versions(), **values})
+    common = {
+        "titles": [],
+        "zip": zip,
+        "infinity": math.inf,
+        "turn": math.tau,
+        "spec_toml": spec_toml,
+    }
+    return (
+        _environment().get_template(template).render({**common, "versions": _versions(), **values})
+    )
 
 
 def _versions() -> str:
@@ -87,10 +70,27 @@ def _versions() -> str:
     )
 
 
+def _shown(value: Any) -> Any:
+    """What a template writes of a value: plain text without characters that would change how
+    the rest is shown."""
+    return printable(value) if type(value) is str else value
+
+
 @cache
 def _environment() -> jinja2.Environment:
     loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
-    made = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
-    words = {"begun": begun, "inline": inline, "number": number, "percent": percent, "short": short, "vector": vector}
-    cast("dict[str, Any]", made.filters).update(words, step=step_words)
+    made = jinja2.Environment(
+        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, finalize=_shown
+    )
+    words = {
+        "begun": begun,
+        "inline": inline,
+        "number": number,
+        "percent": percent,
+        "short": short,
+        "typeset": typeset,
+        "typeset_unit": typeset_unit,
+        "vector": vector,
+    }
+    cast("dict[str, Any]", made.filters).update(words)
     return made

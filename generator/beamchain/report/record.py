@@ -1,4 +1,5 @@
-"""What scripts may want of results, as plain numbers: fit.json, study.json, and what `embed --json` prints."""
+"""What scripts may want of results, as plain numbers: fit.json, study.json,
+and what `embed --json` prints."""
 
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -7,14 +8,18 @@ from typing import TYPE_CHECKING, Any
 from beamchain.caution import warnings_record
 from beamchain.mjcf.write import joint_name
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import Array
+from beamchain.report.tables import inspect as inspect_tables
+from beamchain.report.tables.embed import coupled_table
+from beamchain.report.tables.fit import mass_record
 from beamchain.structure.planes import MOTIONS
 from beamchain.studies.front import TARGETS, Metric, Reach, power
 from beamchain.studies.scenario import Scenario
 
 if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded
+    from beamchain.craft.inspect import Inspection
     from beamchain.fitting.result import Fit
+    from beamchain.steps.limits import StepLimits
     from beamchain.studies.study import Study
 
 
@@ -24,13 +29,6 @@ def _picked(thing: Any, *names: str) -> dict[str, Any]:
 
 def _each(things: Iterable[Any], *names: str) -> list[dict[str, Any]]:
     return [_picked(thing, *names) for thing in things]
-
-
-def mass_record(rigid: Array) -> dict[str, Any]:
-    """Mass, centre and inertia about the port from a `(6, 6)` mass matrix."""
-    m = float(rigid[0, 0])
-    com = [(rigid[1, 5] - rigid[2, 4]) / 2.0 / m, -rigid[0, 5] / m, rigid[0, 4] / m]
-    return {"mass": m, "com": com, "inertia": rigid[3:, 3:]}
 
 
 def port_record(model: PortModel) -> dict[str, Any]:
@@ -60,22 +58,30 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
     import beamchain
     from beamchain.engine.library import mujoco
 
-    limits = fit.limits
+    limits = fit.written_limits
     return {
         **space_record(fit),
         "name": fit.spec.name,
         "beamchain": beamchain.__version__,
         "mujoco": mujoco.__version__,
-        "method": fit.spec.fit.method,
         "target": fit.kept_for,
         "in_band_error": fit.in_band_error,
-        "mass": {**mass_record(fit.measured.rigid_mass), "target": mass_record(fit.mass_line.rigid_mass())},
+        "time_error": None if fit.time_error is None else fit.time_error.as_dict(),
+        "sampled_error": fit.sampled_error,
+        "met": fit.met,
+        "mass": {
+            **mass_record(fit.measured.rigid_mass),
+            "target": mass_record(fit.mass_line.rigid_mass()),
+        },
         "ports": {port: _port(fit, port) for port in fit.target},
         "coupling": fit.measured.coupling,
         "chain": {
-            "links": _each(fit.chain.links, "length", "mass", "com", "inertia", "start", "beside", "products"),
+            "links": _each(
+                fit.chain.links, "length", "mass", "com", "inertia", "start", "beside", "products"
+            ),
             "hinges": [
-                {"x": h.x, "stiffness": dict(h.stiffness), "damping": dict(h.damping)} for h in fit.chain.hinges
+                {"x": h.x, "stiffness": dict(h.stiffness), "damping": dict(h.damping)}
+                for h in fit.chain.hinges
             ],
         },
         "tip": fit.tip_error,
@@ -83,14 +89,16 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
             "hub": mass_record(fit.hub_mass) if fit.hub_mass is not None else None,
             **_picked(limits, "omega_max", "largest_step"),
         },
-        "accuracy": {name: {"1%": steps[0], "0.1%": steps[1]} for name, steps in limits.accuracy.items()},
+        "accuracy": _accuracy(limits),
         "tendons": [
             {
                 "name": f"{fit.spec.name}_{tendon.label}",
                 **_picked(tendon, "stiffness", "damping", "armature"),
                 "coefficients": {
                     joint_name(fit.spec.name, hinge + 1, port): value
-                    for (hinge, port), value in zip(tendon.freedoms, tendon.coefficients.tolist(), strict=True)
+                    for (hinge, port), value in zip(
+                        tendon.freedoms, tendon.coefficients.tolist(), strict=True
+                    )
                 },
             }
             for tendon in fit.chain.tendons
@@ -110,7 +118,8 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
 
 
 def _port(fit: "Fit", port: str) -> dict[str, Any]:
-    error, band = fit.error[port], fit.bandwidth[port]
+    error = fit.error[port]
+    band = fit.bandwidth[port]
     readback = _picked(error, "frequency", "participation")
     in_band = error.accelerance_in_band
     return {
@@ -151,21 +160,26 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
                     "inertia": a.hub.inertia_matrix(),
                     "com": [-v for v in a.hub.offset],
                     "apparent": a.hub.apparent,
-                    "joints": [{"name": j.name, "type": j.kind, "sprung": j.sprung} for j in a.mount.joints],
+                    "joints": [
+                        {"name": j.name, "type": j.kind, "sprung": j.sprung} for j in a.mount.joints
+                    ],
                 },
                 "target": a.fit.kept_for,
-                "ports": {port: {"frequencies": target.frequencies} for port, target in a.fit.target.items()},
+                "ports": {
+                    port: {"frequencies": target.frequencies}
+                    for port, target in a.fit.target.items()
+                },
                 "large_motion": [limit.as_dict() for limit in a.large_motion.values()],
                 "status": _picked(a.fit.status, "ok", "message"),
             }
             for a in embedded.appendages
         ],
-        **_picked(embedded, "form", "craft_error", "band", "tolerance", "met"),
+        **_picked(embedded, "form", "craft_error", "sampled_error", "band", "tolerance", "met"),
+        "time_error": embedded.time_error.as_dict(),
         "composite": embedded.composite.as_dict(),
-        "modes": [
-            {**_picked(mode, "exact", "mujoco", "error", "kept"), "moving": mode.words} for mode in assembly.modes
-        ],
+        "modes": coupled_table(assembly).records(),
         "poses": embedded.promise.poses,
+        "sampled_poses": {name: found.error for name, found in embedded.sampled_poses.items()},
         "kept_band": assembly.band,
         "steps": list(embedded.steps),
         "worst": assembly.worst,
@@ -174,8 +188,33 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
     }
 
 
+def inspection_record(inspection: "Inspection") -> dict[str, Any]:
+    """What `inspect --json` prints."""
+    limits = inspection.limits
+    return {
+        **_picked(inspection, "name", "bodies", "joints", "dofs", "mass"),
+        "composite": [body.as_dict() for body in inspection.composite],
+        "modes": inspect_tables.mode_table(inspection).records(),
+        "springs": inspect_tables.spring_table(inspection).records(),
+        "tendons": inspect_tables.tendon_table(inspection).records(),
+        "made_for": _each(inspection.made_for, "timestep", "integrator"),
+        **warnings_record(inspection.warnings),
+        **_picked(inspection, "integrator", "timestep"),
+        "stability": _picked(limits, "omega_max", "largest_step"),
+        "accuracy": _accuracy(limits),
+    }
+
+
+def _accuracy(limits: "StepLimits") -> dict[str, dict[str, float]]:
+    return {
+        name: {"1%": one_percent, "0.1%": tenth}
+        for name, (one_percent, tenth) in limits.accuracy.items()
+    }
+
+
 def study_record(study: "Study") -> dict[str, Any]:
-    """What study.json holds; `points`, `rigid_hub` and `to_reach` are the contract, the rest is added."""
+    """What study.json holds; `points`, `rigid_hub` and `to_reach` are the contract,
+    the rest is added."""
     import beamchain
     from beamchain.engine.library import machine
 
@@ -192,23 +231,24 @@ def study_record(study: "Study") -> dict[str, Any]:
         "reference": _reference(scenario),
         "points": [point._asdict() for point in study.points],
         "notes": [
-            {**_picked(ladder.entry, "model", "n", "integrator"), "note": ladder.note} for ladder in study.ladders
+            {**_picked(ladder.entry, "model", "n", "integrator"), "note": ladder.note}
+            for ladder in study.ladders
         ],
         "rigid_hub": study.rigid_hub,
         "to_reach": _to_reach(study, "error"),
         "to_reach_appendage": _to_reach(study, "error_appendage"),
-        "growth": {**_picked(study.growth, "step", "fit", "fit_exponent"), "step_exponent": study.growth.exponent},
+        "growth": {
+            **_picked(study.growth, "step", "fit", "fit_exponent"),
+            "step_exponent": study.growth.exponent,
+        },
         **warnings_record(study.warnings),
         "seconds": study.seconds,
     }
 
 
 def _reference(scenario: Scenario) -> dict[str, Any]:
-    """What the motions were compared with, and how good it is."""
-    if scenario.large is None:
-        return {"kind": "linear", "nonlinear": scenario.nonlinear}
-    figures = scenario.large.figures
-    return {"kind": "large motion", **asdict(figures), "error": figures.error}
+    """What the motions were compared with, and how much large motion would change of it."""
+    return {"kind": "linear", "nonlinear": scenario.nonlinear}
 
 
 def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:

@@ -1,4 +1,5 @@
-"""Mode shapes of the beam and of its chain, laid over each other; the drawing rings by style sheet alone."""
+"""Mode shapes of the beam and of its chain, laid over each other;
+the drawing rings by style sheet alone."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -6,8 +7,10 @@ import numpy as np
 
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
+from beamchain.report.formats import percent
 from beamchain.report.page import page_text
-from beamchain.report.plots import BEAM, OURS, percent
+from beamchain.report.plots import BEAM, OURS
+from beamchain.report.tables.fit import kept_count
 from beamchain.structure.beam import Beam
 from beamchain.structure.shapes import mode_shapes
 
@@ -22,9 +25,11 @@ MOST = 6  # modes drawn
 
 
 def chain_shapes(chain: "Chain", port: str, model: PortModel) -> tuple[Array, Array]:
-    """Displacement (or angle) at the ends of the links in the chain's mass-normalised cantilever modes.
+    """Displacement (or angle) at the ends of the links in the chain's
+    mass-normalised cantilever modes.
 
-    `x` `(k,)` [m] and the shapes `(n, k)`; in torsion and axial motion each hinge stands twice, before and after.
+    `x` `(k,)` [m] and the shapes `(n, k)`; in torsion and axial motion each hinge stands twice,
+    before and after.
     """
     at = np.array([hinge.x for hinge in chain.hinges if port in hinge.stiffness])
     angles = chain.shapes(port, model)
@@ -38,11 +43,6 @@ def chain_shapes(chain: "Chain", port: str, model: PortModel) -> tuple[Array, Ar
     return x, np.column_stack([np.zeros(model.modes), steps, passed[:, -1]])
 
 
-def kept_modes(fit: "Fit", port: str) -> int:
-    """How many modes of a port were kept: a target may hold static shapes of further points beside them."""
-    return min(fit.target[port].modes, len(fit.error[port].matches)) if port in fit.error else fit.target[port].modes
-
-
 def all_shapes(fit: "Fit") -> dict[str, str]:
     """Inline SVGs by port, where there are shapes."""
     drawn = {port: shapes_svg(fit, port) for port in fit.target}
@@ -50,12 +50,13 @@ def all_shapes(fit: "Fit") -> dict[str, str]:
 
 
 def shapes_svg(fit: "Fit", port: str) -> str:
-    """Inline SVG of the kept modes of a port, beam under chain; empty where the beam or the chain has no shape."""
+    """Inline SVG of the kept modes of a port, beam under chain;
+    empty where the beam or the chain has no shape."""
     beam = fit.mass_line
     if not isinstance(beam, Beam):
         return ""
     ours = fit.chain.port(port)
-    count = min(kept_modes(fit, port), ours.modes, MOST)
+    count = min(kept_count(fit, port), ours.modes, MOST)
     full = fit.full[port].truncated(count)
     x, exact = mode_shapes(beam, port, full)
     nodes, bent = chain_shapes(fit.chain, port, ours)
@@ -68,12 +69,21 @@ def shapes_svg(fit: "Fit", port: str) -> str:
     strips: list[dict[str, Any]] = []
     for k, (a, b) in enumerate(zip(full.frequencies, ours.frequencies[:count], strict=True)):
         size = SWING / float(np.abs(exact[k]).max())
-        strips.append({
-            "told": f"{a:.5g} rad/s, chain {percent(float(b / a) - 1.0)}",
-            "seconds": max(SLOWEST * float(full.frequencies[0] / a), FASTEST),
-            "beam": points(x[keep], exact[k][keep], size),
-            "chain": points(nodes, bent[k], size),
-        })  # fmt: skip
+        strips.append(
+            {
+                "told": f"{a:.5g} rad/s, chain {percent(float(b / a) - 1.0)}",
+                "seconds": max(SLOWEST * float(full.frequencies[0] / a), FASTEST),
+                "beam": points(x[keep], exact[k][keep], size),
+                "chain": points(nodes, bent[k], size),
+            }
+        )
     return page_text(
-        "shapes.svg", port=port, strips=strips, width=WIDTH, height=HEIGHT, left=LEFT, ours=OURS, beam=BEAM
+        "shapes.svg",
+        port=port,
+        strips=strips,
+        width=WIDTH,
+        height=HEIGHT,
+        left=LEFT,
+        ours=OURS,
+        beam=BEAM,
     )

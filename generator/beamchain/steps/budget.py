@@ -1,4 +1,5 @@
-"""The step budget of any MuJoCo model: how far each integrator may step, and what it does to every mode."""
+"""The step budget of any MuJoCo model: how far each integrator may step,
+and what it does to every mode."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +27,8 @@ class Budget:
         frequencies, ratios: `(n,)` of its oscillating modes [rad/s], damping ratios.
         largest_step: [s]; infinity: no limit.
         accuracy: steps for 1 % and 0.1 % error of the lowest frequency [s].
-        shown: `(n, 2)` frequency [rad/s] and damping ratio that the simulation shows at `timestep`; NaN: unstable.
+        shown: `(n, 2)` frequency [rad/s] and damping ratio that the simulation shows at
+            `timestep`; NaN: unstable.
     """
 
     name: str  #: of the model
@@ -53,7 +55,9 @@ class Budget:
                 {
                     "frequency": w,
                     "damping": z,
-                    "shown": {k: {"frequency": v[i, 0], "damping": v[i, 1]} for k, v in self.shown.items()},
+                    "shown": {
+                        k: {"frequency": v[i, 0], "damping": v[i, 1]} for k, v in self.shown.items()
+                    },
                 }
                 for i, (w, z) in enumerate(zip(self.frequencies, self.ratios, strict=True))
             ],
@@ -80,15 +84,17 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
     rows = along_all(model)
     held = rows.T @ (model.tendon_stiffness[:, None] * rows)
     tendons = np.asarray(np.linalg.solve(own, held), dtype=np.float64)
-    return LinearModel(linear.stiffness, linear.damping, euler, spring, tendons, preloaded(model, data))
+    return LinearModel(
+        linear.stiffness, linear.damping, euler, spring, tendons, preloaded(model, data)
+    )
 
 
 def preloaded(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
     """A sentence where springs pull in the pose that is linearised about."""
     pull = preload(model, data)
     return pull and (
-        f"{pull} in the pose that is linearised about, which therefore is no pose of rest; write its "
-        "springref (or its tendon's springlength) so that it is slack there."
+        f"{pull} in the pose that is linearised about, which therefore is no pose of rest; write "
+        "its springref (or its tendon's springlength) so that it is slack there."
     )
 
 
@@ -100,36 +106,59 @@ def preload(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
         return ""
     joint = model.joint(int(model.dof_jntid[worst]))
     unit = "N" if int(joint.type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE) else "N m"
-    return f"the spring of joint {joint.name!r} is preloaded: it pulls with {abs(float(force[worst])):.4g} {unit}"
+    return (
+        f"the spring of joint {joint.name!r} is preloaded: it pulls with "
+        f"{abs(float(force[worst])):.4g} {unit}"
+    )
 
 
 def _holds_nothing(model: "mujoco.MjModel") -> bool:
     """No spring, damper, servo, medium or gravity: a rigid free-flyer."""
     parts = (
-        model.jnt_stiffness, model.tendon_stiffness, model.dof_damping, model.tendon_damping, model.actuator_biasprm,
-        model.opt.gravity, model.opt.density, model.opt.viscosity,
-    )  # fmt: skip
+        model.jnt_stiffness,
+        model.tendon_stiffness,
+        model.dof_damping,
+        model.tendon_damping,
+        model.actuator_biasprm,
+        model.opt.gravity,
+        model.opt.density,
+        model.opt.viscosity,
+    )
     return not any(np.any(np.asarray(part) != 0.0) for part in parts)
 
 
-def budget(source: "str | Path | mujoco.MjModel", *, timestep: float | None = None, name: str | None = None) -> Budget:
-    """The step budget of a model about its rest pose; refused where nothing oscillates in it, or it falls over by itself.
+def budget(
+    source: "str | Path | mujoco.MjModel", *, timestep: float | None = None, name: str | None = None
+) -> Budget:
+    """The step budget of a model about its rest pose; refused where nothing oscillates in it,
+    or it falls over by itself.
 
-    `timestep` [s] at which the added damping is stated and the `name` shown are the model's own where left out.
+    `timestep` [s] at which the added damping is stated and the `name` shown are the model's
+    own where left out.
     """
     model = engine.compile_model(source)
     linear = linear_model(model)
-    wanted, limits = oscillating(linear.poles()), step_limits(linear)
+    wanted = oscillating(linear.poles())
+    limits = step_limits(linear)
     if wanted.size == 0:
         if limits.omega_max == 0.0:
-            raise EngineError("nothing oscillates in the model: no sprung joint; any step is stable as far as it goes.")
-        steps = ", ".join(f"{name} {step:.4g} s" for name, step in limits.largest_step.items() if np.isfinite(step))
+            raise EngineError(
+                "nothing oscillates in the model: no sprung joint; any step is stable as far as it "
+                "goes."
+            )
+        steps = ", ".join(
+            f"{name} {step:.4g} s"
+            for name, step in limits.largest_step.items()
+            if np.isfinite(step)
+        )
         raise EngineError(
             "nothing oscillates in the model: every sprung mode is overdamped (fastest rate "
-            f"{limits.omega_max:.4g} 1/s), so that there is no frequency to keep; largest stable steps: {steps}."
+            f"{limits.omega_max:.4g} 1/s), so that there is no frequency to keep; largest stable "
+            f"steps: {steps}."
         )
     h = float(model.opt.timestep) if timestep is None else timestep
-    frequencies, ratios = np.abs(wanted), np.clip(-wanted.real / np.abs(wanted), 0.0, None)
+    frequencies = np.abs(wanted)
+    ratios = np.clip(-wanted.real / np.abs(wanted), 0.0, None)
     ratios = np.where(ratios < 1e-9, 0.0, ratios)
     largest = {integrator: limits.largest_step[integrator] for integrator in engine.INTEGRATORS}
     accuracy = {integrator: limits.accuracy[integrator] for integrator in engine.INTEGRATORS}

@@ -33,25 +33,30 @@ def _driven(spin: float, acceleration: Array, slew: Array) -> Driven:
 def keyframes(model: "mujoco.MjModel", body: str) -> dict[str, Driven]:
     """What each keyframe that moves or pushes does to a body, by name or number."""
     out: dict[str, Driven] = {}
-    data, ident = mujoco.MjData(model), model.body(body).id
+    data = mujoco.MjData(model)
+    ident = model.body(body).id
     for k in range(model.nkey):
         if not np.any(model.key_qvel[k]) and not np.any(model.key_ctrl[k]):
             continue
         mujoco.mj_resetDataKeyframe(model, data, k)
         mujoco.mj_forward(model, data)
         mujoco.mj_rnePostConstraint(model, data)
-        rate, change = np.zeros(6), np.zeros(6)
+        rate = np.zeros(6)
+        change = np.zeros(6)
         kind = mujoco.mjtObj.mjOBJ_XBODY
         mujoco.mj_objectVelocity(model, data, kind, ident, rate, 1)
         mujoco.mj_objectAcceleration(model, data, kind, ident, change, 1)
-        out[model.key(k).name or f"number {k}"] = _driven(np.hypot(rate[1], rate[2]), change[3:], change[:3])
+        out[model.key(k).name or f"number {k}"] = _driven(
+            np.hypot(rate[1], rate[2]), change[3:], change[:3]
+        )
     return out
 
 
 def driven(motion: Array, spacing: float, offset: Array) -> Driven:
     """Largest rates and accelerations of a root at `offset` `(3,)` [m] from the hub's centre.
 
-    `motion` `(t, 6)`: of the hub's centre, displacement [m] and rotation vector [rad], every `spacing` [s].
+    `motion` `(t, 6)`: of the hub's centre, displacement [m] and rotation vector [rad],
+    every `spacing` [s].
     """
     attitude = Rotation.from_rotvec(motion[:, 3:])
     rate = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / spacing  # in the hub's axes
@@ -73,5 +78,7 @@ def exceeded(limits: Mapping[str, LargeMotion], run: Driven) -> list[str]:
     """Sentences for what a run exceeded, over all planes."""
     out: list[str] = []
     for port, limit in limits.items():
-        out += limit.exceeded(spin=run.spin, acceleration=run.acceleration[port], slew=run.slew[port])
+        out += limit.exceeded(
+            spin=run.spin, acceleration=run.acceleration[port], slew=run.slew[port]
+        )
     return out

@@ -13,9 +13,8 @@ from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment, lsq_linear
 
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import system_matrix
 from beamchain.errors import InputError
-from beamchain.ports.motions import Array
+from beamchain.ports.motions import Array, system_matrix
 from beamchain.steps.integrators import (
     SCHEMES,
     Complex,
@@ -28,6 +27,7 @@ from beamchain.steps.integrators import (
     timed,
 )
 from beamchain.steps.modal import Modal
+from beamchain.steps.step_map import MOSTLY, Motion
 
 T = TypeVar("T")
 
@@ -40,6 +40,10 @@ ITERATIONS = 12  # of Newton's method
 CLOSE = 1e-13  # relative pole error at which to stop
 NEAR = 1e-11  # the same below which rounding may keep it from falling further
 STUCK = 0.01  # relative change of the pole error below which bounds keep it from falling
+# imaginary part of a pole above which it oscillates;
+# rigid motions come out as far beside 1 by rounding
+RINGING = 1e-7
+PRIORITY = 1.0  # power of a pole's phase by which slow poles count more where not all can be had
 STEADY = 1e-7  # weight that keeps unknowns where the poles do not ask for a change
 
 
@@ -71,22 +75,29 @@ class TendonValues:
     modes: tuple[ModeTime, ...]
 
 
-def stability(integrator: str, c: Array, stiffness: Array, damping: Array, armature: Array, timestep: float) -> float:
-    """`h^2 lambda_max` of modal springs and dampers `(n, n)` on a craft: stable below 4, RK4's below 8.
+def stability(
+    integrator: str, c: Array, stiffness: Array, damping: Array, armature: Array, timestep: float
+) -> float:
+    """`h^2 lambda_max` of modal springs and dampers `(n, n)` on a craft:
+    stable below 4, RK4's below 8.
 
-    `c`: condensed mass of the modal coordinates; the pencil is `(h^2 K +- 2 h D, C + mu)`, minus where tendon damping is
-    implicit. Damped RK4: 8 times the squared ratio of the step to its largest one.
+    `c`: condensed mass of the modal coordinates; the pencil is `(h^2 K +- 2 h D, C + mu)`,
+    minus where tendon damping is implicit. Damped RK4: 8 times the squared ratio of the step
+    to its largest one.
     """
     h = float(timestep)
     if integrator == "RK4" and np.any(damping):
         return _explicit(c + armature, stiffness, damping, h)
     sign = 0.0 if integrator == "RK4" else -1.0 if SCHEMES[integrator].implicit_damping else 1.0
-    return float(np.max(eigh(h**2 * stiffness + 2.0 * sign * h * damping, c + armature, eigvals_only=True)))
+    return float(
+        np.max(eigh(h**2 * stiffness + 2.0 * sign * h * damping, c + armature, eigvals_only=True))
+    )
 
 
 def _explicit(mass: Array, stiffness: Array, damping: Array, h: float) -> float:
     root = np.linalg.inv(np.linalg.cholesky(mass))
-    k, d = root @ stiffness @ root.T, root @ damping @ root.T
+    k = root @ stiffness @ root.T
+    d = root @ damping @ root.T
     poles = np.linalg.eigvals(system_matrix(h**2 * k, h * d)).astype(np.complex128)
     return 8.0 * max(1.0 / runge_kutta_limit(complex(p)) ** 2 for p in poles if p.imag >= 0.0)
 
@@ -99,24 +110,36 @@ def form2(modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
     """Every mode of the held appendage exact; the phase limit lowered until the craft is stable."""
     many, phase = _form2(integrator, c, modal.stiffness[None], modal.damping[None], h)
     t = Timed(*(values[0] for values in many))
-    largest = stability(integrator, c, np.diag(modal.stiffness), np.diag(t.damping), np.diag(t.mass - 1.0), h)
+    largest = stability(
+        integrator, c, np.diag(modal.stiffness), np.diag(t.damping), np.diag(t.mass - 1.0), h
+    )
     zeta = modal.damping / (2.0 * modal.frequency)
     return TendonValues(
-        modal.stiffness, t.damping, t.mass - 1.0, None, float(phase[0, 0]), largest, 0.0,
+        modal.stiffness,
+        t.damping,
+        t.mass - 1.0,
+        None,
+        float(phase[0, 0]),
+        largest,
+        0.0,
         _modes(modal.names, integrator, modal.frequency, zeta, modal.stiffness, t, h),
-    )  # fmt: skip
+    )
 
 
-def form2_many(integrator: str, c: Array, stiffness: Array, damping: Array, timestep: float) -> Timed:
+def form2_many(
+    integrator: str, c: Array, stiffness: Array, damping: Array, timestep: float
+) -> Timed:
     """What `form2` gives each of k crafts, in one array operation for all of them.
 
-    `c` `(n, n)` or `(k, n, n)`: condensed mass of the modal coordinates; `stiffness` [1/s^2] and `damping` [1/s] `(k, n)` of
-    the tendons before they were made exact.
+    `c` `(n, n)` or `(k, n, n)`: condensed mass of the modal coordinates; `stiffness` [1/s^2] and
+    `damping` [1/s] `(k, n)` of the tendons before they were made exact.
     """
     return _form2(integrator, c, stiffness, damping, timestep)[0]
 
 
-def _form2(integrator: str, c: Array, stiffness: Array, damping: Array, timestep: float) -> tuple[Timed, Array]:
+def _form2(
+    integrator: str, c: Array, stiffness: Array, damping: Array, timestep: float
+) -> tuple[Timed, Array]:
     """The modes of k crafts, and their phase limits `(k, 1)`."""
     w = np.sqrt(stiffness)
     zeta, c = damping / (2.0 * w), np.broadcast_to(c, (w.shape[0], *c.shape[-2:]))
@@ -124,7 +147,8 @@ def _form2(integrator: str, c: Array, stiffness: Array, damping: Array, timestep
     out = timed(integrator, w, zeta, timestep, phase=phase)
     short = np.flatnonzero(~_stable(integrator, c, stiffness, out, timestep))
     if short.size and np.isfinite(phase[0, 0]):
-        low, high = np.full((short.size, 1), LOWEST), phase[short]
+        low = np.full((short.size, 1), LOWEST)
+        high = phase[short]
         for _ in range(HALVINGS):
             middle = np.sqrt(low * high)
             tried = timed(integrator, w[short], zeta[short], timestep, phase=middle)
@@ -142,10 +166,14 @@ def _stable(integrator: str, c: Array, stiffness: Array, t: Timed, h: float) -> 
     if integrator == "RK4":  # the poles of the modes, within the same share of its stability region
         flow = np.zeros((stiffness.shape[0], 2 * n, 2 * n))
         flow[:, :n, n:] = np.eye(n)
-        held = np.concatenate([stiffness[:, :, None] * np.eye(n), t.damping[:, :, None] * np.eye(n)], axis=2)
+        held = np.concatenate(
+            [stiffness[:, :, None] * np.eye(n), t.damping[:, :, None] * np.eye(n)], axis=2
+        )
         flow[:, n:] = -np.linalg.solve(mass, held)
         reach = h * np.sqrt(8.0 / MARGIN["RK4"])
-        return np.asarray(np.max(np.abs(polynomial(np.linalg.eigvals(flow) * reach)), axis=1) <= 1.0 + 1e-9)
+        return np.asarray(
+            np.max(np.abs(polynomial(np.linalg.eigvals(flow) * reach)), axis=1) <= 1.0 + 1e-9
+        )
     sign = -1.0 if SCHEMES[integrator].implicit_damping else 1.0
     force = h**2 * stiffness + 2.0 * sign * h * t.damping
     if SCHEMES[integrator].implicit_springs:
@@ -155,32 +183,104 @@ def _stable(integrator: str, c: Array, stiffness: Array, t: Timed, h: float) -> 
     return np.asarray(np.linalg.eigvalsh(left * scale[:, :, None] * scale[:, None, :])[:, 0] >= 0.0)
 
 
-def form4(modal: Modal, c: Array, integrator: str, h: float, plan: TendonValues) -> TendonValues:
-    """Form 2's plan, tuned; or itself where that cannot be or would cost stability."""
+def form4(
+    modal: Modal, c: Array, integrator: str, h: float, plan: TendonValues, motion: Motion
+) -> TendonValues:
+    """Form 2's plan, tuned; or itself where that cannot be or would cost stability.
+
+    `motion`: of the whole craft with timing taken out, at this step; what its own springs and
+    dampers do is taken into account, but only the poles of appendages are asked for.
+    """
     if not SCHEMES[integrator].exact:
         return plan
-    _, _, poles = coupled_modes(c, modal.stiffness, modal.damping)
-    first, second = poles.T
-    turn = np.maximum(np.abs(first), np.abs(second)) * h
+    craft = Craft.of(modal, motion)
+    poles = craft.appendage_poles()
+    if not poles.size:
+        return plan
+    turn = np.abs(poles) * h
     for phase in dict.fromkeys((SCHEMES[integrator].phase, plan.phase)):
         # tuned to the craft's own poles, the usual limit may do where form 2 had to lower it
-        wanted = np.exp(first * h * np.where(turn > phase, phase / turn, 1.0))
-        if np.any(np.imag(wanted) <= 0.0):  # overdamped
-            return plan
-        found = tune(integrator, c, modal.stiffness, plan.armature, plan.damping, wanted, h)
-        largest = stability(integrator, c, np.diag(modal.stiffness), np.diag(found.damping), np.diag(found.armature), h)
+        wanted = np.exp(poles * h * np.where(turn > phase, phase / turn, 1.0))
+        found = tune(integrator, craft, plan.armature, plan.damping, wanted, h)
+        largest = stability(
+            integrator,
+            c,
+            np.diag(modal.stiffness),
+            np.diag(found.damping),
+            np.diag(found.armature),
+            h,
+        )
         if largest <= _limit(integrator) and (found.error < EXACT or phase == plan.phase):
             slowed, clamped = np.array([(mode.slowed, mode.clamped) for mode in plan.modes]).T
             t = Timed(1.0 + found.armature, found.damping, slowed, clamped)
             w = modal.frequency
-            modes = _modes(modal.names, integrator, w, modal.damping / (2.0 * w), modal.stiffness, t, h)
+            modes = _modes(
+                modal.names, integrator, w, modal.damping / (2.0 * w), modal.stiffness, t, h
+            )
             return replace(
-                plan, armature=found.armature, damping=found.damping, lambda_max=largest, phase=phase, modes=modes
+                plan,
+                armature=found.armature,
+                damping=found.damping,
+                lambda_max=largest,
+                phase=phase,
+                modes=modes,
             )
     return plan
 
 
-def _lowered(integrator: str, at: Callable[[float], tuple[T, float]]) -> tuple[tuple[T, float], float]:
+@dataclass(frozen=True, eq=False)
+class Craft:
+    """A craft without timing in coordinates of unit mass, and the modal tendons on it.
+
+    Args:
+        squares: `(nv,)` of its stiffness [1/s^2].
+        implicit, explicit: `(nv, nv)` dampers of joints and of all but the modal tendons [1/s],
+            as the integrator takes them.
+        rows: `(n, nv)` of the modal tendons.
+        stiffness, damping: `(n,)` of the modal tendons.
+    """
+
+    squares: Array
+    implicit: Array
+    explicit: Array
+    rows: Array
+    stiffness: Array
+    damping: Array
+
+    @classmethod
+    def of(cls, modal: Modal, motion: Motion) -> "Craft":
+        """The craft whose motion was read from a compiled model without timing."""
+        rows = modal.rows @ motion.shapes
+        tendons = rows.T @ (modal.damping[:, None] * rows)
+        if SCHEMES[motion.integrator].implicit_damping:
+            implicit = motion.damping - tendons
+            explicit = np.zeros_like(tendons)
+        else:
+            implicit = motion.implicit
+            explicit = motion.damping - motion.implicit - tendons
+        return cls(motion.squares, implicit, explicit, rows, modal.stiffness, modal.damping)
+
+    def appendage_poles(self) -> Complex:
+        """Oscillating poles of the craft [1/s] above the real axis whose strain energy is
+        mostly in modal tendons."""
+        n = self.squares.size
+        damping = self.implicit + self.explicit + self.rows.T @ (self.damping[:, None] * self.rows)
+        w = np.sqrt(np.maximum(self.squares, 0.0))
+        scale = np.where(w > 0.0, w, 1.0)  # balanced: states w y, y'
+        f = np.block(
+            [[np.zeros((n, n)), np.diag(scale)], [-np.diag(self.squares / scale), -damping]]
+        )
+        s, vectors = (np.asarray(part, dtype=np.complex128) for part in np.linalg.eig(f))
+        shapes = vectors[:n] / scale[:, None]
+        held = (self.stiffness[:, None] * np.abs(self.rows @ shapes) ** 2).sum(axis=0)
+        total = (self.squares[:, None] * np.abs(shapes) ** 2).sum(axis=0)
+        mine = (s.imag > 1e-9 * np.abs(s)) & (held > MOSTLY * total)
+        return s[mine][np.argsort(np.abs(s[mine]))]
+
+
+def _lowered(
+    integrator: str, at: Callable[[float], tuple[T, float]]
+) -> tuple[tuple[T, float], float]:
     """What `at` gives at the largest phase limit at which the craft is stable."""
     phase = SCHEMES[integrator].phase
     best = at(phase)
@@ -199,13 +299,21 @@ def _lowered(integrator: str, at: Callable[[float], tuple[T, float]]) -> tuple[t
 
 
 def _modes(
-    names: tuple[str, ...], integrator: str, w: Array, zeta: Array, stiffness: Array, t: Timed, h: float
+    names: tuple[str, ...],
+    integrator: str,
+    w: Array,
+    zeta: Array,
+    stiffness: Array,
+    t: Timed,
+    h: float,
 ) -> tuple[ModeTime, ...]:
     z = step_pole(integrator, t.mass, t.damping, stiffness, h)
     s = np.log(z) / h
     return tuple(
         ModeTime(n, float(a), float(b), float(m), float(c), complex(p), bool(slow), bool(clamp))
-        for n, a, b, m, c, p, slow, clamp in zip(names, w, zeta, t.mass, t.damping, s, t.slowed, t.clamped, strict=True)
+        for n, a, b, m, c, p, slow, clamp in zip(
+            names, w, zeta, t.mass, t.damping, s, t.slowed, t.clamped, strict=True
+        )
     )
 
 
@@ -221,7 +329,8 @@ def coupled_modes(c: Array, stiffness: Array, damping: Array) -> tuple[Array, Ar
     poles = np.stack([first, second], axis=1)
     if np.any(damping > 0.0):
         d = y.T @ (damping[:, None] * y)
-        f = np.block([[np.zeros((n, n)), np.diag(w)], [-np.diag(w), -d]])  # balanced: states w q, q'
+        # balanced: states w q, q'
+        f = np.block([[np.zeros((n, n)), np.diag(w)], [-np.diag(w), -d]])
         s = np.linalg.eigvals(f).astype(np.complex128)
         upper = s[s.imag > 1e-9 * np.abs(s)]
         if upper.size == n:
@@ -230,7 +339,9 @@ def coupled_modes(c: Array, stiffness: Array, damping: Array) -> tuple[Array, Ar
     return w, y, poles
 
 
-def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
+def form3(
+    model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: float
+) -> TendonValues:
     """The tendons become the coupled modes of one craft."""
     groups = modal.groups()
     _check_groups(model, modal, groups)
@@ -240,19 +351,28 @@ def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: f
     a = c @ y  # rows of its transpose: the coupled coordinates over the modal ones
     couples = y.T @ (modal.damping[:, None] * y)
     own = np.sqrt(np.maximum(np.diag(couples), 1e-300))
-    left_out = float(np.max(np.abs(couples - np.diag(np.diag(couples))) / np.outer(own, own), initial=0.0))
+    left_out = float(
+        np.max(np.abs(couples - np.diag(np.diag(couples))) / np.outer(own, own), initial=0.0)
+    )
     flexible = np.linalg.inv(c)
 
     def at(phase: float) -> tuple[tuple[Timed, Array, Array, Array, Array], float]:
-        t = placed(integrator, w**2, poles[:, 0], poles[:, 1], h, phase=phase, damping=np.diag(couples))
-        mu, d = (a * (t.mass - 1.0)) @ a.T, (a * t.damping) @ a.T
+        t = placed(
+            integrator, w**2, poles[:, 0], poles[:, 1], h, phase=phase, damping=np.diag(couples)
+        )
+        mu = (a * (t.mass - 1.0)) @ a.T
+        d = (a * t.damping) @ a.T
         turn = np.zeros((n, n))
-        stiffness, damping, armature = np.zeros(n), np.zeros(n), np.zeros(n)
+        stiffness = np.zeros(n)
+        damping = np.zeros(n)
+        armature = np.zeros(n)
         for group in groups:
             g = np.ix_(group.tolist(), group.tolist())
             if len(groups) == 1:
                 rows, scale = a.T, w**2
-                stiff, drag, extra = w**2, t.damping, t.mass - 1.0
+                stiff = w**2
+                drag = t.damping
+                extra = t.mass - 1.0
             else:
                 # u = V^T K y: springs of 1 each; scaled to unit mass with everything else free
                 v = eigh((mu[g] + mu[g].T) / 2.0, k[g])[1]
@@ -264,8 +384,12 @@ def form3(model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: f
                 extra = scale * np.einsum("ji,jk,ki->i", v, mu[g], v)
             order = np.argsort(scale)  # ascending, laid on the tendons by ascending frequency
             place = group[np.argsort(modal.stiffness[group])]
-            signs = np.sign(np.einsum("ij,ji->i", rows[order], flexible[np.ix_(group.tolist(), place.tolist())]))
-            turn[np.ix_(place.tolist(), group.tolist())] = rows[order] * np.where(signs == 0.0, 1.0, signs)[:, None]
+            signs = np.sign(
+                np.einsum("ij,ji->i", rows[order], flexible[np.ix_(group.tolist(), place.tolist())])
+            )
+            turn[np.ix_(place.tolist(), group.tolist())] = (
+                rows[order] * np.where(signs == 0.0, 1.0, signs)[:, None]
+            )
             stiffness[place], damping[place] = stiff[order], np.maximum(drag[order], 0.0)
             armature[place] = np.maximum(extra[order], 0.0)
         back = turn.T
@@ -290,7 +414,8 @@ def _check_groups(model: "mujoco.MjModel", modal: Modal, groups: "list[NDArray[n
         counts = {int(model.tendon_num[modal.index[i]]) for i in group}
         if counts != {int(np.count_nonzero(modal.rows[group[0]]))}:
             raise InputError(
-                f"form 3 needs tendons that hold every joint once; {modal.names[group[0]]!r} does not. Take form 2."
+                f"form 3 needs tendons that hold every joint once; {modal.names[group[0]]!r} does "
+                "not. Take form 2."
             )
     if np.any(seen > 1):
         raise InputError(
@@ -308,43 +433,66 @@ class Tuned(NamedTuple):
 
 
 def tune(
-    integrator: str, c: Array, stiffness: Array, armature: Array, damping: Array, wanted: Complex, timestep: float
+    integrator: str, craft: Craft, armature: Array, damping: Array, wanted: Complex, timestep: float
 ) -> Tuned:
-    """Armature and damping `(n,)` for which the craft's step has the poles `wanted` `(n,)`, by Newton's method.
+    """Armature and damping `(n,)` for which the craft's step has the poles `wanted` `(k,)`,
+    by Newton's method.
 
-    In modal coordinates the poles obey `P(z) y = 0` with all of P symmetric, so that a change of P moves a pole by
-    `dz = -y^T dP y/(y^T P'(z) y)`. Like appendages get the least-squares answer; no damping stays none.
+    The poles obey `P(z) y = 0` with all of P symmetric, so that a change of P moves a pole by `dz =
+    -y^T dP y/(y^T P'(z) y)`. Like appendages get the least-squares answer, in which slow poles
+    count more than fast ones; no damping stays none.
     """
-    implicit, h, n = SCHEMES[integrator].implicit_damping, float(timestep), stiffness.size
+    late = SCHEMES[integrator].implicit_damping
+    h = float(timestep)
+    n = craft.stiffness.size
     damped = bool(np.any(damping > 0.0))
-    size = np.abs(wanted - 1.0)
+    turn = np.abs(np.log(wanted))
+    size = np.abs(wanted - 1.0) * (turn / np.min(turn)) ** PRIORITY
     best: tuple[float, Array, Array] | None = None
-    mu, d = np.array(armature), np.array(damping)
+    mu = np.array(armature)
+    d = np.array(damping)
     for _ in range(ITERATIONS):
-        z, y = _step_poles(implicit, c + np.diag(mu), np.diag(stiffness), np.diag(d), h)
-        if z.size < n:
+        mass = np.eye(craft.squares.size) + craft.rows.T @ (mu[:, None] * craft.rows)
+        tendons = craft.rows.T @ (d[:, None] * craft.rows)
+        implicit, explicit = (
+            (craft.implicit + tendons, craft.explicit)
+            if late
+            else (craft.implicit, craft.explicit + tendons)
+        )
+        z, y = _step_poles(mass, craft.squares, implicit, explicit, h)
+        if z.size < wanted.size:
             break
-        pick = linear_sum_assignment(np.abs(z[None, :] - wanted[:, None]) / size[:, None])[1]
+        pick = linear_sum_assignment(
+            np.abs(z[None, :] - wanted[:, None]) / np.abs(wanted - 1.0)[:, None]
+        )[1]
         z, y = z[pick], y[:, pick]
         miss = (wanted - z) / size
         error = float(np.max(np.abs(miss)))
         before = float("inf") if best is None else best[0]
         if best is None or error < before:
             best = (error, mu, d)
-        if error < CLOSE or error > (0.5 if error < NEAR else 2.0) * before or abs(error - before) < STUCK * before:
+        if (
+            error < CLOSE
+            or error > (0.5 if error < NEAR else 2.0) * before
+            or abs(error - before) < STUCK * before
+        ):
             break
         step = z - 1.0
-        slope = 2.0 * step[None, :] * ((c + np.diag(mu)) @ y) + h**2 * stiffness[:, None] * y
-        slope += h * d[:, None] * y * (2.0 * z - 1.0 if implicit else np.ones(n))[None, :]
-        lever = -(y**2) / np.sum(y * slope, axis=0)[None, :] / size[None, :]  # (tendon, pole)
+        # P = (z - 1)^2 M + h z (z - 1) D_implicit + h (z - 1) D_explicit + h^2 z K
+        slope = 2.0 * step[None, :] * (mass @ y) + h**2 * craft.squares[:, None] * y
+        slope += h * ((2.0 * z - 1.0)[None, :] * (implicit @ y) + explicit @ y)
+        # (tendon, pole)
+        lever = -((craft.rows @ y) ** 2) / np.sum(y * slope, axis=0)[None, :] / size[None, :]
         by_mass = (lever * step[None, :] ** 2).T
-        by_drag = (lever * h * step[None, :] * (z if implicit else np.ones(n))[None, :]).T
-        unit = (1.0 - np.exp(-h * np.sqrt(stiffness))) / h  # scale of the dampers
+        by_drag = (lever * h * step[None, :] * (z if late else np.ones(z.size))[None, :]).T
+        unit = (1.0 - np.exp(-h * np.sqrt(craft.stiffness))) / h  # scale of the dampers
         jacobian = np.hstack([by_mass, by_drag * unit[None, :]]) if damped else by_mass
         rows = np.vstack([np.real(jacobian), np.imag(jacobian), STEADY * np.eye(jacobian.shape[1])])
         right = np.concatenate([np.real(miss), np.imag(miss), np.zeros(jacobian.shape[1])])
         lowest = -np.concatenate([mu, d / unit]) if damped else -mu
-        change = lsq_linear(rows, right, (np.minimum(lowest, -1e-300), np.full(lowest.size, np.inf)), method="bvls").x
+        change = lsq_linear(
+            rows, right, (np.minimum(lowest, -1e-300), np.full(lowest.size, np.inf)), method="bvls"
+        ).x
         mu = np.maximum(mu + change[:n], 0.0)
         if damped:
             d = np.maximum(d + change[n:] * unit, 0.0)
@@ -353,14 +501,15 @@ def tune(
     return Tuned(best[1], best[2], best[0])
 
 
-def _step_poles(implicit: bool, mass: Array, stiffness: Array, damping: Array, h: float) -> tuple[Complex, Complex]:
+def _step_poles(
+    mass: Array, squares: Array, implicit: Array, explicit: Array, h: float
+) -> tuple[Complex, Complex]:
     """Oscillating poles of the step, upper half plane, and the modes in columns."""
-    n = mass.shape[0]
+    n = squares.size
     solved = np.linalg.solve(
-        mass + (h * damping if implicit else 0.0),
-        np.hstack([h**2 * stiffness, mass if implicit else mass - h * damping]),
+        mass + h * implicit, np.hstack([h**2 * np.diag(squares), mass - h * explicit])
     )
     pull, keep = solved[:, :n], solved[:, n:]
     z, vectors = np.linalg.eig(np.block([[np.eye(n) - pull, keep], [-pull, keep]]))
-    upper = np.imag(z) > 1e-12
+    upper = np.imag(z) > RINGING
     return z[upper].astype(np.complex128), vectors[:n, upper].astype(np.complex128)

@@ -1,6 +1,8 @@
-"""What one step of MuJoCo's integrators makes of an oscillation, and the mass and damping that make it exact.
+"""What one step of MuJoCo's integrators makes of an oscillation,
+and the mass and damping that make it exact.
 
-A mode `m q'' + c q' + k q = 0` sits on a tendon or on a joint; MuJoCo treats their springs and dampers differently.
+A mode `m q'' + c q' + k q = 0` sits on a tendon or on a joint;
+MuJoCo treats their springs and dampers differently.
 
 Theory: docs/theory.md, section 5.
 """
@@ -21,7 +23,8 @@ NEVER = float("inf")
 
 
 class Scheme(NamedTuple):
-    """What an integrator does with springs and dampers; the damping of joints is implicit in all but RK4."""
+    """What an integrator does with springs and dampers;
+    the damping of joints is implicit in all but RK4."""
 
     exact: bool  #: modes on tendons can be made exact in time (the armature needed is not negative)
     phase: float  #: [rad] per step beyond which modes are slowed
@@ -46,17 +49,21 @@ class Timed(NamedTuple):
     mass: Array  #: `m'` in units of the modal mass; the tendon's armature is `m' - 1`
     damping: Array  #: `c'` of the tendon [1/s]
     slowed: NDArray[np.bool_]  #: faster than the phase limit
-    clamped: NDArray[np.bool_]  #: a negative armature would be needed; the mass is 1 and the pole only near
+    #: a negative armature would be needed; the mass is 1 and the pole only near
+    clamped: NDArray[np.bool_]
 
 
 def continuous_poles(frequency: ArrayLike, ratio: ArrayLike = 0.0) -> tuple[Complex, Complex]:
-    """Both poles `s` [1/s] of modes at `w` [rad/s]; the first has the positive imaginary part, or is the slower.
+    """Both poles `s` [1/s] of modes at `w` [rad/s]; the first has the positive imaginary part,
+    or is the slower.
 
     Example:
         >>> continuous_poles(2.0)[0]
         np.complex128(2j)
     """
-    w, zeta = np.broadcast_arrays(np.asarray(frequency, dtype=np.float64), np.asarray(ratio, dtype=np.float64))
+    w, zeta = np.broadcast_arrays(
+        np.asarray(frequency, dtype=np.float64), np.asarray(ratio, dtype=np.float64)
+    )
     root = np.sqrt((zeta**2 - 1.0).astype(np.complex128))
     return w * (root - zeta), w * (-root - zeta)
 
@@ -70,7 +77,9 @@ def seen(pole: ArrayLike, timestep: float) -> tuple[Array, Array]:
 
 def polynomial(s: NDArray[Any]) -> Complex:
     """RK4's `exp(s)` of poles times the step."""
-    return np.asarray(1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0))), dtype=np.complex128)
+    return np.asarray(
+        1.0 + s * (1.0 + s / 2.0 * (1.0 + s / 3.0 * (1.0 + s / 4.0))), dtype=np.complex128
+    )
 
 
 def step_pole(
@@ -83,25 +92,32 @@ def step_pole(
     tendon: bool = True,
     sprung: bool = True,
 ) -> Complex:
-    """Pole `z` of one step of `m q'' + c q' + k q = 0`: upper half plane, or the larger modulus if real.
+    """Pole `z` of one step of `m q'' + c q' + k q = 0`: upper half plane,
+    or the larger modulus if real.
 
     `tendon`: the damping sits on a tendon, not on a joint; `sprung`: so does the spring.
     """
     one_of("integrator", integrator, INTEGRATORS)
-    scheme, h = SCHEMES[integrator], float(timestep)
-    m, c, k = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in (mass, damping, stiffness)))
+    scheme = SCHEMES[integrator]
+    h = float(timestep)
+    m, c, k = np.broadcast_arrays(
+        *(np.asarray(v, dtype=np.float64) for v in (mass, damping, stiffness))
+    )
     if integrator == "RK4":
         s = (-c + np.sqrt((c**2 - 4.0 * m * k).astype(np.complex128))) / (2.0 * m) * h
-        z, twin = polynomial(s), polynomial(-c / m * h - s)
+        z = polynomial(s)
+        twin = polynomial(-c / m * h - s)
         return np.where(np.abs(twin) > np.abs(z) * (1.0 + 1e-12), twin, z)
     spring = h**2 * k * scheme.implicit_springs
     if scheme.implicit_damping or not tendon:
         held = m + h * c
-        a, b = m / (held + spring * (not sprung)), h**2 * k / (held + spring)
+        a = m / (held + spring * (not sprung))
+        b = h**2 * k / (held + spring)
     else:
         a, b = 1.0 - h * c / m, h**2 * k / m
     half = (1.0 + a - b) / 2.0
-    square = ((1.0 - a) ** 2 + b**2 - 2.0 * b * (1.0 + a)) / 4.0  # half^2 - a without the loss at small steps
+    # half^2 - a without the loss at small steps
+    square = ((1.0 - a) ** 2 + b**2 - 2.0 * b * (1.0 + a)) / 4.0
     root = np.sqrt(square.astype(np.complex128))
     return np.where((square > 0.0) & (half < 0.0), half - root, half + root)
 
@@ -120,7 +136,8 @@ def largest_angle(integrator: str, ratio: float = 0.0, *, tendon: bool = False) 
 def runge_kutta_limit(pole: complex) -> float:
     """Largest step [s] at which RK4 does not let a continuous pole [1/s] grow."""
     size = abs(pole)
-    direction = pole / size if pole.real < 0.0 else 1j  # a pole right of the axis by rounding counts as undamped
+    # a pole right of the axis by rounding counts as undamped
+    direction = pole / size if pole.real < 0.0 else 1j
 
     def excess(x: Any) -> Any:
         return np.abs(polynomial(x * direction)) - 1.0
@@ -140,24 +157,32 @@ def placed(
     phase: ArrayLike | None = None,
     damping: ArrayLike | None = None,
 ) -> Timed:
-    """Mass and damping with which a step has the poles `exp(s h)` and each mode its own static response.
+    """Mass and damping with which a step has the poles `exp(s h)` and each mode its
+    own static response.
 
-    Beyond the phase limit both poles are scaled back to it. A clamped mode gets the damping with which the residual of
-    the step's characteristic equation at the wanted pole is least. Under RK4 and "discrete" the modes stay, RK4's beyond the
-    limit are slowed.
+    Beyond the phase limit both poles are scaled back to it. A clamped mode gets the damping with
+    which the residual of the step's characteristic equation at the wanted pole is least. Under RK4
+    and "discrete" the modes stay, RK4's beyond the limit are slowed.
 
-    `stiffness` per unit modal mass [1/s^2]; `first`, `second`: poles [1/s], which need not belong to it alone; `phase` [rad]:
-    limit per step, the scheme's own where left out; `damping` of the untouched mode [1/s], `-(s1 + s2)` where left out.
+    `stiffness` per unit modal mass [1/s^2]; `first`, `second`: poles [1/s], which need not belong
+    to it alone; `phase` [rad]: limit per step, the scheme's own where left out; `damping` of the
+    untouched mode [1/s], `-(s1 + s2)` where left out.
     """
     one_of("integrator", integrator, INTEGRATORS)
-    scheme, h = SCHEMES[integrator], float(timestep)
+    scheme = SCHEMES[integrator]
+    h = float(timestep)
     limit = np.asarray(scheme.phase if phase is None else phase, dtype=np.float64)
-    s1, s2 = np.asarray(first, dtype=np.complex128), np.asarray(second, dtype=np.complex128)
+    s1 = np.asarray(first, dtype=np.complex128)
+    s2 = np.asarray(second, dtype=np.complex128)
     k, s1, s2 = np.broadcast_arrays(np.asarray(stiffness, dtype=np.float64), s1, s2)
     turn = np.maximum(np.abs(s1), np.abs(s2)) * h
     slowed = turn > limit
     if not scheme.exact:
-        own = -np.real(s1 + s2) if damping is None else np.broadcast_to(np.asarray(damping, dtype=np.float64), k.shape)
+        own = (
+            -np.real(s1 + s2)
+            if damping is None
+            else np.broadcast_to(np.asarray(damping, dtype=np.float64), k.shape)
+        )
         factor = np.where(slowed, turn / limit, 1.0)
         return Timed(factor**2, own * factor, slowed, np.zeros(k.shape, dtype=np.bool_))
     back = np.where(slowed, limit / np.maximum(turn, 1e-300), 1.0) * h
@@ -177,7 +202,12 @@ def placed(
 
 
 def timed(
-    integrator: str, frequency: ArrayLike, ratio: ArrayLike, timestep: float, *, phase: ArrayLike | None = None
+    integrator: str,
+    frequency: ArrayLike,
+    ratio: ArrayLike,
+    timestep: float,
+    *,
+    phase: ArrayLike | None = None,
 ) -> Timed:
     """`placed` for modes at `w` [rad/s] with damping ratios.
 
@@ -185,8 +215,12 @@ def timed(
         >>> timed("Euler", 2.0, 0.0, 0.5).mass  # 1/(4 sin^2(1/2))
         array(1.08768...)
     """
-    w, zeta = np.broadcast_arrays(np.asarray(frequency, dtype=np.float64), np.asarray(ratio, dtype=np.float64))
-    return placed(integrator, w**2, *continuous_poles(w, zeta), timestep, phase=phase, damping=2.0 * zeta * w)
+    w, zeta = np.broadcast_arrays(
+        np.asarray(frequency, dtype=np.float64), np.asarray(ratio, dtype=np.float64)
+    )
+    return placed(
+        integrator, w**2, *continuous_poles(w, zeta), timestep, phase=phase, damping=2.0 * zeta * w
+    )
 
 
 def hinge_armature(stiffness: ArrayLike, timestep: float) -> Array:
@@ -194,16 +228,24 @@ def hinge_armature(stiffness: ArrayLike, timestep: float) -> Array:
     return np.asarray(stiffness, dtype=np.float64) * timestep**2 / 12.0
 
 
-def start_rate(position: ArrayLike, rate: ArrayLike, frequency: ArrayLike, ratio: ArrayLike, timestep: float) -> Array:
-    """The rate to start a mode with, so that all later positions are the exact ones: its mean over the step before.
+def start_rate(
+    position: ArrayLike, rate: ArrayLike, frequency: ArrayLike, ratio: ArrayLike, timestep: float
+) -> Array:
+    """The rate to start a mode with, so that all later positions are the exact ones:
+    its mean over the step before.
 
     Example:
-        >>> start_rate(1.0, 0.0, 0.1, 0.0, 1.0)  # released at its largest displacement: it was on its way out
+        >>> start_rate(
+        ...     1.0, 0.0, 0.1, 0.0, 1.0
+        ... )  # released at its largest displacement: it was on its way out
         array(0.00499583...)
     """
-    q, v = np.asarray(position, dtype=np.float64), np.asarray(rate, dtype=np.float64)
-    w, zeta = np.asarray(frequency, dtype=np.float64), np.asarray(ratio, dtype=np.float64)
-    h, x = float(timestep), w * timestep
+    q = np.asarray(position, dtype=np.float64)
+    v = np.asarray(rate, dtype=np.float64)
+    w = np.asarray(frequency, dtype=np.float64)
+    zeta = np.asarray(ratio, dtype=np.float64)
+    h = float(timestep)
+    x = w * timestep
     y = x * np.sqrt((1.0 - zeta**2).astype(np.complex128))
     small = np.abs(y) < 1e-6
     sinc = np.real(np.where(small, 1.0 - y**2 / 6.0, np.sin(y) / np.where(small, 1.0, y)))

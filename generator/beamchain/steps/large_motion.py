@@ -1,4 +1,5 @@
-"""Where the linear equivalence ends: spin, slew and acceleration at which a chain leaves 1 % of a fine one.
+"""Where the linear equivalence ends: spin,
+slew and acceleration at which a chain leaves 1 % of a fine one.
 
 Each quantity is compared with that of 60 equal links, both divided by their value in small motion.
 
@@ -7,6 +8,7 @@ Theory: docs/theory.md, section 7.
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import brentq, fsolve
@@ -21,12 +23,15 @@ from beamchain.structure.beam import Beam
 FINE = 60  # links of the reference
 LEFT = 0.01  # relative difference at which a chain has left the reference
 MOST_BENT = 0.5  # linear displacement of the mass centre over the length up to which is looked
+NEWTON_STEPS = 20
+SETTLED = 1e-10  # change of the angles over the angles at which they are taken as found
 FASTEST = 30.0  # spin, in first frequencies, up to which is looked
 
 
 @dataclass(frozen=True, eq=False)
 class _Plane:
-    """A chain in one bending plane: `h` hinges, `h + 1` links, stiffness and armature `(h, h)` over the hinge angles.
+    """A chain in one bending plane: `h` hinges, `h + 1` links,
+    stiffness and armature `(h, h)` over the hinge angles.
 
     `along`: second moment of each link along x [kg m^2].
     """
@@ -40,32 +45,56 @@ class _Plane:
     along: Array
 
     def frequencies(self, rate: float, radius: float, *, flap: bool) -> Array:
-        """Frequencies [rad/s] at a spin `rate` [rad/s] about an axis at `radius` [m] from the root."""
+        """Frequencies [rad/s] at a spin `rate` [rad/s] about an axis at `radius`
+        [m] from the root."""
         h = self.hinges.size
         turned = np.tril(np.ones((h, h)))  # angle of link j + 1 from the hinge angles
         arms = np.where(np.tri(h, h, dtype=bool), self.com[1:, None] - self.hinges[None, :], 0.0)
-        m = arms.T @ (self.mass[1:, None] * arms) + turned.T @ (self.inertia[1:, None] * turned) + self.armature
+        m = (
+            arms.T @ (self.mass[1:, None] * arms)
+            + turned.T @ (self.inertia[1:, None] * turned)
+            + self.armature
+        )
         span = self._spans()
         pull = rate**2 * (self.mass[1:] * (radius + self.com[1:]) @ span + self.along[1:])
         k = self.stiffness + turned.T @ (pull[:, None] * turned)
         if not flap:
-            k = k - rate**2 * (arms.T @ (self.mass[1:, None] * arms) + turned.T @ (self.along[1:, None] * turned))
+            k = k - rate**2 * (
+                arms.T @ (self.mass[1:, None] * arms) + turned.T @ (self.along[1:, None] * turned)
+            )
         squares = np.linalg.eigvals(np.linalg.solve(k, m)).real  # 1 / w^2
         return 1.0 / np.sqrt(np.sort(squares[squares > 0.0])[::-1])
 
     def _spans(self) -> Array:
         """`(h, h)`: length along x of link j before the mass centre of link k, entry (k, j)."""
         between = np.append(np.diff(self.hinges), 0.0)
-        return np.tril(np.tile(between, (between.size, 1)), -1) + np.diag(self.com[1:] - self.hinges)
+        return np.tril(np.tile(between, (between.size, 1)), -1) + np.diag(
+            self.com[1:] - self.hinges
+        )
 
     def bent(self, acceleration: float, slew: float) -> tuple[float, float]:
         """Displacement of the mass centre and moment at the root under acceleration or slew."""
         span = self._spans()
-        angles = fsolve(lambda a: self._unbalance(a, acceleration, slew, span), self._linear(acceleration, slew))
+        angles = self._balanced(acceleration, slew, span)
         x, y = self._places(angles, span)
         force_x, force_y = self._forces(x, y, acceleration, slew)
         moment = float(np.sum(force_y * x - force_x * y) - slew * np.sum(self.inertia))
         return float(self.mass @ y / np.sum(self.mass)), moment
+
+    def _balanced(self, acceleration: float, slew: float, span: Array) -> Array:
+        """Angles of the links at rest under a load,
+        by Newton's steps from those of small motion."""
+        start = self._linear(acceleration, slew)
+        angles = start
+        for _ in range(NEWTON_STEPS):
+            unbalance = self._unbalance(angles, acceleration, slew, span)
+            slopes = self._unbalance_slopes(angles, acceleration, slew, span)
+            change = np.linalg.solve(slopes, unbalance)
+            angles = angles - change
+            if np.max(np.abs(change)) <= SETTLED * np.max(np.abs(angles)):
+                return angles
+        angles = fsolve(lambda a: self._unbalance(a, acceleration, slew, span), start)
+        return np.asarray(angles, dtype=np.float64)
 
     def _places(self, angles: Array, span: Array) -> tuple[Array, Array]:
         x = np.concatenate([self.com[:1], self.hinges[0] + span @ np.cos(angles)])
@@ -77,13 +106,55 @@ class _Plane:
     def _unbalance(self, angles: Array, acceleration: float, slew: float, span: Array) -> Array:
         x, y = self._places(angles, span)
         force_x, force_y = self._forces(x, y, acceleration, slew)
-        ends = np.append(self.hinges[1:], 0.0) - self.hinges
-        at_x = self.hinges[0] + np.concatenate([[0.0], np.cumsum(ends[:-1] * np.cos(angles[:-1]))])
-        at_y = np.concatenate([[0.0], np.cumsum(ends[:-1] * np.sin(angles[:-1]))])
-        outer = np.triu(np.ones((self.hinges.size, self.hinges.size)))
-        turning = outer @ (x * force_y - y * force_x - slew * self.inertia)[1:]
-        moment = turning - at_x * (outer @ force_y[1:]) + at_y * (outer @ force_x[1:])
-        return np.linalg.solve(self.stiffness, moment) - np.diff(angles, prepend=0.0)
+        at_x, at_y = self._hinge_places(angles)
+        turning = _outboard(x * force_y - y * force_x - slew * self.inertia)
+        moment = turning - at_x * _outboard(force_y) + at_y * _outboard(force_x)
+        return self._flexibility @ moment - np.diff(angles, prepend=0.0)
+
+    def _unbalance_slopes(
+        self, angles: Array, acceleration: float, slew: float, span: Array
+    ) -> Array:
+        """`(h, h)`: derivative of `_unbalance` by the angles.
+
+        With x' = -span sin(a), y' = span cos(a) of the mass centres and likewise of the hinges, and
+        the forces f_x = m slew y, f_y = -m (acceleration + slew x):
+
+            (x f_y - y f_x)' = -m (acceleration + 2 slew x) x' - 2 m slew y y'
+        """
+        x, y = self._places(angles, span)
+        force_x, force_y = self._forces(x, y, acceleration, slew)
+        at_x, at_y = self._hinge_places(angles)
+        sine = np.sin(angles)
+        cosine = np.cos(angles)
+        x_slope = -span * sine
+        y_slope = span * cosine
+        inner = np.tri(self.hinges.size, k=-1) * np.diff(self.hinges, append=0.0)
+        mass, x, y = (values[1:, None] for values in (self.mass, x, y))
+        turning = (
+            -mass * (acceleration + 2.0 * slew * x) * x_slope - 2.0 * mass * slew * y * y_slope
+        )
+        sums = np.triu(np.ones((self.hinges.size, self.hinges.size)))
+        moment = sums @ turning
+        moment -= (
+            at_x[:, None] * (sums @ (-slew * mass * x_slope))
+            - inner * sine * _outboard(force_y)[:, None]
+        )
+        moment += (
+            at_y[:, None] * (sums @ (slew * mass * y_slope))
+            + inner * cosine * _outboard(force_x)[:, None]
+        )
+        return (
+            self._flexibility @ moment - np.eye(self.hinges.size) + np.eye(self.hinges.size, k=-1)
+        )
+
+    def _hinge_places(self, angles: Array) -> tuple[Array, Array]:
+        links = np.diff(self.hinges)
+        x = self.hinges[0] + np.append(0.0, np.cumsum(links * np.cos(angles[:-1])))
+        return x, np.append(0.0, np.cumsum(links * np.sin(angles[:-1])))
+
+    @cached_property
+    def _flexibility(self) -> Array:
+        return np.asarray(np.linalg.inv(self.stiffness), dtype=np.float64)
 
     def _linear(self, acceleration: float, slew: float) -> Array:
         """Angles of the links in small motion."""
@@ -92,6 +163,11 @@ class _Plane:
         turn = np.triu(np.ones((self.hinges.size, self.hinges.size))) @ (slew * self.inertia[1:])
         bent = np.linalg.solve(self.stiffness, arms.T @ force - turn)
         return np.asarray(np.cumsum(bent), dtype=np.float64)
+
+
+def _outboard(values: Array) -> Array:
+    """`(h,)`: sum of a quantity of the links over all beyond each hinge."""
+    return np.cumsum(values[:0:-1])[::-1]
 
 
 def _plane(chain: Chain, port: str) -> _Plane:
@@ -106,7 +182,9 @@ def _plane(chain: Chain, port: str) -> _Plane:
         com = sum(link.mass * link.com for link in links) / mass if mass else 0.0
         spread = sum(link.mass * (link.com - com) ** 2 for link in links)
         inertia = spread + sum(link.inertia[axis] for link in links)
-        along = spread + sum((link.inertia[1] + link.inertia[2] - link.inertia[0]) / 2.0 for link in links)
+        along = spread + sum(
+            (link.inertia[1] + link.inertia[2] - link.inertia[0]) / 2.0 for link in links
+        )
         rows.append((mass, com, inertia, along))
     mass, com, inertia, along = (np.array(v) for v in zip(*rows, strict=True))
     hinges = np.array([chain.hinges[i].x for i in moving])
@@ -117,13 +195,15 @@ def _plane(chain: Chain, port: str) -> _Plane:
 
 @dataclass(frozen=True)
 class LargeMotion:
-    """How far a chain may be driven before it leaves 1 % of a chain of 60 links, in one bending plane.
+    """How far a chain may be driven before it leaves 1 % of a chain of 60 links,
+    in one bending plane.
 
     Args:
         port: the plane.
         spin: rate [rad/s]; infinity: beyond 30 first frequencies.
         acceleration: of the root, across the chain [m/s^2].
-        slew: angular acceleration of the root [rad/s^2].
+        slew: angular acceleration [rad/s^2] about the axis of spin,
+            which also accelerates a root away from it.
         bent: displacement of the mass centre over the length at the acceleration limit.
     """
 
@@ -133,14 +213,21 @@ class LargeMotion:
     slew: float
     bent: float
 
-    def exceeded(self, *, spin: float = 0.0, acceleration: float = 0.0, slew: float = 0.0) -> list[str]:
+    def exceeded(
+        self, *, spin: float = 0.0, acceleration: float = 0.0, slew: float = 0.0
+    ) -> list[str]:
         """Sentences for what a run exceeded; empty where the chain is within 1 %."""
-        given = (("spin", spin, "rad/s"), ("acceleration", acceleration, "m/s^2"), ("slew", slew, "rad/s^2"))
+        given = (
+            ("spin", spin, "rad/s"),
+            ("acceleration", acceleration, "m/s^2"),
+            ("slew", slew, "rad/s^2"),
+        )
         return [
             Caution(
                 "large-motion",
-                f"{what} reached {value:.4g} {unit}, beyond the {getattr(self, what):.4g} {unit} up to which the chain stays "
-                f"within 1 % of a fine one in {self.port}; keep more modes.",
+                f"{what} reached {value:.4g} {unit}, beyond the {getattr(self, what):.4g} {unit} "
+                f"up to which the chain stays within 1 % of a fine one in {self.port}; keep more "
+                "modes.",
             )
             for what, value, unit in given
             if abs(value) > getattr(self, what)
@@ -151,10 +238,13 @@ class LargeMotion:
         return asdict(self)
 
 
-def large_motion(chain: Chain, beam: Beam, port: str, *, modes: int, radius: float = 0.0) -> LargeMotion:
+def large_motion(
+    chain: Chain, beam: Beam, port: str, *, modes: int, radius: float = 0.0
+) -> LargeMotion:
     """The large-motion limits of a chain in a bending plane, "xy" or "xz", against 60 equal links.
 
-    `modes`: kept, whose frequencies are compared in spin; `radius`: from the axis of spin to the root [m].
+    `modes`: kept, whose frequencies are compared in spin; `radius`:
+    from the axis of spin and slew to the root [m].
     """
     ours = _plane(chain, port)
     theirs = _plane(equal_links(beam, FINE, "midpoint", port), port)
@@ -164,7 +254,8 @@ def large_motion(chain: Chain, beam: Beam, port: str, *, modes: int, radius: flo
         worst = 0.0
         for flap in (True, False):
             a, b = (
-                p.frequencies(rate, radius, flap=flap)[:kept] / p.frequencies(0.0, radius, flap=True)[:kept]
+                p.frequencies(rate, radius, flap=flap)[:kept]
+                / p.frequencies(0.0, radius, flap=True)[:kept]
                 for p in (ours, theirs)
             )
             if a.size < kept or b.size < kept:
@@ -183,21 +274,26 @@ def large_motion(chain: Chain, beam: Beam, port: str, *, modes: int, radius: flo
         to = MOST_BENT / per_load
 
         def error(x: float) -> float:
-            a, b = (np.array(p.bent(*load(x * to))) / s / x for p, s in zip((ours, theirs), small, strict=True))
+            a, b = (
+                np.array(p.bent(*load(x * to))) / s / x
+                for p, s in zip((ours, theirs), small, strict=True)
+            )
             return float(np.max(np.abs(a / b - 1.0)))
 
         share = _leaves(error, 0.01, 1.0)
         return share * to, share * MOST_BENT
 
     acceleration, bent = bending(lambda x: (x, 0.0))
-    slew, _ = bending(lambda x: (0.0, x))
+    # a root at the radius r from the axis moves across the chain with r times the
+    # angular acceleration
+    slew, _ = bending(lambda x: (radius * x, x))
     return LargeMotion(port, spin, acceleration, slew, bent)
 
 
 def _leaves(error: Callable[[float], float], start: float, end: float) -> float:
     """First x at which the error passes 1 %; infinity where it does not."""
     grid = np.geomspace(start, end, 16).tolist()
-    beyond = next((i for i, left in enumerate([error(x) > LEFT for x in grid]) if left), None)
+    beyond = next((i for i, x in enumerate(grid) if error(x) > LEFT), None)
     if not beyond:
         return float("inf") if beyond is None else start
     return float(brentq(lambda x: error(x) - LEFT, grid[beyond - 1], grid[beyond], rtol=1e-4))
@@ -212,7 +308,9 @@ def large_limits(
     for port in ("xy", "xz"):
         if port in modes and port in chain.ports:
             try:
-                out[port] = large_motion(chain, beam, port, modes=modes[port], radius=max(radius, 0.0))
+                out[port] = large_motion(
+                    chain, beam, port, modes=modes[port], radius=max(radius, 0.0)
+                )
             except BeamchainError as error:
                 text = f"large motion in {port} could not be compared: {error}"
                 reasons.append(Caution("large-motion-unknown", text))

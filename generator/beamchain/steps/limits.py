@@ -1,4 +1,5 @@
-"""Step limits of a linear model: stability and accuracy per integrator, and the cheapest step for a scene.
+"""Step limits of a linear model: stability and accuracy per integrator,
+and the cheapest step for a scene.
 
 Theory: docs/theory.md, sections 5 and 6.
 """
@@ -13,12 +14,25 @@ from scipy.optimize import brentq, linear_sum_assignment
 
 from beamchain.checks import one_of
 from beamchain.engine.library import one_thread
-from beamchain.engine.linearise import runge_kutta_step, system_matrix
+from beamchain.engine.linearise import runge_kutta_step
 from beamchain.errors import EngineError
-from beamchain.ports.compare import NARROWEST, band_grid, clusters, damped, largest, spectral_norms
+from beamchain.ports.compare import (
+    NARROWEST,
+    band_grid,
+    largest_norm_ratio,
+    peak_clusters,
+    spectral_norms,
+    with_damping,
+)
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import Array
-from beamchain.steps.integrators import INTEGRATORS, Complex, polynomial, runge_kutta_limit, step_pole
+from beamchain.ports.motions import Array, system_matrix
+from beamchain.steps.integrators import (
+    INTEGRATORS,
+    Complex,
+    polynomial,
+    runge_kutta_limit,
+    step_pole,
+)
 
 AT_REST = 1e-5  # nearer to 1, or slower than this share of the fastest: rigid motion
 MOST_CONFIRMED = 40  # times a step is shortened until the poles of the whole step confirm it
@@ -28,7 +42,8 @@ UNDAMPED = 1e-10  # ratios below it are rounding
 MARGIN = 0.8  # of the stability limit
 NEARLY = 0.99  # ratio that an overdamped mode is given: it has no frequency to keep
 
-#: Cost of a step against Euler's, measured on hub and 3 links (`tests/benchmarks/fit_time.py` prints them).
+#: Cost of a step against Euler's, measured on hub and 3 links
+#: (`tests/benchmarks/fit_time.py` prints them).
 RELATIVE_COST = {"Euler": 1.0, "implicitfast": 1.1, "implicit": 2.0, "discrete": 1.15, "RK4": 3.8}
 
 
@@ -38,7 +53,8 @@ class StepLimits(NamedTuple):
     omega_max: float  #: fastest coupled frequency, or rate of an overdamped mode [rad/s]
     ratio: float  #: its damping ratio; 1 where it is overdamped
     largest_step: dict[str, float]  #: per integrator [s]; infinity: no limit
-    accuracy: dict[str, tuple[float, float]]  #: per integrator, steps [s] for the `ERRORS`; empty where nothing rings
+    #: per integrator, steps [s] for the `ERRORS`; empty where nothing rings
+    accuracy: dict[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +63,11 @@ class LinearModel:
 
     stiffness: Array  # M^-1 K [1/s^2]
     damping: Array  # M^-1 D, all of it [1/s]
-    euler_damping: Array  # the share of the damping that Euler integrates implicitly (that of joints)
+    # the share of the damping that Euler integrates implicitly (that of joints)
+    euler_damping: Array
     discrete_stiffness: Array  # the share of the stiffness that "discrete" integrates implicitly
-    discrete_tendons: Array | float = 0.0  # that of fixed tendons, implicit there for the force of the position alone
+    # that of fixed tendons, implicit there for the force of the position alone
+    discrete_tendons: Array | float = 0.0
     preload: str = ""  # what pulls at the rest pose, as a sentence; empty: nothing
 
     def poles(self) -> Complex:
@@ -63,7 +81,12 @@ class LinearModel:
             return self.euler_damping, self.damping - self.euler_damping, nothing, nothing
         if integrator != "discrete":
             return self.damping, nothing, nothing, nothing
-        return self.damping, nothing, self.discrete_stiffness + self.discrete_tendons, nothing + self.discrete_tendons
+        return (
+            self.damping,
+            nothing,
+            self.discrete_stiffness + self.discrete_tendons,
+            nothing + self.discrete_tendons,
+        )
 
     def step(self, integrator: str, timestep: float) -> Array:
         """`(2 nv, 2 nv)` one step in the states (q, h v), so that all entries are pure numbers."""
@@ -88,20 +111,30 @@ class LinearModel:
         if np.any(poles.real > 1e-5 * fastest):
             raise EngineError(
                 self.preload
-                or f"the model is unstable about its rest pose at any step (a pole at {np.max(poles.real):.3g} 1/s): "
-                "a spring or damper is negative, or gravity tips it over; linearise it about a stable pose."
+                or "the model is unstable about its rest pose at any step (a pole at "
+                f"{np.max(poles.real):.3g} 1/s): a spring or damper is negative, or gravity "
+                "tips it over; linearise it about a stable pose."
             )
         if integrator == "RK4":
-            return min((runge_kutta_limit(p) for p in poles[np.abs(poles) > 1e-5 * fastest]), default=float("inf"))
+            return min(
+                (runge_kutta_limit(p) for p in poles[np.abs(poles) > 1e-5 * fastest]),
+                default=float("inf"),
+            )
         implicit, explicit, spring, _ = self._parts(integrator)
-        inverse = np.linalg.eigvals(system_matrix((2.0 * spring - self.stiffness) / 4.0, (implicit - explicit) / 2.0))
-        real = inverse.real[(np.abs(inverse.imag) <= 1e-6 * np.abs(inverse)) & (inverse.real > 1e-9 * fastest)]
+        inverse = np.linalg.eigvals(
+            system_matrix((2.0 * spring - self.stiffness) / 4.0, (implicit - explicit) / 2.0)
+        )
+        real = inverse.real[
+            (np.abs(inverse.imag) <= 1e-6 * np.abs(inverse)) & (inverse.real > 1e-9 * fastest)
+        ]
         return 1.0 / float(np.max(real)) if real.size else float("inf")
 
     def step_for_error(self, integrator: str, pole: complex, error: float, limit: float) -> float:
-        """Largest step [s], up to `limit`, below which the simulated frequency of a mode keeps within a relative `error`.
+        """Largest step [s], up to `limit`, below which the simulated frequency of a mode keeps
+        within a relative `error`.
 
-        The step of that mode alone, at `pole` [1/s] above the real axis, proposes it; the whole model's confirms it.
+        The step of that mode alone, at `pole` [1/s] above the real axis, proposes it;
+        the whole model's confirms it.
         """
         limit = min(limit, 3.0 / abs(pole))
         shown = self._frequency(integrator, pole)
@@ -113,8 +146,13 @@ class LinearModel:
         over = np.flatnonzero(miss(steps) > 0.0)
         step = limit
         if over.size:
-            low, high = float(steps[max(over[0] - 1, 0)]), float(steps[over[0]])
-            step = float(brentq(lambda h: float(miss(h)), low, high, rtol=1e-10)) if low < high else low
+            low = float(steps[max(over[0] - 1, 0)])
+            high = float(steps[over[0]])
+            step = (
+                float(brentq(lambda h: float(miss(h)), low, high, rtol=1e-10))
+                if low < high
+                else low
+            )
         for _ in range(MOST_CONFIRMED):
             found = abs(complex(self.shown(integrator, step, np.array([pole]))[0]))
             if abs(found / abs(pole) - 1.0) <= error * (1.0 + 1e-6):
@@ -128,14 +166,22 @@ class LinearModel:
             return lambda h: np.abs(np.log(polynomial(pole * h))) / h
         values, shapes = np.linalg.eig(self.stiffness)
         k = int(np.argmin(np.abs(values - abs(pole) ** 2)))
-        x, y = shapes[:, k], np.linalg.inv(shapes)[k]  # y x = 1
-        implicit, explicit, spring, held = (float(np.real(y @ part @ x)) for part in self._parts(integrator))
-        own, total = max(-2.0 * pole.real, 0.0), implicit + explicit  # the mode's damping, as the pole has it
+        x = shapes[:, k]
+        y = np.linalg.inv(shapes)[k]  # y x = 1
+        implicit, explicit, spring, held = (
+            float(np.real(y @ part @ x)) for part in self._parts(integrator)
+        )
+        # the mode's damping, as the pole has it
+        own = max(-2.0 * pole.real, 0.0)
+        total = implicit + explicit
         share = min(max(implicit / total, 0.0), 1.0) if total > 1e-12 * abs(pole) else 1.0
         implicit = own * share
 
-        def frequency(h: Array) -> Array:  # z^2 - (2 - lost - pull) z + 1 - lost: no difference of nearly equal numbers
-            lost = (h * own + h**2 * (spring - held)) / (1.0 + h * implicit + h**2 * (spring - held))
+        # z^2 - (2 - lost - pull) z + 1 - lost: no difference of nearly equal numbers
+        def frequency(h: Array) -> Array:
+            lost = (h * own + h**2 * (spring - held)) / (
+                1.0 + h * implicit + h**2 * (spring - held)
+            )
             pull = h**2 * abs(pole) ** 2 / (1.0 + h * implicit + h**2 * spring)
             half = (lost + pull) / 2.0
             turn = np.sqrt(np.maximum(pull - half**2, 0.0))
@@ -169,7 +215,9 @@ def step_limits(model: LinearModel) -> StepLimits:
     accuracy: dict[str, tuple[float, float]] = {}
     ringing = oscillating(poles)
     for name in INTEGRATORS if ringing.size else ():
-        one, tenth = (model.step_for_error(name, complex(ringing[0]), e, limits[name]) for e in ERRORS)
+        one, tenth = (
+            model.step_for_error(name, complex(ringing[0]), e, limits[name]) for e in ERRORS
+        )
         accuracy[name] = one, tenth
     return StepLimits(float(abs(fastest)), 0.0 if ratio < UNDAMPED else ratio, limits, accuracy)
 
@@ -187,7 +235,9 @@ def oscillations(poles: Complex) -> tuple[Array, Array]:
     return np.abs(ringing), np.where(ratios < UNDAMPED, 0.0, ratios)
 
 
-def coupled_limits(model: PortModel, hub: Array | None, *, tendon: bool, sprung: bool = False) -> StepLimits:
+def coupled_limits(
+    model: PortModel, hub: Array | None, *, tendon: bool, sprung: bool = False
+) -> StepLimits:
     """Step limits of a port model on a hub `(m, m)`; `tendon`, `sprung`: see `step_pole`."""
     stiffness, damping = normalised(model if hub is None else model.with_hub(hub))
     nothing = np.zeros_like(damping)
@@ -200,13 +250,15 @@ def normalised(model: PortModel) -> tuple[Array, Array]:
     compliance = np.eye(model.modes) + model.participation @ model.gains @ model.participation.T
     values, vectors = np.linalg.eigh((compliance + compliance.T) / 2.0)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    spring, damper = model.frequencies[:, None] ** 2, (2.0 * model.damping * model.frequencies)[:, None]
+    spring = model.frequencies[:, None] ** 2
+    damper = (2.0 * model.damping * model.frequencies)[:, None]
     return root.T @ (spring * root), root.T @ (damper * root)
 
 
 @dataclass(frozen=True)
 class StepChoice:
-    """One integrator: its largest step [s], the bound, "tolerance" or "stability", and its relative cost."""
+    """One integrator: its largest step [s], the bound, "tolerance" or "stability",
+    and its relative cost."""
 
     integrator: str
     step: float
@@ -225,19 +277,24 @@ def choose_step(
     tendon: bool = False,
     sprung: bool = False,
 ) -> tuple[StepChoice, ...]:
-    """Every integrator's largest step for a model with six motions on a hub `(6, 6)`, cheapest first.
+    """Every integrator's largest step for a model with six motions on a hub `(6, 6)`,
+    cheapest first.
 
-    The in-band error up to `bandwidth` [rad/s] of the response with the poles moved as the step moves them stays below
-    `tolerance`; `keep`: hub motions that count; `tendon`, `sprung`: as of `integrators.step_pole`.
+    The in-band error up to `bandwidth` [rad/s] of the response with the poles moved as the step
+    moves them stays below `tolerance`; `keep`: hub motions that count; `tendon`, `sprung`: as of
+    `integrators.step_pole`.
     """
-    coupled = damped(model).with_hub(hub_mass)
-    w, p = coupled.free_frequencies, coupled.free_port_values[:, keep]
+    coupled = with_damping(model).with_hub(hub_mass)
+    w = coupled.free_frequencies
+    p = coupled.free_port_values[:, keep]
     if w.size == 0:
         return ()
     ratios = _coupled_ratios(coupled)
     s = np.sqrt(np.diag(coupled.rigid_mass))[list(keep)]
     grid = band_grid([coupled], bandwidth)
-    rigid = (coupled.rigid_port_values @ coupled.rigid_port_values.T)[np.ix_(keep, keep)] * np.outer(s, s)
+    rigid = (coupled.rigid_port_values @ coupled.rigid_port_values.T)[
+        np.ix_(keep, keep)
+    ] * np.outer(s, s)
     stable = coupled_limits(coupled, None, tendon=tendon, sprung=sprung).largest_step
     frozen = float(np.linalg.norm(rigid, 2))
     known = rigid + _flexible(grid, w, ratios, p, s)
@@ -250,13 +307,18 @@ def choose_step(
             x = w * h
             z = step_pole(name, 1.0, 2.0 * ratios * x, x**2, 1.0, tendon=tendon, sprung=sprung)
             pole = np.log(z) / h
-            moved, lost = np.abs(pole), -pole.real / np.maximum(np.abs(pole), 1e-300)
-            new = clusters(np.column_stack([moved, lost]), bandwidth)
+            moved = np.abs(pole)
+            lost = -pole.real / np.maximum(np.abs(pole), 1e-300)
+            new = peak_clusters(np.column_stack([moved, lost]), bandwidth)
             if new.size:
-                ours, exact = (rigid + _flexible(new, *poles, p, s) for poles in ((moved, lost), (w, ratios)))
-                if largest(ours - exact, np.maximum(spectral_norms(exact), frozen)) > tolerance:
+                ours, exact = (
+                    rigid + _flexible(new, *poles, p, s) for poles in ((moved, lost), (w, ratios))
+                )
+                size = np.maximum(spectral_norms(exact), frozen)
+                if largest_norm_ratio(ours - exact, size) > tolerance:
                     return True
-            return largest(rigid + _flexible(grid, moved, lost, p, s) - known, below) > tolerance
+            difference = rigid + _flexible(grid, moved, lost, p, s) - known
+            return largest_norm_ratio(difference, below) > tolerance
 
         bound, step = "stability", limit
         if over(limit):
@@ -284,5 +346,7 @@ def _coupled_ratios(coupled: PortModel) -> Array:
     """Damping ratios of the free modes, below 1, in order of frequency."""
     stiffness, damping = normalised(coupled)
     squares, shapes = np.linalg.eigh(stiffness)
-    ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (2.0 * np.sqrt(np.maximum(squares, 1e-300)))
+    ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (
+        2.0 * np.sqrt(np.maximum(squares, 1e-300))
+    )
     return np.clip(ratios[-coupled.free_frequencies.size :], 0.0, NEARLY)

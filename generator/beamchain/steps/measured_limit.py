@@ -17,12 +17,17 @@ ACCURACY = 5e-4  # relative, of the limit
 MOVED = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 BLOWN_UP = tuple(
     int(w)
-    for w in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+    for w in (
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+    )
 )  # after any of them MuJoCo starts anew from rest
 
 
 def stable(model: "mujoco.MjModel", timestep: float, velocity: Array) -> bool:
-    """Whether a small perturbation stays small over `STEPS` steps of the model's own integrator; `model.opt` is changed."""
+    """Whether a small perturbation stays small over `STEPS` steps of the model's own integrator;
+    `model.opt` is changed."""
     model.opt.timestep = timestep
     data = mujoco.MjData(model)
     data.qvel[:] = velocity
@@ -36,10 +41,11 @@ def stable(model: "mujoco.MjModel", timestep: float, velocity: Array) -> bool:
 
 
 def measured_limit(model: "mujoco.MjModel", integrator: str, guess: float) -> float:
-    """Largest stable step of a model [s], by bisection; infinity where a step of 1000 guesses is still stable.
+    """Largest stable step of a model [s], by bisection;
+    infinity where a step of 1000 guesses is still stable.
 
-    Gravity and contacts are switched off meanwhile. The search widens from `guess` [s] until it holds the limit, so that a
-    wrong one costs time only.
+    Gravity and contacts are switched off meanwhile. The search widens from `guess` [s] until it
+    holds the limit, so that a wrong one costs time only.
     """
     model = copy.copy(model)
     model.opt.integrator = INTEGRATORS[integrator]

@@ -1,11 +1,13 @@
 """The modal tendons of a compiled model, and the step they were written for.
 
-Modes are fixed tendons `PREFIX_mode<k>_<port>` and `PREFIX_filler<k>`, as long as the mode's amplitude, of modal mass
-1. One that was made exact in time says so in `solimplimit`, which MuJoCo reads for limited tendons only:
+Modes are fixed tendons `PREFIX_mode<k>_<port>` and `PREFIX_filler<k>`, as long as the mode's
+amplitude, of modal mass 1. One that was made exact in time says so in `solimplimit`, which MuJoCo
+reads for limited tendons only:
 
     solimplimit = "timestep  integrator  form  damping  stiffness"
 
-damping and stiffness as they were. Attaching, including, replicating, MJX and Warp keep all five to the last bit.
+damping and stiffness as they were. Attaching, including, replicating,
+MJX and Warp keep all five to the last bit.
 """
 
 import re
@@ -65,8 +67,14 @@ class Modal:
 
 def modal_tendons(model: "mujoco.MjModel") -> Modal:
     """Unlimited tendons with such a name and a spring, over hinges and slides only."""
-    named = [i for i in range(model.ntendon) if PATTERN.fullmatch(model.tendon(i).name) and not model.tendon_limited[i]]
-    own = np.array([i for i in named if model.tendon_stiffness[i] > 0.0 and _plain(model, i)], dtype=np.intp)
+    named = [
+        i
+        for i in range(model.ntendon)
+        if PATTERN.fullmatch(model.tendon(i).name) and not model.tendon_limited[i]
+    ]
+    own = np.array(
+        [i for i in named if model.tendon_stiffness[i] > 0.0 and _plain(model, i)], dtype=np.intp
+    )
     made_for = tuple(_mark(model, i) for i in own)
     timed = np.array([mark is not None for mark in made_for], dtype=np.bool_)
     return Modal(
@@ -96,8 +104,9 @@ def condensed(mass: Array, rows: Array) -> tuple[Array, Array]:
 def foreign(what: str) -> InputError:
     """The answer to a model without modal tendons."""
     return InputError(
-        f"the model has no modal tendons (NAME_mode1_xy, ...), so that {what} is not possible; only appendages written "
-        "by beamchain with springs on modal tendons can be made exact in time."
+        f"the model has no modal tendons (NAME_mode1_xy, ...), so that {what} is not possible; "
+        "only appendages written by beamchain with springs on modal tendons can be made exact in "
+        "time."
     )
 
 
@@ -111,4 +120,6 @@ def _mark(model: "mujoco.MjModel", i: int) -> MadeFor | None:
 def _plain(model: "mujoco.MjModel", i: int) -> bool:
     """Whether a tendon is a fixed one over hinges and slides."""
     on = wraps(model, i)
-    return all(model.wrap_type[w] == JOINT and model.jnt_type[model.wrap_objid[w]] > FREE_BALL for w in on)
+    return all(
+        model.wrap_type[w] == JOINT and model.jnt_type[model.wrap_objid[w]] > FREE_BALL for w in on
+    )

@@ -1,39 +1,58 @@
-"""Making a compiled model exact in time for a step, in place: armature and damping on its modal tendons.
+"""Making a compiled model exact in time for a step, in place:
+armature and damping on its modal tendons.
 
 * Form 2: every mode of the held appendage is exact; coefficients stay, and no hub is needed.
-* Form 3: the tendons become the coupled modes of one craft. Exact for one appendage; damping that couples two modes is
+* Form 3: the tendons become the coupled modes of one craft. Exact for one appendage;
+  damping that couples two modes is
   left out and stated.
 * Form 4: form 2 with armature and damping tuned until the craft's own poles are exact.
 
-Modes beyond the phase limit are slowed, so that any step is stable; on a light hub the limit is lowered. The model's
-own step and integrator (`opt`) are the caller's.
+Modes beyond the phase limit are slowed, so that any step is stable; on a light hub the limit is
+lowered. The model's own step and integrator (`opt`) are the caller's.
 
 Theory: docs/theory.md, section 5.
 """
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from beamchain.caution import Caution
-from beamchain.checks import not_negative, one_of
+from beamchain.checks import finite_array, not_negative, of_type, one_of
 from beamchain.engine.forces import wraps
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
 from beamchain.errors import EngineError, InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import ModeTime, TendonValues, form2, form3, form4
 from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.modal import FORMS, JOINT, UNMARKED, MadeFor, Modal, condensed, foreign, modal_tendons
+from beamchain.steps.modal import (
+    FORMS,
+    JOINT,
+    UNMARKED,
+    MadeFor,
+    Modal,
+    condensed,
+    foreign,
+    modal_tendons,
+)
+from beamchain.steps.step_map import Motion, TimeError, motion_at, time_error, wrong_from
 
 UNIT_MASS = 1e-4  # by which the modal mass of a tendon of ours may miss 1
 ARRAYS = (
-    "tendon_armature", "tendon_damping", "tendon_solimp_lim", "tendon_stiffness", "tendon_length0",
-    "tendon_lengthspring", "wrap_prm",
-)  # fmt: skip
+    "tendon_armature",
+    "tendon_damping",
+    "tendon_solimp_lim",
+    "tendon_stiffness",
+    "tendon_length0",
+    "tendon_lengthspring",
+    "wrap_prm",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,16 +64,23 @@ class Retimed:
         integrator: MuJoCo's name.
         form: 2, 3 or 4.
         phase: [rad] per step, the limit beyond which modes were slowed.
-        lambda_max: `h^2 lambda_max` of the tendons' springs and dampers on the craft; stable below 4 (RK4: 8).
-        left_out: largest part of the damping that couples two coupled modes and was left out, against the geometric mean of
-            their own; 0 with form 2.
+        lambda_max: `h^2 lambda_max` of the tendons' springs and dampers on the craft;
+            stable below 4 (RK4: 8).
+        left_out: largest part of the damping that couples two coupled modes and was left out,
+            against the geometric mean of their own; 0 with form 2.
         modes: one per modal tendon.
         before: the arrays as they were, for `undo`.
+        model: a copy of the model as it was written, with its step and integrator; None:
+            the timing was taken out.
+        qpos: the pose in which the craft's coupling was looked at.
 
     Example:
         >>> import beamchain as bc, mujoco
         >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
-        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),), fit=bc.FitOptions(springs="modes"))
+        >>> spec = bc.Spec(
+        ...     segment=(bc.Segment(length=8.0, section=section),),
+        ...     fit=bc.FitOptions(springs="modes"),
+        ... )
         >>> model = mujoco.MjModel.from_xml_string(bc.fit(spec).scene_mjcf())
         >>> done = bc.retime(model, 2.0, "Euler")
         >>> [(mode.name, mode.slowed) for mode in done.modes][:2], done.slowed[0].code
@@ -70,20 +96,55 @@ class Retimed:
     left_out: float
     modes: tuple[ModeTime, ...]
     before: Mapping[str, Array]
+    model: "mujoco.MjModel | None" = None
+    qpos: Array | None = None
 
     @property
     def slowed(self) -> list[str]:
-        """A warning where modes were slowed; empty where none was."""
+        """A warning where modes were slowed, with the coupled frequency from which on it is felt;
+        empty where none was."""
         slow = [mode for mode in self.modes if mode.slowed]
-        if not slow:
+        if not slow or self.model is None:
             return []
-        first = min(slow, key=lambda mode: mode.frequency)
+        first = wrong_from(self.model, _untimed(self.model), self.qpos)
+        felt = (
+            "no pole of the spacecraft is off by more than 1e-3"
+            if first == float("inf")
+            else f"from {first:.4g} rad/s on (a coupled frequency, read back) a pole of the "
+            "spacecraft is off by more than 1e-3, and what it does there and above is not "
+            "right"
+        )
         text = (
-            f"{len(slow)} of {len(self.modes)} appendage modes are too fast for {self.integrator} at {self.timestep:g} s on "
-            f"this spacecraft and were slowed, from {first.name} at {first.frequency:.4g} rad/s on; what the spacecraft does "
-            "there and above is not right. Take a shorter step to keep them."
+            f"{len(slow)} of {len(self.modes)} appendage modes are too fast for {self.integrator} "
+            f"at {self.timestep:g} s on this spacecraft and were slowed; {felt}. Take a shorter "
+            "step to keep them."
         )
         return [Caution("slowed-modes", text)]
+
+    @cached_property
+    def time_error(self) -> TimeError | None:
+        """The largest error of a coupled pole up to the last kept mode,
+        read back from the step of the model as written.
+
+        It holds for the pose that `retime` was given; None where the timing was taken out.
+        """
+        if self.model is None:
+            return None
+        pose = np.array(self.model.qpos0) if self.qpos is None else self.qpos
+        return time_error(self.model, _untimed(self.model), {"rest": pose})
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a user of the model must know: slowed modes, and poles that are not exact."""
+        missed = self.form == 4 and self.time_error is not None and not self.time_error.exact
+        return [
+            *self.slowed,
+            *(
+                [Caution("time-error", time_sentence(self.time_error))]
+                if missed and self.time_error
+                else []
+            ),
+        ]
 
     @property
     def lowered(self) -> bool:
@@ -96,23 +157,31 @@ class Retimed:
             getattr(model, name)[:] = values
 
 
+@one_thread()
 def retime(
-    model: "mujoco.MjModel", timestep: float, integrator: str | None = None, *, form: int = 2, qpos: Array | None = None
+    model: "mujoco.MjModel",
+    timestep: float,
+    integrator: str | None = None,
+    *,
+    form: int = 2,
+    qpos: Array | None = None,
 ) -> Retimed:
     """Make the appendages of a model exact in time for a step, in place.
 
-    Any earlier timing is removed first, so that repeated calls do not accumulate. `model.opt` is not changed: run the
-    model at this step, and give the input as `HeldInput` does.
+    Any earlier timing is removed first, so that repeated calls do not accumulate. `model.opt` is
+    not changed: run the model at this step, and give the input as `HeldInput` does.
 
     Args:
         model: compiled; arrays change, its topology does not.
-        timestep: [s]; 0 removes the timing: the model is restored bit for bit (after form 3: to rounding; its
-            `Retimed.undo` is exact).
-        integrator: MuJoCo's name; default: the model's own. RK4: only modes beyond its limit are slowed; "discrete":
-            nothing is changed, it is stable at every step and cannot be made exact.
-        form: 2: each tendon by itself, errors of the coupled poles of fourth order in the step; 3: the tendons become the
-            coupled modes, for one pose; 4: form 2 corrected until the coupled poles are exact, for one pose. 4 needs Euler,
-            implicit or implicitfast; otherwise it is 2.
+        timestep: [s]; 0 removes the timing: the model is restored bit for bit (after form 3: to
+            rounding; its `Retimed.undo` is exact).
+        integrator: MuJoCo's name; default: the model's own. RK4: only modes beyond its
+            limit are slowed; "discrete": nothing is changed, it is stable at every step and
+            cannot be made exact.
+        form: 2: each tendon by itself, errors of the coupled poles of fourth order in the step; 3:
+            the tendons become the coupled modes, for one pose; 4: form 2 corrected until the
+            coupled poles are exact, for one pose. 4 needs Euler, implicit or implicitfast;
+            otherwise it is 2.
         qpos: pose at which the craft's coupling is computed; default: the initial one.
 
     Raises:
@@ -121,16 +190,22 @@ def retime(
     Example:
         >>> import beamchain as bc, mujoco
         >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
-        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),), fit=bc.FitOptions(springs="modes"))
+        >>> spec = bc.Spec(
+        ...     segment=(bc.Segment(length=8.0, section=section),),
+        ...     fit=bc.FitOptions(springs="modes"),
+        ... )
         >>> model = mujoco.MjModel.from_xml_string(bc.fit(spec).scene_mjcf())
         >>> done = bc.retime(model, 0.05, "Euler")
         >>> [mode.slowed for mode in done.modes]
         [False, False, False, False]
     """
-    h = not_negative("timestep", float(timestep), "s")
+    of_type("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
+    h = not_negative("timestep", timestep, "s")
     one_of("form", str(form), [str(f) for f in FORMS])
     name = NUMBERS[int(model.opt.integrator)] if integrator is None else integrator
     one_of("integrator", name, tuple(SCHEMES))
+    if qpos is not None:
+        qpos = finite_array("qpos", qpos, (model.nq,))
     modal = modal_tendons(model)
     if not modal.names:
         raise foreign("retiming")
@@ -145,13 +220,61 @@ def retime(
         c = coupled_mass(model, modal, qpos)
         plan = form3(model, modal, c, name, h) if form == 3 else form2(modal, c, name, h)
         if form == 4:
-            plan = form4(modal, c, name, h, plan)
+            plan = form4(modal, c, name, h, plan, motion_for(model, h, name, qpos))
     except BaseException:
         for array, values in before.items():
             getattr(model, array)[:] = values
         raise
     write_values(model, modal, plan, MadeFor(h, name, form))
-    return Retimed(h, name, form, plan.phase, plan.lambda_max, plan.left_out, plan.modes, MappingProxyType(before))
+    written = copy.copy(model)
+    written.opt.timestep, written.opt.integrator = h, INTEGRATORS[name]
+    return Retimed(
+        h,
+        name,
+        form,
+        plan.phase,
+        plan.lambda_max,
+        plan.left_out,
+        plan.modes,
+        MappingProxyType(before),
+        written,
+        None if qpos is None else np.array(qpos, dtype=np.float64),
+    )
+
+
+def motion_for(
+    model: "mujoco.MjModel", timestep: float, integrator: str, qpos: Array | None
+) -> Motion:
+    """The motion of a model at another step than its own."""
+    out = copy.copy(model)
+    out.opt.timestep, out.opt.integrator = timestep, INTEGRATORS[integrator]
+    return motion_at(out, qpos)
+
+
+def time_sentence(off: TimeError) -> str:
+    """A sentence for a step whose poles are not those of exact motion: the one that is off most,
+    and the cure."""
+    return (
+        f"{off.integrator} at {off.step:g} s does not keep every pole of this spacecraft: "
+        f"{off.words}. {time_cure(off.integrator)}"
+    )
+
+
+def time_cure(integrator: str) -> str:
+    """What helps where poles are off."""
+    if integrator in ("implicit", "implicitfast"):
+        return (
+            f"Take Euler, or a shorter step: {integrator} cannot have modes of a damping ratio "
+            "above w h/12 at their own pole, Euler can."
+        )
+    return "Take a shorter step where that matters."
+
+
+def _untimed(model: "mujoco.MjModel") -> "mujoco.MjModel":
+    """A copy with the timing taken out."""
+    out = copy.copy(model)
+    _take_out(out, modal_tendons(out), None)
+    return out
 
 
 def coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> Array:
@@ -161,8 +284,9 @@ def coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> A
         own = _modal_mass(mass, modal.rows[i])
         if abs(own - 1.0) > UNIT_MASS:
             raise InputError(
-                f"tendon {name!r} has the name of a modal tendon, but the mass {own:.6g} of its mode is not 1; rename "
-                "it if it is not an appendage's, or write the appendage again."
+                f"tendon {name!r} has the name of a modal tendon, but the mass {own:.6g} of its "
+                "mode is not 1; rename it if it is not an appendage's, or write the appendage "
+                "again."
             )
     return condensed(mass, modal.rows)[0]
 
@@ -170,7 +294,9 @@ def coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> A
 def _modal_mass(mass: Array, row: Array) -> float:
     """Mass of a tendon's mode in the held appendage."""
     span = np.flatnonzero(row)
-    return 1.0 / float(row[span] @ np.linalg.solve(mass[np.ix_(span.tolist(), span.tolist())], row[span]))
+    return 1.0 / float(
+        row[span] @ np.linalg.solve(mass[np.ix_(span.tolist(), span.tolist())], row[span])
+    )
 
 
 def _take_out(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> None:
@@ -180,7 +306,8 @@ def _take_out(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> None
         if mark is not None:
             model.tendon_damping[i] = model.tendon_solimp_lim[i, 3]
             model.tendon_armature[i] = 0.0
-    if np.any(model.tendon_margin[modal.index]):  # of a participation other than the nominal one, or a user's default
+    # of a participation other than the nominal one, or a user's default
+    if np.any(model.tendon_margin[modal.index]):
         mass = mass_matrix(model, qpos)
         for i, row, mark in zip(modal.index, modal.rows, modal.made_for, strict=True):
             own = float(model.tendon_margin[i])
@@ -196,20 +323,24 @@ def _take_out(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> None
             model.tendon_solimp_lim[i] = UNMARKED
 
 
-def _held_modes(model: "mujoco.MjModel", modal: Modal, group: "NDArray[np.intp]", mass: Array) -> None:
+def _held_modes(
+    model: "mujoco.MjModel", modal: Modal, group: "NDArray[np.intp]", mass: Array
+) -> None:
     """Coefficients of the held appendage's modes, worked out from its springs and masses."""
     span = np.flatnonzero(modal.rows[group[0]])
     rows = modal.rows[np.ix_(group.tolist(), span.tolist())]
-    flexible = rows @ np.linalg.solve(mass[np.ix_(span.tolist(), span.tolist())], rows.T)  # B Q^-1 B^T
+    # B Q^-1 B^T
+    flexible = rows @ np.linalg.solve(mass[np.ix_(span.tolist(), span.tolist())], rows.T)
     root = np.linalg.cholesky((flexible + flexible.T) / 2.0)
     stiffness, u = np.linalg.eigh(root.T @ (modal.stiffness[group][:, None] * root))
-    new: Array = np.asarray(u.T @ np.linalg.solve(root, rows), dtype=np.float64)  # unit masses, then along the modes
+    # unit masses, then along the modes
+    new: Array = np.asarray(u.T @ np.linalg.solve(root, rows), dtype=np.float64)
     wanted = model.tendon_solimp_lim[modal.index[group], 4]
     order = np.argsort(np.argsort(wanted))  # ascending, as the eigenvalues are
     if np.max(np.abs(stiffness[order] / wanted - 1.0)) > 1e-5:
         raise EngineError(
-            f"tendons of {modal.names[group[0]]!r} no longer have the modes they had before form 3 was applied: stiffness, "
-            "masses or joints were changed since; compile the model again."
+            f"tendons of {modal.names[group[0]]!r} no longer have the modes they had before form 3 "
+            "was applied: stiffness, masses or joints were changed since; compile the model again."
         )
     metric = np.linalg.solve(mass[np.ix_(span.tolist(), span.tolist())], rows.T)
     for j, i in enumerate(group):
@@ -218,7 +349,9 @@ def _held_modes(model: "mujoco.MjModel", modal: Modal, group: "NDArray[np.intp]"
         model.tendon_stiffness[modal.index[i]] = wanted[j]
 
 
-def _coefficients(model: "mujoco.MjModel", tendon: int, dofs: "NDArray[np.intp]", values: Array) -> None:
+def _coefficients(
+    model: "mujoco.MjModel", tendon: int, dofs: "NDArray[np.intp]", values: Array
+) -> None:
     """New coefficients of a fixed tendon; its resting length stays the length at rest."""
     at = {int(d): float(v) for d, v in zip(dofs, values, strict=True)}
     length = 0.0
@@ -232,11 +365,16 @@ def _coefficients(model: "mujoco.MjModel", tendon: int, dofs: "NDArray[np.intp]"
 
 
 def write_values(model: "mujoco.MjModel", modal: Modal, plan: TendonValues, mark: MadeFor) -> None:
-    """Write the numbers of a form, and what they were made for, into the tendons of a model that is not timed."""
+    """Write the numbers of a form, and what they were made for,
+    into the tendons of a model that is not timed."""
     for j, i in enumerate(modal.index):
         model.tendon_solimp_lim[i] = (
-            mark.timestep, INTEGRATORS[mark.integrator], mark.form, modal.damping[j], modal.stiffness[j],
-        )  # fmt: skip
+            mark.timestep,
+            INTEGRATORS[mark.integrator],
+            mark.form,
+            modal.damping[j],
+            modal.stiffness[j],
+        )
     model.tendon_armature[modal.index] += plan.armature
     model.tendon_damping[modal.index] = plan.damping
     if plan.turn is None:

@@ -1,46 +1,66 @@
 """What `retime` did to a compiled model, written into its MJCF document."""
 
+import copy
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import NamedTuple
 
-from lxml import etree
 from lxml.etree import _Element as Element
 
 from beamchain.checks import one_of
+from beamchain.engine.door import TRIAL, check_step, steps_well
 from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
 from beamchain.errors import InputError
-from beamchain.mjcf.craft import read_craft, relocate
+from beamchain.mjcf.craft import read_craft
+from beamchain.mjcf.relocate import relocate
 from beamchain.mjcf.write import number
 from beamchain.steps.integrators import SCHEMES, hinge_armature
 from beamchain.steps.modal import modal_tendons
-from beamchain.steps.poles import PoleRow, pole_rows
+from beamchain.steps.poles import PoleRow, growing_frequencies, pole_rows
 from beamchain.steps.retime import retime
 
 SAFE = 1.8  # rad per step of a spring that nothing slows; 2 is the limit without damping
 
 
-def put_time(parts: Iterable[Element], model: "mujoco.MjModel", named: Callable[[str], str] = lambda name: name) -> int:
-    """Write a model's modal tendons into its document, and count them."""
+def time_attributes(
+    parts: Iterable[Element],
+    model: "mujoco.MjModel",
+    named: Callable[[str], str] = lambda name: name,
+) -> dict[Element, dict[str, str]]:
+    """Attributes of a document's modal tendons, and of the joints in them, as the model has them.
+
+    `named`: the model's name of what the document names so.
+    """
     modal = modal_tendons(model)
-    own = {name: int(i) for name, i in zip(modal.names, modal.index, strict=True)}
-    found = 0
-    for part in parts:
-        for fixed in part.iter("fixed"):
-            i = own.get(named(fixed.get("name") or ""))
-            if i is None:
-                continue
-            found += 1
-            for attribute, values in (
-                ("stiffness", model.tendon_stiffness), ("damping", model.tendon_damping),
-                ("armature", model.tendon_armature), ("solimplimit", model.tendon_solimp_lim),
-            ):  # fmt: skip
-                fixed.set(attribute, number(values[i]))
-            coefficients = {model.joint(int(model.wrap_objid[w])).name: model.wrap_prm[w] for w in wraps(model, i)}
-            for joint in fixed.iter("joint"):
-                joint.set("coef", number(float(coefficients[named(joint.get("joint") or "")])))
-    return found
+    numbers = {name: int(i) for name, i in zip(modal.names, modal.index, strict=True)}
+    out: dict[Element, dict[str, str]] = {}
+    for fixed in (element for part in parts for element in part.iter("fixed")):
+        i = numbers.get(named(fixed.get("name") or ""))
+        if i is None:
+            continue
+        out[fixed] = {
+            "stiffness": number(model.tendon_stiffness[i]),
+            "damping": number(model.tendon_damping[i]),
+            "armature": number(model.tendon_armature[i]),
+            "solimplimit": number(model.tendon_solimp_lim[i]),
+        }
+        coefficients = {
+            model.joint(int(model.wrap_objid[w])).name: model.wrap_prm[w] for w in wraps(model, i)
+        }
+        for joint in fixed.iter("joint"):
+            out[joint] = {"coef": number(float(coefficients[named(joint.get("joint") or "")]))}
+    return out
+
+
+def put_time(
+    tree: Element, model: "mujoco.MjModel", named: Callable[[str], str] = lambda name: name
+) -> None:
+    """Write a model's modal tendons into an appendage's tree."""
+    for element, attributes in time_attributes([tree], model, named).items():
+        for name, value in attributes.items():
+            element.set(name, value)
 
 
 def put_hinge_armature(root: Element, timestep: float, integrator: str) -> None:
@@ -53,8 +73,21 @@ def put_hinge_armature(root: Element, timestep: float, integrator: str) -> None:
             joint.set("armature", number(hinge_armature(float(stiffness), timestep)))
 
 
-def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Path) -> tuple[bytes, list[PoleRow]]:
-    """A model's file made exact in time (0: timing taken out), and what its modes show."""
+class RetimedFile(NamedTuple):
+    """A model's file with timing for a step, the model that it compiles to with and without it,
+    and what its modes show."""
+
+    text: bytes
+    model: "mujoco.MjModel"
+    plain: "mujoco.MjModel"
+    rows: list[PoleRow]
+    notes: list[str]
+
+
+def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Path) -> RetimedFile:
+    """A model's file made exact in time (0: timing taken out)."""
+    if timestep > 0.0:
+        check_step(timestep, "timestep")
     document = relocate(read_craft(path), folder)
     model = compile_model(path)
     if integrator is not None:
@@ -63,34 +96,47 @@ def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Pa
     name = NUMBERS[int(model.opt.integrator)]
     if timestep > 0.0:
         model.opt.timestep = timestep
-    retime(model, timestep, name, form=4)
-    rows = pole_rows(model)
-    grown = [row.frequency for row in rows if row.grows]
-    if grown and timestep > 0.0:
+    done = retime(model, timestep, name, form=4)
+    plain = copy.copy(model)
+    retime(plain, 0.0)
+    rows = pole_rows(model, plain)
+    grown = growing_frequencies(model)
+    if grown.size and timestep > 0.0:
         raise InputError(
-            f"{name} at {timestep:g} s is unstable whatever the appendages do: the spacecraft's own springs vibrate at "
-            f"{max(grown):.4g} rad/s, and only modes of appendages are slowed; take a step below {SAFE / max(grown):.2g} s, "
-            "or leave those springs out."
+            f"{name} at {timestep:g} s is unstable whatever the appendages do: the spacecraft's "
+            f"own springs vibrate at {max(grown):.4g} rad/s, and only modes of appendages are "
+            f"slowed; take a step below {SAFE / max(grown):.2g} s, or leave those springs out."
         )
-    parts = document.parts()
-    missing = len(modal_tendons(model).names) - put_time(parts, model)
+    if timestep > 0.0 and not steps_well(model):
+        raise InputError(
+            f"{name} at {timestep:g} s diverges within {TRIAL} steps, so that nothing is written; "
+            "take a shorter step."
+        )
+    included = {element for part in document.parts()[1:] for element in part.iter()}
+    changes = time_attributes(document.parts(), model)
+    missing = len(modal_tendons(model).names) - sum(element.tag == "fixed" for element in changes)
     if missing:
         raise InputError(
-            f"{missing} modal tendons of the model stand in files that it attaches, which this command does not write; "
-            'give one self-contained file (`beamchain embed` without form "attach"), or use bc.retime on the compiled model.'
+            f"{missing} modal tendons of the model stand in files that it attaches, which this "
+            "command does not write; "
+            'give one self-contained file (`beamchain embed` without form "attach"), or use '
+            "bc.retime on the compiled model."
         )
-    own = document.root
-    option = own.find("option")
-    if option is None:
-        option = etree.Element("option")
-        option.tail = "\n  "
-        own.insert(0, option)
-    if timestep > 0.0:
-        option.set("timestep", number(timestep))
-    if integrator is not None:
-        option.set("integrator", integrator)
-    if any(part is not own and part.find(".//fixed") is not None for part in parts):
+    if not included.isdisjoint(changes):
         raise InputError(
-            "the modal tendons stand in a file that this one includes; give that file, or one without <include>."
+            "the modal tendons stand in a file that this one includes; give that file, or one "
+            "without <include>."
         )
-    return document.to_bytes(), rows
+    option = document.root.find("option")
+    settings: dict[str, str] = {}
+    if timestep > 0.0:
+        settings["timestep"] = number(timestep)
+    if integrator is not None:
+        settings["integrator"] = integrator
+    if option is not None and settings:
+        changes[option] = settings
+    edits = [document.change(element, attributes) for element, attributes in changes.items()]
+    if option is None and settings:
+        words = " ".join(f'{name}="{value}"' for name, value in settings.items())
+        edits.append(document.prepend(document.root, f"<option {words}/>"))
+    return RetimedFile(document.edit(edits).content, model, plain, rows, done.slowed)

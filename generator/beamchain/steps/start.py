@@ -7,18 +7,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
-from beamchain.engine.library import mujoco
+from beamchain.checks import finite_array, of_type
+from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import NUMBERS, mass_matrix
+from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES, seen, start_rate, step_pole
 from beamchain.steps.modal import FREE_BALL, condensed, foreign, modal_tendons
 
 
+@one_thread()
 def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
-    """`(nv,)` values for `data.qvel` of a craft that is at `qpos` with the true rates `qvel` at t = 0.
+    """`(nv,)` values for `data.qvel` of a craft that is at `qpos` with the true
+    rates `qvel` at t = 0.
 
-    MuJoCo's semi-implicit step leaves in `qvel` the mean rate over the step just taken, so the modes are followed back by
-    one undriven step. Under RK4, and where the model was not made exact in time, `qvel` is returned as it is.
+    MuJoCo's semi-implicit step leaves in `qvel` the mean rate over the step just taken, so the
+    modes are followed back by one undriven step. Under RK4, and where the model was not made exact
+    in time, `qvel` is returned as it is.
 
     Args:
         model: compiled and retimed; its own step and integrator.
@@ -30,7 +35,8 @@ def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
 
     Example:
         >>> import beamchain as bc, mujoco
-        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
+        ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
         ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
         >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
         >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
@@ -40,14 +46,17 @@ def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
         >>> bc.start_velocity(model, data.qpos, data.qvel).shape
         (10,)
     """
+    of_type("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
     modal = modal_tendons(model)
     if not modal.names:
         raise foreign("a start in motion that is exact in time")
-    name, h = NUMBERS[int(model.opt.integrator)], float(model.opt.timestep)
-    out = np.array(qvel, dtype=np.float64)
+    name = NUMBERS[int(model.opt.integrator)]
+    h = float(model.opt.timestep)
+    qpos = finite_array("qpos", qpos, (model.nq,))
+    out = finite_array("qvel", qvel, (model.nv,))
     if not SCHEMES[name].exact or all(mark is None for mark in modal.made_for):
         return out
-    c, follow = condensed(mass_matrix(model, np.asarray(qpos, dtype=np.float64)), modal.rows)
+    c, follow = condensed(mass_matrix(model, qpos), modal.rows)
     inverse, shapes = eigh(c, np.diag(modal.stiffness))
     square = 1.0 / inverse
     y = shapes * np.sqrt(square)  # modes of the step itself, y^T C y = 1
@@ -55,7 +64,7 @@ def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
     w, zeta = seen(step_pole(name, 1.0, drag, square, h), h)
     places = np.zeros(model.nv)
     plain = model.jnt_type > FREE_BALL
-    places[model.jnt_dofadr[plain]] = np.asarray(qpos)[model.jnt_qposadr[plain]]
+    places[model.jnt_dofadr[plain]] = qpos[model.jnt_qposadr[plain]]
     lengths = modal.rows @ places - model.tendon_lengthspring[modal.index, 0]
     position = (y.T @ (modal.stiffness * lengths)) / square
     rate = (y.T @ (modal.stiffness * (modal.rows @ out))) / square
@@ -66,9 +75,10 @@ def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
 class HeldInput:
     """Mean of the current and the previous input, `ctrl = (u_k + u_(k-1))/2`.
 
-    Fed with this mean, every sampled position of a model made exact in time is the exact one for an input held over each
-    step, of undamped modes; with a damping ratio zeta and x radians per step it is off by about zeta x^2/6. One object per
-    model and per simulated world; `(worlds, nu)` arrays work as well.
+    Fed with this mean, every sampled position of a model made exact in time is the exact one for an
+    input held over each step, of undamped modes; with a damping ratio zeta and x radians per step
+    it is off by about zeta x^2/6. One object per model and per simulated world; `(worlds, nu)`
+    arrays work as well.
 
     Args:
         before: input held before t = 0; zero where left out.
@@ -81,13 +91,23 @@ class HeldInput:
     """
 
     def __init__(self, before: ArrayLike | None = None) -> None:
-        self._first = None if before is None else np.array(before, dtype=np.float64)
+        self._first = None if before is None else finite_array("before", before)
         self._previous = self._first
 
     def __call__(self, now: ArrayLike) -> Array:
-        """Values for `data.ctrl` (or `qfrc_applied`) in the step over which `now`, of any shape, is held."""
-        value = np.array(now, dtype=np.float64)
+        """Values for `data.ctrl` (or `qfrc_applied`) in the step over which `now`,
+        of any shape, is held.
+
+        Raises:
+            InputError: a number is not finite, or the shape differs from that of the input before.
+        """
+        value = finite_array("now", now)
         before = np.zeros_like(value) if self._previous is None else self._previous
+        if before.shape not in ((), value.shape) and value.shape:
+            raise InputError(
+                f"now has the shape {value.shape}, the input before it {before.shape}; "
+                "take one HeldInput per model, and reset() it where the input changes its shape."
+            )
         self._previous = value
         return (value + before) / 2.0
 

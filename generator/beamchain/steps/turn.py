@@ -1,4 +1,5 @@
-"""What an integrator's step costs where the rigid spacecraft turns: its gyroscopic moment is half a step old.
+"""What an integrator's step costs where the rigid spacecraft turns:
+its gyroscopic moment is half a step old.
 
 Theory: docs/theory.md, section 5.
 """
@@ -16,7 +17,9 @@ SLIM = 1e-9  # of the largest moment: least that a body has
 FINER = 8  # steps of the reference in one
 
 
-def turn_error(inertia: Array, rates: Sequence[float], timestep: float, integrator: str = "Euler") -> float:
+def turn_error(
+    inertia: Array, rates: Sequence[float], timestep: float, integrator: str = "Euler"
+) -> float:
     """Error of a rigid body's rates after it has turned freely by one radian, over their size.
 
     `inertia` `(3, 3)` about its mass centre [kg m^2]; `rates` initial, about its own axes [rad/s].

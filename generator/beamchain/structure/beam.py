@@ -1,4 +1,7 @@
-"""The elastic appendage: segments, compliant joints and lumped bodies along a straight axis x, root at x = 0."""
+"""The elastic appendage: segments, compliant joints and lumped bodies along a straight axis x.
+
+The root is at x = 0.
+"""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -9,13 +12,13 @@ from typing import Annotated, NamedTuple
 import msgspec
 import numpy as np
 
-from beamchain.checks import Struct, field, one_of, whole_number
+from beamchain.checks import Struct, field, finite_array, one_of, whole_number
 from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.structure import elements
-from beamchain.structure.discretise import Parts, converged
-from beamchain.structure.segment import Joint, Lump, Segment, check_carried, repeated
+from beamchain.structure.discretise import Parts, converged_model
+from beamchain.structure.segment import Joint, Lump, Segment, check_carried_body, expand_repeats
 
 MOST_SEGMENTS = 1000
 MOST_LUMPS = 1000
@@ -33,17 +36,19 @@ class Moments(NamedTuple):
 
 
 def straight_mass_matrices(moments: Array) -> Array:
-    """`(k, 6, 6)` mass matrices about the root of stretches with their mass on the x axis: `(k, 6)` as in `Moments`."""
+    """`(k, 6, 6)` mass matrices about the root of stretches with their mass on the x axis:
+    `(k, 6)` as in `Moments`."""
     mass, first, second, polar, rotary_xy, rotary_xz = moments.T
-    out = np.zeros((len(moments), 6, 6))
-    for i, values in enumerate((mass, mass, mass, polar, second + rotary_xz, second + rotary_xy)):
-        out[:, i, i] = values
-    out[:, 1, 5] = out[:, 5, 1] = first
-    out[:, 2, 4] = out[:, 4, 2] = -first
-    return out
+    matrices = np.zeros((len(moments), 6, 6))
+    diagonal = (mass, mass, mass, polar, second + rotary_xz, second + rotary_xy)
+    for i, values in enumerate(diagonal):
+        matrices[:, i, i] = values
+    matrices[:, 1, 5] = matrices[:, 5, 1] = first
+    matrices[:, 2, 4] = matrices[:, 4, 2] = -first
+    return matrices
 
 
-def _moments(lump: Lump) -> Array:
+def _lump_moments(lump: Lump) -> Array:
     """`(6,)` as in `Moments`, of a body."""
     ix, iy, iz = lump.inertia
     return np.array([lump.mass, lump.mass * lump.x, lump.mass * lump.x**2, ix, iz, iy])
@@ -60,47 +65,61 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
         array([1.228, 7.699])
     """
 
-    segments: Annotated[tuple[Segment, ...], field("parts of the appendage, from the root to the tip")]
+    segments: Annotated[
+        tuple[Segment, ...], field("parts of the appendage, from the root to the tip")
+    ]
     joints: Annotated[tuple[Joint, ...], field("compliant hinge lines between segments")] = ()
     lumps: Annotated[tuple[Lump, ...], field("rigid bodies carried along the appendage")] = ()
 
     def __post_init__(self) -> None:
         for name, kind in (("segments", Segment), ("joints", Joint), ("lumps", Lump)):
-            given = getattr(self, name)
-            if not isinstance(given, list | tuple) or not all(isinstance(item, kind) for item in given):
+            items = getattr(self, name)
+            is_list = isinstance(items, list | tuple)
+            if not is_list or not all(isinstance(item, kind) for item in items):
                 raise InputError(
-                    f"{name} = {given!r:.60} must be a list of {kind.__name__}: {name}=[{kind.__name__}(...)]."
+                    f"{name} = {items!r:.60} must be a list of {kind.__name__}: "
+                    f"{name}=[{kind.__name__}(...)]."
                 )
-            msgspec.structs.force_setattr(self, name, tuple(repeated(given)))
+            msgspec.structs.force_setattr(self, name, tuple(expand_repeats(items)))
         if not self.segments:
             raise InputError(
-                "the beam has no segment; give at least one [[segment]] with length, section and material."
+                "the beam has no segment; give at least one [[segment]] with length, section and "
+                "material."
             )
         if len(self.segments) > MOST_SEGMENTS:
             raise InputError(
-                f"{len(self.segments)} segments are given; at most {MOST_SEGMENTS} are taken: join equal neighbours."
+                f"{len(self.segments)} segments are given; at most {MOST_SEGMENTS} are taken: join "
+                "equal neighbours."
             )
         if len(self.lumps) > MOST_LUMPS:
             raise InputError(
-                f"{len(self.lumps)} lumps are given; at most {MOST_LUMPS} are taken: join neighbours, or state them as "
-                "nonstructural_mass."
+                f"{len(self.lumps)} lumps are given; at most {MOST_LUMPS} are taken: join "
+                "neighbours, or state them as nonstructural_mass."
             )
         for joint in self.joints:
             if joint.after_segment >= len(self.segments):
                 raise InputError(
-                    f"joint.after_segment = {joint.after_segment} must lie between 0 (the root) and "
-                    f"{len(self.segments) - 1}, since nothing hangs behind the last of {len(self.segments)} segments."
+                    f"joint.after_segment = {joint.after_segment} must lie between 0 (the root) "
+                    f"and {len(self.segments) - 1}, since nothing hangs behind the last of "
+                    f"{len(self.segments)} segments."
                 )
         after = [joint.after_segment for joint in self.joints]
         if len(set(after)) != len(after):
-            raise InputError(f"two joints stand after the same segment (after_segment = {after}); merge them into one.")
-        length, own = self.length, self.own_mass if self.lumps else 0.0
+            raise InputError(
+                f"two joints stand after the same segment (after_segment = {after}); merge them "
+                "into one."
+            )
+        length = self.length
+        segments_mass = self.own_mass if self.lumps else 0.0
         for lump in self.lumps:
             if lump.x > length * (1.0 + 1e-9):
                 raise InputError(
-                    f"lump.x = {lump.x!r} m lies beyond the tip at {length!r} m; move it onto the appendage."
+                    f"lump.x = {lump.x!r} m lies beyond the tip at {length!r} m; move it onto the "
+                    "appendage."
                 )
-            check_carried("lump", lump.mass, lump.inertia, own, length)
+            check_carried_body(
+                "lump", lump.mass, lump.inertia, segments_mass=segments_mass, length=length
+            )
 
     @cached_property
     def length(self) -> float:
@@ -120,7 +139,11 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
     def own_mass(self) -> float:
         """Mass of the segments, without lumps [kg]."""
         xi, weights = elements.gauss(6)
-        return sum(float(weights @ s.at((1.0 + xi) / 2.0).mass) * s.length / 2.0 for s in self.segments)
+        total = 0.0
+        for segment in self.segments:
+            linear_mass = segment.at((1.0 + xi) / 2.0).mass
+            total += float(weights @ linear_mass) * segment.length / 2.0
+        return total
 
     @property
     def steps(self) -> tuple[float, ...]:
@@ -139,113 +162,150 @@ class Beam(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=T
 
         Args:
             port: "xy", "xz", "torsion" or "axial".
-            modes: lowest modes (free, held or on any hub) converged to 1e-11 relative, or to rounding.
-            stations: x of further points [m]; their motion in the modes follows that of the tip in `tip`.
+            modes: lowest modes (free, held or on any hub) converged to 1e-11 relative,
+                or to rounding.
+            stations: x of further points [m]; their motion in the modes follows that
+                of the tip in `tip`.
 
         Returns:
-            All modes of the discretisation, more than `modes`, so that its residual mass is the beam's own to the
-            same precision.
+            All modes of the discretisation, more than `modes`, so that its residual mass is the
+            beam's own to the same precision.
 
         Raises:
             InputError: unknown port, or a port in which the appendage is rigid.
         """
         one_of("port", port, PORTS)
         parts = Parts(self.segments, self.joints, self.lumps)
-        return converged(parts, port, whole_number("modes", modes, 0, 60), tuple(sorted(float(x) for x in stations)))
+        places = np.sort(finite_array("stations", stations, (None,), unit="m")).tolist()
+        count = whole_number("modes", modes, 0, 60)
+        return converged_model(parts, port, count, tuple(places))
 
     def hinge_lines(self, port: str) -> tuple[float, ...]:
         """x of its joints that are compliant in a port [m]."""
         ends = [*self._starts, self.length]
-        return tuple(ends[joint.after_segment] for joint in self.joints if joint.stiffness(port) is not None)
+        compliant = [joint for joint in self.joints if joint.stiffness(port) is not None]
+        return tuple(ends[joint.after_segment] for joint in compliant)
 
     def rigid_mass(self) -> Array:
-        """`(6, 6)` mass matrix of the frozen appendage about the root, motions (x, y, z, rotations)."""
-        return straight_mass_matrices(np.array([self.moments(0.0, self.length, closed=True)]))[0]
+        """`(6, 6)` mass matrix of the frozen appendage about the root,
+        motions (x, y, z, rotations)."""
+        moments = self.moments(0.0, self.length, closed=True)
+        return straight_mass_matrices(np.array([moments]))[0]
 
     @cached_property
-    def _whole(self) -> Array:
+    def _segment_moments(self) -> Array:
         """`(s, 6)` as in `Moments`, of every segment."""
         ends = [*self._starts[1:], self.length]
-        return np.vstack([
-            self._stretch(i, np.array([a]), b) for i, (a, b) in enumerate(zip(self._starts, ends, strict=True))
-        ])  # fmt: skip
+        spans = enumerate(zip(self._starts, ends, strict=True))
+        rows = [self._stretch_moments(i, np.array([start]), end) for i, (start, end) in spans]
+        return np.vstack(rows)
 
-    def _stretch(self, index: int, start: Array, end: float) -> Array:
+    def _stretch_moments(self, index: int, start: Array, end: float) -> Array:
         """`(k, 6)` as in `Moments`, of a segment between each of `start` `(k,)` and `end` [m]."""
-        segment, x0 = self.segments[index], self._starts[index]
+        segment = self.segments[index]
+        x0 = self._starts[index]
         xi, weights = elements.gauss(6)
         half = (end - start)[:, None] / 2.0
         x = start[:, None] + half * (1.0 + xi)
         at = segment.at(np.clip((x.ravel() - x0) / segment.length, 0.0, 1.0))
-        turn = 1.0 if segment.theory == "timoshenko" else 0.0
-        mass, polar, xy, xz = (v.reshape(x.shape) for v in (at.mass, at.polar, at.rotary_xy, at.rotary_xz))
-        values = np.stack([mass, mass * x, mass * x**2, polar, turn * xy, turn * xz], axis=-1)
-        return np.einsum("kq,kqi->ki", half * weights, values)
+        mass = at.mass.reshape(x.shape)
+        polar = at.polar.reshape(x.shape)
+        counts_rotary = 1.0 if segment.theory == "timoshenko" else 0.0
+        rotary_xy = counts_rotary * at.rotary_xy.reshape(x.shape)
+        rotary_xz = counts_rotary * at.rotary_xz.reshape(x.shape)
+        densities = np.stack(
+            [mass, mass * x, mass * x**2, polar, rotary_xy, rotary_xz],
+            axis=-1,
+        )
+        return np.einsum("kq,kqi->ki", half * weights, densities)
 
     def moments(self, start: float, end: float, *, closed: bool = False) -> Moments:
-        """Moments of the stretch `[start, end)` about the root; `closed` takes in a lump at `end` itself."""
+        """Moments of the stretch `[start, end)` about the root; `closed` takes in a
+        lump at `end` itself."""
         total = np.zeros(6)
         for i, (x0, segment) in enumerate(zip(self._starts, self.segments, strict=True)):
-            a, b = max(start, x0), min(end, x0 + segment.length)
-            if b > a:
-                total += (
-                    self._whole[i] if (a, b) == (x0, x0 + segment.length) else self._stretch(i, np.array([a]), b)[0]
-                )
+            a = max(start, x0)
+            b = min(end, x0 + segment.length)
+            if (a, b) == (x0, x0 + segment.length):
+                total += self._segment_moments[i]
+            elif b > a:
+                total += self._stretch_moments(i, np.array([a]), b)[0]
         edge = 1e-9 * self.length
         for lump in self.lumps:
-            if start - edge <= lump.x < end - edge or (closed and abs(lump.x - end) <= edge):
-                total += _moments(lump)
+            inside = start - edge <= lump.x < end - edge
+            at_end = closed and abs(lump.x - end) <= edge
+            if inside or at_end:
+                total += _lump_moments(lump)
         return Moments(*(float(v) for v in total))
 
     def behind(self, x: Array) -> Array:
-        """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m]; a lump there hangs before it."""
+        """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m];
+        a lump there hangs before it."""
         edge = 1e-9 * self.length
-        beyond = np.vstack([np.cumsum(self._whole[::-1], axis=0)[::-1], np.zeros((1, 6))])
+        # of the segments from each one to the tip; none behind the last
+        outer = np.vstack([np.cumsum(self._segment_moments[::-1], axis=0)[::-1], np.zeros((1, 6))])
         index = np.maximum(np.searchsorted(np.array(self._starts), x, side="right") - 1, 0)
-        total = beyond[index + 1]
+        total = outer[index + 1]
         for i in np.unique(index).tolist():
-            end, here = self._starts[i] + self.segments[i].length, index == i
-            total[here] += self._stretch(i, np.clip(x[here], self._starts[i], end), end)
+            end = self._starts[i] + self.segments[i].length
+            here = index == i
+            starts = np.clip(x[here], self._starts[i], end)
+            total[here] += self._stretch_moments(i, starts, end)
         for lump in self.lumps:
-            total += np.where(lump.x > x + edge, 1.0, 0.0)[:, None] * _moments(lump)
+            is_behind = np.where(lump.x > x + edge, 1.0, 0.0)
+            total += is_behind[:, None] * _lump_moments(lump)
         return straight_mass_matrices(total)
 
     def _at(self, x: float) -> tuple[Segment, float]:
         """The segment at `x` [m] and the fraction of its length there."""
         index = max(bisect_right(self._starts, x) - 1, 0)
-        return self.segments[index], (x - self._starts[index]) / self.segments[index].length
+        segment = self.segments[index]
+        return segment, (x - self._starts[index]) / segment.length
 
     def density(self, x: float, port: str) -> Array:
-        """`(3,)` derivative of mass, first and second moment of a `port` at `x` [m], without lumps."""
+        """`(3,)` derivative of mass, first and second moment of a `port` at `x` [m],
+        without lumps."""
         segment, fraction = self._at(x)
         at = segment.at(np.array([fraction]))
         mass = float(at.mass[0])
-        rotary = float((at.rotary_xy if port == "xy" else at.rotary_xz)[0]) if segment.theory == "timoshenko" else 0.0
+        rotary = 0.0
+        if segment.theory == "timoshenko":
+            rotary = float((at.rotary_xy if port == "xy" else at.rotary_xz)[0])
         return np.array([mass, mass * x, mass * x**2 + rotary])
 
     def compliance(self, start: float, end: float, port: str) -> float:
-        """Rotation of the stretch `[start, end)` in a `port` per unit moment, joints inside included [rad/(N m)]."""
+        """Rotation of the stretch `[start, end)` in a `port` per unit moment, joints inside
+        included [rad/(N m)]."""
         total = 0.0
         xi, weights = elements.gauss(24)
+        kind = port if port == "torsion" else f"bending_{port}"
         for x0, segment in zip(self._starts, self.segments, strict=True):
-            a, b = max(start, x0), min(end, x0 + segment.length)
+            a = max(start, x0)
+            b = min(end, x0 + segment.length)
+            if b <= a:
+                continue
             pieces = 1 if segment.taper == 1.0 else 8
-            for i in range(pieces if b > a else 0):
-                low, wide = a + (b - a) * i / pieces, (b - a) / pieces
-                at = segment.at((low + wide * (1.0 + xi) / 2.0 - x0) / segment.length)
-                stiffness = getattr(at, port if port == "torsion" else f"bending_{port}")
-                total += float(weights @ (1.0 / stiffness)) * wide / 2.0
+            width = (b - a) / pieces
+            for i in range(pieces):
+                low = a + (b - a) * i / pieces
+                x = low + width * (1.0 + xi) / 2.0
+                stiffness = getattr(segment.at((x - x0) / segment.length), kind)
+                total += float(weights @ (1.0 / stiffness)) * width / 2.0
         edge = 1e-9 * self.length
         ends = [*self._starts, self.length]
         for joint in self.joints:
-            c = joint.stiffness(port)
-            if c is not None and start - edge <= ends[joint.after_segment] < end - edge:
-                total += 1.0 / c
+            stiffness = joint.stiffness(port)
+            inside = start - edge <= ends[joint.after_segment] < end - edge
+            if stiffness is not None and inside:
+                total += 1.0 / stiffness
         return total
 
     def depth(self, x: float, plane: str) -> float:
-        """Extent of the section at `x` in a plane [m], for drawing; 0 where the shape is not known."""
+        """Extent of the section at `x` in a plane [m], for drawing;
+        0 where the shape is not known."""
         segment, fraction = self._at(x)
         f = min(max(fraction, 0.0), 1.0)
-        first, last = segment.section.depth(plane), segment.end.depth(plane)
-        return (1.0 - f) * (first or last) + f * (last or first)  # one end may say nothing
+        # the shape of one end may be unknown
+        first = segment.section.depth(plane) or segment.end.depth(plane)
+        last = segment.end.depth(plane) or segment.section.depth(plane)
+        return (1.0 - f) * first + f * last

@@ -14,6 +14,7 @@ import numpy as np
 
 from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array
 from beamchain.structure import elements
 from beamchain.structure.segment import Joint, Lump, Segment, Stations
 
@@ -38,117 +39,207 @@ class Parts(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def converged(parts: Parts, port: str, modes: int, stations: tuple[float, ...] = ()) -> PortModel:
+def converged_model(
+    parts: Parts, port: str, modes: int, stations: tuple[float, ...] = ()
+) -> PortModel:
     """Raise the degree until the lowest held and free frequencies stand still."""
-    parts = _joined(parts)
+    parts = _join_equal_neighbours(parts)
     wanted = max(modes, 1)
     count = len(_edges(parts))
-    functions, step = 4 + ceil((10 + 1.6 * wanted) / len(parts.segments)), 4
+    functions = 4 + ceil((10 + 1.6 * wanted) / len(parts.segments))
+    step = 4
     if count > FEW:
         functions = 2 + ceil((10 + 1.6 * wanted) / count)
     if count > MANY:
-        functions, step = functions + 2, 2
-    coarse, least, stood = _discretised(parts, port, functions, wanted, stations), np.inf, 0
+        functions += 2
+        step = 2
+    enough = 1e-12 * max(10.0, wanted)
+    coarse = _discretise(parts, port, functions=functions, wanted=wanted, stations=stations)
+    least = np.inf
+    stalls = 0  # rounds in a row without progress: rounding, which no degree mends
     while True:
-        fine = _discretised(parts, port, functions + step, wanted, stations)
-        changes: list[float] = []
-        for a, b in ((coarse.frequencies, fine.frequencies), (coarse.free_frequencies, fine.free_frequencies)):
-            k = min(wanted, a.size, b.size)
-            changes.append(float(np.max(np.abs(b[:k] / a[:k] - 1.0), initial=0.0)))
-        change, enough = max(changes), 1e-12 * max(10.0, wanted)
-        stood = stood + 1 if change > 0.3 * least else 0  # on rounding, which no degree mends
-        stands = stood > (0 if change < 1e-9 or changes[0] < enough else 2) and change < FAR
-        if change < enough or stands or functions > 60:
+        functions += step
+        fine = _discretise(parts, port, functions=functions, wanted=wanted, stations=stations)
+        held = _largest_change(coarse.frequencies, fine.frequencies, wanted)
+        free = _largest_change(coarse.free_frequencies, fine.free_frequencies, wanted)
+        change = max(held, free)
+        stalls = stalls + 1 if change > 0.3 * least else 0
+        allowed_stalls = 0 if change < 1e-9 or held < enough else 2
+        at_rounding = stalls > allowed_stalls and change < FAR
+        if change < enough or at_rounding or functions - step > 60:
             return fine
-        functions, coarse, least = functions + step, fine, min(change, least)
+        coarse = fine
+        least = min(change, least)
         step = min(2 * step, 8) if change > FAR else step
 
 
-def _joined(parts: Parts) -> Parts:
+def _largest_change(coarse: Array, fine: Array, wanted: int) -> float:
+    """Largest relative change of the lowest `wanted` frequencies."""
+    count = min(wanted, coarse.size, fine.size)
+    changes = np.abs(fine[:count] / coarse[:count] - 1.0)
+    return float(np.max(changes, initial=0.0))
+
+
+def _join_equal_neighbours(parts: Parts) -> Parts:
     """The same beam with equal neighbours made one."""
     hinged = {joint.after_segment for joint in parts.joints}
-    out: list[Segment] = []
-    place = {0: 0}  # of each segment's far end, before and after
+    segments: list[Segment] = []
+    new_number = {0: 0}  # of the segment whose far end a joint stands at, by its old number
     for i, segment in enumerate(parts.segments):
-        last = out[-1] if out else None
-        free = i not in hinged and segment.section_end is None
-        if last is not None and free and msgspec.structs.replace(last, length=segment.length) == segment:
-            out[-1] = msgspec.structs.replace(last, length=last.length + segment.length)
+        last = segments[-1] if segments else None
+        joinable = last is not None and i not in hinged and segment.section_end is None
+        if (
+            last is not None
+            and joinable
+            and msgspec.structs.replace(last, length=segment.length) == segment
+        ):
+            segments[-1] = msgspec.structs.replace(last, length=last.length + segment.length)
         else:
-            out.append(segment)
-        place[i + 1] = len(out)
-    joints = tuple(msgspec.structs.replace(j, after_segment=place[j.after_segment]) for j in parts.joints)
-    return Parts(tuple(out), joints, parts.lumps)
+            segments.append(segment)
+        new_number[i + 1] = len(segments)
+    joints = [
+        msgspec.structs.replace(joint, after_segment=new_number[joint.after_segment])
+        for joint in parts.joints
+    ]
+    return Parts(tuple(segments), tuple(joints), parts.lumps)
 
 
-def _discretised(parts: Parts, port: str, functions: int, wanted: int, stations: tuple[float, ...]) -> PortModel:
+def _discretise(
+    parts: Parts, port: str, *, functions: int, wanted: int, stations: tuple[float, ...]
+) -> PortModel:
+    """The beam in one port with so many strain `functions` in each piece."""
     bending = port in ("xy", "xz")
     pieces = _pieces(parts, port, functions, stations)
-    if any(np.any(p.stiffness <= 0.0) for p in pieces):
+    if any(np.any(piece.stiffness <= 0.0) for piece in pieces):
         raise InputError(
-            f'port "{port}": a segment states no stiffness there (an "equivalent" section with 0, rigid); '
-            f"set modes.{port} = 0 or give its stiffness."
+            f'port "{port}": a segment states no stiffness there (an "equivalent" section with 0, '
+            f"rigid); set modes.{port} = 0 or give its stiffness."
         )
-    turning = any(np.any(p.inertia > 0.0) for p in pieces) or any(b.inertia[0] for b in parts.lumps)
-    if port == "torsion" and not turning:
+    has_inertia = any(np.any(piece.inertia > 0.0) for piece in pieces)
+    lump_turns = any(lump.inertia[0] for lump in parts.lumps)
+    if port == "torsion" and not (has_inertia or lump_turns):
         raise InputError(
-            'port "torsion": the appendage has no polar inertia; give polar_inertia or set modes.torsion = 0.'
+            'port "torsion": the appendage has no polar inertia; give polar_inertia or set '
+            "modes.torsion = 0."
         )
+    rows = elements.MotionRows(
+        pieces,
+        hinges=_springs(parts, port),
+        bodies=[_body(lump, port) for lump in parts.lumps],
+        functions=functions,
+        bending=bending,
+        stations=stations,
+    )
+    sheared = sum(piece.shear_stiffness is not None for piece in pieces)
+    coordinates = functions * (len(pieces) + sheared)
+    if coordinates > WRITTEN:
+        model = elements.assemble_lowest(rows, wanted)
+    else:
+        model = elements.assemble(rows)
+    if model is None:
+        raise _convergence_error(parts, port, wanted)
+    return model
+
+
+def _springs(parts: Parts, port: str) -> list[elements.Spring]:
+    """Its joints that are compliant in a port."""
     ends = parts.ends
-    hinges = [elements.Spring(ends[j.after_segment], c) for j in parts.joints if (c := j.stiffness(port)) is not None]
-    about = {"xy": 2, "xz": 1}
-    bodies = [
-        elements.Body(b.x, b.mass, b.inertia[about[port]]) if bending
-        else elements.Body(b.x, b.inertia[0] if port == "torsion" else b.mass)
-        for b in parts.lumps
-    ]  # fmt: skip
-    rows = elements.MotionRows(pieces, hinges, bodies, functions, bending=bending, stations=stations)
-    large = functions * (len(pieces) + sum(p.shear_stiffness is not None for p in pieces)) > WRITTEN
-    return elements.assemble_lowest(rows, wanted) if large else elements.assemble(rows)
+    springs: list[elements.Spring] = []
+    for joint in parts.joints:
+        stiffness = joint.stiffness(port)
+        if stiffness is not None:
+            springs.append(elements.Spring(ends[joint.after_segment], stiffness))
+    return springs
 
 
-def _edges(parts: Parts, stations: tuple[float, ...] = ()) -> list[tuple[Segment, float, float, float]]:
+def _body(lump: Lump, port: str) -> elements.Body:
+    """A carried body as it acts in a port."""
+    ix, iy, iz = lump.inertia
+    if port == "torsion":
+        return elements.Body(lump.x, mass=ix)
+    if port == "axial":
+        return elements.Body(lump.x, mass=lump.mass)
+    return elements.Body(lump.x, mass=lump.mass, inertia=iz if port == "xy" else iy)
+
+
+def _convergence_error(parts: Parts, port: str, wanted: int) -> InputError:
+    """The error for a beam whose lowest frequencies are too far apart for double precision."""
+    tapers = [segment.taper for segment in parts.segments]
+    strongest = int(np.argmax(tapers))
+    start, end = parts.ends[strongest : strongest + 2]
+    return InputError(
+        f'port "{port}": the {wanted} lowest frequencies lie too far apart for double precision '
+        "and do not stand still; give weaker tapers (a dimension in the wrong unit?), stiffer "
+        "joints, lighter lumps or fewer modes. The strongest taper is "
+        f"{tapers[strongest]:.3g}, from x = {start:.6g} to {end:.6g} m."
+    )
+
+
+def _edges(
+    parts: Parts, stations: tuple[float, ...] = ()
+) -> list[tuple[Segment, float, float, float]]:
     """Segment, its start, from, to [m]: cut at lumps, stations and strong tapers."""
-    out: list[tuple[Segment, float, float, float]] = []
+    pieces: list[tuple[Segment, float, float, float]] = []
     cuts = sorted([*(lump.x for lump in parts.lumps), *stations])
     ends = parts.ends
     slack = 1e-9 * ends[-1]
     for x0, segment in zip(ends[:-1], parts.segments, strict=True):
-        inner = cuts[bisect_right(cuts, x0 + slack) : bisect_left(cuts, x0 + segment.length - slack)]
+        first = bisect_right(cuts, x0 + slack)
+        behind = bisect_left(cuts, x0 + segment.length - slack)
+        inner = cuts[first:behind]
         if not segment.taper < STEEPEST:
             raise InputError(
-                f"a segment tapers by {segment.taper:.3g} along its length, more than {STEEPEST:g}, beyond double precision; "
-                "end it where it is still a structure."
+                f"a segment tapers by {segment.taper:.3g} along its length, more than "
+                f"{STEEPEST:g}, beyond double precision; end it where it is still a structure."
             )
-        count = max(1, ceil(log2(segment.taper) - 1e-9))
-        # geometric grading: every piece tapers by the same ratio
-        grown = segment.taper ** (np.arange(1, count) / count)
-        edges = (grown - 1.0) / (segment.taper - 1.0) if count > 1 else np.zeros(0)
-        if count > 1 and segment.shrinks:
-            edges = 1.0 - edges
-        points = sorted({x0, x0 + segment.length, *inner, *(x0 + segment.length * float(e) for e in edges)})
-        out += [(segment, x0, a, b) for a, b in pairwise(points)]
-    return out
+        tapered = [x0 + segment.length * fraction for fraction in _taper_cuts(segment)]
+        points = sorted({x0, x0 + segment.length, *inner, *tapered})
+        pieces += [(segment, x0, a, b) for a, b in pairwise(points)]
+    return pieces
+
+
+def _taper_cuts(segment: Segment) -> list[float]:
+    """Fractions of a segment's length between which it tapers by one ratio, 2 at most."""
+    count = max(1, ceil(log2(segment.taper) - 1e-9))
+    if count == 1:
+        return []
+    # with the dimension d = 1 + (taper - 1) x, d = taper^(i / count) at cut i
+    dimensions = segment.taper ** (np.arange(1, count) / count)
+    cuts = (dimensions - 1.0) / (segment.taper - 1.0)
+    if segment.shrinks:
+        cuts = 1.0 - cuts
+    return cuts.tolist()
 
 
 @lru_cache(maxsize=8)
-def _sampled(parts: Parts, functions: int, stations: tuple[float, ...]) -> list[tuple[Segment, float, float, Stations]]:
+def _sample_edges(
+    parts: Parts, functions: int, stations: tuple[float, ...]
+) -> list[tuple[Segment, float, float, Stations]]:
     """The stretches of `_edges`, sampled at the Gauss points for all ports."""
     xi, _ = elements.gauss(functions + 5)
-    return [
-        (segment, a, b, segment.at((a + (b - a) * (1.0 + xi) / 2.0 - x0) / segment.length))
-        for segment, x0, a, b in _edges(parts, stations)
-    ]
+    samples: list[tuple[Segment, float, float, Stations]] = []
+    for segment, x0, a, b in _edges(parts, stations):
+        x = a + (b - a) * (1.0 + xi) / 2.0
+        samples.append((segment, a, b, segment.at((x - x0) / segment.length)))
+    return samples
 
 
-def _pieces(parts: Parts, port: str, functions: int, stations: tuple[float, ...]) -> list[elements.Piece]:
+def _pieces(
+    parts: Parts, port: str, functions: int, stations: tuple[float, ...]
+) -> list[elements.Piece]:
     """The stretches of `_edges`, sampled for one port."""
     bending = port in ("xy", "xz")
-    stiffness = f"bending_{port}" if bending else port
-    out: list[elements.Piece] = []
-    for segment, a, b, at in _sampled(parts, functions, stations):
+    kind = f"bending_{port}" if bending else port
+    pieces: list[elements.Piece] = []
+    for segment, a, b, at in _sample_edges(parts, functions, stations):
         sheared = bending and segment.theory == "timoshenko"
-        shear, rotary = (getattr(at, f"{kind}_{port}") if sheared else None for kind in ("shear", "rotary"))
-        inertia = at.polar if port == "torsion" else at.mass
-        out.append(elements.Piece(a, b - a, getattr(at, stiffness), inertia, shear, rotary))
-    return out
+        piece = elements.Piece(
+            start=a,
+            length=b - a,
+            stiffness=getattr(at, kind),
+            inertia=at.polar if port == "torsion" else at.mass,
+            shear_stiffness=getattr(at, f"shear_{port}") if sheared else None,
+            rotary_inertia=getattr(at, f"rotary_{port}") if sheared else None,
+        )
+        pieces.append(piece)
+    return pieces

@@ -1,8 +1,11 @@
-"""p-version strain elements: the unknowns are strains (Legendre series in each piece), motion is their integral.
+"""p-version strain elements: the unknowns are strains, motion is their integral.
 
-The stiffness is block diagonal; its square root (a QR of the strain rows) scales the motion rows, whose singular values
-are then 1 / frequency. Motion is a running sum along the appendage, so that for hundreds of pieces the rows need not be
-written down: a Krylov space of the compliance holds the lowest modes and the static response.
+Strains are Legendre series in each piece.
+
+The stiffness is block diagonal; its square root (a QR of the strain rows) scales the motion rows,
+whose singular values are then 1 / frequency. Motion is a running sum along the appendage, so that
+for hundreds of pieces the rows need not be written down: a Krylov space of the compliance holds the
+lowest modes and the static response.
 
 Theory: docs/theory.md, section 2.
 """
@@ -19,10 +22,11 @@ from beamchain.ports.compose import port_from_rows
 from beamchain.ports.model import PortModel, Shapes
 from beamchain.ports.motions import Array, locked
 
-STILL = 1e-11  # relative change of the wanted frequencies between two looks
+STILL = 1e-11  # relative change of the wanted frequencies between two checks
 ROUNDED = 1e-5  # the same, where it falls no further: rounding of what is that far apart
-LOOK = 6  # blocks between two looks
-DEPENDENT = 1e-11  # what is left of a vector, relative, below which it is in the space already
+BLOCKS = 6  # blocks between two checks
+MOST_CHECKS = 40  # without converged frequencies; beams of hundreds of pieces took 6
+DEPENDENT = 1e-11  # remainder of a vector, relative, below which it is in the space already
 
 Indices = np.ndarray[tuple[int], np.dtype[np.int64]]
 
@@ -55,19 +59,25 @@ class Body(NamedTuple):
 
 
 @cache
-def series(k: int, count: int) -> tuple[Array, Array, Array, Array]:
-    """Legendre polynomials 0..k-1 at the Gauss points, their integrals from -1, and twice so, there and at 1.
+def legendre_series(k: int, count: int) -> tuple[Array, Array, Array, Array]:
+    """Legendre polynomials 0..k-1 at the Gauss points, their first and second integrals from -1,
+    and the second ones at 1.
 
     All `(count, k)`, the last `(k,)`.
     """
     xi, _ = gauss(count)
-    once, twice = (legint(np.eye(k), m, lbnd=-1) for m in (1, 2))
-    values = legvander(xi, k - 1), legvander(xi, k) @ once, legvander(xi, k + 1) @ twice, np.sum(twice, axis=0)
-    return locked(values[0]), locked(values[1]), locked(values[2]), locked(values[3])
+    first = legint(np.eye(k), 1, lbnd=-1)
+    second = legint(np.eye(k), 2, lbnd=-1)
+    values = legvander(xi, k - 1)
+    first_values = legvander(xi, k) @ first
+    second_values = legvander(xi, k + 1) @ second
+    second_ends = np.sum(second, axis=0)  # every polynomial is 1 at 1
+    return locked(values), locked(first_values), locked(second_values), locked(second_ends)
 
 
-def scaled(strain: Array, weight: Array) -> Array:
-    """Inverse square root of the stiffness of pieces: strains `(q, k)`, weights `(q,)` or `(p, q)`."""
+def inverse_stiffness_root(strain: Array, weight: Array) -> Array:
+    """`R^-1` `(k, k)` or `(p, k, k)`: `R^T R` is the stiffness of strains `(q, k)`
+    with weights `(q,)` or `(p, q)`."""
     r = np.linalg.qr(np.sqrt(weight)[..., None] * strain, mode="r")
     return np.linalg.inv(r)
 
@@ -85,45 +95,60 @@ class MotionRows:
     def __init__(
         self,
         pieces: Sequence[Piece],
+        *,
         hinges: Sequence[Spring],
         bodies: Sequence[Body],
         functions: int,
-        *,
         bending: bool,
         stations: Sequence[float] = (),
     ) -> None:
         self.bending: bool = bending
         self.functions: int = functions
         self.count: int = len(pieces)
-        self.half: Array = np.array([p.length for p in pieces]) / 2.0
-        self.nodes: Array = np.array([*(p.start for p in pieces), pieces[-1].start + pieces[-1].length])
-        xi, weights = gauss(pieces[0].stiffness.size)
-        self.reach: Array = 1.0 + xi
-        self.once: Array
-        self.twice: Array
-        self.end_twice: Array
-        strain, self.once, self.twice, self.end_twice = series(functions, xi.size)
-        stretch = weights * self.half[:, None]
-        self.scale: Array = scaled(strain, stretch * np.array([p.stiffness for p in pieces]))
-        sheared = [p.shear_stiffness is not None for p in pieces]
-        self.shear_scale: Array | None = None
-        if any(sheared):  # a piece without shear has none in its coordinates
-            given = [np.ones(xi.size) if p.shear_stiffness is None else p.shear_stiffness for p in pieces]
-            self.shear_scale = scaled(strain, stretch * np.array(given)) * np.array(sheared)[:, None, None]
-        inertia = np.sqrt(stretch * np.array([p.inertia for p in pieces]))
-        rotary = np.array([np.zeros(xi.size) if p.rotary_inertia is None else p.rotary_inertia for p in pieces])
-        self.move: Array = inertia if bending else np.zeros_like(inertia)
-        self.turn: Array = np.sqrt(stretch * rotary) if bending else inertia
-        self.turns: bool = bool(np.any(self.turn))  # else no row weighs a rotation between the nodes
-        self.hinge_nodes: Indices = self._nearest([h.x for h in hinges])
-        self.ends: list[int] = [self.count, *self._nearest(stations).tolist()]
-        self.jumps: Array = 1.0 / np.sqrt(np.array([h.stiffness for h in hinges], dtype=np.float64))
-        self.body_nodes: Indices = self._nearest([b.x for b in bodies])
-        mass = np.sqrt(np.array([b.mass for b in bodies], dtype=np.float64))
-        self.body_move: Array = mass if bending else np.zeros_like(mass)
-        self.body_turn: Array = np.sqrt(np.array([b.inertia for b in bodies], dtype=np.float64)) if bending else mass
+        self.half: Array = np.array([piece.length for piece in pieces]) / 2.0
+        tip = pieces[-1].start + pieces[-1].length
+        self.nodes: Array = np.array([*(piece.start for piece in pieces), tip])
+        self.hinge_nodes: Indices = self._nearest_nodes([hinge.x for hinge in hinges])
+        self.body_nodes: Indices = self._nearest_nodes([body.x for body in bodies])
+        self.ends: list[int] = [self.count, *self._nearest_nodes(stations).tolist()]
 
-    def _nearest(self, places: Sequence[float]) -> Indices:
+        # strains and their integrals; coordinates whose strain energy is |y|^2 / 2
+        xi, weights = gauss(pieces[0].stiffness.size)
+        series = legendre_series(functions, xi.size)
+        strain: Array = series[0]
+        self.once: Array = series[1]
+        self.twice: Array = series[2]
+        self.end_twice: Array = series[3]
+        self.reach: Array = 1.0 + xi
+        lengths = weights * self.half[:, None]
+        stiffness = np.array([piece.stiffness for piece in pieces])
+        self.scale: Array = inverse_stiffness_root(strain, lengths * stiffness)
+        self.shear_scale: Array | None = _shear_scale(pieces, strain, lengths)
+        hinge_stiffness = np.array([hinge.stiffness for hinge in hinges], dtype=np.float64)
+        self.jumps: Array = 1.0 / np.sqrt(hinge_stiffness)
+
+        # square roots of the inertia that moves and that turns
+        inertia = np.sqrt(lengths * np.array([piece.inertia for piece in pieces]))
+        body_mass = np.sqrt(np.array([body.mass for body in bodies], dtype=np.float64))
+        if bending:
+            zeros = np.zeros(xi.size)
+            rotary = [
+                zeros if piece.rotary_inertia is None else piece.rotary_inertia for piece in pieces
+            ]
+            body_inertia = np.array([body.inertia for body in bodies], dtype=np.float64)
+            self.move: Array = inertia
+            self.turn: Array = np.sqrt(lengths * np.array(rotary))
+            self.body_move: Array = body_mass
+            self.body_turn: Array = np.sqrt(body_inertia)
+        else:
+            self.move = np.zeros_like(inertia)
+            self.turn = inertia
+            self.body_move = np.zeros_like(body_mass)
+            self.body_turn = body_mass
+        # whether any row weighs a rotation between the nodes
+        self.turns: bool = bool(np.any(self.turn))
+
+    def _nearest_nodes(self, places: Sequence[float]) -> Indices:
         """Node of each place."""
         middles = (self.nodes[:-1] + self.nodes[1:]) / 2.0
         return np.searchsorted(middles, np.array(places, dtype=np.float64)).astype(np.int64)
@@ -137,99 +162,157 @@ class MotionRows:
     def _split(self, y: Array) -> tuple[Array, Array | None, Array]:
         """Strain series, shear series and hinge angles of coordinates `(b, n)`."""
         block = self.count * self.functions
-        shape = (y.shape[0], self.count, self.functions)
-        series = [y[:, :block]] if self.shear_scale is None else [y[:, :block], y[:, block : 2 * block]]
-        parts = [
-            np.matmul(scale, part.reshape(shape)[..., None])[..., 0]
-            for part, scale in zip(series, (self.scale, self.shear_scale), strict=False)
-            if scale is not None
-        ]
-        return parts[0], parts[1] if len(parts) > 1 else None, y[:, len(series) * block :]
+        shape = (y.shape[0], self.count, self.functions, 1)
+        strain = np.matmul(self.scale, y[:, :block].reshape(shape))[..., 0]
+        if self.shear_scale is None:
+            return strain, None, y[:, block:]
+        shear = np.matmul(self.shear_scale, y[:, block : 2 * block].reshape(shape))[..., 0]
+        return strain, shear, y[:, 2 * block :]
 
     def rows(self, y: Array) -> tuple[Array, Array]:
-        """Weighted motion `(b, r)`, and that of the ends `(b, t)`, for `y` `(b, n)`."""
+        """Weighted motion `(b, r)`, and that of the ends `(b, t)`, for `y` `(b, n)`.
+
+        With `xi` from -1 to 1 in a piece of half length `h`, curvature `e` and shear `g`:
+        `turn = turn_0 + h int e`, `move = move_0 + h (1 + xi) turn_0 + h^2 int int e + h int g`.
+        """
+        count = y.shape[0]
         strain, shear, angles = self._split(y)
         half = self.half
-        jump = np.zeros((y.shape[0], self.count + 1))
+        jump = np.zeros((count, self.count + 1))
         np.add.at(jump.T, self.hinge_nodes, (angles * self.jumps).T)
-        before = np.zeros_like(jump)  # turn at each node, its own hinge not in it yet
-        before[:, 1:] = np.cumsum(jump[:, :-1] + 2.0 * half * strain[:, :, 0], axis=1)
-        start = (before + jump)[:, :-1]
-        out = [before[:, self.body_nodes] * self.body_turn]
+        # turn at each node before its own hinge, and at the start of each piece behind it
+        node_turn = np.zeros_like(jump)
+        node_turn[:, 1:] = np.cumsum(jump[:, :-1] + 2.0 * half * strain[:, :, 0], axis=1)
+        start_turn = (node_turn + jump)[:, :-1]
+        blocks = [node_turn[:, self.body_nodes] * self.body_turn]
         if self.turns:
-            turn = start[:, :, None] + half[:, None] * (strain @ self.once.T)
-            out.append((self.turn * turn).reshape(y.shape[0], -1))
+            turn = start_turn[:, :, None] + half[:, None] * (strain @ self.once.T)
+            blocks.append((self.turn * turn).reshape(count, -1))
         if not self.bending:
-            return np.hstack(out), before[:, self.ends]
-        move = half[:, None] ** 2 * (strain @ self.twice.T) + (half[:, None] * self.reach) * start[:, :, None]
-        grown = 2.0 * half * start + half**2 * (strain @ self.end_twice)
+            return np.hstack(blocks), node_turn[:, self.ends]
+        # displacement from the start of each piece, then from the root
+        curved = half[:, None] ** 2 * (strain @ self.twice.T)
+        move = curved + (half[:, None] * self.reach) * start_turn[:, :, None]
+        growth = 2.0 * half * start_turn + half**2 * (strain @ self.end_twice)
         if shear is not None:
             move += half[:, None] * (shear @ self.once.T)
-            grown = grown + 2.0 * half * shear[:, :, 0]
-        at = np.zeros_like(jump)
-        at[:, 1:] = np.cumsum(grown, axis=1)
-        move += at[:, :-1, None]
-        out += [at[:, self.body_nodes] * self.body_move, (self.move * move).reshape(y.shape[0], -1)]
-        return np.hstack(out), np.stack([at[:, self.ends], before[:, self.ends]], axis=2).reshape(y.shape[0], -1)
+            growth = growth + 2.0 * half * shear[:, :, 0]
+        node_move = np.zeros_like(jump)
+        node_move[:, 1:] = np.cumsum(growth, axis=1)
+        move += node_move[:, :-1, None]
+        blocks.append(node_move[:, self.body_nodes] * self.body_move)
+        blocks.append((self.move * move).reshape(count, -1))
+        ends = np.stack([node_move[:, self.ends], node_turn[:, self.ends]], axis=2)
+        return np.hstack(blocks), ends.reshape(count, -1)
 
     def loads(self, rows: Array, tip: Array) -> Array:
         """The transpose of `rows`: loads `(b, n)` of forces `(b, r)` and `(b, t)`."""
-        b, bodies = rows.shape[0], self.body_nodes.size
+        count = rows.shape[0]
+        # as `rows` stacks them: turns of bodies and points, then displacements of both
+        bodies = self.body_nodes.size
         points = bodies + self.turn.size * self.turns
-        shape, half = (b, *self.turn.shape), self.half
-        moment = np.zeros((b, self.count + 1))  # on each node, before its hinge
-        np.add.at(moment.T, self.body_nodes, (rows[:, :bodies] * self.body_turn).T)
-        each = 2 if self.bending else 1
-        np.add.at(moment.T, self.ends, tip[:, each - 1 :: each].T)
-        strain, start = np.zeros((b, self.count, self.functions)), np.zeros((b, self.count))
+        body_moments = rows[:, :bodies] * self.body_turn
+        shape = (count, *self.turn.shape)
+        half = self.half
+        moment = np.zeros((count, self.count + 1))  # on each node, before its hinge
+        np.add.at(moment.T, self.body_nodes, body_moments.T)
+        motions = 2 if self.bending else 1
+        np.add.at(moment.T, self.ends, tip[:, motions - 1 :: motions].T)
+        strain = np.zeros((count, self.count, self.functions))
+        start = np.zeros((count, self.count))  # moment of each piece's loads about its start
         if self.turns:
             turn = rows[:, bodies:points].reshape(shape) * self.turn
-            strain, start = half[:, None] * (turn @ self.once), np.sum(turn, axis=2)
+            strain = half[:, None] * (turn @ self.once)
+            start = np.sum(turn, axis=2)
         shear = None
         if self.bending:
+            body_forces = rows[:, points : points + bodies] * self.body_move
             move = rows[:, points + bodies :].reshape(shape) * self.move
-            force = np.zeros((b, self.count + 1))
-            np.add.at(force.T, self.body_nodes, (rows[:, points : points + bodies] * self.body_move).T)
+            force = np.zeros((count, self.count + 1))
+            np.add.at(force.T, self.body_nodes, body_forces.T)
             force[:, :-1] += np.sum(move, axis=2)
             np.add.at(force.T, self.ends, tip[:, ::2].T)
-            beyond = _beyond(force)
-            start = start + half * (move @ self.reach) + 2.0 * half * beyond
-            strain += half[:, None] ** 2 * (move @ self.twice + beyond[:, :, None] * self.end_twice)
+            outer_force = _sums_behind(force)
+            start = start + half * (move @ self.reach) + 2.0 * half * outer_force
+            curving = move @ self.twice + outer_force[:, :, None] * self.end_twice
+            strain += half[:, None] ** 2 * curving
             if self.shear_scale is not None:
                 shear = half[:, None] * (move @ self.once)
-                shear[:, :, 0] += 2.0 * half * beyond
+                shear[:, :, 0] += 2.0 * half * outer_force
         moment[:, :-1] += start
-        behind = _beyond(moment)
-        strain[:, :, 0] += 2.0 * half * behind
-        hinge = np.zeros((b, self.count + 1))
-        hinge[:, :-1] = start + behind
-        parts = [np.matmul(strain[:, :, None, :], self.scale)[:, :, 0].reshape(b, -1)]
+        outer_moment = _sums_behind(moment)
+        strain[:, :, 0] += 2.0 * half * outer_moment
+        hinge = np.zeros((count, self.count + 1))
+        hinge[:, :-1] = start + outer_moment
+        blocks = [np.matmul(strain[:, :, None, :], self.scale)[:, :, 0].reshape(count, -1)]
         if shear is not None and self.shear_scale is not None:
-            parts.append(np.matmul(shear[:, :, None, :], self.shear_scale)[:, :, 0].reshape(b, -1))
-        return np.hstack([*parts, hinge[:, self.hinge_nodes] * self.jumps])
+            shear_block = np.matmul(shear[:, :, None, :], self.shear_scale)[:, :, 0]
+            blocks.append(shear_block.reshape(count, -1))
+        blocks.append(hinge[:, self.hinge_nodes] * self.jumps)
+        return np.hstack(blocks)
+
+    @property
+    def _gauss_places(self) -> Array:
+        """x of the Gauss points of all pieces [m]."""
+        return (self.nodes[:-1, None] + self.half[:, None] * self.reach).ravel()
+
+    @property
+    def _turned(self) -> Array:
+        """Square roots of the inertia that turns: bodies, then points."""
+        points = self.turn.ravel() if self.turns else np.zeros(0)
+        return np.concatenate([self.body_turn, points])
+
+    @property
+    def _moved(self) -> Array:
+        """Square roots of the mass that moves: bodies, then points."""
+        return np.concatenate([self.body_move, self.move.ravel()])
 
     @cached_property
     def rigid(self) -> Array:
         """`(m, r)` weighted motion of all points per unit motion of the root."""
-        turned = np.concatenate([self.body_turn, self.turn.ravel() if self.turns else np.zeros(0)])
+        turned = self._turned
         if not self.bending:
             return turned[None]
-        x = (self.nodes[:-1, None] + self.half[:, None] * self.reach).ravel()
-        move = np.concatenate([self.body_move, self.move.ravel()])
-        far = np.concatenate([self.nodes[self.body_nodes], x])
-        return np.vstack([np.concatenate([0.0 * turned, move]), np.concatenate([turned, move * far])])
+        moved = self._moved
+        places = np.concatenate([self.nodes[self.body_nodes], self._gauss_places])
+        displacement = np.concatenate([0.0 * turned, moved])
+        rotation = np.concatenate([turned, moved * places])
+        return np.vstack([displacement, rotation])
 
     def shapes(self, values: Array) -> Shapes:
         """The shapes of modes whose weighted motion `(n, r)` is given."""
-        x = (self.nodes[:-1, None] + self.half[:, None] * self.reach).ravel()
-        at, turn = self.nodes[self.body_nodes], self.turn.ravel() if self.turns else np.zeros(0)
-        turned = np.concatenate([self.body_turn, turn])
-        places = np.concatenate([at, x[: turn.size]])
+        turned = self._turned
+        all_places = np.concatenate([self.nodes[self.body_nodes], self._gauss_places])
+        turned_places = all_places[: turned.size]
         if not self.bending:
-            return Shapes(places, turned, 0.0 * turned, values, bending=False)
-        moved = np.concatenate([0.0 * turned, self.body_move, self.move.ravel()])
-        turned = np.concatenate([turned, np.zeros(at.size + x.size)])
-        return Shapes(np.concatenate([places, at, x]), moved, turned, values, bending=True)
+            return Shapes(
+                x=turned_places,
+                moved=turned,
+                turned=0.0 * turned,
+                values=values,
+                bending=False,
+            )
+        return Shapes(
+            x=np.concatenate([turned_places, all_places]),
+            moved=np.concatenate([0.0 * turned, self._moved]),
+            turned=np.concatenate([turned, np.zeros(all_places.size)]),
+            values=values,
+            bending=True,
+        )
+
+
+def _shear_scale(pieces: Sequence[Piece], strain: Array, lengths: Array) -> Array | None:
+    """`(p, k, k)` as `inverse_stiffness_root` of shear, zero in a piece that is rigid in shear;
+    None where all are."""
+    sheared = np.array([piece.shear_stiffness is not None for piece in pieces])
+    if not np.any(sheared):
+        return None
+    ones = np.ones(lengths.shape[1])
+    stiffness = [
+        ones if piece.shear_stiffness is None else piece.shear_stiffness for piece in pieces
+    ]
+    scale = inverse_stiffness_root(strain, lengths * np.array(stiffness))
+    return scale * sheared[:, None, None]
 
 
 def assemble(rows: MotionRows) -> PortModel:
@@ -238,60 +321,90 @@ def assemble(rows: MotionRows) -> PortModel:
     return port_from_rows(rows.rigid.T, elastic.T, ends.T, rows.shapes)
 
 
-def assemble_lowest(line: MotionRows, wanted: int) -> PortModel:
-    """The port model reduced to what its `wanted` lowest modes and root notice."""
+def assemble_lowest(line: MotionRows, wanted: int) -> PortModel | None:
+    """The port model reduced to the Krylov space of loads on root, tip and one of all points.
+
+    None where its `wanted` lowest frequencies do not converge. Each check costs the square of the
+    space so far, so that the number of checks bounds the work.
+    """
     rigid = line.rigid
-    tips = np.eye(len(line.ends) * (2 if line.bending else 1))
-    any_load = np.random.default_rng(0).standard_normal((1, rigid.shape[1]))  # a mode that root and tip hardly notice
-    block = line.loads(np.vstack([rigid, 0.0 * rigid[:1].repeat(len(tips), 0), any_load]), np.vstack([
-        np.zeros((len(rigid), len(tips))), tips, np.zeros((1, len(tips))),
-    ]))  # fmt: skip
-    space, motions, ends = np.zeros((0, line.size)), np.zeros((0, rigid.shape[1])), np.zeros((0, len(tips)))
-    before, least = (np.zeros(0), np.zeros(0)), np.inf
-    while True:
-        for _ in range(LOOK):
-            block = _new(space, block)
+    block = _first_loads(line)
+    space = np.zeros((0, line.size))
+    motions = np.zeros((0, rigid.shape[1]))
+    ends = np.zeros((0, _end_motions(line)))
+    before = (np.zeros(0), np.zeros(0))
+    least = np.inf
+    for _ in range(MOST_CHECKS):
+        for _ in range(BLOCKS):
+            block = _new_directions(space, block)
             if not block.size:
                 break
             moved, end = line.rows(block)
-            space, motions, ends = np.vstack([space, block]), np.vstack([motions, moved]), np.vstack([ends, end])
+            space = np.vstack([space, block])
+            motions = np.vstack([motions, moved])
+            ends = np.vstack([ends, end])
             block = line.loads(moved, np.zeros_like(end))
-        # what the rows weigh, in as few rows as columns
+        # rows with the same products, as few as there are columns
         r = np.asarray(np.linalg.qr(np.vstack([motions, rigid]).T, mode="r"), dtype=np.float64)
-        model = port_from_rows(r[:, len(motions) :], r[:, : len(motions)], ends.T)
+        model = port_from_rows(rigid=r[:, len(motions) :], elastic=r[:, : len(motions)], tip=ends.T)
         now = model.frequencies[:wanted], model.free_frequencies[:wanted]
-        change = _change(before, now)
-        stands = change < STILL or 0.3 * least < change < ROUNDED
-        if not block.size or (stands and model.modes > 2 * wanted):
+        change = _largest_change(before, now)
+        converged = change < STILL or 0.3 * least < change < ROUNDED
+        if not block.size or (converged and model.modes > 2 * wanted):
             return model
-        before, least = now, min(change, least)
+        before = now
+        least = min(change, least)
+    return None
 
 
-def _beyond(values: Array) -> Array:
+def _end_motions(line: MotionRows) -> int:
+    """Number of motions of all its ends together."""
+    return len(line.ends) * (2 if line.bending else 1)
+
+
+def _first_loads(line: MotionRows) -> Array:
+    """`(b, n)` loads of unit accelerations of the root, unit forces on the ends, and one on all
+    points for modes that move neither."""
+    rigid = line.rigid
+    count = _end_motions(line)
+    any_force = np.random.default_rng(0).standard_normal((1, rigid.shape[1]))
+    forces = np.vstack([rigid, np.zeros((count, rigid.shape[1])), any_force])
+    root_rows = np.zeros((len(rigid), count))
+    any_row = np.zeros((1, count))
+    return line.loads(forces, np.vstack([root_rows, np.eye(count), any_row]))
+
+
+def _sums_behind(values: Array) -> Array:
     """`(b, p)` sums over the nodes behind each piece, of values `(b, p + 1)` at the nodes."""
     return np.cumsum(values[:, :0:-1], axis=1)[:, ::-1]
 
 
-def _new(space: Array, block: Array) -> Array:
-    """Orthonormal rows for what of `block` is not in `space` yet."""
-    out: list[Array] = []
-    block = block / np.maximum(np.linalg.norm(block, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+def _new_directions(space: Array, block: Array) -> Array:
+    """Orthonormal rows that span the part of `block` outside `space`.
+
+    Gram and Schmidt's, twice, since once leaves rounding along the others.
+    """
+    new: list[Array] = []
+    sizes = np.linalg.norm(block, axis=1, keepdims=True)
+    block = block / np.maximum(sizes, np.finfo(np.float64).tiny)
     for _ in range(2):
         block = block - (block @ space.T) @ space
-    for rest in block:
+    for row in block:
+        rest = row
         for _ in range(2):
-            for other in out:
-                rest = rest - (other @ rest) * other
-        left = float(np.linalg.norm(rest))
-        if left > DEPENDENT:
-            rest = rest / left
+            for direction in new:
+                rest = rest - (direction @ rest) * direction
+        size = float(np.linalg.norm(rest))
+        if size > DEPENDENT:
+            rest = rest / size
             rest = rest - (space @ rest) @ space
-            out.append(rest / np.linalg.norm(rest))
-    return np.array(out).reshape(len(out), block.shape[1])
+            new.append(rest / np.linalg.norm(rest))
+    return np.array(new).reshape(len(new), block.shape[1])
 
 
-def _change(before: tuple[Array, Array], now: tuple[Array, Array]) -> float:
+def _largest_change(before: tuple[Array, Array], now: tuple[Array, Array]) -> float:
     """Largest relative change of frequencies; infinity where sizes differ."""
-    if any(a.size != b.size for a, b in zip(before, now, strict=True)):
+    pairs = list(zip(before, now, strict=True))
+    if any(old.size != new.size for old, new in pairs):
         return np.inf
-    return max(float(np.max(np.abs(b / a - 1.0), initial=0.0)) for a, b in zip(before, now, strict=True))
+    return max(float(np.max(np.abs(new / old - 1.0), initial=0.0)) for old, new in pairs)

@@ -1,4 +1,4 @@
-"""`[imported]` of SPEC.toml: which file holds the modes, and how its point, axes and units are to be taken."""
+"""`[imported]` of SPEC.toml: the file that holds the modes; its reference point, axes and units."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,49 +29,77 @@ class Imported(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     file: Annotated[str, field("path of the modes: .f06, .op2, .toml, .json, .npz or .mat")]
     reference: Annotated[
-        Triple, field("root of the appendage from the reference point of the file, in its axes", "units of the file")
+        Triple,
+        field(
+            "root of the appendage from the reference point of the file, in its axes",
+            "units of the file",
+        ),
     ] = (0.0, 0.0, 0.0)
     axes: Annotated[
-        tuple[Triple, Triple, Triple], field("rows: x, y and z of the appendage in the axes of the file", "")
+        tuple[Triple, Triple, Triple],
+        field("rows: x, y and z of the appendage in the axes of the file", ""),
     ] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     units: Annotated[Units, field("units of the file")] = Units()
-    modes: Annotated[tuple[int, ...] | None, field("numbers of the modes to keep, from 1; all where left out")] = None
+    modes: Annotated[
+        tuple[int, ...] | None, field("numbers of the modes to keep, from 1; all where left out")
+    ] = None
     subcase: Annotated[int | None, field("subcase, where the file holds several")] = None
     length: Annotated[
-        float | None, field("distance from root to tip; estimated from the rigid mass where left out", "m", above=0.0)
+        float | None,
+        field(
+            "distance from root to tip; estimated from the rigid mass where left out",
+            "m",
+            above=0.0,
+        ),
     ] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if Path(self.file).suffix.lower() not in READERS:
-            raise InputError(f"file = {self.file!r} has an unknown ending; beamchain reads {', '.join(READERS)}.")
+            raise InputError(
+                f"file = {self.file!r} has an unknown ending; beamchain reads {', '.join(READERS)}."
+            )
         for i, value in enumerate(self.modes or ()):
             whole_number(f"modes[{i}]", value, 1, 10_000)
         if self.modes is not None and not 1 <= len(self.modes) <= MOST_MODES:
             raise InputError(
-                f"modes holds {len(self.modes)} numbers; name 1 to {MOST_MODES}, or leave modes out for all."
+                f"modes holds {len(self.modes)} numbers; name 1 to {MOST_MODES}, or leave modes "
+                "out for all."
             )
 
     def beside(self, folder: Path) -> Self:
         """The same with the file's path taken from a folder."""
         path = Path(self.file)
-        return self if path.is_absolute() else msgspec.structs.replace(self, file=str(folder / path))
+        if path.is_absolute():
+            return self
+        return msgspec.structs.replace(self, file=str(folder / path))
 
     def read(self) -> ModalData:
-        """All modes of the file, in SI, appendage axes, about the port; `modes` is not applied yet."""
+        """All modes of the file, in SI, appendage axes, about the port;
+        `modes` is not applied yet."""
         data = read_modes(
-            self.file, reference=self.reference, axes=np.array(self.axes),
-            units={"length": self.units.length, "mass": self.units.mass}, subcase=self.subcase,
-        )  # fmt: skip
+            self.file,
+            reference=self.reference,
+            axes=np.array(self.axes),
+            units={"length": self.units.length, "mass": self.units.mass},
+            subcase=self.subcase,
+        )
         return with_length(data, self.length)
 
 
 def with_length(data: ModalData, length: float | None) -> ModalData:
-    """The data with a length: the user's, the file's, or one from the rigid mass, which is said."""
+    """The data with a length: the user's, the file's, or one from the rigid mass.
+
+    `steps` says when it is not the file's.
+    """
     if length is not None:
-        return replace(data, length=length, steps=(*data.steps, f"length {length:.6g} m as given"))
+        step = f"length {length:.6g} m as given"
+        return replace(data, length=length, steps=(*data.steps, step))
     if data.length is not None:
         return data
-    own = default_length(data.rigid_mass)
-    words = "from mass centre and radius of gyration, as of a uniform beam, for drawing and for sharing out the mass"
-    return replace(data, length=own, steps=(*data.steps, f"length {own:.6g} m {words}; not given (imported.length)"))
+    uniform_length = default_length(data.rigid_mass)
+    step = (
+        f"length {uniform_length:.6g} m from mass centre and radius of gyration, as of a uniform "
+        "beam, for drawing and for sharing out the mass; not given (imported.length)"
+    )
+    return replace(data, length=uniform_length, steps=(*data.steps, step))

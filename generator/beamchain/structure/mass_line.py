@@ -6,27 +6,28 @@ Theory: docs/theory.md, section 4.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from beamchain.errors import InputError
+from beamchain.late import importing
 from beamchain.ports.motions import Array, body_mass_matrix, locked
 from beamchain.structure.beam import Beam, Moments, straight_mass_matrices
 from beamchain.structure.elements import gauss
 from beamchain.structure.segment import Lump
 
 FLAT = 1e-9  # of the second moment along x: a spread across it that is negative by less is none
-INNER = 0.2  # of the length: nearer to the root no point stands, unless the moments leave nothing else
+INNER = 0.2  # of the length: no point stands nearer to the root, unless the moments ask for it
 
 
 @dataclass(frozen=True, eq=False)
 class MassPiece:
     """A stretch `[start, start + length]` [m] with smooth densities.
 
-    `densities` `(k, 4)`: mass [kg/m], polar and rotary inertia in xy and xz [kg m] at k equally spaced stations, both ends
-    included; in between the polynomial through them.
+    `densities` `(k, 4)`: mass [kg/m], polar and rotary inertia in xy and xz [kg m] at k equally
+    spaced stations, both ends included; in between the polynomial through them.
     """
 
     start: float
@@ -42,34 +43,41 @@ class MassPiece:
 
     @cached_property
     def _polynomial(self) -> Any:
-        from scipy.interpolate import KroghInterpolator  # late: 30 ms to load, and few appendages need it
+        with importing:
+            # late: 30 ms to load, and few appendages need it
+            from scipy.interpolate import KroghInterpolator
 
         return KroghInterpolator(np.linspace(0.0, 1.0, len(self.densities)), self.densities)
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
-    """Mass beside the x axis: a mean of y and z linear in x (`lean`, rows: value [m], slope), constant covariance [m^2]."""
+class MassBesideAxis:
+    """Mass beside the x axis: the mean of y and z is linear in x, their covariance constant.
+
+    `lean` `(2, 2)`: value [m] and slope of y, then of z. `covariance` `(2, 2)` [m^2].
+    """
 
     lean: Array
-    spread: Array
+    covariance: Array
 
     def mass_matrix(self, mass: float, first: float, second: float) -> Array:
         """`(6, 6)` about the root of a stretch with these moments along x."""
         line = np.vstack([[0.0, 1.0], self.lean])  # x, y, z as linear functions of x
         along = np.array([[mass, first], [first, second]])
+        # integral of r r^T dm about the root, then about the centre
         moments = line @ along @ line.T
-        moments[1:, 1:] += mass * self.spread
+        moments[1:, 1:] += mass * self.covariance
         centre = line @ np.array([mass, first]) / mass if mass > 0.0 else np.zeros(3)
-        about = moments - mass * np.outer(centre, centre)
-        return body_mass_matrix(mass, centre, np.trace(about) * np.eye(3) - about)
+        central = moments - mass * np.outer(centre, centre)
+        return body_mass_matrix(mass, centre, inertia=np.trace(central) * np.eye(3) - central)
 
 
 @dataclass(frozen=True, eq=False)
 class SpreadMass:
-    """A mass line without a beam: smooth pieces, and points `(p, 5)` with the columns of `Moments`, x first.
+    """A mass line without a beam: smooth pieces and points.
 
-    `stiffness`: per port an average bending or torsion stiffness [N m^2], where a search starts.
+    `points` `(p, 5)`: x [m], mass, polar and rotary inertia in xy and xz. `stiffness`: per port an
+    average bending or torsion stiffness [N m^2], where a search starts.
     """
 
     length: float
@@ -77,7 +85,7 @@ class SpreadMass:
     pieces: tuple[MassPiece, ...]
     points: Array
     stiffness: Mapping[str, float] = field(default_factory=dict)
-    beside: "Beside | None" = None
+    beside: MassBesideAxis | None = None
 
     lumps: ClassVar[tuple[Lump, ...]] = ()  # none are drawn
 
@@ -96,35 +104,44 @@ class SpreadMass:
         return self.rigid
 
     def moments(self, start: float, end: float, *, closed: bool = False) -> Moments:
-        """Moments of the stretch `[start, end)` about the root; `closed` takes in a point at `end` itself."""
-        edge, at = 1e-9 * self.length, self.points[:, 0]
-        inside = (start - edge <= at) & (at < end - edge)
+        """Moments of the stretch `[start, end)` about the root; `closed` takes in a
+        point at `end` itself."""
+        edge = 1e-9 * self.length
+        places = self.points[:, 0]
+        inside = (start - edge <= places) & (places < end - edge)
         if closed:
-            inside |= at >= end - edge
+            inside |= places >= end - edge
         return Moments(*self._moments(start, end, inside))
 
     def _moments(self, start: float, end: float, points: NDArray[np.bool_]) -> list[float]:
         total = np.zeros(6)
         xi, weights = gauss(6)
         for piece in self.pieces:
-            a, b = max(start, piece.start), min(end, piece.start + piece.length)
+            a = max(start, piece.start)
+            b = min(end, piece.start + piece.length)
             if b <= a:
                 continue
             x = a + (b - a) * (1.0 + xi) / 2.0
-            at = piece.at((x - piece.start) / piece.length)
+            densities = piece.at((x - piece.start) / piece.length)
+            mass = densities[:, 0]
             w = weights * (b - a) / 2.0
-            total += [w @ at[:, 0], w @ (at[:, 0] * x), w @ (at[:, 0] * x**2), *(w @ at[:, 1:])]
-        for x, mass, *rotary in self.points[points]:
-            total += [mass, mass * x, mass * x**2, *rotary]
+            inertias = w @ densities[:, 1:]
+            total += [w @ mass, w @ (mass * x), w @ (mass * x**2), *inertias]
+        for x, mass, *inertias in self.points[points]:
+            total += [mass, mass * x, mass * x**2, *inertias]
         return total.tolist()
 
     def behind(self, x: Array) -> Array:
-        """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m]; a point there hangs before it."""
-        edge, places = 1e-9 * self.length, self.points[:, 0]
-        moments = [self._moments(at, self.length, places > at + edge) for at in np.asarray(x).tolist()]
+        """`(k, 6, 6)` mass matrix about the root of what lies behind each `x` `(k,)` [m];
+        a point there hangs before it."""
+        edge = 1e-9 * self.length
+        places = self.points[:, 0]
+        moments: list[list[float]] = []
+        for start in np.asarray(x).tolist():
+            moments.append(self._moments(start, self.length, places > start + edge))
         if self.beside is None:
             return straight_mass_matrices(np.array(moments))
-        return np.array([self.beside.mass_matrix(*along[:3]) for along in moments])
+        return np.array([self.beside.mass_matrix(*row[:3]) for row in moments])
 
     def compliance(self, start: float, end: float, port: str) -> float:
         """Rotation per unit moment from the average stiffness [rad/(N m)]."""
@@ -142,115 +159,217 @@ MassLine = Beam | SpreadMass
 
 def default_length(rigid_mass: Array) -> float:
     """Length [m] of the uniform piece with the same centre and radius of gyration."""
-    mass, first, second, *_ = _along(rigid_mass)
-    beside = _beside(rigid_mass)
-    second = second if beside is None else beside[0]
-    centre = first / mass
-    return float(centre + np.sqrt(3.0 * max(second / mass - centre**2, 0.0)))
+    along = _moments_along_axis(rigid_mass)
+    beside = _mass_beside_axis(rigid_mass)
+    second = along.second if beside is None else beside[0]
+    # a uniform piece from a to b has the centre (a + b) / 2 and the gyration (b - a) / sqrt(12)
+    centre = along.first / along.mass
+    gyration_squared = max(second / along.mass - centre**2, 0.0)
+    return float(centre + np.sqrt(3.0 * gyration_squared))
 
 
-def _along(rigid_mass: Array) -> tuple[float, float, float, float, float, float]:
-    """Mass, first and second moment along x, polar inertia, rotary inertia in xy and xz."""
+def _moments_along_axis(rigid_mass: Array) -> Moments:
+    """Moments of a body whose mass lies on the x axis but for its polar and rotary inertia."""
     m = rigid_mass
-    first = (m[1, 5] - m[2, 4]) / 2.0
-    mass = (m[1, 1] + m[2, 2]) / 2.0
     second = min(m[4, 4], m[5, 5])
-    return float(mass), float(first), float(second), float(m[3, 3]), float(m[5, 5] - second), float(m[4, 4] - second)
+    return Moments(
+        mass=float((m[1, 1] + m[2, 2]) / 2.0),
+        first=float((m[1, 5] - m[2, 4]) / 2.0),
+        second=float(second),
+        polar=float(m[3, 3]),
+        rotary_xy=float(m[5, 5] - second),
+        rotary_xz=float(m[4, 4] - second),
+    )
 
 
-def _beside(rigid_mass: Array) -> tuple[float, Beside] | None:
+def _mass_beside_axis(rigid_mass: Array) -> tuple[float, MassBesideAxis] | None:
     """Second moment along x [kg m^2] and mass beside it; None: no such body."""
     mass = float(np.trace(rigid_mass[:3, :3])) / 3.0
-    coupling = (rigid_mass[3:, :3] + rigid_mass[:3, 3:].T) / 2.0 / mass
-    centre = (
-        np.array([coupling[2, 1] - coupling[1, 2], coupling[0, 2] - coupling[2, 0], coupling[1, 0] - coupling[0, 1]])
-        / 2.0
-    )
-    about = (rigid_mass[3:, 3:] + rigid_mass[3:, 3:].T) / 2.0
-    moments = np.trace(about) / 2.0 * np.eye(3) - about
-    own = moments - mass * np.outer(centre, centre)
-    if own[0, 0] <= 0.0:
+    # the block m [c x] of both halves
+    cross = (rigid_mass[3:, :3] + rigid_mass[:3, 3:].T) / 2.0 / mass
+    differences = [cross[2, 1] - cross[1, 2], cross[0, 2] - cross[2, 0], cross[1, 0] - cross[0, 1]]
+    centre = np.array(differences) / 2.0
+    # integral of r r^T dm from the inertia J = tr(.) 1 - (.), about the root and about the centre
+    inertia = (rigid_mass[3:, 3:] + rigid_mass[3:, 3:].T) / 2.0
+    moments = np.trace(inertia) / 2.0 * np.eye(3) - inertia
+    central = moments - mass * np.outer(centre, centre)
+    if central[0, 0] <= 0.0:
         return None
-    slope = own[1:, 0] / own[0, 0]
-    spread = own[1:, 1:] / mass - np.outer(slope, slope) * own[0, 0] / mass
-    values, vectors = np.linalg.eigh(spread)
-    size = float(moments[0, 0]) / mass
-    if values[0] < -FLAT * size:
+    # regression of y and z on x
+    slope = central[1:, 0] / central[0, 0]
+    covariance = central[1:, 1:] / mass - np.outer(slope, slope) * central[0, 0] / mass
+    values, vectors = np.linalg.eigh(covariance)
+    second = float(moments[0, 0])
+    if values[0] < -FLAT * second / mass:
         return None
-    spread = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    covariance = (vectors * np.maximum(values, 0.0)) @ vectors.T
     lean = np.column_stack([centre[1:] - slope * centre[0], slope])
-    return float(moments[0, 0]), Beside(locked(lean), locked(spread))
+    return second, MassBesideAxis(locked(lean), locked(covariance))
 
 
-def spread(
-    rigid_mass: ArrayLike, length: float, stiffness: Mapping[str, float] | None = None, power: int = 0
-) -> SpreadMass:
-    """The plainest positive mass distribution over `[0, length]` [m] with the moments of a `(6, 6)` mass matrix.
+class _Remainder(NamedTuple):
+    """Moments on a unit length and mass that remain beside a smooth part that grows with x^power.
 
-    The smooth part grows with a power of x; what is left sits at the tip and at one place before it.
+    `centre` and `second` are those of all mass; a smooth part of unit mass has
+    `(power + 1) / (power + 2)` and `(power + 1) / (power + 3)`.
     """
-    rigid = np.asarray(rigid_mass, dtype=np.float64)
-    mass, first, second, polar, rotary_xy, rotary_xz = _along(rigid)
-    beside = _beside(rigid)
-    if beside is not None:
-        second = beside[0]
-        yy, zz = beside[1].spread[0, 0], beside[1].spread[1, 1]
-        polar, rotary_xy, rotary_xz = mass * (yy + zz), mass * yy, mass * zz
-    c, q = first / mass / length, second / mass / length**2  # on a unit length from here on
 
-    smooth_first, smooth_second = (power + 1.0) / (power + 2.0), (power + 1.0) / (power + 3.0)
+    centre: float
+    second: float
+    power: int
 
-    def feasible(share: float) -> bool:
-        m, s, j = 1.0 - share, c - share * smooth_first, q - share * smooth_second
+    @property
+    def smooth_centre(self) -> float:
+        """First moment of the smooth part of unit mass."""
+        return (self.power + 1.0) / (self.power + 2.0)
+
+    @property
+    def smooth_second(self) -> float:
+        """Second moment of the smooth part of unit mass."""
+        return (self.power + 1.0) / (self.power + 3.0)
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether the smooth part has these moments by itself."""
+        same_centre = abs(self.centre - self.smooth_centre) < 1e-12
+        return same_centre and abs(self.second - self.smooth_second) < 1e-12
+
+    def moments(self, share: float) -> tuple[float, float, float]:
+        """Mass, first and second moment beside a smooth part with a `share` of the mass."""
+        mass = 1.0 - share
+        first = self.centre - share * self.smooth_centre
+        second = self.second - share * self.smooth_second
+        return mass, first, second
+
+    def is_feasible(self, share: float) -> bool:
+        """Whether masses on [0, 1] have them: `first^2 / mass <= second <= first`."""
+        m, s, j = self.moments(share)
         return m > 0.0 and s >= 0.0 and j <= s + 1e-14 and s * s <= j * m + 1e-14
 
-    if not (0.0 < c < 1.0 and feasible(0.0)):
-        raise InputError(
-            f"length = {length:.6g} m does not hold the mass: its centre lies at x = {c * length:.6g} m with a radius "
-            f"of gyration of {np.sqrt(max(q - c * c, 0.0)) * length:.6g} m; check length, reference (the port), axes "
-            "(x from the root outwards) and units."
-        )
-
-    def near(share: float) -> float:
-        """Where the inner of two points stands that carry the rest with the tip."""
-        m, s, j = 1.0 - share, c - share * smooth_first, q - share * smooth_second
+    def inner_place(self, share: float) -> float:
+        """Where the inner of two points stands that have them together with one at the tip."""
+        m, s, j = self.moments(share)
         return (s - j) / (m - s) if m > s else 1.0
 
-    low, high, inner = 0.0, 1.0, min(INNER, near(0.0))
-    if abs(c - smooth_first) < 1e-12 and abs(q - smooth_second) < 1e-12:
-        low = 1.0
-    else:
+    def largest_share(self) -> float:
+        """Largest share of the smooth part beside which two such points remain."""
+        if self.is_smooth:
+            return 1.0
+        innermost = min(INNER, self.inner_place(0.0))
+        low = 0.0
+        high = 1.0
         for _ in range(60):
             middle = (low + high) / 2.0
-            good = feasible(middle) and near(middle) >= inner
-            low, high = (middle, high) if good else (low, middle)
-    points: list[list[float]] = []
-    rest = 1.0 - low
-    if rest > 1e-12:
-        s, x = (c - low * smooth_first) / rest, near(low)
-        a = (1.0 - s) / (1.0 - x) if x < 1.0 else 0.0
-        points = [[at * length, max(w, 0.0) * rest * mass] for at, w in ((x, a), (1.0, 1.0 - a)) if w > 1e-15]
-    shares = np.array([polar, rotary_xy, rotary_xz]) / mass
-    grown = (power + 1.0) * np.linspace(0.0, 1.0, power + 1) ** power if power else np.ones(1)
-    density = low * mass / length * grown[:, None] * np.array([1.0, *shares])
-    pieces = (MassPiece(0.0, length, density),) if low > 0.0 else ()
-    placed = np.array([[x, w, *(w * shares)] for x, w in points]).reshape(-1, 5)
+            if self.is_feasible(middle) and self.inner_place(middle) >= innermost:
+                low = middle
+            else:
+                high = middle
+        return low
+
+    def points(self, share: float) -> list[tuple[float, float]]:
+        """Place and mass of the two points, on a unit length and mass."""
+        rest = 1.0 - share
+        if rest <= 1e-12:
+            return []
+        centre = (self.centre - share * self.smooth_centre) / rest
+        inner = self.inner_place(share)
+        part = (1.0 - centre) / (1.0 - inner) if inner < 1.0 else 0.0
+        points = [(inner, part), (1.0, 1.0 - part)]
+        return [(place, max(part, 0.0) * rest) for place, part in points if part > 1e-15]
+
+
+def spread_mass(
+    rigid_mass: ArrayLike,
+    length: float,
+    stiffness: Mapping[str, float] | None = None,
+    power: int = 0,
+) -> SpreadMass:
+    """The plainest positive mass distribution over `[0, length]` [m] with the moments of a
+    `(6, 6)` mass matrix.
+
+    The smooth part grows with a power of x; what is left sits at the tip and at
+    one place before it.
+    """
+    rigid = np.asarray(rigid_mass, dtype=np.float64)
+    along = _moments_along_axis(rigid)
+    mass = along.mass
+    beside = _mass_beside_axis(rigid)
+    if beside is not None:
+        second, across = beside
+        yy = across.covariance[0, 0]
+        zz = across.covariance[1, 1]
+        along = along._replace(
+            second=second,
+            polar=mass * (yy + zz),
+            rotary_xy=mass * yy,
+            rotary_xz=mass * zz,
+        )
+    if along.first <= 0.0:
+        raise InputError(
+            f"the mass centre lies at x = {along.first / mass:.6g} m, not outwards of the root, so "
+            "that no length holds the mass; x must point from the root outwards: check reference "
+            "(the port), and if the structure points to -x give axes = [[-1, 0, 0], [0, -1, 0], "
+            "[0, 0, 1]]."
+        )
+    c = along.first / mass / length
+    q = along.second / mass / length**2
+    remainder = _Remainder(centre=c, second=q, power=power)
+    if not (0.0 < c < 1.0 and remainder.is_feasible(0.0)):
+        raise InputError(
+            f"length = {length:.6g} m does not hold the mass: its centre lies at x = "
+            f"{c * length:.6g} m with a radius of gyration of "
+            f"{np.sqrt(max(q - c * c, 0.0)) * length:.6g} m; check length, reference (the port), "
+            "axes (x from the root outwards) and units."
+        )
+    share = remainder.largest_share()
+    # inertias per mass are those of the whole everywhere
+    inertias = np.array([along.polar, along.rotary_xy, along.rotary_xz]) / mass
+    pieces: tuple[MassPiece, ...] = ()
+    if share > 0.0:
+        growth = np.ones(1)
+        if power:
+            growth = (power + 1.0) * np.linspace(0.0, 1.0, power + 1) ** power
+        densities = share * mass / length * growth[:, None] * np.array([1.0, *inertias])
+        pieces = (MassPiece(0.0, length, densities),)
+    rows = [
+        [place * length, part * mass, *(part * mass * inertias)]
+        for place, part in remainder.points(share)
+    ]
     return SpreadMass(
-        length, locked(rigid), pieces, locked(placed), dict(stiffness or {}), None if beside is None else beside[1]
+        length,
+        rigid=locked(rigid),
+        pieces=pieces,
+        points=locked(np.array(rows).reshape(-1, 5)),
+        stiffness=dict(stiffness or {}),
+        beside=None if beside is None else beside[1],
     )
 
 
-def of_line(
-    length: float, rigid_mass: Array, pieces: Sequence[MassPiece], points: Array, stiffness: Mapping[str, float]
+def mass_line_of_pieces(
+    length: float,
+    rigid_mass: Array,
+    *,
+    pieces: Sequence[MassPiece],
+    points: Array,
+    stiffness: Mapping[str, float],
 ) -> SpreadMass:
     """The mass line that a file states."""
-    line = SpreadMass(length, locked(rigid_mass), tuple(pieces), locked(points), dict(stiffness))
-    have = line.moments(0.0, length, closed=True)
-    mass, first, *_ = _along(rigid_mass)
-    for name, ours, theirs in (("mass", have.mass, mass), ("first moment", have.first, first)):
-        if abs(ours / theirs - 1.0) > 1e-6:
+    line = SpreadMass(
+        length,
+        rigid=locked(rigid_mass),
+        pieces=tuple(pieces),
+        points=locked(points),
+        stiffness=dict(stiffness),
+    )
+    stated = line.moments(0.0, length, closed=True)
+    rigid = _moments_along_axis(rigid_mass)
+    for name, of_line, of_matrix in (
+        ("mass", stated.mass, rigid.mass),
+        ("first moment", stated.first, rigid.first),
+    ):
+        if abs(of_line / of_matrix - 1.0) > 1e-6:
             raise InputError(
-                f"line: its {name} is {ours:.8g}, but the rigid mass matrix has {theirs:.8g}; leave line out or make "
-                "both agree."
+                f"line: its {name} is {of_line:.8g}, but the rigid mass matrix has "
+                f"{of_matrix:.8g}; leave line out or make both agree."
             )
     return line

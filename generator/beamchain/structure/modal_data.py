@@ -1,4 +1,4 @@
-"""Modes somebody else computed: cantilever frequencies, participation and rigid mass about the port, from any program."""
+"""Modes from any program: cantilever frequencies, participation, rigid mass about the port."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,11 +8,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import connected_components
 
+from beamchain.checks import finite_array
 from beamchain.errors import InputError
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array, locked
-from beamchain.structure.mass_line import MassLine, MassPiece, default_length, of_line, spread
-from beamchain.structure.planes import MOTIONS, PRINTED, ROUNDING, into_planes, near_groups, settled
+from beamchain.structure.mass_line import (
+    MassLine,
+    MassPiece,
+    default_length,
+    mass_line_of_pieces,
+    spread_mass,
+)
+from beamchain.structure.planes import (
+    MOTIONS,
+    PRINTED,
+    ROUNDING,
+    near_groups,
+    settle_rigid_mass,
+    turn_into_planes,
+)
 
 SLIGHT = 1e-9  # part of a mode or of the rigid mass in a port that is rounding
 EXACT = 1e-13  # relative precision of numbers that were not printed
@@ -34,7 +48,8 @@ class ModalData:
         source: origin of the data.
         steps: changes made to the numbers, in order.
         printed: the numbers are as printed; False once the effects of rounding have been removed.
-        uncertain: what the file says is not known exactly of the modes, as [uncertain] of a specification would.
+        uncertain: what the file says is not known exactly of the modes,
+            as [uncertain] of a specification would.
 
     Raises:
         InputError: shapes disagree, a number is not finite, or the numbers contradict each other.
@@ -66,72 +81,103 @@ class ModalData:
     uncertain: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     def __repr__(self) -> str:
-        few = ", ".join(f"{w:.6g}" for w in self.frequencies[:3]) + (", ..." if self.frequencies.size > 3 else "")
+        first = ", ".join(f"{w:.6g}" for w in self.frequencies[:3])
+        more = ", ..." if self.frequencies.size > 3 else ""
         return (
-            f"<ModalData {self.source!r}, {self.rigid_mass[0, 0]:.6g} kg, {self.frequencies.size} modes: {few} rad/s>"
+            f"<ModalData {self.source!r}, {self.rigid_mass[0, 0]:.6g} kg, "
+            f"{self.frequencies.size} modes: {first}{more} rad/s>"
         )
 
     def __post_init__(self) -> None:
-        mass, w = np.array(self.rigid_mass, dtype=np.float64), np.array(self.frequencies, dtype=np.float64)
+        mass = np.array(self.rigid_mass, dtype=np.float64)
+        w = np.array(self.frequencies, dtype=np.float64)
         n = w.size
         rows = np.array(self.participation, dtype=np.float64)
-        damping = np.zeros(n) if np.size(self.damping) == 0 else np.array(self.damping, dtype=np.float64)
+        damping = np.zeros(n)
+        if np.size(self.damping):
+            damping = np.array(self.damping, dtype=np.float64)
         if mass.shape != (6, 6) or rows.shape != (n, 6) or damping.shape != (n,) or w.shape != (n,):
             raise InputError(
-                f"{self.source}: the sizes do not fit: mass {mass.shape}, frequencies {w.shape}, participation "
-                f"{rows.shape}, damping {damping.shape}; give mass (6, 6) and for n modes n frequencies, participation "
-                "6 x n and one damping ratio each."
+                f"{self.source}: the sizes do not fit: mass {mass.shape}, frequencies {w.shape}, "
+                f"participation {rows.shape}, damping {damping.shape}; give mass (6, 6) and for n "
+                "modes n frequencies, participation 6 x n and one damping ratio each."
             )
         if n == 0 and self.printed:
-            raise InputError(f"{self.source}: there is no mode; export the cantilever modes of the structure.")
+            raise InputError(
+                f"{self.source}: there is no mode; export the cantilever modes of the structure."
+            )
         tip = None if self.tip is None else np.array(self.tip, dtype=np.float64)
         if tip is not None and tip.shape != (n, 6):
-            raise InputError(f"{self.source}: tip has the shape {tip.shape}; give the six motions of the tip per mode.")
-        given = {"mass": mass, "frequencies": w, "participation": rows, "damping": damping, "points": self.points}
-        for name, values in given.items() if tip is None else {**given, "tip": tip}.items():
+            raise InputError(
+                f"{self.source}: tip has the shape {tip.shape}; give the six motions of the tip "
+                "per mode."
+            )
+        arrays = {
+            "mass": mass,
+            "frequencies": w,
+            "participation": rows,
+            "damping": damping,
+            "points": self.points,
+        }
+        if tip is not None:
+            arrays["tip"] = tip
+        for name, values in arrays.items():
             if not np.all(np.isfinite(values)):
                 raise InputError(
-                    f"{self.source}: {name} holds a value that is not a finite number; export the modes again."
+                    f"{self.source}: {name} holds a value that is not a finite number; export the "
+                    "modes again."
                 )
         if np.any(w <= 0.0):
             raise InputError(
-                f"{self.source}: mode {int(np.argmin(w)) + 1} has the frequency {float(w.min()):.4g}: the structure "
-                "was not held at its port; clamp the port (SPC) and compute the modes again."
+                f"{self.source}: mode {int(np.argmin(w)) + 1} has the frequency "
+                f"{float(w.min()):.4g}: the structure was not held at its port; clamp the port "
+                "(SPC) and compute the modes again."
             )
         order = np.argsort(w, kind="stable")
-        w, rows, damping = w[order], rows[order], damping[order]
+        w = w[order]
+        rows = rows[order]
+        damping = damping[order]
         tip = None if tip is None else tip[order]
         size = np.sqrt(np.clip(np.diag(mass), 0.0, None))
         if np.any(np.diag(mass)[:3] <= 0.0) or np.any(np.diag(mass) < 0.0):
             raise InputError(
-                f"{self.source}: the rigid mass matrix has the diagonal {np.diag(mass).tolist()}; masses must be "
-                "positive."
+                f"{self.source}: the rigid mass matrix has the diagonal {np.diag(mass).tolist()}; "
+                "masses must be positive."
             )
-        worst = np.abs(mass - mass.T) - max(self.tolerance, 1e-6) * np.outer(size, size)
-        if np.any(worst > 0.0):
-            i, j = np.unravel_index(int(np.argmax(worst)), (6, 6))
+        asymmetry = np.abs(mass - mass.T)
+        excess = asymmetry - max(self.tolerance, 1e-6) * np.outer(size, size)
+        if np.any(excess > 0.0):
+            i, j = np.unravel_index(int(np.argmax(excess)), (6, 6))
             raise InputError(
-                f"{self.source}: the rigid mass matrix is not symmetric ({MOTIONS[i]}, {MOTIONS[j]}: {mass[i, j]:.6g} "
-                f"and {mass[j, i]:.6g}); give it about one point, the port."
+                f"{self.source}: the rigid mass matrix is not symmetric ({MOTIONS[i]}, "
+                f"{MOTIONS[j]}: {mass[i, j]:.6g} and {mass[j, i]:.6g}); give it about one point, "
+                "the port."
             )
+        precision = self.precision if self.printed else 0.0
         try:
-            mass, change = settled((mass + mass.T) / 2.0, rows, self.precision if self.printed else 0.0)
+            mass, change = settle_rigid_mass((mass + mass.T) / 2.0, rows, precision)
         except InputError as error:
             raise InputError(f"{self.source}: {error}") from None
         steps = list(self.steps)
         if change > 10.0 * EXACT:
             steps.append(
-                f"rigid mass moved by {change:.1e} relative, within the printed precision of {self.precision:.0e}, so "
-                "that the residual mass is nowhere negative"
+                f"rigid mass moved by {change:.1e} relative, within the printed precision of "
+                f"{self.precision:.0e}, so that the residual mass is nowhere negative"
             )
         for name, value in {
-            "rigid_mass": locked(mass), "frequencies": locked(w), "participation": locked(rows),
-            "damping": locked(damping), "tip": None if tip is None else locked(tip),
-            "points": locked(self.points), "pieces": tuple(self.pieces), "steps": tuple(steps), "printed": False,
-        }.items():  # fmt: skip
+            "rigid_mass": locked(mass),
+            "frequencies": locked(w),
+            "participation": locked(rows),
+            "damping": locked(damping),
+            "tip": None if tip is None else locked(tip),
+            "points": locked(self.points),
+            "pieces": tuple(self.pieces),
+            "steps": tuple(steps),
+            "printed": False,
+        }.items():
             object.__setattr__(self, name, value)
 
-    # -- sizes and checks ------------------------------------------------------------------------------------------
+    # -- sizes and checks --------------------------------------------------------------------------
     @property
     def modes(self) -> int:
         """Number of modes."""
@@ -139,7 +185,8 @@ class ModalData:
 
     @property
     def tolerance(self) -> float:
-        """Relative size below which a number that should be zero, or two that should be equal, differ by rounding."""
+        """Relative size below which a number that should be zero, or two that should be equal,
+        differ by rounding."""
         return max(2.0 * self.precision, min(ROUNDING * self.precision, PRINTED))
 
     @property
@@ -155,10 +202,12 @@ class ModalData:
 
     @property
     def shares(self) -> Array:
-        """`(n, 4)` share of each port in each mode's participation, every motion scaled by its rigid mass."""
-        rows = (self.participation / self.scale) ** 2
-        out = np.column_stack([rows @ np.sum(PORT_MOTION[port] ** 2, axis=1) for port in PORTS])
-        return out / np.clip(out.sum(axis=1, keepdims=True), 1e-300, None)
+        """`(n, 4)` share of each port in each mode's participation,
+        every motion scaled by its rigid mass."""
+        squares = (self.participation / self.scale) ** 2
+        columns = [squares @ np.sum(PORT_MOTION[port] ** 2, axis=1) for port in PORTS]
+        by_port = np.column_stack(columns)
+        return by_port / np.clip(by_port.sum(axis=1, keepdims=True), 1e-300, None)
 
     @property
     def belongs(self) -> tuple[str, ...]:
@@ -168,35 +217,45 @@ class ModalData:
     @property
     def leaks(self) -> Array:
         """`(n,)` part of each mode's participation that lies outside its port, 0 to 1."""
-        out = np.sqrt(np.clip(1.0 - np.max(self.shares, axis=1), 0.0, 1.0))
-        return np.where(out < max(self.tolerance, 1e-12), 0.0, out)
+        outside = 1.0 - np.max(self.shares, axis=1)
+        leaks = np.sqrt(np.clip(outside, 0.0, 1.0))
+        return np.where(leaks < max(self.tolerance, 1e-12), 0.0, leaks)
 
     @property
     def parts(self) -> Array:
-        """`(n, 4)` part of each port in each mode's participation, 0 where only rounding moves it."""
-        out = np.sqrt(self.shares)
-        return np.where(out < max(self.tolerance, SLIGHT), 0.0, out)
+        """`(n, 4)` part of each port in each mode's participation,
+        0 where only rounding moves it."""
+        parts = np.sqrt(self.shares)
+        return np.where(parts < max(self.tolerance, SLIGHT), 0.0, parts)
 
     @property
     def groups(self) -> tuple[tuple[str, ...], ...]:
         """Ports that modes or the rigid mass couple, those that a mode moves."""
         parts = self.parts
         linked = (parts.T @ parts) > 0.0
-        across = np.abs(self.rigid_mass / np.outer(self.scale, self.scale)) > max(self.tolerance, SLIGHT)
+        scaled_mass = np.abs(self.rigid_mass / np.outer(self.scale, self.scale))
+        coupled = scaled_mass > max(self.tolerance, SLIGHT)
+        motions = {port: np.abs(PORT_MOTION[port]) for port in PORTS}
         for i, a in enumerate(PORTS):
             for j, b in enumerate(PORTS):
-                linked[i, j] |= bool(np.any((np.abs(PORT_MOTION[a]).T @ across @ np.abs(PORT_MOTION[b])) > 0.0))
-        count, owner = connected_components(linked, directed=False)
-        groups = [np.flatnonzero(owner == k).tolist() for k in range(count)]
-        return tuple(tuple(PORTS[i] for i in group) for group in groups if np.any(parts[:, group] > 0.0))
+                between = motions[a].T @ coupled @ motions[b]
+                linked[i, j] |= bool(np.any(between > 0.0))
+        count, numbers = connected_components(linked, directed=False)
+        groups = [np.flatnonzero(numbers == k).tolist() for k in range(count)]
+        moved = [group for group in groups if np.any(parts[:, group] > 0.0)]
+        return tuple(tuple(PORTS[i] for i in group) for group in moved)
 
-    # -- port models -----------------------------------------------------------------------------------------------
+    # -- port models -------------------------------------------------------------------------------
     def space(self) -> PortModel:
         """The port model with all six motions (those without inertia left out; see `live`)."""
         live = self.live
         tip = None if self.tip is None else self.tip[:, :2]
         return PortModel(
-            self.rigid_mass[np.ix_(live, live)], self.frequencies, self.participation[:, live], self.damping, tip
+            self.rigid_mass[np.ix_(live, live)],
+            frequencies=self.frequencies,
+            participation=self.participation[:, live],
+            damping=self.damping,
+            tip=tip,
         )
 
     def port(self, port: str, *, own: bool = False) -> PortModel:
@@ -207,14 +266,23 @@ class ModalData:
             own: only the modes that belong there.
         """
         motion = PORT_MOTION[port]
-        share = self.shares[:, PORTS.index(port)]
-        pick = np.array([b == port for b in self.belongs]) if own else share > max(self.tolerance, EXACT) ** 2
+        if own:
+            pick = np.array([mode_port == port for mode_port in self.belongs])
+        else:
+            share = self.shares[:, PORTS.index(port)]
+            pick = share > max(self.tolerance, EXACT) ** 2
         rows = self.participation[pick] @ motion
-        mass, _ = settled(motion.T @ self.rigid_mass @ motion, rows, min(self.precision, PRINTED / ROUNDING))
-        tip = None if self.tip is None else self.tip[pick] @ motion
-        return PortModel(mass, self.frequencies[pick], rows, self.damping[pick], tip)
+        mass = motion.T @ self.rigid_mass @ motion
+        mass, _ = settle_rigid_mass(mass, rows, min(self.precision, PRINTED / ROUNDING))
+        return PortModel(
+            mass,
+            frequencies=self.frequencies[pick],
+            participation=rows,
+            damping=self.damping[pick],
+            tip=None if self.tip is None else self.tip[pick] @ motion,
+        )
 
-    # -- made from this one ----------------------------------------------------------------------------------------
+    # -- made from this one ------------------------------------------------------------------------
     def scaled(self, length: float, mass: float) -> "ModalData":
         """The data in SI, given the file's units.
 
@@ -224,18 +292,29 @@ class ModalData:
         """
         if length == 1.0 and mass == 1.0:
             return self
-        turn = np.array([1.0, 1.0, 1.0, length, length, length])
-        per_length = np.array([1 / length, length, length, length])
-        pieces = [MassPiece(p.start * length, p.length * length, p.densities * mass * per_length) for p in self.pieces]
+        # units of the six motions, of the four densities of a piece, of the columns of a point
+        motion_units = np.array([1.0, 1.0, 1.0, length, length, length])
+        density_units = np.array([1 / length, length, length, length])
+        inertia = mass * length**2
+        point_units = np.array([length, mass, inertia, inertia, inertia])
+        pieces = [
+            MassPiece(
+                start=piece.start * length,
+                length=piece.length * length,
+                densities=piece.densities * mass * density_units,
+            )
+            for piece in self.pieces
+        ]
+        step = f"units: 1 length unit = {length:g} m, 1 mass unit = {mass:g} kg"
         return replace(
             self,
-            rigid_mass=self.rigid_mass * mass * np.outer(turn, turn),
-            participation=self.participation * np.sqrt(mass) * turn,
-            tip=None if self.tip is None else self.tip / np.sqrt(mass) / turn,
+            rigid_mass=self.rigid_mass * mass * np.outer(motion_units, motion_units),
+            participation=self.participation * np.sqrt(mass) * motion_units,
+            tip=None if self.tip is None else self.tip / np.sqrt(mass) / motion_units,
             length=None if self.length is None else self.length * length,
-            points=self.points * np.array([length, mass, *([mass * length**2] * 3)]),
+            points=self.points * point_units,
             pieces=tuple(pieces),
-            steps=(*self.steps, f"units: 1 length unit = {length:g} m, 1 mass unit = {mass:g} kg"),
+            steps=(*self.steps, step),
         )
 
     def moved(self, reference: ArrayLike, axes: ArrayLike | None = None) -> "ModalData":
@@ -248,32 +327,35 @@ class ModalData:
         Raises:
             InputError: the axes are not orthonormal and right-handed.
         """
-        r = np.asarray(reference, dtype=np.float64)
-        turn = np.eye(3) if axes is None else np.asarray(axes, dtype=np.float64)
+        r = finite_array("reference", reference, (3,))
+        turn = np.eye(3) if axes is None else finite_array("axes", axes, (3, 3))
         if np.max(np.abs(turn @ turn.T - np.eye(3))) > 1e-6 or np.linalg.det(turn) < 0.0:
             raise InputError(
-                f"axes = {turn.tolist()} are not three perpendicular unit vectors, right-handed; give appendage x, y, "
-                "z as rows, each of length 1, with z = x cross y."
+                f"axes = {turn.tolist()} are not three perpendicular unit vectors, right-handed; "
+                "give appendage x, y, z as rows, each of length 1, with z = x cross y."
             )
-        left, _, right = np.linalg.svd(turn)  # six printed digits of a direction are not exactly orthonormal
+        # six printed digits of a direction are not exactly orthonormal
+        left, _, right = np.linalg.svd(turn)
         turn = left @ right
         if not np.any(r) and np.array_equal(turn, np.eye(3)):
             return self
+        # motion of the present point per motion of the new one, in the new axes
         x, y, z = r
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        motion = np.block([[turn.T, cross @ turn.T], [np.zeros((3, 3)), turn.T]])
-        both = np.block([[turn, np.zeros((3, 3))], [np.zeros((3, 3)), turn]])
-        words = f"port at {_words(r)} of the file"
+        zeros = np.zeros((3, 3))
+        motion = np.block([[turn.T, cross @ turn.T], [zeros, turn.T]])
+        tip_turn = np.block([[turn, zeros], [zeros, turn]])
+        step = f"port at {_words(r)} of the file"
         if not np.array_equal(turn, np.eye(3)):
-            words += f", axes {'; '.join(_words(row) for row in turn)}"
+            step += f", axes {'; '.join(_words(row) for row in turn)}"
         return replace(
             self,
             rigid_mass=motion.T @ self.rigid_mass @ motion,
             participation=self.participation @ motion,
-            tip=None if self.tip is None else self.tip @ both.T,
+            tip=None if self.tip is None else self.tip @ tip_turn.T,
             pieces=(),
             points=np.zeros((0, 5)),
-            steps=(*self.steps, words),
+            steps=(*self.steps, step),
         )
 
     def selected(self, modes: Sequence[int]) -> "ModalData":
@@ -285,57 +367,85 @@ class ModalData:
         for k in modes:
             if not 1 <= k <= self.modes:
                 raise InputError(
-                    f"modes: {k} is not in the file, which holds modes 1 to {self.modes}; choose among them."
+                    f"modes: {k} is not in the file, which holds modes 1 to {self.modes}; choose "
+                    "among them."
                 )
         if len(set(modes)) != len(modes) or not modes:
-            raise InputError(f"modes = {list(modes)!r} must name at least one mode, and each only once.")
-        said = f"modes {', '.join(str(k) for k in sorted(modes))} of {self.modes} taken"
-        return replace(self._picked([k - 1 for k in sorted(modes)]), steps=(*self.steps, said))
+            raise InputError(
+                f"modes = {list(modes)!r} must name at least one mode, and each only once."
+            )
+        numbers = sorted(modes)
+        step = f"modes {', '.join(str(k) for k in numbers)} of {self.modes} taken"
+        return replace(self._with_modes([k - 1 for k in numbers]), steps=(*self.steps, step))
 
     def frozen(self) -> "ModalData":
         """The data without modes: a rigid appendage."""
-        return self._picked([])
+        return self._with_modes([])
 
-    def _picked(self, modes: Sequence[int]) -> "ModalData":
+    def _with_modes(self, modes: Sequence[int]) -> "ModalData":
         pick = np.array(modes, dtype=np.int64)
         return replace(
-            self, frequencies=self.frequencies[pick], participation=self.participation[pick],
-            damping=self.damping[pick], tip=None if self.tip is None else self.tip[pick],
-        )  # fmt: skip
+            self,
+            frequencies=self.frequencies[pick],
+            participation=self.participation[pick],
+            damping=self.damping[pick],
+            tip=None if self.tip is None else self.tip[pick],
+        )
 
     def untangled(self) -> "ModalData":
-        """The data with modes of equal frequency, whose directions are arbitrary, rotated into the bending planes."""
+        """The data with modes of equal frequency, whose directions are arbitrary,
+        rotated into the bending planes."""
         groups = near_groups(self.frequencies, max(self.tolerance, 1e-9))
-        turn, changed = into_planes(self.participation, self.scale, groups)
+        turn, changed = turn_into_planes(self.participation, self.scale, groups)
         if not changed:
             return self
-        words = ", ".join("/".join(str(k + 1) for k in group) for group in changed)
+        groups_text = ", ".join("/".join(str(k + 1) for k in group) for group in changed)
+        step = f"modes {groups_text} of equal frequency turned into the planes"
         return replace(
-            self, frequencies=np.sqrt((turn**2) @ self.frequencies**2), participation=turn @ self.participation,
+            self,
+            frequencies=np.sqrt((turn**2) @ self.frequencies**2),
+            participation=turn @ self.participation,
             tip=None if self.tip is None else turn @ self.tip,
-            steps=(*self.steps, f"modes {words} of equal frequency turned into the planes"),
-        )  # fmt: skip
+            steps=(*self.steps, step),
+        )
 
     def line(self, power: int = 0) -> MassLine:
-        """Mass distribution along x: that of the file, otherwise the simplest that the rigid mass allows.
+        """Mass distribution along x: that of the file,
+        otherwise the simplest that the rigid mass allows.
 
         Args:
-            power: of x with which mass grows from the root; see `spread`.
+            power: of x with which mass grows from the root; see `spread_mass`.
 
         Raises:
             InputError: the mass cannot be distributed over the length.
         """
         length = default_length(self.rigid_mass) if self.length is None else self.length
+        belongs = np.array(self.belongs)
         stiffness: dict[str, float] = {}
         for port in PORTS:
-            own = [float(w) for w, b in zip(self.frequencies, self.belongs, strict=True) if b == port]
-            if own:  # of the uniform beam or bar with that first frequency
-                i = int(np.argmax(PORT_MOTION[port][:, 0]))
-                factor = length**3 / 12.36 if port in ("xy", "xz") else (2.0 / np.pi) ** 2 * length
-                stiffness[port] = own[0] ** 2 * max(float(self.rigid_mass[i, i]), 1e-30) * factor
-        if self.length is not None and (self.pieces or self.points.size) and power == 0:
-            return of_line(length, self.rigid_mass, self.pieces, self.points, stiffness)
-        return spread(self.rigid_mass, length, stiffness, power)
+            frequencies = self.frequencies[belongs == port]
+            if frequencies.size:
+                stiffness[port] = self._average_stiffness(port, float(frequencies[0]), length)
+        is_stated = bool(self.pieces) or self.points.size > 0
+        if self.length is not None and is_stated and power == 0:
+            return mass_line_of_pieces(
+                length,
+                self.rigid_mass,
+                pieces=self.pieces,
+                points=self.points,
+                stiffness=stiffness,
+            )
+        return spread_mass(self.rigid_mass, length, stiffness, power)
+
+    def _average_stiffness(self, port: str, frequency: float, length: float) -> float:
+        """Stiffness of the uniform beam or bar with this first `frequency` [rad/s].
+
+        `W_1^2 = 12.36 EI / (m L^3)` in bending, `W_1^2 = (pi / 2)^2 GJ / (J_x L)` in torsion.
+        """
+        motion = int(np.argmax(PORT_MOTION[port][:, 0]))
+        inertia = max(float(self.rigid_mass[motion, motion]), 1e-30)
+        factor = length**3 / 12.36 if port in ("xy", "xz") else (2.0 / np.pi) ** 2 * length
+        return frequency**2 * inertia * factor
 
 
 def _words(values: Array) -> str:

@@ -1,4 +1,7 @@
-"""Imported modes put in order: equal frequencies turned into the planes, rounding of printed digits cleared away."""
+"""Imported modes put in order.
+
+Modes of equal frequency are turned into the planes, and rounding of printed digits is cleared away.
+"""
 
 from collections.abc import Sequence
 
@@ -7,7 +10,8 @@ import numpy as np
 from beamchain.errors import InputError
 from beamchain.ports.motions import PORT_MOTION, Array
 
-WEIGHTS = {"xy": 1.0, "xz": 0.618, "torsion": 0.382, "axial": 0.236}  # unequal, so that ports do not mix by accident
+# unequal, so that ports do not mix by accident
+WEIGHTS = {"xy": 1.0, "xz": 0.618, "torsion": 0.382, "axial": 0.236}
 GAIN = 1e-12  # least improvement of the largest port share for which a group is turned
 MOTIONS = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 ROUNDING = 20.0  # precision of a residual over that of its numbers
@@ -18,14 +22,19 @@ NOISE = 1e-9  # a residual may be this far below zero whatever the print
 
 def near_groups(frequencies: Array, tolerance: float) -> list[list[int]]:
     """Runs of two or more ascending frequencies within a relative `tolerance`."""
-    apart = np.flatnonzero(np.diff(frequencies) > tolerance * frequencies[1:]) + 1
-    return [group.tolist() for group in np.split(np.arange(frequencies.size), apart) if group.size > 1]
+    apart = np.diff(frequencies) > tolerance * frequencies[1:]
+    runs = np.split(np.arange(frequencies.size), np.flatnonzero(apart) + 1)
+    return [run.tolist() for run in runs if run.size > 1]
 
 
-def into_planes(participation: Array, scale: Array, groups: Sequence[Sequence[int]]) -> tuple[Array, list[list[int]]]:
-    """Modes `(n, n)` in terms of the old that diagonalise the ports' effective masses in each group of equal frequency.
+def turn_into_planes(
+    participation: Array, scale: Array, groups: Sequence[Sequence[int]]
+) -> tuple[Array, list[list[int]]]:
+    """Modes `(n, n)` in terms of the old that diagonalise the ports' effective masses in each group
+    of equal frequency.
 
-    `participation` `(n, 6)`; `scale` `(6,)` makes the motions comparable. Also the groups that were turned.
+    `participation` `(n, 6)`; `scale` `(6,)` makes the motions comparable.
+    Also the groups that were turned.
     """
     turn = np.eye(len(participation))
     changed: list[list[int]] = []
@@ -36,53 +45,68 @@ def into_planes(participation: Array, scale: Array, groups: Sequence[Sequence[in
             inside = rows @ np.abs(PORT_MOTION[port])
             weighted += weight * inside @ inside.T
         vectors = np.linalg.eigh(weighted)[1].T[::-1]
-        if np.sum(_best(vectors @ rows)) > np.sum(_best(rows)) * (1.0 + GAIN):
+        before = np.sum(_largest_port_shares(rows))
+        after = np.sum(_largest_port_shares(vectors @ rows))
+        if after > before * (1.0 + GAIN):
             turn[np.ix_(list(group), list(group))] = vectors
             changed.append(list(group))
     return turn, changed
 
 
-def _best(rows: Array) -> Array:
+def _largest_port_shares(rows: Array) -> Array:
     """`(g,)` participation squared of each row in its largest port."""
-    return np.max([np.sum((rows @ np.abs(m)) ** 2, axis=1) for m in PORT_MOTION.values()], axis=0)
+    shares = [np.sum((rows @ np.abs(motion)) ** 2, axis=1) for motion in PORT_MOTION.values()]
+    return np.max(shares, axis=0)
 
 
-def settled(rigid_mass: Array, participation: Array, precision: float) -> tuple[Array, float]:
-    """The rigid mass `(m, m)` whose residual is nowhere negative, and how far it was moved, relative.
+def settle_rigid_mass(
+    rigid_mass: Array, participation: Array, precision: float
+) -> tuple[Array, float]:
+    """The rigid mass `(m, m)` whose residual is nowhere negative,
+    and how far it was moved, relative.
 
-    Entries that the last printed digits decide become zero; eigenvalues negative by rounding are clipped.
+    Entries that the last printed digits decide become zero;
+    eigenvalues negative by rounding are clipped.
     """
     diagonal = np.diag(rigid_mass)
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scales = np.outer(scale, scale)
     effective = participation.T @ participation
-    residual = (rigid_mass - effective) / np.outer(scale, scale)
+    residual = (rigid_mass - effective) / scales
     least = min(ROUNDING * precision, PRINTED)
-    noise = np.maximum(last_digits(rigid_mass, participation, precision) / np.outer(scale, scale), least)
-    kept = np.where(np.abs(residual) <= noise, 0.0, residual)
+    rounding = rounding_of_residual(rigid_mass, participation, precision) / scales
+    kept = np.where(np.abs(residual) <= np.maximum(rounding, least), 0.0, residual)
     values, vectors = np.linalg.eigh(kept)
     if values[0] < -max(min(ROUNDING * precision, WRONG), NOISE):
         worst = int(np.argmax(np.abs(vectors[:, 0])))
         names = MOTIONS if scale.size == 6 else ("displacement", "rotation")
         raise InputError(
-            "the residual mass (rigid mass minus the effective masses of all modes) has the eigenvalue "
-            f"{values[0]:.3g} relative to the rigid mass, mainly in {names[worst]}; it must not be negative. Likely "
-            "causes: participation and mass about different reference points, different units, modes that are not "
-            "mass-normalised, or a rigid mass without that of the clamped nodes."
+            "the residual mass (rigid mass minus the effective masses of all modes) has the "
+            f"eigenvalue {values[0]:.3g} relative to the rigid mass, mainly in {names[worst]}; it "
+            "must not be negative. Likely causes: participation and mass about different reference "
+            "points, different units, modes that are not mass-normalised, or a rigid mass without "
+            "that of the clamped nodes."
         )
     if values[0] < 0.0 or np.any((values > 0.0) & (values <= least)):
         clipped = np.where(values <= least, 0.0, values)
         kept = (vectors * clipped) @ vectors.T
-    present = np.where(diagonal > 0.0, scale, 0.0)  # a motion without inertia has none afterwards
-    out = effective * np.outer(diagonal > 0.0, diagonal > 0.0) + kept * np.outer(present, present)
-    return out, float(np.max(np.abs(kept - residual)))
+    # a motion without inertia has none afterwards
+    inert = diagonal > 0.0
+    kept_scale = np.where(inert, scale, 0.0)
+    mass = effective * np.outer(inert, inert) + kept * np.outer(kept_scale, kept_scale)
+    return mass, float(np.max(np.abs(kept - residual)))
 
 
-def last_digits(rigid_mass: Array, participation: Array, precision: float) -> Array:
-    """`(m, m)` what half a last printed digit can do to the residual mass."""
+def rounding_of_residual(rigid_mass: Array, participation: Array, precision: float) -> Array:
+    """`(m, m)` most by which half a last printed digit changes the residual mass.
 
-    def half(values: Array) -> Array:
+    To first order `d(M - L^T L) = dM + |L|^T dL + dL^T |L|`.
+    """
+
+    def half_digit(values: Array) -> Array:
         size = np.abs(values)
-        return precision * 10.0 ** np.floor(np.log10(np.where(size > 0.0, size, 1.0))) * (size > 0.0)
+        decade = 10.0 ** np.floor(np.log10(np.where(size > 0.0, size, 1.0)))
+        return precision * decade * (size > 0.0)
 
-    across = np.abs(participation).T @ half(participation)
-    return half(rigid_mass) + across + across.T
+    products = np.abs(participation).T @ half_digit(participation)
+    return half_digit(rigid_mass) + products + products.T

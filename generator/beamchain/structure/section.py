@@ -1,7 +1,9 @@
-"""Cross-sections and materials. Bending in plane xy uses the second moment about z, bending in plane xz the one about y.
+"""Cross-sections and materials.
 
-Only sections whose y and z axes are principal and whose shear centre lies on the axis are represented: these shapes
-have both by symmetry, and `custom` asks the user for principal values.
+Bending in plane xy uses the second moment about z, bending in plane xz the one about y.
+
+Only sections whose y and z axes are principal and whose shear centre lies on the axis are
+represented: these shapes have both by symmetry, and `custom` asks the user for principal values.
 """
 
 from typing import Annotated, NamedTuple
@@ -19,7 +21,8 @@ class Material(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Isotropic linear elastic material.
 
     Raises:
-        InputError: a value is out of range, or poissons_ratio and shear_modulus are given and disagree.
+        InputError: a value is out of range, or poissons_ratio and shear_modulus are
+            given and disagree.
 
     Example:
         >>> import beamchain as bc
@@ -47,8 +50,9 @@ class Material(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             from_ratio = self.youngs_modulus / (2.0 * (1.0 + self.poissons_ratio))
             if abs(from_ratio / self.shear_modulus - 1.0) > 1e-6:
                 raise InputError(
-                    f"shear_modulus = {self.shear_modulus!r} and poissons_ratio = {self.poissons_ratio!r} disagree "
-                    f"(the ratio gives {from_ratio:.6g} N/m^2); give one of them."
+                    f"shear_modulus = {self.shear_modulus!r} and poissons_ratio = "
+                    f"{self.poissons_ratio!r} disagree (the ratio gives {from_ratio:.6g} N/m^2); "
+                    "give one of them."
                 )
 
     @property
@@ -83,28 +87,33 @@ class _Section(Struct, frozen=True, kw_only=True):
 
     def at(self, end: "_Section", fraction: Array) -> dict[str, Array]:
         """Dimensions at `fraction` `(k,)` of the way to `end`, a section of the same shape."""
-        here, there = self.dimensions(), end.dimensions()
+        here = self.dimensions()
+        there = end.dimensions()
         return {name: (1.0 - fraction) * here[name] + fraction * there[name] for name in here}
 
     def dimensions(self) -> dict[str, float]:
         """The numbers that are interpolated; what was left out stands at its default."""
-        return {name: float(getattr(self, name)) for name in self.__struct_fields__ if name != "draw"}
+        names = [name for name in self.__struct_fields__ if name != "draw"]
+        return {name: float(getattr(self, name)) for name in names}
 
     def ratio(self, end: "_Section") -> float:
         """Largest ratio of a dimension between the two ends, at least 1."""
-        return max([1.0, *(max(a / b, b / a) for a, b in self.pairs(end))])
+        ratios = [max(a / b, b / a) for a, b in self.pairs(end)]
+        return max([1.0, *ratios])
 
     def pairs(self, end: "_Section") -> list[tuple[float, float]]:
         """Every dimension at the two ends, without those that are 0."""
-        both = [(getattr(self, name), getattr(end, name)) for name in self.__struct_fields__ if name != "draw"]
-        return [(a, b) for a, b in both if a > 0.0 and b > 0.0]
+        names = [name for name in self.__struct_fields__ if name != "draw"]
+        pairs = [(getattr(self, name), getattr(end, name)) for name in names]
+        return [(a, b) for a, b in pairs if a > 0.0 and b > 0.0]
 
     def depth(self, plane: str) -> float:
         """Extent in the plane of bending [m], for drawing; 0 where the shape is not known."""
         return 0.0
 
     def cowper(self, nu: float, plane: str) -> float:
-        """Shear factor for Poisson's ratio `nu` in a `plane`, after G. R. Cowper, J. Appl. Mech. 33 (1966) 335."""
+        """Shear factor for Poisson's ratio `nu` in a `plane`, after G. R. Cowper, J. Appl. Mech.
+        33 (1966) 335."""
         return 1.0
 
 
@@ -116,7 +125,9 @@ class _Solid(_Section, frozen=True, kw_only=True):
         raise NotImplementedError
 
 
-class Round(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="round"):
+class Round(
+    _Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="round"
+):
     """Solid circle.
 
     Example:
@@ -130,7 +141,13 @@ class Round(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_f
     def geometry(self, end: _Section, fraction: Array) -> Geometry:
         d = self.at(end, fraction)["diameter"]
         i = np.pi * d**4 / 64.0
-        return Geometry(np.pi * d**2 / 4.0, i, i, 2.0 * i, 2.0 * i)
+        return Geometry(
+            area=np.pi * d**2 / 4.0,
+            second_moment_z=i,
+            second_moment_y=i,
+            torsion_constant=2.0 * i,
+            polar_moment=2.0 * i,
+        )
 
     def depth(self, plane: str) -> float:
         return self.diameter
@@ -139,7 +156,9 @@ class Round(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_f
         return 6.0 * (1.0 + nu) / (7.0 + 6.0 * nu)
 
 
-class Tube(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="tube"):
+class Tube(
+    _Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="tube"
+):
     """Hollow circle.
 
     Example:
@@ -155,27 +174,46 @@ class Tube(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_fi
         super().__post_init__()
         if 2.0 * self.wall > self.outer_diameter * (1.0 + 1e-12):
             raise InputError(
-                f"wall = {self.wall!r} m is more than half of outer_diameter = {self.outer_diameter!r} m; "
+                f"wall = {self.wall!r} m is more than half of outer_diameter = "
+                f"{self.outer_diameter!r} m; "
                 'make the wall thinner or use shape = "round".'
             )
 
     def geometry(self, end: _Section, fraction: Array) -> Geometry:
         dims = self.at(end, fraction)
-        d, t = dims["outer_diameter"], dims["wall"]
+        d = dims["outer_diameter"]
+        t = dims["wall"]
         # written in d and t, so that a thin wall costs no digits
         area = np.pi * t * (d - t)
         i = area * (d**2 - 2.0 * d * t + 2.0 * t**2) / 8.0
-        return Geometry(area, i, i, 2.0 * i, 2.0 * i)
+        return Geometry(
+            area=area,
+            second_moment_z=i,
+            second_moment_y=i,
+            torsion_constant=2.0 * i,
+            polar_moment=2.0 * i,
+        )
 
     def depth(self, plane: str) -> float:
         return self.outer_diameter
 
     def cowper(self, nu: float, plane: str) -> float:
+        # k = 6 (1 + nu) (1 + m^2)^2 / ((7 + 6 nu) (1 + m^2)^2 + (20 + 12 nu) m^2),
+        # m: inner over outer diameter
         m2 = (1.0 - 2.0 * self.wall / self.outer_diameter) ** 2
-        return 6.0 * (1.0 + nu) * (1.0 + m2) ** 2 / ((7.0 + 6.0 * nu) * (1.0 + m2) ** 2 + (20.0 + 12.0 * nu) * m2)
+        above = 6.0 * (1.0 + nu) * (1.0 + m2) ** 2
+        below = (7.0 + 6.0 * nu) * (1.0 + m2) ** 2 + (20.0 + 12.0 * nu) * m2
+        return above / below
 
 
-class Rectangle(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="rectangle"):
+class Rectangle(
+    _Solid,
+    frozen=True,
+    kw_only=True,
+    forbid_unknown_fields=True,
+    tag_field="shape",
+    tag="rectangle",
+):
     """Solid rectangle.
 
     Example:
@@ -189,9 +227,17 @@ class Rectangle(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, t
 
     def geometry(self, end: _Section, fraction: Array) -> Geometry:
         dims = self.at(end, fraction)
-        b, h = dims["width_y"], dims["width_z"]
-        iz, iy = h * b**3 / 12.0, b * h**3 / 12.0
-        return Geometry(b * h, iz, iy, rectangle_torsion(b, h), iz + iy)
+        b = dims["width_y"]
+        h = dims["width_z"]
+        iz = h * b**3 / 12.0
+        iy = b * h**3 / 12.0
+        return Geometry(
+            area=b * h,
+            second_moment_z=iz,
+            second_moment_y=iy,
+            torsion_constant=rectangle_torsion(b, h),
+            polar_moment=iz + iy,
+        )
 
     def depth(self, plane: str) -> float:
         return self.width_y if plane == "xy" else self.width_z
@@ -200,7 +246,9 @@ class Rectangle(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, t
         return 10.0 * (1.0 + nu) / (12.0 + 11.0 * nu)
 
 
-class Box(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="box"):
+class Box(
+    _Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="box"
+):
     """Hollow rectangle; thin-walled in torsion (Bredt).
 
     Example:
@@ -218,81 +266,119 @@ class Box(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_fie
         if 2.0 * self.wall >= min(self.width_y, self.width_z):
             raise InputError(
                 f"wall = {self.wall!r} m must be less than half of the smaller width "
-                f'{min(self.width_y, self.width_z)!r} m; make the wall thinner or use shape = "rectangle".'
+                f"{min(self.width_y, self.width_z)!r} m; make the wall thinner or use shape = "
+                '"rectangle".'
             )
 
     def geometry(self, end: _Section, fraction: Array) -> Geometry:
         dims = self.at(end, fraction)
-        b, h, t = dims["width_y"], dims["width_z"], dims["wall"]
+        b = dims["width_y"]
+        h = dims["width_z"]
+        t = dims["wall"]
         area = 2.0 * t * (b + h - 2.0 * t)
-        bi, hi = b - 2.0 * t, h - 2.0 * t
-        iz, iy = (h * b**3 - hi * bi**3) / 12.0, (b * h**3 - bi * hi**3) / 12.0
-        bm, hm = b - t, h - t
-        return Geometry(area, iz, iy, 2.0 * t * (bm * hm) ** 2 / (bm + hm), iz + iy)
+        inner_b = b - 2.0 * t
+        inner_h = h - 2.0 * t
+        iz = (h * b**3 - inner_h * inner_b**3) / 12.0
+        iy = (b * h**3 - inner_b * inner_h**3) / 12.0
+        # Bredt: J = 4 A_m^2 t / U_m, with the area and length of the wall's middle line
+        middle_b = b - t
+        middle_h = h - t
+        torsion = 2.0 * t * (middle_b * middle_h) ** 2 / (middle_b + middle_h)
+        return Geometry(
+            area=area,
+            second_moment_z=iz,
+            second_moment_y=iy,
+            torsion_constant=torsion,
+            polar_moment=iz + iy,
+        )
 
     def depth(self, plane: str) -> float:
         return self.width_y if plane == "xy" else self.width_z
 
     def cowper(self, nu: float, plane: str) -> float:
-        # thin-walled box; n: flange over web, equal thickness
+        # thin-walled box with n = b / h and m = b t_flange / (h t_web), here both the same:
+        # k = 10 (1 + nu) (1 + 3 m)^2 / (12 + 72 m + 150 m^2 + 90 m^3
+        #     + nu (11 + 66 m + 135 m^2 + 90 m^3) + 10 n^2 ((3 + nu) m + 3 m^2))
         b, h = (self.width_y, self.width_z) if plane == "xz" else (self.width_z, self.width_y)
         n = b / h
-        m = n  # m = b t_flange / (h t_web)
+        m = n
         above = 10.0 * (1.0 + nu) * (1.0 + 3.0 * m) ** 2
-        bend = 12.0 + 72.0 * m + 150.0 * m**2 + 90.0 * m**3 + nu * (11.0 + 66.0 * m + 135.0 * m**2 + 90.0 * m**3)
-        below = bend + 10.0 * n**2 * ((3.0 + nu) * m + 3.0 * m**2)
-        return above / below
+        without_nu = 12.0 + 72.0 * m + 150.0 * m**2 + 90.0 * m**3
+        with_nu = nu * (11.0 + 66.0 * m + 135.0 * m**2 + 90.0 * m**3)
+        webs = 10.0 * n**2 * ((3.0 + nu) * m + 3.0 * m**2)
+        return above / (without_nu + with_nu + webs)
 
 
-class Custom(_Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="custom"):
+class Custom(
+    _Solid, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="custom"
+):
     """Any section, given by its properties about principal axes through the centroid.
 
     Example:
         >>> import beamchain as bc
-        >>> bc.Custom(area=1e-3, second_moment_z=2e-7, second_moment_y=3e-7, torsion_constant=1e-8).area
+        >>> bc.Custom(
+        ...     area=1e-3, second_moment_z=2e-7, second_moment_y=3e-7, torsion_constant=1e-8
+        ... ).area
         0.001
     """
 
     area: Annotated[float, field("area of the cross-section", "m^2", above=0.0)]
-    second_moment_z: Annotated[float, field("second moment of area about z, for bending in plane xy", "m^4", above=0.0)]
-    second_moment_y: Annotated[float, field("second moment of area about y, for bending in plane xz", "m^4", above=0.0)]
-    torsion_constant: Annotated[float, field("torsion constant J of Saint-Venant", "m^4", above=0.0)]
+    second_moment_z: Annotated[
+        float, field("second moment of area about z, for bending in plane xy", "m^4", above=0.0)
+    ]
+    second_moment_y: Annotated[
+        float, field("second moment of area about y, for bending in plane xz", "m^4", above=0.0)
+    ]
+    torsion_constant: Annotated[
+        float, field("torsion constant J of Saint-Venant", "m^4", above=0.0)
+    ]
     polar_moment: Annotated[
-        float, field("polar moment; the sum of both second moments where left out", "m^4", least=0.0)
+        float,
+        field("polar moment; the sum of both second moments where left out", "m^4", least=0.0),
     ] = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        both = self.second_moment_z + self.second_moment_y
-        if self.polar_moment and abs(self.polar_moment / both - 1.0) > 0.05:
+        total = self.second_moment_z + self.second_moment_y
+        if self.polar_moment and abs(self.polar_moment / total - 1.0) > 0.05:
             raise InputError(
-                f"polar_moment = {self.polar_moment!r} m^4 should be second_moment_y + second_moment_z = {both:.6g} "
-                "m^4 (the axes must be principal); leave it out, or state polar inertia with an `equivalent` section."
+                f"polar_moment = {self.polar_moment!r} m^4 should be second_moment_y + "
+                f"second_moment_z = {total:.6g} m^4 (the axes must be principal); leave it out, or "
+                "state polar inertia with an `equivalent` section."
             )
 
     def geometry(self, end: _Section, fraction: Array) -> Geometry:
-        v = self.at(end, fraction)
-        iz, iy = v["second_moment_z"], v["second_moment_y"]
-        return Geometry(v["area"], iz, iy, v["torsion_constant"], v["polar_moment"])
+        dims = self.at(end, fraction)
+        return Geometry(
+            area=dims["area"],
+            second_moment_z=dims["second_moment_z"],
+            second_moment_y=dims["second_moment_y"],
+            torsion_constant=dims["torsion_constant"],
+            polar_moment=dims["polar_moment"],
+        )
 
     def dimensions(self) -> dict[str, float]:
         """Dimensions; the polar moment is the sum of the other two where left out."""
-        out = super().dimensions()
-        return {**out, "polar_moment": out["polar_moment"] or out["second_moment_y"] + out["second_moment_z"]}
+        dims = super().dimensions()
+        total = dims["second_moment_y"] + dims["second_moment_z"]
+        return {**dims, "polar_moment": dims["polar_moment"] or total}
 
 
 class Draw(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Outer dimensions with which a section is drawn; they have no part in mass or stiffness.
 
-    A section thinner than a quarter of its width is drawn as a panel with cells, any other as a truss. The width lies
-    across the plane in which the section is softer, along z where both are equal.
+    A section thinner than a quarter of its width is drawn as a panel with cells, any other
+    as a truss. The width lies across the plane in which the section is softer, along z
+    where both are equal.
 
     Raises:
         InputError: the thickness is more than the width.
 
     Example:
         >>> import beamchain as bc
-        >>> bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0, draw=bc.Draw(width=1.2, thickness=0.03)).depth("xz")
+        >>> bc.Equivalent(
+        ...     bending_stiffness_xy=2e3, linear_mass=4.0, draw=bc.Draw(width=1.2, thickness=0.03)
+        ... ).depth("xz")
         1.2
     """
 
@@ -303,7 +389,8 @@ class Draw(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         super().__post_init__()
         if self.thickness > self.width:
             raise InputError(
-                f"thickness = {self.thickness!r} m is more than width = {self.width!r} m; give the larger as the width."
+                f"thickness = {self.thickness!r} m is more than width = {self.width!r} m; give the "
+                "larger as the width."
             )
 
     @property
@@ -312,49 +399,78 @@ class Draw(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return self.thickness < self.width / 4.0
 
 
-class Equivalent(_Section, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="shape", tag="equivalent"):
+class Equivalent(
+    _Section,
+    frozen=True,
+    kw_only=True,
+    forbid_unknown_fields=True,
+    tag_field="shape",
+    tag="equivalent",
+):
     """A truss or array, given by its measured stiffness and mass per length; needs no material.
 
     Example:
         >>> import beamchain as bc
-        >>> mast = bc.Equivalent(bending_stiffness_xy=8e5, torsion_stiffness=1.5e5, linear_mass=2.0, polar_inertia=0.12)
+        >>> mast = bc.Equivalent(
+        ...     bending_stiffness_xy=8e5,
+        ...     torsion_stiffness=1.5e5,
+        ...     linear_mass=2.0,
+        ...     polar_inertia=0.12,
+        ... )
         >>> mast.torsion_stiffness
         150000.0
     """
 
-    bending_stiffness_xy: Annotated[float, field("bending stiffness EI in plane xy", "N m^2", above=0.0)]
+    bending_stiffness_xy: Annotated[
+        float, field("bending stiffness EI in plane xy", "N m^2", above=0.0)
+    ]
     linear_mass: Annotated[float, field("mass per length", "kg/m", above=0.0)]
     bending_stiffness_xz: Annotated[
-        float, field("bending stiffness EI in plane xz; as in xy where left out", "N m^2", least=0.0)
+        float,
+        field("bending stiffness EI in plane xz; as in xy where left out", "N m^2", least=0.0),
     ] = 0.0
-    torsion_stiffness: Annotated[float, field("torsional stiffness GJ; 0 is rigid", "N m^2", least=0.0)] = 0.0
+    torsion_stiffness: Annotated[
+        float, field("torsional stiffness GJ; 0 is rigid", "N m^2", least=0.0)
+    ] = 0.0
     axial_stiffness: Annotated[float, field("axial stiffness EA; 0 is rigid", "N", least=0.0)] = 0.0
-    polar_inertia: Annotated[float, field("moment of inertia about x per length", "kg m", least=0.0)] = 0.0
+    polar_inertia: Annotated[
+        float, field("moment of inertia about x per length", "kg m", least=0.0)
+    ] = 0.0
     draw: Annotated[
-        Draw | None, field("width and thickness of its picture; a plain truss where left out; no mass or stiffness")
+        Draw | None,
+        field(
+            "width and thickness of its picture; a plain truss where left out; no mass or stiffness"
+        ),
     ] = None
 
     def depth(self, plane: str) -> float:
         if self.draw is None:
             return 0.0
-        soft = "xz" if self.dimensions()["bending_stiffness_xz"] < self.bending_stiffness_xy else "xy"
+        stiffness_xz = self.dimensions()["bending_stiffness_xz"]
+        soft = "xz" if stiffness_xz < self.bending_stiffness_xy else "xy"
         return self.draw.thickness if plane == soft else self.draw.width
 
     def dimensions(self) -> dict[str, float]:
         """Dimensions; EI in xz is that in xy where left out."""
-        out = super().dimensions()
-        return {**out, "bending_stiffness_xz": out["bending_stiffness_xz"] or out["bending_stiffness_xy"]}
+        dims = super().dimensions()
+        stiffness_xz = dims["bending_stiffness_xz"] or dims["bending_stiffness_xy"]
+        return {**dims, "bending_stiffness_xz": stiffness_xz}
 
 
 Section = Round | Tube | Rectangle | Box | Custom | Equivalent
 
 
 def rectangle_torsion(b: Array, h: Array) -> Array:
-    """Saint-Venant constant of `b` x `h` (Timoshenko, Goodier, art. 109)."""
-    long, short = np.maximum(b, h), np.minimum(b, h)
+    """Saint-Venant constant of `b` x `h` (Timoshenko, Goodier, art. 109).
+
+    `J = long short^3 / 3 (1 - 192 / pi^5 short / long sum tanh(n pi long / (2 short)) / n^5)`
+    over odd n.
+    """
+    long = np.maximum(b, h)
+    short = np.minimum(b, h)
     odd = np.arange(1, 16, 2)[:, None]
-    # tanh - 1 dies out at once; what it leaves is the sum of 1 / n^5 over odd n
+    # sum 1 / n^5 over odd n is 31 / 32 zeta(5); the terms (tanh - 1) / n^5 then die out at once
     decay = np.exp(-odd * np.pi * long / short)
-    rest = -2.0 * decay / (1.0 + decay) / odd**5
-    series = np.sum(rest, axis=0) + 31.0 / 32.0 * ZETA_5
+    terms = -2.0 * decay / (1.0 + decay) / odd**5
+    series = np.sum(terms, axis=0) + 31.0 / 32.0 * ZETA_5
     return long * short**3 / 3.0 * (1.0 - 192.0 / np.pi**5 * short / long * series)

@@ -1,4 +1,4 @@
-"""What a beam is made of: segments, compliant joints between them, rigid bodies carried along the way."""
+"""Parts of a beam: segments, compliant joints between them, rigid bodies carried on the way."""
 
 from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple
@@ -30,7 +30,8 @@ class Stations(NamedTuple):
 
 
 EXAMPLES = {
-    "section": "Round(diameter=0.02), Tube(...), Rectangle(...), Box(...), Custom(...) or Equivalent(...)",
+    "section": "Round(diameter=0.02), Tube(...), Rectangle(...), Box(...), Custom(...) or "
+    "Equivalent(...)",
     "material": "Material(youngs_modulus=7e10, density=2700.0)",
 }
 
@@ -48,40 +49,60 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     length: Annotated[float, field("length along x", "m", above=0.0)]
     section: Annotated[Section, field("section at the root end")]
-    section_end: Annotated[Section | None, field("section at the tip end, of the same shape, for a linear taper")] = (
-        None
-    )
+    section_end: Annotated[
+        Section | None, field("section at the tip end, of the same shape, for a linear taper")
+    ] = None
     material: Annotated[
-        Material | None, field('material; needed for every shape but "equivalent", which takes none')
+        Material | None,
+        field('material; needed for every shape but "equivalent", which takes none'),
     ] = None
     nonstructural_mass: Annotated[
         float, field("mass carried without stiffness, such as cables and cells", "kg/m", least=0.0)
     ] = 0.0
-    theory: Annotated[Theory, field('beam theory; "timoshenko" adds shear and rotary inertia')] = "euler"
+    theory: Annotated[Theory, field('beam theory; "timoshenko" adds shear and rotary inertia')] = (
+        "euler"
+    )
     shear_factor: Annotated[
-        float | None, field("shear factor k of Timoshenko; that of Cowper for the shape where left out", "", above=0.0)
+        float | None,
+        field(
+            "shear factor k of Timoshenko; that of Cowper for the shape where left out",
+            "",
+            above=0.0,
+        ),
     ] = None
-    repeat: Annotated[int, field("number of such segments, one behind the other", "", least=1, most=500)] = 1
+    repeat: Annotated[
+        int, field("number of such segments, one behind the other", "", least=1, most=500)
+    ] = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, value, kind in (("section", self.section, Section), ("material", self.material, Material | None)):
+        for name, value, kind in (
+            ("section", self.section, Section),
+            ("material", self.material, Material | None),
+        ):
             if not isinstance(value, kind):
-                raise InputError(f"{name} = {value!r:.60} is a {type(value).__name__}; give one as {EXAMPLES[name]}.")
+                raise InputError(
+                    f"{name} = {value!r:.60} is a {type(value).__name__}; give one as "
+                    f"{EXAMPLES[name]}."
+                )
         if self.section_end is not None and type(self.section_end) is not type(self.section):
             raise InputError(
-                f'section_end has shape "{_shape(self.section_end)}" but section has "{_shape(self.section)}"; '
-                "a taper needs the same shape at both ends: split the segment where the shape changes."
+                f'section_end has shape "{_shape_name(self.section_end)}" but section has '
+                f'"{_shape_name(self.section)}"; '
+                "a taper needs the same shape at both ends: split the segment where the shape "
+                "changes."
             )
         if isinstance(self.section, Equivalent):
             if self.material is not None:
                 raise InputError(
-                    'material is given beside an "equivalent" section, which already holds EI and mass; '
+                    'material is given beside an "equivalent" section, which already holds EI and '
+                    "mass; "
                     "leave material out."
                 )
             if self.theory == "timoshenko":
                 raise InputError(
-                    'theory = "timoshenko" needs a drawn section; an "equivalent" one takes theory = "euler".'
+                    'theory = "timoshenko" needs a drawn section; an "equivalent" one takes theory '
+                    '= "euler".'
                 )
         elif self.material is None:
             raise InputError(
@@ -89,7 +110,10 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 "add material = { youngs_modulus = 7e10, density = 2700.0, poissons_ratio = 0.33 }."
             )
         if self.shear_factor is not None and self.theory != "timoshenko":
-            raise InputError('shear_factor is given but theory = "euler" has no shear; set theory = "timoshenko".')
+            raise InputError(
+                'shear_factor is given but theory = "euler" has no shear; set theory = '
+                '"timoshenko".'
+            )
 
     @property
     def taper(self) -> float:
@@ -104,44 +128,73 @@ class Segment(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def at(self, fraction: Array) -> Stations:
         """Stiffness and inertia at `fraction` `(k,)` of the length."""
         if isinstance(self.section, Equivalent):
-            v = self.section.at(self.end, fraction)
-            nothing = np.zeros_like(fraction)
+            dims = self.section.at(self.end, fraction)
+            zeros = np.zeros_like(fraction)
             return Stations(
-                v["bending_stiffness_xy"], v["bending_stiffness_xz"], v["torsion_stiffness"], v["axial_stiffness"],
-                v["linear_mass"] + self.nonstructural_mass, v["polar_inertia"], nothing, nothing, nothing, nothing,
-            )  # fmt: skip
+                bending_xy=dims["bending_stiffness_xy"],
+                bending_xz=dims["bending_stiffness_xz"],
+                torsion=dims["torsion_stiffness"],
+                axial=dims["axial_stiffness"],
+                mass=dims["linear_mass"] + self.nonstructural_mass,
+                polar=dims["polar_inertia"],
+                shear_xy=zeros,
+                shear_xz=zeros,
+                rotary_xy=zeros,
+                rotary_xz=zeros,
+            )
         assert self.material is not None
-        e, g, rho, nu = self.material.youngs_modulus, self.material.g, self.material.density, self.material.nu
+        e = self.material.youngs_modulus
+        g = self.material.g
+        rho = self.material.density
         s = self.section.geometry(self.end, fraction)
-        kxy, kxz = (
-            self.section.cowper(nu, plane) if self.shear_factor is None else self.shear_factor for plane in ("xy", "xz")
-        )
         return Stations(
-            e * s.second_moment_z, e * s.second_moment_y, g * s.torsion_constant, e * s.area,
-            rho * s.area + self.nonstructural_mass, rho * s.polar_moment,
-            kxy * g * s.area, kxz * g * s.area, rho * s.second_moment_z, rho * s.second_moment_y,
-        )  # fmt: skip
+            bending_xy=e * s.second_moment_z,
+            bending_xz=e * s.second_moment_y,
+            torsion=g * s.torsion_constant,
+            axial=e * s.area,
+            mass=rho * s.area + self.nonstructural_mass,
+            polar=rho * s.polar_moment,
+            shear_xy=self._timoshenko_factor("xy") * g * s.area,
+            shear_xz=self._timoshenko_factor("xz") * g * s.area,
+            rotary_xy=rho * s.second_moment_z,
+            rotary_xz=rho * s.second_moment_y,
+        )
+
+    def _timoshenko_factor(self, plane: str) -> float:
+        if self.shear_factor is not None:
+            return self.shear_factor
+        assert self.material is not None
+        return self.section.cowper(self.material.nu, plane)
 
     @property
     def shrinks(self) -> bool:
         """Whether the dimension with the largest ratio is smaller at the tip end."""
-        a, b = max(self.section.pairs(self.end), key=lambda p: max(p[0] / p[1], p[1] / p[0]))
-        return a > b
+        pairs = self.section.pairs(self.end)
+        root, tip = max(pairs, key=lambda pair: max(pair[0] / pair[1], pair[1] / pair[0]))
+        return root > tip
 
 
-def repeated(segments: Any) -> Any:
-    """The segments one by one, those with `repeat` as often as they occur; what is no list of segments stays."""
-    if not isinstance(segments, list | tuple) or not all(isinstance(one, Segment) for one in segments):
+def expand_repeats(segments: Any) -> Any:
+    """The segments one by one, those with `repeat` as often as they occur;
+    what is no list of segments stays."""
+    if not isinstance(segments, list | tuple):
         return segments
-    single = [one if one.repeat == 1 else msgspec.structs.replace(one, repeat=1) for one in segments]
-    return tuple(one for one, given in zip(single, segments, strict=True) for _ in range(given.repeat))
+    if not all(isinstance(segment, Segment) for segment in segments):
+        return segments
+    expanded: list[Segment] = []
+    for segment in segments:
+        single = segment
+        if segment.repeat != 1:
+            single = msgspec.structs.replace(segment, repeat=1)
+        expanded += [single] * segment.repeat
+    return tuple(expanded)
 
 
-def _shape(section: Any) -> str:
+def _shape_name(section: Any) -> str:
     return type(section).__name__.lower()
 
 
-_spring = partial(field, unit="N m/rad", above=0.0, cure="Leave it out for a rigid joint.")
+_stiffness_field = partial(field, unit="N m/rad", above=0.0, cure="Leave it out for a rigid joint.")
 
 
 class Joint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -154,17 +207,34 @@ class Joint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """
 
     after_segment: Annotated[
-        int, field("number of the segment at whose tip end it stands; 0 is the root", "", least=0, most=10000)
+        int,
+        field(
+            "number of the segment at whose tip end it stands; 0 is the root",
+            "",
+            least=0,
+            most=10000,
+        ),
     ]
-    stiffness_xy: Annotated[float | None, _spring("rotational stiffness in plane xy")] = None
-    stiffness_xz: Annotated[float | None, _spring("rotational stiffness in plane xz")] = None
-    stiffness_torsion: Annotated[float | None, _spring("rotational stiffness about x")] = None
+    stiffness_xy: Annotated[float | None, _stiffness_field("rotational stiffness in plane xy")] = (
+        None
+    )
+    stiffness_xz: Annotated[float | None, _stiffness_field("rotational stiffness in plane xz")] = (
+        None
+    )
+    stiffness_torsion: Annotated[float | None, _stiffness_field("rotational stiffness about x")] = (
+        None
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.stiffness_xy is None and self.stiffness_xz is None and self.stiffness_torsion is None:
+        if (
+            self.stiffness_xy is None
+            and self.stiffness_xz is None
+            and self.stiffness_torsion is None
+        ):
             raise InputError(
-                "the joint gives no stiffness; give stiffness_xy, stiffness_xz or stiffness_torsion, or remove it."
+                "the joint gives no stiffness; give stiffness_xy, stiffness_xz or "
+                "stiffness_torsion, or remove it."
             )
 
     def stiffness(self, port: str) -> float | None:
@@ -184,35 +254,46 @@ class Lump(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     x: Annotated[float, field("distance from the root", "m", least=0.0)]
     mass: Annotated[float, field("mass", "kg", above=0.0)]
     inertia: Annotated[
-        tuple[float, float, float], field("principal moments of inertia about its own centre", "kg m^2", least=0.0)
+        tuple[float, float, float],
+        field("principal moments of inertia about its own centre", "kg m^2", least=0.0),
     ] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        body_inertia("inertia", self.inertia)
+        check_body_inertia("inertia", self.inertia)
 
 
 HEAVIEST = 1e12  # a carried mass over what bends, which keeps four digits of the beam
 
 
-def check_carried(place: str, mass: float, inertia: tuple[float, float, float], own: float, length: float) -> None:
-    """A body [kg], [kg m^2] that leaves the beam its digits."""
-    for name, value, least, unit in (("mass", mass, own, "kg"), ("inertia", max(inertia), own * length**2, "kg m^2")):
+def check_carried_body(
+    place: str,
+    mass: float,
+    inertia: tuple[float, float, float],
+    *,
+    segments_mass: float,
+    length: float,
+) -> None:
+    """Refuse a body [kg], [kg m^2] so heavy that it leaves the beam no digits."""
+    for name, value, least, unit in (
+        ("mass", mass, segments_mass, "kg"),
+        ("inertia", max(inertia), segments_mass * length**2, "kg m^2"),
+    ):
         if value > HEAVIEST * least:
             raise InputError(
-                f"{place}.{name} = {value!r} {unit} is {value / least:.1e} times that of the segments themselves "
-                f"({least:.4g} {unit}), at most {HEAVIEST:g} times is taken, or no digit of the beam is left; check the "
-                f"unit ({unit})."
+                f"{place}.{name} = {value!r} {unit} is {value / least:.1e} times that of the "
+                f"segments themselves ({least:.4g} {unit}), at most {HEAVIEST:g} times is taken, "
+                f"or no digit of the beam is left; check the unit ({unit})."
             )
 
 
-def body_inertia(name: str, values: tuple[float, float, float]) -> None:
-    """Three principal inertias that a rigid body can have."""
+def check_body_inertia(name: str, values: tuple[float, float, float]) -> None:
+    """Refuse three principal inertias that no rigid body has."""
     if not hasattr(values, "__len__") or len(values) != 3:
         raise InputError(f"{name} = {values!r} must hold three numbers [Ixx, Iyy, Izz] in kg m^2.")
     a, b, c = sorted(not_negative(f"{name}[{i}]", v, "kg m^2") for i, v in enumerate(values))
     if c > (a + b) * (1.0 + 1e-9):
         raise InputError(
-            f"{name} = {list(values)!r} belongs to no rigid body: the largest exceeds the sum of the other two; "
-            "check the order [Ixx, Iyy, Izz] and the units (kg m^2)."
+            f"{name} = {list(values)!r} belongs to no rigid body: the largest exceeds the sum of "
+            "the other two; check the order [Ixx, Iyy, Izz] and the units (kg m^2)."
         )

@@ -1,4 +1,4 @@
-"""The field of a study: every sensible model of the same appendage on the same hub, ours and the rivals'."""
+"""The field of a study: models of the same appendage on the same hub, the package's and rivals."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -11,7 +11,6 @@ from lxml import etree
 from beamchain.chain import rivals
 from beamchain.chain.build import Built, Wishes, build_exact, with_real_polar
 from beamchain.chain.chain import Chain
-from beamchain.chain.rivals import build_least_squares
 from beamchain.chain.tendons import damped_modes, joint_damping
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
@@ -19,26 +18,27 @@ from beamchain.errors import RealisationError
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.options import Target
 from beamchain.mjcf import write
-from beamchain.ports.compose import in_space
+from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array
 from beamchain.steps.integrators import PHASE, largest_angle
 from beamchain.steps.retime import retime
 from beamchain.steps.start import HeldInput
 from beamchain.structure.beam import Beam
-from beamchain.studies import soft_rods
 
 TIMED = "exact in time"
-OURS = {TIMED: 6, "exact, hub": 6, "exact, clamped": 6, "exact, free": 6, "least squares": 4}  # largest n
+# largest n
+OURS = {TIMED: 6, "exact, hub": 6, "exact, clamped": 6, "exact, free": 6}
 EQUAL = {"equal links, midpoint": "midpoint", "equal links, classical": "classical"}
 EQUAL_COUNTS = (3, 5, 7, 10, 14, 20, 24, 27, 30, 40, 57, 80, 95, 113)
-SOFT_COUNTS = (5, 7, 10, 14)
 PAPER = "paper's 3 links"
 RIGID_HUB = "rigid hub"
 INTEGRATORS = ("Euler", "implicitfast", "RK4", "discrete")
 DAMPED = 6  # first modes of a rival that get a damping tendon
 MARGIN = 0.97  # of the stability limit: the largest step tried
-BEYOND = 2.0  # a model exact in time is tried up to this many times the step from which its fastest mode is slowed
+# a model exact in time is tried up to this many times the step from which its
+# fastest mode is slowed
+BEYOND = 2.0
 
 
 class Entry(NamedTuple):
@@ -55,12 +55,16 @@ class Entry(NamedTuple):
 
     @property
     def timed(self) -> bool:
-        """Made for one step, at which every sampled position is exact; fed with the mean of this and the last wrench."""
+        """Made for one step, at which every sampled position is exact;
+        fed with the mean of this and the last wrench."""
         return self.model == TIMED
 
     def fed(self, wrench: Array) -> Array:
         """What the model is given in each step of a wrench `(t, 6)` that is constant over each."""
-        return np.array(list(map(HeldInput(), wrench))).reshape(wrench.shape) if self.timed else wrench
+        if not self.timed:
+            return wrench
+        held = HeldInput()
+        return np.array([held(row) for row in wrench]).reshape(wrench.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,43 +95,40 @@ def entries(task: Task) -> list[Entry]:
         out += [Entry(PAPER, 2, integrator) for integrator in INTEGRATORS]
     for model in EQUAL:
         out += [Entry(model, n, i) for i in INTEGRATORS for n in EQUAL_COUNTS]
-    for model in soft_rods.available(task.beam):
-        out += [Entry(model, n, i) for i in soft_rods.INTEGRATORS[model] for n in SOFT_COUNTS]
     return out
 
 
 def largest_step(task: Task, entry: Entry) -> float:
-    """Largest step worth trying, a little below the stability limit on this hub [s]; infinity: none.
+    """Largest step worth trying, a little below the stability limit on this hub [s];
+    infinity: none.
 
-    A model exact in time is stable at every step; it is tried from steps at which the fastest mode of every port is slowed.
+    A model exact in time is stable at every step;
+    it is tried from steps at which the fastest mode of every port is slowed.
     """
     if entry.model == RIGID_HUB or entry.integrator == "discrete":
         return float("inf")
     if entry.timed:
-        _, targets = _built(task, entry)
+        _, targets = _build(task, entry)
         fastest = [m.last_on_hub(_hub_of(task, port)) for port, m in targets.items()]
         return BEYOND * PHASE / min(fastest)
-    if entry.model in soft_rods.INTEGRATORS:
-        fastest = soft_rods.fastest(task.beam, entry.n)
-        return MARGIN * largest_angle(entry.integrator) / fastest
     chain = chain_of(task, entry)
     ports = {port: chain.port(port) for port in chain.ports}
-    coupled = in_space(ports, chain.rigid_mass() + task.hub.mass_matrix())
+    coupled = model_in_space(ports, chain.rigid_mass() + task.hub.mass_matrix())
     ratio = max((float(np.max(task.full[p].damping, initial=0.0)) for p in ports), default=0.0)
-    angle = largest_angle(entry.integrator, ratio, tendon=any(t.damping > 0.0 for t in chain.tendons))
+    angle = largest_angle(
+        entry.integrator, ratio, tendon=any(t.damping > 0.0 for t in chain.tendons)
+    )
     return MARGIN * angle / float(coupled.free_frequencies[-1])
 
 
 def model_of(task: Task, entry: Entry, timestep: float = 0.0) -> "mujoco.MjModel":
     """The compiled scene of an entry: a free-flying hub with the appendage, nothing drawn.
 
-    The link welded to the hub becomes part of it when compiled (`fusestatic`), for rivals too. A model exact in time is
-    made for the timestep [s]; the others are the same at every step.
+    The link welded to the hub becomes part of it when compiled (`fusestatic`), for rivals too. A
+    model exact in time is made for the timestep [s]; the others are the same at every step.
     """
-    if entry.model in soft_rods.INTEGRATORS:
-        return soft_rods.scene_model(entry.model, task.beam, task.hub, entry.n)
     if entry.model == RIGID_HUB:
-        return compile_model(scene_text(task.hub, frozen(task.beam)))
+        return compile_model(scene_text(task.hub, rigid_chain(task.beam)))
     model = compile_model(scene_text(task.hub, chain_of(task, entry)))
     if entry.timed:
         retime(model, timestep, entry.integrator, form=4)
@@ -136,8 +137,8 @@ def model_of(task: Task, entry: Entry, timestep: float = 0.0) -> "mujoco.MjModel
 
 def scene_text(hub: Hub, chain: Chain) -> str:
     """The scene of a chain on the hub as MJCF text, without what costs time and moves nothing."""
-    tree = write.appendage(chain, "appendage", visuals=False, sites={})
-    root: Any = write.scene(
+    tree = write.appendage_document(chain, "appendage", visuals=False, sites={})
+    root: Any = write.scene_document(
         tree,
         "appendage",
         mass=hub.mass,
@@ -150,10 +151,10 @@ def scene_text(hub: Hub, chain: Chain) -> str:
         for element in root.findall(f".//worldbody//{tag}"):
             element.getparent().remove(element)
     root.insert(0, etree.Element("compiler", fusestatic="true"))
-    return write.text(root)
+    return write.document_text(root)
 
 
-def frozen(beam: Beam) -> Chain:
+def rigid_chain(beam: Beam) -> Chain:
     """The appendage as one rigid link."""
     rigid = Chain((rivals.rigid_link(beam, 0.0, beam.length),), (), beam.length)
     return with_real_polar(rigid)
@@ -162,15 +163,18 @@ def frozen(beam: Beam) -> Chain:
 @lru_cache(maxsize=8)
 def chain_of(task: Task, entry: Entry) -> Chain:
     """The chain of an entry, damped; kept, because every step of a ladder asks for it."""
-    chain, targets = _built(task, entry)
+    chain, targets = _build(task, entry)
     if any(t.stiffness > 0.0 for t in chain.tendons):
         return chain  # each mode has its damping already
     for port in chain.ports:
         ratios = task.full[port].damping
         if not np.any(ratios > 0.0):
             continue
-        if task.tendons:  # plain joint damping would starve the first modes of a chain of many links
-            chain = damped_modes(chain, {port: targets[port].damping if port in targets else ratios[:DAMPED]})
+        # plain joint damping would starve the first modes of a chain of many links
+        if task.tendons:
+            chain = damped_modes(
+                chain, {port: targets[port].damping if port in targets else ratios[:DAMPED]}
+            )
         else:
             chain = joint_damping(chain, port, np.resize(ratios, max(len(chain.hinges), 1)))
     return chain
@@ -188,26 +192,39 @@ def target_of(model: str) -> Target:
     return words.get(model, "clamped")
 
 
-def _built(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
-    beam, kept = task.beam, sizes(task.kept, entry.n)
+def _build(task: Task, entry: Entry) -> tuple[Chain, Mapping[str, PortModel]]:
+    beam = task.beam
+    kept = sizes(task.kept, entry.n)
     if entry.model in OURS:
-        built = _ours(task, entry, kept)
-        short = {port: target.modes for port, target in built.targets.items() if target.modes < kept[port]}
+        built = _build_own(task, entry, kept)
+        short = {
+            port: target.modes
+            for port, target in built.targets.items()
+            if target.modes < kept[port]
+        }
         if short:
-            raise RealisationError(f"{entry.model}: no chain with {entry.n} modes; {built.status.message}")
+            raise RealisationError(
+                f"{entry.model}: no chain with {entry.n} modes; {built.status.message}"
+            )
         return built.chain, built.targets
     port = task.planes[0]
     if entry.model == PAPER:
         free = beam.port(port, 4).free_frequencies
-        k, c = rivals.seed_parameters(float(beam.rigid_mass()[0, 0]), beam.length, float(free[0]), float(free[1]))
+        k, c = rivals.seed_parameters(
+            float(beam.rigid_mass()[0, 0]), beam.length, float(free[0]), float(free[1])
+        )
         return with_real_polar(rivals.seed_chain(beam, k, c, port)), {}
     bending = [p for p in kept if p != "axial"]
     chains = [rivals.equal_links(beam, entry.n, EQUAL[entry.model], p) for p in bending]
     hinges = tuple(
-        replace(hinge, stiffness={p: c.hinges[i].stiffness[p] for p, c in zip(bending, chains, strict=True)})
+        replace(
+            hinge,
+            stiffness={p: c.hinges[i].stiffness[p] for p, c in zip(bending, chains, strict=True)},
+        )
         for i, hinge in enumerate(chains[0].hinges)
     )
-    # a short piece of a wide panel, frozen, has more polar inertia than a thin body can have: it gets what it can
+    # a short piece of a wide panel, frozen, has more polar inertia than a thin body can have:
+    # it gets what it can
     links = tuple(
         replace(link, inertia=(min(x, (1.0 - 1e-9) * (y + z)), y, z))
         for link in chains[0].links
@@ -221,16 +238,15 @@ def _hub_of(task: Task, port: str) -> Array:
     return PORT_MOTION[port].T @ task.hub.mass_matrix() @ PORT_MOTION[port]
 
 
-def _ours(task: Task, entry: Entry, kept: dict[str, int]) -> Built:
+def _build_own(task: Task, entry: Entry, kept: dict[str, int]) -> Built:
     def target(port: str, count: int) -> PortModel:
         full = task.full[port]
         out = full.for_target(target_of(entry.model), count, _hub_of(task, port))
         return out.replaced(damping=full.damping[: out.modes])
 
-    if entry.model == "least squares":
-        links = np.full(entry.n + 1, task.beam.length / (entry.n + 1))
-        return build_least_squares(task.beam, kept, links, ("stiffness", "lengths", "masses"), None, target)
-    damped = any(np.any(task.full[port].damping > 0.0) for port in kept)
+    has_damping = any(np.any(task.full[port].damping > 0.0) for port in kept)
     if entry.timed:  # armature and damping of the modes stand on their tendons
-        return build_exact(task.beam, kept, target, Wishes(springs="modes", per_mode=damped))
-    return build_exact(task.beam, kept, target, Wishes(per_mode=damped and task.tendons))
+        wishes = Wishes(springs="modes", per_mode=has_damping)
+    else:
+        wishes = Wishes(per_mode=has_damping and task.tendons)
+    return build_exact(task.beam, kept, target, wishes)

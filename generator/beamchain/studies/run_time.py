@@ -1,4 +1,4 @@
-"""Error and run time of one entry of the field over a ladder of steps; how time grows with the number of links."""
+"""Error and run time of an entry over a ladder of steps; growth of time with the links."""
 
 import statistics
 import time
@@ -15,7 +15,8 @@ from beamchain.studies import field
 from beamchain.studies.field import RIGID_HUB, Entry, Task
 from beamchain.studies.scenario import Scenario
 
-#: Divisors of the beat (the common measure of all switching times): the ladder of steps, the next octaves alike.
+#: Divisors of the beat (the common measure of all switching times): the ladder of steps,
+#: the next octaves alike.
 LADDER = (*range(1, 21), *range(22, 29, 2), *range(32, 57, 4))
 OFTEN = 40.0  # switching times per slowest period beyond which steps no longer divide them
 RUNGS = 28  # steps tried below the stability limit, at most
@@ -23,7 +24,8 @@ FLOOR = 0.01  # two steps whose errors differ by less, relative, stand on the mo
 FINE_ENOUGH = 1e-5  # error below which no finer step is of interest
 REPEATS = 3
 SHORT = 0.02  # simulations shorter than this are repeated [s]
-FIRST = 30.0  # a single step of the ladder may take this many budgets, so that slow rivals show one point
+# a single step of the ladder may take this many budgets, so that slow rivals show one point
+FIRST = 30.0
 HUB_STEPS = 2000  # of the rigid hub beside each simulation, at most
 PROBE = 300  # steps simulated to foresee the cost of the first
 GROWTH_LINKS = (1, 2, 3, 5, 10, 20, 50, 100)
@@ -32,7 +34,8 @@ LONG = 10  # exponents are fitted from here on: below it MuJoCo's own overhead r
 GROWTH_STEPS = 200
 GROWTH_ROUNDS = 5
 
-#: Where an integrator's own clock stands after a step: the semi-implicit steps show motion half a step early.
+#: Where an integrator's own clock stands after a step:
+#: the semi-implicit steps show motion half a step early.
 CLOCK = {"Euler": 0.5, "implicit": 0.5, "implicitfast": 0.5, "discrete": 0.5, "RK4": 0.0}
 
 
@@ -44,7 +47,8 @@ class Point(NamedTuple):
     integrator: str  #: MuJoCo's name
     timestep: float  #: [s]
     error: float  #: of the hub's motion, relative to its largest elastic part
-    error_appendage: float  #: the same without the integrator's rigid-hub error, on its own clock; in study.json only
+    #: the same without the integrator's rigid-hub error, on its own clock; in study.json only
+    error_appendage: float
     seconds: float  #: median time to simulate the scenario [s]
     seconds_per_step: float  #: [s]
     spread: float  #: half the range of the middle half of the repetitions, relative
@@ -77,23 +81,29 @@ class Run(NamedTuple):
 class _Rung(NamedTuple):
     run: Run
     error: float
-    own: float  # with the integrator's rigid-hub error taken off
+    appendage_error: float  # with the integrator's rigid-hub error taken off
     seconds: float
 
 
 def steps_below(scenario: Scenario, limit: float) -> list[tuple[float, int]]:
-    """Steps and their number, largest first: the beat over whole numbers, the scenario in whole steps."""
+    """Steps and their number, largest first: the beat over whole numbers,
+    the scenario in whole steps."""
     beat = scenario.beat
     period = scenario.response.slowest
-    if beat < period / OFTEN:  # switching too often to step by: the mean wrench of each step is applied instead
+    # switching too often to step by: the mean wrench of each step is applied instead
+    if beat < period / OFTEN:
         beat = scenario.duration / np.ceil(scenario.duration / (period / 4.0))
-    first = max(int(np.ceil(beat / limit * (1.0 - 1e-9))), 1)  # the largest stable step is tried, whatever the ladder
-    divisors = [d for d in (*LADDER, *(m * 2**k for k in range(1, 40) for m in (32, 40, 48, 56))) if d > first]
-    return [(beat / d, round(scenario.duration / beat * d)) for d in [first, *divisors][:RUNGS]]
+    # the largest stable step is tried, whatever the ladder
+    first = max(int(np.ceil(beat / limit * (1.0 - 1e-9))), 1)
+    octaves = [m * 2**k for k in range(1, 40) for m in (32, 40, 48, 56)]
+    finer = [divisor for divisor in (*LADDER, *octaves) if divisor > first]
+    divisors = [first, *finer][:RUNGS]
+    return [(beat / d, round(scenario.duration / beat * d)) for d in divisors]
 
 
 def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder:
-    """Errors and times of an entry, step by step downwards until its floor, or until `budget` seconds are spent.
+    """Errors and times of an entry, step by step downwards until its floor,
+    or until `budget` seconds are spent.
 
     Timing takes about as long again.
     """
@@ -102,8 +112,10 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
         steps = steps_below(scenario, limit)
     except (BeamchainError, np.linalg.LinAlgError) as error:
         return Ladder(entry, [], str(error))
-    found: list[_Rung] = []
-    spent, still, note = 0.0, 0, "every step of the ladder measured"
+    rungs: list[_Rung] = []
+    spent = 0.0
+    still = 0
+    note = "every step of the ladder measured"
     for h, count in steps:
         try:
             model = field.model_of(task, entry, h)
@@ -112,33 +124,42 @@ def climb(task: Task, scenario: Scenario, entry: Entry, budget: float) -> Ladder
             continue
         wrench = entry.fed(scenario.profile.mean(h, count))
         probe = min(PROBE, count)
-        if found:
-            cost = found[-1].seconds * count / len(found[-1].run.wrench)
+        if rungs:
+            cost = rungs[-1].seconds * count / len(rungs[-1].run.wrench)
         else:
             cost = simulate(model, entry.integrator, h, wrench[:probe]).seconds * count / probe
-        if spent + cost > (budget if found else FIRST * budget):
+        if spent + cost > (budget if rungs else FIRST * budget):
             note = f"stopped before a step of {h:.3g} s, which would take {cost:.2g} s"
             break
         course = simulate(model, entry.integrator, h, wrench)
         spent += course.seconds
         error = scenario.error(course.motion, h)
         rigid = rigid_motion(task, entry.integrator, h, wrench)
-        own = scenario.error(course.motion, h, rigid, clock(entry))
+        appendage_error = scenario.error(course.motion, h, rigid, clock(entry))
         if not np.isfinite(error):
             continue  # this step was beyond the stability limit after all
-        found.append(_Rung(Run(model, entry.integrator, h, wrench), error, own, course.seconds))
-        if len(found) > 1:
-            before = found[-2]
-            same = max(abs(error / before.error - 1.0), abs(own / before.own - 1.0)) < FLOOR
+        rungs.append(
+            _Rung(Run(model, entry.integrator, h, wrench), error, appendage_error, course.seconds)
+        )
+        if len(rungs) > 1:
+            before = rungs[-2]
+            same = (
+                max(
+                    abs(error / before.error - 1.0),
+                    abs(appendage_error / before.appendage_error - 1.0),
+                )
+                < FLOOR
+            )
             still = still + 1 if same or error < FINE_ENOUGH else 0
             if still == 2:
                 note = "finer steps change nothing: the model's own floor"
                 break
-    return Ladder(entry, _timed(task, entry, found), note)
+    return Ladder(entry, _measure_times(task, entry, rungs), note)
 
 
 def clock(entry: Entry) -> float:
-    """Where the simulated time stands after a step, in steps from its end; a model exact in time shows its end."""
+    """Where the simulated time stands after a step, in steps from its end;
+    a model exact in time shows its end."""
     return 0.0 if entry.timed else CLOCK[entry.integrator]
 
 
@@ -148,19 +169,31 @@ def rigid_motion(task: Task, integrator: str, timestep: float, wrench: Array) ->
     return simulate(model, integrator, timestep, wrench).motion
 
 
-def _timed(task: Task, entry: Entry, found: Sequence["_Rung"]) -> list[Point]:
+def _measure_times(task: Task, entry: Entry, rungs: Sequence["_Rung"]) -> list[Point]:
     """Repetitions of all short simulations in turns, each with the rigid hub beside it."""
-    known = [[] if rung.seconds < SHORT else [rung.seconds] for rung in found]
+    known = [[] if rung.seconds < SHORT else [rung.seconds] for rung in rungs]
     hub = field.model_of(task, Entry(RIGID_HUB, 0, entry.integrator))
-    times = in_turns([rung.run for rung in found], hub, REPEATS, known)
-    return [
-        Point(*entry, r.run.timestep, r.error, r.own, t.seconds, t.seconds / len(r.run.wrench), *t[1:])
-        for r, t in zip(found, times, strict=True)
-    ]
+    times = measure_in_turns([rung.run for rung in rungs], hub, REPEATS, known)
+    points: list[Point] = []
+    for rung, duration in zip(rungs, times, strict=True):
+        point = Point(
+            *entry,
+            timestep=rung.run.timestep,
+            error=rung.error,
+            error_appendage=rung.appendage_error,
+            seconds=duration.seconds,
+            seconds_per_step=duration.seconds / len(rung.run.wrench),
+            spread=duration.spread,
+            over_rigid_hub=duration.over_rigid_hub,
+            repeats=duration.repeats,
+        )
+        points.append(point)
+    return points
 
 
 class Time(NamedTuple):
-    """Median time [s], spread (half the range of the middle half, relative), per step over the rigid hub's, repeats."""
+    """Median time [s], spread (half the range of the middle half, relative),
+    per step over the rigid hub's, repeats."""
 
     seconds: float
     spread: float
@@ -168,7 +201,9 @@ class Time(NamedTuple):
     repeats: int
 
 
-def in_turns(runs: Sequence[Run], hub: Any, repeats: int, known: Sequence[Sequence[float]]) -> list[Time]:
+def measure_in_turns(
+    runs: Sequence[Run], hub: Any, repeats: int, known: Sequence[Sequence[float]]
+) -> list[Time]:
     """Time simulations in turns, `repeats` rounds, the rigid hub alone before each.
 
     A run with times that are `known` is not timed again.
@@ -189,7 +224,14 @@ def in_turns(runs: Sequence[Run], hub: Any, repeats: int, known: Sequence[Sequen
     for taken, ratio in zip(times, ratios, strict=True):
         middle = statistics.median(taken)
         low, high = np.quantile(taken, [0.25, 0.75])
-        out.append(Time(middle, float(high - low) / 2.0 / middle, statistics.median(ratio), len(taken)))
+        out.append(
+            Time(
+                middle,
+                spread=float(high - low) / 2.0 / middle,
+                over_rigid_hub=statistics.median(ratio),
+                repeats=len(taken),
+            )
+        )
     return out
 
 
@@ -199,7 +241,8 @@ class Growth:
 
     step: tuple[tuple[int, float], ...]  # n and seconds per Euler step of equal links
     exponent: float | None  # from n = 10 on
-    fit: tuple[tuple[int, float], ...]  # n and seconds to find and compile an exact chain of n modes
+    # n and seconds to find and compile an exact chain of n modes
+    fit: tuple[tuple[int, float], ...]
     fit_exponent: float | None
 
 
@@ -207,7 +250,9 @@ def growth(task: Task) -> Growth:
     """Measure both, in turns."""
     if not task.planes:
         return Growth((), None, (), None)
-    models = {n: field.model_of(task, Entry("equal links, midpoint", n, "Euler")) for n in GROWTH_LINKS}
+    models = {
+        n: field.model_of(task, Entry("equal links, midpoint", n, "Euler")) for n in GROWTH_LINKS
+    }
     wrench = np.zeros((GROWTH_STEPS, 6))
     times: dict[int, list[float]] = {n: [] for n in GROWTH_LINKS}
     for _ in range(GROWTH_ROUNDS):
@@ -224,7 +269,9 @@ def growth(task: Task) -> Growth:
             fits.setdefault(n, []).append(time.thread_time() - start)
     step = [(n, statistics.median(t)) for n, t in times.items()]
     fit = [(n, statistics.median(t)) for n, t in fits.items()]
-    return Growth(tuple(step), _exponent([p for p in step if p[0] >= LONG]), tuple(fit), _exponent(fit))
+    return Growth(
+        tuple(step), _exponent([p for p in step if p[0] >= LONG]), tuple(fit), _exponent(fit)
+    )
 
 
 def _exponent(points: Sequence[tuple[int, float]]) -> float | None:

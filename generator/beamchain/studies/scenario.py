@@ -1,36 +1,38 @@
-"""What a study asks of every model: a hub with an appendage, a wrench on the hub, a duration, and the exact answer.
+"""What a study asks of every model: a hub with an appendage, a wrench on the hub, a duration,
+and the exact answer.
 
-The linear motion superposes the beam's modes on the hub; what large motion changes is read from chains of many equal
-links, each held against its own small motion, so that what few links do wrong in small motion falls out.
+The motion is the linear one: the beam's modes superposed on the hub.
 """
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import krogh_interpolate
 from scipy.spatial.transform import Rotation
 
 from beamchain.errors import InputError
-from beamchain.ports.compose import in_space
+from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS, Array, locked, shifted
+from beamchain.ports.motions import PORTS, Array, locked, offset_matrix
 from beamchain.studies.field import Task
 
 Complex = NDArray[np.complex128]
 
 COLUMNS = ("fx", "fy", "fz", "mx", "my", "mz")
 
-#: Motion of the hub that the default doublet drives, per port, in the order in which ports are looked for.
+#: Motion of the hub that the default doublet drives, per port,
+#: in the order in which ports are looked for.
 DRIVEN = {"xy": 5, "xz": 4, "torsion": 3, "axial": 0}
 
 ROUND = (1.0, 2.0, 3.0, 6.0)  # durations and pulses are these times a power of ten
 PERIODS = 4.0  # of the first coupled mode, at least
+LEAST_PERIODS, MOST_PERIODS = 1e-3, 1e4  # of the slowest mode that a study may last
 PULSE = 15.0  # the default doublet is a fifteenth of the duration
-SMALL = 1e-5  # elastic hub motion of the default doublet at most [rad, or share of the appendage's length]
+# elastic hub motion of the default doublet at most [rad, or share of the appendage's length]
+SMALL = 1e-5
 LONGEST_CSV = 1_000_000
 
 
@@ -43,12 +45,15 @@ class Profile:
 
     def impulse(self, at: Array) -> Array:
         """`(t, 6)` integral of the wrench up to the times `at` `(t,)`."""
-        total = np.vstack([np.zeros(6), np.cumsum(np.diff(self.times)[:, None] * self.wrench, axis=0)])
+        impulses = np.diff(self.times)[:, None] * self.wrench
+        total = np.vstack([np.zeros(6), np.cumsum(impulses, axis=0)])
         return np.column_stack([np.interp(at, self.times, column) for column in total.T])
 
     def mean(self, timestep: float, steps: int) -> Array:
-        """`(steps, 6)` mean wrench over each step, so that no impulse is lost where a step straddles a switch."""
-        return np.diff(self.impulse(np.arange(steps + 1, dtype=np.float64) * timestep), axis=0) / timestep
+        """`(steps, 6)` mean wrench over each step,
+        so that no impulse is lost where a step straddles a switch."""
+        edges = np.arange(steps + 1, dtype=np.float64) * timestep
+        return np.diff(self.impulse(edges), axis=0) / timestep
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +76,17 @@ class HubResponse:
 
     def rigid(self, profile: Profile, at: Array) -> Array:
         """`(t, 6)` motion of hub and frozen appendage."""
-        starts, moments = profile.times[:-1], np.zeros((at.size, 6))
+        starts = profile.times[:-1]
+        moments = np.zeros((at.size, 6))
         for start, end, wrench in zip(starts, profile.times[1:], profile.wrench, strict=True):
-            on, off = np.clip(at - start, 0.0, None), np.clip(at - end, 0.0, None)
+            on = np.clip(at - start, 0.0, None)
+            off = np.clip(at - end, 0.0, None)
             moments += 0.5 * (on**2 - off**2)[:, None] * wrench
         return moments @ self.mobility
 
     def elastic(self, profile: Profile, at: Array) -> Array:
-        """`(t, 6)` what the elastic modes add to the hub's motion at the times `at`, ascending [s]."""
+        """`(t, 6)` what the elastic modes add to the hub's motion at the times `at`,
+        ascending [s]."""
         out = np.zeros((at.size, 6))
         state = np.zeros(self.poles.size, dtype=np.complex128)
         edges = np.append(profile.times, np.inf)
@@ -92,102 +100,52 @@ class HubResponse:
         return out
 
     def _advance(self, state: Complex, pull: Complex, after: Array) -> Complex:
-        grown = np.exp(np.outer(after, self.poles))
-        return grown * state + (grown - 1.0) / self.poles * pull
+        # z(t) = e^(p t) z_0 + (e^(p t) - 1) / p pull
+        growth = np.exp(np.outer(after, self.poles))
+        return growth * state + (growth - 1.0) / self.poles * pull
 
 
-def hub_response(full: Mapping[str, PortModel], rigid_mass: Array, hub_mass: Array, offset: Array) -> HubResponse:
-    """The response of a hub that carries an appendage; mass matrices about the root, `offset` from centre to root [m]."""
-    model = in_space(full, rigid_mass + hub_mass)
-    centre = shifted(-np.asarray(offset))  # motion of the centre from that of the root
+def hub_response(
+    full: Mapping[str, PortModel], rigid_mass: Array, hub_mass: Array, offset: Array
+) -> HubResponse:
+    """The response of a hub that carries an appendage; mass matrices about the root,
+    `offset` from centre to root [m]."""
+    model = model_in_space(full, rigid_mass + hub_mass)
+    centre = offset_matrix(-np.asarray(offset))  # motion of the centre from that of the root
     mobility = centre @ np.linalg.inv(model.rigid_mass) @ centre.T
     values = model.free_port_values @ centre.T
-    w, shapes = model.free_frequencies, model._free[2]
+    w = model.free_frequencies
+    shapes = model._free.shares
     if not np.any(model.damping > 0.0):
         poles = (1j * w).astype(np.complex128)
-        return HubResponse(locked(mobility), poles, values.astype(np.complex128), (values / poles[:, None]).T)
-    # states (w q, q'): skew but for the dissipation, so that the small frequencies keep their digits
-    loss = (w[:, None] * shapes.T) @ ((2.0 * model.damping / model.frequencies)[:, None] * shapes * w)
+        return HubResponse(
+            locked(mobility), poles, values.astype(np.complex128), (values / poles[:, None]).T
+        )
+    # states (w q, q'): skew but for the dissipation,
+    # so that the small frequencies keep their digits
+    # loss_ij = w_i w_j sum_k v_ki v_kj 2 zeta_k / W_k
+    weights = (2.0 * model.damping / model.frequencies)[:, None]
+    loss = (w[:, None] * shapes.T) @ (weights * shapes * w)
     system = np.block([[np.zeros_like(loss), np.diag(w)], [-np.diag(w), -loss]])
-    found, right = np.linalg.eig(system)
-    poles, right = found.astype(np.complex128), right.astype(np.complex128)
+    eigenvalues, vectors = np.linalg.eig(system)
+    poles = eigenvalues.astype(np.complex128)
+    right = vectors.astype(np.complex128)
     left = np.linalg.inv(right)
     upper = np.imag(poles) > 0.0
     use = upper | (np.imag(poles) == 0.0)  # an overdamped mode counts once, not as half of a pair
     weight = np.where(upper[use], 2.0, 1.0)
     drive = np.asarray(left[use][:, w.size :] @ values, dtype=np.complex128)
-    show = np.asarray((values / w[:, None]).T @ right[: w.size][:, use] * weight, dtype=np.complex128)
+    show = np.asarray(
+        (values / w[:, None]).T @ right[: w.size][:, use] * weight, dtype=np.complex128
+    )
     return HubResponse(locked(mobility), poles[use], drive, show)
 
 
-@dataclass(frozen=True)
-class Figures:
-    """How good a large-motion reference is, relative to the largest elastic motion."""
-
-    nonlinear: float  # what large motion changes at most
-    links: tuple[int, ...] = ()  # of the chains extrapolated from, the finest last
-    change: float = 0.0  # by the last chain in the extrapolated motion
-    step_change: float = 0.0  # by half the step in the coarsest chain
-    small_motion: float = 0.0  # how far the extrapolated chains alone miss the exact small motion
-    wanted: float = 0.0  # change at which refining stops
-
-    @property
-    def error(self) -> float:
-        """How far the reference may be off."""
-        return max(self.change, self.step_change, self.small_motion * self.nonlinear)
-
-    @property
-    def met(self) -> bool:
-        """Whether that is as little as was wanted."""
-        return self.error <= self.wanted
-
-
-@dataclass(frozen=True, eq=False)
-class LargeReference:
-    """The hub's motion under a profile, and that of hub and frozen appendage.
-
-    `moved` is what large motion adds at times `(t,)`: `(t, 6)` displacement in world axes [m], rotation vector [rad]
-    from the linear attitude to the real one; `moved_rigid` the same with the appendage frozen.
-    """
-
-    response: HubResponse
-    profile: Profile
-    moved: Callable[[Array], Array]
-    moved_rigid: Callable[[Array], Array]
-    figures: Figures
-
-    def motion(self, at: Array) -> Array:
-        """`(t, 6)` of the hub's centre: displacement [m], rotation vector [rad]."""
-        return added(self.response.motion(self.profile, at), self.moved(at))
-
-    def rigid(self, at: Array) -> Array:
-        """`(t, 6)` with the appendage frozen."""
-        return added(self.response.rigid(self.profile, at), self.moved_rigid(at))
-
-    def elastic(self, at: Array) -> Array:
-        """`(t, 6)` what bending adds."""
-        return between(self.rigid(at), self.motion(at))
-
-    def gap(self, motion: Array, at: Array, rigid: Array | None) -> Array:
-        """`(t, 6)` how far a simulated motion is off, that of the frozen appendage (`rigid`) taken off first."""
-        return between(self.motion(at), motion) if rigid is None else between(rigid, motion) - self.elastic(at)
-
-
-def between(start: Array, end: Array) -> Array:
-    """`(t, 6)` from one motion to another: difference of displacements, rotation vector of the relative attitude."""
+def relative_motion(start: Array, end: Array) -> Array:
+    """`(t, 6)` from one motion to another: difference of displacements,
+    rotation vector of the relative attitude."""
     turn = Rotation.from_rotvec(start[:, 3:]).inv() * Rotation.from_rotvec(end[:, 3:])
     return np.hstack([end[:, :3] - start[:, :3], turn.as_rotvec()])
-
-
-def added(start: Array, more: Array) -> Array:
-    """`(t, 6)` the motion that `between(start, .)` gives `more` for; its rotation vector is at most half a turn."""
-    turn = Rotation.from_rotvec(start[:, 3:]) * Rotation.from_rotvec(more[:, 3:])
-    return np.hstack([start[:, :3] + more[:, :3], turn.as_rotvec()])
-
-
-def at_zero(where: Sequence[float], values: Sequence[Array]) -> Array:
-    """Extrapolation to 0 of values at `where`, by the polynomial through all of them."""
-    return np.asarray(krogh_interpolate(where, values, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,14 +158,7 @@ class Scenario:
     response: HubResponse
     largest: Array  # (w,) largest elastic part of each watched motion
     beat: float  # the switching times are multiples of it [s]
-    nonlinear: float = 0.0  # what large motion changes, relative to the largest elastic part
-    large: LargeReference | None = None  # where that is too much for the linear motion
-
-    def in_large_motion(self, reference: LargeReference) -> "Scenario":
-        """The same task, compared with what happens in large motion."""
-        moved = np.abs(reference.elastic(np.linspace(0.0, self.duration, 4001)))
-        largest = locked(np.max(moved, axis=0)[list(self.watched)])
-        return replace(self, large=reference, largest=largest, nonlinear=reference.figures.nonlinear)
+    nonlinear: float = 0.0  # what large motion would change, relative to the largest elastic part
 
     def scaled(self, factor: float) -> "Scenario":
         """The same task with a wrench multiplied by `factor`, still linear."""
@@ -216,69 +167,104 @@ class Scenario:
 
     def motion(self, at: Array) -> Array:
         """`(t, 6)` the hub's reference motion."""
-        return self.response.motion(self.profile, at) if self.large is None else self.large.motion(at)
+        return self.response.motion(self.profile, at)
 
-    def error(self, motion: Array, timestep: float, rigid: Array | None = None, shift: float = 0.0) -> float:
+    def error(
+        self, motion: Array, timestep: float, rigid: Array | None = None, shift: float = 0.0
+    ) -> float:
         """Largest error of the hub's simulated motion `(t, 6)` over the largest elastic part of it.
 
-        With `rigid`, that of the frozen appendage by the same integrator, only the elastic parts are compared. The simulated
-        time after step k is `(k + shift) timestep`: the integrator's own clock.
+        With `rigid`, that of the frozen appendage by the same integrator, only the elastic
+        parts are compared. The simulated time after step k is `(k + shift) timestep`: the
+        integrator's own clock.
         """
         at = timestep * (np.arange(1, motion.shape[0] + 1) + shift)
         if not np.all(np.isfinite(motion)):
             return float("inf")
-        if self.large is not None:
-            gap = self.large.gap(motion, at, rigid)
-        else:
-            exact = self.response.elastic(self.profile, at)
-            gap = motion - exact - (self.response.rigid(self.profile, at) if rigid is None else rigid)
-        worst = self.size(gap)
+        exact = self.response.elastic(self.profile, at)
+        if rigid is None:
+            rigid = self.response.rigid(self.profile, at)
+        worst = self.size(motion - exact - rigid)
         return worst if np.isfinite(worst) else float("inf")
 
     def size(self, motion: Array) -> float:
         """The largest of the watched motions, relative to their elastic parts."""
-        return float(np.max(np.max(np.abs(motion[:, list(self.watched)]), axis=0) / self.largest))
+        largest = np.max(np.abs(motion[:, list(self.watched)]), axis=0)
+        return float(np.max(largest / self.largest))
 
 
 def make_scenario(
-    task: Task, profile: Profile | None = None, duration: float | None = None, amplitude: float | None = None
+    task: Task,
+    profile: Profile | None = None,
+    duration: float | None = None,
+    amplitude: float | None = None,
 ) -> Scenario:
     """What is asked of the models of a task.
 
-    Left out, the profile is a doublet about the first kept port's axis, its amplitude [N, N m] is small enough to stay
-    linear, and the duration [s] is four periods of the first coupled mode, rounded up.
+    Left out, the profile is a doublet about the first kept port's axis, its amplitude [N, N
+    m] is small enough to stay linear, and the duration [s] is four periods of the first
+    coupled mode, rounded up.
     """
-    full, hub, beam = task.full, task.hub, task.beam
+    full = task.full
+    hub = task.hub
+    beam = task.beam
     response = hub_response(full, beam.rigid_mass(), hub.mass_matrix(), np.asarray(hub.offset))
     if duration is None:
         longest = 0.0 if profile is None else float(profile.times[-1])
-        duration = rounded_up(max(PERIODS * response.slowest, longest))
+        duration = round_up(max(PERIODS * response.slowest, longest))
+    shortest = LEAST_PERIODS * response.slowest
+    longest = MOST_PERIODS * response.slowest
+    if not shortest <= duration <= longest:
+        raise InputError(
+            f"duration = {duration!r} s must lie from {shortest:.4g} to {longest:.4g} s, "
+            f"{LEAST_PERIODS:g} to {MOST_PERIODS:g} periods of the slowest mode; left out, it is "
+            f"{PERIODS:g}."
+        )
     if profile is None:
-        profile = _doublet(response, next(port for port in DRIVEN if port in full), duration, beam.length, amplitude)
+        profile = _doublet(
+            response,
+            port=next(port for port in DRIVEN if port in full),
+            duration=duration,
+            length=beam.length,
+            amplitude=amplitude,
+        )
     fine = np.linspace(0.0, duration, 4001)
     largest = np.max(np.abs(response.elastic(profile, fine)), axis=0)
-    watched = tuple(int(i) for i in np.flatnonzero(np.any(profile.wrench != 0.0, axis=0)) if largest[i] > 0.0)
+    driven = np.any(profile.wrench != 0.0, axis=0)
+    watched = tuple(np.flatnonzero(driven & (largest > 0.0)).tolist())
     if not watched:
         raise InputError(
-            "the profile drives no hub motion in which the appendage bends; push along an axis of a kept port "
-            f"({', '.join(p for p in PORTS if p in full)})."
+            "the profile drives no hub motion in which the appendage bends; push along an axis of "
+            f"a kept port ({', '.join(p for p in PORTS if p in full)})."
         )
-    return Scenario(profile, duration, watched, response, locked(largest[list(watched)]), _beat(profile.times))
+    return Scenario(
+        profile,
+        duration=duration,
+        watched=watched,
+        response=response,
+        largest=locked(largest[list(watched)]),
+        beat=_beat(profile.times),
+    )
 
 
-def _doublet(response: HubResponse, port: str, duration: float, length: float, amplitude: float | None) -> Profile:
+def _doublet(
+    response: HubResponse, *, port: str, duration: float, length: float, amplitude: float | None
+) -> Profile:
     """Plus and minus, of a size that is given, or a power of ten small enough to stay linear."""
-    axis, half = DRIVEN[port], duration / PULSE / 2.0
+    axis = DRIVEN[port]
+    half = duration / PULSE / 2.0
     wrench = np.zeros((2, 6))
-    wrench[0, axis], wrench[1, axis] = 1.0, -1.0
+    wrench[0, axis] = 1.0
+    wrench[1, axis] = -1.0
     unit = Profile(locked([0.0, half, 2.0 * half]), locked(wrench))
-    moved = np.max(np.abs(response.elastic(unit, np.linspace(0.0, duration, 2001))), axis=0)
-    moved[:3] /= length
-    size = amplitude or 10.0 ** np.floor(np.log10(SMALL / float(np.max(moved))))
+    motion = response.elastic(unit, np.linspace(0.0, duration, 2001))
+    largest = np.max(np.abs(motion), axis=0)
+    largest[:3] /= length
+    size = amplitude or 10.0 ** np.floor(np.log10(SMALL / float(np.max(largest))))
     return Profile(unit.times, locked(size * wrench))
 
 
-def rounded_up(value: float) -> float:
+def round_up(value: float) -> float:
     """The next 1, 2, 3 or 6 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(next(m * power for m in (*ROUND, 10.0) if m * power >= value * (1.0 - 1e-9)))
@@ -291,28 +277,41 @@ def _beat(times: Array) -> float:
 
 
 def parse_profile(content: str, source: str) -> Profile:
-    """A profile from CSV text: a column `time` [s] and any of fx fy fz [N], mx my mz [N m]; a row holds until the next.
+    """A profile from CSV text: a column `time` [s] and any of fx fy fz [N], mx my mz [N m];
+    a row holds until the next.
 
     The last row only ends the profile.
     """
     try:
-        rows = [row for row in csv.reader(io.StringIO(content)) if row and not row[0].lstrip().startswith("#")]
+        rows = [
+            row
+            for row in csv.reader(io.StringIO(content))
+            if row and not row[0].lstrip().startswith("#")
+        ]
     except csv.Error as error:
-        raise InputError(f"profile {source!r} is no CSV ({error}); give numbers between commas.") from None
+        raise InputError(
+            f"profile {source!r} is no CSV ({error}); give numbers between commas."
+        ) from None
     head = [cell.strip() for cell in rows[0]] if rows else []
     unknown = [name for name in head if name not in ("time", *COLUMNS)]
     if "time" not in head or unknown or len(head) < 2 or not 3 <= len(rows) <= LONGEST_CSV:
         raise InputError(
-            f"profile {source!r} has the head {', '.join(head) or 'nothing'} and {max(len(rows) - 1, 0)} rows; give "
-            f"a column time, one or more of {', '.join(COLUMNS)}, and at least two rows."
+            f"profile {source!r} has the head {', '.join(head) or 'nothing'} and "
+            f"{max(len(rows) - 1, 0)} rows; give a column time, one or more of "
+            f"{', '.join(COLUMNS)}, and at least two rows."
         )
     try:
         values = np.array([[float(cell) for cell in row] for row in rows[1:]])
     except ValueError as error:
-        raise InputError(f"profile {source!r}: {error}; give one number per column in every row.") from None
+        raise InputError(
+            f"profile {source!r}: {error}; give one number per column in every row."
+        ) from None
     times = values[:, head.index("time")]
     if not np.all(np.isfinite(values)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
-        raise InputError(f"profile {source!r}: times must start at 0 and ascend, and every number must be finite.")
+        raise InputError(
+            f"profile {source!r}: times must start at 0 and ascend, and every number must be "
+            "finite."
+        )
     wrench = np.zeros((times.size - 1, 6))
     for name in {*head} - {"time"}:
         wrench[:, COLUMNS.index(name)] = values[:-1, head.index(name)]

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from beamchain.caution import Caution, warnings_record
-from beamchain.engine.library import mujoco
+from beamchain.checks import path_of
+from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
 from beamchain.errors import EngineError
 from beamchain.fitting.fit import fit
@@ -26,7 +27,8 @@ def silent(_: str) -> None:
 
 @dataclass(frozen=True)
 class StepRow:
-    """A step limit, predicted from the linearised model and measured in simulations [s]; infinity: none."""
+    """A step limit, predicted from the linearised model and measured in simulations [s];
+    infinity: none."""
 
     name: str  #: of the model
     integrator: str  #: MuJoCo's name
@@ -52,7 +54,8 @@ class StabilityStudy:
 
     Example:
         >>> import beamchain as bc
-        >>> oscillator = '''<mujoco model="rod"><option timestep="0.01"/><worldbody><body><joint type="slide" stiffness="16"/>
+        >>> oscillator = '''<mujoco model="rod"><option timestep="0.01"/><worldbody><body>
+        ... <joint type="slide" stiffness="16"/>
         ... <inertial pos="0 0 0" mass="4" diaginertia="1 1 1"/></body></worldbody></mujoco>'''
         >>> from pathlib import Path
         >>> _ = Path("rod.xml").write_text(oscillator)
@@ -67,7 +70,8 @@ class StabilityStudy:
     own_step: str
 
     def as_dict(self) -> dict[str, Any]:
-        """For stability.json; `extremes` counts no cases: the suite is a test of beamchain itself."""
+        """For stability.json; `extremes` counts no cases:
+        the suite is a test of beamchain itself."""
         import beamchain
 
         return {
@@ -83,25 +87,31 @@ class StabilityStudy:
 
 
 def step_rows(model: "mujoco.MjModel", limits: Budget, say: Say = silent) -> list[StepRow]:
-    """Predicted and measured limits of a compiled model, one row per integrator; `say` is told what is measured."""
+    """Predicted and measured limits of a compiled model, one row per integrator;
+    `say` is told what is measured."""
     out: list[StepRow] = []
     for integrator in INTEGRATORS:
         say(f"measuring {limits.name} with {integrator}")
         predicted = limits.largest_step[integrator]
-        measured = measured_limit(model, integrator, min(predicted, LONGEST / float(limits.frequencies[0])))
+        measured = measured_limit(
+            model, integrator, min(predicted, LONGEST / float(limits.frequencies[0]))
+        )
         out.append(StepRow(limits.name, integrator, predicted, measured))
     return out
 
 
+@one_thread()
 def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
-    """Step limits predicted and measured, damping that steps add, large motion, as `beamchain stability` does.
+    """Step limits predicted and measured, damping that steps add, large motion,
+    as `beamchain stability` does.
 
     Args:
         source: a specification, or the path of a SPEC.toml or of any MuJoCo model (.xml).
         say: told what is being measured.
 
     Returns:
-        The limits (`rows`), a step budget per model (`budgets`), large-motion limits per plane (`large`) and warnings.
+        The limits (`rows`), a step budget per model (`budgets`),
+        large-motion limits per plane (`large`) and warnings.
 
     Raises:
         InputError: the file cannot be used.
@@ -117,7 +127,7 @@ def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
     """
     if isinstance(source, Spec):
         return study_fit(fit(source), say)
-    source = Path(source)
+    source = path_of("source", source, "a Spec, or the path of a SPEC.toml or MJCF (.xml) file")
     if source.suffix.lower() == ".xml":
         model = compile_model(source)
         data = mujoco.MjData(model)
@@ -127,7 +137,9 @@ def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
         limits = budget(model)
         name = NUMBERS[int(model.opt.integrator)]
         warnings = _warnings(limits, limits.timestep, name)
-        return StabilityStudy(step_rows(model, limits, say), [limits], {}, warnings, _own_step(limits, name))
+        return StabilityStudy(
+            step_rows(model, limits, say), [limits], {}, warnings, _own_step(limits, name)
+        )
     say("fitting the chain")
     return study_fit(fit(read_spec(source)), say)
 
@@ -138,7 +150,10 @@ def study_fit(result: Fit, say: Say = silent) -> StabilityStudy:
     budgets: list[Budget] = []
     overdamped: list[str] = []
     name = result.spec.name
-    for label, text in ((f"{name} on its hub", result.scene_mjcf()), (f"{name} alone", result.bench_mjcf())):
+    for label, text in (
+        (f"{name} on its hub", result.scene_mjcf()),
+        (f"{name} alone", result.bench_mjcf()),
+    ):
         model = compile_model(text)
         try:
             limits = budget(model, name=label)
@@ -158,8 +173,10 @@ def study_fit(result: Fit, say: Say = silent) -> StabilityStudy:
 
 
 def _own_step(limits: Budget, integrator: str) -> str:
-    """Whether a model is stable with its own integrator at its own step, and from which step on it is not."""
-    largest, own = limits.largest_step[integrator], f"{integrator} at {limits.timestep:g} s"
+    """Whether a model is stable with its own integrator at its own step,
+    and from which step on it is not."""
+    largest = limits.largest_step[integrator]
+    own = f"{integrator} at {limits.timestep:g} s"
     if limits.timestep >= largest:
         return f"{limits.name}: unstable as it is, with {own}; take a step below {largest:.4g} s."
     most = "at every step" if largest == float("inf") else f"up to {largest:.4g} s"
@@ -169,5 +186,8 @@ def _own_step(limits: Budget, integrator: str) -> str:
 def _warnings(limits: Budget, timestep: float, integrator: str) -> list[str]:
     """The step that the model asks for, where its integrator cannot take it."""
     step = limits.largest_step[integrator]
-    text = f"{limits.name}: the step asked for, {timestep:g} s, is beyond {integrator}'s limit of {step:.4g} s."
+    text = (
+        f"{limits.name}: the step asked for, {timestep:g} s, is beyond {integrator}'s limit of "
+        f"{step:.4g} s."
+    )
     return [Caution("unstable-step", text)] if timestep >= step else []

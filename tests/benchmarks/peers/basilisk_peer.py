@@ -8,13 +8,19 @@ import time
 from pathlib import Path
 
 import numpy as np
-from Basilisk.simulation import extForceTorque, nHingedRigidBodyStateEffector, spacecraft, svIntegrators
+from Basilisk.simulation import (
+    extForceTorque,
+    nHingedRigidBodyStateEffector,
+    spacecraft,
+    svIntegrators,
+)
 from Basilisk.utilities import SimulationBaseClass, macros
 from task import ARM, BENDING, END, HALF, LENGTH, MASS, MOMENT, TASK, Peer, measure, write
 
 
 def panels(n: int) -> Peer:
-    """Half-length root spring 2 EI n / L, EI n / L between panels: the recipe that one hinge per panel allows."""
+    """Half-length root spring 2 EI n / L, EI n / L between panels:
+    the recipe that one hinge per panel allows."""
 
     def run(h: float, record: bool):
         simulation = SimulationBaseClass.SimBaseClass()
@@ -34,7 +40,9 @@ def panels(n: int) -> Peer:
         for i in range(n):
             panel = nHingedRigidBodyStateEffector.HingedPanel()
             panel.mass = MASS / n
-            panel.IPntS_S = np.diag([1e-6, MASS / n * piece**2 / 12.0, MASS / n * piece**2 / 12.0]).tolist()
+            panel.IPntS_S = np.diag(
+                [1e-6, MASS / n * piece**2 / 12.0, MASS / n * piece**2 / 12.0]
+            ).tolist()
             panel.d = piece / 2.0
             panel.k = (2.0 if i == 0 else 1.0) * BENDING * n / LENGTH
             panel.c = 0.0
@@ -67,14 +75,21 @@ def panels(n: int) -> Peer:
 
 def main(path: Path) -> None:
     peers = [panels(n) for n in (2, 3, 5, 7, 10)]
-    fastest = {n: 5.5 * n**2 for n in (2, 3, 5, 7, 10)}  # in units of sqrt(EI / m L^3), on a heavy hub
+    # in units of sqrt(EI / m L^3), on a heavy hub
+    fastest = {n: 5.5 * n**2 for n in (2, 3, 5, 7, 10)}
     unit = np.sqrt(BENDING / (MASS * LENGTH**3))
     points = measure(
-        peers, 2.0, rungs=4, limits={f"Basilisk nHinged {n}": 2.6 / (w * unit) for n, w in fastest.items()}
+        peers,
+        2.0,
+        rungs=4,
+        limits={f"Basilisk nHinged {n}": 2.6 / (w * unit) for n, w in fastest.items()},
     )
     write(points, path)
     for p in points:
-        print(f"{p['model']:18} n={p['n']} h={p['timestep']:.4g} error {p['error']:.2e} {1e3 * p['seconds']:.3f} ms")
+        print(
+            f"{p['model']:18} n={p['n']} h={p['timestep']:.4g} error {p['error']:.2e} "
+            f"{1e3 * p['seconds']:.3f} ms"
+        )
 
 
 if __name__ == "__main__":

@@ -16,7 +16,9 @@ def cheapest(points: list[dict], target: float, metric: str) -> dict | None:
     best: dict | None = None
     for key in {(p["n"], p["integrator"]) for p in points}:
         worst = 0.0
-        for p in sorted((p for p in points if (p["n"], p["integrator"]) == key), key=lambda p: p["timestep"]):
+        for p in sorted(
+            (p for p in points if (p["n"], p["integrator"]) == key), key=lambda p: p["timestep"]
+        ):
             worst = max(worst, p[metric])
             if worst <= target and (best is None or p["seconds"] < best["seconds"]):
                 best = p
@@ -29,13 +31,14 @@ def main(study: Path, files: list[Path]) -> None:
     for file in files:
         for point in json.loads(file.read_text()):
             peers.setdefault(f"{point['model']} ({point['note']})", []).append(point)
-    reached, metric = record["to_reach"], "error"
+    reached = record["to_reach"]
+    metric = "error"
     print("error as simulated; times for 60 s, and over ours")
     for target in TARGETS:
         ours = reached[f"1e{round(math.log10(target))}"]
         print(
-            f"  {target:g}: {ours['model']} n={ours['n']} {ours['integrator']} h={ours['timestep']:.4g}: "
-            f"{1e3 * ours['seconds']:.3f} ms"
+            f"  {target:g}: {ours['model']} n={ours['n']} {ours['integrator']} "
+            f"h={ours['timestep']:.4g}: {1e3 * ours['seconds']:.3f} ms"
         )
         for name, points in peers.items():
             best = cheapest(points, target, metric)
@@ -63,22 +66,37 @@ def figure(record: dict, peers: dict[str, list[dict]], path: Path) -> None:
 
 
 def peer_panel(ax, own: list[dict], peers: dict[str, list[dict]], metric: str) -> None:
-    """Fronts of the points of study.json and of other simulators' points by name, in one set of axes."""
+    """Fronts of the points of study.json and of other simulators' points by name,
+    in one set of axes."""
     from beamchain.report.study_plots import COLOURS, MARKS, TITLES, WORST
 
-    ax.set(xscale="log", yscale="log", title=TITLES[metric], ylabel="error / largest elastic motion", xlabel="time, ms")
+    ax.set(
+        xscale="log",
+        yscale="log",
+        title=TITLES[metric],
+        ylabel="error / largest elastic motion",
+        xlabel="time, ms",
+    )
     ax.grid(which="major", color="#e6e6e6", linewidth=0.6)
     models = list(dict.fromkeys(str(p["model"]) for p in own))
     curves = [(m, [p for p in own if p["model"] == m]) for m in models] + list(peers.items())
     for i, (name, points) in enumerate(curves):
         lower: list[tuple[float, float]] = []
-        for seconds, error in sorted((1e3 * p["seconds"], p[metric]) for p in points if p[metric] < WORST):
+        for seconds, error in sorted(
+            (1e3 * p["seconds"], p[metric]) for p in points if p[metric] < WORST
+        ):
             if not lower or error < lower[-1][1]:
                 lower.append((seconds, error))
         colour = COLOURS.get(name, "#9a9a9a" if name in models else "#a5641e")
         style = {"linestyle": "solid" if name in models else (0, (4, 2)), "markersize": 4.0}
         if lower:
-            ax.plot(*zip(*lower, strict=True), color=colour, marker=MARKS[i % len(MARKS)], label=name, **style)
+            ax.plot(
+                *zip(*lower, strict=True),
+                color=colour,
+                marker=MARKS[i % len(MARKS)],
+                label=name,
+                **style,
+            )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""The same scenario in Exudyn: modal (linear), floating frame with component modes (3-D), ANCF cables (2-D).
+"""The same scenario in Exudyn: modal (linear), floating frame with component modes (3-D),
+ANCF cables (2-D).
 
 Run: python tests/benchmarks/peers/exudyn_peers.py build/peers/exudyn.json
 """
@@ -16,9 +17,12 @@ from scipy.linalg import eigh
 from scipy.sparse import csr_matrix
 from task import ARM, AXIAL, BENDING, END, HALF, LENGTH, MASS, MOMENT, TASK, Peer, measure, write
 
-POINTS = 900  # of the lumped beam behind the component modes: its own error is far below the modes' truncation
-LARGER = 100.0  # the cables are pushed harder, still linear to 1e-7: Newton stalls at 2e-9 N m of rounding in EA
-HUB_MASS, HUB_INERTIA = TASK.hub.mass, float(TASK.hub.inertia[2])
+# of the lumped beam behind the component modes: its own error is far below the modes' truncation
+POINTS = 900
+# the cables are pushed harder, still linear to 1e-7: Newton stalls at 2e-9 N m of rounding in EA
+LARGER = 100.0
+HUB_MASS = TASK.hub.mass
+HUB_INERTIA = float(TASK.hub.inertia[2])
 
 
 def settings(steps: int, end: float, record: bool) -> exu.SimulationSettings:
@@ -35,7 +39,8 @@ def settings(steps: int, end: float, record: bool) -> exu.SimulationSettings:
 
 
 class Explicit:
-    """Runs an assembled system with RK44, the torque switched between three stretches; only the steps are timed."""
+    """Runs an assembled system with RK44, the torque switched between three stretches;
+    only the steps are timed."""
 
     solver = exu.MainSolverExplicit
 
@@ -72,14 +77,17 @@ class Explicit:
                 return None, seconds
             if record:
                 stored = mbs.GetSensorStoredData(self.sensor)
-                out.append(self.angle(stored[1:] if stored.shape[0] == round(length / h) + 1 else stored))
+                out.append(
+                    self.angle(stored[1:] if stored.shape[0] == round(length / h) + 1 else stored)
+                )
             state = mbs.systemData.GetSystemState()
             mbs.systemData.SetSystemState(state, configuration=exu.ConfigurationType.Initial)
         return (np.concatenate(out) if record else None), seconds
 
 
 class Implicit(Explicit):
-    """The same with the generalised-alpha solver, linear solver and tolerances as a careful user would set them."""
+    """The same with the generalised-alpha solver,
+    linear solver and tolerances as a careful user would set them."""
 
     solver = exu.MainSolverImplicitSecondOrder
 
@@ -87,7 +95,8 @@ class Implicit(Explicit):
         given.timeIntegration.generalizedAlpha.spectralRadius = 1.0
         given.timeIntegration.newton.useModifiedNewton = True
         given.timeIntegration.newton.relativeTolerance = 1e-5
-        given.timeIntegration.newton.absoluteTolerance = 1e-8  # rounding of the stretching stiffness leaves 2e-9
+        # rounding of the stretching stiffness leaves 2e-9
+        given.timeIntegration.newton.absoluteTolerance = 1e-8
         given.linearSolverType = exu.LinearSolverType.EigenSparse
 
 
@@ -99,26 +108,49 @@ def modal(n: int) -> Peer:
     values = np.concatenate([[np.sqrt(rigid)], response.free_port_values[:n, 1]])
     mbs = exu.SystemContainer().AddSystem()
     rest = [0.0] * (n + 1)
-    node = mbs.AddNode(item.NodeGenericODE2(referenceCoordinates=rest, initialCoordinates=rest,
-                                            initialCoordinates_t=rest, numberOfODE2Coordinates=n + 1))  # fmt: skip
-    mbs.AddObject(item.ObjectGenericODE2(nodeNumbers=[node], massMatrix=np.eye(n + 1),
-                                         stiffnessMatrix=np.diag([0.0, *w**2])))  # fmt: skip
+    node = mbs.AddNode(
+        item.NodeGenericODE2(
+            referenceCoordinates=rest,
+            initialCoordinates=rest,
+            initialCoordinates_t=rest,
+            numberOfODE2Coordinates=n + 1,
+        )
+    )
+    mbs.AddObject(
+        item.ObjectGenericODE2(
+            nodeNumbers=[node], massMatrix=np.eye(n + 1), stiffnessMatrix=np.diag([0.0, *w**2])
+        )
+    )
     loads = []
     for i, value in enumerate(values):
         marker = mbs.AddMarker(item.MarkerNodeCoordinate(nodeNumber=node, coordinate=i))
-        loads.append((mbs.AddLoad(item.LoadCoordinate(markerNumber=marker, load=0.0)), float(value)))
+        loads.append(
+            (mbs.AddLoad(item.LoadCoordinate(markerNumber=marker, load=0.0)), float(value))
+        )
     sensor = mbs.AddSensor(
-        item.SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=exu.OutputVariableType.Coordinates)
+        item.SensorNode(
+            nodeNumber=node,
+            storeInternal=True,
+            outputVariableType=exu.OutputVariableType.Coordinates,
+        )
     )
     mbs.Assemble()
-    return Peer("Exudyn modal", n, "RK44", Explicit(mbs, loads, sensor, lambda s: s[:, 1:] @ values), "linear only")
+    return Peer(
+        "Exudyn modal",
+        n,
+        "RK44",
+        Explicit(mbs, loads, sensor, lambda s: s[:, 1:] @ values),
+        "linear only",
+    )
 
 
 def lumped() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Point masses along the beam: x `(p,)`, masses, cantilever frequencies and deflections per mode."""
+    """Point masses along the beam: x `(p,)`, masses,
+    cantilever frequencies and deflections per mode."""
     x = (np.arange(POINTS) + 0.5) * LENGTH / POINTS
     mass = np.full(POINTS, MASS / POINTS)
-    a, b = np.minimum.outer(x, x), np.maximum.outer(x, x)
+    a = np.minimum.outer(x, x)
+    b = np.maximum.outer(x, x)
     flexibility = a**2 * (3.0 * b - a) / (6.0 * BENDING)
     root = np.sqrt(mass)
     values, vectors = eigh(root[:, None] * flexibility * root)
@@ -128,7 +160,8 @@ def lumped() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 def floating(n: int) -> Peer:
     """Floating frame on the hub with n cantilever modes: large motion, three dimensions."""
     x, mass, w, shapes = lumped()
-    reach = np.sqrt(1.5 * HUB_INERTIA / HUB_MASS)  # six points with the hub's mass and inertia (all three equal)
+    # six points with the hub's mass and inertia (all three equal)
+    reach = np.sqrt(1.5 * HUB_INERTIA / HUB_MASS)
     hub = reach * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
     along = np.column_stack([ARM + x, np.zeros(POINTS), np.zeros(POINTS)])
     places = np.vstack([hub, along])
@@ -152,32 +185,58 @@ def floating(n: int) -> Peer:
     marker = mbs.AddMarker(item.MarkerNodeRigid(nodeNumber=node))
     load = mbs.AddLoad(item.LoadTorqueVector(markerNumber=marker, loadVector=[0, 0, 0]))
     sensor = mbs.AddSensor(
-        item.SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=exu.OutputVariableType.Rotation)
+        item.SensorNode(
+            nodeNumber=node, storeInternal=True, outputVariableType=exu.OutputVariableType.Rotation
+        )
     )
     mbs.Assemble()
-    return Peer("Exudyn FFRF", n, "RK44", Explicit(mbs, [(load, (0.0, 0.0, 1.0))], sensor, lambda s: s[:, 3]), "3-D")
+    return Peer(
+        "Exudyn FFRF",
+        n,
+        "RK44",
+        Explicit(mbs, [(load, (0.0, 0.0, 1.0))], sensor, lambda s: s[:, 3]),
+        "3-D",
+    )
 
 
 def cables(n: int) -> Peer:
-    """ANCF cables clamped to a planar hub, generalised alpha (spectral radius 1): large motion, in the plane."""
+    """ANCF cables clamped to a planar hub, generalised alpha (spectral radius 1): large motion,
+    in the plane."""
     mbs = exu.SystemContainer().AddSystem()
     body = mbs.AddNode(item.NodeRigidBody2D(referenceCoordinates=[0, 0, 0]))
-    hub = mbs.AddObject(item.ObjectRigidBody2D(physicsMass=HUB_MASS, physicsInertia=HUB_INERTIA, nodeNumber=body))
+    hub = mbs.AddObject(
+        item.ObjectRigidBody2D(physicsMass=HUB_MASS, physicsInertia=HUB_INERTIA, nodeNumber=body)
+    )
     x = ARM + np.linspace(0.0, LENGTH, n + 1)
-    nodes = [mbs.AddNode(item.NodePoint2DSlope1(referenceCoordinates=[float(v), 0, 1, 0])) for v in x]
+    nodes = [
+        mbs.AddNode(item.NodePoint2DSlope1(referenceCoordinates=[float(v), 0, 1, 0])) for v in x
+    ]
     made = [
-        mbs.AddObject(item.ObjectANCFCable2D(
-            physicsLength=LENGTH / n, physicsMassPerLength=MASS / LENGTH, physicsBendingStiffness=BENDING,
-            physicsAxialStiffness=AXIAL, nodeNumbers=[a, b], useReducedOrderIntegration=1))
+        mbs.AddObject(
+            item.ObjectANCFCable2D(
+                physicsLength=LENGTH / n,
+                physicsMassPerLength=MASS / LENGTH,
+                physicsBendingStiffness=BENDING,
+                physicsAxialStiffness=AXIAL,
+                nodeNumbers=[a, b],
+                useReducedOrderIntegration=1,
+            )
+        )
         for a, b in pairwise(nodes)
-    ]  # fmt: skip
+    ]
     first = mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=hub, localPosition=[ARM, 0, 0]))
     second = mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=made[0], localPosition=[0, 0, 0]))
-    mbs.AddObject(item.GenericJoint(markerNumbers=[first, second], constrainedAxes=[1, 1, 0, 0, 0, 1]))
+    mbs.AddObject(
+        item.GenericJoint(markerNumbers=[first, second], constrainedAxes=[1, 1, 0, 0, 0, 1])
+    )
     marker = mbs.AddMarker(item.MarkerNodeRigid(nodeNumber=body))
     load = mbs.AddLoad(item.LoadTorqueVector(markerNumber=marker, loadVector=[0, 0, 0]))
     sensor = mbs.AddSensor(
-        item.SensorNode(nodeNumber=body, storeInternal=True, outputVariableType=exu.OutputVariableType.Coordinates)
+        item.SensorNode(
+            nodeNumber=body,
+            storeInternal=True,
+            outputVariableType=exu.OutputVariableType.Coordinates,
+        )
     )
     mbs.Assemble()
     return Peer(
@@ -194,14 +253,21 @@ def main(path: Path) -> None:
     peers += [make(n) for make in (modal, floating) for n in (1, 2, 3, 4, 5)]
     limits = {
         f"{p.model} {p.n}": 2.7
-        / float(TASK.full["xy"].with_hub(TASK.hub.mass_matrix()[np.ix_([1, 5], [1, 5])]).free_frequencies[p.n - 1])
+        / float(
+            TASK.full["xy"]
+            .with_hub(TASK.hub.mass_matrix()[np.ix_([1, 5], [1, 5])])
+            .free_frequencies[p.n - 1]
+        )
         for p in peers
         if "ANCF" not in p.model
     }
     points = measure(peers, 1.0, rungs=24, limits=limits)
     write(points, path)
     for p in points:
-        print(f"{p['model']:14} n={p['n']} h={p['timestep']:.4g} error {p['error']:.2e} {1e3 * p['seconds']:.3f} ms")
+        print(
+            f"{p['model']:14} n={p['n']} h={p['timestep']:.4g} error {p['error']:.2e} "
+            f"{1e3 * p['seconds']:.3f} ms"
+        )
 
 
 if __name__ == "__main__":

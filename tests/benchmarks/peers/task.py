@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from beamchain.fitting.spec import read_spec
+from beamchain import read_spec
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.studies.run_time import LADDER
 from beamchain.studies.study import Options, prepare
@@ -18,18 +18,20 @@ SPEC = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
 ROUNDS = 7
 TASK, SCENARIO = prepare(spec_toml(read_spec(SPEC)), Options())
 ARM = float(TASK.hub.offset[0])
-LENGTH, MASS = TASK.beam.length, float(TASK.beam.rigid_mass()[0, 0])
+LENGTH = TASK.beam.length
+MASS = float(TASK.beam.rigid_mass()[0, 0])
 BENDING = float(TASK.beam.segments[0].at(np.array([0.5])).bending_xy[0])
 AXIAL = float(TASK.beam.segments[0].at(np.array([0.5])).axial[0])
 MOMENT = float(SCENARIO.profile.wrench[0, 5])
-HALF, END = float(SCENARIO.profile.times[1]), SCENARIO.duration
+HALF = float(SCENARIO.profile.times[1])
+END = SCENARIO.duration
 
 
 class Peer(NamedTuple):
     """One model in another simulator, ready to run.
 
-    `run(timestep, record)` simulates the scenario and returns the hub's angle `(steps,)` where `record`, and the time
-    [s] of the simulation alone.
+    `run(timestep, record)` simulates the scenario and returns the hub's angle `(steps,)` where
+    `record`, and the time [s] of the simulation alone.
     """
 
     model: str
@@ -47,7 +49,11 @@ def measure(
     runs: list[tuple[dict[str, Any], Peer]] = []
     for peer in peers:
         limit = (limits or {}).get(f"{peer.model} {peer.n}", SCENARIO.beat)
-        divisors = [d for d in (*LADDER, 64, 80, 96, 128, 160, 192, 256, 512, 1024) if SCENARIO.beat / d <= limit]
+        divisors = [
+            d
+            for d in (*LADDER, 64, 80, 96, 128, 160, 192, 256, 512, 1024)
+            if SCENARIO.beat / d <= limit
+        ]
         still, before, spent = 0, 0.0, 0.0
         for divisor in divisors[:rungs]:
             h = SCENARIO.beat / divisor
@@ -59,8 +65,15 @@ def measure(
             motion[:, 5] = angle
             error = SCENARIO.error(motion, h)
             if error < 2.0:
-                point = {"model": peer.model, "n": peer.n, "integrator": peer.integrator, "timestep": h, "error": error,
-                         "error_appendage": error, "note": peer.note}  # fmt: skip
+                point = {
+                    "model": peer.model,
+                    "n": peer.n,
+                    "integrator": peer.integrator,
+                    "timestep": h,
+                    "error": error,
+                    "error_appendage": error,
+                    "note": peer.note,
+                }
                 points.append(point)
                 runs.append((point, peer))
             still = still + 1 if before and abs(error / before - 1.0) < 0.01 else 0

@@ -1,4 +1,5 @@
-"""The estimate put into words and numbers: standard deviations, what is undetermined and why, what would determine it."""
+"""The estimate put into words and numbers: standard deviations, what is undetermined and why,
+what would determine it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,20 +10,20 @@ from scipy.signal import detrend, welch
 
 from beamchain.caution import Caution
 from beamchain.craft.identification.channels import Channels
-from beamchain.craft.identification.likelihood import Found, Likelihood, derivatives, inverse
-from beamchain.craft.identification.prior import Matched, Prior
+from beamchain.craft.identification.likelihood import Found, Likelihood, derivatives
+from beamchain.craft.identification.prior import Match, Prior
 from beamchain.craft.identification.response import Piece, Raw
 from beamchain.craft.identification.result import Identification, IdentifiedMode
 from beamchain.craft.identification.start import Order
-from beamchain.craft.identification.structure import Body, Parts, Structure, Unknown, stated, turning
-from beamchain.craft.identification.update import Update, seen_of, update
+from beamchain.craft.identification.structure import Body, Parts, Structure, rotation
 from beamchain.ports.motions import Array
 from beamchain.structure.planes import MOTIONS
 
 USEFUL_FREQUENCY = 0.03  # relative standard deviation beyond which a frequency is not determined
 USEFUL_DAMPING = 0.5
 SIGNIFICANT = 4.0  # standard deviations of a mode's moment below which it may be none
-TOLD = 0.5  # of the prior's width: what the log narrows less comes from the prior
+PUNCTUAL = 1e-3  # steps: a smaller delay is not worth a warning
+FROM_LOG = 0.5  # of the prior's width: what the log narrows less comes from the prior
 SURPRISE = 3.0  # widths of the prior
 TWO = 5.0  # half widths of a resonance, within which the next mode makes it doubtful
 CLOSE = 3.0  # half widths, of two resonances that the log may not tell apart
@@ -49,7 +50,7 @@ class Estimate:
 
     data: Channels
     prior: Prior | None
-    pairs: Matched | None
+    pairs: Match | None
     structure: Structure
     likelihood: Likelihood
     found: Found
@@ -63,14 +64,17 @@ class Estimate:
     warnings: list[str]
 
     def __post_init__(self) -> None:
-        theta, pieces = self.found.theta, self.data.pieces
+        theta = self.found.theta
+        pieces = self.data.pieces
         self.parts: Parts = self.structure.parts(theta)
         self.raw: Raw = self.structure.raw(theta)
         w, z, *_ = self.structure.places
         self.sd_w: Array = np.sqrt(np.diag(self.spread)[w])
         self.sd_z: Array = np.sqrt(np.diag(self.spread)[z])
-        self.half: float = float(np.pi / np.mean(pieces[0].steps)) if isinstance(pieces[0], Piece) else np.inf
-        self.said: list[str] = []
+        self.half: float = (
+            float(np.pi / np.mean(pieces[0].steps)) if isinstance(pieces[0], Piece) else np.inf
+        )
+        self.messages: list[str] = []
         self.notes: list[list[str]] = [[] for _ in range(self.structure.modes)]
         self.determined: list[bool] = [True] * self.structure.modes
 
@@ -85,75 +89,105 @@ class Estimate:
 
     def result(self, at: str) -> Identification:
         """The result of the search, at the place `at` of the craft."""
-        parts, data, prior, n = self.parts, self.data, self.prior, self.structure.modes
+        parts = self.parts
+        data = self.data
+        prior = self.prior
+        n = self.structure.modes
         moments, sd_moments = self._moments()
-        self._judge(moments, sd_moments)
+        self._doubt_modes(moments, sd_moments)
         rows, sd_rows = self._rows()
+        frequencies, damping = self._stated()
         modes = [
             IdentifiedMode(
-                0,
-                float(parts.frequencies[i]),
-                float(parts.damping[i]),
-                rows[i],
-                float(parts.frequencies[i] * self.sd_w[i]),
-                float(parts.damping[i] * self.sd_z[i]),
-                sd_rows[i],
-                self.determined[i],
-                "; ".join(self.notes[i]),
+                number=0,
+                frequency=float(frequencies[i]),
+                damping=float(damping[i]),
+                participation=rows[i],
+                frequency_std=float(frequencies[i] * self.sd_w[i]),
+                damping_std=float(damping[i] * self.sd_z[i]),
+                participation_std=sd_rows[i],
+                determined=self.determined[i],
+                remark="; ".join(self.notes[i]),
             )
             for i in range(n)
         ]
         if np.isfinite(self.half):
-            self.said.append(
-                f"modes above half the sample rate ({self.half:.4g} rad/s): sampling would show one folded, as a mode below, "
-                "which the log alone cannot always tell."
+            self.messages.append(
+                f"modes above half the sample rate ({self.half:.4g} rad/s): sampling would show "
+                "one folded, as a mode below, which the log alone cannot always tell."
             )
+        sd_delay = self._check_delay()
         if prior is not None and self.pairs is not None:
-            modes += self._unseen(prior, self.pairs)
-            self._surprises(prior, self.pairs)
-        self.said += [
+            modes += self._unseen_modes(prior, self.pairs)
+            self._check_prior(prior, self.pairs)
+        self.messages += [
             f"mode at {mode.frequency:.5g} rad/s: {mode.remark}."
             for mode in modes[:n]
             if mode.remark and not mode.determined
         ]
-        updated = None if prior is None or self.pairs is None else self._update(prior, self.pairs)
-        self.said += () if updated is None else updated.undetermined
-        if self.said:
-            count = len(self.said)
-            self.warn("undetermined", f"the log leaves {count} thing(s) undetermined; see `undetermined`.")
+        if self.messages:
+            count = len(self.messages)
+            self.warn(
+                "undetermined", f"the log leaves {count} thing(s) undetermined; see `undetermined`."
+            )
         order = sorted(range(len(modes)), key=lambda i: modes[i].frequency)
-        given, length = None, None
-        if isinstance(self.structure.body, Unknown):
-            rigid, rows, length = stated(parts, data.axes)
-            given = (rigid, rows[order])
         needs = (
             self.sd_w / USEFUL_FREQUENCY,
             self.sd_z / USEFUL_DAMPING,
             SIGNIFICANT * sd_moments / np.maximum(moments, 1e-300),
         )
         wide = np.max(needs, axis=0)[np.argsort(parts.frequencies)]
+        names = [
+            f"mode{order.index(i) + 1}.{kind}"
+            for kind in ("frequency", "damping", "participation")
+            for i in range(n)
+        ]
+        noise = 1.0 / self.likelihood.weights(self.found.squares)
         return Identification(
-            tuple(replace(modes[i], number=k + 1) for k, i in enumerate(order)),
-            tuple(
-                f"mode{order.index(i) + 1}.{kind}"
-                for kind in ("frequency", "damping", "participation")
-                for i in range(n)
-            ),
-            self._covariance(),
-            parts.rigid,
-            self.orders,
-            self._by_channel(self.white),
-            tuple(self.warnings),
-            tuple(self.said),
-            updated,
-            self._by_channel(self.predicted),
-            self._by_channel(1.0 / self.likelihood.weights(self.found.squares)),
-            self._spectra(),
-            length,
-            f"log at {at}",
-            given,
-            advice(np.abs(self.raw.poles), wide, data.axes, prior=prior is not None),
+            modes=tuple(replace(modes[i], number=k + 1) for k, i in enumerate(order)),
+            names=tuple(names),
+            covariance=self._covariance(),
+            rigid=parts.rigid,
+            order=self.orders,
+            whiteness=self._by_channel(self.white),
+            warnings=tuple(self.warnings),
+            undetermined=tuple(self.messages),
+            held_out=self._by_channel(self.predicted),
+            noise=self._by_channel(noise),
+            spectra=self._spectra(),
+            massive=prior is not None,
+            source=f"log at {at}",
+            advice=advice(np.abs(self.raw.poles), wide, data.axes, prior=prior is not None),
+            delay=self.raw.delay,
+            delay_std=sd_delay,
         )
+
+    def _stated(self) -> tuple[Array, Array]:
+        """Frequencies and damping; those of modes that the log does not show are the prior's,
+        for where they lie in the likelihood is the noise's."""
+        frequencies = self.parts.frequencies.copy()
+        damping = self.parts.damping.copy()
+        if self.prior is None or self.pairs is None:
+            return frequencies, damping
+        for i, j in enumerate(self.pairs.of):
+            if j in self.pairs.kept:
+                frequencies[i] = self.prior.parts.frequencies[j]
+                damping[i] = self.prior.parts.damping[j] or damping[i]
+        return frequencies, damping
+
+    def _check_delay(self) -> float:
+        """The delay's standard deviation [s]; a warning where the delay is not zero."""
+        late = self.structure.places[4]
+        sd_delay = self.structure.step * float(np.sqrt(self.spread[late, late][0, 0]))
+        delay = self.raw.delay
+        if abs(delay) > SIGNIFICANT * sd_delay and abs(delay) > PUNCTUAL * self.structure.step:
+            what = (
+                f"torques act {abs(delay):.4g} s {'later' if delay > 0.0 else 'earlier'} than the "
+                f"log says ({delay / self.structure.step:.3g} steps), which is taken into account; "
+                "see whether a rate is a mean over its sample (mean_rate_*)."
+            )
+            self.warn("delay", what)
+        return sd_delay
 
     def _by_channel(self, values: Array) -> dict[str, float]:
         return dict(zip(self.data.sensed, values.tolist(), strict=True))
@@ -163,33 +197,51 @@ class Estimate:
         return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, self.spread, slopes), 0.0))
 
     def _moments(self) -> tuple[Array, Array]:
-        """Size of each mode's effective moment about the driven axes, and its standard deviation."""
+        """Size of each mode's effective moment about the driven axes,
+        and its standard deviation."""
 
         def size(x: Array) -> Array:
-            return turning(self.structure.parts(x)).moments @ self.data.axes
+            return rotation(self.structure.parts(x)).moments @ self.data.axes
 
         own = size(self.found.theta)
         slopes = derivatives(size, self.found.theta).transpose(0, 2, 1)
         length = np.linalg.norm(own, axis=1)
-        return length, self._deviations(np.einsum("ia,iap->ip", own / np.maximum(length, 1e-300)[:, None], slopes))
+        return length, self._deviations(
+            np.einsum("ia,iap->ip", own / np.maximum(length, 1e-300)[:, None], slopes)
+        )
 
-    def _judge(self, moments: Array, sd_moments: Array) -> None:
+    def _doubt_modes(self, moments: Array, sd_moments: Array) -> None:
         """What is not determined of each mode."""
-        parts, prior, pairs = self.parts, self.prior, self.pairs
+        parts = self.parts
+        prior = self.prior
+        pairs = self.pairs
         w = parts.frequencies
         for i in range(self.structure.modes):
             if moments[i] < SIGNIFICANT * sd_moments[i]:
                 self.doubt(i, "its moment does not differ significantly from zero")
-            own = prior is None or pairs is None or pairs.of[i] < 0 or self.sd_w[i] < TOLD * prior.widths[0]
+            own = (
+                prior is None
+                or pairs is None
+                or pairs.of[i] < 0
+                or self.sd_w[i] < FROM_LOG * prior.widths[0]
+            )
             if not (self.sd_w[i] < USEFUL_FREQUENCY and own):
                 self.doubt(i, "its frequency is not determined")
             if not self.sd_z[i] <= USEFUL_DAMPING:
                 self.doubt(i, "its damping is not determined")
             if w[i] > self.half and self.aliased:
-                text = f"it lies above half the sample rate ({self.half:.4g} rad/s): its frequency may be folded differently"
+                text = (
+                    f"it lies above half the sample rate ({self.half:.4g} rad/s): its "
+                    "frequency "
+                    "may be folded differently"
+                )
                 self.doubt(i, text)
+            if pairs is not None and pairs.of[i] in pairs.kept:
+                self.doubt(i, "the log does not show it: it comes from the prior, with its widths")
             if pairs is not None and pairs.of[i] < 0:
-                self.notes[i].append("the prior has no mode like it: participation in force is zero, not known")
+                self.notes[i].append(
+                    "the prior has no mode like it: participation in force is zero, not known"
+                )
         order = np.argsort(w)
         for i, pole in enumerate(self.raw.poles[np.argsort(order)]):
             if int((np.abs(self.doubtful - abs(pole)) < TWO * max(-pole.real, 0.0)).sum()) > 1:
@@ -203,49 +255,66 @@ class Estimate:
         if np.any(self.white < 1e-6):  # nan where there is no telling
             self.warn(
                 "undetermined",
-                "the residuals are far from white, so that a mode may stand for two close ones or others are missing; "
-                "intervals hold only if what is missing is small.",
+                "the residuals are far from white, so that a mode may stand for two close ones or "
+                "others are missing; intervals hold only if what is missing is small.",
             )
 
     def _rows(self) -> tuple[Array, Array]:
-        """Participation and its deviations, nan where nothing is known; sentences on what comes from where."""
-        structure, prior, rows = self.structure, self.prior, self.parts.participation
-        slopes = derivatives(lambda x: structure.parts(x).participation.ravel(), structure.loosened(self.found.theta))
+        """Participation and its deviations, nan where nothing is known;
+        sentences on what comes from where."""
+        structure = self.structure
+        prior = self.prior
+        rows = self.parts.participation
+        slopes = derivatives(
+            lambda x: structure.parts(x).participation.ravel(), structure.loosen(self.found.theta)
+        )
         out = self._deviations(slopes).reshape(-1, 6)
         if prior is None or self.pairs is None:
-            driven = np.concatenate([np.zeros(3, dtype=bool), np.any(np.abs(self.data.axes) > 1e-9, axis=1)])
+            driven = np.concatenate(
+                [np.zeros(3, dtype=bool), np.any(np.abs(self.data.axes) > 1e-9, axis=1)]
+            )
             out[:, ~driven] = np.nan
             for note in self.notes:
                 note.append(
-                    "its frequency is that with the hub's rotation held and its translation free: participation in force, "
-                    "which the log does not show, would lower the clamped one"
+                    "its frequency is that with the hub's rotation held and its translation free: "
+                    "participation in force, which the log does not show, would lower the clamped "
+                    "one"
                 )
             others = ", ".join(m for m, d in zip(MOTIONS, driven, strict=True) if not d)
             about = ", ".join(axis for axis, d in zip("xyz", driven[3:], strict=True) if d)
-            self.said += [
-                f"participation in {others}: the log excites only the hub's rotation about {about} of the mount and there is "
-                "no prior; it is set to zero. Moments are those about the mass centre of the craft, frequencies those with "
-                "the hub's rotation held and its translation free: both hold on this craft.",
-                "mass and length of the appendage: the file of modes states a nearly massless, very long one with the inertia "
-                "found, which pushes as little as a chain allows; it serves on this craft only, and not for pictures. Give a "
-                "prior for both.",
+            self.messages += [
+                f"participation in {others}: the log excites only the hub's rotation about {about} "
+                "of the mount and there is no prior; it is set to zero. Moments are those about "
+                "the mass centre of the craft, frequencies those with the hub's rotation held and "
+                "its translation free: both hold on this craft.",
+                "mass of the appendage: without a prior the file of modes has none, and [imported] "
+                "reads it when you have added mass, the 6 x 6 rigid mass about the port; or "
+                "identify with a prior.",
             ]
             return rows, out
-        told = set[str]()
+        sources = set[str]()
         for i, j in enumerate(self.pairs.of):
             if j < 0:
                 out[i, :3] = np.nan
                 continue
             width = prior.widths[2] * np.maximum(np.abs(prior.parts.participation[j]), 1e-300)
-            weak = np.flatnonzero(structure.live[i] & (np.abs(rows[i]) > 1e-9) & (out[i] > TOLD * width))
+            if j in self.pairs.kept:
+                out[i] = np.maximum(out[i], width)
+            weak = np.flatnonzero(
+                structure.live[i] & (np.abs(rows[i]) > 1e-9) & (out[i] > FROM_LOG * width)
+            )
             if weak.size:
-                text = f"participation in {', '.join(MOTIONS[k] for k in weak)} comes from the prior"
-                told.add(text)
+                text = (
+                    f"participation in {', '.join(MOTIONS[k] for k in weak)} comes from the prior"
+                )
+                sources.add(text)
                 self.notes[i].append(text)
             out[i, ~structure.live[i]] = np.nan
-        if told:
-            words = "; ".join(sorted(told))
-            self.said.append(f"not determined by the log but taken from the prior, with its width: {words}.")
+        if sources:
+            words = "; ".join(sorted(sources))
+            self.messages.append(
+                f"not determined by the log but taken from the prior, with its width: {words}."
+            )
         return rows, out
 
     def _covariance(self) -> Array:
@@ -256,40 +325,50 @@ class Estimate:
 
         def values(x: Array) -> Array:
             now = self.structure.parts(x)
-            return np.concatenate([now.frequencies, now.damping, np.sum(now.participation / scale * base, axis=1)])
+            return np.concatenate(
+                [now.frequencies, now.damping, np.sum(now.participation / scale * base, axis=1)]
+            )
 
         slopes = derivatives(values, self.found.theta)
         return slopes @ self.spread @ slopes.T
 
-    def _unseen(self, prior: Prior, pairs: Matched) -> list[IdentifiedMode]:
-        """Modes of the prior that do not turn the craft about a driven axis, scaled with the rigid mass; sentences on them."""
+    def _unseen_modes(self, prior: Prior, pairs: Match) -> list[IdentifiedMode]:
+        """Modes of the prior that do not turn the craft about a driven axis,
+        scaled with the rigid mass; sentences on them."""
         known = prior.parts
         top = float(self.parts.frequencies.max(initial=0.0))
-        before, now = (np.sqrt(np.maximum(np.diag(m), 1e-300)) for m in (known.rigid, self.parts.rigid))
+        before, now = (
+            np.sqrt(np.maximum(np.diag(m), 1e-300)) for m in (known.rigid, self.parts.rigid)
+        )
         out = list[IdentifiedMode]()
         for j in pairs.unseen:
-            w, z, row = float(known.frequencies[j]), float(known.damping[j]), known.participation[j] * (now / before)
+            w = float(known.frequencies[j])
+            z = float(known.damping[j])
+            row = known.participation[j] * (now / before)
             if w <= top or prior.chosen is not None:
                 widths = w * prior.widths[0], z * prior.widths[1], np.abs(row) * prior.widths[2]
                 remark = "the log does not excite it: all of it comes from the prior"
                 out.append(IdentifiedMode(0, w, z, row, *widths, False, remark))
         if out:
-            self.said.append(
-                f"{len(out)} mode(s) of the prior do not turn the craft about a driven axis and stay as the prior has them."
+            self.messages.append(
+                f"{len(out)} mode(s) of the prior do not turn the craft about a driven axis and "
+                "stay as the prior has them."
             )
         missed = [float(pairs.frequencies[j]) for j in pairs.missed]
         if beyond := [w for w in missed if w > self.half]:
-            self.said.append(
-                f"{len(beyond)} mode(s) of the prior, from {min(beyond):.4g} rad/s, lie above half the sample rate "
-                f"({self.half:.4g} rad/s): this log cannot determine them."
+            self.messages.append(
+                f"{len(beyond)} mode(s) of the prior, from {min(beyond):.4g} rad/s, lie above half "
+                f"the sample rate ({self.half:.4g} rad/s): this log cannot determine them."
             )
         for w in missed:
             if w <= min(self.half, 1.2 * top):
-                text = f"the prior's mode at {w:.4g} rad/s was not found in the log and is left out."
+                text = (
+                    f"the prior's mode at {w:.4g} rad/s was not found in the log and is left out."
+                )
                 self.warn("prior-contradicted", text)
         return out
 
-    def _surprises(self, prior: Prior, pairs: Matched) -> None:
+    def _check_prior(self, prior: Prior, pairs: Match) -> None:
         off = np.abs(self.found.theta[self.structure.places[3]] / prior.widths[3])
         if isinstance(self.structure.body, Body) and off.max() > SURPRISE:
             what = MOVED[int(np.argmax(off))]
@@ -298,21 +377,10 @@ class Estimate:
         for w, j in zip(self.parts.frequencies, pairs.of, strict=True):
             far = abs(np.log(w / prior.parts.frequencies[j])) / prior.widths[0]
             if j >= 0 and far > SURPRISE:
-                self.warn("prior-contradicted", f"the mode at {w:.5g} rad/s lies {far:.2g} widths off the prior's.")
-
-    def _update(self, prior: Prior, pairs: Matched) -> Update | None:
-        """The beam's factors from what the log alone says of frequencies with free translation, moments and inertia."""
-        if prior.spec.imported is not None:
-            return None
-        theta, axes, which = self.found.theta, self.data.axes, list(range(self.structure.modes))
-
-        def values(x: Array) -> Array:
-            return seen_of(self.structure.parts(x), axes, which)
-
-        slopes = derivatives(values, theta)
-        alone = inverse(inverse(self.spread) - (1.0 - 1e-6) * self.likelihood.believed(theta)[0])
-        moments = self.structure.scaled.shape[1] == 0
-        return update(prior, pairs.of, values(theta), slopes @ alone @ slopes.T, axes, moments=moments)
+                self.warn(
+                    "prior-contradicted",
+                    f"the mode at {w:.5g} rad/s lies {far:.2g} widths off the prior's.",
+                )
 
     def _spectra(self) -> dict[str, tuple[Array, Array, Array, Array]]:
         out = dict[str, tuple[Array, Array, Array, Array]]()
@@ -321,7 +389,8 @@ class Estimate:
         if not logs:
             return out
         piece, left = max(logs, key=lambda one: one[0].time.size)
-        n, rate = min(SPECTRUM, piece.time.size), 1.0 / float(np.mean(piece.steps))
+        n = min(SPECTRUM, piece.time.size)
+        rate = 1.0 / float(np.mean(piece.steps))
         for i, name in enumerate(self.data.sensed):
             use = piece.use[:, i]
             measured = np.where(use, piece.outputs[:, i], piece.outputs[use, i].mean())
@@ -331,7 +400,9 @@ class Estimate:
         return out
 
 
-def advice(poles: Array, factors: Sequence[float] | Array, axes: Array, *, prior: bool) -> tuple[str, ...]:
+def advice(
+    poles: Array, factors: Sequence[float] | Array, axes: Array, *, prior: bool
+) -> tuple[str, ...]:
     """Sentences on a further test, as far as information grows with the square of the excitation.
 
     Args:
@@ -341,18 +412,24 @@ def advice(poles: Array, factors: Sequence[float] | Array, axes: Array, *, prior
         prior: whether there was one.
     """
     out = [
-        f"for the mode near {w:.4g} rad/s on the free craft: torque steps of {np.pi / w:.3g} s each way, half its period, keep "
-        f"it swinging; at the excitation that this log has near it, {min(factor, 1e6):.3g} times the torque or "
-        f"{min(factor**2, 1e12):.3g} times the duration would determine it."
+        f"for the mode near {w:.4g} rad/s on the free craft: torque steps of {np.pi / w:.3g} s "
+        "each way, half its period, keep it swinging; at the excitation that this log has near "
+        f"it, {min(factor, 1e6):.3g} times the torque or {min(factor**2, 1e12):.3g} times the "
+        "duration would determine it."
         for w, factor in zip(poles, factors, strict=True)
         if factor > 1.0
     ]
-    if quiet := " and ".join(name for name, row in zip("xyz", axes, strict=True) if not np.any(np.abs(row) > 1e-9)):
-        text = f"torque about the mount's {quiet}, with the rates about it, would determine the moments about it."
+    if quiet := " and ".join(
+        name for name, row in zip("xyz", axes, strict=True) if not np.any(np.abs(row) > 1e-9)
+    ):
+        text = (
+            f"torque about the mount's {quiet}, with the rates about it, would determine the "
+            "moments about it."
+        )
         out.append(text)
     if not prior:
         out.append(
-            "no torque determines participation in force while the craft floats freely: only a prior, a thruster's force, or "
-            "a test with the root held does."
+            "no torque determines participation in force while the craft floats freely: only a "
+            "prior, a thruster's force, or a test with the root held does."
         )
     return tuple(out)

@@ -1,4 +1,5 @@
-"""What is known of the spacecraft: its mass properties about the mount, and how the log's torques act on it."""
+"""What is known of the spacecraft: its mass properties about the mount,
+and how the log's torques act on it."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from beamchain.checks import unknown
-from beamchain.craft.plants.operating_point import compiled_model
-from beamchain.craft.plants.signals import AXES, actuator_names, base
+from beamchain.craft.plants.source import compiled_model
 from beamchain.engine.bench import frozen_mass
 from beamchain.engine.library import mujoco
+from beamchain.engine.signals import AXES, actuator_names, base
 from beamchain.errors import InputError
-from beamchain.mjcf.place import split
+from beamchain.mjcf.place import kinds_and_name
 from beamchain.ports.motions import Array
 
 
@@ -20,9 +21,11 @@ class Bare(NamedTuple):
     """A bare spacecraft.
 
     Args:
-        mass: `(6, 6)` about the mount, in its axes; wheels that turn by themselves give no inertia about their axis.
+        mass: `(6, 6)` about the mount, in its axes;
+            wheels that turn by themselves give no inertia about their axis.
         turn: `(3, 3)` rows: axes of the hub's body in the mount's axes.
-        actuators: `(3,)` torque on the hub per unit of an actuator's control, in the hub's axes, by name.
+        actuators: `(3,)` torque on the hub per unit of an actuator's control,
+            in the hub's axes, by name.
     """
 
     mass: Array
@@ -40,28 +43,37 @@ def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", at: str) -> Bare:
     hub = base(model)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    kinds, name = split(at)
+    kinds, name = kinds_and_name(at)
     places = {kind: _names(model, kind) for kind in kinds}
     place = next((kind for kind, names in places.items() if name in names), None)
     if place is None:
         raise unknown(
-            "at", at, [n for names in places.values() for n in names], "It is the appendage's place on the craft."
+            "at",
+            at,
+            [n for names in places.values() for n in names],
+            "It is the appendage's place on the craft.",
         )
     there = getattr(data, place)(name)
     own = int(model.site(name).bodyid[0]) if place == "site" else int(model.body(name).id)
     while own not in (0, hub):
         own = int(model.body_parentid[own])
-    free = model.body_dofnum[hub] == 6 and model.jnt_type[model.body_jntadr[hub]] == mujoco.mjtJoint.mjJNT_FREE
+    free = (
+        model.body_dofnum[hub] == 6
+        and model.jnt_type[model.body_jntadr[hub]] == mujoco.mjtJoint.mjJNT_FREE
+    )
     if own != hub or not free:
         raise InputError(
-            f"at = {at!r}: the log is one of a spacecraft in free flight, but {model.body(hub).name or 'its body'!r} has no "
-            "<freejoint/> or does not carry that place; give the bare spacecraft with a free body."
+            f"at = {at!r}: the log is one of a spacecraft in free flight, but "
+            f"{model.body(hub).name or 'its body'!r} has no <freejoint/> or does not carry that "
+            "place; give the bare spacecraft with a free body."
         )
-    frame, back = np.array(there.xmat).reshape(3, 3), data.xmat[hub].reshape(3, 3).T
+    frame = np.array(there.xmat).reshape(3, 3)
+    back = data.xmat[hub].reshape(3, 3).T
     mass = frozen_mass(model, data, hub, np.array(there.xpos), frame)
     actuators = dict[str, Array]()
     for i, label in enumerate(actuator_names(model)):
-        kind, target = int(model.actuator_trntype[i]), int(model.actuator_trnid[i, 0])
+        kind = int(model.actuator_trntype[i])
+        target = int(model.actuator_trnid[i, 0])
         gear = np.asarray(model.actuator_gear[i]) * float(model.actuator_gainprm[i, 0])
         if kind == _transmission("SITE") and not np.any(gear[:3]):
             actuators[label] = back @ data.site_xmat[target].reshape(3, 3) @ gear[3:]
@@ -79,7 +91,9 @@ def bare(craft: "str | Path | mujoco.MjSpec | mujoco.MjModel", at: str) -> Bare:
 
 def directions(known: Bare, names: Sequence[str]) -> Array:
     """`(channels, 3)` direction, in the mount's axes, of each column of a log by its name."""
-    out = [known.actuators[n] if n in known.actuators else np.eye(3)[AXES.index(n[-1])] for n in names]
+    out = [
+        known.actuators[n] if n in known.actuators else np.eye(3)[AXES.index(n[-1])] for n in names
+    ]
     return np.array(out).reshape(-1, 3) @ known.turn
 
 

@@ -1,4 +1,5 @@
-"""Logs of a test or a flight: files and mappings of arrays, their columns by name, refused where they contradict themselves."""
+"""Logs of a test or a flight: files and mappings of arrays, their columns by name, refused where
+they contradict themselves."""
 
 import io
 import re
@@ -9,29 +10,37 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from beamchain import dropped
 from beamchain.checks import meant
 from beamchain.errors import InputError
-from beamchain.files import no_file
+from beamchain.files import no_file, note_input
 from beamchain.ports.motions import Array
+from beamchain.structure.readers.bounded import npz_arrays
 
 LARGEST_FILE = 2_000_000_000  # bytes
 MOST_ROWS = 20_000_000
+UNPACKED = 1_200_000_000  # bytes: seven columns of that many rows
 FEWEST_ROWS = 20
+# of a time log, in its units: beyond it squares and sums leave double precision
+LARGEST_VALUE = 1e12
 FEWEST_LINES = 8  # of a frequency response
-ENDINGS = (".csv", ".txt", ".parquet", ".npz", ".mat", ".uff", ".unv")
+ENDINGS = (".csv", ".txt", ".npz")
 TORQUES = tuple(f"torque_{a}" for a in "xyz")
-SENSED = tuple(f"{kind}_{a}" for kind in ("rate", "attitude") for a in "xyz")
+KINDS = ("rate", "attitude", "mean_rate")
+SENSED = tuple(f"{kind}_{a}" for kind in KINDS for a in "xyz")
 PAIR = re.compile(
-    r"(acceleration|rate|attitude)_([xyz])\s*/\s*(\w+)\s+(re|im|magnitude|phase|phase_deg|coherence)", re.IGNORECASE
+    r"(acceleration|rate|attitude)_([xyz])\s*/\s*(\w+)\s+"
+    r"(re|im|magnitude|phase|phase_deg|coherence)",
+    re.IGNORECASE,
 )
 ORDERS = {"acceleration": 1, "rate": 0, "attitude": -1}
-BY_TYPE = {8: "attitude", 11: "rate", 12: "acceleration"}
 
 Given = Any  # a path, a mapping of arrays, or a list of those
 
 
 class TimeLog(NamedTuple):
-    """A time log: ascending times [s]; torques [N m] or controls of actuators, rates [rad/s] and attitudes [rad] by column.
+    """A time log: ascending times [s]; torques [N m] or controls of actuators,
+    rates [rad/s], attitudes [rad] and mean rates since the sample before [rad/s] by column.
 
     `source` is how messages call it.
     """
@@ -39,14 +48,6 @@ class TimeLog(NamedTuple):
     time: Array
     torques: dict[str, Array]
     sensed: dict[str, Array]
-    source: str
-
-
-class ModalTable(NamedTuple):
-    """Frequencies [rad/s] of a modal test with the root held, and damping ratios where they were measured."""
-
-    frequencies: Array
-    damping: Array | None
     source: str
 
 
@@ -59,7 +60,8 @@ class Response(NamedTuple):
         sensed: such as rate_z.
         torque: such as torque_z.
         order: 1 acceleration, 0 rate, -1 attitude.
-        accuracy: `(N,)` relative standard deviation up to a factor, from coherence where it is known.
+        accuracy: `(N,)` relative standard deviation up to a factor,
+            from coherence where it is known.
     """
 
     omega: Array
@@ -72,7 +74,7 @@ class Response(NamedTuple):
 
 def read_logs(
     logs: Given, names: Mapping[str, str] | None, actuators: Sequence[str]
-) -> tuple[list[TimeLog], list[Response], list[ModalTable]]:
+) -> tuple[list[TimeLog], list[Response]]:
     """All logs that were given, by kind.
 
     Args:
@@ -86,51 +88,38 @@ def read_logs(
     given = [logs] if isinstance(logs, str | Path | Mapping) else logs
     if not isinstance(given, Sequence) or not given:
         raise InputError(
-            f"logs = {logs!r:.60} is no log; give a path, a mapping of arrays with time, torque_z and rate_z, "
-            "or a list of those."
+            f"logs = {logs!r:.60} is no log; give a path, a mapping of arrays with time, torque_z "
+            "and rate_z, or a list of those."
         )
-    times, spectra, tables = list[TimeLog](), list[Response](), list[ModalTable]()
+    times = list[TimeLog]()
+    spectra = list[Response]()
     for i, one in enumerate(given):
-        if isinstance(one, str | Path) and Path(one).suffix.lower() in (".uff", ".unv"):
-            spectra += _universal(Path(one), f"log {str(one)!r}")
-            continue
         table, source = _table(one, f"log {i + 1}" if len(given) > 1 else "log", names)
         if "time" in table:
             times.append(_time_log(table, actuators, source))
         elif "frequency" in table or "omega" in table:
-            omega = np.real(table["omega"] if "omega" in table else 2.0 * np.pi * table["frequency"])
-            found = _responses(table, omega, source)
-            spectra += found
-            if not found:
-                tables.append(_modal(omega, table.get("damping"), source))
+            omega = np.real(
+                table["omega"] if "omega" in table else 2.0 * np.pi * table["frequency"]
+            )
+            pairs = _responses(table, omega, source)
+            if not pairs:
+                dropped.check("table of frequencies", source)
+            spectra += pairs
         else:
             raise InputError(
-                f"{source} has the columns {', '.join(map(str, list(table)[:12])) or 'none'}; a time log needs `time`, "
-                "torque_x|y|z and rate_* or attitude_*, a frequency response `frequency` or `omega`; name them with map "
-                "(--map OLD=NEW)."
+                f"{source} has the columns {', '.join(map(str, list(table)[:12])) or 'none'}; a "
+                "time log needs `time`, torque_x|y|z and rate_* or attitude_*, a frequency "
+                "response `frequency` or `omega`; name them with map (--map OLD=NEW)."
             )
-    return times, spectra, tables
-
-
-def read_torques(
-    log: Given, names: Mapping[str, str] | None, actuators: Sequence[str], sensed: Sequence[str]
-) -> TimeLog:
-    """The torques of a test that is planned, beside sensors that read nothing yet.
-
-    Raises:
-        InputError: as of `read_logs`; or the log has no time.
-    """
-    table, source = _table(log, "plan", names)
-    if "time" not in table:
-        raise InputError(f"{source} has no column `time`; a plan is a time log of torques.")
-    nothing = np.zeros_like(table["time"])
-    return _time_log({**table, **dict.fromkeys(sensed, nothing)}, actuators, source)
+    return times, spectra
 
 
 def _table(one: Any, called: str, names: Mapping[str, str] | None) -> tuple[dict[str, Array], str]:
-    """Columns of numbers of a mapping or a file, and how messages call it; columns of words are left out."""
+    """Columns of numbers of a mapping or a file, and how messages call it;
+    columns of words are left out."""
     if isinstance(one, Mapping):
-        columns, source = cast("Mapping[str, Any]", one), called
+        columns = cast("Mapping[str, Any]", one)
+        source = called
     elif isinstance(one, str | Path):
         source = f"{called.split()[0]} {str(one)!r}"
         columns = _columns(Path(one), source)
@@ -140,20 +129,24 @@ def _table(one: Any, called: str, names: Mapping[str, str] | None) -> tuple[dict
     for name in renamed:
         if name not in columns:
             raise InputError(
-                f"map names the column {name!r}, which {source} does not have; {meant(name, map(str, columns))}it has "
-                f"{', '.join(map(str, list(columns)[:20]))}."
+                f"map names the column {name!r}, which {source} does not have; "
+                f"{meant(name, map(str, columns))}it has {', '.join(map(str, list(columns)[:20]))}."
             )
     out = dict[str, Array]()
     for name, values in columns.items():
         try:
             own = np.asarray(values)
-            out[renamed.get(str(name), str(name))] = np.ravel(own if np.iscomplexobj(own) else own.astype(np.float64))
+            out[renamed.get(str(name), str(name))] = np.ravel(
+                own if np.iscomplexobj(own) else own.astype(np.float64)
+            )
         except (TypeError, ValueError):
             continue
     return out, source
 
 
 def _check_file(path: Path, source: str) -> None:
+    dropped.check(f"{path.suffix.lower()} of a log", source)
+    note_input(path)
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{source} has an unknown ending; beamchain reads {', '.join(ENDINGS)}.")
     if kind := no_file(path):
@@ -162,7 +155,10 @@ def _check_file(path: Path, source: str) -> None:
     if size == 0:
         raise InputError(f"{source} is empty; export the log again.")
     if size > LARGEST_FILE:
-        raise InputError(f"{source} has {size} bytes, more than the {LARGEST_FILE} taken; cut it into several logs.")
+        raise InputError(
+            f"{source} has {size} bytes, more than the {LARGEST_FILE} taken; cut it into several "
+            "logs."
+        )
 
 
 def _columns(path: Path, source: str) -> Mapping[str, Any]:
@@ -171,65 +167,70 @@ def _columns(path: Path, source: str) -> Mapping[str, Any]:
     try:
         if kind in (".csv", ".txt"):
             return _csv(path, source)
-        if kind == ".npz":
-            with np.load(path, allow_pickle=False) as file:
-                return {name: file[name] for name in file.files}
-        if kind == ".mat":
-            from scipy.io import loadmat
-
-            return {k: np.ravel(v) for k, v in loadmat(path).items() if not k.startswith("__") and np.size(v) > 1}
-        try:
-            from pyarrow import parquet  # pyright: ignore[reportMissingImports]
-        except ImportError:
-            raise _missing(f"{source}: Parquet needs pyarrow") from None
-        table = parquet.read_table(path)
-        return {name: table.column(name).to_numpy() for name in table.column_names}
+        return npz_arrays(path, longest=None, unpacked=UNPACKED)
     except InputError:
         raise
     except Exception as error:  # readers of damaged files raise almost anything
         raise _damaged(source, error) from None
 
 
-def _missing(need: str) -> InputError:
-    return InputError(f"{need}; pip install 'beamchain[identification]', or give CSV.")
-
-
 def _damaged(source: str, error: Exception) -> InputError:
-    return InputError(f"{source} cannot be read ({type(error).__name__}: {error!s:.80}); export it again.")
+    return InputError(
+        f"{source} cannot be read ({type(error).__name__}: {error!s:.80}); export it again."
+    )
 
 
 def _csv(path: Path, source: str) -> dict[str, Array]:
     with path.open("rb") as stream:
-        head = stream.readline(100_000).decode("utf-8-sig", errors="replace").strip().lstrip("#").strip()
+        head = (
+            stream.readline(100_000)
+            .decode("utf-8-sig", errors="replace")
+            .strip()
+            .lstrip("#")
+            .strip()
+        )
         mark = next((m for m in (";", "\t", ",") if m in head), ",")
         names = [name.strip().strip('"') for name in head.split(mark)]
         body = stream.read()
     if not body.strip():
         raise InputError(f"{source} has no rows; export the log again.")
-    if not any(any(c.isalpha() for c in name) and name.lower() not in ("nan", "inf") for name in names):
+    if not any(
+        any(c.isalpha() for c in name) and name.lower() not in ("nan", "inf") for name in names
+    ):
         raise InputError(
-            f"{source} has no line of column names; let its first line be for example time,torque_z,rate_z."
+            f"{source} has no line of column names; let its first line be for example "
+            "time,torque_z,rate_z."
         )
     if mark == ";" and b"," in body[:2000]:
         body = body.replace(b",", b".")
     try:
-        table = np.loadtxt(io.BytesIO(body), delimiter=mark, ndmin=2, comments="#", max_rows=MOST_ROWS + 1)
+        table = np.loadtxt(
+            io.BytesIO(body), delimiter=mark, ndmin=2, comments="#", max_rows=MOST_ROWS + 1
+        )
     except ValueError as error:
-        raise InputError(f"{source} holds something that is no number ({error!s:.120}); export it again.") from None
+        raise InputError(
+            f"{source} holds something that is no number ({error!s:.120}); export it again."
+        ) from None
     if table.shape[1] != len(names):
-        raise InputError(f"{source} names {len(names)} columns, but its rows have {table.shape[1]}; export it again.")
+        raise InputError(
+            f"{source} names {len(names)} columns, but its rows have {table.shape[1]}; export it "
+            "again."
+        )
     return dict(zip(names, table.T, strict=True))
 
 
 def _time_log(table: Mapping[str, Array], actuators: Sequence[str], source: str) -> TimeLog:
     torques = {n: table[n] for n in (*TORQUES, *actuators) if n in table}
     sensed = {n: table[n] for n in SENSED if n in table}
-    for what, found, known in (("torque", torques, (*TORQUES, *actuators)), ("rate or attitude", sensed, SENSED)):
+    for what, found, known in (
+        ("torque", torques, (*TORQUES, *actuators)),
+        ("rate or attitude", sensed, SENSED),
+    ):
         if not found:
             near = "".join(meant(name, known) for name in table if name != "time")
             raise InputError(
-                f"{source} has no column of a {what} (columns: {', '.join(table)}); {near}give one of "
-                f"{', '.join(known)}, or map a column."
+                f"{source} has no column of a {what} (columns: {', '.join(table)}); {near}give one "
+                f"of {', '.join(known)}, or map a column."
             )
     time = table["time"]
     n = time.size
@@ -237,37 +238,45 @@ def _time_log(table: Mapping[str, Array], actuators: Sequence[str], source: str)
         raise InputError(f"{source} has {n} samples; from {FEWEST_ROWS} to {MOST_ROWS} are taken.")
     for name, values in {"time": time, **torques, **sensed}.items():
         if values.size != n:
-            raise InputError(f"{source}: time has {n} samples, {name} has {values.size}; every column needs as many.")
+            raise InputError(
+                f"{source}: time has {n} samples, {name} has {values.size}; every column needs as "
+                "many."
+            )
         if np.iscomplexobj(values):
             raise InputError(f"{source}: {name} is complex; the columns of a time log are real.")
+        far = (
+            np.flatnonzero(np.abs(values) > LARGEST_VALUE)
+            if np.all(np.isfinite(values))
+            else np.zeros(0)
+        )
+        if far.size:
+            raise InputError(
+                f"{source}: {name} = {values[far[0]]:.4g} in sample {far[0] + 1}; at most "
+                f"{LARGEST_VALUE:g} is taken: count time from the start of the log, and check the "
+                "units."
+            )
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             raise InputError(
-                f"{source}: {name} = {values[bad[0]]} in sample {bad[0] + 1} ({bad.size} such samples); leave out the rows "
-                "without a measurement, gaps are taken as such."
+                f"{source}: {name} = {values[bad[0]]} in sample {bad[0] + 1} ({bad.size} such "
+                "samples); leave out the rows without a measurement, gaps are taken as such."
             )
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if back.size:
         i = int(back[0])
         raise InputError(
-            f"{source}: time goes from {time[i]!s} to {time[i + 1]!s} s at sample {i + 2}; it must ascend: sort the rows, and "
-            "give logs that start again as several files."
+            f"{source}: time goes from {time[i]!s} to {time[i + 1]!s} s at sample {i + 2}; it must "
+            "ascend: sort the rows, and give logs that start again as several files."
         )
     return TimeLog(time, torques, sensed, source)
-
-
-def _modal(w: Array, damping: Array | None, source: str) -> ModalTable:
-    if w.size == 0 or not np.all(np.isfinite(w)) or np.any(w <= 0.0) or w.size > 1000:
-        raise InputError(f"{source}: the measured frequencies must be positive numbers, at most 1000 of them.")
-    order = np.argsort(w)
-    return ModalTable(w[order], None if damping is None else damping[order], source)
 
 
 def _responses(table: Mapping[str, Array], omega: Array, source: str) -> list[Response]:
     """The pairs of a table at its frequencies [rad/s], empty where it has none."""
     found = dict[tuple[str, str], dict[str, Array]]()
     for name, values in table.items():
-        match, parts = PAIR.fullmatch(name.strip()), {}
+        match = PAIR.fullmatch(name.strip())
+        parts = {}
         if match:
             parts = {match[4].lower(): values}
         elif np.iscomplexobj(values) and (match := PAIR.fullmatch(f"{name.strip()} re")):
@@ -284,56 +293,39 @@ def _responses(table: Mapping[str, Array], omega: Array, source: str) -> list[Re
         else:
             label = f"{sensed}/{torque}"
             raise InputError(
-                f"{source}: {label} needs the columns `{label} re` and `{label} im`, or magnitude and phase [rad] (phase_deg)."
+                f"{source}: {label} needs the columns `{label} re` and `{label} im`, or magnitude "
+                "and phase [rad] (phase_deg)."
             )
-        out.append(_checked(omega, value, sensed, torque, parts.get("coherence"), source))
+        out.append(_checked_response(omega, value, sensed, torque, parts.get("coherence"), source))
     return out
 
 
-def _checked(
-    omega: Array, value: NDArray[np.complex128], sensed: str, torque: str, coherence: Array | None, source: str
+def _checked_response(
+    omega: Array,
+    value: NDArray[np.complex128],
+    sensed: str,
+    torque: str,
+    coherence: Array | None,
+    source: str,
 ) -> Response:
     label = f"{sensed}/{torque}"
     if value.size != omega.size or omega.size < FEWEST_LINES:
         raise InputError(
-            f"{source}: {label} has {value.size} lines and {omega.size} frequencies; at least {FEWEST_LINES} of each are needed."
+            f"{source}: {label} has {value.size} lines and {omega.size} frequencies; at least "
+            f"{FEWEST_LINES} of each are needed."
         )
     keep = omega > 0.0
     if not np.all(np.isfinite(omega)) or not np.all(np.isfinite(value[keep])):
-        raise InputError(f"{source}: {label} holds a value that is not a finite number; leave those lines out.")
+        raise InputError(
+            f"{source}: {label} holds a value that is not a finite number; leave those lines out."
+        )
     if np.any(np.diff(omega) <= 0.0):
         raise InputError(f"{source}: the frequencies do not ascend; sort the lines.")
     if np.any(value[keep] == 0.0):
-        raise InputError(f"{source}: {label} is zero at some frequency; leave out the lines without a measurement.")
+        raise InputError(
+            f"{source}: {label} is zero at some frequency; leave out the lines without a "
+            "measurement."
+        )
     level = np.full(omega.size, 0.5) if coherence is None else np.clip(coherence, 1e-6, 1.0 - 1e-6)
     accuracy = np.sqrt((1.0 - level) / level)
     return Response(omega[keep], value[keep], sensed, torque, ORDERS[sensed[:-2]], accuracy[keep])
-
-
-def _universal(path: Path, source: str) -> list[Response]:
-    """Frequency responses to torques of a universal file: type 58, rotations 4, 5, 6 as response and reference."""
-    _check_file(path, source)
-    try:
-        import pyuff  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise _missing(f"{source}: universal files need pyuff") from None
-    try:
-        file: Any = pyuff.UFF(str(path))
-        sets: list[Any] = [file.read_sets(i) for i, kind in enumerate(file.get_set_types()) if int(kind) == 58]
-    except Exception as error:  # readers of damaged files raise almost anything
-        raise _damaged(source, error) from None
-    out = list[Response]()
-    for one in sets:
-        at, by = int(one.get("rsp_dir", 0)), int(one.get("ref_dir", 0))
-        if int(one.get("func_type", 0)) != 4 or abs(at) not in (4, 5, 6) or abs(by) not in (4, 5, 6):
-            continue
-        kind = BY_TYPE.get(int(one.get("ordinate_spec_data_type", 11)), "rate")
-        value = np.asarray(one["data"], dtype=np.complex128) * np.sign(at) * np.sign(by)
-        omega = 2.0 * np.pi * np.asarray(one["x"], dtype=np.float64)
-        sensed, torque = f"{kind}_{'xyz'[abs(at) - 4]}", f"torque_{'xyz'[abs(by) - 4]}"
-        out.append(_checked(omega, value, sensed, torque, None, source))
-    if not out:
-        raise InputError(
-            f"{source} holds no frequency response (type 58, function 4) between rotations (directions 4, 5, 6) of the hub."
-        )
-    return out

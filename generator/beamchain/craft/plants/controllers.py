@@ -1,14 +1,14 @@
-"""Controllers as files of loops: transfer functions with dead times, their responses and their states."""
+"""Controllers as files of loops: transfer functions with dead times,
+their responses and their states."""
 
 from functools import reduce
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import control
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, matrix_balance
-from scipy.signal import tf2ss
 
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
@@ -16,39 +16,69 @@ from beamchain.fitting.toml_files import read_struct
 from beamchain.ports.motions import Array
 
 Response = NDArray[np.complex128]
+SHORTEST = 1e-9  # [s] of a dead time that is not zero
+LEAST = 1e-30  # of a coefficient that is not zero
+BESIDE = 1e-9  # relative, of a frequency at which an undamped filter is infinite
 ORDER = 6  # of the Pade approximation of a delay, with which the closed loop's poles are judged
 
 
 class Filter(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A proper transfer function in s."""
 
-    numerator: Annotated[tuple[float, ...], field("coefficients of the numerator, highest power of s first", "")]
-    denominator: Annotated[tuple[float, ...], field("coefficients of the denominator, highest power first", "")]
+    numerator: Annotated[
+        tuple[float, ...], field("coefficients of the numerator, highest power of s first", "")
+    ]
+    denominator: Annotated[
+        tuple[float, ...], field("coefficients of the denominator, highest power first", "")
+    ]
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        top, bottom = (np.trim_zeros(np.asarray(c), "f") for c in (self.numerator, self.denominator))
+        for name, values in (("numerator", self.numerator), ("denominator", self.denominator)):
+            for i, value in enumerate(values):
+                if 0.0 < abs(value) < LEAST:
+                    raise InputError(
+                        f"{name}[{i}] = {value!r} is smaller than {LEAST:g}, which double "
+                        "precision cannot compute with; write 0.0 if nothing is meant."
+                    )
+        top, bottom = (
+            np.trim_zeros(np.asarray(c), "f") for c in (self.numerator, self.denominator)
+        )
         if bottom.size == 0:
-            raise InputError(f"denominator = {list(self.denominator)} is zero; give [1.0] for a plain gain.")
+            raise InputError(
+                f"denominator = {list(self.denominator)} is zero; give [1.0] for a plain gain."
+            )
         if top.size > bottom.size:
             raise InputError(
-                f"numerator = {list(self.numerator)} has a higher power of s than denominator = {list(self.denominator)}, "
-                "which no controller can realise; add a pole beyond the band, for example denominator = [0.01, 1.0]."
+                f"numerator = {list(self.numerator)} has a higher power of s than denominator = "
+                f"{list(self.denominator)}, which no controller can realise; add a pole beyond the "
+                "band, for example denominator = [0.01, 1.0]."
             )
 
     def response(self, s: Response) -> Response:
-        """Its value at `s`."""
-        return np.polyval(self.numerator, s) / np.polyval(self.denominator, s)
+        """Its value at `s`; at a pole that `s` meets exactly, that beside it."""
+        bottom = np.polyval(self.denominator, s)
+        beside = np.polyval(self.denominator, s * (1.0 + BESIDE))
+        return np.polyval(self.numerator, s) / np.where(bottom == 0.0, beside, bottom)
 
 
 class Loop(Filter, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One loop of a controller, `input = -K(s) output`: negative feedback. Loops on one input add up."""
+    """One loop of a controller, `input = -K(s) output`: negative feedback.
+    Loops on one input add up."""
 
     input: Annotated[str, field("input of the plant that the loop drives")]
     output: Annotated[str, field("output of the plant that the loop measures")]
     delay: Annotated[float, field("dead time of the loop", "s", least=0.0)] = 0.0
     actuator: Annotated[Filter | None, field("dynamics of the actuator")] = None
     sensor: Annotated[Filter | None, field("dynamics of the sensor")] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if 0.0 < self.delay < SHORTEST:
+            raise InputError(
+                f"delay = {self.delay!r} s is shorter than {SHORTEST:g} s, nothing for a plant; "
+                "write 0.0."
+            )
 
     @property
     def parts(self) -> list[Filter]:
@@ -71,11 +101,14 @@ def read_controller(path: str | Path | Controller) -> Controller:
     return read_struct(path, Controller, "controller", "a TOML file with [[loop]]")
 
 
-def places(controller: Controller, inputs: list[str], outputs: list[str]) -> tuple[list[int], list[int]]:
+def places(
+    controller: Controller, inputs: list[str], outputs: list[str]
+) -> tuple[list[int], list[int]]:
     """Outputs and inputs of a plant that the loops take, by number."""
     if not controller.loop:
         raise InputError(
-            "the controller has no loop; give at least one [[loop]] with input, output, numerator, denominator."
+            "the controller has no loop; give at least one [[loop]] with input, output, numerator, "
+            "denominator."
         )
     rows = [place(loop.output, outputs, "output") for loop in controller.loop]
     columns = [place(loop.input, inputs, "input") for loop in controller.loop]
@@ -85,31 +118,76 @@ def places(controller: Controller, inputs: list[str], outputs: list[str]) -> tup
 def place(name: str, labels: list[str], kind: str, of: str = "loop.") -> int:
     """Number of a signal of a plant."""
     if name not in labels:
-        raise InputError(f"{of}{kind} = {name!r} is no {kind} of the plant; choose from {', '.join(labels)}.")
+        raise InputError(
+            f"{of}{kind} = {name!r} is no {kind} of the plant; choose from {', '.join(labels)}."
+        )
     return labels.index(name)
 
 
 def response(loop: Loop, s: Response) -> Response:
     """`K(s)` of a loop, with all its parts and its dead time."""
-    return np.prod([part.response(s) for part in loop.parts], axis=0) * np.exp(-s * loop.delay)
+    with np.errstate(all="ignore"):
+        out = np.prod([part.response(s) for part in loop.parts], axis=0) * np.exp(-s * loop.delay)
+    _check_finite(loop, out)
+    return out
+
+
+def _check_finite(loop: Loop, *values: NDArray[Any]) -> None:
+    """Refuse a loop that double precision cannot compute with."""
+    if not all(np.all(np.isfinite(value)) for value in values):
+        raise InputError(
+            f"the loop from {loop.output!r} to {loop.input!r} has coefficients so far apart that "
+            "double precision cannot compute with them; leave out those that do not matter in its "
+            "band."
+        )
 
 
 def realised(controller: Controller) -> tuple[Array, Array, Array, Array]:
     """A, B, C, D of all loops side by side, dead times as Pade approximations."""
     parts = [_balanced(loop) for loop in controller.loop]
-    a, b, c, d = (np.asarray(block_diag(*same), dtype=np.float64) for same in zip(*parts, strict=True))
+    a, b, c, d = (
+        np.asarray(block_diag(*same), dtype=np.float64) for same in zip(*parts, strict=True)
+    )
     return a, b, c, d
 
 
+def _companion(top: Array, bottom: Array) -> tuple[Array, Array, Array, Array]:
+    """A, B, C, D of a proper transfer function, in controllable form,
+    however small its first coefficients are."""
+    n = bottom.size - 1
+    bottom, top = bottom / bottom[0], np.append(np.zeros(n + 1 - top.size), top) / bottom[0]
+    a = np.eye(n, k=-1)
+    a[0] = -bottom[1:]
+    b = np.eye(n, 1)
+    # top/bottom = top[0] + (top - top[0] bottom)/bottom, whose numerator is of lower degree
+    c = (top - top[0] * bottom)[None, 1:]
+    return a, b, c, top[None, :1]
+
+
 def _balanced(loop: Loop) -> tuple[Array, Array, Array, Array]:
-    """One loop with its states scaled alike; the companion form alone has entries as large as the delay's to the power -6."""
-    fractions = control.pade(loop.delay, ORDER), *((part.numerator, part.denominator) for part in loop.parts)
+    """One loop with its states scaled alike;
+    the companion form alone has entries as large as the delay's to the power -6."""
+    fractions = (
+        control.pade(loop.delay, ORDER),
+        *((part.numerator, part.denominator) for part in loop.parts),
+    )
     tops, bottoms = zip(*fractions, strict=True)
-    top, bottom = (np.trim_zeros(reduce(np.polymul, polynomials), "f") for polynomials in (tops, bottoms))
+    top, bottom = (
+        np.trim_zeros(reduce(np.polymul, polynomials), "f") for polynomials in (tops, bottoms)
+    )
     if bottom.size == 1:
-        return np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.full((1, 1), (top.sum() / bottom)[0])
-    a, b, c, d = (np.asarray(part, dtype=np.float64) for part in tf2ss(top if top.size else [0.0], bottom))
-    whole = np.block([[a, b], [c, np.zeros((1, 1))]])
-    _, (scale, _) = matrix_balance(whole, permute=False, separate=True)
-    ratio = np.asarray(scale[:-1] / scale[-1], dtype=np.float64)
-    return a * ratio / ratio[:, None], b / ratio[:, None], c * ratio, d
+        return (
+            np.zeros((0, 0)),
+            np.zeros((0, 1)),
+            np.zeros((1, 0)),
+            np.full((1, 1), (top.sum() / bottom)[0]),
+        )
+    with np.errstate(all="ignore"):
+        a, b, c, d = _companion(top, bottom)
+        whole = np.block([[a, b], [c, np.zeros((1, 1))]])
+        _check_finite(loop, whole, d)
+        _, (scale, _) = matrix_balance(whole, permute=False, separate=True)
+        ratio = np.asarray(scale[:-1] / scale[-1], dtype=np.float64)
+        out = a * ratio / ratio[:, None], b / ratio[:, None], c * ratio, d
+    _check_finite(loop, *out)
+    return out

@@ -7,27 +7,47 @@ from typing import Any
 
 import numpy as np
 
+from beamchain.checks import path_of
 from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
+from beamchain.late import importing
 
 SUFFIXES = (".npz", ".json", ".mat")
 
 
-def write(path: str | Path, record: Mapping[str, Any], *, force: bool) -> Path:
-    """Write a record of arrays, numbers and lists of words by name, in the format that the path's ending says."""
-    place = Path(path)
+def write(
+    path: str | Path,
+    record: Mapping[str, Any],
+    *,
+    force: bool,
+    also: Mapping[Path, str] | None = None,
+) -> Path:
+    """Write a record of arrays, numbers and lists of words by name,
+    in the format that the path's ending says.
+
+    `also`: further files to write with it, content by path.
+    """
+    place = path_of("path", path)
     if place.suffix.lower() not in SUFFIXES:
-        raise InputError(f"path = {str(place)!r} ends in {place.suffix!r}; write to a name in {', '.join(SUFFIXES)}.")
+        raise InputError(
+            f"path = {str(place)!r} ends in {place.suffix!r}; write to a name in "
+            f"{', '.join(SUFFIXES)}."
+        )
     stream: Any = io.BytesIO()
     if place.suffix.lower() == ".json":
         stream.write(to_json(dict(record)).encode())
     elif place.suffix.lower() == ".npz":
-        np.savez(stream, allow_pickle=False, **{name: np.asarray(value) for name, value in record.items()})
+        np.savez(
+            stream,
+            allow_pickle=False,
+            **{name: np.asarray(value) for name, value in record.items()},
+        )
     else:
-        from scipy.io import savemat
+        with importing:
+            from scipy.io import savemat
 
         savemat(stream, {name: _matlab(value) for name, value in record.items()})
-    write_files({place: stream.getvalue()}, force=force)
+    write_files([*dict(also or {}).items(), (place, stream.getvalue())], force=force)
     return place
 
 

@@ -1,1 +1,2 @@
-"""Uncertain plants: linear fractional transformations, worst cases, and their confirmation in MuJoCo."""
+"""Uncertain plants: linear fractional transformations, a search for the worst case,
+and its run in MuJoCo."""

@@ -1,6 +1,8 @@
-"""Channels through which uncertain quantities act on a linear craft: `w = delta z` per channel, theory in docs/theory.md.
+"""Channels through which uncertain quantities act on a linear craft: `w = delta z` per channel,
+theory in docs/theory.md.
 
-A channel takes a combination z of positions, rates, accelerations, inputs and other channels, and gives a generalised force.
+A channel takes a combination z of positions, rates, accelerations, inputs and other channels,
+and gives a generalised force.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from beamchain.craft.plants.craft_modes import LinearCraft
-from beamchain.craft.plants.operating_point import OperatingPoint
-from beamchain.craft.plants.second_order import SecondOrder
-from beamchain.craft.plants.signals import Input
 from beamchain.craft.variants.quantities import AXES, Quantity
 from beamchain.engine.forces import along
 from beamchain.engine.library import mujoco
+from beamchain.engine.linear import Inputs, Linear, Outputs, Signal
+from beamchain.engine.operating_point import OperatingPoint
+from beamchain.engine.signals import Input
 from beamchain.fitting.uncertain import OF_MODES
 from beamchain.ports.motions import Array
 
@@ -27,107 +29,166 @@ class Channels:
 
     def __init__(self, nv: int, inputs: int) -> None:
         self.of: list[int] = []
-        self._forces, self._rows, self._through = list[Array](), list[list[Array]](), list[Through]()
+        self._forces: list[Array] = []
+        self._rows: list[list[Array]] = []
+        self._through: list[Through] = []
         self._sizes = {"position": nv, "rate": nv, "acceleration": nv, "input": inputs}
 
-    def add(self, quantity: int, force: Array, through: Through | None = None, own: float = 0.0, **rows: Array) -> int:
+    def add(
+        self,
+        quantity: int,
+        force: Array,
+        through: Through | None = None,
+        feedback: float = 0.0,
+        **rows: Array,
+    ) -> int:
         """One more channel of a quantity, with the generalised force `(nv,)` for w = 1; its number.
 
-        Its z takes `through` of the w of other channels, `own` of its own, and `rows` of `position`, `rate`,
-        `acceleration` and `input`.
+        Its z takes `through` of the w of other channels, `feedback` of its own w, and `rows` of
+        `position`, `rate`, `acceleration` and `input`.
         """
         number = len(self.of)
         self._rows.append([rows.get(word, np.zeros(size)) for word, size in self._sizes.items()])
-        self._through.append({**(through or {}), number: own})
+        self._through.append({**(through or {}), number: feedback})
         self._forces.append(force)
         self.of.append(quantity)
         return number
 
-    def put(self, linear: SecondOrder, order: Sequence[int], reach: Array) -> SecondOrder:
-        """The craft with the channels before its inputs and outputs, in this order, z times `reach`."""
-        count, pick = len(self.of), list(order)
+    def add_to(self, linear: Linear, order: Sequence[int], reach: Array) -> Linear:
+        """The craft with the channels before its inputs and outputs, in this order,
+        z times `reach`."""
+        count = len(self.of)
+        pick = list(order)
         through = np.zeros((count, count))
-        for i, those in enumerate(self._through):
-            for j, value in those.items():
+        for i, weights in enumerate(self._through):
+            for j, value in weights.items():
                 through[i, j] = value
         scale = reach[pick, None]
         y0, y1, y2, yu = (np.array(part)[pick] * scale for part in zip(*self._rows, strict=True))
-        direct = np.hstack([through[np.ix_(pick, pick)] * scale, yu])
+        inputs = linear.inputs
+        outputs = linear.outputs
+        activations = linear.activations
+        of_channels = np.hstack([through[np.ix_(pick, pick)] * scale, yu])
+        of_outputs = np.pad(outputs.feedthrough, ((0, 0), (count, 0)))
         return replace(
             linear,
-            force=np.hstack([np.array(self._forces).T[:, pick], linear.force]),
-            feed=np.pad(linear.feed, ((0, 0), (count, 0))),
-            of_position=np.vstack([y0, linear.of_position]),
-            of_rate=np.vstack([y1, linear.of_rate]),
-            of_acceleration=np.vstack([y2, linear.of_acceleration]),
-            of_activation=np.pad(linear.of_activation, ((count, 0), (0, 0))),
-            of_input=np.vstack([direct, np.pad(linear.of_input, ((0, 0), (count, 0)))]),
+            inputs=Inputs(
+                (*(Signal(f"w{k + 1}", "") for k in range(count)), *inputs.signals),
+                np.hstack([np.array(self._forces).T[:, pick], inputs.force]),
+            ),
+            outputs=Outputs(
+                (*(Signal(f"z{k + 1}", "") for k in range(count)), *outputs.signals),
+                position=np.vstack([y0, outputs.position]),
+                rate=np.vstack([y1, outputs.rate]),
+                acceleration=np.vstack([y2, outputs.acceleration]),
+                feedthrough=np.vstack([of_channels, of_outputs]),
+            ),
+            activations=activations._replace(
+                feed=np.pad(activations.feed, ((0, 0), (count, 0))),
+                seen=np.pad(activations.seen, ((count, 0), (0, 0))),
+            ),
         )
 
 
-def channels(craft: LinearCraft, found: Sequence[Quantity]) -> Channels:
+def channels(craft: LinearCraft, uncertain: Sequence[Quantity]) -> Channels:
     """The channels of all quantities of a craft."""
-    model, out = craft.point.model, Channels(craft.point.model.nv, len(craft.inputs))
+    model = craft.point.model
+    out = Channels(craft.point.model.nv, len(craft.inputs))
     owners: dict[tuple[str, int], dict[str, int]] = {}
-    for i, q in enumerate(found):
+    for i, q in enumerate(uncertain):
         joint = q.kind in ("stiffness", "damping") and not q.of_mode(model)
         kind = "joint" if joint else "mode" if q.kind in OF_MODES else "body"
         owners.setdefault((kind, q.index), {})[q.kind] = i
-    for (kind, index), those in owners.items():
+    for (kind, index), numbers in owners.items():
         if kind == "mode":
-            _mode(out, model, index, those)
+            _add_mode(out, model, index, numbers)
         elif kind == "joint":
             line = np.eye(model.nv)[int(model.jnt_dofadr[index])]
-            for name, i in those.items():
+            for name, i in numbers.items():
                 out.add(i, -line, **{"position" if name == "stiffness" else "rate": line})
         else:
-            _body(out, craft.point, craft.inputs, index, those)
+            _add_body(out, craft.point, craft.inputs, index, numbers)
     return out
 
 
-def _mode(out: Channels, model: "mujoco.MjModel", tendon: int, those: Mapping[str, int]) -> None:
-    """`f = -(E/p^2 - E0)` along the tendon, `E = eta'' + w (w eta + 2 zeta eta')`, in nested channels."""
-    line, w = along(model, tendon), float(np.sqrt(model.tendon_stiffness[tendon]))
+def _add_mode(
+    out: Channels, model: "mujoco.MjModel", tendon: int, numbers: Mapping[str, int]
+) -> None:
+    """`f = -(E/p^2 - E0)` along the tendon, `E = eta'' + w (w eta + 2 zeta eta')`,
+    in nested channels."""
+    line = along(model, tendon)
+    w = float(np.sqrt(model.tendon_stiffness[tendon]))
     twice = float(model.tendon_damping[tendon]) / w  # 2 zeta
-    inner, more = dict[int, float](), dict[int, float]()  # what the channels add to w eta + 2 zeta eta', and to E
-    if "frequency" in those:
-        inner[out.add(those["frequency"], -w * line, position=line)] = 1.0
-    if "damping" in those:
-        inner[out.add(those["damping"], -w * line, rate=2.0 * line)] = 1.0
-    if "frequency" in those:
-        more[out.add(those["frequency"], -line, inner, position=w * line, rate=twice * line)] = 1.0
-    more |= dict.fromkeys(inner, w)
-    if "participation" in those:
+    # what the channels add to z_2 = w eta + 2 zeta eta', and to E = eta'' + w z_2
+    to_z2 = dict[int, float]()
+    to_e = dict[int, float]()
+    if "frequency" in numbers:
+        # z_1 = eta
+        z1 = out.add(numbers["frequency"], -w * line, position=line)
+        to_z2[z1] = 1.0
+    if "damping" in numbers:
+        # z_zeta = 2 eta'
+        z_zeta = out.add(numbers["damping"], -w * line, rate=2.0 * line)
+        to_z2[z_zeta] = 1.0
+    if "frequency" in numbers:
+        # z_2 = w eta + 2 zeta eta' + w_1 + w_zeta
+        z2 = out.add(numbers["frequency"], -line, to_z2, position=w * line, rate=twice * line)
+        to_e[z2] = 1.0
+    to_e |= dict.fromkeys(to_z2, w)
+    if "participation" in numbers:
+        # z_3 = E - w_3, z_4 = z_3 - w_4
+        number = numbers["participation"]
         rows = {"position": w**2 * line, "rate": w * twice * line, "acceleration": line}
-        first = out.add(those["participation"], line, more, own=-1.0, **rows)
-        out.add(those["participation"], line, {**more, first: -1.0}, own=-1.0, **rows)
+        z3 = out.add(number, line, to_e, feedback=-1.0, **rows)
+        out.add(number, line, {**to_e, z3: -1.0}, feedback=-1.0, **rows)
 
 
-def _body(out: Channels, point: OperatingPoint, inputs: Sequence[Input], body: int, those: Mapping[str, int]) -> None:
-    """Mass on the motion of the mass centre, the centre once in that motion and once in the arm of its force."""
-    model, data = point.model, point.data()
-    jacobians = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-    mujoco.mj_jacBodyCom(model, data, *jacobians, body)
-    axes, mass = data.xmat[body].reshape(3, 3), float(model.body_mass[body])
-    moved, turned = (axes.T @ jacobian for jacobian in jacobians)
-    pushed = np.array([axes.T @ i.wrench[:3] if i.centre and i.body == body and i.wrench is not None else np.zeros(3)
-                       for i in inputs]).reshape(len(inputs), 3).T  # fmt: skip
-    centres = [(those[f"centre_{axis}"], k) for k, axis in enumerate(AXES) if f"centre_{axis}" in those]
-    swung = {k: np.cross(turned, np.eye(3)[k], axisa=0).T for _, k in centres}  # `omega x e_k` per degree of freedom
-    added: list[dict[int, float]] = [{}, {}, {}]  # what the channels add to the force at the mass centre
+def _add_body(
+    out: Channels,
+    point: OperatingPoint,
+    inputs: Sequence[Input],
+    body: int,
+    numbers: Mapping[str, int],
+) -> None:
+    """Mass on the motion of the mass centre,
+    the centre once in that motion and once in the arm of its force."""
+    model = point.model
+    data = point.data()
+    translation = np.zeros((3, model.nv))
+    rotation = np.zeros((3, model.nv))
+    mujoco.mj_jacBodyCom(model, data, translation, rotation, body)
+    axes = data.xmat[body].reshape(3, 3)
+    mass = float(model.body_mass[body])
+    moved = axes.T @ translation
+    turned = axes.T @ rotation
+    # what each input does to the mass centre, in the body's axes
+    pushed = np.zeros((3, len(inputs)))
+    for column, signal in enumerate(inputs):
+        if signal.centre and signal.body == body and signal.wrench is not None:
+            pushed[:, column] = axes.T @ signal.wrench[:3]
+    centres = [
+        (numbers[f"centre_{axis}"], k) for k, axis in enumerate(AXES) if f"centre_{axis}" in numbers
+    ]
+    # `omega x e_k` per degree of freedom
+    swung = {k: np.cross(turned, np.eye(3)[k], axisa=0).T for _, k in centres}
+    # what the channels add to the force at the mass centre
+    added: list[dict[int, float]] = [{}, {}, {}]
     for i, k in centres:
         for part in ACROSS[k]:
             added[part][out.add(i, -mass * moved[part], acceleration=swung[k][part])] = -mass
-    if "mass" in those:
+    if "mass" in numbers:
         for part, before in enumerate(added):
             through = {channel: -value / mass for channel, value in before.items()}
-            before[out.add(those["mass"], -moved[part], through, acceleration=moved[part])] = -1.0
+            before[out.add(numbers["mass"], -moved[part], through, acceleration=moved[part])] = -1.0
     for i, k in centres:
         for part in ACROSS[k]:
-            out.add(i, swung[k][part], added[part], acceleration=-mass * moved[part], input=pushed[part])
-    for kind, i in those.items():
+            out.add(
+                i, swung[k][part], added[part], acceleration=-mass * moved[part], input=pushed[part]
+            )
+    for kind, i in numbers.items():
         if kind.startswith("inertia"):
-            one, two = (turned[AXES.index(axis)] for axis in kind[-2:])
-            out.add(i, -one, acceleration=two)
+            first, second = (turned[AXES.index(axis)] for axis in kind[-2:])
+            # f = -I_ab (J_a^T J_b + J_b^T J_a) q''
+            out.add(i, -first, acceleration=second)
             if kind[-1] != kind[-2]:
-                out.add(i, -two, acceleration=one)
+                out.add(i, -second, acceleration=first)

@@ -16,7 +16,8 @@ CHUNK = 100  # frequencies that are solved together
 
 
 def closed(system: System, gain: Array) -> System:
-    """A system with `input = gain output + further input`, `gain` `(inputs, outputs)`; all its signals stay."""
+    """A system with `input = gain output + further input`, `gain` `(inputs, outputs)`;
+    all its signals stay."""
     a, b, c, d = system
     left = np.linalg.inv(np.eye(d.shape[0]) - d @ gain)
     back = b @ gain @ left
@@ -24,22 +25,35 @@ def closed(system: System, gain: Array) -> System:
 
 
 def with_deltas(system: System, deltas: Array) -> System:
-    """A system with its first signals closed by `(channels,)` deltas, and the signals that are left."""
-    n, gain = deltas.size, np.zeros(system[3].T.shape)
+    """A system with its first signals closed by `(channels,)` deltas,
+    and the signals that are left."""
+    n = deltas.size
+    gain = np.zeros(system[3].T.shape)
     gain[:n, :n] = np.diag(deltas)
     a, b, c, d = closed(system, gain)
     return a, b[:, n:], c[n:], d[n:, n:]
 
 
-def looped(system: System, controller: System, rows: Sequence[int], columns: Sequence[int]) -> System:
-    """A system with a controller from its outputs `rows` to its inputs `columns`, negative feedback; all signals stay."""
-    a, b, c, d = (np.asarray(block_diag(p, q), dtype=np.float64) for p, q in zip(system, controller, strict=True))
-    (p, m), loops, gain = system[3].shape, np.arange(len(rows)), np.zeros(d.T.shape)
-    gain[m + loops, rows], gain[columns, p + loops] = 1.0, -1.0
+def looped(
+    system: System, controller: System, rows: Sequence[int], columns: Sequence[int]
+) -> System:
+    """A system with a controller from its outputs `rows` to its inputs `columns`, negative
+    feedback; all signals stay."""
+    a, b, c, d = (
+        np.asarray(block_diag(p, q), dtype=np.float64)
+        for p, q in zip(system, controller, strict=True)
+    )
+    outputs, inputs = system[3].shape
+    loops = np.arange(len(rows))
+    gain = np.zeros(d.T.shape)
+    gain[inputs + loops, rows] = 1.0
+    gain[columns, outputs + loops] = -1.0
     return closed((a, b, c, d), gain)
 
 
-def taking_part(a: NDArray[np.bool_], driven: NDArray[np.bool_], seen: NDArray[np.bool_]) -> list[int]:
+def taking_part(
+    a: NDArray[np.bool_], driven: NDArray[np.bool_], seen: NDArray[np.bool_]
+) -> list[int]:
     """Which states are linked, by `a`, to one that is driven and to one that is seen."""
     for _ in range(a.shape[0]):
         driven, seen = driven | (a @ driven), seen | (a.T @ seen)
@@ -60,8 +74,12 @@ def picked(system: System, outputs: list[int], inputs: list[int]) -> System:
 def response(system: System, s: Complex) -> Complex:
     """`(k, outputs, inputs)` values at `s` `(k,)`."""
     a, b, c, d = system
-    parts = [
-        c @ np.linalg.solve(some[:, None, None] * np.eye(a.shape[0]) - a, np.broadcast_to(b, (some.size, *b.shape))) + d
-        for some in np.array_split(s, max(1, -(-s.size // CHUNK)))
-    ]
-    return np.concatenate(parts).astype(np.complex128)
+    eye = np.eye(a.shape[0])
+    parts: list[Complex] = []
+    for chunk in np.array_split(s, max(1, -(-s.size // CHUNK))):
+        # C (s - A)^-1 B + D
+        states = np.linalg.solve(
+            chunk[:, None, None] * eye - a, np.broadcast_to(b, (chunk.size, *b.shape))
+        )
+        parts.append((c @ states + d).astype(np.complex128))
+    return np.concatenate(parts)

@@ -1,4 +1,5 @@
-"""The uncertain quantities of a compiled craft: which they are, their nominal values, and how they are drawn."""
+"""The uncertain quantities of a compiled craft: which they are, their nominal values,
+and how they are drawn."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -35,13 +36,17 @@ class Quantity:
     """One uncertain number of a craft.
 
     Args:
-        name: `array_mode1_xy.frequency`, `bus.mass`, `bus.inertia_xy`, `drive.stiffness`.
-        unit: of its value; a participation is a factor.
+        name: `array_mode1_xy.frequency`, `bus.mass`, `bus.inertia_xy`, `drive.stiffness`,
+            `array_segment1.stiffness`, `array_joint1.stiffness_xz`.
+        unit: of its value; a participation is a factor, and so are stiffness and density of a
+            segment.
         nominal: value in the model as it is.
         uncertainty: how it varies.
-        index: number of the tendon, body or joint in the model.
+        index: number of the tendon, body or joint in the model; -1: of a structure,
+            which is fitted again.
         key: quantities with the same one are drawn together.
-        alias: another name, of a mode by its number among all that are kept, `array_mode3.frequency`.
+        alias: another name, of a mode by its number among all that are kept,
+            `array_mode3.frequency`.
     """
 
     name: str
@@ -59,12 +64,17 @@ class Quantity:
 
     @property
     def kind(self) -> str:
-        """`frequency`, `damping`, `participation`, `mass`, `centre_x`, `inertia_xy`, `stiffness`, ..."""
+        """`frequency`, `damping`, `participation`, `mass`, `centre_x`, `inertia_xy`,
+        `stiffness`, ..."""
         return self.name.rpartition(".")[2]
 
     def of_mode(self, model: "mujoco.MjModel") -> bool:
         """Whether it is one of a mode, whose tendon has its owner's name."""
-        return self.kind in OF_MODES and self.index < model.ntendon and model.tendon(self.index).name == self.owner
+        return (
+            self.kind in OF_MODES
+            and self.index < model.ntendon
+            and model.tendon(self.index).name == self.owner
+        )
 
     @property
     def reach(self) -> float:
@@ -73,63 +83,82 @@ class Quantity:
 
 
 def quantities(
-    model: "mujoco.MjModel", uncertain: UncertainCraft | None, modes: Mapping[str, UncertainModes],
+    model: "mujoco.MjModel",
+    uncertain: UncertainCraft | None,
+    modes: Mapping[str, UncertainModes],
     correlations: Sequence[Correlation],
-) -> tuple[Quantity, ...]:  # fmt: skip
+) -> tuple[Quantity, ...]:
     """The uncertain quantities of a compiled craft, timed or not.
 
-    What `uncertain` says of an appendage goes before `modes`, those of the appendages' own specifications by prefix;
-    `correlations` are further ones than those of `uncertain`.
+    What `uncertain` says of an appendage goes before `modes`, those of the appendages' own
+    specifications by prefix; `correlations` are further ones than those of `uncertain`.
     """
     given = uncertain or UncertainCraft()
     of_modes = {**modes, **given.appendage}
-    found = [*_modes(model, of_modes, set(given.appendage))]
+    out = [*_modes(model, of_modes, set(given.appendage))]
     modal = {int(i) for i in np.flatnonzero(np.any(modal_tendons(model).rows != 0.0, axis=0))}
     for name, body in given.body.items():
-        found += _body(model, name, body, {int(model.dof_bodyid[i]) for i in modal})
+        out += _body(model, name, body, {int(model.dof_bodyid[i]) for i in modal})
     for name, joint in given.joint.items():
         if name in {str(model.joint(int(model.dof_jntid[i])).name) for i in modal}:
             raise InputError(
-                f"joint {name!r} is a hinge of an appendage, sprung by its modes; give their frequency under "
-                "[appendage.PREFIX] instead."
+                f"joint {name!r} is a hinge of an appendage, sprung by its modes; give their "
+                "frequency under [appendage.PREFIX] instead."
             )
-        found += _joint(model, name, joint)
-    _check_correlations(found, [name for one in (*correlations, *given.correlation) for name in one.of])
-    return tuple(found)
+        out += _joint(model, name, joint)
+    every_correlation = (*correlations, *given.correlation)
+    _check_correlations(out, [name for each in every_correlation for name in each.of])
+    return tuple(out)
 
 
-def _check_correlations(found: Sequence[Quantity], correlated: Sequence[str]) -> None:
+def _check_correlations(uncertain: Sequence[Quantity], correlated: Sequence[str]) -> None:
     """Each correlated quantity is there, normal, and drawn by itself."""
-    places = _places(found)
+    places = _places(uncertain)
     for name in correlated:
         if name not in places:
-            raise unknown("of in correlation", name, [q.name for q in found])
-        q = found[places[name]]
+            raise unknown("of in correlation", name, [q.name for q in uncertain])
+        q = uncertain[places[name]]
         if q.uncertainty.distribution != "normal":
-            raise InputError(f"correlation: {name} is uniform; only normal quantities can be correlated.")
-        if correlated.count(name) > 1:
-            raise InputError(f"correlation: {name} stands in two correlations; write one with all that goes together.")
-        if other := [o.name for o in found if o.key == q.key and o is not q]:
             raise InputError(
-                f"correlation: {name} is drawn together with {other[0]}, fully correlated; give each = true and no group, so "
-                "that the matrix can say how they go together."
+                f"correlation: {name} is uniform; only normal quantities can be correlated."
+            )
+        if correlated.count(name) > 1:
+            raise InputError(
+                f"correlation: {name} stands in two correlations; write one with all that goes "
+                "together."
+            )
+        if other := [o.name for o in uncertain if o.key == q.key and o is not q]:
+            raise InputError(
+                f"correlation: {name} is drawn together with {other[0]}, fully correlated; give "
+                "each = true and no group, so that the matrix can say how they go together."
             )
 
 
-def _places(found: Sequence[Quantity]) -> dict[str, int]:
+def _places(uncertain: Sequence[Quantity]) -> dict[str, int]:
     """Numbers of the quantities by their names, and by their other names."""
-    return {q.alias: i for i, q in enumerate(found)} | {q.name: i for i, q in enumerate(found)}
+    names = {q.name: i for i, q in enumerate(uncertain)}
+    aliases = {q.alias: i for i, q in enumerate(uncertain)}
+    return aliases | names
 
 
-def draws(found: Sequence[Quantity], indices: Sequence[int], seed: int, correlations: Sequence[Correlation]) -> Array:
-    """`(k, n)` values of the quantities in the samples `indices`; a sample depends on nothing but seed and index."""
-    keys = dict.fromkeys(q.key for q in found)
+def draws(
+    uncertain: Sequence[Quantity],
+    indices: Sequence[int],
+    seed: int,
+    correlations: Sequence[Correlation],
+) -> Array:
+    """`(k, n)` values of the quantities in the samples `indices`;
+    a sample depends on nothing but seed and index."""
+    keys = dict.fromkeys(q.key for q in uncertain)
     rows = ({key: score(seed, index, key) for key in keys} for index in indices)
-    scores = np.array([[row[q.key] for q in found] for row in rows])
-    table = drawn(scores.reshape(len(indices), len(found)), _places(found), tuple(correlations))
-    return np.array(
-        [[q.uncertainty.value(q.nominal, float(z)) for q, z in zip(found, row, strict=True)] for row in table]
-    )
+    scores = np.array([[row[q.key] for q in uncertain] for row in rows])
+    scores = scores.reshape(len(indices), len(uncertain))
+    table = drawn(scores, _places(uncertain), tuple(correlations))
+    values = [
+        [q.uncertainty.value(q.nominal, float(z)) for q, z in zip(uncertain, row, strict=True)]
+        for row in table
+    ]
+    return np.array(values)
 
 
 def inertia_matrix(model: "mujoco.MjModel", body: int) -> Array:
@@ -140,66 +169,100 @@ def inertia_matrix(model: "mujoco.MjModel", body: int) -> Array:
     return np.asarray(turn @ np.diag(model.body_inertia[body]) @ turn.T, dtype=np.float64)
 
 
-def _modes(model: "mujoco.MjModel", given: Mapping[str, UncertainModes], named: set[str]) -> list[Quantity]:
+def _modes(
+    model: "mujoco.MjModel", given: Mapping[str, UncertainModes], named: set[str]
+) -> list[Quantity]:
     modal = modal_tendons(model)
-    split = [found.groups() if (found := MODE.fullmatch(name)) else (None, name) for name in modal.names]
+    matches = [(MODE.fullmatch(name), name) for name in modal.names]
+    split = [match.groups() if match else (None, name) for match, name in matches]
     prefixes = dict.fromkeys(prefix for prefix, _ in split if prefix is not None)
     out: list[Quantity] = []
     for prefix, modes in given.items():
         if prefix not in prefixes:
             raise unknown(
-                "appendage", prefix, prefixes, "Appendages are named by their prefix, and must have springs on modal tendons "
-                "(springs = \"modes\" under [fit], or bc.embed with retime=True)." if prefix in named else "",
-            )  # fmt: skip
-        own = {str(mode): i for i, (other, mode) in enumerate(split) if other == prefix}
-        order = sorted(own, key=lambda mode: (modal.frequency[own[mode]], mode))
-        plain = {mode: f"mode{k + 1}" for k, mode in enumerate(order)}  # as a file of modes numbers them
-        for one in modes.mode:
-            if one.name not in own and one.name not in plain.values():
-                raise unknown("mode", one.name, own, f"They are the kept modes of {prefix!r}.")
-        for mode, i in own.items():
+                "appendage",
+                prefix,
+                prefixes,
+                "Appendages are named by their prefix, and must have springs on modal tendons "
+                '(springs = "modes" under [fit], or bc.embed with retime=True).'
+                if prefix in named
+                else "",
+            )
+        numbers = {str(mode): i for i, (other, mode) in enumerate(split) if other == prefix}
+        order = sorted(numbers, key=lambda mode: (modal.frequency[numbers[mode]], mode))
+        # as a file of modes numbers them
+        plain = {mode: f"mode{k + 1}" for k, mode in enumerate(order)}
+        for table in modes.mode:
+            if table.name not in numbers and table.name not in plain.values():
+                cure = f"They are the kept modes of {prefix!r}."
+                raise unknown("mode", table.name, numbers, cure)
+        for mode, i in numbers.items():
             w = float(modal.frequency[i])
-            names = {mode} if plain[mode] in own else {mode, plain[mode]}
-            nominal = {"frequency": w, "damping": float(modal.damping[i]) / (2.0 * w), "participation": 1.0}
+            names = {mode} if plain[mode] in numbers else {mode, plain[mode]}
+            nominal = {
+                "frequency": w,
+                "damping": float(modal.damping[i]) / (2.0 * w),
+                "participation": 1.0,
+            }
             for kind, value in nominal.items():
-                single = [how for one in modes.mode if one.name in names and (how := getattr(one, kind)) is not None]
+                single = [
+                    how
+                    for table in modes.mode
+                    if table.name in names and (how := getattr(table, kind)) is not None
+                ]
                 how: Uncertainty | None = single[0] if single else getattr(modes, kind)
                 if how is not None:
                     name = f"{prefix}{mode}.{kind}"
                     key = how.group or (name if single or how.each else f"{prefix}.{kind}")
-                    unit, other = "rad/s" if kind == "frequency" else "", f"{prefix}{plain[mode]}.{kind}"
-                    out.append(_checked(Quantity(name, unit, value, how, int(modal.index[i]), key, other)))
+                    unit = "rad/s" if kind == "frequency" else ""
+                    other = f"{prefix}{plain[mode]}.{kind}"
+                    tendon = int(modal.index[i])
+                    quantity = Quantity(name, unit, value, how, tendon, key, alias=other)
+                    out.append(_in_range(quantity))
     return out
 
 
-def _checked(q: Quantity, *, above_zero: bool = True) -> Quantity:
-    """A quantity whose range does not lead through zero, as that of a damping ratio may reach it."""
+def _in_range(q: Quantity, *, above_zero: bool = True) -> Quantity:
+    """A quantity whose range does not lead through zero,
+    as that of a damping ratio may reach it."""
     low = q.nominal - q.reach
     if q.uncertainty.relative is not None and q.nominal == 0.0:
-        raise InputError(f"{q.name} is 0, of which a relative uncertainty leaves nothing; give absolute.")
+        raise InputError(
+            f"{q.name} is 0, of which a relative uncertainty leaves nothing; give absolute."
+        )
     if above_zero and (low < 0.0 or (low == 0.0 and q.kind != "damping")):
-        far = f"{CUT:g} standard deviations" if q.uncertainty.distribution == "normal" else "half the width"
+        far = (
+            f"{CUT:g} standard deviations"
+            if q.uncertainty.distribution == "normal"
+            else "half the width"
+        )
         value = f"{q.name} = {q.nominal:.6g} {q.unit}".rstrip()
         raise InputError(
-            f"{value} may fall to {low:.4g} ({far} below); give a smaller uncertainty, so that it stays above zero."
+            f"{value} may fall to {low:.4g} ({far} below); give a smaller uncertainty, so that it "
+            "stays above zero."
         )
     return q
 
 
-def _body(model: "mujoco.MjModel", name: str, given: UncertainBody, modal: set[int]) -> list[Quantity]:
+def _body(
+    model: "mujoco.MjModel", name: str, given: UncertainBody, modal: set[int]
+) -> list[Quantity]:
     names = [str(model.body(b).name) for b in range(1, model.nbody)]
     if name not in names:
         raise unknown("body", name, names)
     body = names.index(name) + 1
     if body in modal:
         raise InputError(
-            f"body {name!r} is a link of an appendage, whose modes would change with it; give density, lump or payload "
-            "under [uncertain] of its specification instead."
+            f"body {name!r} is a link of an appendage, whose modes would change with it; give "
+            "density, lump or payload under [uncertain] of its specification instead."
         )
-    inertia, centre = inertia_matrix(model, body), model.body_ipos[body]
+    inertia = inertia_matrix(model, body)
+    centre = model.body_ipos[body]
     nominal = {"mass": float(model.body_mass[body])}
     nominal |= {f"centre_{a}": float(centre[i]) for i, a in enumerate(AXES)}
-    nominal |= {f"inertia_{AXES[i]}{AXES[j]}": float(inertia[i, j]) for i in range(3) for j in range(i, 3)}
+    nominal |= {
+        f"inertia_{AXES[i]}{AXES[j]}": float(inertia[i, j]) for i in range(3) for j in range(i, 3)
+    }
     out: list[Quantity] = []
     for kind, value in nominal.items():
         how: Uncertainty | None = getattr(given, kind)
@@ -207,21 +270,31 @@ def _body(model: "mujoco.MjModel", name: str, given: UncertainBody, modal: set[i
             continue
         if kind != "mass" and model.body_simple[body]:
             raise InputError(
-                f"{kind} of body {name!r} cannot vary: the body floats alone, and its compiled model has no room for more "
-                "than a diagonal mass matrix; give it a small child body, or leave it out."
+                f"{kind} of body {name!r} cannot vary: the body floats alone, and its compiled "
+                "model has no room for more than a diagonal mass matrix; give it a small child "
+                "body, or leave it out."
             )
         signed = kind.startswith("centre") or kind in ("inertia_xy", "inertia_xz", "inertia_yz")
         if signed and how.relative is not None:
-            raise InputError(f"{kind} of body {name!r} takes absolute only, for it may be zero; write absolute = 0.01.")
-        full, unit = f"{name}.{kind}", UNITS[kind.partition("_")[0]]
-        out.append(_checked(Quantity(full, unit, value, how, body, how.group or full), above_zero=not signed))
+            raise InputError(
+                f"{kind} of body {name!r} takes absolute only, for it may be zero; write absolute "
+                "= 0.01."
+            )
+        full = f"{name}.{kind}"
+        unit = UNITS[kind.partition("_")[0]]
+        quantity = Quantity(full, unit, value, how, body, how.group or full)
+        out.append(_in_range(quantity, above_zero=not signed))
     _check_inertia(name, inertia, out)
     return out
 
 
-def _check_inertia(name: str, inertia: Array, found: Sequence[Quantity]) -> None:
+def _check_inertia(name: str, inertia: Array, uncertain: Sequence[Quantity]) -> None:
     """Whether a body stays one at every corner of the ranges of its inertia."""
-    ranges = [(q, *(AXES.index(c) for c in q.kind[-2:])) for q in reversed(found) if q.kind.startswith("inertia")]
+    ranges = [
+        (q, *(AXES.index(c) for c in q.kind[-2:]))
+        for q in reversed(uncertain)
+        if q.kind.startswith("inertia")
+    ]
     for corner in product((-1.0, 1.0), repeat=len(ranges)):
         changed = inertia.copy()
         for side, (q, i, j) in zip(corner, ranges, strict=True):
@@ -229,8 +302,9 @@ def _check_inertia(name: str, inertia: Array, found: Sequence[Quantity]) -> None
         a, b, c = (float(v) for v in np.linalg.eigvalsh(changed))
         if a <= 0.0 or c > (a + b) * (1.0 + 1e-9):
             raise InputError(
-                f"inertia of body {name!r}: at an end of the ranges its principal moments are {a:.4g}, {b:.4g}, {c:.4g} "
-                "kg m^2, which no body has (each at most the sum of the others); give smaller uncertainties."
+                f"inertia of body {name!r}: at an end of the ranges its principal moments are "
+                f"{a:.4g}, {b:.4g}, {c:.4g} kg m^2, which no body has (each at most the sum of the "
+                "others); give smaller uncertainties."
             )
 
 
@@ -241,8 +315,10 @@ def _joint(model: "mujoco.MjModel", name: str, given: UncertainJoint) -> list[Qu
     joint = int(model.joint(name).id)
     units = ("N/m", "N s/m") if int(model.jnt_type[joint]) == 2 else ("N m/rad", "N m s/rad")
     values = float(model.jnt_stiffness[joint]), float(model.dof_damping[model.jnt_dofadr[joint]])
-    return [
-        _checked(Quantity(full := f"{name}.{kind}", unit, value, how, joint, how.group or full))
-        for kind, unit, value in zip(("stiffness", "damping"), units, values, strict=True)
-        if (how := getattr(given, kind)) is not None
-    ]
+    out: list[Quantity] = []
+    for kind, unit, value in zip(("stiffness", "damping"), units, values, strict=True):
+        how: Uncertainty | None = getattr(given, kind)
+        if how is not None:
+            full = f"{name}.{kind}"
+            out.append(_in_range(Quantity(full, unit, value, how, joint, how.group or full)))
+    return out

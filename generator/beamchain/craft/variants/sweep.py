@@ -1,42 +1,44 @@
-"""`sweep`: variants of an appendage or of a whole craft, as arrays for one compiled MuJoCo model."""
+"""`sweep`: variants of an appendage or of a whole craft,
+as arrays for one compiled MuJoCo model."""
 
 import io
 import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from importlib.resources import files as package_files
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from msgspec import structs
 
 from beamchain import report
+from beamchain.checks import list_of_names, whole_number
 from beamchain.craft.embedded import Embedded
-from beamchain.craft.embedding import embed
+from beamchain.craft.embedding import check_places, embed
 from beamchain.craft.variants.fields import FIELDS
 from beamchain.craft.variants.quantities import Quantity
 from beamchain.craft.variants.refit import Refit
-from beamchain.craft.variants.samples import Case, gain, unpacked, usual_gain, vary
-from beamchain.engine.jobs import Progress, run_jobs, stamp
-from beamchain.engine.library import mujoco
+from beamchain.craft.variants.samples import Case, gain, usual_gain, vary
+from beamchain.dropped import answers_dropped
+from beamchain.engine.jobs import Progress, check_workers, run_jobs
+from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError
-from beamchain.files import to_json, write_files
+from beamchain.files import noted_inputs, to_json, write_files
 from beamchain.fitting.fit import as_spec, fit, on_modes
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import UncertainCraft, read_uncertain
-from beamchain.mjcf.craft import Craft, read_craft, relocate
+from beamchain.mjcf.craft import Craft, read_craft
+from beamchain.mjcf.relocate import relocate
 from beamchain.ports.motions import Array
 from beamchain.structure.beam import Beam
 from beamchain.structure.modal_data import ModalData
 
 NAMES = {"body": "nbody", "jnt": "njnt", "site": "nsite", "tendon": "ntendon"}
+MOST = 2**31  # samples, and seed
 CHUNK, QUICK_CHUNK = 10, 100  # samples per job: with fits, without
-STORE = ".sweep_points.jsonl"
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
@@ -46,23 +48,32 @@ class Sweep:
 
     Args:
         name: of the appendage, or of the craft's file.
-        source: the nominal fit, the embedded craft, or the document of a craft that was given as a file.
+        source: the nominal fit, the embedded craft,
+            or the document of a craft that was given as a file.
         case: what is uncertain.
         seed: of the draws.
         indices: `(k,)` samples that became variants.
-        values: `(k, n)` of the uncertain quantities of modes, bodies and joints.
+        values: `(k, n)` of the uncertain quantities of modes, bodies and joints, then of
+            structures.
         fields: per field of MuJoCo's model that varies, `(k, ...)`.
         coupled: `(k, m)` undamped coupled frequencies, ascending [rad/s].
         gains: per pair of signals `(k, m)` modal gains.
         participation: of a single appendage, per port `(k, n, motions)`.
         left_out: samples without a variant and why.
         seconds: taken.
+        inputs: files that were read, which `write` does not replace.
 
     Example:
         >>> import beamchain as bc
         >>> from importlib.resources import files
-        >>> variants = bc.sweep(files("beamchain") / "examples" / "array_uncertain.toml", samples=2, seed=1)
-        >>> variants.coupled.shape[0], variants.fields["tendon_stiffness"].shape[0], variants.left_out
+        >>> variants = bc.sweep(
+        ...     files("beamchain") / "examples" / "array_uncertain.toml", samples=2, seed=1
+        ... )
+        >>> (
+        ...     variants.coupled.shape[0],
+        ...     variants.fields["tendon_stiffness"].shape[0],
+        ...     variants.left_out,
+        ... )
         (2, 2, {})
     """
 
@@ -78,6 +89,7 @@ class Sweep:
     participation: dict[str, Array]
     left_out: dict[int, str]
     seconds: float
+    inputs: tuple[Path, ...] = ()
 
     @property
     def nominal(self) -> Fit:
@@ -87,13 +99,14 @@ class Sweep:
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """The uncertain quantities of modes, bodies and joints."""
-        return self.case.found
+        """The uncertain quantities of modes, bodies and joints, then those of structures:
+        stiffness and density of segments as factors, stiffness of joints, masses."""
+        return self.case.quantities
 
     @property
     def units(self) -> dict[str, str]:
         """Units of the gains."""
-        return {one.name: one.unit for one in self.case.gains}
+        return {gain.name: gain.unit for gain in self.case.gains}
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -115,7 +128,11 @@ class Sweep:
             "quantiles": QUANTILES,
             "coupled_frequencies": [_spread(column) for column in self.coupled.T],
             "gains": [
-                {"pair": name, "unit": self.units[name], "modes": [_spread(column) for column in values.T]}
+                {
+                    "pair": name,
+                    "unit": self.units[name],
+                    "modes": [_spread(column) for column in values.T],
+                }
                 for name, values in self.gains.items()
             ],
             "quantities": [
@@ -123,7 +140,10 @@ class Sweep:
                 for q, column in zip(self.quantities, self.values.T, strict=True)
             ],
             "participation": {
-                port: [[_spread(values[:, k, i]) for i in range(values.shape[2])] for k in range(values.shape[1])]
+                port: [
+                    [_spread(values[:, k, i]) for i in range(values.shape[2])]
+                    for k in range(values.shape[1])
+                ]
                 for port, values in self.participation.items()
             },
             "left_out": [{"sample": index, "why": why} for index, why in self.left_out.items()],
@@ -134,24 +154,43 @@ class Sweep:
         }
 
     def archive(self) -> bytes:
-        """variants.npz: fields, samples' numbers, drawn values, coupled modes, gains, and names of bodies, joints, ..."""
-        stream, model = io.BytesIO(), self.case.model
-        names = {f"{kind}_names": np.array([getattr(model, kind)(i).name for i in range(getattr(model, count))])
-                 for kind, count in NAMES.items()}  # fmt: skip
+        """variants.npz: fields, samples' numbers, drawn values, coupled modes, gains,
+        and names of bodies, joints, ..."""
+        stream = io.BytesIO()
+        model = self.case.model
+        names = {
+            f"{kind}_names": np.array(
+                [getattr(model, kind)(i).name for i in range(getattr(model, count))]
+            )
+            for kind, count in NAMES.items()
+        }
         np.savez_compressed(
-            stream, allow_pickle=False, fields=np.array(list(self.fields)), sample=self.indices,
-            coupled_frequencies=self.coupled, quantities=np.array([q.name for q in self.quantities]), values=self.values,
-            gain_pairs=np.array(list(self.gains)), gains=np.array(list(self.gains.values())), **names, **self.fields,
-        )  # fmt: skip
+            stream,
+            allow_pickle=False,
+            fields=np.array(list(self.fields)),
+            sample=self.indices,
+            coupled_frequencies=self.coupled,
+            quantities=np.array([q.name for q in self.quantities]),
+            values=self.values,
+            gain_pairs=np.array(list(self.gains)),
+            gains=np.array(list(self.gains.values())),
+            **names,
+            **self.fields,
+        )
         return stream.getvalue()
 
     def write(self, folder: Path, *, force: bool = False) -> list[Path]:
-        """Write the nominal model, variants.npz, apply_variants.py, pictures and sweep.json (last); all or none.
+        """Write the nominal model, variants.npz, apply_variants.py,
+        pictures and sweep.json (last); all or none.
 
         Raises:
             OutputError: a file exists and `force` is False, or the folder cannot be written.
         """
-        example = package_files("beamchain").joinpath("examples/apply_variants.py").read_text(encoding="utf-8")
+        example = (
+            package_files("beamchain")
+            .joinpath("examples/apply_variants.py")
+            .read_text(encoding="utf-8")
+        )
         content: dict[Path, str | bytes] = {
             folder / self.model_file: _text(self.source, folder),
             folder / "variants.npz": self.archive(),
@@ -159,16 +198,21 @@ class Sweep:
             **{folder / name: text for name, text in report.sweep_pictures(self).items()},
             folder / "sweep.json": to_json(self.as_dict()),
         }
-        write_files(content, force=force)
-        (folder / STORE).unlink(missing_ok=True)
+        write_files(content, force=force, inputs=self.inputs)
         return list(content)
 
 
 def _spread(values: Array) -> dict[str, Any]:
     quantiles = np.quantile(values, QUANTILES)
-    return {"mean": float(np.mean(values)), "deviation": float(np.std(values)), "quantiles": quantiles}
+    return {
+        "mean": float(np.mean(values)),
+        "deviation": float(np.std(values)),
+        "quantiles": quantiles,
+    }
 
 
+@answers_dropped
+@one_thread()
 def sweep(
     source: "Spec | Embedded | str | Path",
     samples: int = 1000,
@@ -179,141 +223,188 @@ def sweep(
     retime: bool | None = None,
     gains: Sequence[str] | None = None,
     seed: int = 0,
-    executor: Executor | None = None,
-    folder: Path | None = None,
-    resume: bool = False,
+    workers: int | None = None,
     progress: Progress | None = None,
 ) -> Sweep:
-    """Draw variants of an appendage or of a whole craft, as arrays of one compiled model; as `beamchain sweep` does.
+    """Draw variants of an appendage or of a whole craft, as arrays of one compiled model;
+    as `beamchain sweep` does.
 
-    What is uncertain of modes, bodies and joints only changes numbers of that model; what is uncertain of the structure
-    is fitted again for every sample, on the nominal cut. A craft that is exact in time for its step stays so in every
-    variant.
+    What is uncertain of modes, bodies and joints only changes numbers of that model; what is
+    uncertain of the structure is fitted again for every sample, on the nominal cut. A craft that is
+    exact in time for its step stays so in every variant.
 
     Args:
-        source: a specification with [uncertain] or the path of such a SPEC.toml, for one appendage on its hub; else the
-            path or text of the craft's MJCF file, bare if `at` is given, or with appendages that `embed` put in; or what
-            `embed` returned. If modes are chosen for a scene, all variants use the nominal choice.
+        source: a specification with [uncertain] or the path of such a SPEC.toml, for one appendage
+            on its hub; else the path or text of the craft's MJCF file, bare if `at` is given, or
+            with appendages that `embed` put in; or what `embed` returned. If modes are chosen for a
+            scene, all variants use the nominal choice.
         samples: number of samples.
         at: the appendage for each site or body, as in `embed`; their [uncertain] counts.
         uncertain: of the craft: masses, drives, modes by prefix; or the path of its TOML file.
         prefixes, retime: as in `embed`.
-        gains: pairs "INPUT=OUTPUT" of signals of `bc.plant` whose modal gains are followed; default: "torque:BASE=attitude".
+        gains: pairs "INPUT=OUTPUT" of signals of `bc.plant` whose modal gains are followed;
+            default: "torque:BASE=attitude".
         seed: of the draws; the same seed gives the same variants.
-        executor: runs the samples; default: one after the other in this process.
-        folder: folder in which finished samples are kept until `Sweep.write`, for `resume`.
-        resume: continue from what is in `folder`.
+        workers: processes; default: as `joblib.parallel_config` says, else this one.
         progress: called after every job.
 
     Returns:
-        The variants as fields of one compiled MuJoCo model (`fields`), their coupled frequencies [rad/s] (`coupled`) and
-        modal gains (`gains`), samples that could not be made and why (`left_out`), files (`write`).
+        The variants as fields of one compiled MuJoCo model (`fields`), their coupled frequencies
+        [rad/s] (`coupled`) and modal gains (`gains`), samples that could not be made and why
+        (`left_out`), files (`write`).
 
     Raises:
-        EngineError: a worker process died; finished samples are kept in `folder`.
+        EngineError: a worker process died.
         InputError: nothing is uncertain, a range is impossible, or every sample was left out.
 
     Example:
         >>> import beamchain as bc
         >>> from importlib.resources import files
-        >>> variants = bc.sweep(files("beamchain") / "examples" / "array_uncertain.toml", samples=3, seed=1)
+        >>> variants = bc.sweep(
+        ...     files("beamchain") / "examples" / "array_uncertain.toml", samples=3, seed=1
+        ... )
         >>> variants.coupled.shape[0]
         3
     """
     start = time.perf_counter()
-    given = UncertainCraft() if uncertain is None else read_uncertain(uncertain)
-    one = isinstance(source, Spec) or (at is None and str(source).endswith(".toml"))
-    if one and at is not None:
+    whole_number("samples", samples, 1, MOST)
+    whole_number("seed", seed, 0, MOST)
+    if at is not None:
+        check_places(at)
+    followed = None if gains is None else list_of_names("gains", gains)
+    check_workers(workers)
+    alone = isinstance(source, Spec) or (at is None and str(source).endswith(".toml"))
+    if alone and at is not None:
         raise InputError(
-            "at is given with a specification, but needs the craft that carries it; give the craft's file."
+            "at is given with a specification, but needs the craft that carries it; give the "
+            "craft's file."
         )
-    if one:
-        found: Fit | Embedded | Craft = _one(source if isinstance(source, Spec) else read_spec(str(source)), given)
-        name = found.spec.name
-    else:
-        assert not isinstance(source, Spec)
-        found = _craft(source, at, given, prefixes, retime)
-        name = "craft" if isinstance(source, Embedded) or str(source).lstrip().startswith("<") else Path(source).stem
-    case, text = _case(found, given, gains)
-    own = stamp(text, msgspec.to_builtins([given, case.modes, case.correlations]), [g.name for g in case.gains], seed)
+    with noted_inputs() as inputs:
+        given = UncertainCraft() if uncertain is None else read_uncertain(uncertain)
+        if alone:
+            spec = source if isinstance(source, Spec) else read_spec(str(source))
+            nominal: Fit | Embedded | Craft = _nominal_fit(spec, given)
+            name = spec.name
+        else:
+            assert not isinstance(source, Spec)
+            nominal = _nominal_craft(source, at, given, prefixes, retime)
+            name = "craft"
+            if not isinstance(source, Embedded) and not str(source).lstrip().startswith("<"):
+                name = Path(str(source)).stem
+    case = _case(nominal, given, followed)
     step = CHUNK if case.refits else QUICK_CHUNK
-    chunks = [(i, min(i + step, samples)) for i in range(0, samples, step)]
     bare = replace(case)  # without what was worked out, which need not travel
-    jobs = {f"{own} {first} {end}": (bare, seed, first, end) for first, end in chunks}
-    store = None if folder is None else folder / STORE
-    made = list(run_jobs(vary, jobs, executor=executor, store=store, resume=resume, progress=progress).values())
-    left_out = {int(index): why for job in made for index, why in job["why"].items()}
+    jobs = [(bare, seed, first, min(first + step, samples)) for first in range(0, samples, step)]
+    made = run_jobs(vary, jobs, workers=workers, progress=progress)
+    left_out = {index: why for job in made for index, why in job["why"].items()}
     good = [job for job in made if job["samples"]]
     if not good:
         raise InputError(f"no sample became a variant: {next(iter(left_out.values()))}")
-    arrays = {key: np.concatenate([unpacked(job["arrays"][key]) for job in good]) for key in good[0]["arrays"]}
-    nominal: dict[str, Any] = {field: getattr(case.model, field) for field in FIELDS}
-    fields = {field: arrays[f"field {field}"].astype(values.dtype) for field, values in nominal.items()}
-    fields = {field: values for field, values in fields.items() if np.any(values != nominal[field])}
+    arrays = {
+        key: np.concatenate([job["arrays"][key] for job in good]) for key in good[0]["arrays"]
+    }
+    fields: dict[str, Array] = {}
+    for field in FIELDS:
+        before: Array = getattr(case.model, field)
+        values = arrays[f"field {field}"].astype(before.dtype)
+        if np.any(values != before):
+            fields[field] = values
     return Sweep(
-        name, found, case, seed, np.array([index for job in good for index in job["samples"]]), arrays["values"], fields,
-        arrays["coupled"], {one.name: arrays[f"gain {i}"] for i, one in enumerate(case.gains)},
-        {port: arrays[f"port {port}"] for port in case.participation}, left_out, time.perf_counter() - start,
-    )  # fmt: skip
+        name=name,
+        source=nominal,
+        case=case,
+        seed=seed,
+        indices=np.array([index for job in good for index in job["samples"]]),
+        values=arrays["values"],
+        fields=fields,
+        coupled=arrays["coupled"],
+        gains={gain.name: arrays[f"gain {i}"] for i, gain in enumerate(case.gains)},
+        participation={port: arrays[f"port {port}"] for port in case.participation},
+        left_out=left_out,
+        seconds=time.perf_counter() - start,
+        inputs=tuple(inputs),
+    )
 
 
-def _one(spec: Spec, given: UncertainCraft) -> Fit:
+def _nominal_fit(spec: Spec, given: UncertainCraft) -> Fit:
     """The nominal fit of one appendage."""
     made = fit(on_modes(spec, wanted=bool(given.appendage)))
     if made.spec.uncertain is None and given == UncertainCraft():
-        raise InputError("the spec has no [uncertain]; add one with for example stiffness = { relative = 0.05 }.")
+        raise InputError(
+            "the spec has no [uncertain]; add one with for example stiffness = { relative = 0.05 }."
+        )
     return made
 
 
-def _craft(
-    source: "Embedded | str | Path", at: "Mapping[str, Spec | Beam | ModalData | str | Path] | None", given: UncertainCraft,
-    prefixes: Sequence[str] | None, retime: bool | None,
-) -> "Embedded | Craft":  # fmt: skip
+def _nominal_craft(
+    source: "Embedded | str | Path",
+    at: "Mapping[str, Spec | Beam | ModalData | str | Path] | None",
+    given: UncertainCraft,
+    prefixes: Sequence[str] | None,
+    retime: bool | None,
+) -> "Embedded | Craft":
     """The nominal craft with its appendages."""
     if isinstance(source, Embedded):
         if at is not None or source.document is None or source.form != "inline":
             raise InputError(
-                "an embedded craft takes no further appendages here, and must be one document; give the craft's file and "
+                "an embedded craft takes no further appendages here, and must be one document; "
+                "give the craft's file and "
                 'all appendages, at={"mount": "array.toml"}.'
             )
         return source
     if at is None:
         return read_craft(source)
     modes = bool(given.appendage)
-    held = {p: w if isinstance(w, ModalData) else on_modes(as_spec(w), wanted=modes) for p, w in at.items()}
+    held = {
+        p: w if isinstance(w, ModalData) else on_modes(as_spec(w), wanted=modes)
+        for p, w in at.items()
+    }
     return embed(source, held, prefixes=prefixes, retime=retime)
 
 
-def _case(found: "Fit | Embedded | Craft", given: UncertainCraft, gains: Sequence[str] | None) -> tuple[Case, str]:
-    """What is uncertain of a nominal craft, and the text of its file."""
-    text = _text(found, None)
-    model = compile_model(text)
+def _case(
+    found: "Fit | Embedded | Craft", given: UncertainCraft, gains: Sequence[str] | None
+) -> Case:
+    """What is uncertain of a nominal craft."""
+    model = compile_model(_text(found, None))
     fits: dict[str, tuple[Fit, str]] = {}
     if isinstance(found, Fit):
         fits = {f"{found.spec.name}_": (found, "")}
     elif isinstance(found, Embedded):
         fits = {a.prefix: (a.fit, a.prefix) for a in found.appendages}
-    tables = {prefix: table for prefix, (made, _) in fits.items() if (table := made.spec.uncertain) is not None}
+    tables = {
+        prefix: table
+        for prefix, (made, _) in fits.items()
+        if (table := made.spec.uncertain) is not None
+    }
     if not tables and given == UncertainCraft():
         raise InputError(
-            "nothing is uncertain: give the appendages' specifications an [uncertain], or the craft's file of "
-            "uncertainties with [body.NAME], [joint.NAME] or [appendage.PREFIX] (--uncertain)."
+            "nothing is uncertain: give the appendages' specifications an [uncertain], or the "
+            "craft's file of uncertainties with [body.NAME], [joint.NAME] or [appendage.PREFIX] "
+            "(--uncertain)."
         )
     correlations = tuple(
-        structs.replace(one, of=tuple(prefix + name for name in one.of))
-        for prefix, table in tables.items() for one in table.correlation
-    )  # fmt: skip
-    refits = tuple(Refit.of(prefix, *fits[prefix]) for prefix, table in tables.items() if table.structural)
+        structs.replace(each, of=tuple(prefix + name for name in each.of))
+        for prefix, table in tables.items()
+        for each in table.correlation
+    )
+    refits = tuple(
+        Refit.of(prefix, *fits[prefix]) for prefix, table in tables.items() if table.structural
+    )
     modes = {prefix: table for prefix, table in tables.items() if table.modal}
     participation: dict[str, Array] = {}
     if isinstance(found, Fit) and found.space is None:
-        participation = {p: found.chain.port(p).participation[: t.modes] for p, t in found.target.items()}
+        participation = {
+            p: found.chain.port(p).participation[: t.modes] for p, t in found.target.items()
+        }
     case = Case(model, given, modes, correlations, refits, (), participation)
     nominal = case.maker.model
-    followed = tuple(gain(nominal, pair) for pair in (usual_gain(nominal) if gains is None else gains))
+    followed = tuple(
+        gain(nominal, pair) for pair in (usual_gain(nominal) if gains is None else gains)
+    )
     case = replace(case, gains=followed)
-    case.found  # noqa: B018  (names and ranges are checked before any sample is made)
-    return case, text
+    case.check_quantities()  # before any sample is made
+    return case
 
 
 def _text(source: "Fit | Embedded | Craft", folder: Path | None) -> str:
@@ -322,4 +413,4 @@ def _text(source: "Fit | Embedded | Craft", folder: Path | None) -> str:
         return source.scene_mjcf()
     if isinstance(source, Embedded):
         return source.to_mjcf(folder)
-    return relocate(source, folder).to_bytes().decode("utf-8")
+    return relocate(source, folder).text

@@ -1,6 +1,8 @@
-"""What steps the worlds: MuJoCo's own batch, or its rollouts before 3.17; MJX and Warp are modules of their own.
+"""What steps the worlds: MuJoCo's own batch, or its rollouts before 3.17;
+MJX and Warp are modules of their own.
 
-All have the methods of `Batch`, and `qpos` `(k, nq)`, `qvel` `(k, nv)`, `sensors` `(k, nsensordata)` as they are now.
+All have the methods of `Batch`, and `qpos` `(k, nq)`, `qvel` `(k, nv)`, `sensors` `(k,
+nsensordata)` as they are now.
 """
 
 import os
@@ -24,13 +26,16 @@ BAD = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{name}")) for name in ("QPOS",
 WHOLE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 FEW = 32  # worlds for which waking other threads costs more than they save
 LARGEST = 1e10  # mjMAXVAL
-LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")  # of a container
+# of a container
+LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
 Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 
-def host_of(name: str, model: "mujoco.MjModel", count: int, threads: int, stage: int) -> "Batch | Rollouts":
+def host_of(
+    name: str, model: "mujoco.MjModel", count: int, threads: int, stage: int
+) -> "Batch | Rollouts":
     """The host of that name."""
     if name in NEEDS:
         return _module(name).Host(model, count, stage)
@@ -50,7 +55,9 @@ def available() -> float:
     out = float("inf")
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        out = 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
+        out = 1024.0 * next(
+            int(line.split()[1]) for line in lines if line.startswith("MemAvailable")
+        )
     except (OSError, StopIteration, ValueError):
         if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
             out = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
@@ -65,13 +72,14 @@ def available() -> float:
 def check_memory(count: int, each: float, free: float) -> None:
     """Refuse `count` worlds of `each` bytes where only `free` bytes are left."""
     if count * each > free:
+        needed, single, left = (_size_in_words(size) for size in (count * each, each, free))
         raise InputError(
-            f"{count} worlds need {_said(count * each)} ({_said(each)} each), and {_said(free)} are free; at most "
+            f"{count} worlds need {needed} ({single} each), and {left} are free; at most "
             f"{int(free / each)} fit: give count a smaller value."
         )
 
 
-def _said(size: float) -> str:
+def _size_in_words(size: float) -> str:
     for unit in ("B", "kB", "MB"):
         if size < 1000.0:
             return f"{size:.3g} {unit}"
@@ -84,7 +92,8 @@ def _module(name: str) -> Any:
         import_module(NEEDS[name])
     except ImportError as error:
         raise InputError(
-            f"host = {name!r} is not installed ({error}); install it with: pip install 'beamchain[{name}]'."
+            f"host = {name!r} is not installed ({error}); install it with: pip install "
+            f"'beamchain[{name}]'."
         ) from None
     return import_module(f"beamchain.craft.worlds.{name}_host")
 
@@ -100,34 +109,40 @@ class Batch:
     def __init__(self, model: "mujoco.MjModel", count: int, threads: int, stage: int) -> None:
         module: Any = import_module("mujoco.batch")
         threads = threads or (0 if count > FEW else 1)
-        self._batch, self._error, self._stage = module.Batch(model, count, threads), module.SimulationError, stage
+        self._batch = module.Batch(model, count, threads)
+        self._error = module.SimulationError
+        self._stage = stage
         self.qpos: Any = self._batch.bind("qpos")
         self.qvel: Any = self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")
         self.sensors: Any = self._batch.bind("sensordata") if stage else np.zeros((count, 0))
 
-    def put(self, fields: Mapping[str, Array], ids: Ids) -> None:
+    def write_fields(self, fields: Mapping[str, Array], ids: Ids) -> None:
         """Fields `(n, ...)` of the model of some worlds."""
         for name, values in fields.items():
             self._batch.expand(name)[ids] = values
 
     def step(self, first: Array, then: Array, count: int) -> Flags:
-        """`count` steps with the input `first` `(k, nu)` and after one step `then`; which worlds diverged `(k,)`."""
-        raised: list[int] = []
+        """`count` steps with the input `first` `(k, nu)` and after one step `then`;
+        which worlds diverged `(k,)`."""
+        failed: list[int] = []
+        runs = [(then, count)] if first is then else [(first, 1), (then, count - 1)]
         with quiet():
-            for ctrl, steps in [(then, count)] if first is then else [(first, 1), (then, count - 1)]:
+            for ctrl, steps in runs:
                 if steps:
                     self._ctrl[:] = ctrl
                     try:
                         self._batch.step(nstep=steps, stage=self._stage)
                     except self._error as error:
-                        raised += list(error.ids)
-        bad = np.any(self._batch.warning[:, BAD, 1] > 0, axis=1) | ~np.isfinite(self.qvel.sum(axis=1))
-        bad[raised] = True
+                        failed += list(error.ids)
+        warned = np.any(self._batch.warning[:, BAD, 1] > 0, axis=1)
+        bad = warned | ~np.isfinite(self.qvel.sum(axis=1))
+        bad[failed] = True
         return bad
 
     def reset(self, ids: Ids, qpos: Array, qvel: Array) -> None:
-        """Some worlds back to t = 0 with positions `(n, nq)` and rates `(n, nv)`, or the same for all of them."""
+        """Some worlds back to t = 0 with positions `(n, nq)` and rates `(n, nv)`,
+        or the same for all of them."""
         self._batch.reset(ids.astype(np.int32), stage=0)
         self._batch.warning[ids] = 0
         self.qpos[ids], self.qvel[ids] = qpos, qvel
@@ -150,7 +165,8 @@ class Rollouts:
 
     def __init__(self, model: "mujoco.MjModel", count: int, threads: int) -> None:
         module: Any = import_module("mujoco.rollout")
-        model = with_fields(model, {})  # a world that diverges keeps its numbers, by which it is known
+        # a world that diverges keeps its numbers, by which it is known
+        model = with_fields(model, {})
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self._models: list[Any] = [with_fields(model, {}) for _ in range(count)]
         self._data = [mujoco.MjData(model) for _ in range(max(threads, 1))]
@@ -163,7 +179,7 @@ class Rollouts:
         self.qvel: Array = self._state[:, 1 + model.nq : 1 + model.nq + model.nv]
         self.sensors: Array = np.zeros((count, model.nsensordata))
 
-    def put(self, fields: Mapping[str, Array], ids: Ids) -> None:
+    def write_fields(self, fields: Mapping[str, Array], ids: Ids) -> None:
         for row, i in enumerate(ids):
             for name, values in fields.items():
                 getattr(self._models[i], name)[:] = values[row]
@@ -172,8 +188,14 @@ class Rollouts:
         control = np.repeat(then[:, None], count, axis=1)
         control[:, 0] = first
         with quiet():
-            state, sensors = self._engine.rollout(self._models, self._data, self._state, control, nstep=count,
-                                                  control_spec=int(mujoco.mjtState.mjSTATE_CTRL))  # fmt: skip
+            state, sensors = self._engine.rollout(
+                self._models,
+                self._data,
+                self._state,
+                control,
+                nstep=count,
+                control_spec=int(mujoco.mjtState.mjSTATE_CTRL),
+            )
         self._state[:], self.sensors[:] = state[:, -1], sensors[:, -1]
         return np.asarray(~(np.abs(self._state).max(axis=1) < LARGEST))
 

@@ -1,4 +1,5 @@
-"""What is observed of every world, by name: attitude, mean rate, wheel speeds, modal amplitudes, sensors."""
+"""What is observed of every world, by name: attitude, mean rate, wheel speeds,
+modal amplitudes, sensors."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,27 +7,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from beamchain.craft.plants.signals import base
+from beamchain.checks import list_of_names
 from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
+from beamchain.engine.signals import base
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.modal import modal_tendons
 
 FREE, BALL, HINGE = 0, 1, 3  # mjtJoint
-QUATERNION = {FREE: (3, 3), BALL: (0, 0)}  # how far behind a joint's position and velocity the rotation stands
+# how far behind a joint's position and velocity the rotation stands
+QUATERNION = {FREE: (3, 3), BALL: (0, 0)}
 JOINT = 0  # mjTRN_JOINT
 CYCLE: NDArray[np.intp] = np.array([1, 2, 0])
 BACK: NDArray[np.intp] = np.array([2, 0, 1])
 
 
 class Observer:
-    """Reads named arrays `(k, ...)` from the positions, rates and sensors of k worlds; `names` None: all there is."""
+    """Reads named arrays `(k, ...)` from the positions, rates and sensors of k worlds;
+    `names` None: all there is."""
 
     def __init__(self, model: "mujoco.MjModel", names: Sequence[str] | None) -> None:
         modal = modal_tendons(model)
-        body, self._turn = base(model) if model.nv else 0, None
-        for j in np.flatnonzero(np.isin(model.jnt_type, list(QUATERNION)) & (model.jnt_bodyid == body))[:1]:
+        body = base(model) if model.nv else 0
+        turns = np.isin(model.jnt_type, list(QUATERNION)) & (model.jnt_bodyid == body)
+        self._turn = None
+        for j in np.flatnonzero(turns)[:1]:
             place, rate = QUATERNION[int(model.jnt_type[j])]
             self._turn = int(model.jnt_qposadr[j]) + place, int(model.jnt_dofadr[j]) + rate
         bent = np.any(modal.rows != 0.0, axis=0)
@@ -38,27 +44,43 @@ class Observer:
         self._rows = self._nominal = np.ascontiguousarray(modal.rows[:, self._hinges].T)
         column = {int(joint): i for i, joint in enumerate(joints)}
         self._wraps = [
-            (w, column[int(model.wrap_objid[w])], n) for n, i in enumerate(modal.index) for w in wraps(model, int(i))
+            (w, column[int(model.wrap_objid[w])], n)
+            for n, i in enumerate(modal.index)
+            for w in wraps(model, int(i))
         ]
         self._rest = model.tendon_lengthspring[modal.index, 0]
         self._sensors = {
             str(model.sensor(i).name) or f"sensor {i}": slice(int(a), int(a + model.sensor_dim[i]))
             for i, a in enumerate(model.sensor_adr)
         }
-        own = {"attitude": self._turn, "rate": self._turn, "wheels": self.wheels, "modes": modal.names}
-        there = [*(name for name, found in own.items() if found), *self._sensors]
-        wanted = there if names is None else [names] if isinstance(names, str) else list(names)
+        sources = {
+            "attitude": self._turn,
+            "rate": self._turn,
+            "wheels": self.wheels,
+            "modes": modal.names,
+        }
+        there = [*(name for name, source in sources.items() if source), *self._sensors]
+        wanted: Sequence[str] = there
+        if names is not None:
+            wanted = [names] if isinstance(names, str) else list_of_names("observe", names)
         for name in wanted:
             if name not in there:
                 raise InputError(
-                    f"observe names {name!r}, which the model does not have; choose from {', '.join(there)}."
+                    f"observe names {name!r}, which the model does not have; choose from "
+                    f"{', '.join(there)}."
                 )
         self.names: tuple[str, ...] = tuple(dict.fromkeys(wanted))
-        needed = [int(model.sensor_needstage[i]) for i, name in enumerate(self._sensors) if name in self.names]
-        self.stage: int = max(needed, default=0)  # of MuJoCo's computation, to which sensors have to be brought
+        needed = [
+            int(model.sensor_needstage[i])
+            for i, name in enumerate(self._sensors)
+            if name in self.names
+        ]
+        # of MuJoCo's computation, to which sensors have to be brought
+        self.stage: int = max(needed, default=0)
 
     def follow(self, coefficients: Array) -> None:
-        """Coefficients of tendons that differ between worlds, `(k, nwrap)` as in MuJoCo's `wrap_prm`."""
+        """Coefficients of tendons that differ between worlds,
+        `(k, nwrap)` as in MuJoCo's `wrap_prm`."""
         rows = np.zeros((len(coefficients), *self._rows.shape[-2:]))
         for wrap, hinge, mode in self._wraps:
             rows[:, hinge, mode] = coefficients[:, wrap]
@@ -66,14 +88,21 @@ class Observer:
 
     def attitude(self, qpos: Array) -> Array:
         """`(k, 4)` quaternion of the base, scalar first; of none where nothing turns freely."""
-        return qpos[:, self._turn[0] : self._turn[0] + 4].copy() if self._turn else np.zeros((len(qpos), 4))
+        if self._turn is None:
+            return np.zeros((len(qpos), 4))
+        place, _ = self._turn
+        return qpos[:, place : place + 4].copy()
 
     def spin(self, qvel: Array) -> Array:
         """`(k, 3)` rate of the base in its own axes at this moment [rad/s]."""
-        return qvel[:, self._turn[1] : self._turn[1] + 3].copy() if self._turn else np.zeros((len(qvel), 3))
+        if self._turn is None:
+            return np.zeros((len(qvel), 3))
+        _, rate = self._turn
+        return qvel[:, rate : rate + 3].copy()
 
     def moved(self, qpos: Any, qvel: Any) -> dict[str, Any]:
-        """What follows from positions `(t, nq)` and rates `(t, nv)` of one world alone, also for JAX to differentiate."""
+        """What follows from positions `(t, nq)` and rates `(t, nv)` of one world alone,
+        also for JAX to differentiate."""
         out: dict[str, Any] = {}
         if self._turn:
             place, rate = self._turn
@@ -82,35 +111,54 @@ class Observer:
         out["modes"] = qpos[:, self._places] @ self._nominal - self._rest
         return out
 
-    def read(self, qpos: Array, qvel: Array, sensors: Array, attitude: Array, rate: Array) -> dict[str, Array]:
-        """The named arrays; the caller keeps `attitude` `(k, 4)` now, and `rate` `(k, 3)`, the mean over the last step."""
-        own = {
+    def read(
+        self, qpos: Array, qvel: Array, sensors: Array, attitude: Array, rate: Array
+    ) -> dict[str, Array]:
+        """The named arrays; the caller keeps `attitude` `(k, 4)` now, and `rate` `(k, 3)`,
+        the mean over the last step."""
+        readers = {
             "attitude": attitude.copy,
             "rate": rate.copy,
             "wheels": lambda: qvel[:, self._spin],
             "modes": lambda: self._modes(qpos[:, self._places]),
         }
-        return {name: own[name]() if name in own else sensors[:, self._sensors[name]].copy() for name in self.names}
+        return {
+            name: readers[name]() if name in readers else sensors[:, self._sensors[name]].copy()
+            for name in self.names
+        }
 
     def _modes(self, bent: Array) -> Array:
-        """Amplitudes of the modes of bent hinges, the rows of tendons alike in all worlds or not."""
-        alike = self._rows.ndim == 2
-        return (bent @ self._rows if alike else np.einsum("kj,kjn->kn", bent, self._rows)) - self._rest
+        """Amplitudes of the modes of bent hinges,
+        the rows of tendons alike in all worlds or not."""
+        if self._rows.ndim == 2:
+            return bent @ self._rows - self._rest
+        return np.einsum("kj,kjn->kn", bent, self._rows) - self._rest
 
 
 def _wheel(model: "mujoco.MjModel", actuator: int, bent: NDArray[np.bool_]) -> bool:
     """Whether an actuator turns a leaf body on a hinge without limits."""
     joint = int(model.actuator_trnid[actuator, 0])
-    if model.actuator_trntype[actuator] != JOINT or model.jnt_type[joint] != HINGE or model.jnt_limited[joint]:
+    if (
+        model.actuator_trntype[actuator] != JOINT
+        or model.jnt_type[joint] != HINGE
+        or model.jnt_limited[joint]
+    ):
         return False
     leaf = not np.any(model.body_parentid == model.jnt_bodyid[joint])
     return leaf and not bent[int(model.jnt_dofadr[joint])]
 
 
 def mean_rate(before: Array, after: Array, span: "Array | float") -> Array:
-    """`(k, 3)` mean rate in body axes [rad/s] between two attitudes `(k, 4)`: what an integrating gyro has measured."""
-    w, v, a, u = before[:, :1], before[:, 1:], after[:, :1], after[:, 1:]
-    turn = w * u - a * v - (v[:, CYCLE] * u[:, BACK] - v[:, BACK] * u[:, CYCLE])  # np.cross takes longer, at every step
+    """`(k, 3)` mean rate in body axes [rad/s] between two attitudes `(k, 4)`:
+    what an integrating gyro has measured."""
+    # the turn from (w, v) to (a, u) is conj(w, v) (a, u) = (w a + v.u, w u - a v - v x u),
+    # of cosine and sine of half its angle
+    w = before[:, :1]
+    v = before[:, 1:]
+    a = after[:, :1]
+    u = after[:, 1:]
+    # np.cross takes longer, at every step
+    turn = w * u - a * v - (v[:, CYCLE] * u[:, BACK] - v[:, BACK] * u[:, CYCLE])
     whole = w * a + np.einsum("ki,ki->k", v, u)[:, None]
     sine = np.sqrt(np.einsum("ki,ki->k", turn, turn))[:, None]
     angle = 2.0 * np.arctan2(sine, np.abs(whole))

@@ -14,7 +14,8 @@ from beamchain.ports.motions import Array
 wp: Any = import_module("warp")
 mjw: Any = import_module("mujoco_warp")
 
-STATE = ("qpos", "qvel", "act", "time", "qacc_warmstart")  # what a simulation without constraints continues from
+# what a simulation without constraints continues from
+STATE = ("qpos", "qvel", "act", "time", "qacc_warmstart")
 
 
 def bytes_of(model: "mujoco.MjModel") -> float:
@@ -34,7 +35,9 @@ class Host:
         try:
             self._model, self._data = mjw.put_model(model), mjw.put_data(model, data, nworld=count)
         except NotImplementedError as error:
-            raise InputError(f"MuJoCo Warp does not run this model: {error}; use host='mujoco'.") from None
+            raise InputError(
+                f"MuJoCo Warp does not run this model: {error}; use host='mujoco'."
+            ) from None
 
     @property
     def qpos(self) -> Array:
@@ -50,7 +53,7 @@ class Host:
             mjw.forward(self._model, self._data)
         return self._data.sensordata.numpy().astype(np.float64)
 
-    def put(self, fields: Mapping[str, Array], ids: Ids) -> None:
+    def write_fields(self, fields: Mapping[str, Array], ids: Ids) -> None:
         for name, values in fields.items():
             now = getattr(self._model, name, None)
             if now is None:
@@ -62,7 +65,8 @@ class Host:
                 setattr(self._model, name, wp.array(rows, dtype=now.dtype))
             elif np.any(values != values[:1]):
                 raise InputError(
-                    f"MuJoCo Warp holds {name} once for all worlds; use host='mujoco' or 'mjx' to vary it."
+                    f"MuJoCo Warp holds {name} once for all worlds; use host='mujoco' or 'mjx' to "
+                    "vary it."
                 )
 
     def step(self, first: Array, then: Array, count: int) -> Flags:

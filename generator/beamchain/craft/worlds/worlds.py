@@ -1,4 +1,5 @@
-"""`worlds`: many copies of one compiled spacecraft, each with fields of its own, stepped together."""
+"""`worlds`: many copies of one compiled spacecraft, each with fields of its own,
+stepped together."""
 
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
@@ -8,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from beamchain.checks import one_of, positive, whole_number
+from beamchain.checks import finite_array, of_type, one_of, positive, whole_number
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.worlds.fields import Fields, Source, runs_exact, source_of, with_fields
 from beamchain.craft.worlds.hosts import HOSTS, LARGEST, available, bytes_of, check_memory, host_of
 from beamchain.craft.worlds.observation import Observer, mean_rate
-from beamchain.engine.library import mujoco
+from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
@@ -21,10 +22,17 @@ from beamchain.steps.modal import modal_tendons
 from beamchain.steps.retime import retime
 
 MOST = 10**12  # worlds that are counted; memory ends long before
+MOST_SEED = 2**128  # of NumPy's generator
 COPIES = 3  # that NumPy holds of a world's numbers for a moment
-OWN = ("before", "attitude", "rate", "keys")  # arrays that a checkpoint holds beside the simulation
+KEPT = (
+    "before",
+    "attitude",
+    "rate",
+    "keys",
+)  # arrays that a checkpoint holds beside the simulation
 
 
+@one_thread()
 def worlds(
     model: "Embedded | mujoco.MjModel | str | Path",
     variants: Any = None,
@@ -40,28 +48,31 @@ def worlds(
 
     Args:
         model: what `bc.embed` gave, a compiled model, MJCF text or a path.
-        variants: what differs between the worlds: the result of `bc.sweep`, arrays `(k, ...)` by the name of MuJoCo's field, or
-            half widths relative to the nominal modes, `{"frequency": 0.05, "damping": 0.3}`, of which every mode of every
-            world draws for itself, uniformly. None: nothing differs.
+        variants: what differs between the worlds: the result of `bc.sweep`, arrays `(k, ...)` by
+            the name of MuJoCo's field, or half widths relative to the nominal modes, `{"frequency":
+            0.05, "damping": 0.3}`, of which every mode of every world draws for itself, uniformly.
+            None: nothing differs.
         count: number of worlds; default: one per variant. Fewer variants are used in turn.
-        host: "mujoco" (threads of this machine), "mjx" (JAX: `pip install 'beamchain[mjx]'`) or "warp" (NVIDIA Warp:
-            `pip install 'beamchain[warp]'`).
-        timestep: make every world exact in time for this step [s], and run at it; default: the model as it is. Where the
-            model is exact in time already, modes that are drawn are made exact for its own step. Form 2 of `bc.retime`;
-            a model without modal tendons, such as a rigid twin, only runs at the step.
-        observe: names of what `step` returns; default: all that the model has of "attitude", "rate", "wheels", "modes" and the
-            names of its sensors.
+        host: "mujoco" (threads of this machine), "mjx" (JAX: `pip install 'beamchain[mjx]'`) or
+            "warp" (NVIDIA Warp: `pip install 'beamchain[warp]'`).
+        timestep: make every world exact in time for this step [s], and run at it; default: the
+            model as it is. Where the model is exact in time already, modes that are drawn are made
+            exact for its own step. Form 2 of `bc.retime`; a model without modal tendons, such as a
+            rigid twin, only runs at the step.
+        observe: names of what `step` returns; default: all that the model has of "attitude",
+            "rate", "wheels", "modes" and the names of its sensors.
         threads: of the host "mujoco"; 0: as many as the machine has, one for a few worlds.
         seed: of the draws; the same seed gives the same worlds.
 
     Raises:
-        InputError: the host is unknown or not installed, the variants do not fit the model, or the worlds do not fit in
-            memory.
+        InputError: the host is unknown or not installed, the variants do not fit the model,
+            or the worlds do not fit in memory.
 
     Example:
         >>> import beamchain as bc
         >>> craft = '''<mujoco><option timestep="0.25"/><worldbody><body name="bus"><freejoint/>
-        ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/><site name="mount" pos="0.5 0 0"/></body></worldbody>
+        ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody>
         ... <actuator><motor name="z" site="mount" gear="0 0 0 0 0 1"/></actuator></mujoco>'''
         >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
         >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
@@ -75,24 +86,34 @@ def worlds(
     one_of("host", host, HOSTS)
     if timestep is not None:
         compiled.opt.timestep = positive("timestep", timestep, "s")
-    own = float(compiled.opt.timestep)
-    given = source_of(compiled, variants, own if timestep is not None or runs_exact(compiled) else None)
+    step = float(compiled.opt.timestep)
+    exact = timestep is not None or runs_exact(compiled)
+    source = source_of(compiled, variants, step if exact else None)
     if timestep is not None and modal_tendons(compiled).names:
-        retime(compiled, own)
-    size = None if given is None else given.size
+        retime(compiled, step)
+    size = None if source is None else source.size
     if count is None and size is None:
         raise InputError("count is missing: say how many worlds to make, for example count=64.")
     whole_number("threads", threads, 0, 4096)
-    made = whole_number("count", size if count is None else count, 1, MOST)
-    return Worlds(compiled, made, host, given, observe, threads, seed)
+    whole_number("seed", seed, 0, MOST_SEED)
+    number = whole_number("count", size if count is None else count, 1, MOST)
+    return Worlds(
+        model=compiled,
+        count=number,
+        host=host,
+        source=source,
+        observe=observe,
+        threads=threads,
+        seed=seed,
+    )
 
 
 class Worlds:
     """Worlds that are stepped together, made by `bc.worlds`.
 
-    A model that is exact in time is given the mean of this and the last input in the first step over which an input is held, so
-    that every sampled position is that of an input held over the step. Worlds that diverge are started again, and listed
-    in `diverged`; the others go on.
+    A model that is exact in time is given the mean of this and the last input in the first step
+    over which an input is held, so that every sampled position is that of an input held over the
+    step. Worlds that diverge are started again, and listed in `diverged`; the others go on.
 
     Args:
         model: compiled, with its step; what is the same in all worlds.
@@ -112,7 +133,9 @@ class Worlds:
         >>> many = bc.worlds(flexible, {"frequency": 0.05}, count=4)
         >>> seen = many.reset([0, 1], draw=True)  # two of them, with new modes
         >>> kept = many.state()
-        >>> seen = many.step([0.1, 0.0, 0.0], nstep=8)  # N m on the wheels of all, for 8 steps of 0.125 s
+        >>> seen = many.step(
+        ...     [0.1, 0.0, 0.0], nstep=8
+        ... )  # N m on the wheels of all, for 8 steps of 0.125 s
         >>> seen["rate"].shape, many.timestep, many.model_of(2).nv == many.model.nv
         ((4, 3), 0.125, True)
         >>> seen = many.restore(kept)
@@ -120,17 +143,27 @@ class Worlds:
     """
 
     def __init__(
-        self, model: "mujoco.MjModel", count: int, host: str, source: Source | None, observe: Sequence[str] | None,
-        threads: int, seed: int,
-    ) -> None:  # fmt: skip
+        self,
+        model: "mujoco.MjModel",
+        count: int,
+        host: str,
+        source: Source | None,
+        observe: Sequence[str] | None,
+        threads: int,
+        seed: int,
+    ) -> None:
         self.model: Any = model
         self.count: int = count
         self.rng: np.random.Generator = np.random.default_rng(seed)
-        self._source, self._observer, self._made = source, Observer(model, observe), (host, threads)
-        each = 8 * (model.nq + model.nv + model.nu + len(OWN)) + (source.nbytes if source else 0)
+        self._source = source
+        self._observer = Observer(model, observe)
+        self._made = host, threads
+        each = 8 * (model.nq + model.nv + model.nu + len(KEPT)) + (source.nbytes if source else 0)
         check_memory(count, COPIES * each + bytes_of(host, model), available())
-        self.diverged: NDArray[np.intp] = np.zeros(0, dtype=np.intp)  #: worlds that diverged in the last step
-        self.restarts: NDArray[np.int64] = np.zeros(count, dtype=np.int64)  #: per world, how often it has diverged
+        #: worlds that diverged in the last step
+        self.diverged: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+        #: per world, how often it has diverged
+        self.restarts: NDArray[np.int64] = np.zeros(count, dtype=np.int64)
         self._keys = source.keys(count, self.rng, first=True) if source else np.zeros((count, 0))
         self._build()
 
@@ -141,7 +174,8 @@ class Worlds:
 
     @property
     def wheels(self) -> list[int]:
-        """Actuators that turn a wheel: a leaf body on a hinge without limits, the order of `observe()["wheels"]`."""
+        """Actuators that turn a wheel: a leaf body on a hinge without limits,
+        the order of `observe()["wheels"]`."""
         return self._observer.wheels
 
     @property
@@ -154,15 +188,18 @@ class Worlds:
         """`(count, nv)` rates now; of a model exact in time the means over the last step."""
         return self._host.qvel.copy()
 
-    # -- running ---------------------------------------------------------------------------------------------------------
+    # -- running -----------------------------------------------------------------------------------
     def step(self, ctrl: ArrayLike, nstep: int = 1) -> dict[str, Array]:
-        """Hold an input `ctrl` `(count, nu)`, or `(nu,)` for all worlds, over `nstep` steps. Returns what `observe` does.
+        """Hold an input `ctrl` `(count, nu)`, or `(nu,)` for all worlds, over `nstep` steps.
+        Returns what `observe` does.
 
         Raises:
             InputError: the input has another shape, or is not finite.
         """
-        now, nstep = _shaped("ctrl", ctrl, (self.count, self.model.nu)), whole_number("nstep", nstep, 1, MOST)
-        bad = self._host.step((now + self._before) / 2.0 if self._half else now, now, nstep)
+        now = _shaped("ctrl", ctrl, (self.count, self.model.nu))
+        nstep = whole_number("nstep", nstep, 1, MOST)
+        first = (now + self._before) / 2.0 if self._half else now
+        bad = self._host.step(first, now, nstep)
         self._before = now
         attitude = self._observer.attitude(self._host.qpos)
         self._rate = mean_rate(self._attitude, attitude, nstep * self.timestep)
@@ -176,9 +213,9 @@ class Worlds:
     def observe(self) -> dict[str, Array]:
         """What is observed now, by name, with the worlds in rows.
 
-        "attitude": quaternion of the spacecraft, scalar first. "rate": mean rate over the last `step`, in body axes, as an
-        integrating gyro measures it [rad/s]. "wheels": rates of driven hinges without limits [rad/s]. "modes": amplitudes
-        of the modal tendons. Sensors by name.
+        "attitude": quaternion of the spacecraft, scalar first. "rate": mean rate over the last
+        `step`, in body axes, as an integrating gyro measures it [rad/s]. "wheels": rates of driven
+        hinges without limits [rad/s]. "modes": amplitudes of the modal tendons. Sensors by name.
         """
         host = self._host
         return self._observer.read(host.qpos, host.qvel, host.sensors, self._attitude, self._rate)
@@ -197,7 +234,8 @@ class Worlds:
         Args:
             ids: numbers of the worlds, or a mask `(count,)`; None: all.
             qpos: `(nq,)` or one per world `(n, nq)`; default: the model's own.
-            qvel: `(nv,)` or one per world `(n, nv)`; default: at rest. Of a model exact in time see `bc.start_velocity`.
+            qvel: `(nv,)` or one per world `(n, nv)`; default: at rest.
+                Of a model exact in time see `bc.start_velocity`.
             draw: give these worlds new properties.
             seed: start the draws anew.
 
@@ -205,18 +243,22 @@ class Worlds:
             InputError: there is no such world, or shapes do not fit.
         """
         which = self._ids(ids)
-        place = _shaped("qpos", self.model.qpos0 if qpos is None else qpos, (which.size, self.model.nq))
-        rate = _shaped("qvel", np.zeros(self.model.nv) if qvel is None else qvel, (which.size, self.model.nv))
+        start = self.model.qpos0 if qpos is None else qpos
+        moving = np.zeros(self.model.nv) if qvel is None else qvel
+        place = _shaped("qpos", start, (which.size, self.model.nq))
+        rate = _shaped("qvel", moving, (which.size, self.model.nv))
         if seed is not None:
-            self.rng = np.random.default_rng(seed)
+            self.rng = np.random.default_rng(whole_number("seed", seed, 0, MOST_SEED))
         if draw and self._source is not None:
             self._keys[which] = self._source.keys(which.size, self.rng)
-            self._put(which)
+            self._write_fields(which)
         self._restart(which, place, rate)
         return self.observe()
 
+    @one_thread()
     def retime(self, timestep: float) -> None:
-        """Make every world exact in time for another `timestep` [s], each for its own modes, and start all again."""
+        """Make every world exact in time for another `timestep` [s], each for its own modes,
+        and start all again."""
         model = with_fields(self.model, {})
         model.opt.timestep = positive("timestep", timestep, "s")
         if modal_tendons(model).names:
@@ -227,62 +269,77 @@ class Worlds:
         self._build()
 
     def response(self) -> Callable[..., dict[str, Any]]:
-        """One world's response as a function that JAX can differentiate, map and compile; of the host "mjx" only.
+        """One world's response as a function that JAX can differentiate, map and compile;
+        of the host "mjx" only.
 
-        The function takes inputs `(t, nu)`, one per step, and optionally `frequency` `(n,)` [rad/s] and `damping` `(n,)`, ratios
-        of the modes of the held appendages in the order of `observe()["modes"]`. It gives "attitude" `(t, 4)`, "rate" `(t, 3)`,
-        "wheels" and "modes" `(t, n)` from rest, after every step. The modes are exact in time where the model is (form 2), so
-        that a derivative goes through stiffness, damping and armature of the tendons. Use doubles:
-        `jax.config.update("jax_enable_x64", True)`.
+        The function takes inputs `(t, nu)`, one per step, and optionally `frequency` `(n,)` [rad/s]
+        and `damping` `(n,)`, ratios of the modes of the held appendages in the order of
+        `observe()["modes"]`. It gives "attitude" `(t, 4)`, "rate" `(t, 3)`, "wheels" and "modes"
+        `(t, n)` from rest, after every step. The modes are exact in time where the model is (form
+        2), so that a derivative goes through stiffness, damping and armature of the tendons. Use
+        doubles: `jax.config.update("jax_enable_x64", True)`.
 
         Raises:
             InputError: the host is another one, or the model has no modal tendons.
         """
         if self._made[0] != "mjx":
-            raise InputError(f"host = {self._made[0]!r} has no derivatives; make the worlds with host='mjx'.")
+            raise InputError(
+                f"host = {self._made[0]!r} has no derivatives; make the worlds with host='mjx'."
+            )
         module: Any = import_module("beamchain.craft.worlds.mjx_host")
         return module.response(self.model, self._observer.moved)
 
-    # -- single worlds, checkpoints --------------------------------------------------------------------------------------
+    # -- single worlds, checkpoints ----------------------------------------------------------------
     def model_of(self, world: int) -> "mujoco.MjModel":
-        """The model of one world, for anything that takes a compiled model: `bc.plant`, `bc.linearise`, a picture."""
-        return with_fields(self.model, {name: values[world] for name, values in self.fields.items()})
+        """The model of one world, for anything that takes a compiled model: `bc.plant`,
+        `bc.linearise`, a picture."""
+        world = whole_number("world", world, 0, self.count - 1)
+        return with_fields(
+            self.model, {name: values[world] for name, values in self.fields.items()}
+        )
 
     def state(self) -> dict[str, Any]:
         """Everything that the worlds continue from: a checkpoint for `restore`."""
-        own: dict[str, Any] = {name: getattr(self, f"_{name}").copy() for name in OWN}
-        own |= {"simulation": self._host.state(), "draws": self.rng.bit_generator.state}
-        return own | {"timestep": self.timestep}
+        out: dict[str, Any] = {name: getattr(self, f"_{name}").copy() for name in KEPT}
+        out |= {"simulation": self._host.state(), "draws": self.rng.bit_generator.state}
+        return out | {"timestep": self.timestep}
 
     def restore(self, state: Mapping[str, Any]) -> dict[str, Array]:
-        """Continue from a checkpoint of these worlds, what `state()` gave. Returns what `observe` does.
+        """Continue from a checkpoint of these worlds, what `state()` gave.
+        Returns what `observe` does.
 
         Raises:
             InputError: the checkpoint is that of other worlds.
         """
-        sizes = [np.shape(state.get(name, 0)) == getattr(self, f"_{name}").shape for name in OWN]
+        of_type("state", state, Mapping, "what state() of these worlds gave")
+        sizes = [np.shape(state.get(name, 0)) == getattr(self, f"_{name}").shape for name in KEPT]
         if not all(sizes) or state.get("timestep") != self.timestep:
-            raise InputError("state is not a checkpoint of these worlds: their number, draws or step differ.")
-        for name in OWN:
+            raise InputError(
+                "state is not a checkpoint of these worlds: their number, draws or step differ."
+            )
+        for name in KEPT:
             setattr(self, f"_{name}", np.array(state[name]))
         self.rng.bit_generator.state = state["draws"]
-        self._put(self._ids(None))
+        self._write_fields(self._ids(None))
         self._host.restore(state["simulation"])
         return self.observe()
 
-    # -- inside ----------------------------------------------------------------------------------------------------------
+    # -- inside ------------------------------------------------------------------------------------
     def _build(self) -> None:
         """The host with all worlds, at rest."""
         host, threads = self._made
         self._half = runs_exact(self.model)
         self._host = host_of(host, self.model, self.count, threads, self._observer.stage)
-        self.fields: Fields = {}  #: by name of MuJoCo's field that differs between worlds, `(count, ...)`
-        self._before, self._attitude, self._rate = (np.zeros((self.count, n)) for n in (self.model.nu, 4, 3))
+        #: by name of MuJoCo's field that differs between worlds, `(count, ...)`
+        self.fields: Fields = {}
+        self._before = np.zeros((self.count, self.model.nu))
+        self._attitude = np.zeros((self.count, 4))
+        self._rate = np.zeros((self.count, 3))
         every = self._ids(None)
-        self._put(every)
+        self._write_fields(every)
         self._restart(every, self.model.qpos0, np.zeros(self.model.nv))
 
-    def _put(self, which: NDArray[np.intp]) -> None:
+    def _write_fields(self, which: NDArray[np.intp]) -> None:
         """The fields that follow from the keys of some worlds."""
         if self._source is None:
             return
@@ -293,7 +350,7 @@ class Worlds:
             self.fields[name][which] = values
         if "wrap_prm" in new:
             self._observer.follow(self.fields["wrap_prm"])
-        self._host.put(new, which)
+        self._host.write_fields(new, which)
 
     def _restart(self, which: NDArray[np.intp], qpos: Array, qvel: Array) -> None:
         self._host.reset(which, qpos, qvel)
@@ -310,25 +367,13 @@ class Worlds:
         whole = given.dtype.kind in "iu" or not given.size
         if given.ndim != 1 or not whole or np.any((given < 0) | (given >= self.count)):
             raise InputError(
-                f"ids = {ids!r:.60} names no worlds; give whole numbers from 0 to {self.count - 1}, or a mask."
+                f"ids = {ids!r:.60} names no worlds; give whole numbers from 0 to "
+                f"{self.count - 1}, or a mask."
             )
         return given.astype(np.intp)
 
 
 def _shaped(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
     """Finite numbers `(k, n)`, those given as `(n,)` the same for all worlds."""
-    try:
-        given = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        given = np.zeros(0)
-    if given.shape not in (shape, shape[1:]):
-        raise InputError(
-            f"{name} = {value!r:.60} has the shape {np.shape(value)}; numbers of the shape {shape}, worlds first, or "
-            f"({shape[1]},) for all worlds are needed."
-        )
-    sound = np.abs(given) <= (LARGEST if name == "ctrl" else np.finfo(np.float64).max)  # MuJoCo takes no more for zero
-    if not np.all(sound):
-        place = [int(i) for i in np.argwhere(~sound)[0]]
-        most = f", for ctrl of at most {LARGEST:g}," if name == "ctrl" else ""
-        raise InputError(f"{name}{place} is {given[tuple(place)]:g}; finite numbers{most} are needed.")
-    return np.array(np.broadcast_to(given, shape))
+    most = LARGEST if name == "ctrl" else np.inf  # MuJoCo takes no more for zero
+    return np.array(np.broadcast_to(finite_array(name, value, shape, shape[1:], most=most), shape))

@@ -1,0 +1,70 @@
+"""What `plant` is given: a model from any source, what its linear part leaves out,
+and a grid of angles."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from beamchain.caution import Caution
+from beamchain.checks import finite_array, number
+from beamchain.craft.embedded import Embedded
+from beamchain.engine.door import check_model
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model
+from beamchain.engine.operating_point import At
+from beamchain.errors import EngineError, InputError
+from beamchain.ports.motions import Array
+
+
+def compiled_model(
+    source: "Embedded | mujoco.MjSpec | mujoco.MjModel | str | Path",
+) -> "mujoco.MjModel":
+    """A compiled model from any of the things that `plant` takes; none of them is changed."""
+    if isinstance(source, Embedded):
+        return source.model
+    if isinstance(source, mujoco.MjSpec):
+        try:
+            model = source.copy().compile()
+        except ValueError as error:
+            raise EngineError(f"MuJoCo refuses the model: {error}") from None
+        check_model(model, "the model")
+        return model
+    if not isinstance(source, mujoco.MjModel | str | Path):
+        raise InputError(
+            f"model = {source!r:.60} is a {type(source).__name__}; give the path of an MJCF file, "
+            "an MjSpec, an MjModel or what bc.embed returns."
+        )
+    return compile_model(source)
+
+
+def left_out(model: "mujoco.MjModel") -> list[str]:
+    """Sentences on what the linear plant leaves out of a model."""
+    gravity = bool(np.any(np.asarray(model.opt.gravity) != 0.0))
+    medium = float(model.opt.density) > 0.0 or float(model.opt.viscosity) > 0.0
+    found = (
+        (gravity, "gravity", "the plant is one in free fall: the model's gravity is left out."),
+        (medium, "medium", "the medium's density and viscosity are left out of the plant."),
+        (model.neq, "equality", f"{model.neq} equality constraint(s) are left out of the plant."),
+    )
+    return [Caution(code, text) for there, code, text in found if there]
+
+
+def grid_of(at: At) -> tuple[str, Array] | None:
+    """The joint and its angles where `at` is a grid; None where it is one point."""
+    given = at.items() if isinstance(at, Mapping) else ()
+    many = {
+        str(name): finite_array(f"at[{name!r}]", values, unit="rad")
+        for name, values in given
+        if np.ndim(values) > 0
+    }
+    if not many:
+        return None
+    name, values = next(iter(many.items()))
+    if len(many) > 1 or values.ndim != 1 or values.size == 0:
+        raise InputError(
+            f"at = {at!r:.80} gives {', '.join(many)} more than one angle; only one joint can have "
+            "a list of angles, "
+            f'at={{"{name}": [0.0, 0.5]}}.'
+        )
+    return name, np.array([number(f"at[{name!r}]", float(value), "rad") for value in values])

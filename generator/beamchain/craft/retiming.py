@@ -1,0 +1,144 @@
+"""The command `retime`: a file with timing for another step,
+and what its step makes of the spacecraft, read back."""
+
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from beamchain.caution import Caution, warnings_record
+from beamchain.craft.appendage import Appendage, carried
+from beamchain.craft.embedding import marked_appendages
+from beamchain.craft.error import craft_poses
+from beamchain.craft.promise import asked, kept_band
+from beamchain.craft.sampled import craft_sampled_error
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import NUMBERS
+from beamchain.engine.operating_point import poses, quiet_copy
+from beamchain.errors import BeamchainError
+from beamchain.ports.compare import keeps_tolerance
+from beamchain.steps.retime import time_sentence
+from beamchain.steps.retime_file import RetimedFile, retimed_file
+from beamchain.steps.sampled import off_by
+from beamchain.steps.step_map import TimeError, time_error
+
+UNMARKED = "the file does not say what its appendages are (it was not written by embed)"
+
+
+@dataclass(frozen=True, eq=False)
+class RetimedCraft:
+    """A file with timing for a step, and its errors there.
+
+    Args:
+        file: text, models, rows of modes, notes.
+        timestep: [s]; 0: the timing was taken out.
+        craft, appendages: the bare spacecraft and the exact appendages by the marks of the file;
+            None: not known.
+        unknown: why they are not known.
+    """
+
+    file: RetimedFile
+    timestep: float
+    craft: "mujoco.MjModel | None"
+    appendages: tuple[Appendage, ...]
+    unknown: str
+
+    @cached_property
+    def band(self) -> float | None:
+        """The largest band that the scenes of its appendages ask for [rad/s];
+        None where none is known."""
+        return asked([a.spec for a in self.appendages]).band
+
+    @cached_property
+    def tolerance(self) -> float | None:
+        """The smallest tolerance of scenes with a band; None where none is known."""
+        return asked([a.spec for a in self.appendages]).tolerance
+
+    @cached_property
+    def time_error(self) -> TimeError | None:
+        """The largest error of a coupled pole at the step, worst of all poses;
+        None where the timing was taken out."""
+        if self.timestep == 0.0:
+            return None
+        return time_error(
+            quiet_copy(self.file.model),
+            quiet_copy(self.file.plain),
+            poses(self.file.model),
+            self.band,
+        )
+
+    @cached_property
+    def sampled_error(self) -> float | None:
+        """In-band error of the response at the step, worst of all poses;
+        None where the exact appendages are not known."""
+        if self.timestep == 0.0 or self.craft is None:
+            return None
+        want = asked([a.spec for a in self.appendages])
+        exact = carried(None, self.appendages)
+        answers = craft_poses(
+            self.craft, exact, want.band or kept_band(self.appendages), want.motions
+        )
+        return max(
+            found.error
+            for found in craft_sampled_error(self.craft, self.file.model, answers).values()
+        )
+
+    @property
+    def met(self) -> bool | None:
+        """Whether 1.01 times the sampled error is within the tolerance;
+        None where either is not known."""
+        error = self.sampled_error
+        tolerance = self.tolerance
+        return None if error is None or tolerance is None else keeps_tolerance(error, tolerance)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Slowed modes, and poles that are not exact."""
+        off = self.time_error
+        return (
+            *self.file.notes,
+            *([Caution("time-error", time_sentence(off))] if off and not off.exact else []),
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `retime --json` prints."""
+        off = self.time_error
+        return {
+            "modes": [asdict(row) for row in self.file.rows],
+            "time_error": None if off is None else off.as_dict(),
+            "sampled_error": self.sampled_error,
+            "tolerance": self.tolerance,
+            "met": self.met,
+            **warnings_record(self.warnings),
+        }
+
+    @property
+    def headline(self) -> str:
+        """The errors in a sentence."""
+        off = self.time_error
+        if off is None:
+            return "the timing was taken out."
+        option = self.file.model.opt
+        step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
+        exact = "exact in time" if off.exact else "not exact"
+        said = f"{step}: poles are {exact}, {off.words}"
+        if self.sampled_error is None:
+            return f"{said}; the error of the response is not known, for {self.unknown}."
+        said += f"; motion off {off_by(self.sampled_error)}"
+        if self.tolerance is None:
+            return f"{said}; no tolerance is asked for."
+        return f"{said}, {'within' if self.met else 'above'} the tolerance {self.tolerance:g}."
+
+
+def retime_craft(path: Path, timestep: float, integrator: str | None, folder: Path) -> RetimedCraft:
+    """A file of `embed` with timing for a step and integrator, its paths relative to `folder`,
+    and its errors there."""
+    file = retimed_file(path, timestep, integrator, folder)
+    if timestep == 0.0:
+        return RetimedCraft(file, timestep, None, (), "")
+    try:
+        known = marked_appendages(path)
+    except BeamchainError as error:
+        return RetimedCraft(file, timestep, None, (), str(error).rstrip("."))
+    craft, appendages = known or (None, ())
+    return RetimedCraft(file, timestep, craft, appendages, "" if known else UNMARKED)

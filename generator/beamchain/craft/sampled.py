@@ -1,0 +1,62 @@
+"""The error of a whole spacecraft at its own step:
+the file as MuJoCo steps it against exact appendages, pose by pose."""
+
+from collections.abc import Mapping, Sequence
+
+from beamchain.craft.error import Pose
+from beamchain.engine.library import mujoco
+from beamchain.engine.linear import Linear
+from beamchain.engine.mount import motion
+from beamchain.engine.operating_point import base_body, poses, quiet_copy, rest_point
+from beamchain.ports.motions import Array
+from beamchain.steps.sampled import FAR, SampledError, sampled_error
+from beamchain.steps.step_map import motion_at
+
+
+def exact_craft(pose: Pose) -> Linear:
+    """The spacecraft at a pose with every mode of its appendages;
+    those far beyond the band gathered.
+
+    Its damping is what is stated: none is put where there is none.
+    """
+    models = [item.whole.condensed(FAR * pose.band) for item in pose.carried]
+    whole = pose.bare.with_appendages(models, pose.jacobians)
+    return whole.picked(inputs=pose.motions, outputs=pose.motions)
+
+
+def craft_sampled_error(
+    craft: "mujoco.MjModel", model: "mujoco.MjModel", exact: Mapping[str, Sequence[Pose]]
+) -> dict[str, SampledError]:
+    """The error of the compiled `model` at its own step, worst base body of each pose.
+
+    `exact`: the answers that `craft_poses` gives of the bare `craft`.
+    """
+    still = quiet_copy(model)
+    positions = poses(model)
+    return {
+        name: max(
+            (pose_sampled_error(craft, still, positions[name], pose) for pose in several),
+            key=lambda e: e.error,
+        )
+        for name, several in exact.items()
+    }
+
+
+def pose_sampled_error(
+    craft: "mujoco.MjModel", model: "mujoco.MjModel", qpos: Array, pose: Pose
+) -> SampledError:
+    """The error of the quiet compiled `model` at `qpos`,
+    which is the `pose` of the bare `craft`."""
+    body = base_body(craft, pose.carried[0].mount.body)
+    label = craft.body(body).name
+    there = int(model.body(label).id) if label else body
+    data = rest_point(model, qpos).data()
+    rows = motion(model, data, there, data.xpos[there], data.xmat[there].reshape(3, 3))
+    return sampled_error(
+        exact_craft(pose),
+        motion_at(model, qpos),
+        rows[list(pose.motions)],
+        scale=pose.scale,
+        frozen=pose.frozen,
+        band=pose.band,
+    )

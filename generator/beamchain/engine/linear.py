@@ -1,0 +1,493 @@
+"""`Linear`: `M q'' + D q' + K q = B u` of a MuJoCo model at an operating point, with names.
+
+The mass matrix is MuJoCo's own. The other matrices are slopes by differences of five points: what
+is linear or cubic in the perturbation (springs, dampers, gyroscopic moments) comes out to rounding,
+small rotations to 1e-13. `mjd_transitionFD` (`engine/linearise.py`) is the proof.
+
+Theory: docs/theory.md, section 6.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from beamchain.engine.library import mujoco, one_thread
+from beamchain.engine.linearise import check_freedoms, compile_model, dense_mass
+from beamchain.engine.normal_modes import NormalModes, normal_modes
+from beamchain.engine.operating_point import At, OperatingPoint, Rates, operating_point
+from beamchain.engine.signals import Input, Output, actuator_names, inputs_of, outputs_of
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import Array, locked
+
+POSITION = 1e-3  # perturbation of positions [m, rad]
+RATE = 1.0  # of rates, accelerations, activations and inputs, in which forces are linear
+# places of the five points in units of the perturbation, and their weights; the middle one has none
+STENCIL = ((1.0, 8.0 / 12.0), (-1.0, -8.0 / 12.0), (2.0, -1.0 / 12.0), (-2.0, 1.0 / 12.0))
+
+
+class Signal(NamedTuple):
+    """Name and unit of an input, an output or a coordinate."""
+
+    name: str
+    unit: str
+
+
+def _six(first: str, unit: str, second: str, other: str) -> tuple[Signal, ...]:
+    """Names along x, y, z and about them."""
+    along = (Signal(f"{first}_{axis}", unit) for axis in "xyz")
+    return (*along, *(Signal(f"{second}_{axis}", other) for axis in "xyz"))
+
+
+WRENCH = _six("force", "N", "torque", "N m")
+ACCELERATION = _six("acceleration", "m/s^2", "angular_acceleration", "rad/s^2")
+FREE = _six("position", "m", "attitude", "rad")
+
+
+class Inputs(NamedTuple):
+    """Inputs u and what they push.
+
+    Args:
+        signals: name and unit of each.
+        force: `(nv, m)` B, generalised force per unit.
+    """
+
+    signals: tuple[Signal, ...]
+    force: Array
+
+
+class Outputs(NamedTuple):
+    """Outputs `y = Y0 q + Y1 q' + Y2 q'' + Yu u` (and what activations add).
+
+    Args:
+        signals: name and unit of each.
+        position, rate, acceleration: `(p, nv)` Y0, Y1, Y2.
+        feedthrough: `(p, m)` Yu.
+    """
+
+    signals: tuple[Signal, ...]
+    position: Array
+    rate: Array
+    acceleration: Array
+    feedthrough: Array
+
+
+class Activations(NamedTuple):
+    """States of actuators, `a' = L a + E u`.
+
+    Args:
+        names: of the actuators, once per state.
+        force: `(nv, na)` F, generalised force per unit.
+        rate, feed: `(na, na)` L and `(na, m)` E.
+        seen: `(p, na)` Ya, what outputs read of them.
+    """
+
+    names: tuple[str, ...]
+    force: Array
+    rate: Array
+    feed: Array
+    seen: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Linear:
+    """A linear model `M q'' + D q' + K q = F a + B u` about an operating point.
+
+    M is MuJoCo's own, D, K and the rest are exact to rounding. `bc.linearise`, through
+    `mjd_transitionFD`, is the independent way to the same system.
+
+    Args:
+        mass, damping, stiffness: `(nv, nv)` M, D, K; D holds the gyroscopic moments of wheels.
+        coordinates: name and unit of each q.
+        inputs: B, with names and units.
+        outputs: what is read of q, its rates and accelerations, with names and units.
+        activations: states a of actuators; most have none.
+
+    Example:
+        >>> import beamchain as bc
+        >>> oscillator = '''<mujoco><worldbody><body><joint name="slide" type="slide"
+        ... stiffness="16" damping="2"/><inertial pos="0 0 0" mass="4" diaginertia="1 1 1"/>
+        ... </body></worldbody><actuator><motor name="push" joint="slide"/></actuator>
+        ... <sensor><jointpos name="travel" joint="slide"/></sensor></mujoco>'''
+        >>> linear = bc.Linear.of(oscillator, inputs=["push"], outputs=["travel"])
+        >>> [
+        ...     float(m[0, 0])
+        ...     for m in (linear.mass, linear.damping.round(9), linear.stiffness.round(9))
+        ... ]
+        [4.0, 2.0, 16.0]
+        >>> linear.modes().frequency.round(9)
+        array([2.])
+        >>> linear.inputs.signals
+        (Signal(name='push', unit='N'),)
+    """
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    coordinates: tuple[Signal, ...]
+    inputs: Inputs
+    outputs: Outputs
+    activations: Activations
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "damping", "stiffness"):
+            object.__setattr__(self, name, locked(getattr(self, name)))
+
+    @classmethod
+    @one_thread()
+    def of(
+        cls,
+        source: "mujoco.MjModel | str | Path",
+        inputs: Sequence[str] = (),
+        outputs: Sequence[str] = (),
+        at: At = None,
+        *,
+        rates: Rates = None,
+    ) -> "Linear":
+        """A MuJoCo model, linear at an operating point, in free fall.
+
+        Gravity, medium, contacts, constraints and limits of actuators are left out, and what holds
+        the pose is taken as in balance, as in `bc.plant`.
+
+        Args:
+            source: a compiled model, MJCF text, or a path.
+            inputs, outputs: names as for `bc.plant`; none where left out.
+            at: name or number of a keyframe, `qpos`, or `{joint: angle}` [rad]; the pose of rest
+                where left out.
+            rates: `{joint: rad/s}` of wheels; those of the keyframe where left out.
+
+        Raises:
+            InputError: an unknown name, a sensor without a linear part, a pose in contact or out
+                of range, a body that moves at `at` and is not a balanced wheel.
+            EngineError: the model does not compile, or has no degree of freedom.
+        """
+        model = compile_model(source)
+        check_freedoms(model)
+        point = operating_point(model, at, rates)
+        driven = inputs_of(point, inputs) if len(inputs) else []
+        seen = outputs_of(point, outputs) if len(outputs) else []
+        return linear_at(point, driven, seen)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Linear, {len(self.coordinates)} coordinates, {len(self.inputs.signals)} inputs, "
+            f"{len(self.outputs.signals)} outputs>"
+        )
+
+    def modes(self) -> NormalModes:
+        """Rigid motions and undamped normal modes."""
+        return normal_modes(self.mass, self.stiffness)
+
+    def first_order(self) -> tuple[Array, Array, Array, Array]:
+        """A, B, C, D over the states (q, q', a)."""
+        nv, na = self.activations.force.shape
+        states = 2 * nv + na
+        inputs = self.inputs.force.shape[1]
+        forces = np.hstack(
+            [-self.stiffness, -self.damping, self.activations.force, self.inputs.force]
+        )
+        accelerations = np.asarray(np.linalg.solve(self.mass, forces), dtype=np.float64)
+        a = np.zeros((states, states))
+        a[:nv, nv : 2 * nv] = np.eye(nv)
+        a[nv : 2 * nv] = accelerations[:, :states]
+        a[2 * nv :, 2 * nv :] = self.activations.rate
+        b = np.vstack([np.zeros((nv, inputs)), accelerations[:, states:], self.activations.feed])
+        seen = np.hstack(
+            [
+                self.outputs.position,
+                self.outputs.rate,
+                self.activations.seen,
+                self.outputs.feedthrough,
+            ]
+        )
+        seen = seen + self.outputs.acceleration @ accelerations
+        return a, b, seen[:, :states], seen[:, states:]
+
+    def response(
+        self, omega: Array, models: Sequence[PortModel] = (), roots: Sequence[Array] = ()
+    ) -> NDArray[np.complex128]:
+        """`(p, m, k)` frequency response of the outputs to the inputs, as in python-control.
+
+        Args:
+            omega: `(k,)` [rad/s], above zero.
+            models, roots: appendages in six motions, and the motion `(6, nv)` of each root in its
+                axes; all their modes take part, and none is a coordinate.
+        """
+        s = 1j * np.asarray(omega, dtype=np.float64)[:, None, None]
+        # dynamic mass: the inputs' force per acceleration
+        dynamic = self.mass + self.damping / s + self.stiffness / s**2
+        for model, root in zip(models, roots, strict=True):
+            dynamic = dynamic + root.T @ np.moveaxis(model.D(omega), -1, 0) @ root
+        activations = self.activations
+        force = np.broadcast_to(self.inputs.force, (s.size, *self.inputs.force.shape))
+        seen = self.outputs.feedthrough
+        if activations.names:
+            lag = np.linalg.solve(
+                s * np.eye(len(activations.names)) - activations.rate, activations.feed
+            )
+            force = force + activations.force @ lag
+            seen = seen + activations.seen @ lag
+        rows = self.outputs.acceleration + self.outputs.rate / s + self.outputs.position / s**2
+        return np.moveaxis(rows @ np.linalg.solve(dynamic, force) + seen, 0, -1)
+
+    def on_body(self, motion: Array) -> "Linear":
+        """The same with a wrench on a body for inputs and the body's acceleration for outputs:
+        its response is the accelerance.
+
+        `motion` `(6, nv)`: of the body, in the axes that the wrench has.
+        """
+        na = self.activations.force.shape[1]
+        nothing = np.zeros_like(motion)
+        return replace(
+            self,
+            inputs=Inputs(WRENCH, motion.T),
+            outputs=Outputs(
+                ACCELERATION,
+                position=nothing,
+                rate=nothing,
+                acceleration=motion,
+                feedthrough=np.zeros((6, 6)),
+            ),
+            activations=self.activations._replace(feed=np.zeros((na, 6)), seen=np.zeros((6, na))),
+        )
+
+    def picked(self, inputs: Sequence[int], outputs: Sequence[int]) -> "Linear":
+        """The same with some of its inputs and outputs, by their numbers."""
+        columns = list(inputs)
+        rows = list(outputs)
+        of_inputs = self.inputs
+        of_outputs = self.outputs
+        return replace(
+            self,
+            inputs=Inputs(
+                tuple(of_inputs.signals[i] for i in columns), of_inputs.force[:, columns]
+            ),
+            outputs=Outputs(
+                tuple(of_outputs.signals[i] for i in rows),
+                position=of_outputs.position[rows],
+                rate=of_outputs.rate[rows],
+                acceleration=of_outputs.acceleration[rows],
+                feedthrough=of_outputs.feedthrough[np.ix_(rows, columns)],
+            ),
+            activations=self.activations._replace(
+                feed=self.activations.feed[:, columns], seen=self.activations.seen[rows]
+            ),
+        )
+
+    def with_appendages(self, models: Sequence[PortModel], roots: Sequence[Array]) -> "Linear":
+        """The same with appendages on it, their modal coordinates behind its own.
+
+            M = [[M + sum J^T M_rigid J, J^T L^T], [L J, 1]],   K = diag(K, W^2)
+
+        Args:
+            models: in six motions.
+            roots: `(6, nv)` motion J of each root, in its axes.
+        """
+        nv = self.mass.shape[0]
+        extra = sum(model.modes for model in models)
+        mass = block_diag(self.mass, np.eye(extra))
+        for model, root, modes in zip(models, roots, _slices(nv, models), strict=True):
+            mass[:nv, :nv] += root.T @ model.rigid_mass @ root
+            mass[modes, :nv] = model.participation @ root
+            mass[:nv, modes] = mass[modes, :nv].T
+        squares = [model.frequencies**2 for model in models]
+        damping = [2.0 * model.damping * model.frequencies for model in models]
+        outputs = self.outputs
+        return Linear(
+            mass,
+            block_diag(self.damping, np.diag(np.concatenate([np.zeros(0), *damping]))),
+            block_diag(self.stiffness, np.diag(np.concatenate([np.zeros(0), *squares]))),
+            (*self.coordinates, *(Signal(f"mode {k + 1}", "") for k in range(extra))),
+            self.inputs._replace(force=_taller(self.inputs.force, extra)),
+            outputs._replace(
+                position=_wider(outputs.position, extra),
+                rate=_wider(outputs.rate, extra),
+                acceleration=_wider(outputs.acceleration, extra),
+            ),
+            self.activations._replace(force=_taller(self.activations.force, extra)),
+        )
+
+
+def rigid_body(mass: Array) -> Linear:
+    """A free rigid body with a mass matrix `(6, 6)`, pushed and looked at in its six motions."""
+    nothing = np.zeros((6, 6))
+    none = np.zeros((6, 0))
+    free = Linear(
+        mass,
+        damping=nothing,
+        stiffness=nothing,
+        coordinates=FREE,
+        inputs=Inputs((), none),
+        outputs=Outputs((), none.T, none.T, none.T, np.zeros((0, 0))),
+        activations=Activations((), none, np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0))),
+    )
+    return free.on_body(np.eye(6))
+
+
+def _slices(start: int, models: Sequence[PortModel]) -> list[slice]:
+    """Places of the modes of each model, one after the other."""
+    ends = start + np.cumsum([0, *(model.modes for model in models)])
+    return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+
+def _taller(matrix: Array, extra: int) -> Array:
+    return np.pad(matrix, ((0, extra), (0, 0)))
+
+
+def _wider(matrix: Array, extra: int) -> Array:
+    return np.pad(matrix, ((0, 0), (0, extra)))
+
+
+def slopes(function: "Callable[[int, float], Array]", size: int, step: float) -> Array:
+    """`(n, size)` slope of a vector by each of `size` perturbations, by five points."""
+    columns = [
+        sum(weight / step * function(i, place * step) for place, weight in STENCIL)
+        for i in range(size)
+    ]
+    return np.array(columns).T.astype(np.float64) if columns else np.zeros((0, 0))
+
+
+def linear_at(
+    point: OperatingPoint, inputs: Sequence[Input] = (), outputs: Sequence[Output] = ()
+) -> Linear:
+    """A model, linear at an operating point.
+
+    Of a still model (`still_copy`): gravity and constraints would be in its slopes.
+    """
+    model = point.model
+    data = point.data()
+    nv = model.nv
+    na = model.na
+    units = np.eye(nv)
+    mass = dense_mass(model, data)
+    wrenches = [_generalised(model, data, signal) for signal in inputs]
+    count = sum(len(output.labels) for output in outputs)
+
+    def rows(accelerated: int = -1, by: float = 0.0) -> Array:
+        """Forces, rates of activations and outputs of the state in data, whose positions MuJoCo
+        has seen; `by` is the acceleration of one degree of freedom."""
+        if outputs:
+            mujoco.mj_sensorPos(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        if outputs:
+            mujoco.mj_subtreeVel(model, data)
+            mujoco.mj_sensorVel(model, data)
+        mujoco.mj_fwdActuation(model, data)
+        if outputs:
+            data.qacc[:] = 0.0
+            if accelerated >= 0:
+                data.qacc[accelerated] = by
+            mujoco.mj_rnePostConstraint(model, data)
+            mujoco.mj_sensorAcc(model, data)
+        force = data.qfrc_passive + data.qfrc_actuator
+        read = [output.read(data) for output in outputs]
+        return np.concatenate([force, data.qfrc_bias, data.act_dot, *read])
+
+    def reset() -> None:
+        data.qpos[:] = point.qpos
+        data.qvel[:] = point.qvel
+        data.act[:] = 0.0
+        data.ctrl[:] = 0.0
+        data.xfrc_applied[:] = 0.0
+
+    def moved(i: int, by: float) -> Array:
+        reset()
+        mujoco.mj_integratePos(model, data.qpos, units[i], by)
+        mujoco.mj_fwdPosition(model, data)
+        return rows()
+
+    def faster(i: int, by: float) -> Array:
+        reset()
+        data.qvel[i] += by
+        return rows()
+
+    def activated(i: int, by: float) -> Array:
+        reset()
+        data.act[i] = by
+        return rows()
+
+    def driven(i: int, by: float) -> Array:
+        reset()
+        inputs[i].apply(data, by)
+        return rows()
+
+    def accelerated(i: int, by: float) -> Array:
+        reset()
+        return rows(i, by)
+
+    def table(change: "Callable[[int, float], Array]", size: int, step: float) -> Array:
+        return slopes(change, size, step).reshape(2 * nv + na + count, size)
+
+    by_q = table(moved, nv, POSITION)
+    # from here on positions stay as they are
+    reset()
+    mujoco.mj_fwdPosition(model, data)
+    by_v = table(faster, nv, RATE)
+    by_a = table(activated, na, RATE)
+    by_u = table(driven, len(inputs), RATE)
+    by_acceleration = table(accelerated, nv, RATE) if outputs else np.zeros((2 * nv + na, nv))
+    rates = slice(2 * nv, 2 * nv + na)
+    seen = slice(2 * nv + na, None)
+    stiffness = -by_q[:nv]
+    # those of springs and dampers are symmetric; gyroscopic moments are not
+    damping = -by_v[:nv]
+    gyroscopic = by_v[nv : 2 * nv]
+    return Linear(
+        mass,
+        (damping + damping.T) / 2.0 + gyroscopic,
+        (stiffness + stiffness.T) / 2.0,
+        coordinate_names(model),
+        Inputs(
+            tuple(Signal(signal.label, signal.unit) for signal in inputs),
+            by_u[:nv] + np.array(wrenches).reshape(len(inputs), nv).T,
+        ),
+        Outputs(
+            tuple(
+                Signal(*words)
+                for output in outputs
+                for words in zip(output.labels, output.units, strict=True)
+            ),
+            position=by_q[seen],
+            rate=by_v[seen],
+            acceleration=by_acceleration[seen],
+            feedthrough=by_u[seen],
+        ),
+        Activations(activation_names(model), by_a[:nv], by_a[rates], by_u[rates], by_a[seen]),
+    )
+
+
+def _generalised(model: "mujoco.MjModel", data: "mujoco.MjData", signal: Input) -> Array:
+    """`(nv,)` generalised force of a wrench; zero for an actuator, whose force MuJoCo gives."""
+    out = np.zeros(model.nv)
+    if signal.wrench is not None:
+        force = signal.wrench[:3]
+        torque = signal.wrench[3:]
+        mujoco.mj_applyFT(model, data, force, torque, data.xipos[signal.body], signal.body, out)
+    return out
+
+
+def coordinate_names(model: "mujoco.MjModel") -> tuple[Signal, ...]:
+    """Name and unit of every degree of freedom."""
+    out: list[Signal] = []
+    several = int(np.sum(model.jnt_type == 0)) > 1
+    for j in range(model.njnt):
+        kind = int(model.jnt_type[j])
+        name = str(model.joint(j).name) or f"joint {j}"
+        if kind == 0:
+            body = f"{model.body(int(model.jnt_bodyid[j])).name}_" if several else ""
+            out += [Signal(f"{body}{name}", unit) for name, unit in FREE]
+        elif kind == 1:
+            out += [Signal(f"{name}_{axis}", "rad") for axis in "xyz"]
+        else:
+            out.append(Signal(name, "m" if kind == 2 else "rad"))
+    return tuple(out)
+
+
+def activation_names(model: "mujoco.MjModel") -> tuple[str, ...]:
+    """Names of the actuators with a state, once per state."""
+    names = actuator_names(model)
+    return tuple(names[i] for i in range(model.nu) for _ in range(int(model.actuator_actnum[i])))

@@ -1,0 +1,200 @@
+"""The operating point of a linear model: a model made ready to linearise, its pose,
+and the wheels that turn."""
+
+import copy
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from beamchain.checks import as_array, finite_array, number, of_type, unknown
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import mass_matrix
+from beamchain.errors import InputError
+from beamchain.ports.motions import Array
+
+TURNED = 1.0  # rad by which a wheel is turned to see whether the mass matrix depends on its angle
+CYCLIC = 1e-6  # relative change of the mass matrix below which it does not
+LIMITS = (
+    "actuator_forcelimited",
+    "actuator_actlimited",
+    "jnt_actfrclimited",
+    "tendon_actfrclimited",
+)
+
+At = Any  # str | int | array of positions | Mapping[str, float | array]
+Rates = Mapping[str, float] | None  # of wheels, by joint [rad/s]
+
+
+class OperatingPoint(NamedTuple):
+    """A model made ready to linearise, its pose `(nq,)`, and the rates `(nv,)` of its
+    wheels [rad/s]."""
+
+    model: "mujoco.MjModel"
+    qpos: Array
+    qvel: Array
+
+    def data(self) -> "mujoco.MjData":
+        """Data at the point, in balance (what drags on turning wheels is made up for),
+        `mj_forward` done."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.qpos
+        data.qvel[:] = self.qvel
+        mujoco.mj_forward(self.model, data)
+        data.qfrc_applied[:] = -data.qfrc_smooth
+        mujoco.mj_forward(self.model, data)
+        return data
+
+
+def rest_point(model: "mujoco.MjModel", qpos: Array | None = None) -> OperatingPoint:
+    """A model at rest in a pose, the initial one where left out."""
+    pose = np.array(model.qpos0 if qpos is None else qpos, dtype=np.float64)
+    return OperatingPoint(model, pose, np.zeros(model.nv))
+
+
+def poses(model: "mujoco.MjModel") -> dict[str, Array]:
+    """Positions by pose: "rest", then keyframes by name or number."""
+    out = {"rest": np.array(model.qpos0)}
+    for k in range(model.nkey):
+        out[model.key(k).name or f"number {k}"] = np.array(model.key_qpos[k])
+    return out
+
+
+def base_body(model: "mujoco.MjModel", body: int) -> int:
+    """The body that carries everything: the farthest out from `body` towards the
+    world that still moves."""
+    top = int(model.body_weldid[body])
+    while (parent := int(model.body_weldid[int(model.body_parentid[top])])) != 0:
+        top = parent
+    return top
+
+
+def still_copy(model: "mujoco.MjModel") -> "mujoco.MjModel":
+    """A copy in which nothing acts but springs, dampers and actuators without limits:
+    no gravity, no medium, no contacts, no constraints."""
+    out = copy.copy(model)
+    flags = mujoco.mjtDisableBit
+    out.opt.gravity[:] = 0.0
+    out.opt.density = 0.0
+    out.opt.viscosity = 0.0
+    out.opt.disableflags |= int(flags.mjDSBL_CONTACT) | int(flags.mjDSBL_CONSTRAINT)
+    # a force at its limit has no slope
+    out.opt.disableflags |= int(flags.mjDSBL_CLAMPCTRL)
+    for name in LIMITS:
+        getattr(out, name)[:] = 0
+    if hasattr(mujoco.mjtEnableBit, "mjENBL_SLEEP"):
+        out.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    return out
+
+
+def quiet_copy(model: "mujoco.MjModel") -> "mujoco.MjModel":
+    """A still copy whose springs are slack in the pose of rest."""
+    out = still_copy(model)
+    out.qpos_spring[:] = out.qpos0
+    out.tendon_lengthspring[:] = out.tendon_length0[:, None]
+    return out
+
+
+def operating_point(model: "mujoco.MjModel", at: At = None, rates: Rates = None) -> OperatingPoint:
+    """The point that `at` and `rates` of `plant` name, in a copy of the model without gravity,
+    medium and constraints."""
+    qpos = np.array(model.qpos0)
+    qvel = np.zeros(model.nv)
+    if isinstance(at, str | int | np.integer):
+        key = _keyframe(model, at)
+        qpos = np.array(model.key_qpos[key])
+        qvel = np.array(model.key_qvel[key])
+    elif isinstance(at, Mapping):
+        for name, value in at.items():
+            qpos[model.jnt_qposadr[_joint(model, "at", str(name))]] = number(
+                f"at[{name!r}]", value, "rad"
+            )
+    elif at is not None:
+        wanted = f"qpos with shape ({model.nq},), finite, a keyframe's name, or angles by joint"
+        given = as_array("at", at, wanted)
+        if given.shape != (model.nq,):
+            raise InputError(f"at has the shape {given.shape}; give {wanted}.")
+        qpos = finite_array("at", given)
+    if rates is not None:
+        of_type("rates", rates, Mapping, 'speeds by joint: {"wheel": 300.0} in rad/s')
+    for name, value in (rates or {}).items():
+        rate = number(f"rates[{name!r}]", value, "rad/s")
+        joint = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, str(name)))
+        joint = joint if rate == 0.0 and joint >= 0 else _joint(model, "rates", str(name))
+        qvel[model.dof_jntid == joint] = rate
+    _check_pose(model, qpos)
+    ready = quiet_copy(model)
+    free = np.flatnonzero(ready.jnt_type == 0)
+    for joint in free:
+        # a craft that drifts is the same craft
+        qvel[int(ready.jnt_dofadr[joint]) + np.arange(3)] = 0.0
+    if free.size == 1:  # where in space makes no difference, but a far place costs digits
+        qpos[int(ready.jnt_qposadr[free[0]]) + np.arange(3)] = 0.0
+    _check_rates(ready, qpos, qvel)
+    return OperatingPoint(ready, qpos, qvel)
+
+
+def _keyframe(model: "mujoco.MjModel", at: "str | int | np.integer[Any]") -> int:
+    names = [str(model.key(k).name) for k in range(model.nkey)]
+    if isinstance(at, str):
+        if at not in names:
+            raise unknown("at", at, names, "Or give angles by joint.")
+        return names.index(at)
+    if isinstance(at, bool) or not 0 <= int(at) < model.nkey:
+        raise InputError(
+            f"at = {at!r} is no keyframe; the model has {model.nkey}, numbered from 0."
+        )
+    return int(at)
+
+
+def _joint(model: "mujoco.MjModel", field: str, name: str) -> int:
+    singles = {
+        str(model.joint(j).name): j for j in range(model.njnt) if int(model.jnt_type[j]) >= 2
+    }
+    if name not in singles:
+        raise unknown(f"joint of {field}", name, singles)
+    return singles[name]
+
+
+def _check_pose(model: "mujoco.MjModel", qpos: Array) -> None:
+    for j in np.flatnonzero(
+        np.asarray(model.jnt_limited, dtype=bool) & (np.asarray(model.jnt_type) >= 2)
+    ):
+        value, (low, high) = float(qpos[model.jnt_qposadr[j]]), model.jnt_range[j]
+        if not low <= value <= high:
+            raise InputError(
+                f"at: joint {model.joint(int(j)).name!r} = {value:g} is outside its range "
+                f"[{low:g}, {high:g}]; angles are in rad; give one within it."
+            )
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    for contact in (data.contact[i] for i in range(data.ncon)):
+        if contact.dist <= 0.0:
+            one, two = (
+                model.geom(int(g)).name or model.body(int(model.geom_bodyid[g])).name
+                for g in contact.geom
+            )
+            raise InputError(
+                f"at: {one!r} touches {two!r} in this pose, and a contact has no linear part; give "
+                "another pose, or exclude the pair (<contact><exclude/>)."
+            )
+
+
+def _check_rates(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> None:
+    """Only what leaves the mass matrix as it is may turn."""
+    for dof in np.flatnonzero(qvel):
+        joint = int(model.dof_jntid[dof])
+        if int(model.jnt_type[joint]) == 3:
+            turned = qpos.copy()
+            turned[model.jnt_qposadr[joint]] += TURNED
+            before = mass_matrix(model, qpos)
+            size = np.sqrt(np.outer(np.diag(before), np.diag(before)))
+            if np.max(np.abs(mass_matrix(model, turned) - before) / size) < CYCLIC:
+                continue
+        name = model.joint(joint).name or f"joint {joint}"
+        raise InputError(
+            f"at: joint {name!r} moves at {qvel[dof]:g} in this state, and the plant would change "
+            f"as it moves; only balanced wheels may turn; give rates={{{name!r}: 0.0}} to "
+            "linearise at rest."
+        )

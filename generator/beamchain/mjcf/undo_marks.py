@@ -1,0 +1,323 @@
+"""Undo marks: a comment before every piece that embedding put into the user's file.
+
+The comment holds what is needed to take the piece out. Every change that embedding makes goes
+through this module, so that `remove_marked_changes` gives back the original bytes.
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal, TypeAlias
+
+import msgspec
+from lxml.etree import _Element as Element
+from msgspec import UNSET, UnsetType
+
+from beamchain.errors import InputError
+from beamchain.mjcf.craft import BLANK, Craft, Include, inner_text
+from beamchain.mjcf.text import Edit, Node, change_start_tag, split_start_tag
+
+SIGN = "beamchain embed"
+
+
+class Put(
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    tag_field="piece",
+    forbid_unknown_fields=True,
+    omit_defaults=True,
+):
+    """The element behind the mark was put in; `before`: the blanks that stood at its place,
+    if they were changed."""
+
+    before: str | UnsetType | None = UNSET
+
+
+class AppendageMark(Put, frozen=True, tag="appendage"):
+    """An appendage: its place, form, prefix and specification."""
+
+    at: str
+    form: Literal["inline", "attach"]
+    prefix: str
+    spec: dict[str, Any]
+
+
+class SectionMark(Put, frozen=True, tag="tendon"):
+    """Tendons of the appendage at a place."""
+
+    at: str
+
+
+class SensorMark(Put, frozen=True, tag="sensor"):
+    """Sensors of the appendage at a place."""
+
+    at: str
+
+
+class ModelMark(Put, frozen=True, tag="model"):
+    """The `<model>` of an attached appendage."""
+
+    at: str
+
+
+class CompilerMark(Put, frozen=True, tag="compiler"):
+    """Folders of assets, seen from the written file; `folder`: the original's."""
+
+    folder: str
+
+
+class Changed(
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    tag_field="piece",
+    forbid_unknown_fields=True,
+    omit_defaults=True,
+):
+    """The start tag behind the mark was changed; `was`: as it stood.
+    Version 1 kept attributes alone (`old`)."""
+
+    was: str = ""
+    old: dict[str, str | None] = {}
+
+
+class KeyMark(Changed, frozen=True, tag="key"):
+    """A keyframe."""
+
+
+class PathMark(Changed, frozen=True, tag="path"):
+    """A path, seen from the written file."""
+
+
+class OpenedMark(Changed, frozen=True, tag="opened"):
+    """An element without content (`<body/>`) that was given one."""
+
+
+class IncludeMark(
+    msgspec.Struct,
+    frozen=True,
+    tag_field="piece",
+    tag="include",
+    forbid_unknown_fields=True,
+    omit_defaults=True,
+):
+    """From here to the end mark stands what an `<include>` brings in.
+    Version 1 kept its attributes alone."""
+
+    was: str = ""
+    attributes: dict[str, str] = {}
+
+
+class EndMark(
+    msgspec.Struct, frozen=True, tag_field="piece", tag="end", forbid_unknown_fields=True
+):
+    """The end of what an `<include>` brings in."""
+
+
+Mark: TypeAlias = (
+    AppendageMark
+    | SectionMark
+    | SensorMark
+    | ModelMark
+    | CompilerMark
+    | KeyMark
+    | PathMark
+    | OpenedMark
+    | IncludeMark
+    | EndMark
+)
+
+
+# -- write -----------------------------------------------------------------------------------------
+def mark_comment(mark: msgspec.Struct) -> str:
+    """The comment that stands before a piece."""
+    # no "--" inside a comment, nothing that a parser would normalise
+    text = json.dumps(msgspec.to_builtins(mark)).replace("--", "-\\u002d")
+    return f"<!-- {SIGN} {text} -->"
+
+
+def append_marked(craft: Craft, parent: Element, pieces: Sequence[tuple[Put, Element]]) -> Edit:
+    """Put marked elements at the end of `parent`."""
+    node = craft.node(parent)
+    indent = craft.indent_inside(node)
+    gap = craft.gap(node)
+    if not node.self_closing and "\n" not in gap:
+        first = msgspec.structs.replace(pieces[0][0], before=gap)
+        pieces = [(first, pieces[0][1]), *pieces[1:]]
+    blocks: list[str] = []
+    for mark, element in pieces:
+        blocks += [mark_comment(mark), craft.block(element, indent)]
+    edit = craft.append(parent, blocks)
+    if not node.self_closing:
+        return edit
+    opened = mark_comment(OpenedMark(was=craft.start_tag(parent)))
+    return edit._replace(text=opened + craft.newline + craft.indent(node) + edit.text)
+
+
+def change_marked(
+    craft: Craft, element: Element, mark: type[Changed], changes: dict[str, str]
+) -> Edit:
+    """Change attributes of the user's element; a mark before it keeps the start tag as it was."""
+    edit = craft.change(element, changes)
+    node = craft.node(element)
+    comment = mark_comment(mark(was=craft.start_tag(element)))
+    return edit._replace(text=comment + craft.newline + craft.indent(node) + edit.text)
+
+
+def replace_include(craft: Craft, include: Include) -> Edit:
+    """Put what an included file holds where its `<include>` stands, between two marks."""
+    node = craft.node(include.element)
+    first = mark_comment(IncludeMark(was=craft.source(node.start, node.end)))
+    last = mark_comment(EndMark())
+    return Edit(node.start, node.end, first + inner_text(include.content) + last)
+
+
+# -- read ------------------------------------------------------------------------------------------
+def _read_mark(craft: Craft, node: Node) -> Mark | None:
+    """What a comment says, or None where it is not one of ours; a damaged one is refused."""
+    if node.tag is not None:
+        return None
+    text = craft.source(node.start + 4, node.end - 3).strip()
+    if not text.startswith(SIGN):
+        return None
+    try:
+        return msgspec.json.decode(text[len(SIGN) :], type=Mark)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise InputError(
+            f"{_line_number(craft, node)}: a `{SIGN}` comment was changed by hand ({error}); "
+            "restore the file from before, or remove the appendage's elements and their comments "
+            "by hand."
+        ) from None
+
+
+def _line_number(craft: Craft, node: Node) -> str:
+    lines = craft.content.count(b"\n", 0, node.start)
+    return f"line {lines + 1}"
+
+
+def marks(craft: Craft) -> Iterator[tuple[Node, Mark]]:
+    """All marks of a document, in order."""
+    for node in craft.outline:
+        mark = _read_mark(craft, node)
+        if mark is not None:
+            yield node, mark
+
+
+def appendage_marks(craft: Craft) -> list[AppendageMark]:
+    """What the marks say of each appendage in the document."""
+    return [mark for _, mark in marks(craft) if isinstance(mark, AppendageMark)]
+
+
+# -- take out --------------------------------------------------------------------------------------
+def remove_marked_changes(craft: Craft) -> Craft:
+    """The document before every marked change; refused where a mark was damaged,
+    or what it stands before is gone."""
+    edits: list[Edit] = []
+    done = 0  # what stands before this place is dealt with
+    # of pieces put in side by side: where it ends, the blanks before it
+    run: tuple[int, str | None] | None = None
+    for node, mark in marks(craft):
+        if node.start < done or isinstance(mark, EndMark):
+            continue
+        if isinstance(mark, IncludeMark):
+            end = _end_of_include(craft, node).end
+            edits.append(Edit(node.start, end, mark.was or _start_tag_of_include(mark)))
+            done = end
+            continue
+        following = _node_behind(craft, node, mark)
+        include = _read_mark(craft, following)
+        if isinstance(include, IncludeMark) and isinstance(mark, Changed):
+            # its path was changed, then it was put in place
+            end = _end_of_include(craft, following).end
+            tag, rest = split_start_tag(include.was or _start_tag_of_include(include))
+            original = mark.was or change_start_tag(tag, mark.old)
+            edits.append(Edit(node.start, end, original + rest))
+            done = end
+        elif isinstance(mark, Put):
+            start = len(craft.content[: node.start].rstrip(BLANK))
+            if run is not None and run[0] != start:
+                edits.append(_restore_gap(craft, *run))
+                run = None
+            if run is None and not isinstance(mark.before, UnsetType):
+                run = following.end, mark.before
+            elif run is not None:
+                run = following.end, run[1]
+            edits.append(Edit(start, following.end, ""))
+            done = following.end
+        elif isinstance(mark, OpenedMark) and _only_pieces(craft, following):
+            edits.append(Edit(node.start, following.end, mark.was))
+            done = following.end
+        elif isinstance(mark, OpenedMark):
+            # the user has put something of his own beside the appendage
+            edits.append(Edit(node.start, following.start, ""))
+        else:
+            tag = craft.source(following.start, following.inner)
+            original = mark.was or change_start_tag(tag, mark.old)
+            edits.append(Edit(node.start, following.inner, original))
+    if run is not None:
+        edits.append(_restore_gap(craft, *run))
+    return craft.edit(edits)
+
+
+def _restore_gap(craft: Craft, end: int, before: str | None) -> Edit:
+    """Put back the blanks from `end` on as they were before anything was put in."""
+    rest = craft.content[end:]
+    blanks = len(rest) - len(rest.lstrip(BLANK))
+    return Edit(end, end + blanks, before or "")
+
+
+def _node_behind(craft: Craft, node: Node, mark: Mark) -> Node:
+    """The element that a mark stands before, or the mark of an include that was put in place."""
+    if node.parent is not None:
+        siblings = node.parent.children
+    else:
+        siblings = [other for other in craft.outline if other.parent is None]
+    place = siblings.index(node) + 1
+    if place < len(siblings):
+        following = siblings[place]
+        is_next = not craft.content[node.end : following.start].strip(BLANK)
+        is_piece = following.tag or isinstance(_read_mark(craft, following), IncludeMark)
+        if is_next and is_piece:
+            return following
+    kind = msgspec.to_builtins(mark)["piece"]
+    raise InputError(
+        f"{_line_number(craft, node)}: nothing stands behind the `{SIGN}` comment of a {kind}; "
+        "restore the file from before, or remove the comment by hand."
+    )
+
+
+def _only_pieces(craft: Craft, node: Node) -> bool:
+    """Whether a node holds nothing but elements that were put in, and their marks."""
+    comments = node.children[::2]
+    elements = node.children[1::2]
+    if len(comments) != len(elements) or not all(element.tag for element in elements):
+        # a damaged mark is refused nevertheless
+        for comment in comments:
+            _read_mark(craft, comment)
+        return False
+    are_marks = all(isinstance(_read_mark(craft, comment), Put) for comment in comments)
+    starts = [node.inner, *(child.end for child in node.children)]
+    stops = [*(child.start for child in node.children), node.close]
+    gaps = [craft.content[start:stop] for start, stop in zip(starts, stops, strict=True)]
+    return are_marks and not any(gap.strip(BLANK) for gap in gaps)
+
+
+def _end_of_include(craft: Craft, first: Node) -> Node:
+    depth = 0
+    for node, mark in marks(craft):
+        if node.start < first.start or node.parent is not first.parent:
+            continue
+        if isinstance(mark, IncludeMark):
+            depth += 1
+        elif isinstance(mark, EndMark):
+            depth -= 1
+        if depth == 0:
+            return node
+    raise InputError(
+        f"{_line_number(craft, first)}: the `{SIGN}` comment that ends an include is gone; restore "
+        "the file."
+    )
+
+
+def _start_tag_of_include(mark: IncludeMark) -> str:
+    return change_start_tag("<include/>", dict(mark.attributes))

@@ -1,0 +1,89 @@
+"""How reports write numbers: plain text, which a terminal shows, and its typography on pages."""
+
+import math
+import re
+from collections.abc import Callable, Iterable
+from typing import Any
+
+Format = Callable[[Any], str]
+
+ROUNDING = 1e-9  # damping ratio that computing alone makes
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_POWER_OF_TEN = re.compile(r"(-?\d\.\d)e([-+]\d+)")
+
+
+def digits(count: int) -> Format:
+    """The format with so many significant digits, and no minus before a zero."""
+
+    def text(value: float) -> str:
+        return f"{value + 0.0:.{count}g}"
+
+    return text
+
+
+number = digits(6)  #: frequencies, masses, lengths, stiffnesses
+
+
+def whole(value: int) -> str:
+    """A count, or the number of a mode."""
+    return str(int(value))
+
+
+def vector(values: Iterable[float]) -> str:
+    """Five digits each."""
+    return ", ".join(f"{value:.5g}" for value in values)
+
+
+def short(value: float) -> str:
+    """Three digits without an exponent where that reads well."""
+    return f"{float(f'{value:.3g}'):.15g}" if 1e-4 <= abs(value) < 1e5 else f"{value:.3g}"
+
+
+def damping_ratio(value: float) -> str:
+    """Four digits; below 1e-9 it is rounding, and NaN is that of a step that is unstable."""
+    if math.isnan(value):
+        return "unstable"
+    return "0" if abs(value) < ROUNDING else f"{value:.4g}"
+
+
+def step_text(value: float) -> str:
+    """A time step [s], or that there is no limit."""
+    return "no limit" if math.isinf(value) else f"{value:.4g}"
+
+
+def relative(value: float) -> str:
+    """A relative error: per cent where it is not tiny, else a power of ten."""
+    size = abs(value)
+    if size == 0.0:
+        return "0"
+    if not 1e-4 <= size < 100.0:
+        return f"{value:.1e}"
+    if size >= 9.995:
+        return f"{100.0 * value:.0f} %"
+    significant = 2 if size < 0.095 else 3
+    return f"{100.0 * value:.{significant}g} %"
+
+
+def typeset(text: str) -> str:
+    """The text of a number as pages show it: a power of ten as such, and all on one line."""
+    power = _POWER_OF_TEN.fullmatch(text)
+    if power is None:
+        return f"{text[:-2]}\u00a0%" if text.endswith(" %") else text
+    mantissa, exponent = power.groups()
+    return f"{mantissa}\u00a0×\u00a010{superscript(int(exponent))}"
+
+
+def superscript(exponent: int) -> str:
+    """An exponent as it stands above the line."""
+    return str(exponent).translate(_SUPERSCRIPT)
+
+
+def typeset_unit(unit: str) -> str:
+    """A unit as pages show it, with its squares as such."""
+    return unit.replace("^2", "²")
+
+
+def percent(value: float) -> str:
+    """A relative error in a sentence of a page."""
+    return typeset(relative(value))

@@ -1,0 +1,207 @@
+"""The page of `fit`: what was asked, what came out, how far it is from the beam."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from beamchain.fitting.hub import assumed_hub, port_hub_mass
+from beamchain.ports.compare import in_band_error, keeps_tolerance
+from beamchain.report import plots
+from beamchain.report.curves import CLASSICAL, beam_model, count, rival_chains, rival_model
+from beamchain.report.formats import number, percent, short, vector
+from beamchain.report.page import Verdict, page_text
+from beamchain.report.shapes import all_shapes
+from beamchain.report.svg import to_svg
+from beamchain.report.tables import fit as tables
+from beamchain.report.tables.steps import step_table
+from beamchain.structure.beam import Beam
+
+if TYPE_CHECKING:
+    from beamchain.fitting.options import Damping
+    from beamchain.fitting.result import Fit
+
+TARGETS = {
+    "clamped": "clamped: the first cantilever modes, the better the heavier the hub",
+    "free": "free: the first modes with nothing attached (the 2008 paper's)",
+    "hub": "hub: the first modes of hub and appendage together",
+    "auto": "auto: whichever needs fewest modes",
+}
+
+
+def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
+    """The text of report.html, and that of the SVG files to stand beside it, by name."""
+    figures = {f"accelerance_{port}": plots.accelerance_figure(fit, port) for port in fit.target}
+    figures |= {f"error_{port}": plots.error_figure(fit, port) for port in fit.target}
+    pictures = {f"{name}.svg": to_svg(figure, name) for name, figure in figures.items()}
+    pictures["chain.svg"] = to_svg(plots.chain_figure(fit), "chain")
+    rivals = rival_errors(fit)
+    imported = None if fit.space is None else tables.imported_table(fit.space.data)
+    page = page_text(
+        "report.html",
+        name=fit.spec.name,
+        verdict=_verdict(fit, rivals),
+        fit=fit,
+        pictures=pictures,
+        asked=_asked(fit),
+        imported=imported,
+        mode_tables={port: tables.port_table(fit, port) for port in fit.target},
+        port_note=tables.port_note,
+        drawn_shapes=all_shapes(fit),
+        in_band=tables.in_band_table(fit, rivals),
+        model_errors=[tables.model_error_table(fit, port) for port in fit.target],
+        masses=tables.mass_table(fit),
+        links=tables.link_table(fit),
+        hinges=tables.hinge_table(fit),
+        tendons=tables.tendon_table(fit),
+        steps=step_table(fit.written_limits),
+        bench=fit.measured.linearisation,
+        bench_modes=tables.bench_table(fit),
+        left_out=tables.left_out_table(fit.left_out),
+    )
+    return page, pictures
+
+
+# -- the sentence at the head ----------------------------------------------------------------------
+def _kept(fit: "Fit") -> str:
+    """`first 2 modes in xy and 1 in torsion`."""
+    (port, modes), *more = [(port, tables.kept_count(fit, port)) for port in fit.target]
+    first = f"first {'mode' if modes == 1 else f'{modes} modes'} in {port}"
+    parts = [first, *(f"{n} in {other}" for other, n in more)]
+    return first if not more else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+RivalErrors = dict[str, dict[str, float]]
+
+
+def rival_errors(fit: "Fit") -> RivalErrors:
+    """Per port and rival its in-band error, computed as the chain's own."""
+    out: RivalErrors = {}
+    for port in fit.target:
+        beam = beam_model(fit, port)
+        hub = None if fit.hub_mass is None else port_hub_mass(fit.hub_mass, port)
+        out[port] = {
+            label: in_band_error(rival_model(fit, port, chain), beam, hub, fit.bandwidth[port])
+            for label, chain in rival_chains(fit, port).items()
+        }
+    return out
+
+
+def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
+    """What to tell somebody who reads one sentence."""
+    scene = fit.spec.scene
+    promised: tuple[float, float] | None = None
+    if fit.promise is not None and scene is not None and scene.bandwidth is not None:
+        promised = fit.promise, scene.bandwidth
+    less = "" if fit.status.ok else f"Less than was asked for: {fit.status.message.rstrip('.')}. "
+    if not fit.error:  # the scene needs no mode
+        text = "One rigid body stands for the appendage"
+        if promised:
+            error, band = promised
+            text += (
+                f": the motion of the hub is off by at most {percent(error)} up to "
+                f"{short(band)} rad/s"
+            )
+        return Verdict(fit.status.ok, f"{less}{text}.")
+    frequency = max(error.frequency for error in fit.error.values())
+    errors = {port: error.accelerance_in_band or 0.0 for port, error in fit.error.items()}
+    worst = max(errors, key=lambda port: errors[port])
+    links = sum(link.mass > 0.0 for link in fit.chain.links)
+    what = (
+        f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for "
+        "the "
+        f"beam's {_kept(fit)}"
+    )
+    if fit.space is not None:
+        what = what.replace("the beam's", "the imported modes:")
+    hub = (
+        "the hub of the spec"
+        if fit.hub_mass is not None
+        else "a hub of 0.1, 1 or 10 times the appendage's mass"
+    )
+    error, band = promised or (errors[worst], fit.bandwidth[worst])
+    text = (
+        f"{what}: the motion of {hub} is off by at most {percent(error)} up to {short(band)} rad/s"
+    )
+    classical = None if promised else rivals[worst].get(CLASSICAL)
+    if classical is not None:
+        text += f" (classical chain with as many hinges: {percent(classical)})"
+    missed = scene is not None and not keeps_tolerance(error, scene.tolerance)
+    if scene is not None and missed:
+        text += f", more than the tolerance of {percent(scene.tolerance)} less its margin of 1 %"
+    if (tip := fit.tip_told) is not None:
+        text += f"; {tip}"
+    text += (
+        f". Read back through MuJoCo the kept frequencies are within {percent(frequency)} of "
+        "what was asked for"
+    )
+    return Verdict(fit.status.ok and not missed, f"{less}{text}.")
+
+
+# -- what was asked --------------------------------------------------------------------------------
+def _asked(fit: "Fit") -> list[tuple[str, str]]:
+    """The specification in words, line by line."""
+    spec = fit.spec
+    mass = fit.mass_line.rigid_mass()[0, 0]
+    size = f"{short(fit.mass_line.length)} m long, {short(mass)} kg"
+    bands = (f"{port} up to {number(band)} rad/s" for port, band in fit.bandwidth.items())
+    lines = [
+        ("appendage", f"{size}: {_carried(fit)}"),
+        ("modes to keep", _asked_modes(fit)),
+        ("target", TARGETS[fit.kept_for]),
+        ("hub", _hub(fit)),
+        ("band", "; ".join(bands)),
+    ]
+    if spec.damping is not None:
+        lines.append(("damping", _damping(spec.damping)))
+    if spec.payload is not None:
+        payload = f"{short(spec.payload.mass)} kg at the tip, attached by the scene"
+        lines.append(("payload", payload))
+    if (scene := spec.scene) is not None:
+        timing = f"{scene.integrator}, step {scene.step:g} s, tolerance {scene.tolerance:g}"
+        lines.append(("scene", timing))
+    return lines
+
+
+def _hub(fit: "Fit") -> str:
+    hub = fit.spec.root.hub
+    if hub is None:
+        return assumed_hub(fit.mass_line)
+    text = f"{short(hub.mass)} kg, inertia {vector(hub.inertia)} kg m² about its centre"
+    return f"{text}, root at {vector(hub.offset)} m from it" if any(hub.offset) else text
+
+
+def _damping(damping: "Damping") -> str:
+    ratio = damping.ratio
+    if isinstance(ratio, Mapping):
+        ratios = "; ".join(f"{port} {vector(values)}" for port, values in ratio.items())
+    else:
+        ratios = f"{ratio:g}"
+    form = "a tendon per mode" if damping.form == "modal" else "plain joint damping"
+    return f"ratio {ratios}, as {form}"
+
+
+def _carried(fit: "Fit") -> str:
+    """What the appendage is made of."""
+    beam = fit.mass_line
+    imported = fit.spec.imported
+    if not isinstance(beam, Beam):
+        return f"imported from {imported.file}" if imported is not None else "imported"
+    parts = (
+        ("segment", beam.segments),
+        ("compliant joint", beam.joints),
+        ("lumped body", beam.lumps),
+    )
+    return ", ".join(
+        count(len(those), what).replace("bodys", "bodies") for what, those in parts if those
+    )
+
+
+def _asked_modes(fit: "Fit") -> str:
+    """The modes that the spec asks for."""
+    given = (
+        fit.spec.kept if fit.choice is None or fit.spec.modes is None else fit.spec.modes.given()
+    )
+    counts = ", ".join(f"{n} in {port}" for port, n in given.items())
+    if fit.choice is None:
+        return counts or "as imported"
+    chosen = "as few as the scene needs"
+    return f"{chosen}; {counts} as given" if fit.spec.modes is not None and given else chosen

@@ -1,0 +1,74 @@
+"""The page of `stability`: steps that hold, and how far a chain may be driven."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from beamchain.fitting.spec import read_spec
+from beamchain.fitting.spec_text import spec_toml
+from beamchain.report import study_plots
+from beamchain.report.formats import number, percent, short
+from beamchain.report.page import Verdict, page_text
+from beamchain.report.svg import to_svg
+from beamchain.report.tables import stability as tables
+from beamchain.report.tables.steps import step_table
+
+if TYPE_CHECKING:
+    from beamchain.studies.stability import StabilityStudy
+
+AGREE = 0.01  # predicted and measured limits; the command's own bound
+
+
+def stability_report(study: "StabilityStudy", source: Path) -> str:
+    """The text of the page; `source` is the SPEC.toml or MODEL.xml."""
+    drawn: dict[str, str] = {}
+    for i, limits in enumerate(study.budgets):
+        rows = [row for row in study.rows if row.name == limits.name]
+        drawn[f"steps{i}"] = to_svg(study_plots.steps_figure(limits, rows), f"steps{i}")
+        drawn[f"damping{i}"] = to_svg(study_plots.damping_figure(limits), f"damping{i}")
+    return page_text(
+        "stability.html",
+        name=source.stem,
+        verdict=_steps_hold(study),
+        study=study,
+        source=source,
+        asked=_asked(study, source),
+        limits=tables.limit_table(study),
+        models=[
+            (limits, step_table(limits, limits.name), tables.damping_table(limits))
+            for limits in study.budgets
+        ],
+        large_motion=tables.large_motion_table(study),
+        drawn=drawn,
+        names={limits.name.split()[0] for limits in study.budgets if limits.name},
+        spec="" if source.suffix.lower() == ".xml" else spec_toml(read_spec(source)),
+    )
+
+
+def _asked(study: "StabilityStudy", source: Path) -> list[tuple[str, str]]:
+    """The file, and the modes of every model made of it."""
+    lines = [("file", source.name)]
+    for limits in study.budgets:
+        first = number(limits.frequencies[0])
+        last = number(limits.frequencies[-1])
+        lines.append((limits.name, f"{limits.frequencies.size} modes, {first} to {last} rad/s"))
+    return lines
+
+
+def _steps_hold(study: "StabilityStudy") -> Verdict:
+    limits = study.budgets[0]
+    largest = {k: v for k, v in limits.largest_step.items() if math.isfinite(v)}
+    safest = min(largest, key=lambda name: largest[name])
+    text = (
+        f"{study.own_step.rstrip('.')}; every integrator is stable up to a step of "
+        f"{short(largest[safest])} s"
+    )
+    others = [
+        f"{name} up to {short(v)} s"
+        for name, v in largest.items()
+        if v > 1.05 * largest[safest] and name == "RK4"
+    ]
+    text += f" ({', '.join(others)})" if others else ""
+    worst = max((abs(row.difference) for row in study.rows), default=0.0)
+    text += f"; simulations agree with the prediction within {percent(worst)}."
+    return Verdict(worst <= AGREE and not study.warnings, text)

@@ -1,0 +1,100 @@
+"""A table of a result: title, columns with units and formats, notes.
+
+What a result says in numbers is said in one such table. Terminal, notebooks and pages show its
+texts, JSON holds its values; no other place formats them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from beamchain.report.formats import Format
+
+Place = Literal["everywhere", "page", "brief", "record"]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Args:
+        name: what the values are.
+        values: one per row; None where a row has none.
+        unit: of the values; empty where they have none.
+        format: makes the text of a value; `str` for words.
+        missing: the text of None.
+        key: name of the values in JSON; empty where they are not recorded.
+        place: where the column is shown: everywhere, on pages only, in brief tables only (of the
+            terminal and of notebooks), or nowhere but in the record.
+    """
+
+    name: str
+    values: Sequence[Any]
+    unit: str = ""
+    format: Format = str
+    missing: str = ""
+    key: str = ""
+    place: Place = "everywhere"
+
+    @property
+    def head(self) -> str:
+        """Name and unit."""
+        return f"{self.name}, {self.unit}" if self.unit else self.name
+
+    @property
+    def holds_words(self) -> bool:
+        """Whether the cells are words, which stand on the left."""
+        return self.format is str
+
+    @property
+    def texts(self) -> list[str]:
+        """The cells from top to bottom."""
+        return [self.missing if value is None else self.format(value) for value in self.values]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of equal length below a title and above notes.
+
+    Args:
+        title: what the table holds; empty where a heading says so.
+        columns: the first names the row.
+        notes: sentences to read the table with.
+    """
+
+    title: str
+    columns: tuple[Column, ...]
+    notes: tuple[str, ...] = ()
+
+    def __bool__(self) -> bool:
+        """Whether there are rows."""
+        return any(column.values for column in self.columns)
+
+    @property
+    def head(self) -> list[str]:
+        """Name and unit of every column."""
+        return [column.head for column in self.columns]
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """The cells, row by row."""
+        return list(zip(*(column.texts for column in self.columns), strict=True))
+
+    def brief(self) -> "Table":
+        """The table as the terminal and notebooks show it."""
+        return self._shown_in("brief")
+
+    def page(self) -> "Table":
+        """The table as pages show it."""
+        return self._shown_in("page")
+
+    def records(self) -> list[dict[str, Any]]:
+        """The values of every row by the keys of the columns, for JSON."""
+        recorded = [column for column in self.columns if column.key]
+        keys = [column.key for column in recorded]
+        rows = zip(*(column.values for column in recorded), strict=True)
+        return [dict(zip(keys, row, strict=True)) for row in rows]
+
+    def _shown_in(self, place: Place) -> "Table":
+        shown = (c for c in self.columns if c.place in ("everywhere", place))
+        return replace(self, columns=tuple(shown))

@@ -1,0 +1,122 @@
+"""The tables of a spacecraft with its appendages: what hangs where, and the coupled modes."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from beamchain.report.formats import digits, number, relative, short, whole
+from beamchain.report.table import Column, Table
+from beamchain.report.tables.fit import kept_count
+from beamchain.report.tables.steps import Limits, step_table
+
+if TYPE_CHECKING:
+    from beamchain.craft.appendage import Appendage
+    from beamchain.craft.assembly import Assembly, Mode
+    from beamchain.craft.embedded import Embedded
+
+coupled_frequency = digits(8)  # shows differences that the proof resolves
+
+
+def appendage_table(embedded: "Embedded") -> Table:
+    """Where every appendage is, what it hangs on, and what it keeps."""
+    appendages = embedded.appendages
+    columns = (
+        Column("at", [a.at for a in appendages]),
+        Column("prefix", [a.prefix for a in appendages], place="brief"),
+        Column("appendage", [_size(a) for a in appendages], place="page"),
+        Column("modes kept", [_modes_kept(a) for a in appendages], place="page"),
+        Column("target", [a.fit.kept_for for a in appendages]),
+        Column("rigidly behind its root", [a.hub.mass for a in appendages], "kg", number),
+        Column("on", [_joints(a) for a in appendages]),
+        Column("status", [_status(a) for a in appendages], place="page"),
+    )
+    return Table("Appendages", columns)
+
+
+def _size(appendage: "Appendage") -> str:
+    fit = appendage.fit
+    mass = fit.measured.rigid_mass[0, 0]
+    return f"{fit.spec.name}: {short(fit.mass_line.length)} m, {short(mass)} kg"
+
+
+def _modes_kept(appendage: "Appendage") -> str:
+    fit = appendage.fit
+    return ", ".join(f"{kept_count(fit, port)} in {port}" for port in fit.target) or "as imported"
+
+
+def _joints(appendage: "Appendage") -> str:
+    joints = ", ".join(joint.words for joint in appendage.mount.joints)
+    return joints or "nothing that moves"
+
+
+def _status(appendage: "Appendage") -> str:
+    status = appendage.fit.status
+    return "as asked" if status.ok else status.message
+
+
+def _frequency_columns(modes: "Sequence[Mode]") -> tuple[Column, ...]:
+    """Exact and MuJoCo's frequencies and their difference."""
+    exact = [mode.exact for mode in modes]
+    hertz = [None if mode.exact is None else mode.exact / math.tau for mode in modes]
+    through_mujoco = [mode.mujoco for mode in modes]
+    errors = [mode.error for mode in modes]
+    return (
+        Column("mode", range(1, len(modes) + 1), format=whole),
+        Column("exact", exact, "rad/s", coupled_frequency, missing="-", key="exact"),
+        Column("exact", hertz, "Hz", digits(5), missing="-", place="page"),
+        Column(
+            "MuJoCo", through_mujoco, "rad/s", coupled_frequency, missing="left out", key="mujoco"
+        ),
+        Column("difference", errors, format=relative, key="error"),
+    )
+
+
+def coupled_table(assembly: "Assembly") -> Table:
+    """The coupled modes of the whole spacecraft, exact and through MuJoCo."""
+    modes = assembly.modes
+    columns = (
+        *_frequency_columns(modes),
+        Column("kept", [kept_word(assembly, mode) for mode in modes]),
+        Column("kept", [mode.kept for mode in modes], key="kept", place="record"),
+        Column("what moves", [mode.words for mode in modes], key="moving"),
+    )
+    return Table("Coupled modes of the whole spacecraft", columns)
+
+
+def keyframe_table(modes: "Sequence[Mode]", key: str) -> Table:
+    """The coupled modes at a keyframe."""
+    return Table(f"Coupled modes at keyframe {key}", _frequency_columns(modes))
+
+
+def kept_word(assembly: "Assembly", mode: "Mode") -> str:
+    """Whether a coupled mode is judged: yes, no, or kept but beyond the band."""
+    if mode in assembly.judged:
+        return "yes"
+    return "beyond the band" if mode.kept else "no"
+
+
+def file_step_table(limits: Limits, integrator: str, timestep: float, fastest: float) -> Table:
+    """The largest steps, and whether the file's own is stable; `fastest`: mode [rad/s]."""
+    table = step_table(limits)
+    state = "stable" if timestep < limits.largest_step[integrator] else "unstable: too large"
+    asked = f"the file's, step {timestep:g} s: {state}"
+    remarks = [asked if name == integrator else "" for name in limits.largest_step]
+    note = f"Of the whole file at rest; fastest mode {number(fastest)} rad/s."
+    return replace(table, columns=(*table.columns, Column("", remarks)), notes=(note,))
+
+
+def in_band_table(appendages: "Sequence[Appendage]") -> Table:
+    """Errors of equal appendages, each alone on the hub that its root feels."""
+    errors = [(a, port, error) for a in appendages for port, error in a.fit.error.items()]
+    columns = (
+        Column("at", [a.at for a, _, _ in errors]),
+        Column("port", [port for _, port, _ in errors]),
+        Column("band", [f"0 to {number(a.fit.bandwidth[port])}" for a, port, _ in errors], "rad/s"),
+        Column(
+            "in-band error",
+            [error.accelerance_in_band or 0.0 for _, _, error in errors],
+            format=relative,
+        ),
+    )
+    return Table("In-band error", columns)

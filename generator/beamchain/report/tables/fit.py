@@ -1,0 +1,386 @@
+"""The tables of a fit: kept modes, links, hinges, tendons, errors, what was left out."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from beamchain.fitting.hub import port_hub_mass
+from beamchain.report.curves import CHAIN, CLASSICAL
+from beamchain.report.formats import (
+    damping_ratio,
+    digits,
+    number,
+    relative,
+    step_text,
+    vector,
+    whole,
+)
+from beamchain.report.table import Column, Table
+
+if TYPE_CHECKING:
+    from beamchain.fitting.needs import LeftOut
+    from beamchain.fitting.result import Fit
+    from beamchain.ports.motions import Array
+    from beamchain.structure.modal_data import ModalData
+
+RivalErrors = Mapping[str, Mapping[str, float]]
+
+#: unit of a mode's participation in a port
+PARTICIPATION = {"torsion": "√(kg m²)", "axial": "√kg"}
+PLANE_PARTICIPATION = "force √kg, moment √kg m"
+
+
+@dataclass(frozen=True)
+class MatchedMode:
+    """A mode of the target and the chain's that stands for it.
+
+    Args:
+        port: whose mode it is.
+        number: among the modes of the target, from 1.
+        target_frequency, frequency: with the root held, asked for and through MuJoCo [rad/s].
+        frequency_error: relative.
+        free_frequency: with nothing attached [rad/s]; None where there is no such mode.
+        target_participation, participation: at the root.
+        participation_error: relative.
+        target_damping, damping: damping ratios.
+        tip_error: relative error of the tip's motion; None where it is not known.
+    """
+
+    port: str
+    number: int
+    target_frequency: float
+    frequency: float
+    frequency_error: float
+    free_frequency: float | None
+    target_participation: "Array"
+    participation: "Array"
+    participation_error: float
+    target_damping: float
+    damping: float
+    tip_error: float | None
+
+
+def kept_count(fit: "Fit", port: str) -> int:
+    """How many modes of a port were kept.
+
+    A target may hold static shapes of further points beside its modes.
+    """
+    modes = fit.target[port].modes
+    return min(modes, len(fit.error[port].matches)) if port in fit.error else modes
+
+
+def matched_modes(fit: "Fit", port: str) -> list[MatchedMode]:
+    """The matched modes of a port, slowest first."""
+    target = fit.target[port]
+    achieved = fit.achieved[port]
+    error = fit.error[port]
+    free = achieved.free_frequencies
+    tip = fit.tip_error.get(port, ())
+    modes = []
+    for match in np.argsort(error.matches[:, 1]):
+        i, j = (int(index) for index in error.matches[match])
+        mode = MatchedMode(
+            port=port,
+            number=j + 1,
+            target_frequency=float(target.frequencies[j]),
+            frequency=float(achieved.frequencies[i]),
+            frequency_error=float(error.frequency_errors[match]),
+            free_frequency=float(free[i]) if i < len(free) else None,
+            target_participation=target.participation[j],
+            participation=achieved.participation[i],
+            participation_error=float(error.participation_errors[match]),
+            target_damping=float(target.damping[j]),
+            damping=float(achieved.damping[i]),
+            tip_error=float(tip[j]) if j < len(tip) else None,
+        )
+        modes.append(mode)
+    return modes
+
+
+def mode_table(fit: "Fit", ports: Sequence[str], title: str) -> Table:
+    """Modes of ports: asked for, read back through MuJoCo, how far off."""
+    modes = [mode for port in ports if port in fit.error for mode in matched_modes(fit, port)]
+    ratios = any(mode.target_damping > 0.0 or mode.damping > 0.0 for mode in modes)
+    hertz = [mode.target_frequency / (2.0 * np.pi) for mode in modes]
+    columns = [
+        Column("port", [mode.port for mode in modes], place="brief"),
+        Column("mode", [mode.number for mode in modes], format=whole),
+        Column("target", [mode.target_frequency for mode in modes], "rad/s", number, place="page"),
+        Column("target", hertz, "Hz", number, place="page"),
+        Column("through MuJoCo", [mode.frequency for mode in modes], "rad/s", number),
+        Column("relative error", [mode.frequency_error for mode in modes], format=relative),
+        Column(
+            "nothing attached",
+            [mode.free_frequency for mode in modes],
+            "rad/s",
+            number,
+            missing="none",
+            place="brief",
+        ),
+        Column(
+            "participation, target",
+            [mode.target_participation for mode in modes],
+            format=vector,
+            place="page",
+        ),
+        Column(
+            "participation, through MuJoCo",
+            [mode.participation for mode in modes],
+            format=vector,
+            place="page",
+        ),
+        Column(
+            "relative error",
+            [mode.participation_error for mode in modes],
+            format=relative,
+            place="page",
+        ),
+    ]
+    if ratios:
+        asked = [mode.target_damping for mode in modes]
+        achieved = [mode.damping for mode in modes]
+        columns += [
+            Column("damping ratio, asked", asked, format=damping_ratio),
+            Column("damping ratio, through MuJoCo", achieved, format=damping_ratio),
+        ]
+    if any(mode.tip_error is not None for mode in modes):
+        tip_errors = [mode.tip_error for mode in modes]
+        columns.append(
+            Column("tip motion, relative error", tip_errors, format=relative, place="page")
+        )
+    return Table(title, tuple(columns))
+
+
+def port_table(fit: "Fit", port: str) -> Table:
+    """The modes of one port."""
+    return mode_table(fit, [port], f"Port {port}")
+
+
+def port_note(fit: "Fit", port: str) -> str:
+    """How the modes of a port are to be read."""
+    unit = PARTICIPATION.get(port, PLANE_PARTICIPATION)
+    note = f"Cantilever modes, root held. Participation in {unit}."
+    if fit.kept_for in ("free", "hub"):
+        note += (
+            " The target keeps other modes exactly (next section); its own cantilever modes "
+            "differ from the beam's."
+        )
+    return note
+
+
+def link_table(fit: "Fit") -> Table:
+    """The rigid links of the chain."""
+    links = fit.chain.links
+    columns = (
+        Column("link", range(1, len(links) + 1), format=whole),
+        Column("starts at x", [link.start for link in links], "m", number),
+        Column("length", [link.length for link in links], "m", number),
+        Column("mass", [link.mass for link in links], "kg", number),
+        Column("centre of mass x", [link.com for link in links], "m", number),
+        Column("inertia xx, yy, zz about it", [link.inertia for link in links], "kg m^2", vector),
+    )
+    return Table("Links", columns)
+
+
+def _stiffness_text(stiffness: float | None) -> str:
+    if stiffness is None:
+        return "rigid"
+    return number(stiffness) if stiffness else "free"
+
+
+def hinge_table(fit: "Fit") -> Table:
+    """The hinges of the chain with their springs and dampers, port by port."""
+    hinges = fit.chain.hinges
+    columns = [
+        Column("hinge", range(1, len(hinges) + 1), format=whole),
+        Column("x", [hinge.x for hinge in hinges], "m", number),
+    ]
+    for port in fit.chain.ports:
+        unit = "N/m" if port == "axial" else "N m/rad"
+        springs = [hinge.stiffness.get(port) for hinge in hinges]
+        stiffness = Column(f"stiffness {port}", springs, unit, _stiffness_text, missing="rigid")
+        columns.append(stiffness)
+    for port in fit.chain.ports:
+        dampers = [hinge.damping.get(port) for hinge in hinges]
+        if any(damper is not None for damper in dampers):
+            unit = "N s/m" if port == "axial" else "N m s/rad"
+            columns.append(Column(f"damping {port}", dampers, unit, number))
+    return Table("Hinges", tuple(columns))
+
+
+def tendon_table(fit: "Fit") -> Table:
+    """The tendons of the chain, one per mode."""
+    tendons = fit.chain.tendons
+    frequencies = [t.stiffness**0.5 if t.stiffness else None for t in tendons]
+    columns = (
+        Column("tendon", [f"{fit.spec.name}_{tendon.label}" for tendon in tendons]),
+        Column("frequency", frequencies, "rad/s", number, missing="-"),
+        Column("damping", [tendon.damping for tendon in tendons], "1/s", number),
+        Column("armature", [tendon.armature for tendon in tendons], format=number),
+        Column(
+            "coefficients, by hinge",
+            [_coefficients(tendon.freedoms, tendon.coefficients) for tendon in tendons],
+            place="page",
+        ),
+    )
+    return Table("Tendons", columns)
+
+
+def _coefficients(freedoms: Iterable[tuple[int, str]], coefficients: "Array") -> str:
+    pairs = zip(freedoms, coefficients, strict=True)
+    return ", ".join(f"{hinge + 1} {port}: {value:.4g}" for (hinge, port), value in pairs)
+
+
+def in_band_table(fit: "Fit", rivals: RivalErrors) -> Table:
+    """Error of the hub's motion per port, of the chain and of the rivals (none in the terminal)."""
+    ports = list(fit.error)
+    columns = [
+        Column("port", ports),
+        Column("band", [f"0 to {number(fit.bandwidth[port])}" for port in ports], "rad/s"),
+        Column(
+            CHAIN,
+            [fit.error[port].accelerance_in_band or 0.0 for port in ports],
+            format=relative,
+        ),
+    ]
+    for label in dict.fromkeys(label for errors in rivals.values() for label in errors):
+        name = f"{label}, as many hinges" if label == CLASSICAL else label
+        errors = [rivals[port].get(label) for port in ports]
+        columns.append(Column(name, errors, format=relative, place="page"))
+    if fit.hub_mass is not None:
+        note = "On the hub of the spec."
+    else:
+        note = (
+            "No hub is given: the worst of three, 0.1, 1 and 10 times the appendage's rigid mass."
+        )
+    if fit.promise is not None:
+        note += " Each port by itself; what the scene asks of the hub counts all ports together."
+    return Table("In-band error", tuple(columns), (note,))
+
+
+def imported_table(data: "ModalData") -> Table:
+    """Imported modes about the port, and the port that each is counted to."""
+    frequencies = data.frequencies
+    motions = ("x", "y", "z", "rot. x", "rot. y", "rot. z")
+    shares = zip(motions, np.transpose(data.participation), strict=True)
+    columns = (
+        Column("mode", range(1, len(frequencies) + 1), format=whole),
+        Column("frequency", list(frequencies), "rad/s", number),
+        Column("frequency", list(frequencies / (2.0 * np.pi)), "Hz", number),
+        *(Column(motion, list(share), format=digits(5)) for motion, share in shares),
+        Column("port", data.belongs),
+        Column("outside it", list(data.leaks), format=relative),
+        Column("damping ratio", list(data.damping), format=damping_ratio),
+    )
+    return Table("Imported modes", columns)
+
+
+Comparison = tuple[str, float, float]  # what it is, of the beam, of the chain
+
+
+def _compared(title: str, what: str, rows: Sequence[Comparison], difference: str) -> Table:
+    differences = [_relative_difference(exact, chain) for _, exact, chain in rows]
+    columns = (
+        Column(what, [name for name, _, _ in rows]),
+        Column("beam", [exact for _, exact, _ in rows], format=number),
+        Column("chain, through MuJoCo", [chain for _, _, chain in rows], format=number),
+        Column(difference, differences, format=relative, missing="–"),
+    )
+    return Table(title, columns)
+
+
+def _relative_difference(exact: float, chain: float) -> float | None:
+    if exact:
+        return chain / exact - 1.0
+    return 0.0 if chain == exact else None
+
+
+def model_error_table(fit: "Fit", port: str) -> Table:
+    """Held, free and on the hub: frequencies of the beam and of the chain in continuous time."""
+    beam = fit.full[port]
+    chain = fit.achieved[port]
+    kept = min(fit.target[port].modes, chain.modes, chain.free_frequencies.size)
+    cases = [
+        ("root held", beam.frequencies, chain.frequencies),
+        ("nothing attached", beam.free_frequencies, chain.free_frequencies),
+    ]
+    if fit.hub_mass is not None:
+        hub = port_hub_mass(fit.hub_mass, port)
+        coupled_beam = beam.with_hub(hub).free_frequencies
+        coupled_chain = chain.with_hub(hub).free_frequencies
+        cases.append(("on the hub", coupled_beam, coupled_chain))
+    rows = [
+        (f"{name}, mode {k}", float(exact), float(achieved))
+        for name, of_beam, of_chain in cases
+        for k, (exact, achieved) in enumerate(
+            zip(of_beam[:kept], of_chain[:kept], strict=False), start=1
+        )
+    ]
+    return _compared(f"Model error in {port}", "frequencies, rad/s", rows, "model error")
+
+
+def mass_record(rigid: "Array") -> dict[str, Any]:
+    """Mass, centre and inertia about the port from a `(6, 6)` mass matrix."""
+    m = float(rigid[0, 0])
+    com = [(rigid[1, 5] - rigid[2, 4]) / 2.0 / m, -rigid[0, 5] / m, rigid[0, 4] / m]
+    return {"mass": m, "com": com, "inertia": rigid[3:, 3:]}
+
+
+def mass_table(fit: "Fit") -> Table:
+    """Mass, centre and inertia about the root, of the beam and of the chain."""
+    beam = mass_record(fit.mass_line.rigid_mass())
+    chain = mass_record(fit.measured.rigid_mass)
+    rows = [("mass, kg", beam["mass"], chain["mass"])]
+    for axis, exact, achieved in zip("xyz", beam["com"], chain["com"], strict=True):
+        rows.append((f"centre of mass {axis}, m", exact, achieved))
+    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+        exact = float(beam["inertia"][i, j])
+        achieved = float(chain["inertia"][i, j])
+        if i == j or exact or achieved:
+            rows.append((f"inertia {'xyz'[i]}{'xyz'[j]}, kg m²", exact, achieved))
+    return _compared("Mass, centre, inertia", "", rows, "relative difference")
+
+
+def bench_table(fit: "Fit") -> Table:
+    """What the integrator makes of the modes on the bench; empty where not all oscillate."""
+    bench = fit.measured.linearisation
+    title = f"Integrator error: {bench.integrator} at a step of {bench.timestep:g} s"
+    continuous = bench.frequencies()
+    discrete, ratios = bench.discrete_frequencies()
+    if continuous.size != discrete.size:
+        return Table(title, ())
+    columns = (
+        Column("mode on the bench", range(1, continuous.size + 1), format=whole),
+        Column("continuous", list(continuous), "rad/s", number),
+        Column("at this step", list(discrete), "rad/s", number),
+        Column("integrator error", list(discrete / continuous - 1.0), format=relative),
+        Column("damping ratio at this step", list(ratios), format=damping_ratio),
+    )
+    return Table(title, columns)
+
+
+def left_out_table(items: "Sequence[LeftOut]") -> Table:
+    """What the model does without."""
+    columns = (
+        Column("left out", [item.what for item in items]),
+        Column("why", [item.why for item in items]),
+        Column("cost", [item.cost or None for item in items], format=relative, missing="nothing"),
+    )
+    note = (
+        "Cost: relative change of the hub's motion within the band that leaving it out alone makes."
+    )
+    return Table("Left out", columns, (note,))
+
+
+def kept_step_table(fit: "Fit") -> Table:
+    """The largest steps that keep the scene's tolerance."""
+    steps = fit.steps
+    columns = (
+        Column("integrator", [step.integrator for step in steps]),
+        Column("largest step", [step.step for step in steps], "s", step_text),
+        Column("bounded by", [step.bound for step in steps]),
+        Column("cost", [step.cost for step in steps], format="{:.2f}".format),
+    )
+    return Table("Steps that keep the tolerance", columns)

@@ -1,0 +1,195 @@
+"""The response at the step: positions of a body at the samples, per wrench held over each step,
+of a file and exactly.
+
+Both are scaled by `2 (z - 1)^2 / (h^2 (z + 1))`,
+with which the sampled rigid response is the rigid accelerance.
+
+Theory: docs/theory.md, section 5; the definition of the error: docs/time.md.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh, schur
+
+from beamchain.engine.linear import Linear
+from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST, grid_of, relative_error
+from beamchain.ports.motions import Array
+from beamchain.steps.integrators import Complex
+from beamchain.steps.step_map import GROWN, Motion
+
+FAR = 60.0  # times the band: exact modes beyond are gathered with their static response
+FASTEST = 2.6  # rad per step up to which the response is looked at
+LOOSE = 1e-12  # of the largest eigenvalue of the stiffness, or of the largest damping: rounding
+SEEN = 1e-4  # of the rigid response: peaks of modes beyond the band that are lower are not resolved
+BLOCK = 2000  # frequencies worked on at a time
+SHARPER = 3  # times that the neighbourhood of the largest error is looked at more closely
+POINTS = 21  # there
+
+Responder = Callable[[Complex], NDArray[np.complex128]]
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A sampled response `(k, m, m)` at `z - 1` `(k,)`,
+    and its poles `s` [1/s] with the size of their peaks."""
+
+    at: Responder
+    poles: Complex
+    peaks: Array
+
+
+def exact_response(exact: Linear, timestep: float) -> Response:
+    """The exact motion under a wrench held over each step, in closed form, mode by mode.
+
+    `exact`: pushed and looked at in the same motions of a body.
+    """
+    h = timestep
+    rows = exact.outputs.acceleration
+    squares, shapes = eigh(exact.stiffness, exact.mass)
+    rigid = squares <= LOOSE * np.max(squares, initial=1e-300)
+    damping = shapes.T @ exact.damping @ shapes
+    nothing = LOOSE * np.max(np.abs(damping), initial=1e-300)
+    values, turn = np.linalg.eigh(damping[np.ix_(rigid, rigid)])
+    drifting = turn[:, values <= nothing]
+    dragged = turn[:, values > nothing]
+    free = rows @ shapes[:, rigid] @ drifting
+    w = np.sqrt(squares[~rigid])
+    p = rows @ shapes[:, ~rigid]
+    loose = rows @ shapes[:, rigid] @ dragged  # motions that dampers hold, but no spring
+    n, m = w.size, loose.shape[1]
+    held = np.hstack([shapes[:, ~rigid], shapes[:, rigid] @ dragged])
+    # states (w y, y', rates of what is loose):
+    # they do not feel where the loose motions have come to
+    flow = np.zeros((2 * n + m, 2 * n + m))
+    flow[:n, n : 2 * n], flow[n : 2 * n, :n] = np.diag(w), -np.diag(w)
+    flow[n:, n:] = -held.T @ exact.damping @ held
+    poles, vectors = np.linalg.eig(flow)
+    poles, back = poles.astype(np.complex128), np.linalg.inv(vectors)
+    into = back[:, n:] @ np.vstack([p.T, loose.T])  # (poles, inputs)
+    of_modes = (p / w) @ vectors[:n]  # (outputs, poles)
+    of_loose = loose @ vectors[2 * n :]
+    turned = np.expm1(poles * h)
+    count = rows.shape[0]
+    # a pole's transfer 1/(s - a), and 1/(s (s - a)) of what is loose,
+    # for an input held over the step
+    weight = turned / poles
+    first = np.einsum("ik,kj->kij", of_modes + of_loose / poles, into) * weight[:, None, None]
+    second = -h * np.einsum("ik,kj->ij", of_loose / poles, into)
+    table = first.reshape(poles.size, count**2)
+    still = (free @ free.T).reshape(1, -1)
+
+    def at(step: Complex) -> NDArray[np.complex128]:
+        factor = (2.0 * step**2 / (h**2 * (step + 2.0)))[:, None]
+        summed = (1.0 / (step[:, None] - turned[None, :])) @ table + second.reshape(1, -1) / step[
+            :, None
+        ]
+        return (still + factor * summed).reshape(-1, count, count)
+
+    ends = np.where(np.abs(turned + 2.0) > 1e-3, np.abs(turned + 2.0), 1e-3)
+    gap = np.maximum(1.0 - np.exp(poles.real * h), 1e-12)
+    peaks = np.linalg.norm(first, axis=(1, 2)) / gap * 2.0 * np.abs(turned) ** 2 / (h**2 * ends)
+    return Response(at, poles, peaks)
+
+
+def step_response(motion: Motion, rows: Array) -> Response:
+    """What a compiled file does, stepped with the mean of this and the last wrench;
+    RK4 with the wrench itself.
+
+    `rows` `(m, nv)`: motion of the body.
+    """
+    h, n = motion.timestep, motion.squares.size
+    seen = rows @ motion.shapes
+    free = seen[:, : motion.loose]
+    mine = seen[:, motion.loose :]
+    pick = np.concatenate([np.arange(motion.loose, n), n + np.arange(motion.loose, n)])
+    triangle, turn = schur(motion.difference[np.ix_(pick, pick)], output="complex")
+    drive = np.conj(turn.T) @ motion.drive[np.ix_(pick, np.arange(motion.loose, n))] @ mine.T
+    out = np.hstack([mine, np.zeros_like(mine)]) @ turn
+    mean = motion.integrator != "RK4"
+    count = rows.shape[0]
+
+    def at(step: Complex) -> NDArray[np.complex128]:
+        solved = np.zeros((step.size, drive.shape[0], count), dtype=np.complex128)
+        # (z - 1) x - T x = b, from the last row upwards
+        for i in range(drive.shape[0] - 1, -1, -1):
+            right = drive[i] + np.einsum("j,kjm->km", triangle[i, i + 1 :], solved[:, i + 1 :])
+            solved[:, i] = right / (step - triangle[i, i])[:, None]
+        factor = 2.0 * step**2 / (h**2 * (step + 2.0))
+        if mean:
+            factor = factor * (step + 2.0) / (2.0 * (1.0 + step))
+        return free @ free.T + factor[:, None, None] * np.einsum("oi,kim->kom", out, solved)
+
+    shown = 1.0 + np.diag(triangle).astype(np.complex128)
+    poles = np.asarray(np.log(shown[np.abs(shown) > 1e-14]) / h, dtype=np.complex128)
+    return Response(at, poles, np.full(poles.size, np.inf))
+
+
+@dataclass(frozen=True)
+class SampledError:
+    """The in-band error of the response at the step,
+    and the frequency at which it is largest [rad/s]."""
+
+    error: float
+    frequency: float
+
+
+def off_by(error: float) -> str:
+    """How far a motion is off, in words."""
+    return f"by {error:.2e}" if np.isfinite(error) else "without bound, since the step is unstable"
+
+
+def sampled_error(
+    exact: Linear, motion: Motion, rows: Array, *, scale: Array, frozen: float, band: float
+) -> SampledError:
+    """The in-band error of a file at its own step, up to `band` [rad/s] and below 2.6 rad per step.
+
+    Infinite where the step is unstable.
+
+    `scale` `(m, m)`, `frozen`: what makes the accelerance dimensionless, and the norm of the
+    rigid one, as in the error in continuous time. Where a mode has no damping of its own, both
+    responses are taken at `z = exp((j + 0.005) w h)`, which is what 0.5 % of damping in every
+    mode does to them.
+    """
+    if motion.growth > 1.0 + GROWN:  # what grows has no response
+        return SampledError(float("inf"), 0.0)
+    h = motion.timestep
+    truth = exact_response(exact, h)
+    ours = step_response(motion, rows)
+    top = min(band, FASTEST / h)
+    moving = np.abs(truth.poles) > LOOSE * np.max(np.abs(truth.poles), initial=1e-300)
+    ratios = -truth.poles.real / np.maximum(np.abs(truth.poles), 1e-300)
+    shift = DEFAULT_RATIO if np.any(ratios[moving] < NARROWEST) else 0.0
+
+    def error(omega: Array) -> Array:
+        parts = []
+        for some in np.array_split(omega, max(1, -(-omega.size // BLOCK))):
+            step = np.expm1((1j + shift) * some * h)
+            parts.append(relative_error(ours.at(step) * scale, truth.at(step) * scale, frozen))
+        return np.concatenate(parts)
+
+    fast = truth.poles[truth.peaks * float(np.max(scale)) > SEEN * frozen]
+    turns = np.round(fast.imag * h / (2.0 * np.pi))
+    # where the samples show a mode that is faster than they are
+    aliases = fast - 2j * np.pi * turns / h
+    known = [_peaks(truth.poles, shift), _peaks(aliases, shift), _peaks(ours.poles, shift)]
+    omega = grid_of(known, top)
+    found = error(omega)
+    for _ in range(SHARPER):
+        k = int(np.argmax(found))
+        low = omega[max(k - 1, 0)]
+        high = omega[min(k + 1, omega.size - 1)]
+        more = np.linspace(low, high, POINTS)
+        omega, order = np.unique(np.concatenate([omega, more]), return_index=True)
+        found = np.concatenate([found, error(more)])[order]
+    k = int(np.argmax(found))
+    return SampledError(float(found[k]), float(omega[k]))
+
+
+def _peaks(poles: Complex, shift: float) -> Array:
+    """Frequency [rad/s] and ratio of the peaks of poles `(n,)` above the real axis."""
+    above = poles[(poles.imag >= 0.0) & (np.abs(poles) > 0.0)]
+    size = np.abs(above)
+    return np.column_stack([size, np.clip(-above.real / size, 0.0, 1.0) + shift])

@@ -1,0 +1,348 @@
+"""One step of a compiled file as a matrix, at a pose,
+and how far its poles are from those of exact motion.
+
+The matrices of motion are those of `engine.linear`. What the integrator makes of them is its own
+formula, which differences of `mj_step` confirm (tests/steps/test_time_error.py); the step of
+"discrete" is taken by such differences.
+
+Theory: docs/theory.md, section 5; the definition of the error: docs/time.md.
+"""
+
+import copy
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import eigh, solve_triangular
+from scipy.optimize import linear_sum_assignment
+
+from beamchain.engine.library import mujoco
+from beamchain.engine.linear import STENCIL, linear_at
+from beamchain.engine.linearise import NUMBERS
+from beamchain.engine.operating_point import rest_point, still_copy
+from beamchain.ports.motions import Array
+from beamchain.steps.integrators import PHASE, SCHEMES, Complex
+from beamchain.steps.modal import FILLER, modal_tendons
+
+# rad or m by which the step of "discrete" is differenced: it is not linear in the pose
+MOVED = 1e-3
+SLACK = 3e-14  # of the largest eigenvalue of the stiffness: below it, rounding
+UNDAMPED = 1e-12  # of the largest damping: below it, rounding
+GROWN = 1e-6  # by which |z| may exceed 1, or a damping ratio 0: rounding
+RIGID = 1e-5  # |s h| below which a pole is rigid motion
+EXACT = 1e-6  # error of a pole below which a file is called exact in time
+WRONG = 1e-3  # error of a pole above which a mode is called wrong
+MOSTLY = 0.5  # share of the strain energy that makes a mode one of those kept
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """`y'' + D y' + diag(squares) y = shapes^T f` of a compiled model at a pose, `q = shapes y`.
+
+    Args:
+        shapes: `(nv, nv)`; rigid motions that nothing damps come first.
+        squares: `(nv,)` eigenvalues of the stiffness [1/s^2]; 0: rigid.
+        damping: `(nv, nv)` all of it [1/s].
+        implicit: `(nv, nv)` the share of the damping that the integrator takes at
+            the end of the step.
+        loose: number of rigid motions that nothing damps.
+        timestep: [s].
+        integrator: MuJoCo's name.
+        difference: `(2 nv, 2 nv)` one step less the unit matrix, over the states (y, h y').
+        drive: `(2 nv, nv)` what a force on each y, held over the step, makes of the states.
+    """
+
+    shapes: Array
+    squares: Array
+    damping: Array
+    implicit: Array
+    loose: int
+    timestep: float
+    integrator: str
+    difference: Array
+    drive: Array
+
+    def flow(self) -> Array:
+        """`(2 nv, 2 nv)` of the continuous motion times the step, over the states (y, h y')."""
+        h = self.timestep
+        n = self.squares.size
+        return np.block(
+            [[np.zeros((n, n)), np.eye(n)], [-(h**2) * np.diag(self.squares), -h * self.damping]]
+        )
+
+    def continuous_poles(self) -> Complex:
+        """`(2 nv,)` poles times the step, `s h`."""
+        return self._poles(self.flow())
+
+    def step_poles(self) -> Complex:
+        """`(2 nv,)` poles of the step, less one."""
+        return self._poles(self.difference)
+
+    @property
+    def growth(self) -> float:
+        """The largest |z| of the step; above 1 it is unstable."""
+        return float(np.max(np.abs(1.0 + self.step_poles()), initial=0.0))
+
+    def _poles(self, matrix: Array) -> Complex:
+        # positions in units of the rates they go with
+        phase = self.timestep * np.sqrt(np.abs(self.squares))
+        scale = np.concatenate([np.where(phase > 0.0, phase, 1.0), np.ones(phase.size)])
+        return np.linalg.eigvals(scale[:, None] * matrix / scale).astype(np.complex128)
+
+
+def motion_at(model: "mujoco.MjModel", qpos: Array | None = None) -> Motion:
+    """The motion of a model about a pose, the initial one where left out, without gravity, medium,
+    contacts, constraints."""
+    still = still_copy(model)
+    point = rest_point(still, qpos)
+    linear = linear_at(point)
+    # M = L L^T, so that L^-1 K L^-T is symmetric
+    root = np.linalg.cholesky(linear.mass)
+    unrooted = solve_triangular(root, linear.stiffness, lower=True)
+    squares, turn = eigh(solve_triangular(root, unrooted.T, lower=True))
+    squares = np.where(
+        np.abs(squares) <= SLACK * np.max(np.abs(squares), initial=0.0), 0.0, squares
+    )
+    shapes = solve_triangular(root.T, turn, lower=False)
+    rigid = np.flatnonzero(squares == 0.0)
+    values, turned = np.linalg.eigh(shapes[:, rigid].T @ linear.damping @ shapes[:, rigid])
+    shapes[:, rigid] = shapes[:, rigid] @ turned
+    order = np.concatenate([rigid, np.flatnonzero(squares != 0.0)])
+    shapes = shapes[:, order]
+    squares = squares[order]
+    whole = shapes.T @ linear.damping @ shapes
+    loose = int(np.sum(values <= UNDAMPED * np.max(np.abs(whole), initial=1e-300)))
+    whole[:loose] = 0.0
+    whole[:, :loose] = 0.0
+    name = NUMBERS[int(still.opt.integrator)]
+    h = float(still.opt.timestep)
+    implicit = _implicit(still, name, whole, shapes)
+    if name == "discrete":
+        difference, drive = _differenced(still, point.qpos, shapes)
+    elif name == "RK4":
+        difference, drive = _runge_kutta(squares, whole, h)
+    else:
+        difference, drive = _semi_implicit(squares, whole, implicit, h)
+    return Motion(
+        shapes,
+        squares,
+        damping=whole,
+        implicit=implicit,
+        loose=loose,
+        timestep=h,
+        integrator=name,
+        difference=difference,
+        drive=drive,
+    )
+
+
+def _implicit(model: "mujoco.MjModel", integrator: str, damping: Array, shapes: Array) -> Array:
+    """The damping taken at the end of the step: all of it,
+    or under Euler that of joints unless it is switched off."""
+    if SCHEMES[integrator].implicit_damping:
+        return damping
+    off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    return np.zeros_like(damping) if off else shapes.T @ (model.dof_damping[:, None] * shapes)
+
+
+def _semi_implicit(
+    squares: Array, damping: Array, implicit: Array, h: float
+) -> tuple[Array, Array]:
+    """`(1 + h D_i) (v+ - v) = h (f - K y - D v)`, `y+ = y + h v+`."""
+    n = squares.size
+    left = np.eye(n) + h * implicit
+    solved = np.linalg.solve(
+        left, np.hstack([h**2 * np.diag(squares), h * damping, h**2 * np.eye(n)])
+    )
+    pull, lost, push = (np.asarray(part, dtype=np.float64) for part in np.split(solved, 3, axis=1))
+    difference = np.asarray(np.block([[-pull, np.eye(n) - lost], [-pull, -lost]]), dtype=np.float64)
+    return difference, np.vstack([push, push])
+
+
+def _runge_kutta(squares: Array, damping: Array, h: float) -> tuple[Array, Array]:
+    """RK4's exp(F) to fourth order, and its integral for a force that is held."""
+    n = squares.size
+    flow = np.block([[np.zeros((n, n)), np.eye(n)], [-(h**2) * np.diag(squares), -h * damping]])
+    mean = np.eye(2 * n)
+    for k in (4, 3, 2):
+        mean = np.eye(2 * n) + flow @ mean / k
+    return flow @ mean, mean[:, n:] * h**2
+
+
+def _differenced(model: "mujoco.MjModel", qpos: Array, shapes: Array) -> tuple[Array, Array]:
+    """The same by differences of `mj_step`."""
+    n = model.nv
+    h = float(model.opt.timestep)
+    data = mujoco.MjData(model)
+    back = np.linalg.inv(shapes)
+    size = MOVED / np.abs(shapes).max(axis=0)
+
+    def moved(position: Array, rate: Array, push: Array) -> Array:
+        mujoco.mj_resetData(model, data)
+        data.qpos[:] = qpos
+        mujoco.mj_integratePos(model, data.qpos, position, 1.0)
+        before = np.array(data.qpos)
+        along = np.zeros(n)
+        data.qvel[:], data.qfrc_applied[:] = rate, push
+        mujoco.mj_step(model, data)
+        mujoco.mj_differentiatePos(model, along, 1.0, before, data.qpos)
+        return np.concatenate([back @ along, h * (back @ (data.qvel - rate))])
+
+    nothing = np.zeros(n)
+    columns: list[Array] = []
+    for kind in range(3):
+        for i in range(n):
+            # a force of one on y alone is its row
+            push = size[i] * (shapes[:, i] if kind < 2 else back[i])
+            slope = np.zeros(2 * n)
+            for place, weight in STENCIL:
+                state = [nothing, nothing, nothing]
+                state[kind] = place * push / (1.0, h, h**2)[kind]
+                slope += weight / size[i] * moved(*state)
+            columns.append(slope * (1.0, 1.0, h**2)[kind])
+    table = np.array(columns).T
+    return table[:, : 2 * n], table[:, 2 * n :]
+
+
+# -- poles -----------------------------------------------------------------------------------------
+@dataclass(frozen=True, eq=False)
+class PolePairs:
+    """The poles of a file with timing taken out, and those that its step has for them.
+
+    Args:
+        wanted: `(k,)` s [1/s].
+        shown: `(k,)` `z - 1` of the step.
+        error: `(k,)` `|z - exp(s h)| / |exp(s h) - 1|`.
+    """
+
+    wanted: Complex
+    shown: Complex
+    error: Array
+
+
+def pole_pairs(timed: Motion, plain: Motion) -> PolePairs:
+    """The poles of a step and those wanted, rigid ones left out; `plain`:
+    the same file with timing taken out."""
+    x = plain.continuous_poles()
+    stepped = timed.step_poles()
+    # a mode that turns by more than PHASE per step is slowed to it,
+    # and must not be taken for a slow one
+    turn = np.abs(x.imag)
+    aim = np.expm1(x * np.where(turn > PHASE, PHASE / np.maximum(turn, PHASE), 1.0))
+    near = np.abs(stepped[None, :] - aim[:, None]) / np.maximum(np.abs(aim), RIGID)[:, None]
+    rows, columns = linear_sum_assignment(np.minimum(near, 1e8) ** 2)
+    moving = np.abs(x[rows]) >= RIGID
+    rows = rows[moving]
+    columns = columns[moving]
+    order = np.argsort(np.abs(x[rows]), kind="stable")
+    wanted = x[rows][order]
+    shown = stepped[columns][order]
+    exact = np.expm1(wanted)
+    return PolePairs(wanted / plain.timestep, shown, np.abs(shown - exact) / np.abs(exact))
+
+
+def last_kept(
+    model: "mujoco.MjModel", motion: Motion, hinges: Collection[int] | None = None
+) -> float:
+    """Frequency of the last coupled mode whose strain energy is mostly in modes that are kept
+    [rad/s]; 0 without one.
+
+    Kept are the modal tendons but fillers; without any,
+    the springs of the degrees of freedom `hinges` (None: all).
+    """
+    modal = modal_tendons(model)
+    kept = [i for i, name in enumerate(modal.names) if not FILLER.search(name)]
+    energy = (modal.stiffness[kept, None] * (modal.rows[kept] @ motion.shapes) ** 2).sum(axis=0)
+    if not kept:
+        joints = [j for j in range(model.njnt) if float(model.jnt_stiffness[j]) > 0.0]
+        dofs = [int(model.jnt_dofadr[j]) for j in joints]
+        springs = {dof: float(model.jnt_stiffness[j]) for dof, j in zip(dofs, joints, strict=True)}
+        taken = [dof for dof in springs if hinges is None or dof in hinges]
+        stiffness = np.array([springs[dof] for dof in taken])
+        energy = (stiffness[:, None] * motion.shapes[taken] ** 2).sum(axis=0)
+    of_kept = motion.squares[energy > MOSTLY * np.maximum(motion.squares, 1e-300)]
+    return float(np.sqrt(np.max(of_kept, initial=0.0)))
+
+
+@dataclass(frozen=True)
+class TimeError:
+    """The largest error of a pole that the step of a compiled file makes.
+
+    Args:
+        error: `|z - exp(s h)| / |exp(s h) - 1|` of the worst pole in the band.
+        frequency: its `|s|` [rad/s]; None where no pole lies in the band.
+        pose: "rest" or a keyframe.
+        step: [s].
+        integrator: MuJoCo's name.
+    """
+
+    error: float
+    frequency: float | None
+    pose: str
+    step: float
+    integrator: str
+
+    @property
+    def exact(self) -> bool:
+        """Whether the file may be called exact in time."""
+        return self.error < EXACT
+
+    @property
+    def words(self) -> str:
+        """The pole that is off most, and by how much."""
+        if self.frequency is None:
+            return "no pole lies in the band"
+        return (
+            f"the pole at {self.frequency:.4g} rad/s is off by {self.error:.2g} of |z - 1| "
+            f"({self.pose})"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def time_error(
+    model: "mujoco.MjModel",
+    plain: "mujoco.MjModel",
+    poses: Mapping[str, Array],
+    band: float | None = None,
+    hinges: Collection[int] | None = None,
+) -> TimeError:
+    """The error of the poles of a file's own step in a band [rad/s], at the worst of its poses.
+
+    `plain`: the same file with timing taken out; without a band:
+    up to the last kept coupled mode (`last_kept`).
+    """
+    name = NUMBERS[int(model.opt.integrator)]
+    h = float(model.opt.timestep)
+    worst = TimeError(0.0, None, next(iter(poses)), h, name)
+    for pose, qpos in poses.items():
+        timed = motion_at(model, qpos)
+        still = motion_at(at_step_of(plain, model), qpos)
+        top = last_kept(plain, still, hinges) * (1.0 + 1e-9) if band is None else band
+        pairs = pole_pairs(timed, still)
+        inside = np.flatnonzero(np.abs(pairs.wanted) <= top)
+        if not inside.size:
+            continue
+        k = int(inside[np.argmax(pairs.error[inside])])
+        if float(pairs.error[k]) > worst.error:
+            worst = TimeError(float(pairs.error[k]), float(np.abs(pairs.wanted[k])), pose, h, name)
+    return worst
+
+
+def wrong_from(
+    model: "mujoco.MjModel", plain: "mujoco.MjModel", qpos: Array | None = None
+) -> float:
+    """The lowest coupled frequency whose pole the step has off by more than 1e-3 [rad/s];
+    infinity without one."""
+    pairs = pole_pairs(motion_at(model, qpos), motion_at(at_step_of(plain, model), qpos))
+    return float(np.min(np.abs(pairs.wanted[pairs.error > WRONG]), initial=np.inf))
+
+
+def at_step_of(plain: "mujoco.MjModel", model: "mujoco.MjModel") -> "mujoco.MjModel":
+    """The untimed model with the step of the timed one."""
+    out = copy.copy(plain)
+    out.opt.timestep, out.opt.integrator = model.opt.timestep, model.opt.integrator
+    return out

@@ -1,0 +1,91 @@
+"""Numbers that are none, steps and spans far out: one sentence, status 2, nothing written."""
+
+import os
+
+import numpy as np
+import pytest
+
+import beamchain as bc
+from command import run
+from hostile_numbers import NUMBERS, craft, random_numbers
+from spacecraft import spec
+
+EXAMPLES = int(os.environ.get("BEAMCHAIN_FUZZ", "25"))
+
+
+def one_sentence(code: int, error: str, word: str) -> None:
+    assert code == 2, error
+    assert error.splitlines()[-1].startswith("beamchain: "), error
+    assert "Traceback" not in error
+    assert word in error, error
+
+
+@pytest.mark.parametrize("command", ["inspect", "embed"])
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_number_that_is_none(name, command, tmp_path, capsys, monkeypatch):
+    text, word = NUMBERS[name]
+    path = tmp_path / "craft.xml"
+    out = tmp_path / "out" / "flexible.xml"
+    path.write_text(text)
+    more = ["--at", f"mount={spec('rod')}", "-o", str(out)] if command == "embed" else []
+    code, _, error = run([command, str(path), *more], capsys, monkeypatch)
+    one_sentence(code, error, word)
+    assert not out.parent.exists()
+
+
+def test_ranges_may_be_endless(tmp_path):
+    joint = (
+        '<body name="arm"><joint name="j" axis="0 0 1" stiffness="9"/><inertial pos="0 0 0" '
+        'mass="1" diaginertia="1 1 1"/></body>'
+    )
+    motor = '<actuator><motor name="m" joint="j" forcerange="-inf inf"/></actuator>'
+    path = tmp_path / "craft.xml"
+    path.write_text(craft(inside=joint, behind=motor))
+    assert bc.linearise(path).frequencies().size == 1
+
+
+@pytest.mark.parametrize("part", range(5))
+def test_any_number_far_out(part, tmp_path):
+    for seed in range(part, EXAMPLES, 5):
+        path = tmp_path / f"{seed}.xml"
+        path.write_text(random_numbers(seed))
+        try:
+            bc.linearise(path)
+        except bc.BeamchainError as error:
+            assert str(error).strip()
+
+
+@pytest.fixture(scope="module")
+def flexible(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("flexible")
+    (folder / "craft.xml").write_text(craft('gravity="0 0 0"'))
+    bc.embed(folder / "craft.xml", {"mount": spec("array_left")}).write(folder / "flexible.xml")
+    return folder / "flexible.xml"
+
+
+@pytest.mark.parametrize("step", ["1e-300", "1e-16", "1e5", "1e6", "1e9", "nan", "inf", "-1"])
+def test_steps_that_cannot_be_taken(step, flexible, tmp_path, capsys, monkeypatch):
+    out = tmp_path / "out.xml"
+    code, _, error = run(
+        ["retime", str(flexible), f"--timestep={step}", "-o", str(out)], capsys, monkeypatch
+    )
+    one_sentence(code, error, "timestep")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("span", ["1e30", "1e-30", "nan", "inf", "-1"])
+def test_durations_that_cannot_be_simulated(span, tmp_path, capsys, monkeypatch):
+    out = tmp_path / "study"
+    code, _, error = run(
+        ["study", str(spec("rod")), f"--duration={span}", "-o", str(out)], capsys, monkeypatch
+    )
+    one_sentence(code, error, "duration")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("column", ["time", "torque_z", "rate_z"])
+def test_logs_far_out(column):
+    log = {"time": np.arange(200.0), "torque_z": np.ones(200), "rate_z": np.ones(200)}
+    log[column] = log[column] * 1e300
+    with pytest.raises(bc.InputError, match=f"{column} = .*1e.300 in sample .*at most 1e.12"):
+        bc.identify(log, craft(), at="mount")

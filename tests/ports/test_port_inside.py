@@ -1,0 +1,47 @@
+"""Tests internals, `ports.motions` and `ports.compose`: roots of matrices, conventions,
+locked copies, ports from rows."""
+
+import numpy as np
+
+from appendages import close
+from beamchain.ports.compose import port_from_rows
+from beamchain.ports.motions import PORT_MOTION, locked, square_root
+
+ROUNDING = 1e-12  # one small eigenproblem or solve there and back
+
+
+def test_square_root_is_a_root():
+    rng = np.random.default_rng(0)
+    a = rng.normal(size=(4, 2))
+    semidefinite = a @ a.T  # rank 2: rounding may leave it slightly negative
+    root = square_root(semidefinite)
+    assert root.T @ root == close(semidefinite, abs=1e-14)
+
+
+def test_port_from_rows_of_two_points_on_a_spring():
+    # m1 at the port, m2 behind a spring k: held sqrt(k / m2), free sqrt(k (m1 + m2) / (m1 m2))
+    m1, m2, k = 3.0, 2.0, 50.0
+    rigid = np.sqrt([[m1], [m2]])
+    elastic = np.array([[0.0], [np.sqrt(m2 / k)]])
+    port = port_from_rows(rigid, elastic, np.array([[1.0 / np.sqrt(k)]]))
+    assert port.rigid_mass == close(np.array([[5.0]]), rel=ROUNDING)
+    assert port.frequencies == close([5.0], rel=ROUNDING)
+    assert port.participation == close(np.array([[np.sqrt(m2)]]), rel=ROUNDING)
+    assert port.free_frequencies == close([np.sqrt(k * 5.0 / 6.0)], rel=ROUNDING)
+    assert port.tip == close(np.array([[1.0 / np.sqrt(m2)]]), rel=ROUNDING)
+
+
+def test_port_motions_are_the_four_of_a_straight_appendage():
+    assert set(PORT_MOTION) == {"xy", "xz", "torsion", "axial"}
+    assert np.array_equal(PORT_MOTION["xy"], np.eye(6)[:, [1, 5]])
+    # rotation about -y
+    assert np.array_equal(PORT_MOTION["xz"], np.eye(6)[:, [2, 4]] * [1.0, -1.0])
+    assert np.array_equal(PORT_MOTION["torsion"], np.eye(6)[:, [3]])
+    assert np.array_equal(PORT_MOTION["axial"], np.eye(6)[:, [0]])
+    assert not any(motion.flags.writeable for motion in PORT_MOTION.values())
+
+
+def test_locked_copies():
+    values = [1, 2]
+    assert locked(values).dtype == np.float64
+    assert not locked(values).flags.writeable

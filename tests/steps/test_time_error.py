@@ -1,0 +1,88 @@
+"""The two errors that timing states, of random craft,
+against differences of `mj_step` and finite elements."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import beamchain as bc
+import stepped
+from modes_of_beam import modes_of_beam
+
+SEEDS = (5, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 8, 12, 17, 21)))
+SAME = 0.1  # relative: what a grid of frequencies and differences of mj_step leave
+POLES = 2e-7  # below it, differences of mj_step tell nothing
+RESPONSE = 2e-5  # the same of the response
+STEPS = 20_000
+# beating of undamped modes, not growth: what grows by 1e-3 per step is 5e8 times as large by then
+GROWTH = 3.0
+
+
+@pytest.fixture(scope="module", params=SEEDS)
+def both(request):
+    drawn = stepped.draw(request.param)
+    return drawn, stepped.embedded(drawn, retime=True)
+
+
+def test_the_error_of_the_poles_is_that_of_mj_step(both):
+    drawn, made = both
+    found, (error, frequency) = (
+        made.time_error,
+        stepped.time_error(made.model, made.untimed, drawn.band),
+    )
+    assert found.error == pytest.approx(error, rel=SAME, abs=POLES)
+    assert (found.step, found.integrator, found.pose) == (drawn.step, drawn.integrator, "rest")
+    if error > 10 * POLES:
+        assert found.frequency == pytest.approx(frequency, rel=1e-3)
+    said = [w for w in made.warnings if w.code in ("exact-in-time", "time-error")]
+    assert [w.code for w in said] == (["exact-in-time"] if error < 1e-6 else ["time-error"])
+    assert ("exact in time" in said[0]) == (found.error < 1e-6)
+
+
+def test_the_error_of_the_response_is_that_of_the_run(both):
+    drawn, made = both
+    error, _ = stepped.sampled_error(drawn, made.model)
+    assert made.sampled_error == pytest.approx(error, rel=SAME, abs=RESPONSE)
+    assert made.met is (1.01 * made.sampled_error <= 0.01)
+    record = made.as_dict()
+    assert (record["sampled_error"], record["met"]) == (made.sampled_error, made.met)
+    assert set(record["time_error"]) == {"error", "frequency", "pose", "step", "integrator"}
+
+
+def test_nothing_grows(both):
+    _, made = both
+    z = np.linalg.eigvals(stepped.stepped(made.model)[0])
+    assert np.max(np.abs(z[np.abs(z - 1.0) > 1e-4]), initial=0.0) < 1.0 + 1e-7
+    assert stepped.grows(made.model, STEPS) < GROWTH
+
+
+@pytest.mark.parametrize("ratio", [0.002, 0.05])
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+def test_imported_modes_with_a_step_state_what_the_file_does(ratio, integrator):
+    section = bc.Equivalent(
+        bending_stiffness_xy=900.0,
+        bending_stiffness_xz=1600.0,
+        torsion_stiffness=300.0,
+        axial_stiffness=1e6,
+        linear_mass=4.0,
+        polar_inertia=0.3,
+    )
+    beam = bc.Beam(segments=[bc.Segment(length=3.0, section=section)])
+    modes = modes_of_beam(beam, {"xy": 5, "xz": 4, "torsion": 3})
+    options = {
+        "modes": {"xy": 3, "xz": 2, "torsion": 1},
+        "root": bc.Root(hub=bc.Hub(mass=60.0, inertia=(20.0, 25.0, 30.0))),
+        "damping": ratio,
+        "scene": bc.Scene(integrator=integrator),
+    }
+    timed = bc.fit(modes, timestep=0.004, **options)
+    model = mujoco.MjModel.from_xml_string(timed.scene_mjcf())
+    plain = mujoco.MjModel.from_xml_string(bc.fit(modes, **options).scene_mjcf())
+    plain.opt.timestep = model.opt.timestep
+    error, frequency = stepped.time_error(model, plain, np.inf)
+    assert model.opt.timestep == 0.004
+    assert timed.time_error.error == pytest.approx(error, rel=1e-3, abs=POLES)
+    if error > 10 * POLES:
+        assert timed.time_error.frequency == pytest.approx(frequency, rel=1e-3)
+    warned = any("does not keep every pole" in text for text in timed.warnings)
+    assert warned == (timed.time_error.error >= 1e-6)

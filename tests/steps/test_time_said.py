@@ -1,0 +1,172 @@
+"""What commands and results say of time: exact only where it is, both errors,
+the mode that is the cause."""
+
+import json
+import re
+
+import mujoco
+import pytest
+
+import beamchain as bc
+from command import run
+
+TUBE = bc.Tube(outer_diameter=0.05, wall=0.002)
+ALUMINIUM = bc.Material(youngs_modulus=7e10, density=2700.0)
+PART = (
+    "[[segment]]\nlength = {}\nsection = {{ shape = 'tube', outer_diameter = 0.05, wall = "
+    "0.002 "
+    "}}\n"
+)
+PART += "material = {{ youngs_modulus = 7e10, density = 2700.0 }}\n[damping]\nratio = {}\n"
+SCENE = "[scene]\nbandwidth = 10.0\ntolerance = {}\naxes = ['z']\n"
+
+
+def bus(step, integrator="Euler", mass=83.0):
+    return (
+        f'<mujoco><option gravity="0 0 0" timestep="{step}" '
+        f'integrator="{integrator}"/><worldbody><body name="bus"><freejoint/><inertial pos="0 0 0" '
+        f'mass="{mass}" diaginertia="{0.3 * mass} {0.4 * mass} {0.5 * mass}"/><site name="a" '
+        'pos="0.5 0 0"/><site name="b" pos="-0.5 0 0" euler="0 0 180"/></body></worldbody></mujoco>'
+    )
+
+
+def boom(name, ratio, **more):
+    part = bc.Segment(length=8.0, section=TUBE, material=ALUMINIUM)
+    return bc.Spec(name=name, segment=(part,), damping=bc.Damping(ratio=ratio), **more)
+
+
+def test_implicit_states_both_errors_and_advises_euler():
+    made = bc.embed(bus(0.002, "implicit"), {"a": boom("boom", 0.05)}, retime=True)
+    said = [w for w in made.warnings if w.code in ("time-error", "exact-in-time")]
+    assert [w.code for w in said] == ["time-error"]
+    assert len(re.findall(r"off by [\d.e-]+ of \|z - 1\|", said[0])) == 2
+    assert "Euler" in said[0]
+    assert "exact in time" not in said[0]
+
+
+def test_slowed_modes_are_named_by_the_coupled_frequency_from_which_on_they_are_felt():
+    model = bc.embed(
+        bus(0.02), {"a": boom("one", 0.01), "b": boom("two", 0.01)}, retime=False
+    ).model
+    done = bc.retime(model, 0.1, "Euler", form=4)
+    (said,) = done.slowed
+    first = float(re.search(r"from ([\d.]+) rad/s", said)[1])
+    plain = mujoco.MjModel.from_xml_string(
+        bc.embed(bus(0.02), {"a": boom("one", 0.01)}, retime=False).to_mjcf()
+    )
+    assert first < 15.0  # a coupled pole below the held tendon's 30 rad/s is off already
+    assert "time-error" in [w.code for w in done.warnings]
+    assert done.time_error.error > 1e-4
+    assert bc.retime(plain, 0.0).time_error is None
+
+
+def test_retime_prints_both_errors_and_exits_with_3(tmp_path, capsys, monkeypatch):
+    (tmp_path / "bus.xml").write_text(bus(0.02))
+    (tmp_path / "boom.toml").write_text(
+        "name = 'boom'\n" + PART.format(8.0, 0.01) + SCENE.format(1e-3)
+    )
+    at = ["--at", f"a={tmp_path}/boom.toml", "--at", f"b={tmp_path}/boom.toml"]
+    run(
+        ["embed", f"{tmp_path}/bus.xml", *at, "-o", f"{tmp_path}/out.xml", "--quiet"],
+        capsys,
+        monkeypatch,
+    )
+    status, out, _ = run(
+        [
+            "retime",
+            f"{tmp_path}/out.xml",
+            "--timestep",
+            "0.1",
+            "-o",
+            f"{tmp_path}/coarse.xml",
+            "--json",
+        ],
+        capsys,
+        monkeypatch,
+    )
+    record = json.loads(out)
+    assert (status, record["met"], record["tolerance"]) == (3, False, 1e-3)
+    assert record["sampled_error"] > 1e-3
+    assert record["time_error"]["error"] > 1e-6
+    assert {"slowed-modes", "time-error"} <= {w["code"] for w in record["warning_codes"]}
+    # a file without the marks of embed: the error of the poles alone
+    bare = re.sub(r"<!--.*?-->", "", (tmp_path / "out.xml").read_text(), flags=re.DOTALL)
+    bare = re.sub(r"<custom>.*?</custom>", "", bare, flags=re.DOTALL)
+    (tmp_path / "bare.xml").write_text(bare)
+    status, out, _ = run(
+        [
+            "retime",
+            f"{tmp_path}/bare.xml",
+            "--timestep",
+            "0.1",
+            "-o",
+            f"{tmp_path}/b.xml",
+            "--json",
+        ],
+        capsys,
+        monkeypatch,
+    )
+    other = json.loads(out)
+    assert (status, other["sampled_error"], other["met"]) == (0, None, None)
+    assert other["time_error"]["error"] > 1e-6
+    status, out, _ = run(
+        ["retime", f"{tmp_path}/bare.xml", "--timestep", "0.1", "-o", f"{tmp_path}/c.xml"],
+        capsys,
+        monkeypatch,
+    )
+    assert "not known" in out
+
+
+def test_fit_is_decided_at_the_stated_step(tmp_path, capsys, monkeypatch):
+    hub = "[root]\nhub = { mass = 83.0, inertia = [20.0, 30.0, 40.0], offset = [0.5, 0.0, 0.0] }\n"
+    text = "name = 'boom'\n" + PART.format(8.0, 0.05) + hub + SCENE.format(1e-3)
+    found = {}
+    for name, more in (("loose", ""), ("stepped", "timestep = 0.1\nintegrator = 'implicit'\n")):
+        (tmp_path / f"{name}.toml").write_text(text + more)
+        status, out, _ = run(
+            ["fit", f"{tmp_path}/{name}.toml", "-o", f"{tmp_path}/{name}", "--json"],
+            capsys,
+            monkeypatch,
+        )
+        found[name] = status, json.loads(out)
+    status, loose = found["loose"]
+    assert (status, loose["met"], loose["sampled_error"], loose["time_error"]) == (
+        0,
+        True,
+        None,
+        None,
+    )
+    status, at_step = found["stepped"]
+    assert (status, at_step["met"], at_step["status"]["ok"]) == (3, False, False)
+    assert at_step["sampled_error"] > 1e-3 > at_step["in_band_error"]
+    assert at_step["time_error"]["integrator"] == "implicit"
+    # limits are those of the file as it is written
+    assert (
+        loose["stability"]["largest_step"]["Euler"]
+        < 0.06
+        < 0.1
+        <= at_step["stability"]["largest_step"]["implicit"]
+    )
+
+
+def test_a_sampled_plant_names_the_servo_that_is_unstable():
+    craft = (
+        '<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody><body '
+        'name="bus"><freejoint/><inertial pos="0 0 0" mass="300" diaginertia="100 110 120"/><body '
+        'name="yoke"><joint name="drive" axis="0 0 1"/><inertial pos="0 0 0" mass="5" '
+        'diaginertia="1 1 1"/><site name="b" pos="0.2 0 '
+        '0"/></body></body></worldbody><actuator><position name="servo" joint="drive" kp="3000" '
+        'kv="60"/></actuator></mujoco>'
+    )
+    made = bc.embed(craft, {"b": boom("boom", 0.005)}, retime=True)
+    with pytest.raises(
+        bc.BeamchainError,
+        match=r"discrete = 0\.25 s is unstable: mode 'drive' .* the servo 'servo' of joint",
+    ) as bad:
+        bc.plant(made, ["torque:bus"], ["attitude"], discrete=0.25)
+    assert "retime" not in str(bad.value)
+    step = float(re.search(r"give a step of ([\d.]+) s", str(bad.value))[1])
+    plant = bc.plant(made, ["torque:bus"], ["attitude"], discrete=step)  # the cure helps
+    assert plant.time_error.step == step
+    assert plant.sampled_error > 0.0
+    assert bc.plant(made, ["torque:bus"], ["attitude"]).time_error is None

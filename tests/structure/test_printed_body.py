@@ -1,0 +1,74 @@
+"""A printed rigid mass is judged by its digits: rounding makes no other body of it,
+a missing direction does."""
+
+import json
+
+import numpy as np
+import pytest
+
+import beamchain as bc
+
+MUJOCO = 1e-6  # what goes in comes back through A and B
+
+
+def tumbling(seed: int, digits: int) -> dict:
+    """Modes of point masses off the axis, which move in all six motions,
+    every number printed with some digits."""
+    source = np.random.default_rng(seed)
+    count = int(source.integers(3, 7))
+    place = np.column_stack(
+        [source.uniform(0.2, 6.0, count), source.uniform(-1.0, 1.0, (count, 2))]
+    )
+    root = np.repeat(np.sqrt(10.0 ** source.uniform(-0.5, 1.0, count)), 3)[:, None]
+    moves = [[[1, 0, 0, 0, z, -y], [0, 1, 0, -z, 0, x], [0, 0, 1, y, -x, 0]] for x, y, z in place]
+    rows = root * np.concatenate(moves)
+    modes = np.linalg.qr(source.standard_normal((3 * count, int(source.integers(2, 8)))))[0]
+
+    def printed(values):
+        return np.vectorize(lambda value: float(f"{value:.{digits - 1}e}"))(values).tolist()
+
+    return {
+        "frequencies": np.cumsum(source.uniform(1.0, 9.0, modes.shape[1])).tolist(),
+        "participation": printed(rows.T @ modes),
+        "mass": printed(rows.T @ rows),
+        "digits": digits,
+    }
+
+
+@pytest.mark.parametrize(("seed", "digits"), [(1, 4), (3, 5), (5, 8)])
+def test_few_digits_are_a_body(seed, digits, tmp_path):
+    document = tumbling(seed, digits)
+    path = tmp_path / "modes.json"
+    path.write_text(json.dumps(document))
+    result = bc.fit(bc.read_modes(path))
+    assert result.status.ok
+    count = len(document["frequencies"])
+    assert result.space.achieved.frequencies[:count] == pytest.approx(
+        document["frequencies"], rel=MUJOCO
+    )
+
+
+@pytest.mark.parametrize("digits", [3, 5, 8])
+def test_a_mass_that_depends_on_the_direction_is_no_body(digits, tmp_path):
+    document = tumbling(0, digits)
+    document["mass"][0][0] *= 1.1
+    path = tmp_path / "modes.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(bc.BeamchainError, match=r"from a rigid body's .*direction"):
+        bc.fit(bc.read_modes(path))
+
+
+def test_a_structure_that_points_inwards_is_told_its_axes(tmp_path):
+    """Turned by half a turn about z; no length is negative in the answer,
+    and the axes it names lead out."""
+    document = tumbling(3, 5)
+    signs = np.array([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0])
+    document["participation"] = (signs[:, None] * document["participation"]).tolist()
+    document["mass"] = (np.outer(signs, signs) * document["mass"]).tolist()
+    path = tmp_path / "modes.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(bc.InputError, match=r"centre lies at x = -.*axes = ") as refused:
+        bc.fit(bc.read_modes(path))
+    assert "length = -" not in str(refused.value)
+    axes = json.loads(str(refused.value).partition("axes = ")[2].rstrip("."))
+    assert bc.fit(bc.read_modes(path, axes=axes)).status.ok

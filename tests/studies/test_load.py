@@ -1,0 +1,75 @@
+"""The load of a study: small enough to be linear by default; warned of where it is not; refused
+where it throws the appendage.
+
+That the reference is linear is seen at the door: twice the load moves everything twice,
+and errors stay what they are.
+"""
+
+import json
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+import beamchain as bc
+from command import run
+
+SEED = Path(str(files("beamchain"))) / "examples" / "seed_boom.toml"
+QUICK = {"models": ["exact, hub"], "duration": 20.0, "budget": 0.002}
+LINEAR = 1e-5  # of the largest elastic part: what docs/study.md states
+# what large motion changes grows with the square of the load, but for the next even power
+SQUARE = 0.05
+
+
+def test_the_default_load_is_linear():
+    found = bc.study(SEED, **QUICK)
+    assert found.as_dict()["reference"]["kind"] == "linear"
+    assert found.as_dict()["reference"]["nonlinear"] < LINEAR
+    assert not found.warnings
+
+
+def test_a_larger_load_is_warned_of_and_its_change_grows_with_the_square(tmp_path):
+    one, three = (bc.study(SEED, amplitude=size, **QUICK) for size in (10.0, 30.0))
+    ratio = three.as_dict()["reference"]["nonlinear"] / one.as_dict()["reference"]["nonlinear"]
+    assert ratio == pytest.approx(9.0, rel=SQUARE)
+    for found in (one, three):
+        (text,) = [w for w in found.warnings if "not to be relied on" in w]
+        assert text.code == "large-motion"
+        assert f"{found.as_dict()['reference']['nonlinear']:.2g}" in text
+        assert "not to be relied on" in found.write(tmp_path, force=True)[-2].read_text()
+
+
+def test_the_default_load_stays_linear_on_a_heavy_hub():
+    """A hub of ten thousand beams hardly moves:
+    the doublet is chosen by what the appendage does."""
+    spec = bc.read_spec(SEED)
+    hub = bc.Hub(mass=5e6, inertia=(5e6, 5e6, 5e6), offset=spec.root.hub.offset)
+    heavy = bc.Spec(segment=spec.segment, modes=spec.modes, root=bc.Root(target="hub", hub=hub))
+    assert bc.study(heavy, **QUICK).as_dict()["reference"]["nonlinear"] < LINEAR
+
+
+def test_a_load_that_throws_the_appendage_about_is_refused():
+    with pytest.raises(bc.BeamchainError, match="smaller load"):
+        bc.study(SEED, amplitude=1e7, **QUICK)
+
+
+def test_two_loads_and_negative_ones_are_refused(tmp_path, capsys, monkeypatch):
+    profile = tmp_path / "p.csv"
+    profile.write_text("time,mz\n0,1\n1,0\n")
+    call = ["study", str(SEED), "-o", str(tmp_path / "o")]
+    code, _, told = run([*call, "--profile", str(profile), "--amplitude", "2"], capsys, monkeypatch)
+    assert code == 2
+    assert "leave one out" in told
+    assert run([*call, "--amplitude", "-2"], capsys, monkeypatch)[0] == 2
+    assert not (tmp_path / "o").exists()
+
+
+def test_the_field_is_our_chains_and_equal_links(tmp_path, capsys, monkeypatch):
+    call = ["study", str(SEED), "-o", str(tmp_path / "o"), "--model", "flexcomp rod", "--json"]
+    code, told, _ = run(call, capsys, monkeypatch)
+    assert code == 2
+    choice = json.loads(told)["error"]["message"].split("choose from ")[1]
+    assert "exact, hub" in choice
+    assert "equal links, classical" in choice
+    assert "rod" not in choice
+    assert "cable" not in choice
