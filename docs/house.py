@@ -16,11 +16,15 @@ FOLDERS = {
     "steps": "time steps",
     "fitting": "spec to chain",
     "craft": "spacecraft",
+    "plants": "control",
+    "variants": "drawn",
+    "fleet": "many",
+    "identification": "from logs",
     "studies": "questions",
     "report": "looked at",
     "cli": "commands",
 }
-WIDTH, GAP, HEIGHT, TOP = 92, 12, 62, 130
+WIDTH, GAP, HEIGHT, TOP = 92, 12, 62, 190
 INK, PALE = "#1f3b57", "#6f8faf"
 
 
@@ -50,10 +54,10 @@ def draw() -> str:
     middle = {name: 20 + i * (WIDTH + GAP) + WIDTH / 2 for i, name in enumerate(order)}
     width = 20 + len(order) * (WIDTH + GAP) - GAP + 20
     out = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} 232" role="img" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {TOP + 102}" role="img" '
         'font-family="sans-serif">',
         "<title>Folders of the package from left to right, and their imports</title>",
-        f'<rect width="{width}" height="232" fill="#ffffff"/>',
+        f'<rect width="{width}" height="{TOP + 102}" fill="#ffffff"/>',
     ]
     for (here, there), lines in sorted(arrows().items(), key=lambda item: item[1]):
         a, b = middle[here], middle[there]
@@ -80,7 +84,8 @@ def draw() -> str:
             ),
         ]
     out += [
-        f'<text x="20" y="218" font-size="11" fill="{INK}">Arcs: a folder imports what stands to '
+        f'<text x="20" y="{TOP + 88}" font-size="11" fill="{INK}">Arcs: a folder imports what '
+        "stands to "
         "its left; the thicker, "
         "the more. Below all: errors, checks, files.</text>",
         "</svg>",

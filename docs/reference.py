@@ -15,9 +15,9 @@ import typer
 
 import beamchain as bc
 from beamchain.cli import app
-from beamchain.craft.plants.controllers import Controller
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.uncertain import UncertainCraft
+from beamchain.plants.controllers import Controller
 
 #: TOML files that a user writes: page, title, what it is, and the struct that reads it
 FILES = (
@@ -44,20 +44,20 @@ FILES = (
 #: classes that public functions return, where each is defined, and which call returns it
 RESULTS = {
     "Comparison": ("ports.compare", "bc.compare(a, b)"),
-    "Identification": ("craft.identification.result", "bc.identify(logs, craft, at)"),
+    "Identification": ("identification.result", "bc.identify(logs, craft, at)"),
     "Linearisation": ("engine.linearise", "bc.linearise(model)"),
-    "Plant": ("craft.plants.realisation", "bc.plant(model, inputs, outputs)"),
+    "Plant": ("plants.realisation", "bc.plant(model, inputs, outputs)"),
     "ScheduledPlant": (
-        "craft.plants.scheduled",
+        "plants.scheduled",
         'bc.plant(model, inputs, outputs, at={"drive": angles})',
     ),
-    "UncertainPlant": ("craft.robust.uncertain_plant", "plant.uncertain(craft)"),
-    "WorstCase": ("craft.robust.uncertain_plant", "plant.uncertain(craft).worst_case(controller)"),
+    "UncertainPlant": ("plants.uncertain_plant", "plant.uncertain(craft)"),
+    "WorstCase": ("plants.uncertain_plant", "plant.uncertain(craft).worst_case(controller)"),
     "Retimed": ("steps.retime", "bc.retime(model, timestep)"),
     "StabilityStudy": ("studies.stability", "bc.stability(source)"),
     "Study": ("studies.study", "bc.study(spec)"),
-    "Sweep": ("craft.variants.sweep", "bc.sweep(source, samples)"),
-    "Worlds": ("craft.worlds.worlds", "bc.worlds(model, variants)"),
+    "Sweep": ("variants.sweep", "bc.sweep(source, samples)"),
+    "Worlds": ("fleet.worlds", "bc.worlds(model, variants)"),
 }
 #: classes that these and public classes hold: shown on the same page
 PARTS = {
@@ -84,8 +84,8 @@ PARTS = {
         "structure.mass_line.SpreadMass",
     ),
     "Identification": (
-        "craft.identification.result.IdentifiedMode",
-        "craft.identification.start.Order",
+        "identification.result.IdentifiedMode",
+        "identification.start.Order",
     ),
     "Linear": (
         "engine.linear.Signal",
@@ -103,14 +103,14 @@ PARTS = {
         "steps.large_motion.LargeMotion",
     ),
     "Study": ("studies.front.Reach", "studies.run_time.Point", "studies.field.Entry"),
-    "Sweep": ("craft.variants.quantities.Quantity",),
+    "Sweep": ("craft.quantities.Quantity",),
     "UncertainPlant": (
-        "craft.robust.lft.Block",
-        "craft.robust.worst.Loops",
-        "craft.robust.worst.Peak",
+        "plants.lft.Block",
+        "plants.worst_case.Loops",
+        "plants.worst_case.Peak",
     ),
 }
-GYM = ("craft.worlds.satellite.Satellite",)
+GYM = ("fleet.satellite.Satellite",)
 WORDS = {
     "number": "number",
     "integer": "whole number",

@@ -23,10 +23,15 @@ SENTENCE = (
     "steps",
     "fitting",
     "craft",
+    "plants",
+    "variants",
+    "fleet",
+    "identification",
     "studies",
     "report",
     "cli",
 )
+SIDE_BY_SIDE = ("plants", "variants", "fleet", "identification", "studies")
 HEAVY = ("mujoco", "lxml", "matplotlib", "control")
 
 
@@ -196,8 +201,41 @@ def test_each_folder_imports_only_what_stands_before_it():
         assert not later, f"{unit} imports {sorted(later)}"
 
 
+def test_folders_side_by_side_do_not_know_each_other():
+    graph = units()
+    for unit in SIDE_BY_SIDE:
+        assert not graph[unit] & (set(SIDE_BY_SIDE) - {unit}), unit
+
+
 def test_studies_are_of_appendages_alone():
     assert "craft" not in units()["studies"]
+
+
+def folders() -> dict[str, set[str]]:
+    """Per folder of modules, at every depth, the folders of the modules that it imports."""
+    out: dict[str, set[str]] = {}
+    for path in SOURCE.rglob("*.py"):
+        place = path.relative_to(SOURCE).with_suffix("")
+        if place.parts[0] not in SENTENCE or place.name == "__init__":
+            continue
+        known = {
+            name.rpartition(".")[0]
+            for name in imported(path)
+            if name in MODULES and not SOURCE.joinpath(*name.split(".")).is_dir()
+        }
+        here = ".".join(place.parts[:-1])
+        out.setdefault(here, set()).update(known - {here, ""})
+    return out
+
+
+def test_no_two_folders_import_each_other_at_any_depth():
+    graph = folders()
+    assert {"report.tables", "structure.readers"} <= set(graph)
+    while graph:
+        free = [name for name, known in graph.items() if not known & graph.keys()]
+        assert free, f"these import each other: {sorted(graph)}"
+        for name in free:
+            del graph[name]
 
 
 def test_every_folder_has_its_place():

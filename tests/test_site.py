@@ -17,7 +17,7 @@ from lxml import html
 
 import beamchain as bc
 import returned
-from beamchain.craft.plants.loops import Controller
+from beamchain.plants.loops import Controller
 from command import app
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -129,9 +129,7 @@ def test_every_class_that_a_function_returns_has_a_page(pages):
 
 def test_the_environment_has_a_page(pages):
     text = pages["reference/results/gym.md"]
-    assert all(
-        f":: beamchain.{name}" in text for name in ("gym", "craft.worlds.satellite.Satellite")
-    )
+    assert all(f":: beamchain.{name}" in text for name in ("gym", "fleet.satellite.Satellite"))
 
 
 @sources

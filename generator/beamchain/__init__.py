@@ -12,10 +12,6 @@ from beamchain.late import importing
 if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded as Embedded
     from beamchain.craft.embedding import embed as embed
-    from beamchain.craft.identification.identify import identify as identify
-    from beamchain.craft.plants.plant import plant as plant
-    from beamchain.craft.variants.sweep import sweep as sweep
-    from beamchain.craft.worlds.worlds import worlds as worlds
     from beamchain.engine.linear import Linear as Linear
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
@@ -30,6 +26,9 @@ if TYPE_CHECKING:
     from beamchain.fitting.result import Fit as Fit
     from beamchain.fitting.spec import Spec as Spec
     from beamchain.fitting.spec import read_spec as read_spec
+    from beamchain.fleet.worlds import worlds as worlds
+    from beamchain.identification.identify import identify as identify
+    from beamchain.plants.plant import plant as plant
     from beamchain.ports.compare import compare as compare
     from beamchain.ports.model import PortModel as PortModel
     from beamchain.steps.retime import retime as retime
@@ -51,6 +50,7 @@ if TYPE_CHECKING:
     from beamchain.structure.segment import Segment as Segment
     from beamchain.studies.stability import stability as stability
     from beamchain.studies.study import study as study
+    from beamchain.variants.sweep import sweep as sweep
 
 _PLACES = {
     "craft.embedded": ("Embedded",),
@@ -75,9 +75,9 @@ _PLACES = {
         "Spec",
         "read_spec",
     ),
-    "craft.plants.plant": ("plant",),
-    "craft.worlds.worlds": ("worlds",),
-    "craft.identification.identify": ("identify",),
+    "plants.plant": ("plant",),
+    "fleet.worlds": ("worlds",),
+    "identification.identify": ("identify",),
     "ports.compare": ("compare",),
     "ports.model": ("PortModel",),
     "steps.retime": ("retime",),
@@ -98,7 +98,7 @@ _PLACES = {
     "structure.segment": ("Joint", "Lump", "Segment"),
     "studies.stability": ("stability",),
     "studies.study": ("study",),
-    "craft.variants.sweep": ("sweep",),
+    "variants.sweep": ("sweep",),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 

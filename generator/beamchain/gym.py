@@ -50,7 +50,7 @@ def satellite(**options: Any) -> Any:
         check(f"FlexibleSatellite-v0({name})")
     if options.get("render_mode") is not None:
         backend.choose()  # before MuJoCo is imported
-    return import_module("beamchain.craft.worlds.satellite").Satellite(**options)
+    return import_module("beamchain.fleet.satellite").Satellite(**options)
 
 
 try:

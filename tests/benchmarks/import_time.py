@@ -14,7 +14,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from beamchain import BeamchainError, Damping, FitOptions, Modes, Spec, fit
-from beamchain.structure.imported import Imported, Units
+from beamchain.structure.readers.imported import Imported, Units
 from prints import cantilever, plate, whole
 
 

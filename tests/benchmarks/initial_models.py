@@ -20,10 +20,10 @@ from scipy.signal import csd, welch
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "support"))
 
-from beamchain.craft.identification.channels import time_channels
-from beamchain.craft.identification.hub import bare
-from beamchain.craft.identification.logs import read_logs
-from beamchain.craft.identification.start import initial_model
+from beamchain.identification.channels import time_channels
+from beamchain.identification.hub import bare
+from beamchain.identification.logs import read_logs
+from beamchain.identification.start import initial_model
 from flight_log import Gyro, Hub, motion, record, steps_at, wings
 
 HUB = Hub()

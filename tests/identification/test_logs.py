@@ -1,4 +1,4 @@
-"""Tests internals, `craft.identification.logs` and `channels`, beside `bc.identify`: every kind of
+"""Tests internals, `identification.logs` and `channels`, beside `bc.identify`: every kind of
 file gives the same columns, and a log that cannot be one is refused with one sentence.
 
 No tolerances: what is read is compared exactly, and refusals by their words.
@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import beamchain as bc
-from beamchain.craft.identification.channels import (
+from beamchain.identification.channels import (
     active_torques,
     cut_pieces,
     is_even,
     saturated_samples,
 )
-from beamchain.craft.identification.logs import read_logs
+from beamchain.identification.logs import read_logs
 from command import run
 
 CRAFT = """<mujoco><worldbody><body name="hub"><freejoint/>

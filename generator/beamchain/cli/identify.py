@@ -10,7 +10,7 @@ from beamchain.cli.output import print_table, print_warnings, spinner, tell
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    from beamchain.craft.identification.result import Identification
+    from beamchain.identification.result import Identification
 
 
 def identify(
@@ -61,8 +61,8 @@ def identify(
     Example: beamchain identify log.csv --craft craft.xml --at mount --prior
     array.toml -o modes.toml
     """
-    from beamchain.craft.identification.identify import identify as find
     from beamchain.files import beside, check_outputs
+    from beamchain.identification.identify import identify as find
 
     renamed = _renamed(names)
     if output.suffix.lower() != ".toml":

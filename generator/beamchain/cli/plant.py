@@ -11,10 +11,10 @@ from beamchain.cli.output import print_table, print_warnings, spinner, tell
 from beamchain.errors import InputError
 
 if TYPE_CHECKING:
-    from beamchain.craft.plants.loops import Margins
-    from beamchain.craft.plants.realisation import Plant
-    from beamchain.craft.plants.scheduled import ScheduledPlant
-    from beamchain.craft.robust.uncertain_plant import WorstCase
+    from beamchain.plants.loops import Margins
+    from beamchain.plants.realisation import Plant
+    from beamchain.plants.scheduled import ScheduledPlant
+    from beamchain.plants.uncertain_plant import WorstCase
 
 
 Inputs = Annotated[
@@ -91,11 +91,11 @@ def plant(
     Example: beamchain plant flexible.xml --input torque:bus --controller loops.toml --uncertain
     craft.toml -o plant.npz
     """
-    from beamchain.craft.plants.controllers import read_controller
-    from beamchain.craft.plants.loops import margins, told
-    from beamchain.craft.plants.plant import plant as linear
-    from beamchain.craft.plants.realisation import Plant
     from beamchain.files import beside, check_outputs
+    from beamchain.plants.controllers import read_controller
+    from beamchain.plants.loops import margins, told
+    from beamchain.plants.plant import plant as linear
+    from beamchain.plants.realisation import Plant
     from beamchain.report.pages.plant import plant_report
 
     if at is not None and angle is not None:

@@ -11,7 +11,7 @@ from beamchain.cli.embed import places
 from beamchain.cli.output import job_bar, print_headed, print_table, print_warnings, tell
 
 if TYPE_CHECKING:
-    from beamchain.craft.variants.sweep import Sweep
+    from beamchain.variants.sweep import Sweep
 
 Source = Annotated[
     Path,
@@ -91,8 +91,8 @@ def sweep(
 
     Example: beamchain sweep craft.xml --at mount=array.toml --uncertain craft.toml -o variants
     """
-    from beamchain.craft.variants.sweep import sweep as draw
     from beamchain.files import check_free
+    from beamchain.variants.sweep import sweep as draw
 
     wanted = places(at) if at else None
     check_free(output / "sweep.json", force=force)

@@ -40,8 +40,8 @@ from beamchain.mjcf.craft import Craft
 from beamchain.mjcf.place import find_target, kinds_and_name, place_includes_with_targets
 from beamchain.mjcf.relocate import relocate
 from beamchain.structure.beam import Beam
-from beamchain.structure.imported import with_length
 from beamchain.structure.modal_data import ModalData
+from beamchain.structure.readers.imported import with_length
 
 
 @one_thread()

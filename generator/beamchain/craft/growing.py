@@ -18,7 +18,7 @@ from beamchain.ports.compare import with_damping
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS
-from beamchain.structure.imported import MOST_MODES as MOST_NAMED
+from beamchain.structure.readers.imported import MOST_MODES as MOST_NAMED
 
 TRIED = 16  # modes of an imported appendage that are tried at a time: those that move the hub most
 

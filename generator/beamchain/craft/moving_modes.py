@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from beamchain.craft.plants.craft_modes import linear_craft
+from beamchain.craft.linear_craft import linear_craft
 from beamchain.engine.library import mujoco
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array, locked

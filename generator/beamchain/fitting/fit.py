@@ -35,8 +35,8 @@ from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.sampled import off_by
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.beam import Beam
-from beamchain.structure.imported import Imported
 from beamchain.structure.modal_data import ModalData
+from beamchain.structure.readers.imported import Imported
 
 # residual over rigid mass: free frequencies are good to about 1e-16 over it (measured)
 LIGHTEST = 1e-9

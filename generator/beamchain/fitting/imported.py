@@ -29,9 +29,9 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 from beamchain.steps.integrators import SCHEMES
 from beamchain.structure import planes
-from beamchain.structure.imported import with_length
 from beamchain.structure.mass_line import MassLine, SpreadMass
 from beamchain.structure.modal_data import ModalData
+from beamchain.structure.readers.imported import with_length
 
 SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
 EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode

@@ -27,7 +27,7 @@ from beamchain.fitting.toml_files import converted, read_tables
 from beamchain.fitting.uncertain import Uncertain
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam
-from beamchain.structure.imported import Imported
+from beamchain.structure.readers.imported import Imported
 from beamchain.structure.segment import Joint, Lump, Segment, check_carried_body, expand_repeats
 
 #: Shorthands that `replace` and `fit` accept beside the fields.

@@ -13,33 +13,33 @@ if TYPE_CHECKING:
     from beamchain.report.craft_plots import assembly_svg as assembly_svg
     from beamchain.report.craft_plots import plot_assembly as plot_assembly
     from beamchain.report.craft_plots import sweep_pictures as sweep_pictures
-    from beamchain.report.notebook import embedded_html as embedded_html
-    from beamchain.report.notebook import embedded_text as embedded_text
-    from beamchain.report.notebook import fit_html as fit_html
-    from beamchain.report.notebook import fit_text as fit_text
     from beamchain.report.pages.embed import embed_report as embed_report
     from beamchain.report.pages.fit import fit_report as fit_report
     from beamchain.report.pages.identification import identification_html as identification_html
     from beamchain.report.pages.identification import identification_page as identification_page
     from beamchain.report.pages.identification import plot_identification as plot_identification
+    from beamchain.report.pages.notebook import embedded_html as embedded_html
+    from beamchain.report.pages.notebook import embedded_text as embedded_text
+    from beamchain.report.pages.notebook import fit_html as fit_html
+    from beamchain.report.pages.notebook import fit_text as fit_text
     from beamchain.report.pages.study import study_page as study_page
     from beamchain.report.plant_plots import plot_scheduled as plot_scheduled
     from beamchain.report.plant_plots import plot_worst as plot_worst
     from beamchain.report.plots import plot_accelerance as plot_accelerance
-    from beamchain.report.record import embed_record as embed_record
-    from beamchain.report.record import fit_record as fit_record
-    from beamchain.report.record import inspection_record as inspection_record
-    from beamchain.report.record import study_record as study_record
+    from beamchain.report.tables.record import embed_record as embed_record
+    from beamchain.report.tables.record import fit_record as fit_record
+    from beamchain.report.tables.record import inspection_record as inspection_record
+    from beamchain.report.tables.record import study_record as study_record
 
 _PLACES = {
     "craft_plots": ("assembly_svg", "plot_assembly", "sweep_pictures"),
     "pages.embed": ("embed_report",),
     "pages.fit": ("fit_report",),
     "pages.identification": ("identification_html", "identification_page", "plot_identification"),
-    "notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text"),
+    "pages.notebook": ("embedded_html", "embedded_text", "fit_html", "fit_text"),
     "plant_plots": ("plot_scheduled", "plot_worst"),
     "plots": ("plot_accelerance",),
-    "record": ("embed_record", "fit_record", "inspection_record", "study_record"),
+    "tables.record": ("embed_record", "fit_record", "inspection_record", "study_record"),
     "pages.study": ("study_page",),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}

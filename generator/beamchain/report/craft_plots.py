@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from beamchain.craft.assembly import Assembly
-    from beamchain.craft.variants.sweep import Sweep
+    from beamchain.variants.sweep import Sweep
 
 MOST = 12  # modes in a picture
 NONE = 1e-9  # of the largest gain: a mode below it is not driven or not seen

@@ -35,6 +35,15 @@ EDGE = 1.0 + 1e-12  # the end of a band belongs to it
 Accelerance = Callable[[Array], Array]
 
 
+def kept_count(fit: "Fit", port: str) -> int:
+    """How many modes of a port were kept.
+
+    A target may hold static shapes of further points beside its modes.
+    """
+    modes = fit.target[port].modes
+    return min(modes, len(fit.error[port].matches)) if port in fit.error else modes
+
+
 class Response(NamedTuple):
     """An undamped accelerance."""
 

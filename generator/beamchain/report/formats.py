@@ -7,6 +7,12 @@ from typing import Any
 
 Format = Callable[[Any], str]
 
+#: what the errors of a study are called in tables and pictures
+STUDY_TITLES: dict[str, str] = {
+    "error": "Error of the hub's motion as simulated",
+    "error_appendage": "Error with the integrator's own rigid-hub error taken off, on its clock",
+}
+
 ROUNDING = 1e-9  # damping ratio that computing alone makes
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -27,10 +27,10 @@ from beamchain.report.plots import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from beamchain.craft.plants.loops import Margins
-    from beamchain.craft.plants.realisation import Plant
-    from beamchain.craft.plants.scheduled import ScheduledPlant
-    from beamchain.craft.robust.uncertain_plant import WorstCase
+    from beamchain.plants.loops import Margins
+    from beamchain.plants.realisation import Plant
+    from beamchain.plants.scheduled import ScheduledPlant
+    from beamchain.plants.uncertain_plant import WorstCase
 
 PAIRS = 4  # of inputs and outputs that a Bode plot shows
 

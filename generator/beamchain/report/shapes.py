@@ -7,10 +7,10 @@ import numpy as np
 
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
+from beamchain.report.curves import kept_count
 from beamchain.report.formats import percent
 from beamchain.report.page import page_text
 from beamchain.report.plots import BEAM, OURS
-from beamchain.report.tables.fit import kept_count
 from beamchain.structure.beam import Beam
 from beamchain.structure.shapes import mode_shapes
 

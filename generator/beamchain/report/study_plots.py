@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamchain.report.formats import short
+from beamchain.report.formats import STUDY_TITLES, short
 from beamchain.report.plots import (
     BEAM,
     OURS,
@@ -19,7 +19,6 @@ from beamchain.report.plots import (
     panel,
     plain,
 )
-from beamchain.report.tables.study import TITLES
 from beamchain.studies import field
 from beamchain.studies.front import front
 
@@ -61,7 +60,10 @@ def pareto_figure(study: "Study") -> Figure:
         style |= {"linewidth": 1.8, "zorder": 3} if ours else {"linewidth": 1.1, "zorder": 2}
         ax.plot([1e3 * p.seconds for _, p in line], [e for e, _ in line], label=model, **style)
     ax.set(
-        xscale="log", yscale="log", title=TITLES["error"], ylabel="error / largest elastic motion"
+        xscale="log",
+        yscale="log",
+        title=STUDY_TITLES["error"],
+        ylabel="error / largest elastic motion",
     )
     ax.set_xlabel(f"time to simulate {study.scenario.duration:g} s, ms")
     ax.grid(which="major", color="#e6e6e6", linewidth=0.6)

@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING
 from beamchain.fitting.hub import assumed_hub, port_hub_mass
 from beamchain.ports.compare import in_band_error, keeps_tolerance
 from beamchain.report import plots
-from beamchain.report.curves import CLASSICAL, beam_model, count, rival_chains, rival_model
+from beamchain.report.curves import (
+    CLASSICAL,
+    beam_model,
+    count,
+    kept_count,
+    rival_chains,
+    rival_model,
+)
 from beamchain.report.formats import number, percent, short, vector
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.shapes import all_shapes
@@ -63,7 +70,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
 # -- the sentence at the head ----------------------------------------------------------------------
 def _kept(fit: "Fit") -> str:
     """`first 2 modes in xy and 1 in torsion`."""
-    (port, modes), *more = [(port, tables.kept_count(fit, port)) for port in fit.target]
+    (port, modes), *more = [(port, kept_count(fit, port)) for port in fit.target]
     first = f"first {'mode' if modes == 1 else f'{modes} modes'} in {port}"
     parts = [first, *(f"{n} in {other}" for other, n in more)]
     return first if not more else f"{', '.join(parts[:-1])} and {parts[-1]}"

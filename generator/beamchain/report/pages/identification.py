@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from beamchain.craft.identification.result import INTERVAL, Identification
-from beamchain.report.notebook import table_html
+from beamchain.identification.result import INTERVAL, Identification
 from beamchain.report.page import Verdict, page_text
+from beamchain.report.pages.notebook import table_html
 from beamchain.report.plots import BEAM, OURS, RIVAL, drawing
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import identification as tables

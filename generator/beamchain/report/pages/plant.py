@@ -3,16 +3,16 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from beamchain.craft.plants.loops import Margins, told
-from beamchain.craft.plants.realisation import Plant
-from beamchain.craft.robust.uncertain_plant import WorstCase
+from beamchain.plants.loops import Margins, told
+from beamchain.plants.realisation import Plant
+from beamchain.plants.uncertain_plant import WorstCase
 from beamchain.report import plant_plots
 from beamchain.report.page import Verdict, page_text
 from beamchain.report.svg import to_svg
 from beamchain.report.tables import plant as tables
 
 if TYPE_CHECKING:
-    from beamchain.craft.plants.scheduled import ScheduledPlant
+    from beamchain.plants.scheduled import ScheduledPlant
 
 
 def plant_report(

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from beamchain.report.curves import kept_count
 from beamchain.report.formats import digits, number, relative, short, whole
 from beamchain.report.table import Column, Table
-from beamchain.report.tables.fit import kept_count
 from beamchain.report.tables.steps import Limits, step_table
 
 if TYPE_CHECKING:

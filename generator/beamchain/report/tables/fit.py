@@ -62,15 +62,6 @@ class MatchedMode:
     tip_error: float | None
 
 
-def kept_count(fit: "Fit", port: str) -> int:
-    """How many modes of a port were kept.
-
-    A target may hold static shapes of further points beside its modes.
-    """
-    modes = fit.target[port].modes
-    return min(modes, len(fit.error[port].matches)) if port in fit.error else modes
-
-
 def matched_modes(fit: "Fit", port: str) -> list[MatchedMode]:
     """The matched modes of a port, slowest first."""
     target = fit.target[port]

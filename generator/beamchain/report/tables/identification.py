@@ -3,13 +3,13 @@
 import math
 from typing import TYPE_CHECKING
 
-from beamchain.craft.identification.result import INTERVAL
+from beamchain.identification.result import INTERVAL
 from beamchain.report.formats import digits, relative, whole
 from beamchain.report.table import Column, Table
 from beamchain.structure.planes import MOTIONS
 
 if TYPE_CHECKING:
-    from beamchain.craft.identification.result import Identification
+    from beamchain.identification.result import Identification
 
 
 def mode_table(identification: "Identification") -> Table:

@@ -8,9 +8,9 @@ from beamchain.report.formats import digits, number
 from beamchain.report.table import Column, Table
 
 if TYPE_CHECKING:
-    from beamchain.craft.plants.loops import Margins
-    from beamchain.craft.plants.realisation import Plant
-    from beamchain.craft.robust.uncertain_plant import WorstCase
+    from beamchain.plants.loops import Margins
+    from beamchain.plants.realisation import Plant
+    from beamchain.plants.uncertain_plant import WorstCase
 
 LARGEST_PAIRS = 6  # pairs of input and output whose modal gains a page shows
 ROUNDING = 1e-9  # gain relative to the largest, below which it is rounding

@@ -3,17 +3,12 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from beamchain.report.formats import digits, relative, short
+from beamchain.report.formats import STUDY_TITLES, digits, relative, short
 from beamchain.report.table import Column, Table
 from beamchain.studies.front import TARGETS, Metric, Reach, power
 
 if TYPE_CHECKING:
     from beamchain.studies.study import Study
-
-TITLES: dict[Metric, str] = {
-    "error": "Error of the hub's motion as simulated",
-    "error_appendage": "Error with the integrator's own rigid-hub error taken off, on its clock",
-}
 
 as_written = "{}".format  #: numbers that words may stand for
 
@@ -82,7 +77,7 @@ def reach_table(study: "Study", metric: Metric) -> Table:
         Column("time", [setting.time for setting in settings], "ms", as_written),
         Column("per step over the rigid hub", over_rigid_hub, format=as_written),
     )
-    return Table(TITLES[metric], columns)
+    return Table(STUDY_TITLES[metric], columns)
 
 
 def point_table(study: "Study") -> Table:

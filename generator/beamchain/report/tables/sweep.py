@@ -8,7 +8,7 @@ from beamchain.report.table import Column, Table
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from beamchain.craft.variants.sweep import Sweep
+    from beamchain.variants.sweep import Sweep
 
 
 def spread_tables(sweep: "Sweep") -> list[Table]:

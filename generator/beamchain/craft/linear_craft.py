@@ -1,0 +1,175 @@
+"""A craft with its signals, linear at a point: normal modes and modal form, continuous,
+sampled, or exact."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from beamchain.craft.appendage import Appendage, carried
+from beamchain.craft.assembly import Carried
+from beamchain.craft.embedded import Embedded
+from beamchain.craft.error import port_motion
+from beamchain.craft.modal_form import SAMPLED, ModalForm, modal_form
+from beamchain.craft.mode_names import cantilever_names, mode_names
+from beamchain.craft.step_slopes import step_slopes
+from beamchain.engine.library import mujoco
+from beamchain.engine.linear import Linear, Signal, linear_at
+from beamchain.engine.normal_modes import NormalModes
+from beamchain.engine.operating_point import At, OperatingPoint, Rates, operating_point
+from beamchain.engine.signals import Input, Names, Output, inputs_of, outputs_of
+from beamchain.errors import InputError
+from beamchain.ports.compose import model_in_space
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array
+
+MODES = 40  # of every port of a beam, those of the exact plant
+FAR = 25.0  # times the highest kept frequency: modes beyond are gathered with their static response
+
+
+@dataclass(frozen=True, eq=False)
+class LinearCraft:
+    """A craft, linear at an operating point, whose model holds the step of a sampled plant.
+
+    `inputs` and `outputs` set and read what `linear` names. `names`: of appendages' modes and
+    sprung joints, which take `rows` of a shape.
+    """
+
+    linear: Linear
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    names: tuple[str, ...]
+    rows: Array
+    point: OperatingPoint
+
+    @cached_property
+    def modes(self) -> NormalModes:
+        """Rigid motions and normal modes."""
+        return self.linear.modes()
+
+    @property
+    def signals(self) -> tuple[list[str], list[str], list[str], list[str]]:
+        """Labels of inputs and outputs, and their units."""
+        inputs = self.linear.inputs.signals
+        outputs = self.linear.outputs.signals
+        return (
+            [signal.name for signal in inputs],
+            [signal.name for signal in outputs],
+            [signal.unit for signal in inputs],
+            [signal.unit for signal in outputs],
+        )
+
+    @cached_property
+    def mode_names(self) -> tuple[str, ...]:
+        """Names of the normal modes."""
+        return tuple(mode_names(self.modes.shapes, self.names, self.rows))
+
+    def form(
+        self, sampled: bool = False, modes: NormalModes | None = None, names: Sequence[str] = ()
+    ) -> ModalForm:
+        """The craft in modal blocks; sampled: of `(A - 1)/h` and `B/h` of one step of MuJoCo.
+
+        `modes`, `names`: the normal modes in another order; their own where left out.
+        """
+        a, b, c, d = self.linear.first_order()
+        if sampled:
+            after, pushed = step_slopes(self.point, self.linear, self.inputs)
+            h = float(self.point.model.opt.timestep)
+            a = (after - np.eye(after.shape[0])) / h
+            b = pushed / h
+        return modal_form(
+            modes or self.modes,
+            (a, b, c, d),
+            self.linear.coordinates,
+            names or self.mode_names,
+            self.linear.activations.names,
+            SAMPLED if sampled else 1.0,
+        )
+
+
+def linear_craft(
+    model: "mujoco.MjModel", at: At, rates: Rates, inputs: Names, outputs: Names
+) -> LinearCraft:
+    """A compiled model with its signals, linear at a point; arguments as in `plant`."""
+    point = operating_point(model, at, rates)
+    driven = inputs_of(point, inputs)
+    seen = outputs_of(point, outputs)
+    linear = linear_at(point, driven, seen)
+    names, rows = cantilever_names(point.model, linear.mass, linear.stiffness)
+    return LinearCraft(linear, tuple(driven), tuple(seen), tuple(names), rows, point)
+
+
+def exact_craft(
+    embedded: Embedded, point: OperatingPoint, inputs: Names, outputs: Names, omega: float
+) -> LinearCraft:
+    """The bare spacecraft with all modes of its appendages,
+    at the pose and rates of a point of the whole model.
+
+    `inputs` and `outputs` are names as in `plant`,
+    `omega` the highest frequency of interest [rad/s].
+    """
+    items = carried(embedded.model, embedded.appendages)
+    new = {dof for item in items for dof in item.dofs}
+    old = [i for i in range(embedded.model.nv) if i not in new]
+    poses = zip(
+        np.split(point.qpos, embedded.model.jnt_qposadr[1:]), embedded.model.jnt_dofadr, strict=True
+    )
+    bare = operating_point(
+        embedded.craft, np.concatenate([pose for pose, dof in poses if int(dof) not in new])
+    )
+    bare = OperatingPoint(bare.model, bare.qpos, point.qvel[old])
+    try:
+        driven = inputs_of(bare, inputs)
+        seen = outputs_of(bare, outputs)
+    except InputError as error:
+        raise InputError(
+            f"the exact plant has the bare spacecraft's signals only: {error}"
+        ) from None
+    if far := [output.labels[0] for output in seen if not output.local]:
+        raise InputError(
+            f"output {far[0]!r} reads what hangs on its body, which the exact plant cannot; leave "
+            "it out of outputs."
+        )
+    data = bare.data()
+    roots = [port_motion(bare.model, data, item) for item in items]
+    models = [_whole(a, item, omega) for a, item in zip(embedded.appendages, items, strict=True)]
+    alone = linear_at(bare, driven, seen)
+    modes = [
+        Signal(name, "")
+        for a, model in zip(embedded.appendages, models, strict=True)
+        for name in _names(a.prefix, model)
+    ]
+    linear = replace(alone.with_appendages(models, roots), coordinates=(*alone.coordinates, *modes))
+    springs = np.diag(linear.stiffness)
+    sprung = np.flatnonzero(springs > 0.0)
+    rows = np.diag(np.sqrt(np.maximum(springs, 0.0)))[sprung]
+    names = tuple(linear.coordinates[i].name for i in sprung)
+    return LinearCraft(linear, tuple(driven), tuple(seen), names, rows, bare)
+
+
+def _names(prefix: str, model: PortModel) -> list[str]:
+    """Names of cantilever modes by the port that they move most."""
+    size = np.sqrt(np.diag(model.rigid_mass))
+    counts = dict.fromkeys(PORTS, 0)
+    out = list[str]()
+    for row in np.abs(model.participation / size):
+        port = max(PORTS, key=lambda port: float(np.max(row @ np.abs(PORT_MOTION[port]))))
+        counts[port] += 1
+        out.append(f"{prefix}mode{counts[port]}_{port}")
+    return out
+
+
+def _whole(a: Appendage, item: Carried, omega: float) -> PortModel:
+    """An appendage in six motions; beyond the band its modes are gathered,
+    their static response kept."""
+    top = FAR * max(omega, *item.band.values())
+    if a.fit.space is not None:
+        return item.whole.condensed(top)
+    ports: dict[str, PortModel] = {}
+    for port in PORTS:
+        try:
+            ports[port] = a.fit.spec.with_ratios(port, a.fit.spec.beam.port(port, MODES))
+        except InputError:
+            continue  # rigid there
+    return model_in_space(ports, item.whole.rigid_mass).condensed(top)

@@ -1,2 +1,0 @@
-"""Uncertain plants: linear fractional transformations, a search for the worst case,
-and its run in MuJoCo."""

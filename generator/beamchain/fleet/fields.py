@@ -1,0 +1,226 @@
+"""Per-world fields of one compiled model: rows of a table of variants,
+or modes drawn from ranges and made exact in time.
+
+Both sources give each world a key, from which its fields follow at every step.
+"""
+
+import copy
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.checks import number, of_type
+from beamchain.craft.model_fields import DERIVED
+from beamchain.craft.timing import without_time
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import INTEGRATORS, NUMBERS
+from beamchain.errors import InputError
+from beamchain.ports.motions import Array
+from beamchain.steps.forms import form2_many
+from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.modal import Modal, foreign, modal_tendons
+from beamchain.steps.retime import coupled_mass
+
+RANGES = ("frequency", "damping")
+#: All that a draw of modes changes.
+TENDONS = ("tendon_stiffness", "tendon_damping", "tendon_armature", "tendon_solimp_lim")
+
+Fields = dict[str, Array]
+Keys = NDArray[Any]
+
+
+class Modes:
+    """Modal tendons of a model with frequencies and damping drawn uniformly,
+    each mode of each world for itself.
+
+    `ranges`: half widths relative to the nominal values, `{"frequency": 0.05, "damping": 0.3}`.
+    `timestep`: for which draws are made exact in time [s]; None: they are not.
+    """
+
+    size: int | None = None  #: any number can be drawn
+
+    def __init__(
+        self, model: "mujoco.MjModel", ranges: Mapping[str, float], timestep: float | None
+    ) -> None:
+        self._widths = [_width(name, ranges.get(name, 0.0)) for name in RANGES]
+        self.timestep: float | None = timestep
+        self._integrator = NUMBERS[int(model.opt.integrator)]
+        self._model = without_time(model)
+        self._modal = modal_tendons(self._model)
+        if not self._modal.names:
+            raise foreign("a draw of modes")
+        self._mass = coupled_mass(self._model, self._modal, None)
+        #: of the fields of one world
+        self.nbytes: int = sum(getattr(model, name).nbytes for name in TENDONS)
+
+    def keys(self, count: int, rng: np.random.Generator, *, first: bool = False) -> Keys:  # noqa: ARG002
+        """`(count, 2, n)` numbers from -1 to 1."""
+        return rng.uniform(-1.0, 1.0, (count, 2, len(self._modal.names)))
+
+    def fields(self, keys: Keys) -> Fields:
+        """The four arrays of tendons that hold modes."""
+        nominal = self._modal
+        w = nominal.frequency * (1.0 + self._widths[0] * keys[:, 0])
+        ratio = nominal.damping / (2.0 * nominal.frequency) * (1.0 + self._widths[1] * keys[:, 1])
+        out: Fields = {}
+        for name in TENDONS:
+            values = np.asarray(getattr(self._model, name))
+            out[name] = np.repeat(values[None], len(keys), 0)
+        out["tendon_stiffness"][:, nominal.index] = w**2
+        out["tendon_damping"][:, nominal.index] = 2.0 * ratio * w
+        if self.timestep is None:
+            return out
+        return exact_fields(out, nominal, self._mass, self._integrator, self.timestep)
+
+    def at(self, timestep: float) -> "Modes":
+        """The same ranges for another step."""
+        out = copy.copy(self)
+        out.timestep = timestep
+        return out
+
+
+class Table:
+    """Given variants, arrays `(k, ...)` by name of MuJoCo's field, taken in their order at first
+    and then drawn with equal chances; made exact in time for `timestep` [s], or taken as they
+    are where it is None.
+    """
+
+    def __init__(
+        self, model: "mujoco.MjModel", fields: Mapping[str, Any], timestep: float | None
+    ) -> None:
+        self._model, self._given = model, fields
+        self.size: int = max(np.shape(next(iter(fields.values())))[:1], default=0)
+        for name, values in fields.items():
+            of_type("a field of variants", name, str, "the name of a field of MuJoCo's model")
+            shape = getattr(getattr(model, name, None), "shape", None)
+            if shape is None:
+                raise InputError(
+                    f"variants have the field {name!r}, which MuJoCo's model does not have as an "
+                    "array; masses, for example, are 'body_mass'. bc.sweep makes such arrays of a "
+                    "spacecraft."
+                )
+            given = np.asarray(values)
+            fits = given.shape == (self.size, *shape) and self.size > 0
+            if not fits or not np.all(np.isfinite(given)):
+                raise InputError(
+                    f"variants[{name!r}] has the shape {given.shape}; finite numbers of the shape "
+                    f"({self.size or 'k'}, {', '.join(map(str, shape))}) are needed: the model's "
+                    "own, with the same k for all fields."
+                )
+        self._rows = {name: np.array(values, dtype=np.float64) for name, values in fields.items()}
+        if set(fields) - set(TENDONS) or timestep is not None:
+            self._derive(timestep)
+        self.nbytes: int = sum(values[0].nbytes for values in self._rows.values())
+
+    def keys(self, count: int, rng: np.random.Generator, *, first: bool = False) -> Keys:
+        """`(count, 1)` numbers of variants."""
+        numbers = np.arange(count) % self.size if first else rng.integers(self.size, size=count)
+        return numbers[:, None]
+
+    def fields(self, keys: Keys) -> Fields:
+        """Rows of the table."""
+        return {name: values[keys[:, 0]] for name, values in self._rows.items()}
+
+    def at(self, timestep: float) -> "Table":
+        """The same variants for another step."""
+        return Table(self._model, self._given, timestep)
+
+    def _derive(self, timestep: float | None) -> None:
+        """What follows from the fields: MuJoCo's constants, and numbers exact in time;
+        one model per variant, once."""
+        base = self._model
+        derived: list[dict[str, Array]] = []
+        marks = self._rows.get("tendon_solimp_lim")
+        if timestep is not None and marks is None:
+            base = without_time(base)
+        elif marks is not None and np.all(marks[:, modal_tendons(base).index, 0] == timestep):
+            timestep = None  # they are exact already
+        for i in range(self.size):
+            model = with_fields(base, {name: values[i] for name, values in self._rows.items()})
+            mujoco.mj_setConst(model, mujoco.MjData(model))
+            fields = {name: np.array(getattr(model, name)) for name in DERIVED}
+            if timestep is not None:
+                plain = without_time(model)
+                tendons = {name: np.array(getattr(plain, name))[None] for name in TENDONS}
+                modal = modal_tendons(plain)
+                mass = coupled_mass(plain, modal, None)
+                integrator = NUMBERS[int(plain.opt.integrator)]
+                timed = exact_fields(tendons, modal, mass, integrator, timestep)
+                fields |= {name: values[0] for name, values in timed.items()}
+            derived.append(fields)
+        for name in derived[0]:
+            rows = np.array([fields[name] for fields in derived])
+            if np.any(rows != getattr(self._model, name)):
+                self._rows[name] = rows
+
+
+Source = Modes | Table
+
+
+def source_of(model: "mujoco.MjModel", variants: Any, timestep: float | None) -> Source | None:
+    """What `variants` means; None for worlds that are all the same."""
+    given = getattr(variants, "fields", variants)
+    if given is None:
+        return None
+    if not isinstance(given, Mapping) or not given:
+        raise InputError(
+            f"variants = {given!r:.60} is not understood; give the result of bc.sweep, arrays by "
+            "the name of MuJoCo's field, or "
+            'ranges on the modes: {"frequency": 0.05, "damping": 0.3}.'
+        )
+    if set(given) <= set(RANGES):
+        return Modes(model, given, timestep)
+    if wrong := [name for name in given if name in RANGES]:
+        raise InputError(
+            f"variants mix {wrong[0]!r}, a range on modes, with fields of MuJoCo's model; give one "
+            "or the other."
+        )
+    return Table(model, given, timestep)
+
+
+def exact_fields(
+    plain: Fields, modal: Modal, mass: Array, integrator: str, timestep: float
+) -> Fields:
+    """Fields of tendons without timing, made exact in time by form 2 and marked as
+    `retime` marks them."""
+    at = modal.index
+    stiffness = plain["tendon_stiffness"][:, at]
+    damping = plain["tendon_damping"][:, at]
+    plan = form2_many(integrator, mass, stiffness, damping, timestep)
+    out = {name: values.copy() for name, values in plain.items()}
+    mark = out["tendon_solimp_lim"]
+    mark[:, at, 0] = timestep
+    mark[:, at, 1] = INTEGRATORS[integrator]
+    mark[:, at, 2] = 2
+    mark[:, at, 3] = damping
+    mark[:, at, 4] = stiffness
+    out["tendon_armature"][:, at] = plan.mass - 1.0
+    out["tendon_damping"][:, at] = plan.damping
+    return out
+
+
+def with_fields(model: "mujoco.MjModel", values: Mapping[str, Array]) -> "mujoco.MjModel":
+    """A copy of a model with one world's fields."""
+    out = copy.copy(model)
+    for name, value in values.items():
+        getattr(out, name)[:] = value
+    return out
+
+
+def runs_exact(model: "mujoco.MjModel") -> bool:
+    """Whether a model was made exact in time,
+    so that its input has to be the mean of this and the last one."""
+    marked = any(mark is not None for mark in modal_tendons(model).made_for)
+    return marked and SCHEMES[NUMBERS[int(model.opt.integrator)]].exact
+
+
+def _width(name: str, value: object) -> float:
+    width = number(f"variants[{name!r}]", value, "")
+    if not 0.0 <= width < 1.0:
+        raise InputError(
+            f"variants[{name!r}] = {width:g} must lie from 0 to below 1: it is the half width "
+            "relative to the nominal value, and no frequency or damping can reach zero."
+        )
+    return width

@@ -1,0 +1,242 @@
+"""`plant`: the spacecraft as a control engineer's plant,
+at a pose or over the angles of a drive."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from beamchain.caution import Caution
+from beamchain.checks import positive
+from beamchain.craft.embedded import Embedded
+from beamchain.craft.linear_craft import LinearCraft, exact_craft, linear_craft
+from beamchain.craft.modal_form import ModalForm
+from beamchain.craft.source import compiled_model, grid_of, left_out
+from beamchain.craft.timing import without_time
+from beamchain.engine.library import mujoco, one_thread
+from beamchain.engine.linearise import NUMBERS
+from beamchain.engine.operating_point import At, Rates, operating_point
+from beamchain.engine.signals import Names
+from beamchain.errors import InputError
+from beamchain.plants.at_step import at_step, step_errors
+from beamchain.plants.lft import Made
+from beamchain.plants.realisation import SAMPLED, Plant
+from beamchain.plants.scheduled import ScheduledPlant, follow
+from beamchain.plants.uncertain_plant import uncertain_plant
+from beamchain.ports.motions import Array, locked
+from beamchain.steps.modal import FILLER
+
+# of a mode's discrete pole beyond the unit circle: more than what turning wheels do to it
+GROWS = 1e-5
+ROUNDING = 1e-9
+
+
+@one_thread()
+def plant(
+    model: "Embedded | mujoco.MjSpec | mujoco.MjModel | str | Path",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    at: At = None,
+    *,
+    rates: Mapping[str, float] | None = None,
+    discrete: float | None = None,
+) -> "Plant | ScheduledPlant":
+    """The spacecraft as a control engineer's plant:
+    a `control.StateSpace` with names and units, in modal form.
+
+    Linear about the pose `at`, in free fall: gravity, contacts and constraints are left out, and
+    what holds the pose (springs' and servos' set points) is taken as in balance. Servos are part of
+    the plant, their inputs are set points. Continuous plants are without the armature that makes
+    appendages exact in time for a step.
+
+    Signs: a torque on a body is in the body's own axes, a positive input of a wheel's or
+    drive's motor accelerates it about its joint's axis, so that the hub turns the other way.
+    Attitude is the small rotation vector [rad] from the body's axes at `at` to its axes now
+    (twice a quaternion's vector part), rate is in the body's axes. Gyroscopic moments of
+    turning wheels are included.
+
+    States: rigid motion as integrators (`rigid_attitude_x`, `rigid_attitude_x_rate`: of the whole
+    craft, which the hub follows but for its modes), then what else there is, then oscillators named
+    by the appendage's mode that holds most of their strain energy (`array_mode1_xy`,
+    `array_mode1_xy_rate`; modal mass 1). What nothing drives or nothing sees is taken out, angles
+    of wheels above all.
+
+    Args:
+        model: path or text of an MJCF file, MjSpec, MjModel,
+            or what `bc.embed` returns (needed for `exact`).
+        inputs: actuators by name, `"torque:BODY"` and `"force:BODY"` (at its mass centre, three
+            signals each), `"wrench:SITE"` (six, in the site's axes). All actuators where left out;
+            without one a torque on the base.
+        outputs: sensors by name (their linear part), `"attitude"`, `"rate"` of the base,
+            `"motion:SITE"` (displacement and rotation of a site, in its axes). Attitude and
+            rate where left out.
+        at: name or number of a keyframe, `qpos`, or `{joint: angle}` [rad]; the pose of rest
+            where left out. `{joint: [angles]}`: a plant per angle, modes followed by their
+            shapes; a `ScheduledPlant`.
+        rates: `{joint: rad/s}` of wheels; those of the keyframe where left out.
+        discrete: a step [s]: the sampled plant that MuJoCo runs at that step with the model's own
+            integrator, exact in time, its input the mean of this and the last one (`bc.HeldInput`),
+            which adds a state per input. None: continuous.
+
+    Returns:
+        A `Plant`: `frequency`, `damping_ratio`, `gain` of its modes, `exact`,
+            `truncation(omega)`, `write(path)`.
+
+    Raises:
+        InputError: an unknown name, a sensor without a linear part, a pose in contact or out of
+            range, a body that moves at `at` and is not a balanced wheel, nothing flexible, a
+            step that is unstable.
+        EngineError: MuJoCo refuses the model.
+
+    Example:
+        >>> import beamchain as bc, control
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
+        ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> spec = bc.Spec(segment=(bc.Segment(length=8.0, section=section),))
+        >>> plant = bc.plant(bc.embed(craft, {"mount": spec}), inputs=["torque:bus"])
+        >>> plant.input_labels
+        ['torque_x', 'torque_y', 'torque_z']
+        >>> loop = control.feedback(
+        ...     plant["attitude_z", "torque_z"], control.tf([20.0, 100.0], [0.1, 1.0])
+        ... )
+    """
+    step = None if discrete is None else positive("discrete", discrete, "s")
+    whole = compiled_model(model)
+    given = _Given(
+        model if isinstance(model, Embedded) else None, whole, rates, inputs, outputs, step
+    )
+    grid = grid_of(at)
+    if grid is None:
+        craft, said = given.craft(at)
+        form = craft.form(step is not None)
+        return given.plant(craft, form.minimal(), craft.mode_names, [*left_out(whole), *said])
+    name, angles = grid
+    crafts = follow(lambda angle: given.craft({**at, name: angle})[0], angles)
+    names = crafts[0][0].mode_names
+    said = left_out(whole)
+    forms = [(craft, craft.form(step is not None, modes, names)) for craft, modes in crafts]
+    keep = np.any([form.active() for _, form in forms], axis=0)
+    plants = tuple(given.plant(craft, form.reduced(keep), names, said) for craft, form in forms)
+    return ScheduledPlant(name, locked(angles), plants)
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What `plant` was asked for, apart from the pose."""
+
+    embedded: Embedded | None
+    model: "mujoco.MjModel"
+    rates: Rates
+    inputs: Names
+    outputs: Names
+    step: float | None
+
+    def craft(self, at: At) -> tuple[LinearCraft, list[str]]:
+        """The craft at a pose, without time or at its step, and sentences on that step."""
+        model = without_time(self.model)
+        said = list[str]()
+        if self.step is not None:
+            model, said = at_step(
+                self.model, self.step, operating_point(model, at, self.rates).qpos, self.embedded
+            )
+        craft = linear_craft(model, at, self.rates, self.inputs, self.outputs)
+        if not craft.modes.frequency.size:
+            raise InputError(
+                "the model has no flexible mode, for no spring holds anything in it; put "
+                "appendages in with bc.embed, or take bc.linearise for a rigid craft."
+            )
+        return craft, said
+
+    def plant(
+        self, craft: LinearCraft, form: ModalForm, names: Sequence[str], said: Sequence[str]
+    ) -> Plant:
+        """The plant of what is kept of a craft's modal form."""
+        modes = form.oscillators(names)
+        if not modes:
+            said = [*said, "no flexible mode is both driven by the inputs and seen by the outputs."]
+        if beyond := [name for name in modes if FILLER.search(name)]:
+            said = [
+                *said,
+                f"{', '.join(beyond)}: no mode of an appendage, but what makes up a chain's mass "
+                "beyond the modes kept; its frequency predicts nothing. Keep more modes if a loop "
+                "acts up there.",
+            ]
+        if self.step is not None:
+            form, grown = self._discrete(form, craft, self.step)
+            said = [*said, *grown]
+        embedded = self.embedded
+        made = Made(craft, self.inputs, self.outputs)
+        errors = (
+            None
+            if self.step is None
+            else partial(step_errors, self.model, craft.point, self.step, embedded)
+        )
+        pulled = SAMPLED if self.step is not None else partial(uncertain_plant, made, embedded)
+        if embedded is None:
+            return Plant(
+                form, craft.signals, modes, said, self.step, uncertain=pulled, errors=errors
+            )
+        return Plant(
+            form,
+            craft.signals,
+            modes,
+            said,
+            self.step,
+            partial(_exact_plant, embedded, made),
+            pulled,
+            errors,
+        )
+
+    def _discrete(
+        self, form: ModalForm, craft: LinearCraft, step: float
+    ) -> tuple[ModalForm, list[str]]:
+        """A step from `(A - 1)/h`, its input averaged where the integrator gives the
+        whole impulse at once."""
+        said: list[str] = []
+        for name in form.oscillators(
+            [name for name in form.names if not name.startswith("rigid_")]
+        ):
+            at = [form.names.index(word) for word in (name, f"{name}_rate")]
+            size = float(np.abs(1.0 + step * np.linalg.eigvals(form.a[np.ix_(at, at)])).max())
+            if size > 1.0 + GROWS and not name.startswith("nutation"):
+                raise InputError(
+                    f"discrete = {step:g} s is unstable: mode {name!r} grows by a factor "
+                    f"{size:.6g} per step; give a shorter step."
+                )
+            if size > 1.0 + ROUNDING:
+                text = (
+                    f"the step makes {name!r} grow by {(size - 1.0) / step:.2g} per second; "
+                    "implicit does not."
+                )
+                said.append(Caution("turn-error", text))
+        system = np.eye(form.a.shape[0]) + step * form.a, step * form.b, form.c, form.d
+        if NUMBERS[int(self.model.opt.integrator)] == "RK4":
+            return replace(form, a=system[0], b=system[1]), said
+        a, b, c, d = _held_input(system)
+        names = (*form.names, *(f"{i.label}_previous" for i in craft.inputs))
+        units = (i.unit for i in craft.inputs)
+        weight = np.append(form.weight, np.ones(len(craft.inputs)))
+        return replace(
+            form, a=a, b=b, c=c, d=d, names=names, units=(*form.units, *units), weight=weight
+        ), said
+
+
+def _exact_plant(embedded: Embedded, made: Made, omega: float) -> Plant:
+    """The plant with all modes of the appendages up to `omega` [rad/s]; a function of the module,
+    so that it pickles."""
+    true = exact_craft(embedded, made.craft.point, made.inputs, made.outputs, omega)
+    kept = true.form().minimal()
+    return Plant(kept, made.craft.signals, kept.oscillators(true.mode_names))
+
+
+def _held_input(system: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
+    """The same system fed with half of this and half of the previous input,
+    which becomes a state (docs/theory.md, 5)."""
+    a, b, c, d = system
+    n, m = b.shape
+    both = np.block([[a, b / 2.0], [np.zeros((m, n + m))]])
+    return both, np.vstack([b / 2.0, np.eye(m)]), np.hstack([c, d / 2.0]), d / 2.0

@@ -1,0 +1,184 @@
+"""The worst sample run in MuJoCo: `mj_step` under a sine, the controller in the loop at every step.
+
+The run begins in the steady motion that the linear loop predicts, and lasts until any other steady
+motion would have shown: what is left of a start decays meanwhile to `FORGOTTEN` of the gain.
+"""
+
+import copy
+from typing import NamedTuple
+
+import numpy as np
+
+from beamchain.craft.linear_craft import LinearCraft
+from beamchain.engine.library import mujoco
+from beamchain.plants.controllers import Controller, place, places, realised
+from beamchain.plants.systems import System, looped
+from beamchain.ports.motions import Array
+
+# largest of all displacements [m, rad] that the sine is to make: small enough to be linear to 1e-4
+SMALL = 1e-4
+FORGOTTEN = 0.02  # of the gain: what is left of a start where the amplitude is measured
+STEPS = 400  # of a period at least: what extrapolates the controller's torque is then right to 1e-4
+FASTEST = 2.0  # |s h| of the craft's fastest pole s; RK4 takes up to 2.7
+MOST_STEPS = 300_000  # about half a minute
+STILL = 1e-2  # rad that a sine turns until a start is forgotten, below which it is not waited for
+
+
+class Run(NamedTuple):
+    """How a run goes: `omega` of the cosine [rad/s], whether it is `still` in the whole run,
+    `timestep` [s], the number of `steps`, and of the last of them, in which the output is measured.
+    """
+
+    omega: float
+    still: bool
+    timestep: float
+    steps: int
+    window: int
+
+
+class SteppedController:
+    """The loops of a controller, `u = -(C x + D y)`, stepped by the trapezoidal rule.
+
+    Of the present outputs, `u = -(free + gain y)`.
+
+    Args:
+        system: A, B, C, D of all loops side by side.
+        timestep: [s].
+        state: `(n,)` x at the first step.
+        measured: `(loops,)` y at the first step.
+    """
+
+    def __init__(self, system: System, timestep: float, state: Array, measured: Array) -> None:
+        a, b, self._c, d = system
+        half = timestep / 2.0 * a
+        eye = np.eye(a.shape[0])
+        # (1 - h A/2) x_(k+1) = (1 + h A/2) x_k + h/2 B (y_k + y_(k+1))
+        inverse = np.linalg.inv(eye - half)
+        self._keep = inverse @ (eye + half)
+        self._take = timestep / 2.0 * inverse @ b
+        self.gain = self._c @ self._take + d
+        self._without = state - self._take @ measured  # x_k less the share of y_k
+
+    @property
+    def free(self) -> Array:
+        """`(loops,)` what the loops give without the present outputs."""
+        return self._c @ self._without
+
+    def advance(self, measured: Array) -> None:
+        """To the next step, from the outputs `(loops,)` of the present one."""
+        state = self._without + self._take @ measured
+        self._without = self._keep @ state + self._take @ measured
+
+
+def simulated_gain(
+    craft: LinearCraft, controller: Controller, ends: tuple[str, str], omega: float, settling: float
+) -> float:
+    """Amplitude of an output per amplitude of a sine on an input, in a run of `mj_step` with RK4.
+
+    Args:
+        craft: of the sample; its linear part says where the run begins and how short a step is.
+        controller: its loops; dead times as Pade approximations.
+        ends: names of the input that is driven and of the output that is read.
+        omega: of the sine [rad/s]; one that hardly turns in `settling` is run no longer than it.
+        settling: how long a start takes to be forgotten [s].
+
+    Returns:
+        NaN where the run would take more than `MOST_STEPS`, or blows up.
+    """
+    run = _plan(craft, omega, settling)
+    if run.steps > MOST_STEPS:
+        return float("nan")
+    times, seen = _measured(craft, controller, ends, run)
+    if not np.all(np.isfinite(seen)):
+        return float("nan")
+    phase = run.omega * times
+    if run.still:
+        return float(np.abs(np.mean(seen)) / np.mean(np.cos(phase)))
+    # a cos(omega t) + b sin(omega t) + c + d t: what turns steadily drifts
+    share = (times - times[0]) / (times[-1] - times[0])
+    basis = np.column_stack([np.cos(phase), np.sin(phase), np.ones(run.window), share])
+    cosine, sine, *_ = np.linalg.lstsq(basis, seen, rcond=None)[0]
+    return float(np.hypot(cosine, sine))
+
+
+def _plan(craft: LinearCraft, omega: float, settling: float) -> Run:
+    """Steps that resolve the sine and keep the craft's fastest pole stable."""
+    fastest = float(np.abs(np.linalg.eigvals(craft.linear.first_order()[0])).max(initial=0.0))
+    still = 0.0 < omega * settling < STILL
+    span = settling if still else 2.0 * np.pi / omega
+    window = _whole(max(float(STEPS), span * fastest / FASTEST))
+    timestep = span / window
+    steps = _whole(settling / timestep) + window
+    return Run(omega, still, timestep, steps, window)
+
+
+def _whole(count: float) -> int:
+    """Rounded up; anything beyond `MOST_STEPS` is too many."""
+    return int(np.ceil(min(count, MOST_STEPS + 1.0)))
+
+
+def _measured(
+    craft: LinearCraft, controller: Controller, ends: tuple[str, str], run: Run
+) -> tuple[Array, Array]:
+    """Times `(window,)` and the output per amplitude of the input, of the last steps of a run."""
+    input_names, output_names, *_ = craft.signals
+    rows, columns = places(controller, input_names, output_names)
+    driven = place(ends[0], input_names, "input", "")
+    read = place(ends[1], output_names, "output", "")
+    model = copy.copy(craft.point.model)
+    model.opt.timestep = run.timestep
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    data = craft.point.data()
+    nv = model.nv
+    na = model.na
+    loops = realised(controller)
+    system = craft.linear.first_order()
+    through = system[3][np.ix_(rows, columns)]
+    direct = bool(np.any(through) or np.any(system[3][read]))
+
+    # the predicted motion is the real part of `motion e^(j omega t)`, of a unit disturbance
+    a, b, c, d = looped(system, loops, rows, columns)
+    motion = np.linalg.solve(1j * run.omega * np.eye(a.shape[0]) - a, b[:, driven])
+    size = SMALL / float(np.abs(motion[:nv]).max())
+    start = np.asarray(size * motion.real, dtype=np.float64)
+    signals = size * (c @ motion + d[:, driven])
+    torque_before = -(signals[len(output_names) :] * np.exp(-1j * run.omega * run.timestep)).real
+    stepped = SteppedController(loops, run.timestep, start[2 * nv + na :], signals[rows].real)
+    # y = y0 + D u, u = -(free + gain y)
+    solve = np.linalg.inv(np.eye(len(rows)) + through @ stepped.gain)
+
+    def drive(time: float, torque: Array) -> None:
+        data.ctrl[:] = 0.0
+        data.xfrc_applied[:] = 0.0
+        craft.inputs[driven].apply(data, size * float(np.cos(run.omega * time)))
+        for column, value in zip(columns, torque, strict=True):
+            craft.inputs[column].apply(data, float(value))
+
+    def outputs() -> Array:
+        mujoco.mj_forward(model, data)
+        return np.concatenate([output.read(data) for output in craft.outputs])
+
+    at_rest = outputs()
+    mujoco.mj_integratePos(model, data.qpos, start[:nv], 1.0)
+    data.qvel[:] += start[nv : 2 * nv]
+    data.act[:] = start[2 * nv : 2 * nv + na]
+    times = run.timestep * np.arange(run.steps - run.window, run.steps, dtype=np.float64)
+    seen = np.empty(run.window)
+    for k in range(run.steps):
+        now = k * run.timestep
+        if direct:
+            drive(now, np.zeros(len(columns)))
+        values = outputs() - at_rest
+        measured = solve @ (values[rows] - through @ stepped.free)
+        torque = -(stepped.free + stepped.gain @ measured)
+        if k >= run.steps - run.window:
+            if direct:
+                drive(now, torque)
+                values = outputs() - at_rest
+            seen[k - run.steps + run.window] = values[read] / size
+        # held over the step: the values at its middle, those of the loops extrapolated
+        drive(now + run.timestep / 2.0, 1.5 * torque - 0.5 * torque_before)
+        mujoco.mj_step(model, data)
+        torque_before = torque
+        stepped.advance(measured)
+    return times, seen

@@ -1,0 +1,323 @@
+"""`plant.uncertain(...)`: an uncertain plant, and the worst that a given controller meets in it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from beamchain import report
+from beamchain.caution import Caution
+from beamchain.checks import of_type, positive, whole_number
+from beamchain.craft.embedded import Embedded
+from beamchain.craft.quantities import quantities
+from beamchain.dropped import DROPPED
+from beamchain.engine.library import one_thread
+from beamchain.errors import InputError
+from beamchain.fitting.uncertain import OF_MODES, Correlation, Uncertain, UncertainCraft
+from beamchain.plants.controllers import Controller, place, places, read_controller
+from beamchain.plants.lft import LARGEST, Lft, Made
+from beamchain.plants.simulated_gain import FORGOTTEN, simulated_gain
+from beamchain.plants.worst_case import Loops, Peak, search
+from beamchain.ports.motions import Array, locked
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+GRID = 300  # frequencies of the curves over the band of the closed loop
+# frequencies of the curves at a resonance, in its half widths
+AROUND = np.sinh(np.linspace(-3.0, 3.0, 13))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WorstCase:
+    """The worst that a controller meets in an uncertain plant,
+    from a disturbance at an input to an output.
+
+    Args:
+        input, output, unit: what is driven, what is seen, and the unit of gains.
+        omega: `(k,)` [rad/s].
+        nominal, worst: `(k,)` gain of the nominal plant and of the worst sample.
+        drawn: `(n,)` peak gains of samples from the distributions; infinite where one is unstable.
+        deltas, values: of the worst sample.
+        gain: peak gain of the worst sample; infinite where the loop becomes unstable.
+        frequency: where the peak is [rad/s]; where the loop becomes unstable, that at which it
+            begins to ring on the way from the nominal values to the worst ones.
+        simulated: the same gain in a run of MuJoCo at that frequency; NaN where there is none.
+
+    Example:
+        >>> import beamchain as bc
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
+        ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> from beamchain.plants.controllers import Controller, Loop
+        >>> from beamchain.fitting.uncertain import Uncertain, Uncertainty
+        >>> tenth = Uncertain(frequency=Uncertainty(relative=0.1, distribution="uniform"))
+        >>> segment = bc.Segment(length=8.0, section=section)
+        >>> boom = bc.Spec(segment=(segment,), damping=bc.Damping(ratio=0.01), uncertain=tenth)
+        >>> plant = bc.plant(bc.embed(craft, {"mount": boom}), ["torque:bus"], ["attitude"])
+        >>> uncertain = plant.uncertain()
+        >>> loops = [
+        ...     Loop(
+        ...         input=f"torque_{a}",
+        ...         output=f"attitude_{a}",
+        ...         numerator=(600.0, 60.0),
+        ...         denominator=(0.05, 1.0),
+        ...     )
+        ...     for a in "xyz"
+        ... ]
+        >>> controller = Controller(loop=tuple(loops))
+        >>> worst = uncertain.worst_case(
+        ...     controller, "torque_z", "attitude_z", samples=5, simulate=False
+        ... )
+        >>> worst.stable, float(worst.drawn.max()) <= worst.gain
+        (True, True)
+    """
+
+    input: str
+    output: str
+    unit: str
+    omega: Array
+    nominal: Array
+    worst: Array
+    drawn: Array
+    deltas: Array
+    values: Mapping[str, float]
+    gain: float
+    frequency: float
+    simulated: float
+
+    def __repr__(self) -> str:
+        return f"<WorstCase, {self.sentence}>"
+
+    if not TYPE_CHECKING:  # a type checker knows what there is
+
+        def __getattr__(self, name: str) -> Any:
+            # asked only for names that the result does not have
+            sentence = DROPPED.get(f"WorstCase.{name}")
+            raise AttributeError(sentence or f"a WorstCase has no attribute {name!r}")
+
+    @property
+    def stable(self) -> bool:
+        """Whether no sample was found unstable."""
+        return bool(np.isfinite(self.gain))
+
+    @property
+    def sentence(self) -> str:
+        """The finding in a sentence."""
+        if not self.stable:
+            return (
+                "unstable for some values of the uncertain quantities; on the way to them from "
+                f"the nominal ones the loop begins to ring at {self.frequency:.4g} rad/s"
+            )
+        seen = "" if np.isnan(self.simulated) else f", {self.simulated:.4g} in MuJoCo"
+        return (
+            f"{self.input} to {self.output}: worst sample {self.gain:.4g} {self.unit} at "
+            f"{self.frequency:.4g} rad/s{seen}"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON; None where something is not finite."""
+        record = {
+            "input": self.input,
+            "output": self.output,
+            "unit": self.unit,
+            "stable": self.stable,
+            "gain": self.gain,
+            "frequency": self.frequency,
+            "simulated": self.simulated,
+        }
+        finite = {
+            key: None if isinstance(value, float) and not np.isfinite(value) else value
+            for key, value in record.items()
+        }
+        return {**finite, "values": dict(self.values)}
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Gains over frequency: worst sample, nominal, and the peak in MuJoCo.
+        Returns the axes; shows nothing.
+
+        Args:
+            ax: drawn into; those of a new figure where left out.
+        """
+        return report.plot_worst(self, ax=ax)
+
+
+class UncertainPlant(Lft):
+    """A plant with its uncertain quantities pulled out, `[z, y] = M [w, u]`, `w = Delta z`;
+    made by `plant.uncertain`.
+
+    `nominal` is M as a `control.StateSpace`, w and z before the plant's own signals; `blocks` are
+    the deltas, each in [-1, 1], in the order in which they stand on the diagonal of Delta. `sample`
+    closes M, `draw` draws values.
+
+    Example:
+        >>> import beamchain as bc
+        >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
+        ... <inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>
+        ... <site name="mount" pos="0.5 0 0"/></body></worldbody></mujoco>'''
+        >>> section = bc.Equivalent(bending_stiffness_xy=2e3, linear_mass=4.0)
+        >>> boom = bc.Spec(
+        ...     segment=(bc.Segment(length=8.0, section=section),),
+        ...     fit=bc.FitOptions(springs="modes"),
+        ... )
+        >>> from beamchain.fitting.uncertain import Uncertainty, UncertainBody, UncertainCraft
+        >>> tenth = Uncertainty(relative=0.1, distribution="uniform")
+        >>> plant = bc.plant(bc.embed(craft, {"mount": boom}), inputs=["torque:bus"])
+        >>> uncertain = plant.uncertain(UncertainCraft(body={"bus": UncertainBody(mass=tenth)}))
+        >>> [(block.name, block.repetitions) for block in uncertain.blocks]
+        [('bus.mass', 3)]
+        >>> light = uncertain.sample({"bus.mass": 280.0})
+    """
+
+    def loops(self, controller: Controller, input: str, output: str) -> Loops:
+        """The controller's loops closed around M."""
+        blocks = [int(number) for number in self._group[self._of]]
+        return Loops(self._system, blocks, self.inputs, self.outputs, controller, (input, output))
+
+    @one_thread()
+    def worst_case(
+        self,
+        controller: Controller | str | Path,
+        input: str | None = None,
+        output: str | None = None,
+        omega: ArrayLike | None = None,
+        *,
+        samples: int = 100,
+        seed: int = 0,
+        simulate: bool = True,
+    ) -> WorstCase:
+        """The worst gain of a closed loop over all values of the uncertain quantities, as far as a
+        search finds it.
+
+        Tried are draws, corners of the ranges, and a local search from the worst of both; nothing
+        proves that no other values are worse. Dead times are exact in gains. The worst sample is
+        run in MuJoCo: its values are written into the compiled model, which `mj_step` takes
+        through a sine at the worst frequency with the controller in the loop, until the motion is
+        steady. A run that would take more than 300,000 steps is left out.
+
+        Args:
+            controller: loops, or the path of their file.
+            input: where the disturbance is added to the plant's input;
+                that of the first loop where left out.
+            output: of the plant; that of the first loop where left out.
+            omega: `(k,)` frequencies [rad/s] at which the result states the gains, to which the
+                worst sample's own is added; where left out, about the peaks that are found.
+            samples: number of draws from the distributions.
+            seed: of the draws.
+            simulate: run the worst sample in MuJoCo.
+
+        Raises:
+            InputError: a name is unknown, or the nominal loop is unstable.
+        """
+        whole_number("samples", samples, 0, LARGEST)
+        whole_number("seed", seed, 0, LARGEST)
+        asked = [
+            positive("omega", w, "rad/s")
+            for w in ([] if omega is None else np.atleast_1d(omega).tolist())
+        ]
+        loops_of = read_controller(controller)
+        places(loops_of, self.inputs, self.outputs)  # refused before the first loop is asked
+        for field, name in (("input", input), ("output", output)):
+            if name is not None:
+                of_type(field, name, str, "the name of a plant's input or output")
+        ends = input or loops_of.loop[0].input, output or loops_of.loop[0].output
+        loops = self.loops(loops_of, *ends)
+        rows = [self._block_deltas(values) for values in self.draw(samples, seed)]
+        drawn = np.array(rows).reshape(-1, len(self.blocks))
+        deltas, worst, peaks = search(loops, drawn, seed)
+        nominal = np.zeros(len(self.blocks))
+        if omega is None:
+            grid = _grid(loops, worst, [deltas, nominal], [*peaks, loops.peak(nominal)])
+        else:
+            grid = np.unique([*asked, worst.omega])
+        simulated = float("nan")
+        if simulate and worst.stable:
+            sample = self._again(deltas[self._group])
+            settling = loops.settling(deltas, worst.omega, FORGOTTEN)
+            simulated = simulated_gain(sample, loops_of, ends, worst.omega, settling)
+        output_unit = self.units[1][place(ends[1], self.outputs, "output", "")]
+        input_unit = self.units[0][place(ends[0], self.inputs, "input", "")]
+        return WorstCase(
+            input=ends[0],
+            output=ends[1],
+            unit=f"{output_unit} per {input_unit}",
+            omega=locked(grid),
+            nominal=locked(loops.gain(nominal, grid)),
+            worst=locked(loops.gain(deltas, grid)),
+            drawn=locked([peak.gain for peak in peaks]),
+            deltas=locked(deltas),
+            values=self.values(deltas),
+            gain=worst.gain,
+            frequency=worst.omega,
+            simulated=simulated,
+        )
+
+    def _block_deltas(self, values: Mapping[str, float]) -> Array:
+        """`(blocks,)` deltas of a draw; correlated ones differ within a block,
+        which takes the first."""
+        each = self._deltas(values)
+        return np.array([each[int(np.argmax(self._group == k))] for k in range(len(self.blocks))])
+
+
+def _grid(loops: Loops, worst: Peak, samples: Sequence[Array], peaks: Sequence[Peak]) -> Array:
+    """Frequencies over the band of the closed loop, closer about its resonances in `samples`."""
+    if not worst.stable:
+        return worst.omega * np.unique([*np.geomspace(0.5, 2.0, GRID), 1.0])
+    poles = np.concatenate([loops._resonances(deltas).poles for deltas in samples])
+    light = poles[(np.abs(poles.real) < 0.1 * np.abs(poles)) & (poles.imag > 0.0)]
+    tops = [peak.omega for peak in peaks if peak.stable]
+    low = 0.3 * min([*tops, worst.omega])
+    high = 1.5 * max([*np.abs(light), float(np.abs(poles).min()), worst.omega])
+    near = (light.imag[:, None] - light.real[:, None] * AROUND).ravel()
+    omega = np.concatenate([np.geomspace(low, high, GRID), near, [worst.omega]])
+    return np.unique(omega[(omega >= low) & (omega <= high)])
+
+
+def uncertain_plant(
+    made: Made, embedded: Embedded | None, given: UncertainCraft | None
+) -> UncertainPlant:
+    """The uncertain plant of a craft; what is `given` goes before the specifications of
+    embedded appendages."""
+    tables = {
+        appendage.prefix: appendage.spec.uncertain
+        for appendage in (embedded.appendages if embedded else ())
+        if appendage.spec.uncertain is not None
+    }
+    warnings = [
+        Caution(
+            "left-certain",
+            f"the structural properties that {prefix!r} has uncertain (stiffness, density, ...) "
+            "are left certain in the plant: they change the fit itself; beamchain sweep shows what "
+            "they do to the modes.",
+        )
+        for prefix, table in tables.items()
+        if table.structural
+    ]
+    modal = {prefix: table for prefix, table in tables.items() if _has_modes(table)}
+    given_prefixes = given.appendage if given else {}
+    correlations = [
+        Correlation(of=tuple(f"{prefix}{name}" for name in each.of), matrix=each.matrix)
+        for prefix, table in modal.items()
+        if prefix not in given_prefixes
+        for each in table.correlation
+    ]
+    uncertain = quantities(made.craft.point.model, given, modal, correlations)
+    if not uncertain:
+        raise InputError(
+            "uncertain: nothing is; give a file with [body.NAME], [joint.NAME] or "
+            "[appendage.PREFIX], or [uncertain] with frequency, damping or participation in an "
+            "appendage's specification."
+        )
+    every_correlation = [*correlations, *(given.correlation if given else ())]
+    return UncertainPlant(made, uncertain, every_correlation, warnings)
+
+
+def _has_modes(table: Uncertain) -> bool:
+    """Whether a table says of any mode that it is uncertain."""
+    return any(
+        getattr(part, kind) is not None for part in (table, *table.mode) for kind in OF_MODES
+    )

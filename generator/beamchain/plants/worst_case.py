@@ -1,0 +1,262 @@
+"""The loop closed around an uncertain plant, its peaks, and a search for the worst sample.
+
+`[z, e] = N [w, d]`, `w = Delta z`: a controller's loops closed around M,
+d added to one of its inputs, e one of its outputs.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize, minimize_scalar
+
+from beamchain.errors import InputError
+from beamchain.plants.controllers import Controller, place, places, realised
+from beamchain.plants.controllers import response as loop_response
+from beamchain.plants.systems import Complex, System, looped, picked, response, with_deltas
+from beamchain.ports.motions import Array
+
+GROWS = 1e-9  # relative real part of a pole, below which it is rounding
+STARTS = 4  # of the local search, from the worst samples
+STILL = 1e-2  # of the lowest frequency looked at: a gain that is largest at rest is taken there
+AROUND = np.sinh(np.linspace(-4.0, 4.0, 25))  # half widths of a resonance, at which it is looked at
+# logarithm of the gain that stands for an unstable sample: that of the largest number
+UNSTABLE = float(np.log(np.finfo(np.float64).max))
+
+
+class Peak(NamedTuple):
+    """Largest gain of a closed loop [unit of e per unit of d] and where [rad/s]; infinite:
+    unstable, at its pole."""
+
+    gain: float
+    omega: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is stable."""
+        return bool(np.isfinite(self.gain))
+
+
+class Resonances(NamedTuple):
+    """A gain as partial fractions, `direct + sum of weights / (s - poles)`."""
+
+    poles: Complex
+    weights: Complex
+    direct: float
+
+    def size(self, omega: Array) -> Array:
+        """`(k,)` magnitude at frequencies `(k,)` [rad/s]."""
+        fractions = self.weights / (1j * omega[:, None] - self.poles)
+        return np.abs(fractions.sum(axis=1) + self.direct)
+
+
+class Loops:
+    """The closed loop N of M and a controller: exact in the frequency domain,
+    its state space with dead times by Pade.
+
+    `blocks` `(channels,)` is the number of the delta of each channel;
+    `ends` are the input where d acts and the output e.
+    """
+
+    blocks: NDArray[np.intp]
+    controller: Controller
+    system: System
+    poles: Complex
+
+    def __init__(
+        self,
+        system: System,
+        blocks: Sequence[int],
+        inputs: list[str],
+        outputs: list[str],
+        controller: Controller,
+        ends: tuple[str, str],
+    ) -> None:
+        channels = len(blocks)
+        rows, columns = places(controller, inputs, outputs)
+        d = place(ends[0], inputs, "input", "")
+        e = place(ends[1], outputs, "output", "")
+        self.blocks = np.asarray(blocks, dtype=np.intp)
+        self.controller = controller
+        self._m = system
+        self._rows = [channels + i for i in rows]
+        self._columns = [channels + i for i in columns]
+        self._seen = [*range(channels), channels + e]
+        self._driven = [*range(channels), channels + d]
+        whole = looped(system, realised(controller), self._rows, self._columns)
+        self.system = picked(whole, self._seen, self._driven)
+        self.poles = np.linalg.eigvals(self.system[0]).astype(np.complex128)
+        top = float(np.abs(self.poles).max(initial=1e-300))
+        if float(self.poles.real.max(initial=-1.0)) > -GROWS * top:
+            raise InputError(
+                "the closed loop of the nominal plant is not stable, so that nothing can be "
+                f"worse; close loops that hold all that {ends[1]!r} shows, stably (bc.plant's "
+                "margins say how far they are from it)."
+            )
+        self._wide = np.geomspace(0.1 * np.abs(self.poles).min(), 2.0 * top, 300)
+
+    def exact(self, omega: Array) -> Complex:
+        """`(k, channels + 1, channels + 1)` N at frequencies `(k,)`, dead times exact."""
+        s = (1j * omega).astype(np.complex128)
+        m = response(self._m, s)
+        # `(k, loops, 1)`
+        k = np.array([loop_response(loop, s) for loop in self.controller.loop]).T[:, :, None]
+        to_end = m[:, self._seen]
+        to_loops = m[:, self._rows]
+        # N = M_ed - M_eu K (1 + M_yu K)^-1 M_yd
+        open_loops = to_loops[:, :, self._columns] * np.swapaxes(k, 1, 2)
+        measured = np.linalg.solve(np.eye(k.shape[1]) + open_loops, to_loops[:, :, self._driven])
+        torque = k * measured
+        return to_end[:, :, self._driven] - to_end[:, :, self._columns] @ torque
+
+    def gain(self, deltas: Array, omega: Array) -> Array:
+        """`(k,)` gains of a sample `(blocks,)`, dead times exact."""
+        return np.abs(self._response_and_slopes(self.exact(omega), deltas)[0])
+
+    def _response_and_slopes(self, n: Complex, deltas: Array) -> tuple[Complex, Complex]:
+        """`(k,)` response of a sample, and its slope by every channel's delta `(k, channels)`."""
+        delta = deltas[self.blocks]
+        eye = np.eye(self.blocks.size)
+        zw = n[:, :-1, :-1]
+        zd = n[:, :-1, -1:]
+        ew = n[:, -1, :-1]
+        # z = (1 - N_zw Delta)^-1 N_zd d, e = (N_ed + N_ew Delta (1 - N_zw Delta)^-1 N_zd) d
+        z = np.linalg.solve(eye - zw * delta, zd)[:, :, 0]
+        value = n[:, -1, -1] + np.einsum("ki,i,ki->k", ew, delta, z)
+        # de/d(delta_i) = l_i z_i, l = N_ew (1 - Delta N_zw)^-1
+        transposed = np.swapaxes(eye - delta[:, None] * zw, 1, 2)
+        left = np.linalg.solve(transposed, ew[:, :, None])[:, :, 0]
+        return value, left * z
+
+    def _resonances(self, deltas: Array) -> Resonances:
+        """The gain of a sample `(blocks,)` from d to e, dead times by Pade."""
+        a, b, c, d = with_deltas(self.system, deltas[self.blocks])
+        poles, vectors = (np.asarray(part, dtype=np.complex128) for part in np.linalg.eig(a))
+        weights = (c[-1] @ vectors) * np.linalg.solve(vectors, b[:, -1].astype(np.complex128))
+        return Resonances(poles, weights, float(d[-1, -1]))
+
+    def peak(self, deltas: Array) -> Peak:
+        """The largest gain of a sample over all frequencies, resonances resolved."""
+        resonances = self._resonances(deltas)
+        poles = resonances.poles
+        first = int(np.argmax(poles.real))
+        if poles[first].real > GROWS * np.abs(poles).max():
+            return Peak(np.inf, float(np.abs(poles[first].imag)))
+        upper = poles[poles.imag > 0.0]
+        near = (upper.imag[:, None] - upper.real[:, None] * AROUND).ravel()
+        least = STILL * self._wide[0]
+        omega = np.unique(np.concatenate([[least], self._wide, near[near > least]]))
+        at = int(np.argmax(resonances.size(omega)))
+        low = float(omega[max(at - 1, 0)])
+        high = float(omega[min(at + 1, omega.size - 1)])
+        best = minimize_scalar(
+            lambda w: -float(resonances.size(np.array([w]))[0]),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": 1e-9 * high},
+        )
+        top = float(best.x)
+        return Peak(float(self.gain(deltas, np.array([top]))[0]), top)
+
+    def slope(self, deltas: Array, omega: float) -> Array:
+        """`(blocks,)` slope of the logarithm of the gain at a frequency;
+        at the peak it is that of the peak."""
+        value, slopes = self._response_and_slopes(self.exact(np.array([omega])), deltas)
+        each = (slopes[0] / value[0]).real
+        return np.asarray(np.bincount(self.blocks, each, minlength=deltas.size), dtype=np.float64)
+
+    def settling(self, deltas: Array, omega: float, share: float) -> float:
+        """How long a start of a stable sample is felt under a sine [s]: what is left of it is then
+        below `share` of the gain; infinite where that never is.
+
+        Starting from rest, the pole p with weight r leaves `r/(j omega - p) e^(p t)` in the output.
+        """
+        resonances = self._resonances(deltas)
+        left = np.abs(resonances.weights / (1j * omega - resonances.poles))
+        decay = -np.minimum(resonances.poles.real, 0.0)
+        allowed = share * float(resonances.size(np.array([omega]))[0])
+
+        def excess(time: float) -> float:
+            return float(left @ np.exp(-decay * time)) - allowed
+
+        if excess(0.0) <= 0.0:
+            return 0.0
+        long = 1.0 / float(np.abs(resonances.poles).max())
+        while excess(long) > 0.0:
+            if long * float(decay.max()) > 1e12:
+                return float("inf")
+            long *= 2.0
+        return float(brentq(excess, 0.0, long))
+
+
+class Tried(NamedTuple):
+    """Deltas `(blocks,)` and the peak of their sample."""
+
+    deltas: Array
+    peak: Peak
+
+
+def search(loops: Loops, samples: Array, seed: int = 0) -> tuple[Array, Peak, list[Peak]]:
+    """The worst deltas found, their peak, and the peaks of the samples `(n, blocks)`.
+
+    Tried are the samples, random corners, corners that slopes point to,
+    and local ascent from the worst. Of an unstable sample, the peak is where stability ends on the
+    way to it from the nominal one.
+    """
+    count = samples.shape[1]
+    corners = np.random.default_rng(seed).choice(
+        [-1.0, 1.0], size=(min(2**count, 8 * STARTS), count)
+    )
+    peaks = [loops.peak(row) for row in samples]
+    tried = [Tried(row, peak) for row, peak in zip(samples, peaks, strict=True)]
+    tried += [Tried(row, loops.peak(row)) for row in (*corners, np.zeros(count))]
+    starts = sorted(tried, key=lambda sample: -sample.peak.gain)[:STARTS]
+    for start in starts:
+        if any(not sample.peak.stable for sample in tried):
+            break  # nothing is worse
+        tried += _ascent(loops, start.deltas)
+    worst = max(tried, key=lambda sample: sample.peak.gain)
+    if worst.peak.stable:
+        return worst.deltas, worst.peak, peaks
+    return worst.deltas, _stability_limit(loops, worst), peaks
+
+
+def _ascent(loops: Loops, start: Array) -> list[Tried]:
+    """What a local search from a stable sample tries, and the corner to which the slopes point
+    where it ends."""
+    tried: list[Tried] = []
+
+    def cost(deltas: Array) -> tuple[float, Array]:
+        """Minus the logarithm of the gain, and its slopes; an unstable sample is the least there
+        is, where the search ends."""
+        peak = loops.peak(deltas)
+        tried.append(Tried(deltas.copy(), peak))
+        if not peak.stable:
+            return -UNSTABLE, np.zeros_like(deltas)
+        return -float(np.log(peak.gain)), -loops.slope(deltas, peak.omega)
+
+    bounds = [(-1.0, 1.0)] * start.size
+    end = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds)
+    _, slopes = cost(np.asarray(end.x))
+    if all(sample.peak.stable for sample in tried):
+        corner = np.where(slopes < 0.0, 1.0, -1.0)
+        tried.append(Tried(corner, loops.peak(corner)))
+    return tried
+
+
+def _stability_limit(loops: Loops, unstable: Tried) -> Peak:
+    """Where on the way from the nominal values to unstable ones stability ends, by bisection:
+    an infinite gain at the frequency at which the loop begins to ring."""
+    limit = unstable.peak
+    low = 0.0
+    high = 1.0
+    while high - low > 1e-9:
+        middle = (low + high) / 2.0
+        peak = loops.peak(middle * unstable.deltas)
+        if peak.stable:
+            low = middle
+        else:
+            high = middle
+            limit = peak
+    return limit

@@ -1,0 +1,152 @@
+"""An appendage of a compiled craft fitted again with its structure drawn, on the nominal cut,
+and put into the model."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from msgspec import structs
+
+from beamchain.chain.links import raised
+from beamchain.craft.quantities import Quantity
+from beamchain.craft.timing import on_tendons
+from beamchain.engine.forces import wraps
+from beamchain.engine.library import mujoco
+from beamchain.engine.linearise import compile_model
+from beamchain.errors import RealisationError
+from beamchain.fitting.choose import make_plan, whole_beam
+from beamchain.fitting.fit import LEAST_INERTIA, damped
+from beamchain.fitting.options import Modes
+from beamchain.fitting.result import Fit
+from beamchain.fitting.varied import structural_draw, structural_quantities, varied
+from beamchain.mjcf import write
+from beamchain.ports.motions import Array
+
+KINDS = {"body": "nbody", "joint": "njnt", "site": "nsite", "tendon": "ntendon"}
+#: Fields that a fit decides, per kind of element.
+FITTED = {
+    "body": ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_sameframe", "body_pos"),
+    "joint": ("jnt_stiffness",),
+    "site": ("site_pos",),
+    "tendon": (
+        "tendon_stiffness",
+        "tendon_damping",
+        "tendon_armature",
+        "tendon_length0",
+        "tendon_lengthspring",
+    ),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """An appendage whose structure is uncertain: the prefix of its elements in the craft, its
+    nominal fit, in whose specification modes and target are stated, and what tells its draws from
+    those of other appendages.
+    """
+
+    prefix: str
+    fit: Fit
+    owner: str
+
+    @classmethod
+    def of(cls, prefix: str, fit: Fit, owner: str) -> "Refit":
+        """The refit of a nominal fit: its modes are no longer chosen."""
+        counts = {port: target.modes for port, target in fit.target.items()}
+        root = structs.replace(fit.spec.root, target=fit.kept_for)
+        return cls(
+            prefix,
+            replace(fit, spec=structs.replace(fit.spec, modes=Modes(**counts), root=root)),
+            owner,
+        )
+
+    def into(self, model: "mujoco.MjModel", seed: int, index: int) -> Mapping[str, Array]:
+        """Put sample `index` into an untimed model of the craft, in place;
+        the participation of its modes per port."""
+        sample, participation = self._fit(seed, index)
+        alone = _compiled_alone(sample)
+        if _topology(alone) != self._nominal_topology:
+            raise RealisationError(
+                "its hinges or bodies come in another order than the nominal model's"
+            )
+        start = f"{self.fit.spec.name}_"
+        for kind, fields in FITTED.items():
+            for i, name in enumerate(_names(alone, kind)):
+                if not name.startswith(start):
+                    continue
+                j = int(getattr(model, kind)(self.prefix + name.removeprefix(start)).id)
+                for field in fields:
+                    if field != "body_pos" or name != f"{start}link1":  # where the craft carries it
+                        getattr(model, field)[j] = getattr(alone, field)[i]
+                if kind == "joint":
+                    damping = alone.dof_damping[alone.jnt_dofadr[i]]
+                    model.dof_damping[model.jnt_dofadr[j]] = damping
+                elif kind == "tendon":
+                    for there, here in zip(wraps(model, j), wraps(alone, i), strict=True):
+                        model.wrap_prm[there] = alone.wrap_prm[here]
+        return participation
+
+    @cached_property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The numbers of the structure that are drawn, in the order of `draw`."""
+        return tuple(
+            Quantity(
+                name=f"{self.prefix}{q.name}",
+                unit=q.unit,
+                nominal=q.nominal,
+                uncertainty=q.uncertainty,
+                index=-1,
+                key=f"{self.prefix}{q.name}",
+            )
+            for q in structural_quantities(self.fit.spec)
+        )
+
+    def draw(self, seed: int, index: int) -> Array:
+        """`(n,)` values of the structural quantities in sample `index`."""
+        return structural_draw(self.fit.spec, seed, index, self.owner)
+
+    @cached_property
+    def _nominal_topology(self) -> dict[str, list[str]]:
+        return _topology(_compiled_alone(self.fit))
+
+    def _fit(self, seed: int, index: int) -> tuple[Fit, dict[str, Array]]:
+        spec = varied(self.fit.spec, seed, index, self.owner)
+        beam = spec.beam
+        hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
+        plan = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub)
+        built = damped(spec, plan, beam, self.fit.cut)
+        for port, target in built.targets.items():
+            if target.modes < self.fit.target[port].modes:
+                raise RealisationError(f"fewer modes in {port}: {built.status.message}")
+        sample = replace(self.fit, spec=spec, chain=raised(built.chain, LEAST_INERTIA)[0])
+        if any(tendon.stiffness > 0.0 for tendon in self.fit.chain.tendons):
+            sample = on_tendons(sample)
+        participation = {
+            port: sample.chain.port(port).participation[: target.modes]
+            for port, target in built.targets.items()
+        }
+        return sample, participation
+
+
+def _compiled_alone(fit: Fit) -> "mujoco.MjModel":
+    """An appendage on a body of its own, compiled, not timed."""
+    scene = write.scene_document(
+        fit.appendage(timed=False),
+        fit.spec.name,
+        mass=1.0,
+        inertia=np.eye(3),
+        offset=np.zeros(3),
+        timestep=0.01,
+        integrator="implicitfast",
+    )
+    return compile_model(write.document_text(scene))
+
+
+def _topology(model: "mujoco.MjModel") -> dict[str, list[str]]:
+    """Names of all elements, per kind."""
+    return {kind: _names(model, kind) for kind in KINDS}
+
+
+def _names(model: "mujoco.MjModel", kind: str) -> list[str]:
+    return [str(getattr(model, kind)(i).name) for i in range(int(getattr(model, KINDS[kind])))]

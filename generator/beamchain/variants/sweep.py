@@ -1,0 +1,416 @@
+"""`sweep`: variants of an appendage or of a whole craft,
+as arrays for one compiled MuJoCo model."""
+
+import io
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.resources import files as package_files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec import structs
+
+from beamchain import report
+from beamchain.checks import list_of_names, whole_number
+from beamchain.craft.embedded import Embedded
+from beamchain.craft.embedding import check_places, embed
+from beamchain.craft.model_fields import FIELDS
+from beamchain.craft.quantities import Quantity
+from beamchain.dropped import answers_dropped
+from beamchain.engine.jobs import Progress, check_workers, run_jobs
+from beamchain.engine.library import mujoco, one_thread
+from beamchain.engine.linearise import compile_model
+from beamchain.errors import InputError
+from beamchain.files import noted_inputs, to_json, write_files
+from beamchain.fitting.fit import as_spec, fit, on_modes
+from beamchain.fitting.result import Fit
+from beamchain.fitting.spec import Spec, read_spec
+from beamchain.fitting.uncertain import UncertainCraft, read_uncertain
+from beamchain.mjcf.craft import Craft, read_craft
+from beamchain.mjcf.relocate import relocate
+from beamchain.ports.motions import Array
+from beamchain.structure.beam import Beam
+from beamchain.structure.modal_data import ModalData
+from beamchain.variants.refit import Refit
+from beamchain.variants.samples import Case, gain, usual_gain, vary
+
+NAMES = {"body": "nbody", "jnt": "njnt", "site": "nsite", "tendon": "ntendon"}
+MOST = 2**31  # samples, and seed
+CHUNK, QUICK_CHUNK = 10, 100  # samples per job: with fits, without
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """All variants.
+
+    Args:
+        name: of the appendage, or of the craft's file.
+        source: the nominal fit, the embedded craft,
+            or the document of a craft that was given as a file.
+        case: what is uncertain.
+        seed: of the draws.
+        indices: `(k,)` samples that became variants.
+        values: `(k, n)` of the uncertain quantities of modes, bodies and joints, then of
+            structures.
+        fields: per field of MuJoCo's model that varies, `(k, ...)`.
+        coupled: `(k, m)` undamped coupled frequencies, ascending [rad/s].
+        gains: per pair of signals `(k, m)` modal gains.
+        participation: of a single appendage, per port `(k, n, motions)`.
+        left_out: samples without a variant and why.
+        seconds: taken.
+        inputs: files that were read, which `write` does not replace.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> variants = bc.sweep(
+        ...     files("beamchain") / "examples" / "array_uncertain.toml", samples=2, seed=1
+        ... )
+        >>> (
+        ...     variants.coupled.shape[0],
+        ...     variants.fields["tendon_stiffness"].shape[0],
+        ...     variants.left_out,
+        ... )
+        (2, 2, {})
+    """
+
+    name: str
+    source: "Fit | Embedded | Craft"
+    case: Case
+    seed: int
+    indices: Array
+    values: Array
+    fields: dict[str, Array]
+    coupled: Array
+    gains: dict[str, Array]
+    participation: dict[str, Array]
+    left_out: dict[int, str]
+    seconds: float
+    inputs: tuple[Path, ...] = ()
+
+    @property
+    def nominal(self) -> Fit:
+        """The nominal fit of a sweep of one appendage."""
+        assert isinstance(self.source, Fit)
+        return self.source
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The uncertain quantities of modes, bodies and joints, then those of structures:
+        stiffness and density of segments as factors, stiffness of joints, masses."""
+        return self.case.quantities
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the gains."""
+        return {gain.name: gain.unit for gain in self.case.gains}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was said of the nominal craft."""
+        return self.source.warnings if isinstance(self.source, Embedded) else ()
+
+    @property
+    def model_file(self) -> str:
+        """Name of the file that the fields are of."""
+        return "scene.xml" if isinstance(self.source, Fit) else "flexible.xml"
+
+    def as_dict(self) -> dict[str, Any]:
+        """What sweep.json holds."""
+        return {
+            "name": self.name,
+            "samples": self.indices.size + len(self.left_out),
+            "variants": self.indices.size,
+            "seed": self.seed,
+            "quantiles": QUANTILES,
+            "coupled_frequencies": [_spread(column) for column in self.coupled.T],
+            "gains": [
+                {
+                    "pair": name,
+                    "unit": self.units[name],
+                    "modes": [_spread(column) for column in values.T],
+                }
+                for name, values in self.gains.items()
+            ],
+            "quantities": [
+                {"name": q.name, "unit": q.unit, "nominal": q.nominal, **_spread(column)}
+                for q, column in zip(self.quantities, self.values.T, strict=True)
+            ],
+            "participation": {
+                port: [
+                    [_spread(values[:, k, i]) for i in range(values.shape[2])]
+                    for k in range(values.shape[1])
+                ]
+                for port, values in self.participation.items()
+            },
+            "left_out": [{"sample": index, "why": why} for index, why in self.left_out.items()],
+            "fields": {name: list(values.shape[1:]) for name, values in self.fields.items()},
+            "warnings": self.warnings,
+            "mujoco": mujoco.__version__,
+            "seconds": self.seconds,
+        }
+
+    def archive(self) -> bytes:
+        """variants.npz: fields, samples' numbers, drawn values, coupled modes, gains,
+        and names of bodies, joints, ..."""
+        stream = io.BytesIO()
+        model = self.case.model
+        names = {
+            f"{kind}_names": np.array(
+                [getattr(model, kind)(i).name for i in range(getattr(model, count))]
+            )
+            for kind, count in NAMES.items()
+        }
+        np.savez_compressed(
+            stream,
+            allow_pickle=False,
+            fields=np.array(list(self.fields)),
+            sample=self.indices,
+            coupled_frequencies=self.coupled,
+            quantities=np.array([q.name for q in self.quantities]),
+            values=self.values,
+            gain_pairs=np.array(list(self.gains)),
+            gains=np.array(list(self.gains.values())),
+            **names,
+            **self.fields,
+        )
+        return stream.getvalue()
+
+    def write(self, folder: Path, *, force: bool = False) -> list[Path]:
+        """Write the nominal model, variants.npz, apply_variants.py,
+        pictures and sweep.json (last); all or none.
+
+        Raises:
+            OutputError: a file exists and `force` is False, or the folder cannot be written.
+        """
+        example = (
+            package_files("beamchain")
+            .joinpath("examples/apply_variants.py")
+            .read_text(encoding="utf-8")
+        )
+        content: dict[Path, str | bytes] = {
+            folder / self.model_file: _text(self.source, folder),
+            folder / "variants.npz": self.archive(),
+            folder / "apply_variants.py": example.replace("scene.xml", self.model_file),
+            **{folder / name: text for name, text in report.sweep_pictures(self).items()},
+            folder / "sweep.json": to_json(self.as_dict()),
+        }
+        write_files(content, force=force, inputs=self.inputs)
+        return list(content)
+
+
+def _spread(values: Array) -> dict[str, Any]:
+    quantiles = np.quantile(values, QUANTILES)
+    return {
+        "mean": float(np.mean(values)),
+        "deviation": float(np.std(values)),
+        "quantiles": quantiles,
+    }
+
+
+@answers_dropped
+@one_thread()
+def sweep(
+    source: "Spec | Embedded | str | Path",
+    samples: int = 1000,
+    *,
+    at: "Mapping[str, Spec | Beam | ModalData | str | Path] | None" = None,
+    uncertain: UncertainCraft | str | Path | None = None,
+    prefixes: Sequence[str] | None = None,
+    retime: bool | None = None,
+    gains: Sequence[str] | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Draw variants of an appendage or of a whole craft, as arrays of one compiled model;
+    as `beamchain sweep` does.
+
+    What is uncertain of modes, bodies and joints only changes numbers of that model; what is
+    uncertain of the structure is fitted again for every sample, on the nominal cut. A craft that is
+    exact in time for its step stays so in every variant.
+
+    Args:
+        source: a specification with [uncertain] or the path of such a SPEC.toml, for one appendage
+            on its hub; else the path or text of the craft's MJCF file, bare if `at` is given, or
+            with appendages that `embed` put in; or what `embed` returned. If modes are chosen for a
+            scene, all variants use the nominal choice.
+        samples: number of samples.
+        at: the appendage for each site or body, as in `embed`; their [uncertain] counts.
+        uncertain: of the craft: masses, drives, modes by prefix; or the path of its TOML file.
+        prefixes, retime: as in `embed`.
+        gains: pairs "INPUT=OUTPUT" of signals of `bc.plant` whose modal gains are followed;
+            default: "torque:BASE=attitude".
+        seed: of the draws; the same seed gives the same variants.
+        workers: processes; default: as `joblib.parallel_config` says, else this one.
+        progress: called after every job.
+
+    Returns:
+        The variants as fields of one compiled MuJoCo model (`fields`), their coupled frequencies
+        [rad/s] (`coupled`) and modal gains (`gains`), samples that could not be made and why
+        (`left_out`), files (`write`).
+
+    Raises:
+        EngineError: a worker process died.
+        InputError: nothing is uncertain, a range is impossible, or every sample was left out.
+
+    Example:
+        >>> import beamchain as bc
+        >>> from importlib.resources import files
+        >>> variants = bc.sweep(
+        ...     files("beamchain") / "examples" / "array_uncertain.toml", samples=3, seed=1
+        ... )
+        >>> variants.coupled.shape[0]
+        3
+    """
+    start = time.perf_counter()
+    whole_number("samples", samples, 1, MOST)
+    whole_number("seed", seed, 0, MOST)
+    if at is not None:
+        check_places(at)
+    followed = None if gains is None else list_of_names("gains", gains)
+    check_workers(workers)
+    alone = isinstance(source, Spec) or (at is None and str(source).endswith(".toml"))
+    if alone and at is not None:
+        raise InputError(
+            "at is given with a specification, but needs the craft that carries it; give the "
+            "craft's file."
+        )
+    with noted_inputs() as inputs:
+        given = UncertainCraft() if uncertain is None else read_uncertain(uncertain)
+        if alone:
+            spec = source if isinstance(source, Spec) else read_spec(str(source))
+            nominal: Fit | Embedded | Craft = _nominal_fit(spec, given)
+            name = spec.name
+        else:
+            assert not isinstance(source, Spec)
+            nominal = _nominal_craft(source, at, given, prefixes, retime)
+            name = "craft"
+            if not isinstance(source, Embedded) and not str(source).lstrip().startswith("<"):
+                name = Path(str(source)).stem
+    case = _case(nominal, given, followed)
+    step = CHUNK if case.refits else QUICK_CHUNK
+    bare = replace(case)  # without what was worked out, which need not travel
+    jobs = [(bare, seed, first, min(first + step, samples)) for first in range(0, samples, step)]
+    made = run_jobs(vary, jobs, workers=workers, progress=progress)
+    left_out = {index: why for job in made for index, why in job["why"].items()}
+    good = [job for job in made if job["samples"]]
+    if not good:
+        raise InputError(f"no sample became a variant: {next(iter(left_out.values()))}")
+    arrays = {
+        key: np.concatenate([job["arrays"][key] for job in good]) for key in good[0]["arrays"]
+    }
+    fields: dict[str, Array] = {}
+    for field in FIELDS:
+        before: Array = getattr(case.model, field)
+        values = arrays[f"field {field}"].astype(before.dtype)
+        if np.any(values != before):
+            fields[field] = values
+    return Sweep(
+        name=name,
+        source=nominal,
+        case=case,
+        seed=seed,
+        indices=np.array([index for job in good for index in job["samples"]]),
+        values=arrays["values"],
+        fields=fields,
+        coupled=arrays["coupled"],
+        gains={gain.name: arrays[f"gain {i}"] for i, gain in enumerate(case.gains)},
+        participation={port: arrays[f"port {port}"] for port in case.participation},
+        left_out=left_out,
+        seconds=time.perf_counter() - start,
+        inputs=tuple(inputs),
+    )
+
+
+def _nominal_fit(spec: Spec, given: UncertainCraft) -> Fit:
+    """The nominal fit of one appendage."""
+    made = fit(on_modes(spec, wanted=bool(given.appendage)))
+    if made.spec.uncertain is None and given == UncertainCraft():
+        raise InputError(
+            "the spec has no [uncertain]; add one with for example stiffness = { relative = 0.05 }."
+        )
+    return made
+
+
+def _nominal_craft(
+    source: "Embedded | str | Path",
+    at: "Mapping[str, Spec | Beam | ModalData | str | Path] | None",
+    given: UncertainCraft,
+    prefixes: Sequence[str] | None,
+    retime: bool | None,
+) -> "Embedded | Craft":
+    """The nominal craft with its appendages."""
+    if isinstance(source, Embedded):
+        if at is not None or source.document is None or source.form != "inline":
+            raise InputError(
+                "an embedded craft takes no further appendages here, and must be one document; "
+                "give the craft's file and "
+                'all appendages, at={"mount": "array.toml"}.'
+            )
+        return source
+    if at is None:
+        return read_craft(source)
+    modes = bool(given.appendage)
+    held = {
+        p: w if isinstance(w, ModalData) else on_modes(as_spec(w), wanted=modes)
+        for p, w in at.items()
+    }
+    return embed(source, held, prefixes=prefixes, retime=retime)
+
+
+def _case(
+    found: "Fit | Embedded | Craft", given: UncertainCraft, gains: Sequence[str] | None
+) -> Case:
+    """What is uncertain of a nominal craft."""
+    model = compile_model(_text(found, None))
+    fits: dict[str, tuple[Fit, str]] = {}
+    if isinstance(found, Fit):
+        fits = {f"{found.spec.name}_": (found, "")}
+    elif isinstance(found, Embedded):
+        fits = {a.prefix: (a.fit, a.prefix) for a in found.appendages}
+    tables = {
+        prefix: table
+        for prefix, (made, _) in fits.items()
+        if (table := made.spec.uncertain) is not None
+    }
+    if not tables and given == UncertainCraft():
+        raise InputError(
+            "nothing is uncertain: give the appendages' specifications an [uncertain], or the "
+            "craft's file of uncertainties with [body.NAME], [joint.NAME] or [appendage.PREFIX] "
+            "(--uncertain)."
+        )
+    correlations = tuple(
+        structs.replace(each, of=tuple(prefix + name for name in each.of))
+        for prefix, table in tables.items()
+        for each in table.correlation
+    )
+    refits = tuple(
+        Refit.of(prefix, *fits[prefix]) for prefix, table in tables.items() if table.structural
+    )
+    modes = {prefix: table for prefix, table in tables.items() if table.modal}
+    participation: dict[str, Array] = {}
+    if isinstance(found, Fit) and found.space is None:
+        participation = {
+            p: found.chain.port(p).participation[: t.modes] for p, t in found.target.items()
+        }
+    case = Case(model, given, modes, correlations, refits, (), participation)
+    nominal = case.maker.model
+    followed = tuple(
+        gain(nominal, pair) for pair in (usual_gain(nominal) if gains is None else gains)
+    )
+    case = replace(case, gains=followed)
+    case.check_quantities()  # before any sample is made
+    return case
+
+
+def _text(source: "Fit | Embedded | Craft", folder: Path | None) -> str:
+    """The file of the nominal model as it stands in a folder; None: with absolute paths."""
+    if isinstance(source, Fit):
+        return source.scene_mjcf()
+    if isinstance(source, Embedded):
+        return source.to_mjcf(folder)
+    return relocate(source, folder).text
