@@ -223,8 +223,7 @@ def study(
 
     Returns:
         The study: every point measured (`points`), the cheapest setting for an error (`best`),
-            its rivals (`rivals`),
-        files (`write`).
+        its rivals (`rivals`), files (`write`).
 
     Raises:
         InputError: a model's name is unknown, the profile cannot be used,
