@@ -115,6 +115,17 @@ def test_nan_is_refused(field):
         replace(data, **{field: values})
 
 
+@pytest.mark.parametrize("field", ["rigid_mass", "frequencies", "participation"])
+def test_numbers_whose_products_overflow_are_refused(field):
+    data = Cloud(2).data()
+    values = np.array(getattr(data, field))
+    values.flat[0] = 8.8e306
+    with pytest.raises(
+        InputError, match=f"{field.removeprefix('rigid_')} holds 8.8e.306; numbers up to 1e.50"
+    ):
+        replace(data, **{field: values})
+
+
 def test_printed_rounding_is_settled_and_told():
     truth = cantilever()
     data = ModalData(truth.mass, truth.frequencies, truth.participation, precision=PRINT)

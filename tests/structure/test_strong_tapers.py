@@ -42,3 +42,36 @@ def test_a_taper_beyond_what_double_precision_holds_apart_is_named():
     ) as refusal:
         beam.port("xy", 12)
     assert "x = 10.1 to 12.8 m" in str(refusal.value)
+
+
+def test_a_taper_is_not_followed_beyond_its_end_by_rounding():
+    """The second moment falls from 1e21 to 3e-7 m^4: one rounding step behind the tip it would be
+    negative, and so would the polar inertia."""
+
+    def section(second_moment_z: float) -> bc.Custom:
+        return bc.Custom(
+            area=1e-3,
+            second_moment_z=second_moment_z,
+            second_moment_y=2e-7,
+            torsion_constant=1.4e-7,
+        )
+
+    beam = bc.Beam(
+        segments=(
+            bc.Segment(length=1.9291952950958438, section=section(3e-7), material=ALU),
+            bc.Segment(length=2.1770100999011186, section=section(2e-7), material=ALU),
+            bc.Segment(
+                length=4.321459122939692,
+                section=section(1180591620717411303424.0),
+                section_end=section(2.758735939189126e-07),
+                material=ALU,
+            ),
+        ),
+        lumps=(bc.Lump(x=1.7220586198526213, mass=0.31, inertia=(0.02, 0.02, 0.02)),),
+    )
+    try:
+        model = beam.port("torsion", 4)
+    except bc.BeamchainError as refusal:
+        assert "taper" in str(refusal)
+    else:
+        assert model.modes > 0

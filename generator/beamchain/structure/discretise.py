@@ -220,7 +220,9 @@ def _sample_edges(
     samples: list[tuple[Segment, float, float, Stations]] = []
     for segment, x0, a, b in _edges(parts, stations):
         x = a + (b - a) * (1.0 + xi) / 2.0
-        samples.append((segment, a, b, segment.at((x - x0) / segment.length)))
+        # rounding may lead beyond the end, where a strong taper is negative
+        fraction = np.clip((x - x0) / segment.length, 0.0, 1.0)
+        samples.append((segment, a, b, segment.at(fraction)))
     return samples
 
 

@@ -29,6 +29,7 @@ from beamchain.structure.planes import (
 )
 
 SLIGHT = 1e-9  # part of a mode or of the rigid mass in a port that is rounding
+LARGEST = 1e50  # of any number given, so that products of several stay finite
 EXACT = 1e-13  # relative precision of numbers that were not printed
 
 
@@ -126,6 +127,12 @@ class ModalData:
                 raise InputError(
                     f"{self.source}: {name} holds a value that is not a finite number; export the "
                     "modes again."
+                )
+            largest = float(np.max(np.abs(values), initial=0.0))
+            if largest > LARGEST:
+                raise InputError(
+                    f"{self.source}: {name} holds {largest:.3g}; numbers up to {LARGEST:g} are "
+                    "taken: is a unit or an exponent wrong?"
                 )
         if np.any(w <= 0.0):
             raise InputError(
