@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from beamchain.caution import Caution, at
 from beamchain.craft.assembly import Carried
-from beamchain.craft.spoilers import TENDON_DAMPING, spoilers
+from beamchain.craft.disturbances import TENDON_DAMPING, disturbances
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import Mount
@@ -128,64 +128,77 @@ def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> Non
             )
 
 
-def judged(
-    craft: "mujoco.MjModel",
-    model: "mujoco.MjModel",
-    appendages: Sequence[Appendage],
-    final: "mujoco.MjModel",
-    defaults: Mapping[str, Mapping[str, int]] | None = None,
-) -> list[str]:
-    """Every number of the spacecraft and of the appendages is as it was;
-    then what spoils the motion.
-
-    `model`: with appendages, timing taken out; `final`: as it will run; `defaults`: attributes that
-    the file of the spacecraft sets by default, per tag.
-    """
-    mine = appended(model, names(appendages))
-    theirs = others(model, mine)
-    own = _without_probes(craft)
-    changed = differences(craft, model, {kind: (own[kind], ids) for kind, ids in theirs.items()})
+def check_craft_unchanged(
+    craft: "mujoco.MjModel", model: "mujoco.MjModel", appendages: Sequence[Appendage]
+) -> None:
+    """Every number of the bare spacecraft is the same in `model`, with appendages and without
+    timing."""
+    before = _without_probes(craft)
+    after = others(model, appended(model, names(appendages)))
+    pairs = {kind: (before[kind], ids) for kind, ids in after.items()}
+    changed = differences(craft, model, pairs)
     if changed:
         raise EngineError(
             f"embedding changed the spacecraft itself: {_told(changed[0])}; please report this."
         )
+
+
+def check_appendages_unchanged(
+    model: "mujoco.MjModel",
+    appendages: Sequence[Appendage],
+    defaults: Mapping[str, Mapping[str, int]],
+) -> None:
+    """Every number of the appendages is the same in `model` as in a scene of their own.
+
+    `defaults`: attributes that the file of the spacecraft sets by default, per tag.
+    """
     for a in appendages:
-        alone = compile_model(
-            write.document_text(
-                write.scene_document(
-                    a.fit.appendage(timed=False),
-                    a.fit.spec.name,
-                    mass=1.0,
-                    inertia=np.eye(3),
-                    offset=np.zeros(3),
-                    timestep=0.01,
-                    integrator="implicitfast",
-                )
-            )
+        scene = write.scene_document(
+            a.fit.appendage(timed=False),
+            a.fit.spec.name,
+            mass=1.0,
+            inertia=np.eye(3),
+            offset=np.zeros(3),
+            timestep=0.01,
+            integrator="implicitfast",
         )
-        own = appended(alone, names([replace(a, prefix=f"{a.spec.name}_")]))
-        here = appended(model, names([a]))
-        pairs = {k: (own[k], here[k]) for k in own}
-        found = differences(
-            alone, model, pairs, root=f"{a.prefix}link1", tolerance=SAME, user=False
-        )
-        if found:
-            _refuse(found[0], a, defaults or {})
-    ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
-    kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
-    limits = step_limits(linear_model(quiet_copy(final)))
+        alone = compile_model(write.document_text(scene))
+        before = appended(alone, names([replace(a, prefix=f"{a.spec.name}_")]))
+        after = appended(model, names([a]))
+        pairs = {kind: (ids, after[kind]) for kind, ids in before.items()}
+        root = f"{a.prefix}link1"
+        changed = differences(alone, model, pairs, root=root, tolerance=SAME, user=False)
+        if changed:
+            _refuse(changed[0], a, defaults)
+
+
+def motion_warnings(
+    model: "mujoco.MjModel", appendages: Sequence[Appendage], final: "mujoco.MjModel"
+) -> list[str]:
+    """Warnings about what disturbs the motion of the appendages; `model`: with them and without
+    timing; `final`: as it will run."""
+    warnings: list[str] = []
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    pull = preload(model, data)
-    out: list[str] = []
-    if pull:
+    load = preload(model, data)
+    if load:
         text = (
-            f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, "
+            f"{load} at rest; the proof takes it as balanced there. If nothing balances it, "
             "move its springref."
         )
-        out.append(Caution("preloaded-spring", text))
-    spoilt = spoilers(final, limits, kept, min(ratios, default=0.0), mine["geom"])
-    return out + [text for text in spoilt if final is model or not text.startswith(TENDON_DAMPING)]
+        warnings.append(Caution("preloaded-spring", text))
+    ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
+    kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
+    found = disturbances(
+        final,
+        step_limits(linear_model(quiet_copy(final))),
+        fastest=max(kept, default=0.0),
+        zeta=min(ratios, default=0.0),
+        geoms=appended(model, names(appendages))["geom"],
+    )
+    has_timing = final is not model
+    warnings += [text for text in found if not (has_timing and text.startswith(TENDON_DAMPING))]
+    return warnings
 
 
 def _refuse(

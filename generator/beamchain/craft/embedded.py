@@ -14,7 +14,7 @@ from beamchain.craft.documents import assemble
 from beamchain.craft.error import CraftError, Pose, craft_error, craft_poses, modes_at
 from beamchain.craft.promise import Asked, asked, kept_band
 from beamchain.craft.sampled import craft_sampled_error
-from beamchain.craft.timing import craft_time_error, without_time
+from beamchain.craft.timing import craft_time_error, without_timing
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import NUMBERS
@@ -222,7 +222,7 @@ class Embedded:
     def untimed(self) -> "mujoco.MjModel":
         """The model without timing, which is compared with the exact spacecraft."""
         return (
-            without_time(self.model)
+            without_timing(self.model)
             if any(a.timed is not None for a in self.appendages)
             else self.model
         )

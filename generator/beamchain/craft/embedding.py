@@ -14,18 +14,27 @@ from beamchain.checks import whole_number as checked_int
 from beamchain.craft.appendage import (
     PROBE,
     Appendage,
+    check_appendages_unchanged,
+    check_craft_unchanged,
     check_names,
     driven_too_far,
-    judged,
     lightest,
+    motion_warnings,
     moved_by_load,
 )
+from beamchain.craft.disturbances import check_flags
 from beamchain.craft.documents import compiled, layout_of, read_bare
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.fits import Fits, fit_all
 from beamchain.craft.promise import MOST_MODES, asked
-from beamchain.craft.spoilers import check_flags
-from beamchain.craft.timing import craft_time_error, on_tendons, time_notes, timed, turned, worth_it
+from beamchain.craft.timing import (
+    attitude_warnings,
+    craft_time_error,
+    decide_timing,
+    fit_on_tendons,
+    time_notes,
+    with_timing,
+)
 from beamchain.engine import mount as mounting
 from beamchain.engine.door import check_model
 from beamchain.engine.library import mujoco, one_thread
@@ -333,27 +342,32 @@ def _proved(
     retime: bool | None,
     found: Mapping[str, Mapping[str, int]] | None = None,
 ) -> "tuple[tuple[Appendage, ...], mujoco.MjModel, list[str]]":
-    """The appendages exact in time where that is worth it, the model with them,
-    and what is to be said of it.
+    """The appendages exact in time where that is worth it, the model with them, and warnings.
 
-    `build` compiles the spacecraft with appendages; `found`: what in its document would spoil them.
+    `build` compiles the spacecraft with appendages; `found`: defaults of its document that
+    would change them.
     """
     model = build(appendages)
     if any(a.rigid for a in appendages):
         return appendages, model, []
-    decision = worth_it(model, appendages, retime)
-    if decision.good:
-        appendages = tuple(replace(a, fit=on_tendons(a.fit)) for a in appendages)
+    decision = decide_timing(model, appendages, retime)
+    final = model
+    warnings = list(decision.warnings)
+    if decision.needed:
+        appendages = tuple(replace(a, fit=fit_on_tendons(a.fit)) for a in appendages)
         check_names(craft, appendages)
         model = build(appendages)
-    final, notes = timed(model) if decision.good else (model, [])
-    if decision.good:
+        final, slowed = with_timing(model)
         band = asked([a.spec for a in appendages]).band
-        off, own = (craft_time_error(one, model, appendages, band) for one in (final, model))
-        notes = [*time_notes(final, decision.why, off, own), *notes]
-    warnings = [*decision.said, *notes, *judged(craft, model, appendages, final, found)]
-    warnings += driven_too_far(model, appendages) + turned(model, appendages)
-    if decision.good:
+        with_error = craft_time_error(final, model, appendages, band)
+        without_error = craft_time_error(model, model, appendages, band)
+        warnings += time_notes(final, decision.reason, with_error, without_error)
+        warnings += slowed
+    check_craft_unchanged(craft, model, appendages)
+    check_appendages_unchanged(model, appendages, found or {})
+    warnings += motion_warnings(model, appendages, final)
+    warnings += driven_too_far(model, appendages) + attitude_warnings(model, appendages)
+    if decision.needed:
         appendages = tuple(replace(a, timed=final) for a in appendages)
     return appendages, final, warnings
 

@@ -10,7 +10,7 @@ from beamchain.craft.appendage import carried
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import Pose
 from beamchain.craft.sampled import pose_sampled_error
-from beamchain.craft.timing import without_time
+from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.operating_point import OperatingPoint, quiet_copy
@@ -98,7 +98,7 @@ def step_errors(
 
 def _time_error(model: "mujoco.MjModel", qpos: Array, embedded: Embedded | None) -> TimeError:
     band = None if embedded is None or embedded.tolerance is None else embedded.band
-    plain = without_time(model)
+    plain = without_timing(model)
     return time_error(quiet_copy(model), quiet_copy(plain), {"this pose": qpos}, band)
 
 

@@ -10,7 +10,7 @@ from msgspec import structs
 
 from beamchain.chain.links import raised
 from beamchain.craft.quantities import Quantity
-from beamchain.craft.timing import on_tendons
+from beamchain.craft.timing import fit_on_tendons
 from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
@@ -121,7 +121,7 @@ class Refit:
                 raise RealisationError(f"fewer modes in {port}: {built.status.message}")
         sample = replace(self.fit, spec=spec, chain=raised(built.chain, LEAST_INERTIA)[0])
         if any(tendon.stiffness > 0.0 for tendon in self.fit.chain.tendons):
-            sample = on_tendons(sample)
+            sample = fit_on_tendons(sample)
         participation = {
             port: sample.chain.port(port).participation[: target.modes]
             for port, target in built.targets.items()
