@@ -12,7 +12,7 @@ from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.assembly import Assembly, Mode, prove
 from beamchain.craft.documents import assemble
 from beamchain.craft.error import CraftError, Pose, craft_error, craft_poses, modes_at
-from beamchain.craft.promise import Asked, asked, kept_band
+from beamchain.craft.promise import JointRequest, joint_request, kept_band
 from beamchain.craft.sampled import craft_sampled_error
 from beamchain.craft.timing import craft_time_error, without_timing
 from beamchain.engine.bench import Composite, composite
@@ -79,8 +79,8 @@ class Embedded:
         return report.embedded_html(self)
 
     @cached_property
-    def _asked(self) -> Asked:
-        return asked([a.spec for a in self.appendages])
+    def _asked(self) -> JointRequest:
+        return joint_request([a.spec for a in self.appendages])
 
     @cached_property
     @one_thread()

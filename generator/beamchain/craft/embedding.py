@@ -23,10 +23,10 @@ from beamchain.craft.appendage import (
     moved_by_load,
 )
 from beamchain.craft.disturbances import check_flags
-from beamchain.craft.documents import compiled, layout_of, read_bare
+from beamchain.craft.documents import compile_document, layout_of, read_bare
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.fits import Fits, fit_all
-from beamchain.craft.promise import MOST_MODES, asked
+from beamchain.craft.promise import MOST_MODES, joint_request
 from beamchain.craft.timing import (
     attitude_warnings,
     craft_time_error,
@@ -157,9 +157,11 @@ def _embed(
         wanted[name] = (spec, prefix)
     fits = Fits(ready, held)
     if isinstance(craft, mujoco.MjSpec):
-        return _embed_in_spec(craft, _prefixed({}, wanted), retime, most, fits, rigid)
+        return _embed_in_spec(craft, _assign_prefixes({}, wanted), retime, most, fits, rigid)
     original, before, _ = read_bare(craft)
-    return _embed_in_document(original, _prefixed(before, wanted), form, retime, most, fits, rigid)
+    return _embed_in_document(
+        original, _assign_prefixes(before, wanted), form, retime, most, fits, rigid
+    )
 
 
 def check_places(at: object) -> None:
@@ -170,7 +172,7 @@ def check_places(at: object) -> None:
         of_type("a place in at", name, str, "the name of a site or body of the spacecraft")
 
 
-def _prefixed(
+def _assign_prefixes(
     before: dict[str, tuple[Spec, str]], wanted: dict[str, tuple[Spec, str]]
 ) -> dict[str, tuple[Spec, str]]:
     """All appendages with their prefixes: the name of each,
@@ -221,10 +223,10 @@ def marked_appendages(path: Path) -> "tuple[mujoco.MjModel, tuple[Appendage, ...
         BeamchainError: modes that were imported are no longer where the marks say.
     """
     original, marked, _ = read_bare(path)
-    return _fitted(original, marked, MOST_MODES, Fits(), rigid=False)[:2] if marked else None
+    return _fit_on_craft(original, marked, MOST_MODES, Fits(), rigid=False)[:2] if marked else None
 
 
-def _fitted(
+def _fit_on_craft(
     original: Craft, wanted: dict[str, tuple[Spec, str]], most: int, fits: Fits, *, rigid: bool
 ) -> "tuple[mujoco.MjModel, tuple[Appendage, ...], list[str], tuple[str, ...]]":
     """The bare spacecraft, compiled, the appendages fitted to it, notes,
@@ -253,7 +255,7 @@ def _embed_in_document(
     fits: "Fits | None" = None,
     rigid: bool = False,
 ) -> Embedded:
-    craft, appendages, warnings, steps = _fitted(
+    craft, appendages, warnings, steps = _fit_on_craft(
         original, wanted, most, fits or Fits(), rigid=rigid
     )
     warnings += moved_by_load(compile_model(relocate(original, None).text), craft)
@@ -261,10 +263,10 @@ def _embed_in_document(
     check_names(craft, appendages)
     compatibility.check_compiler(original.parts(), *lightest(appendages))
     layout = layout_of(original, appendages, craft, form)
-    appendages, model, said = _proved(
+    appendages, model, said = _time_and_check(
         craft,
         appendages,
-        lambda made: compiled(original, made, form, layout),
+        lambda made: compile_document(original, made, form, layout),
         retime,
         compatibility.default_attributes(original.parts()),
     )
@@ -324,7 +326,7 @@ def _embed_in_spec(
             place.attach(mujoco.MjSpec.from_string(text), frame=frame, prefix=a.prefix)
         return place
 
-    appendages, _, said = _proved(
+    appendages, _, said = _time_and_check(
         craft, appendages, lambda made: attached(spec.copy(), made).compile(), retime
     )
     attached(spec, appendages)  # the user's spec is touched only after a copy has proved itself
@@ -335,7 +337,7 @@ def _embed_in_spec(
 
 
 # -- both ------------------------------------------------------------------------------------------
-def _proved(
+def _time_and_check(
     craft: "mujoco.MjModel",
     appendages: tuple[Appendage, ...],
     build: "Callable[[tuple[Appendage, ...]], mujoco.MjModel]",
@@ -358,7 +360,7 @@ def _proved(
         check_names(craft, appendages)
         model = build(appendages)
         final, slowed = with_timing(model)
-        band = asked([a.spec for a in appendages]).band
+        band = joint_request([a.spec for a in appendages]).band
         with_error = craft_time_error(final, model, appendages, band)
         without_error = craft_time_error(model, model, appendages, band)
         warnings += time_notes(final, decision.reason, with_error, without_error)

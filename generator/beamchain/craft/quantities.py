@@ -21,7 +21,7 @@ from beamchain.fitting.uncertain import (
     UncertainJoint,
     UncertainModes,
     Uncertainty,
-    drawn,
+    correlate,
     score,
 )
 from beamchain.ports.motions import Array
@@ -154,7 +154,7 @@ def draws(
     rows = ({key: score(seed, index, key) for key in keys} for index in indices)
     scores = np.array([[row[q.key] for q in uncertain] for row in rows])
     scores = scores.reshape(len(indices), len(uncertain))
-    table = drawn(scores, _places(uncertain), tuple(correlations))
+    table = correlate(scores, _places(uncertain), tuple(correlations))
     values = [
         [q.uncertainty.value(q.nominal, float(z)) for q, z in zip(uncertain, row, strict=True)]
         for row in table

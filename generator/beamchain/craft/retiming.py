@@ -10,7 +10,7 @@ from beamchain.caution import Caution, warnings_record
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.embedding import marked_appendages
 from beamchain.craft.error import craft_poses
-from beamchain.craft.promise import asked, kept_band
+from beamchain.craft.promise import joint_request, kept_band
 from beamchain.craft.sampled import craft_sampled_error
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
@@ -47,12 +47,12 @@ class RetimedCraft:
     def band(self) -> float | None:
         """The largest band that the scenes of its appendages ask for [rad/s];
         None where none is known."""
-        return asked([a.spec for a in self.appendages]).band
+        return joint_request([a.spec for a in self.appendages]).band
 
     @cached_property
     def tolerance(self) -> float | None:
         """The smallest tolerance of scenes with a band; None where none is known."""
-        return asked([a.spec for a in self.appendages]).tolerance
+        return joint_request([a.spec for a in self.appendages]).tolerance
 
     @cached_property
     def time_error(self) -> TimeError | None:
@@ -73,7 +73,7 @@ class RetimedCraft:
         None where the exact appendages are not known."""
         if self.timestep == 0.0 or self.craft is None:
             return None
-        request = asked([a.spec for a in self.appendages])
+        request = joint_request([a.spec for a in self.appendages])
         exact = carried(None, self.appendages)
         band = request.band or kept_band(self.appendages)
         answers = craft_poses(self.craft, exact, band, request.motions)

@@ -18,7 +18,7 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.warnings import turn_warning
 from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST
 from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.modal import made_for
+from beamchain.steps.modal import timing_marks
 from beamchain.steps.poles import pole_rows
 from beamchain.steps.retime import retime, time_cure
 from beamchain.steps.step_map import GROWN, TimeError, motion_at, time_error
@@ -167,6 +167,6 @@ def without_timing(model: "mujoco.MjModel") -> "mujoco.MjModel":
     """A copy of a model with timing taken out of its appendages;
     the same numbers where there is none."""
     model = copy.copy(model)
-    if made_for(model):
+    if timing_marks(model):
         retime(model, 0.0)
     return model

@@ -34,11 +34,13 @@ def at_step(
     Raises:
         InputError: the step is unstable; the sentence names what carries the motion that grows.
     """
-    out, said = retimed(model, timestep, qpos)
+    out, said = retime_at(model, timestep, qpos)
     still = quiet_copy(out)
     if motion_at(still, qpos).growth > 1.0 + GROWN:
         shorter = stable_step(
-            lambda h: motion_at(quiet_copy(retimed(model, h, qpos)[0]), qpos).growth > 1.0 + GROWN,
+            lambda h: (
+                motion_at(quiet_copy(retime_at(model, h, qpos)[0]), qpos).growth > 1.0 + GROWN
+            ),
             timestep,
         )
         raise InputError(_unstable(still, timestep, qpos, shorter))
@@ -48,7 +50,7 @@ def at_step(
     return out, said
 
 
-def retimed(
+def retime_at(
     model: "mujoco.MjModel", timestep: float, qpos: Array
 ) -> "tuple[mujoco.MjModel, list[str]]":
     """A copy of a model with timing for a step [s] in the pose `qpos`,
@@ -81,7 +83,7 @@ def step_errors(
 
     `model` is what the plant was made from.
     """
-    out, _ = retimed(model, timestep, point.qpos)
+    out, _ = retime_at(model, timestep, point.qpos)
     off = _time_error(out, point.qpos, embedded)
     if embedded is None:
         return off, None
