@@ -159,7 +159,7 @@ def _each_word(words: tuple[str, ...], name: str, value: object) -> None:
         one_of(name, word, words)
 
 
-def shown(value: object) -> str:
+def preview(value: object) -> str:
     """The beginning of how Python writes a value, on one line."""
     return " ".join(f"{value!r:.60}".split())
 
@@ -169,7 +169,7 @@ def number(field: str, value: object, unit: str, *, cure: str = "") -> float:
     `unit` "": a pure number."""
     wanted = f"a finite number{f' in {unit}' if unit else ''} is needed"
     if isinstance(value, bool) or not isinstance(value, Real):
-        given = shown(value)
+        given = preview(value)
         raise InputError(
             f"{field} = {given} is not a number; {wanted}. "
             f"{cure or f'Write {field} = 1.0.'}".strip()
@@ -318,7 +318,7 @@ def true_or_false(field: str, value: object) -> bool:
     """A switch of an argument; NumPy's booleans are taken."""
     if not isinstance(value, bool) and type(value).__name__ not in ("bool", "bool_"):
         raise InputError(
-            f"{field} = {shown(value)} is a {type(value).__name__}; give True or False."
+            f"{field} = {preview(value)} is a {type(value).__name__}; give True or False."
         )
     return bool(value)
 

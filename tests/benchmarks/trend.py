@@ -34,7 +34,7 @@ def equal_links(beam: bc.Beam, count: int, recipe: str) -> Chain:
     h = beam.length / count
     hinges = h * np.arange(count)
     stiffness = np.array([1.0 / beam.compliance(x, x + h, "xy") for x in hinges])
-    return rivals.cut(beam, hinges, stiffness, "xy")
+    return rivals.freeze_between(beam, hinges, stiffness, "xy")
 
 
 def main() -> None:

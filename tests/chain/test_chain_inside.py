@@ -11,11 +11,11 @@ import pytest
 from appendages import close, seed_boom, unit_beam
 from arrays import tube
 from beamchain import InputError, PortModel
-from beamchain.chain import cut as cuts
+from beamchain.chain import freeze_between as cuts
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.recursion import Nodes, planar_chain, realise, realise_scalar, split
 from beamchain.chain.rivals import (
-    cut,
+    freeze_between,
     seed_chain,
     seed_frequency_factors,
     seed_parameters,
@@ -142,7 +142,7 @@ def test_frequencies_in_the_wrong_order_are_refused(pair):
 
 
 def test_cut_keeps_hinges_where_they_are_asked():
-    chain = cut(unit_beam(), np.array([0.25, 0.5]), np.array([1.0, 2.0]), "xz")
+    chain = freeze_between(unit_beam(), np.array([0.25, 0.5]), np.array([1.0, 2.0]), "xz")
     assert [h.x for h in chain.hinges] == [0.25, 0.5]
     assert chain.ports == ("xz",)
 

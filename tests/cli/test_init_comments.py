@@ -3,7 +3,7 @@
 The templates that `beamchain init` writes are read back, comments and all, in test_manners.py.
 """
 
-from beamchain.cli.init import commented
+from beamchain.cli.init import add_comments
 
 
 def test_templates_take_their_comments_from_the_schema():
@@ -12,7 +12,7 @@ def test_templates_take_their_comments_from_the_schema():
         "mine\nlinear_mass "
         "= 2.0\n[scene]\nnothing = 1\n"
     )
-    assert commented(template).splitlines() == [
+    assert add_comments(template).splitlines() == [
         "[[segment]]",
         f"{'length = 2.0':<38} # length along x [m]",
         "# [segment.section]",

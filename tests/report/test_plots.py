@@ -22,7 +22,7 @@ from beamchain.fitting.spec import spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
 from beamchain.report import curves, plots
 from beamchain.report.craft_plots import assembly_figure
-from beamchain.report.page import begun
+from beamchain.report.page import capitalise
 from beamchain.report.pages.fit import fit_report
 from beamchain.report.svg import to_svg
 from beamchain.structure.exact import UniformBeam
@@ -211,7 +211,7 @@ def test_a_hinge_at_the_root_has_a_finite_response():
     fit = fitted("seed on a hub")
     port = equal_links(fit.spec.beam, 3, "classical").port("xy")
     assert np.linalg.matrix_rank(port.residual_mass, tol=1e-9) < 2
-    found = curves.response(curves.undamped(port), curves.span(fit, "xy"))
+    found = curves.response(curves.undamped_accelerance(port), curves.span(fit, "xy"))
     assert np.all(np.isfinite(found.values))
     assert found.omega.size > 280
 
@@ -243,7 +243,7 @@ def test_percent(value, text):
     ],
 )
 def test_prefixes(value, text):
-    assert plots.prefixed(value, "N") == text
+    assert plots.with_si_prefix(value, "N") == text
 
 
 def test_panels_in_hertz_have_ids_of_their_own():
@@ -266,4 +266,4 @@ def test_panels_in_hertz_have_ids_of_their_own():
     ],
 )
 def test_how_a_sentence_begins(text, names, shown):
-    assert begun(text, names) == shown
+    assert capitalise(text, names) == shown

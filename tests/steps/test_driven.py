@@ -14,7 +14,7 @@ from beamchain.cli.render import too_far
 from beamchain.engine.slew import Slew
 from beamchain.report.pages.study import answer, study_page
 from beamchain.report.tables.study import reach_table
-from beamchain.steps.driven import Driven, driven, exceeded, keyframes, turned
+from beamchain.steps.driven import Driven, driven, keyframes, limit_sentences, run_of_turn
 from beamchain.steps.large_motion import LargeMotion
 from beamchain.studies import study as studies
 from mechanics import compiled
@@ -53,7 +53,7 @@ def test_accelerated_turn_and_thrust_in_the_hubs_own_axes():
     # less what centripetal acceleration turns
     assert run.acceleration["xz"] == pytest.approx(2.0 * slew, rel=1e-3)
     assert run.slew["xy"] == pytest.approx(0.0, abs=1e-9)
-    assert turned(0.0, slew, 1, (2.0, 0.0, 0.0)) == Driven(
+    assert run_of_turn(0.0, slew, 1, (2.0, 0.0, 0.0)) == Driven(
         0.0, {"xy": 0.0, "xz": 0.6}, {"xy": 0.0, "xz": slew}
     )
 
@@ -86,8 +86,10 @@ def test_keyframes_of_a_model():
 
 def test_exceeded_names_the_plane_and_the_limit():
     limits = {"xz": LargeMotion("xz", 0.2, 0.5, 0.05, 0.3)}
-    assert exceeded(limits, Driven(0.1, {"xy": 9.0, "xz": 0.4}, {"xy": 9.0, "xz": 0.04})) == []
-    said = exceeded(limits, Driven(0.3, {"xy": 0.0, "xz": 0.6}, {"xy": 0.0, "xz": 0.0}))
+    assert (
+        limit_sentences(limits, Driven(0.1, {"xy": 9.0, "xz": 0.4}, {"xy": 9.0, "xz": 0.04})) == []
+    )
+    said = limit_sentences(limits, Driven(0.3, {"xy": 0.0, "xz": 0.6}, {"xy": 0.0, "xz": 0.0}))
     assert [("spin" in s, "0.2 rad/s" in s, "xz" in s) for s in said] == [
         (True, True, True),
         (False, False, True),

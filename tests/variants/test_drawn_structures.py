@@ -9,7 +9,7 @@ from test_variants import CRAFT, REFITTED, beam, frequencies
 
 import beamchain as bc
 from beamchain.fitting.uncertain import Uncertain, Uncertainty
-from beamchain.fitting.varied import varied
+from beamchain.fitting.varied import vary_spec
 
 CHANCE = 5.0  # standard errors a statistic of 4,000 draws may lie off
 
@@ -47,7 +47,7 @@ def test_normal_draws_are_cut():
 
 def test_a_variant_is_the_fit_of_its_spec(variants):
     i = 4
-    spec = varied(variants.nominal.spec, 3, int(variants.indices[i]))
+    spec = vary_spec(variants.nominal.spec, 3, int(variants.indices[i]))
     assert spec != variants.nominal.spec
     fresh = bc.fit(structs.replace(spec, uncertain=None))
     for port, values in variants.participation.items():
@@ -58,7 +58,7 @@ def test_a_variant_is_the_fit_of_its_spec(variants):
 
 def test_every_variant_has_the_mass_that_was_drawn(variants):
     for mass, sample in zip(variants.fields["body_mass"], variants.indices, strict=True):
-        spec = varied(variants.nominal.spec, 3, int(sample))
+        spec = vary_spec(variants.nominal.spec, 3, int(sample))
         assert np.sum(mass) == pytest.approx(spec.beam.rigid_mass()[0, 0] + 500.0, rel=1e-9)
 
 
@@ -112,7 +112,7 @@ def test_the_drawn_structure_is_recorded(variants, tmp_path):
 
 def test_varied_scales_what_it_should():
     spec = bc.read_spec(ARRAY)
-    one = varied(spec, 0, 1)
+    one = vary_spec(spec, 0, 1)
     yoke, panel = one.segment[0], one.segment[1]
     stiff = yoke.material.youngs_modulus / 7e10
     heavy = yoke.material.density / 2700.0
@@ -137,7 +137,7 @@ def test_structures_are_fitted_again_in_the_craft(tmp_path):
     for i in range(2):
         left = bc.Spec(
             **{
-                name: getattr(varied(at["left"], 2, i, "left_"), name)
+                name: getattr(vary_spec(at["left"], 2, i, "left_"), name)
                 for name in ("name", "segment", "modes", "damping")
             }
         )

@@ -18,7 +18,7 @@ from beamchain.chain.links import (
     bodies,
     polar_inertias,
     real_polar,
-    settled,
+    settle_links,
     with_polar,
 )
 from beamchain.chain.margin import Wanted, shortest_link
@@ -112,7 +112,7 @@ def build_exact(
                 raise
             history.append(f"recursion: {error}")
     try:
-        return _cut(beam, kept, target_of, wishes, history)
+        return _cut_beam(beam, kept, target_of, wishes, history)
     except RealisationError:
         if not history:
             raise
@@ -123,7 +123,7 @@ def build_exact(
         raise
 
 
-def _cut(
+def _cut_beam(
     beam: MassLine, kept: Mapping[str, int], target_of: TargetOf, wishes: Wishes, history: list[str]
 ) -> Built:
     """The chain on a chosen cut for all ports."""
@@ -214,7 +214,7 @@ def _available(target_of: TargetOf, port: str, count: int, notes: list[str]) -> 
 
 def _rigid(beam: MassLine) -> Built:
     """The appendage as one body."""
-    links = settled(beam, bodies(beam, np.zeros(0)), np.zeros(0))
+    links = settle_links(beam, bodies(beam, np.zeros(0)), np.zeros(0))
     return Built(Chain(tuple(links), (), beam.length), {}, Status(True, "one rigid body."))
 
 
@@ -274,7 +274,7 @@ def assemble(
     rotary = abs(total.rotary_xy - total.rotary_xz) / total.second
     if len(nodes) == 1 and not isinstance(beam, Beam):
         rotary = 0.0  # of imported mass it is known to the print, and only one plane asks
-    shared = _shared(nodes, rotary)
+    shared = _shared_nodes(nodes, rotary)
     if shared is None:
         raise RealisationError("the planes do not share their hinges.")
     if "axial" in strings:
@@ -300,7 +300,7 @@ def assemble(
     return Chain(tuple(with_polar(links, polars)), hinges, beam.length)
 
 
-def _shared(nodes: Mapping[str, Nodes], rotary: float) -> Nodes | None:
+def _shared_nodes(nodes: Mapping[str, Nodes], rotary: float) -> Nodes | None:
     """The nodes that serve every bending plane at once, if there are such."""
     if not nodes or rotary > SAME:
         return None
@@ -353,14 +353,17 @@ def cut_chain(
         group.fitting(group_motion(group.ports).T @ rigid @ group_motion(group.ports))
         for group in groups
     ]
-    wanted = [Wanted(group, _counts(group), _fixed(line, group, lines, rigid)) for group in groups]
+    wanted = [
+        Wanted(group, _counts(group), _required_hinges(line, group, lines, rigid))
+        for group in groups
+    ]
     wanted = [
         Wanted(w.modes, {p: max(count, len(w.fixed[p])) for p, count in w.counts.items()}, w.fixed)
         for w in wanted
     ]
     cut = cut or choose_cut(line, wanted, lines, further)
     try:
-        links = settled(line, bodies(line, cut.x), cut.x)
+        links = settle_links(line, bodies(line, cut.x), cut.x)
     except RealisationError:
         if not isinstance(line, Beam):
             raise
@@ -440,7 +443,7 @@ def _counts(group: ModeGroup) -> dict[str, int]:
     return own
 
 
-def _fixed(
+def _required_hinges(
     line: MassLine, group: ModeGroup, lines: Sequence[float], rigid: Array
 ) -> dict[str, tuple[float, ...]]:
     """Per port, x of the hinges that must stand: the user's, real ones, a massless root."""

@@ -55,7 +55,7 @@ def choose_cut(
 ) -> Cut:
     """The most even cut that holds the modes; hinges at `lines`, ports at `further` [m]."""
     length = line.length
-    fixed = _merged(
+    fixed = _merge_close(
         [*lines, *(x for group in wanted for places in group.fixed.values() for x in places)],
         length,
     )
@@ -82,7 +82,7 @@ def choose_cut(
             return Cut(x[used], tuple(ports[k] for k in used), margin, added, first or "")
         margins = search.assigned(x)[2] if np.isfinite(margin) else [-np.inf] * len(groups)
         if first is None:
-            first = _told(groups, margins)
+            first = _margin_sentence(groups, margins)
         groups = [g.more() if m < MARGIN else g for g, m in zip(groups, margins, strict=True)]
     raise RealisationError(
         f"no cut of the appendage holds these modes: {first} (further hinges tried: {tried}); "
@@ -109,7 +109,7 @@ def _fewest(
     return out
 
 
-def _told(groups: Sequence[Wanted], margins: Sequence[float]) -> str:
+def _margin_sentence(groups: Sequence[Wanted], margins: Sequence[float]) -> str:
     k = int(np.argmin(margins))
     ports = " and ".join(groups[k].modes.ports)
     if not np.isfinite(margins[k]):
@@ -120,7 +120,7 @@ def _told(groups: Sequence[Wanted], margins: Sequence[float]) -> str:
     )
 
 
-def _merged(places: Sequence[float], length: float) -> Array:
+def _merge_close(places: Sequence[float], length: float) -> Array:
     out: list[float] = []
     for x in sorted(places):
         if not out or x - out[-1] > SAME_PLACE * length:
@@ -155,7 +155,7 @@ def _best(search: Margins, fixed: Array, free: int) -> tuple[Array, float]:
                     most = margin, x
     if good is not None:
         return good[1], good[2]
-    return _climbed(search, fixed, *most)
+    return _climb(search, fixed, *most)
 
 
 def _patterns(
@@ -163,13 +163,13 @@ def _patterns(
 ) -> Iterator[Callable[[float], Array]]:
     """Free hinges [m] by the place of the first, graded towards root and further ports."""
 
-    def graded(a: float, power: float, count: int, end: float) -> Array:
+    def graded_places(a: float, power: float, count: int, end: float) -> Array:
         s = a ** (1.0 / power)
         return end * (s + (1.0 - s) * np.arange(count) / max(count, 1)) ** power
 
     for power in POWERS if free > 1 else POWERS[:1]:
         if not further:
-            yield lambda a, p=power: graded(a, p, free, length)
+            yield lambda a, p=power: graded_places(a, p, free, length)
     near = [np.array([-1.0, -0.4]), np.array([-1.0, 0.5]), np.array([-0.5, 0.5])]
     for gap in NEAR if further else ():
         for around in near:
@@ -179,11 +179,11 @@ def _patterns(
                 continue
             for power in POWERS[:3]:
                 yield lambda a, p=power, o=own: np.concatenate(
-                    [graded(a, p, free - o.size, 0.97 * float(o.min())), o]
+                    [graded_places(a, p, free - o.size, 0.97 * float(o.min())), o]
                 )
 
 
-def _climbed(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Array, float]:
+def _climb(search: Margins, fixed: Array, margin: float, x: Array) -> tuple[Array, float]:
     """The margin raised from a start, hinges between 0 and the tip."""
     if not np.isfinite(margin):
         return x, margin

@@ -23,7 +23,7 @@ NO_POLAR = 1e-14  # of the transverse inertia: less polar inertia is rounding
 ROLL = 1e-3  # of the transverse inertia: what may be added to the roll inertia
 
 
-def _rounded(about: Array, noise: float) -> Array:
+def _without_rounding(about: Array, noise: float) -> Array:
     """`(3, 3)` inertia about the centre, no second moment below zero by rounding."""
     moments = np.trace(about) / 2.0 * np.eye(3) - about
     values, axes = np.linalg.eigh(moments)
@@ -50,7 +50,7 @@ def bodies(line: MassLine, x: Array) -> list[Link]:
             / mass
         )
         about = matrix[3:, 3:] - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-        about = _rounded(about, ROUNDED * float(np.trace(behind[0][3:, 3:])))
+        about = _without_rounding(about, ROUNDED * float(np.trace(behind[0][3:, 3:])))
         if np.max(np.abs(about - np.diag(np.diag(about)))) < ROUNDED * float(
             np.trace(behind[0][3:, 3:])
         ):
@@ -166,7 +166,7 @@ def rigid_in_torsion(beam: MassLine, links: list[Link], cuts: Array) -> list[Lin
     return with_polar(links, polar_inertias(beam, links, cuts, np.array([real.sum()]), real)[1])
 
 
-def raised(chain: Chain, least: float) -> tuple[Chain, str]:
+def raise_polar_inertia(chain: Chain, least: float) -> tuple[Chain, str]:
     """The chain with no polar inertia below `least` [kg m^2], and a sentence that says so;
     both as before where none is.
 
@@ -196,7 +196,7 @@ def raised(chain: Chain, least: float) -> tuple[Chain, str]:
     )
 
 
-def settled(line: MassLine, links: Sequence[Link], cuts: Array) -> list[Link]:
+def settle_links(line: MassLine, links: Sequence[Link], cuts: Array) -> list[Link]:
     """Links that are rigid bodies: long ones carry what short ones cannot."""
     if any(link.beside != (0.0, 0.0) or link.products != (0.0, 0.0, 0.0) for link in links):
         return list(links)  # imported mass has its breadth in all three inertias

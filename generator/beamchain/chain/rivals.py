@@ -32,7 +32,7 @@ def rigid_link(beam: MassLine, start: float, end: float) -> Link:
     )
 
 
-def cut(beam: Beam, hinges: Array, stiffness: Array, port: str) -> Chain:
+def freeze_between(beam: Beam, hinges: Array, stiffness: Array, port: str) -> Chain:
     """Freeze the beam between hinges `(h,)` [m], 0: at the root, with springs `(h,)`."""
     edges = [0.0, *hinges.tolist(), beam.length]
     links = [
@@ -60,7 +60,7 @@ def equal_links(beam: Beam, count: int, recipe: str, port: str = "xy") -> Chain:
         hinges = inner
         stretches = [(max(a - h / 2.0, 0.0), a + h / 2.0) for a in inner]
     stiffness = np.array([1.0 / beam.compliance(float(a), float(b), port) for a, b in stretches])
-    return cut(beam, hinges, stiffness, port)
+    return freeze_between(beam, hinges, stiffness, port)
 
 
 def seed_frequency_factors(k: float) -> tuple[float, float]:
@@ -97,4 +97,4 @@ def seed_chain(beam: Beam, k: float, c: float, port: str = "xy") -> Chain:
             "`beamchain fit`."
         )
     ends = np.array([(1.0 - k) / 2.0, (1.0 + k) / 2.0]) * beam.length
-    return cut(beam, ends, np.array([c, c]), port)
+    return freeze_between(beam, ends, np.array([c, c]), port)

@@ -139,7 +139,7 @@ def modal_matrix(kinematics: Array, inertia: Array, modes: ModeGroup) -> tuple[A
     guide: Array | None = None
     if modes.momenta is not None:
         guide = np.asarray(unseen.T @ np.linalg.solve(root, modes.momenta.T), dtype=np.float64)
-    turned = _turned(lift, free, unseen.shape[1], guide)
+    turned = _nearest_turn(lift, free, unseen.shape[1], guide)
     apart = modes.neutral is not None and size > n
     if apart:
         turned = ROOM * turned  # leaves the surplus hinges motions that the root does not feel
@@ -176,7 +176,7 @@ def _unfelt(u: Array, seen: Array, unseen: Array, count: int) -> Array:
     return unseen @ vectors[:, pick] * np.sqrt(values[pick])
 
 
-def _turned(lift: Array, free: Array, size: int, guide: Array | None) -> Array:
+def _nearest_turn(lift: Array, free: Array, size: int, guide: Array | None) -> Array:
     """`(size, n)` Z with no singular value above 1: nearest to `guide`, the real modes,
     never flat where the root is blind.
 
@@ -196,7 +196,7 @@ def _turned(lift: Array, free: Array, size: int, guide: Array | None) -> Array:
     pace = 1.0
     # projected gradient with Nesterov's momentum, begun anew where it turns back
     for _ in range(PASSES):
-        last, z = z, _clipped(ahead - (ahead @ lift - guide) @ lift)
+        last, z = z, _clip_singular_values(ahead - (ahead @ lift - guide) @ lift)
         moved = z - last
         if np.max(np.abs(moved), initial=0.0) < STILL:
             break
@@ -208,10 +208,10 @@ def _turned(lift: Array, free: Array, size: int, guide: Array | None) -> Array:
     if free.size:
         left, s, right = np.linalg.svd(z @ free, full_matrices=False)
         z = z + (left * (np.maximum(s, RAISED) - s)) @ right @ free.T
-    return _clipped(z)
+    return _clip_singular_values(z)
 
 
-def _clipped(z: Array) -> Array:
+def _clip_singular_values(z: Array) -> Array:
     left, s, right = np.linalg.svd(z, full_matrices=False)
     return (left * np.minimum(s, 1.0)) @ right
 
@@ -237,7 +237,9 @@ def given_modes(
         top = group.filler_frequency(last)
         frequencies = np.concatenate([group.frequencies, np.full(surplus, top)])
         if surplus and further:
-            shapes, frequencies = _stiffened(shapes, frequencies, np.vstack(port) @ shapes, n)
+            shapes, frequencies = _stiffen_attachments(
+                shapes, frequencies, np.vstack(port) @ shapes, n
+            )
         ratios = np.concatenate(
             [group.damping, np.full(surplus, ratio if np.any(group.damping > 0.0) else 0.0)]
         )
@@ -258,7 +260,9 @@ def given_modes(
     return replace(chain, tendons=(*tendons, *armatures))
 
 
-def _stiffened(shapes: Array, frequencies: Array, moved: Array, n: int) -> tuple[Array, Array]:
+def _stiffen_attachments(
+    shapes: Array, frequencies: Array, moved: Array, n: int
+) -> tuple[Array, Array]:
     """Modes whose attachment modes are stiffer by what fillers yield,
     so that a port's flexibility is exact.
 

@@ -64,7 +64,7 @@ def identify(
     from beamchain.files import beside, check_outputs
     from beamchain.identification.identify import identify as find
 
-    renamed = _renamed(names)
+    renamed = _column_names(names)
     if output.suffix.lower() != ".toml":
         raise InputError(f"-o {str(output)!r} must end in .toml, for [imported] to read it.")
     outputs = [output, beside(output, "_report.html"), beside(output, ".json")]
@@ -85,7 +85,7 @@ def identify(
     tell(found.as_dict, lambda: _show(found), files, as_json, quiet)
 
 
-def _renamed(names: list[str] | None) -> dict[str, str]:
+def _column_names(names: list[str] | None) -> dict[str, str]:
     renamed = dict[str, str]()
     for text in names or ():
         column, equal, name = text.rpartition("=")

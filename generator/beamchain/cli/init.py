@@ -76,7 +76,7 @@ def init(
     start = shipped.pick(shipped.everything(), kind, "init: the kind")
     place = output or Path(f"{kind}{start.path.suffix}")
     text = start.path.read_text(encoding="utf-8")
-    write_files({place: commented(text) if place.suffix == ".toml" else text}, force=force)
+    write_files({place: add_comments(text) if place.suffix == ".toml" else text}, force=force)
     if as_json:
         print_json({"kind": kind, "file": str(place)})
     elif not quiet:
@@ -88,7 +88,7 @@ def init(
         out.print(f"next: {following}", soft_wrap=True)
 
 
-def commented(template: str) -> str:
+def add_comments(template: str) -> str:
     """The template, with the schema's text after every key that has no comment of its own."""
     from beamchain.checks import descriptions
     from beamchain.fitting.sentences import structs_of

@@ -93,7 +93,7 @@ def plant(
     """
     from beamchain.files import beside, check_outputs
     from beamchain.plants.controllers import read_controller
-    from beamchain.plants.loops import margins, told
+    from beamchain.plants.loops import margin_warnings, margins
     from beamchain.plants.plant import plant as linear
     from beamchain.plants.realisation import Plant
     from beamchain.report.pages.plant import plant_report
@@ -134,7 +134,7 @@ def plant(
         text = plant_report(found, of_loops, model.name, worst) if report else ""
     files = [found.write(output, force=force, also={page: text} if report else None)]
     files += [page] if report else []
-    results = plants[0], of_loops, worst, told(plants, of_loops)
+    results = plants[0], of_loops, worst, margin_warnings(plants, of_loops)
     tell(lambda: _record(found, *results), lambda: _show(*results), files, as_json, quiet)
     if not all(one.stable for several in (*of_loops, worst) for one in several):
         raise typer.Exit(3)

@@ -34,15 +34,15 @@ Scene = Annotated[
 
 def load(source: Path) -> "tuple[str, mujoco.MjModel, Fit | None]":
     """Name and model of a scene, or of the scene that a spec's fit writes, and that fit."""
-    from beamchain.engine.draw import staged
+    from beamchain.engine.draw import stage
 
     if source.suffix.lower() == ".toml":
         from beamchain.fitting.fit import fit
         from beamchain.fitting.spec import read_spec
 
         found = fit(read_spec(source))
-        return found.spec.name, staged(found.scene_mjcf()), found
-    return source.stem, staged(source), None
+        return found.spec.name, stage(found.scene_mjcf()), found
+    return source.stem, stage(source), None
 
 
 def render(
@@ -138,9 +138,9 @@ def _turn(
     model: "mujoco.MjModel", angle: float, exaggerate: float, size: dict[str, int]
 ) -> "tuple[Film, Told, Slew]":
     """The film of a turn by `angle` [rad]."""
-    from beamchain.engine.draw import drawn
+    from beamchain.engine.draw import draw_frames
     from beamchain.engine.slew import simulate
-    from beamchain.report.film import written
+    from beamchain.report.film import write_text
 
     slew = simulate(model, angle=angle, frames=FRAMES)
     note = f"time x {slew.times[-1] / (FRAMES - 1) * RATE:.3g}"
@@ -151,10 +151,12 @@ def _turn(
     rigid = slew.shown(0.0)
     k = slew.loudest
     frames = [
-        written(*pair)
-        for pair in zip(drawn(model, slew.body, shown, rigid, **size), texts, strict=True)
+        write_text(*pair)
+        for pair in zip(draw_frames(model, slew.body, shown, rigid, **size), texts, strict=True)
     ]
-    still = written(next(drawn(model, slew.body, shown[[k]], rigid[[k]], **size)), texts[k])
+    still = write_text(
+        next(draw_frames(model, slew.body, shown[[k]], rigid[[k]], **size)), texts[k]
+    )
     axis = "xyz"[slew.axis]
     facts = {
         "body": slew.body,
@@ -175,8 +177,8 @@ def _modes(
 ) -> "tuple[dict[str, Film], Told]":
     """A film per coupled mode, by the stem of its files."""
     from beamchain.craft.moving_modes import moving_modes
-    from beamchain.engine.draw import drawn
-    from beamchain.report.film import written
+    from beamchain.engine.draw import draw_frames
+    from beamchain.report.film import write_text
 
     films: dict[str, Film] = {}
     sentences: list[str] = []
@@ -185,7 +187,8 @@ def _modes(
         text = f"mode {k}, {mode.name}: {mode.omega:.4g} rad/s, {mode.omega / math.tau:.4g} Hz"
         rest = mode.rest[None].repeat(CYCLE, 0)
         frames = [
-            written(frame, text) for frame in drawn(model, mode.body, mode.positions, rest, **size)
+            write_text(frame, text)
+            for frame in draw_frames(model, mode.body, mode.positions, rest, **size)
         ]
         films[f"{name}_mode{k}"] = frames[CYCLE // 4], frames
         sentences.append(text)
@@ -195,12 +198,12 @@ def _modes(
 
 def too_far(fit: "Fit", slew: "Slew") -> list[str]:
     """Sentences for a turn beyond what the fit's chain is right for."""
-    from beamchain.steps.driven import exceeded, turned
+    from beamchain.steps.driven import limit_sentences, run_of_turn
 
     if fit.space is not None:
         return []
-    return exceeded(
-        fit.large_motion[0], turned(slew.rate, slew.acceleration, slew.axis, fit.hub.offset)
+    return limit_sentences(
+        fit.large_motion[0], run_of_turn(slew.rate, slew.acceleration, slew.axis, fit.hub.offset)
     )
 
 

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from beamchain.caution import Caution, at
 from beamchain.craft.assembly import Carried
-from beamchain.craft.spoilers import TENDON_DAMPING, spoilers
+from beamchain.craft.disturbances import TENDON_DAMPING, disturbances
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import Mount
 from beamchain.engine.operating_point import quiet_copy
-from beamchain.engine.unchanged import NAMED, Difference, appended, differences, others
+from beamchain.engine.unchanged import NAMED, Difference, differences, ids_of, others
 from beamchain.errors import EngineError, InputError
 from beamchain.fitting.exact import exact_in_space, exact_ports, spatial
 from beamchain.fitting.hub import Hub
@@ -27,7 +27,7 @@ from beamchain.mjcf import compatibility, insert, write
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.steps.budget import linear_model, preload
-from beamchain.steps.driven import exceeded, keyframes
+from beamchain.steps.driven import keyframes, limit_sentences
 from beamchain.steps.large_motion import LargeMotion
 from beamchain.steps.limits import step_limits
 from beamchain.steps.retime_file import put_time
@@ -89,7 +89,7 @@ def driven_too_far(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> 
         for name, run in keyframes(model, f"{a.prefix}link1").items():
             out += [
                 at(f"{a.at}, keyframe {name}", sentence)
-                for sentence in exceeded(a.large_motion, run)
+                for sentence in limit_sentences(a.large_motion, run)
             ]
     return out
 
@@ -112,7 +112,7 @@ def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
 
 def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> None:
     """No name is given twice."""
-    taken = appended(craft, names(appendages))
+    taken = ids_of(craft, names(appendages))
     for kind, word in NAMED.items():
         if taken[kind]:
             name = getattr(craft, word)(taken[kind][0]).name
@@ -128,64 +128,78 @@ def check_names(craft: "mujoco.MjModel", appendages: Sequence[Appendage]) -> Non
             )
 
 
-def judged(
-    craft: "mujoco.MjModel",
-    model: "mujoco.MjModel",
-    appendages: Sequence[Appendage],
-    final: "mujoco.MjModel",
-    defaults: Mapping[str, Mapping[str, int]] | None = None,
-) -> list[str]:
-    """Every number of the spacecraft and of the appendages is as it was;
-    then what spoils the motion.
-
-    `model`: with appendages, timing taken out; `final`: as it will run; `defaults`: attributes that
-    the file of the spacecraft sets by default, per tag.
-    """
-    mine = appended(model, names(appendages))
-    theirs = others(model, mine)
-    own = _without_probes(craft)
-    changed = differences(craft, model, {kind: (own[kind], ids) for kind, ids in theirs.items()})
+def check_craft_unchanged(
+    craft: "mujoco.MjModel", model: "mujoco.MjModel", appendages: Sequence[Appendage]
+) -> None:
+    """Every number of the bare spacecraft is the same in `model`, with appendages and without
+    timing."""
+    before = _without_probes(craft)
+    after = others(model, ids_of(model, names(appendages)))
+    pairs = {kind: (before[kind], ids) for kind, ids in after.items()}
+    changed = differences(craft, model, pairs)
     if changed:
         raise EngineError(
-            f"embedding changed the spacecraft itself: {_told(changed[0])}; please report this."
+            f"embedding changed the spacecraft itself: {_difference_sentence(changed[0])}; please "
+            "report this."
         )
+
+
+def check_appendages_unchanged(
+    model: "mujoco.MjModel",
+    appendages: Sequence[Appendage],
+    defaults: Mapping[str, Mapping[str, int]],
+) -> None:
+    """Every number of the appendages is the same in `model` as in a scene of their own.
+
+    `defaults`: attributes that the file of the spacecraft sets by default, per tag.
+    """
     for a in appendages:
-        alone = compile_model(
-            write.document_text(
-                write.scene_document(
-                    a.fit.appendage(timed=False),
-                    a.fit.spec.name,
-                    mass=1.0,
-                    inertia=np.eye(3),
-                    offset=np.zeros(3),
-                    timestep=0.01,
-                    integrator="implicitfast",
-                )
-            )
+        scene = write.scene_document(
+            a.fit.appendage(timed=False),
+            a.fit.spec.name,
+            mass=1.0,
+            inertia=np.eye(3),
+            offset=np.zeros(3),
+            timestep=0.01,
+            integrator="implicitfast",
         )
-        own = appended(alone, names([replace(a, prefix=f"{a.spec.name}_")]))
-        here = appended(model, names([a]))
-        pairs = {k: (own[k], here[k]) for k in own}
-        found = differences(
-            alone, model, pairs, root=f"{a.prefix}link1", tolerance=SAME, user=False
-        )
-        if found:
-            _refuse(found[0], a, defaults or {})
-    ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
-    kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
-    limits = step_limits(linear_model(quiet_copy(final)))
+        alone = compile_model(write.document_text(scene))
+        before = ids_of(alone, names([replace(a, prefix=f"{a.spec.name}_")]))
+        after = ids_of(model, names([a]))
+        pairs = {kind: (ids, after[kind]) for kind, ids in before.items()}
+        root = f"{a.prefix}link1"
+        changed = differences(alone, model, pairs, root=root, tolerance=SAME, user=False)
+        if changed:
+            _refuse(changed[0], a, defaults)
+
+
+def motion_warnings(
+    model: "mujoco.MjModel", appendages: Sequence[Appendage], final: "mujoco.MjModel"
+) -> list[str]:
+    """Warnings about what disturbs the motion of the appendages; `model`: with them and without
+    timing; `final`: as it will run."""
+    warnings: list[str] = []
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    pull = preload(model, data)
-    out: list[str] = []
-    if pull:
+    load = preload(model, data)
+    if load:
         text = (
-            f"{pull} at rest; the proof takes it as balanced there. If nothing balances it, "
+            f"{load} at rest; the proof takes it as balanced there. If nothing balances it, "
             "move its springref."
         )
-        out.append(Caution("preloaded-spring", text))
-    spoilt = spoilers(final, limits, kept, min(ratios, default=0.0), mine["geom"])
-    return out + [text for text in spoilt if final is model or not text.startswith(TENDON_DAMPING)]
+        warnings.append(Caution("preloaded-spring", text))
+    ratios = [r for a in appendages for m in a.fit.achieved.values() for r in m.damping]
+    kept = [w for a in appendages for m in a.fit.target.values() for w in m.frequencies]
+    found = disturbances(
+        final,
+        step_limits(linear_model(quiet_copy(final))),
+        fastest=max(kept, default=0.0),
+        zeta=min(ratios, default=0.0),
+        geoms=ids_of(model, names(appendages))["geom"],
+    )
+    has_timing = final is not model
+    warnings += [text for text in found if not (has_timing and text.startswith(TENDON_DAMPING))]
+    return warnings
 
 
 def _refuse(
@@ -211,9 +225,9 @@ def _refuse(
     ]
     word = ", ".join(left) or field  # a mesh by default shows in aabb, rbound, ...
     raise InputError(
-        f"the spacecraft's defaults or compiler would change the appendage: {_told(found)}; use "
-        'form "attach", which '
-        f"no default of the spacecraft reaches, or take {word} out of them."
+        "the spacecraft's defaults or compiler would change the appendage: "
+        f'{_difference_sentence(found)}; use form "attach", which no default of the spacecraft '
+        f"reaches, or take {word} out of them."
     )
 
 
@@ -228,9 +242,8 @@ def moved_by_load(craft: "mujoco.MjModel", loaded: "mujoco.MjModel") -> list[str
         return []
     text = (
         f"as soon as it carries something, MuJoCo lays {moved[0].element}'s frame otherwise "
-        f"({_told(moved[0])}; "
-        "alignfree or align); positions and keyframes now mean the frame as written: write "
-        'align="false" to keep it.'
+        f"({_difference_sentence(moved[0])}; alignfree or align); positions and "
+        'keyframes now mean the frame as written: write align="false" to keep it.'
     )
     return [Caution("alignfree", text)]
 
@@ -240,7 +253,7 @@ def _without_probes(model: "mujoco.MjModel") -> dict[str, list[int]]:
     return others(model, {"body": probes})
 
 
-def _told(difference: Difference) -> str:
+def _difference_sentence(difference: Difference) -> str:
     return (
         f"{difference.field} of {difference.element} is {difference.found!r} instead of "
         f"{difference.wanted!r}"
@@ -260,7 +273,7 @@ def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> 
                 if scene and scene.bandwidth
                 else float(whole.frequencies[0])
             }
-        dofs = [] if model is None else appended(model, names([a]))["dof"]
+        dofs = [] if model is None else ids_of(model, names([a]))["dof"]
         out.append(Carried(a.mount, whole, kept, dofs, band))
     return out
 

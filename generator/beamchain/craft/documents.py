@@ -11,7 +11,7 @@ import msgspec
 from beamchain.craft.appendage import Appendage, names
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
-from beamchain.engine.unchanged import appended
+from beamchain.engine.unchanged import ids_of
 from beamchain.errors import EngineError
 from beamchain.fitting.spec import Spec, spec_from_dict
 from beamchain.mjcf import insert
@@ -48,7 +48,7 @@ def _spec_of_mark(spec: Mapping[str, Any], at: str) -> Spec:
     return spec_from_dict(spec, f"mark of {at}")
 
 
-def compiled(
+def compile_document(
     original: Craft,
     appendages: Sequence[Appendage],
     form: str,
@@ -111,8 +111,8 @@ def layout_of(
         keyframes = [out.node(element) for element in out.root.iter("keyframe")]
         return out.edit(Edit(node.start, node.end, "") for node in keyframes)
 
-    model = compiled(original, appendages, form, None, without_keys)
-    mine = appended(model, names(appendages))
+    model = compile_document(original, appendages, form, None, without_keys)
+    mine = ids_of(model, names(appendages))
     old = [j for j in range(model.njnt) if j not in set(mine["jnt"])]
     if len(old) != craft.njnt:
         raise EngineError(

@@ -12,9 +12,9 @@ from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.assembly import Assembly, Mode, prove
 from beamchain.craft.documents import assemble
 from beamchain.craft.error import CraftError, Pose, craft_error, craft_poses, modes_at
-from beamchain.craft.promise import Asked, asked, kept_band
+from beamchain.craft.promise import JointRequest, joint_request, kept_band
 from beamchain.craft.sampled import craft_sampled_error
-from beamchain.craft.timing import craft_time_error, without_time
+from beamchain.craft.timing import craft_time_error, without_timing
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import NUMBERS
@@ -79,8 +79,8 @@ class Embedded:
         return report.embedded_html(self)
 
     @cached_property
-    def _asked(self) -> Asked:
-        return asked([a.spec for a in self.appendages])
+    def _asked(self) -> JointRequest:
+        return joint_request([a.spec for a in self.appendages])
 
     @cached_property
     @one_thread()
@@ -222,7 +222,7 @@ class Embedded:
     def untimed(self) -> "mujoco.MjModel":
         """The model without timing, which is compared with the exact spacecraft."""
         return (
-            without_time(self.model)
+            without_timing(self.model)
             if any(a.timed is not None for a in self.appendages)
             else self.model
         )

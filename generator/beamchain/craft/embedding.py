@@ -14,18 +14,27 @@ from beamchain.checks import whole_number as checked_int
 from beamchain.craft.appendage import (
     PROBE,
     Appendage,
+    check_appendages_unchanged,
+    check_craft_unchanged,
     check_names,
     driven_too_far,
-    judged,
     lightest,
+    motion_warnings,
     moved_by_load,
 )
-from beamchain.craft.documents import compiled, layout_of, read_bare
+from beamchain.craft.disturbances import check_flags
+from beamchain.craft.documents import compile_document, layout_of, read_bare
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.fits import Fits, fit_all
-from beamchain.craft.promise import MOST_MODES, asked
-from beamchain.craft.spoilers import check_flags
-from beamchain.craft.timing import craft_time_error, on_tendons, time_notes, timed, turned, worth_it
+from beamchain.craft.promise import MOST_MODES, joint_request
+from beamchain.craft.timing import (
+    attitude_warnings,
+    craft_time_error,
+    decide_timing,
+    fit_on_tendons,
+    time_notes,
+    with_timing,
+)
 from beamchain.engine import mount as mounting
 from beamchain.engine.door import check_model
 from beamchain.engine.library import mujoco, one_thread
@@ -148,9 +157,11 @@ def _embed(
         wanted[name] = (spec, prefix)
     fits = Fits(ready, held)
     if isinstance(craft, mujoco.MjSpec):
-        return _embed_in_spec(craft, _prefixed({}, wanted), retime, most, fits, rigid)
+        return _embed_in_spec(craft, _assign_prefixes({}, wanted), retime, most, fits, rigid)
     original, before, _ = read_bare(craft)
-    return _embed_in_document(original, _prefixed(before, wanted), form, retime, most, fits, rigid)
+    return _embed_in_document(
+        original, _assign_prefixes(before, wanted), form, retime, most, fits, rigid
+    )
 
 
 def check_places(at: object) -> None:
@@ -161,7 +172,7 @@ def check_places(at: object) -> None:
         of_type("a place in at", name, str, "the name of a site or body of the spacecraft")
 
 
-def _prefixed(
+def _assign_prefixes(
     before: dict[str, tuple[Spec, str]], wanted: dict[str, tuple[Spec, str]]
 ) -> dict[str, tuple[Spec, str]]:
     """All appendages with their prefixes: the name of each,
@@ -212,10 +223,10 @@ def marked_appendages(path: Path) -> "tuple[mujoco.MjModel, tuple[Appendage, ...
         BeamchainError: modes that were imported are no longer where the marks say.
     """
     original, marked, _ = read_bare(path)
-    return _fitted(original, marked, MOST_MODES, Fits(), rigid=False)[:2] if marked else None
+    return _fit_on_craft(original, marked, MOST_MODES, Fits(), rigid=False)[:2] if marked else None
 
 
-def _fitted(
+def _fit_on_craft(
     original: Craft, wanted: dict[str, tuple[Spec, str]], most: int, fits: Fits, *, rigid: bool
 ) -> "tuple[mujoco.MjModel, tuple[Appendage, ...], list[str], tuple[str, ...]]":
     """The bare spacecraft, compiled, the appendages fitted to it, notes,
@@ -244,7 +255,7 @@ def _embed_in_document(
     fits: "Fits | None" = None,
     rigid: bool = False,
 ) -> Embedded:
-    craft, appendages, warnings, steps = _fitted(
+    craft, appendages, warnings, steps = _fit_on_craft(
         original, wanted, most, fits or Fits(), rigid=rigid
     )
     warnings += moved_by_load(compile_model(relocate(original, None).text), craft)
@@ -252,10 +263,10 @@ def _embed_in_document(
     check_names(craft, appendages)
     compatibility.check_compiler(original.parts(), *lightest(appendages))
     layout = layout_of(original, appendages, craft, form)
-    appendages, model, said = _proved(
+    appendages, model, said = _time_and_check(
         craft,
         appendages,
-        lambda made: compiled(original, made, form, layout),
+        lambda made: compile_document(original, made, form, layout),
         retime,
         compatibility.default_attributes(original.parts()),
     )
@@ -315,7 +326,7 @@ def _embed_in_spec(
             place.attach(mujoco.MjSpec.from_string(text), frame=frame, prefix=a.prefix)
         return place
 
-    appendages, _, said = _proved(
+    appendages, _, said = _time_and_check(
         craft, appendages, lambda made: attached(spec.copy(), made).compile(), retime
     )
     attached(spec, appendages)  # the user's spec is touched only after a copy has proved itself
@@ -326,34 +337,39 @@ def _embed_in_spec(
 
 
 # -- both ------------------------------------------------------------------------------------------
-def _proved(
+def _time_and_check(
     craft: "mujoco.MjModel",
     appendages: tuple[Appendage, ...],
     build: "Callable[[tuple[Appendage, ...]], mujoco.MjModel]",
     retime: bool | None,
     found: Mapping[str, Mapping[str, int]] | None = None,
 ) -> "tuple[tuple[Appendage, ...], mujoco.MjModel, list[str]]":
-    """The appendages exact in time where that is worth it, the model with them,
-    and what is to be said of it.
+    """The appendages exact in time where that is worth it, the model with them, and warnings.
 
-    `build` compiles the spacecraft with appendages; `found`: what in its document would spoil them.
+    `build` compiles the spacecraft with appendages; `found`: defaults of its document that
+    would change them.
     """
     model = build(appendages)
     if any(a.rigid for a in appendages):
         return appendages, model, []
-    decision = worth_it(model, appendages, retime)
-    if decision.good:
-        appendages = tuple(replace(a, fit=on_tendons(a.fit)) for a in appendages)
+    decision = decide_timing(model, appendages, retime)
+    final = model
+    warnings = list(decision.warnings)
+    if decision.needed:
+        appendages = tuple(replace(a, fit=fit_on_tendons(a.fit)) for a in appendages)
         check_names(craft, appendages)
         model = build(appendages)
-    final, notes = timed(model) if decision.good else (model, [])
-    if decision.good:
-        band = asked([a.spec for a in appendages]).band
-        off, own = (craft_time_error(one, model, appendages, band) for one in (final, model))
-        notes = [*time_notes(final, decision.why, off, own), *notes]
-    warnings = [*decision.said, *notes, *judged(craft, model, appendages, final, found)]
-    warnings += driven_too_far(model, appendages) + turned(model, appendages)
-    if decision.good:
+        final, slowed = with_timing(model)
+        band = joint_request([a.spec for a in appendages]).band
+        with_error = craft_time_error(final, model, appendages, band)
+        without_error = craft_time_error(model, model, appendages, band)
+        warnings += time_notes(final, decision.reason, with_error, without_error)
+        warnings += slowed
+    check_craft_unchanged(craft, model, appendages)
+    check_appendages_unchanged(model, appendages, found or {})
+    warnings += motion_warnings(model, appendages, final)
+    warnings += driven_too_far(model, appendages) + attitude_warnings(model, appendages)
+    if decision.needed:
         appendages = tuple(replace(a, timed=final) for a in appendages)
     return appendages, final, warnings
 

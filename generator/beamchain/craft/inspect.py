@@ -14,7 +14,7 @@ from beamchain.engine.linearise import NUMBERS, compile_model
 from beamchain.ports.motions import Array
 from beamchain.steps.budget import linear_model
 from beamchain.steps.limits import StepLimits, oscillations, step_limits
-from beamchain.steps.modal import MadeFor, made_for
+from beamchain.steps.modal import MadeFor, timing_marks
 from beamchain.steps.poles import PoleRow, mismatch, pole_rows
 from beamchain.steps.retime import retime
 
@@ -55,7 +55,7 @@ def inspect_model(source: "str | Path | mujoco.MjModel") -> Inspection:
     """Inspect a model: path, MJCF text or compiled."""
     model = compile_model(source)
     plain = copy.copy(model)
-    made = [mark for mark in made_for(model) if mark is not None]
+    made = [mark for mark in timing_marks(model) if mark is not None]
     if made:
         retime(plain, 0.0)
     linear = linear_model(plain)

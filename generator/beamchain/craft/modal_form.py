@@ -31,9 +31,34 @@ SAMPLED = 100.0
 MODAL = ("kg^0.5 m", "kg^0.5 m/s")  # units of the amplitude of a mode of unit mass, and of its rate
 
 
+class _Coordinates(NamedTuple):
+    """The coordinates `(w eta, r', eta', a)` behind the rigid positions: one entry for each.
+
+    `states`: name and unit. `weight`: the size of each, so that they compare. `frequency`: w of the
+    first of them [rad/s]. `rigid`: the number of rigid rates, which follow those.
+    """
+
+    states: list[tuple[str, str]]
+    weight: Array
+    frequency: Array
+    rigid: int
+
+    def is_flexible(self, i: int) -> bool:
+        """Whether coordinate i is a `w eta`."""
+        return i < self.frequency.size
+
+    def is_rigid_rate(self, i: int) -> bool:
+        """Whether coordinate i is an `r'`."""
+        return self.frequency.size <= i < self.frequency.size + self.rigid
+
+
 class Block(NamedTuple):
-    """States that depend on no others: order, columns over the coordinates, matrix,
-    (name, unit) each, size each."""
+    """States that depend on no others.
+
+    `order`: by which blocks are sorted: rigid rates (0), what decays (1), oscillators (2), then the
+    coordinate. `basis`: a column per state, over the coordinates. `matrix`: of the states' rates.
+    `states`: name and unit of each. `weight`: the size of each.
+    """
 
     order: tuple[int, int]
     basis: Array
@@ -123,10 +148,8 @@ class ModalForm:
         out = self.picked(states, (len(keep), len(keep)))
         count = 2 * len(keep)
         for k, part in enumerate(parts):
-            out.b[k:count:2], out.c[:, k:count:2] = (
-                onto @ self.b[part][pick],
-                self.c[:, part] @ driven[:, among],
-            )
+            out.b[k:count:2] = onto @ self.b[part][pick]
+            out.c[:, k:count:2] = self.c[:, part] @ driven[:, among]
         return out
 
 
@@ -158,147 +181,240 @@ def modal_form(
     `labels`: name and unit of every degree of freedom. `names`: of the normal modes. `lags`: of the
     actuators' states. `noise`: of the system, beside that of continuous time.
     """
-    nr = modes.rigid.shape[1]
-    nf = modes.frequency.size
-    own = [labels[i] for i in modes.pivots]
-    there, back = modes.transformation(len(lags))
-    a = back @ system[0] @ there
-    b = back @ system[1]
-    c = system[2] @ there
-    size: Array = np.sqrt(np.diag(modes.rigid.T @ modes.mass @ modes.rigid))
-    weights = np.concatenate([np.ones(nf), 1.0 / size, np.ones(nf)])
-    push = np.abs(a[nr : nr + weights.size, nr + weights.size :] / weights[:, None]).max(
-        axis=0, initial=1e-300
+    n_rigid = modes.rigid.shape[1]
+    from_modal, to_modal = modes.transformation(len(lags))
+    a = to_modal @ system[0] @ from_modal
+    b = to_modal @ system[1]
+    c = system[2] @ from_modal
+
+    rigid_labels = [labels[i] for i in modes.pivots]
+    rigid_size: Array = np.sqrt(np.diag(modes.rigid.T @ modes.mass @ modes.rigid))
+    coordinates = _Coordinates(
+        states=[
+            *((name, MODAL[0]) for name in names),
+            *((f"rigid_{name}_rate", f"{unit}/s") for name, unit in rigid_labels),
+            *((f"{name}_rate", MODAL[1]) for name in names),
+            *((name, "") for name in lags),
+        ],
+        weight=_weights(a[n_rigid:, n_rigid:], modes.frequency.size, rigid_size),
+        frequency=modes.frequency,
+        rigid=n_rigid,
     )
-    weights = np.append(weights, 1.0 / push)  # an actuator's state weighs what it accelerates
-    words = [
-        *((name, MODAL[0]) for name in names),
-        *((f"rigid_{name}_rate", f"{unit}/s") for name, unit in own),
-        *((f"{name}_rate", MODAL[1]) for name in names),
-        *((name, "") for name in lags),
-    ]
-    scaled = a[nr:, nr:] * np.outer(1.0 / weights, weights)
-    top = max(float(np.abs(scaled).max(initial=0.0)), 1e-300)
-    count, group = connected_components(np.abs(scaled) > APART * noise * top, directed=False)
+    blocks = _blocks(a[n_rigid:, n_rigid:], coordinates, noise)
+    basis, matrix = _in_blocks(a, blocks, n_rigid, noise)
+
+    states = [(f"rigid_{name}", unit) for name, unit in rigid_labels]
+    states += [state for block in blocks for state in block.states]
+    weight = np.concatenate([1.0 / rigid_size, *(block.weight for block in blocks)])
+    b_blocks = np.asarray(np.linalg.solve(basis * weight, b), dtype=np.float64)
+    return ModalForm(
+        a=matrix,
+        b=b_blocks * weight[:, None],
+        c=c @ basis,
+        d=system[3],
+        names=_numbered([name for name, _ in states]),
+        units=tuple(unit for _, unit in states),
+        weight=weight,
+        rigid=(n_rigid, sum(block.order[0] == 0 for block in blocks)),
+        limit=UNSEEN * noise**1.5,
+    )
+
+
+def _weights(a: Array, n_flexible: int, rigid_size: Array) -> Array:
+    """The size of every coordinate `(w eta, r', eta', a)`, of which `a` is the matrix: unit energy
+    for what has mass; an actuator's state weighs what it accelerates."""
+    weight = np.concatenate([np.ones(n_flexible), 1.0 / rigid_size, np.ones(n_flexible)])
+    accelerated = np.abs(a[: weight.size, weight.size :]) / weight[:, None]
+    return np.append(weight, 1.0 / accelerated.max(axis=0, initial=1e-300))
+
+
+def _blocks(a: Array, coordinates: _Coordinates, noise: float) -> list[Block]:
+    """The blocks of the matrix `a` of the coordinates, sorted."""
+    scaled = a * np.outer(1.0 / coordinates.weight, coordinates.weight)
+    largest = max(float(np.abs(scaled).max(initial=0.0)), 1e-300)
+    coupled = np.abs(scaled) > APART * noise * largest
+    count, group_of = connected_components(coupled, directed=False)
     blocks: list[Block] = []
     for k in range(int(count)):
-        mine = np.flatnonzero(group == k)
-        m = scaled[mine][:, mine]
-        for part in _separated(
-            m, [int(i) for i in mine], ZERO * noise * top, modes.frequency, nr, words, weights
-        ):
-            basis = np.zeros((weights.size, part.basis.shape[1]))
-            basis[mine] = part.basis * weights[mine][:, None]
+        group = np.flatnonzero(group_of == k)
+        zero = ZERO * noise * largest
+        for part in _separated(scaled[group][:, group], group.tolist(), coordinates, zero):
+            basis = np.zeros((coordinates.weight.size, part.basis.shape[1]))
+            basis[group] = part.basis * coordinates.weight[group][:, None]
             blocks.append(part._replace(basis=basis))
-    blocks.sort(key=lambda block: block.order)
+    return sorted(blocks, key=lambda block: block.order)
+
+
+def _in_blocks(a: Array, blocks: list[Block], n_rigid: int, noise: float) -> tuple[Array, Array]:
+    """`(n, n)` basis and matrix of the whole system, the rigid positions first.
+
+    With the block's states z, y = X z, the rigid positions follow r' = R X z. Where the block's
+    matrix Z has an inverse, r - R X Z^-1 z stands still and takes the place of r; otherwise R X
+    remains in the matrix.
+    """
     basis = np.eye(a.shape[0])
     matrix = np.zeros(a.shape)
-    start = nr
-    rates = 0
+    start = n_rigid
     for block in blocks:
-        mine = slice(start, start + len(block.states))
-        basis[nr:, mine], matrix[mine, mine] = block.basis, block.matrix
-        moved = a[:nr, nr:] @ block.basis  # what the block does to the rigid positions
-        rates += block.order[0] == 0
-        if block.order[0] and np.linalg.cond(block.matrix) < 1.0 / ZERO:
-            basis[:nr, mine] = moved @ np.linalg.inv(block.matrix)
+        columns = slice(start, start + len(block.states))
+        basis[n_rigid:, columns] = block.basis
+        matrix[columns, columns] = block.matrix
+        rigid_rate = a[:n_rigid, n_rigid:] @ block.basis
+        is_rigid = block.order[0] == 0
+        if not is_rigid and np.linalg.cond(block.matrix) < 1.0 / ZERO:
+            basis[:n_rigid, columns] = rigid_rate @ np.linalg.inv(block.matrix)
         else:
-            matrix[:nr, mine] = np.where(np.abs(moved) > APART * noise, moved, 0.0)
-        start = mine.stop
-    weight = np.concatenate([1.0 / size, *(block.weight for block in blocks)])
-    states = [
-        *((f"rigid_{name}", unit) for name, unit in own),
-        *(state for block in blocks for state in block.states),
-    ]
-    said = [name for name, _ in states]
-    said = [
-        name if said.index(name) == i else f"{name}_{said[:i].count(name) + 1}"
-        for i, name in enumerate(said)
-    ]
-    b = np.asarray(np.linalg.solve(basis * weight, b), dtype=np.float64) * weight[:, None]
-    units = tuple(unit for _, unit in states)
-    return ModalForm(
-        matrix,
-        b,
-        c @ basis,
-        system[3],
-        tuple(said),
-        units,
-        weight,
-        (nr, rates),
-        UNSEEN * noise**1.5,
+            seen = np.abs(rigid_rate) > APART * noise
+            matrix[:n_rigid, columns] = np.where(seen, rigid_rate, 0.0)
+        start = columns.stop
+    return basis, matrix
+
+
+def _numbered(names: list[str]) -> tuple[str, ...]:
+    """The names, a repeated one with its number: `a, b, a` become `a, b, a_2`."""
+    return tuple(
+        name if name not in names[:i] else f"{name}_{names[:i].count(name) + 1}"
+        for i, name in enumerate(names)
     )
 
 
 def _separated(
-    m: Array,
-    mine: list[int],
-    zero: float,
-    w: Array,
-    nr: int,
-    words: list[tuple[str, str]],
-    weights: Array,
+    matrix: Array, group: list[int], coordinates: _Coordinates, zero: float
 ) -> list[Block]:
-    """The blocks of coupled coordinates `mine`, over those coordinates divided by their weights."""
-    nf = w.size
-    size = len(mine)
-    own = weights[mine]
-    left, s, right = np.linalg.svd(m)
-    live = int(np.sum(s > zero))
-    values, v = np.linalg.eig(left[:, :live].T @ m @ left[:, :live])
-    v = (left[:, :live] @ v).astype(np.complex128)
-    flexible = [j for j in range(size) if mine[j] < nf]
-    together = np.linalg.cond(v) > SKEW if live else False
-    if together or (live < size and np.linalg.cond(left[:, live:].T @ right[live:].T) > SKEW):
-        # eta instead of w eta
-        factor = np.array([1.0 / w[i] if i < nf else weights[i] for i in mine])
-        order = (2, mine[flexible[0]]) if flexible else (1, 0)
-        states = [words[i] for i in mine]
-        return [
-            Block(order, np.diag(1.0 / factor), m * np.outer(factor, 1.0 / factor), states, factor)
-        ]
-    out: list[Block] = []
-    if live < size:
-        basis, rows = _range(right[live:].T, 0.0)
-        for j, row in enumerate(rows):
-            i = mine[row]
-            order = (0, i) if nf <= i < nf + nr else (1, i)
-            out.append(
-                Block(order, basis[:, [j]] / own[row], np.zeros((1, 1)), [words[i]], own[[row]])
-            )
-    swings = [k for k in range(live) if values[k].imag > 0.0]
-    amplitude = np.abs(v[flexible][:, swings]) / np.linalg.norm(v[:, swings], axis=0)
-    chosen = {
-        swings[j]: flexible[i] for i, j in zip(*linear_sum_assignment(-amplitude), strict=True)
-    }
-    for k in range(live):
-        pole = complex(values[k])
-        x = v[:, k]
-        j = chosen.get(k, int(np.argmax(np.abs(v[:, k]))))
-        (name, unit), i = words[mine[j]], mine[j]
+    """The blocks of coupled coordinates `group`, over those coordinates divided by their weights;
+    `matrix` is theirs, `(n, n)`, and singular values up to `zero` are none.
+
+    Eigenvectors separate what moves, the null space is what stands still; where either is too
+    badly conditioned, the coordinates stay together.
+    """
+    left, singular, right = np.linalg.svd(matrix)
+    rank = int(np.sum(singular > zero))
+    image = left[:, :rank]
+    still = right[rank:].T
+    poles, vectors = np.linalg.eig(image.T @ matrix @ image)
+    vectors = (image @ vectors).astype(np.complex128)
+    if _is_skew(vectors) or _is_skew(left[:, rank:].T @ still):
+        return [_kept_together(matrix, group, coordinates)]
+    blocks = _standing_still(still, group, coordinates)
+
+    flexible = [row for row, i in enumerate(group) if coordinates.is_flexible(i)]
+    oscillating = np.flatnonzero(np.imag(poles) > 0.0)
+    mode_of = _modes_of(vectors, oscillating, flexible)
+    for k in range(rank):
+        pole = complex(poles[k])
+        vector = vectors[:, k]
+        row = mode_of.get(k, int(np.argmax(np.abs(vector))))
+        i = group[row]
         if pole.imag == 0.0:
-            out.append(
-                Block(
-                    (1, i),
-                    (x / x[j]).real[:, None] / own[j],
-                    np.array([[pole.real]]),
-                    [words[i]],
-                    own[[j]],
-                )
+            blocks.append(_decay(pole.real, vector / vector[row], i, coordinates))
+        elif pole.imag > 0.0:  # its conjugate is the same block
+            is_mode = k in mode_of
+            oscillator = _oscillator(pole, vector / vector[row], i, coordinates, is_mode)
+            blocks.append(oscillator)
+    return blocks
+
+
+def _is_skew(vectors: Array | NDArray[np.complex128]) -> bool:
+    """Whether the columns are too nearly dependent to separate anything."""
+    return vectors.size > 0 and bool(np.linalg.cond(vectors) > SKEW)
+
+
+def _modes_of(
+    vectors: NDArray[np.complex128], oscillating: NDArray[np.intp], flexible: list[int]
+) -> dict[int, int]:
+    """The flexible row that each oscillating eigenvector is named after: the rows in which their
+    amplitudes are largest together."""
+    share = np.abs(vectors[flexible][:, oscillating])
+    share = share / np.linalg.norm(vectors[:, oscillating], axis=0)
+    rows, columns = linear_sum_assignment(-share)
+    return {
+        int(oscillating[column]): flexible[row] for row, column in zip(rows, columns, strict=True)
+    }
+
+
+def _kept_together(matrix: Array, group: list[int], coordinates: _Coordinates) -> Block:
+    """All coordinates of a group in one block, eta in place of w eta."""
+    factor = np.array(
+        [
+            1.0 / coordinates.frequency[i] if coordinates.is_flexible(i) else coordinates.weight[i]
+            for i in group
+        ]
+    )
+    flexible = [i for i in group if coordinates.is_flexible(i)]
+    return Block(
+        order=(2, flexible[0]) if flexible else (1, 0),
+        basis=np.diag(1.0 / factor),
+        matrix=matrix * np.outer(factor, 1.0 / factor),
+        states=[coordinates.states[i] for i in group],
+        weight=factor,
+    )
+
+
+def _standing_still(still: Array, group: list[int], coordinates: _Coordinates) -> list[Block]:
+    """A block for each direction `(n, k)` in which a group does not move of itself."""
+    if not still.size:
+        return []
+    basis, rows = _range(still, 0.0)
+    blocks: list[Block] = []
+    for column, row in enumerate(rows):
+        i = group[row]
+        weight = coordinates.weight[[i]]
+        blocks.append(
+            Block(
+                order=(0 if coordinates.is_rigid_rate(i) else 1, i),
+                basis=basis[:, [column]] / weight,
+                matrix=np.zeros((1, 1)),
+                states=[coordinates.states[i]],
+                weight=weight,
             )
-        if pole.imag <= 0.0:
-            continue
-        if k in chosen:  # amplitude 1
-            order, x, weight, rate = (2, i), x / x[j] * w[i], 1.0 / abs(pole), MODAL[1]
-        else:
-            order, x, weight, rate = (1, i), x / x[j] * pole / own[j], own[j] / abs(pole), unit
-            name, unit = (
-                name.replace("rigid_", "nutation_").removesuffix("_rate"),
-                unit.removesuffix("/s"),
-            )
-        second = x.imag / pole.imag
-        basis = np.column_stack([x.real - pole.real * second, second])  # x1' = x2, x = X1 + pole X2
-        matrix = np.array([[0.0, 1.0], [-(abs(pole) ** 2), 2.0 * pole.real]])
-        states = [(name, unit), (f"{name}_rate", rate)]
-        out.append(Block(order, basis, matrix, states, np.array([1.0, abs(pole)]) * weight))
-    return out
+        )
+    return blocks
+
+
+def _decay(pole: float, vector: NDArray[np.complex128], i: int, coordinates: _Coordinates) -> Block:
+    """What decays along an eigenvector that is 1 in coordinate i."""
+    weight = coordinates.weight[[i]]
+    return Block(
+        order=(1, i),
+        basis=vector.real[:, None] / weight,
+        matrix=np.array([[pole]]),
+        states=[coordinates.states[i]],
+        weight=weight,
+    )
+
+
+def _oscillator(
+    pole: complex,
+    vector: NDArray[np.complex128],
+    i: int,
+    coordinates: _Coordinates,
+    is_mode: bool,
+) -> Block:
+    """An oscillator along a complex eigenvector that is 1 in coordinate i: an elastic mode, named
+    after its w eta, or the nutation of a rigid rate.
+
+    With its states x1 and x2 = x1', coordinates y = X1 x1 + X2 x2 and pole p:
+    X1 + p X2 = x, and x2' = -|p|^2 x1 + 2 Re p x2.
+    """
+    name, unit = coordinates.states[i]
+    speed = abs(pole)
+    if is_mode:  # a mode's amplitude eta is 1
+        order = (2, i)
+        x = vector * coordinates.frequency[i]
+        weight = 1.0 / speed
+        units = (unit, MODAL[1])
+    else:  # the angle whose rate is the coordinate is 1
+        order = (1, i)
+        x = vector * pole / coordinates.weight[i]
+        weight = coordinates.weight[i] / speed
+        name = name.replace("rigid_", "nutation_").removesuffix("_rate")
+        units = (unit.removesuffix("/s"), unit)
+    x2 = x.imag / pole.imag
+    x1 = x.real - pole.real * x2
+    return Block(
+        order=order,
+        basis=np.column_stack([x1, x2]),
+        matrix=np.array([[0.0, 1.0], [-(speed**2), 2.0 * pole.real]]),
+        states=[(name, units[0]), (f"{name}_rate", units[1])],
+        weight=np.array([1.0, speed]) * weight,
+    )

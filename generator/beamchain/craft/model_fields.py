@@ -20,7 +20,7 @@ from beamchain.engine.linearise import dense_mass
 from beamchain.errors import InputError, RealisationError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2, form4
-from beamchain.steps.modal import MadeFor, Modal, condensed, modal_tendons
+from beamchain.steps.modal import MadeFor, Modal, condensed_mass, modal_tendons
 from beamchain.steps.retime import motion_for, retime, write_values
 
 #: What `mj_setConst` derives from masses, places and lengths.
@@ -102,7 +102,7 @@ class Maker:
             retime(model, self.mark.timestep, self.mark.integrator, form=3)
         elif self.mark is not None:  # what `retime` does, without reading the model anew
             modal = self._drawn(model)
-            c = condensed(mass, modal.rows)[0]
+            c = condensed_mass(mass, modal.rows)[0]
             name = self.mark.integrator
             h = self.mark.timestep
             plan = form2(modal, c, name, h)

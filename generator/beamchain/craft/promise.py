@@ -22,7 +22,7 @@ ROUNDS = 3  # of growing and fitting: what comes out may miss what was foreseen
 
 
 @dataclass(frozen=True)
-class Asked:
+class JointRequest:
     """What the scenes of all appendages ask of the craft together;
     None where no scene states a band.
 
@@ -35,14 +35,16 @@ class Asked:
     motions: tuple[int, ...]
 
 
-def asked(specs: Sequence[Spec]) -> Asked:
+def joint_request(specs: Sequence[Spec]) -> JointRequest:
     """What the scenes with a bandwidth ask for: largest band, smallest tolerance,
     union of the motions."""
     scenes = [s.scene for s in specs if s.scene is not None and s.scene.bandwidth is not None]
     if not scenes:
-        return Asked(None, None, tuple(range(6)))
+        return JointRequest(None, None, tuple(range(6)))
     motions = tuple(sorted({AXES[axis] for scene in scenes for axis in scene.axes}))
-    return Asked(max(s.bandwidth or 0.0 for s in scenes), min(s.tolerance for s in scenes), motions)
+    return JointRequest(
+        max(s.bandwidth or 0.0 for s in scenes), min(s.tolerance for s in scenes), motions
+    )
 
 
 def kept_band(appendages: Sequence[Appendage]) -> float:
@@ -62,7 +64,7 @@ def keep_promise(
     `most`: modes of an appendage; `refit` fits an appendage anew with the modes
     that a spec asks for.
     """
-    want = asked([a.spec for a in appendages])
+    want = joint_request([a.spec for a in appendages])
     if want.band is None or want.tolerance is None:
         return appendages, ()
     found = craft_poses(craft, carried(None, appendages), want.band, want.motions)

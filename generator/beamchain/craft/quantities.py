@@ -5,6 +5,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from beamchain.fitting.uncertain import (
     UncertainJoint,
     UncertainModes,
     Uncertainty,
-    drawn,
+    correlate,
     score,
 )
 from beamchain.ports.motions import Array
@@ -153,7 +154,7 @@ def draws(
     rows = ({key: score(seed, index, key) for key in keys} for index in indices)
     scores = np.array([[row[q.key] for q in uncertain] for row in rows])
     scores = scores.reshape(len(indices), len(uncertain))
-    table = drawn(scores, _places(uncertain), tuple(correlations))
+    table = correlate(scores, _places(uncertain), tuple(correlations))
     values = [
         [q.uncertainty.value(q.nominal, float(z)) for q, z in zip(uncertain, row, strict=True)]
         for row in table
@@ -169,57 +170,104 @@ def inertia_matrix(model: "mujoco.MjModel", body: int) -> Array:
     return np.asarray(turn @ np.diag(model.body_inertia[body]) @ turn.T, dtype=np.float64)
 
 
+class _Mode(NamedTuple):
+    """A kept mode of an appendage: `mode1_xy` by its port, `mode3` by its number among all."""
+
+    name: str
+    numbered: str
+    tendon: int
+    frequency: float
+    damping: float
+
+    @property
+    def names(self) -> set[str]:
+        """The names under which a specification may speak of it."""
+        return {self.name, self.numbered}
+
+
+def _kept_modes(model: "mujoco.MjModel") -> dict[str, list[_Mode]]:
+    """The kept modes on tendons by the prefix of their appendage, numbered by frequency, as a file
+    of modes numbers them, in the order of the tendons."""
+    modal = modal_tendons(model)
+    rows: dict[str, dict[str, int]] = {}
+    for row, tendon in enumerate(modal.names):
+        if match := MODE.fullmatch(tendon):
+            prefix, name = match.groups()
+            rows.setdefault(prefix, {})[name] = row
+    out: dict[str, list[_Mode]] = {}
+    for prefix, row_of in rows.items():
+        by_frequency = sorted(row_of, key=lambda name: (modal.frequency[row_of[name]], name))
+        numbered = {name: f"mode{k + 1}" for k, name in enumerate(by_frequency)}
+        out[prefix] = []
+        for name, row in row_of.items():
+            omega = float(modal.frequency[row])
+            ratio = float(modal.damping[row]) / (2.0 * omega)
+            # where another mode has that name, the number means the other
+            number = name if numbered[name] in row_of else numbered[name]
+            out[prefix].append(_Mode(name, number, int(modal.index[row]), omega, ratio))
+    return out
+
+
 def _modes(
     model: "mujoco.MjModel", given: Mapping[str, UncertainModes], named: set[str]
 ) -> list[Quantity]:
-    modal = modal_tendons(model)
-    matches = [(MODE.fullmatch(name), name) for name in modal.names]
-    split = [match.groups() if match else (None, name) for match, name in matches]
-    prefixes = dict.fromkeys(prefix for prefix, _ in split if prefix is not None)
+    """The uncertain quantities of the modes of appendages; `given`: by prefix; `named`: prefixes
+    that the craft's own table gives."""
+    kept = _kept_modes(model)
     out: list[Quantity] = []
-    for prefix, modes in given.items():
-        if prefix not in prefixes:
-            raise unknown(
-                "appendage",
-                prefix,
-                prefixes,
+    for prefix, uncertain in given.items():
+        if prefix not in kept:
+            cure = (
                 "Appendages are named by their prefix, and must have springs on modal tendons "
                 '(springs = "modes" under [fit], or bc.embed with retime=True).'
-                if prefix in named
-                else "",
             )
-        numbers = {str(mode): i for i, (other, mode) in enumerate(split) if other == prefix}
-        order = sorted(numbers, key=lambda mode: (modal.frequency[numbers[mode]], mode))
-        # as a file of modes numbers them
-        plain = {mode: f"mode{k + 1}" for k, mode in enumerate(order)}
-        for table in modes.mode:
-            if table.name not in numbers and table.name not in plain.values():
-                cure = f"They are the kept modes of {prefix!r}."
-                raise unknown("mode", table.name, numbers, cure)
-        for mode, i in numbers.items():
-            w = float(modal.frequency[i])
-            names = {mode} if plain[mode] in numbers else {mode, plain[mode]}
-            nominal = {
-                "frequency": w,
-                "damping": float(modal.damping[i]) / (2.0 * w),
-                "participation": 1.0,
-            }
-            for kind, value in nominal.items():
-                single = [
-                    how
-                    for table in modes.mode
-                    if table.name in names and (how := getattr(table, kind)) is not None
-                ]
-                how: Uncertainty | None = single[0] if single else getattr(modes, kind)
-                if how is not None:
-                    name = f"{prefix}{mode}.{kind}"
-                    key = how.group or (name if single or how.each else f"{prefix}.{kind}")
-                    unit = "rad/s" if kind == "frequency" else ""
-                    other = f"{prefix}{plain[mode]}.{kind}"
-                    tendon = int(modal.index[i])
-                    quantity = Quantity(name, unit, value, how, tendon, key, alias=other)
-                    out.append(_in_range(quantity))
+            raise unknown("appendage", prefix, kept, cure if prefix in named else "")
+        _check_mode_names(prefix, uncertain, kept[prefix])
+        for mode in kept[prefix]:
+            out += _of_mode(prefix, mode, uncertain)
     return out
+
+
+def _check_mode_names(prefix: str, uncertain: UncertainModes, kept: Sequence[_Mode]) -> None:
+    """Every mode that is named there is a kept one; a number may be that of any."""
+    numbers = {f"mode{k + 1}" for k in range(len(kept))}
+    names = [mode.name for mode in kept]
+    for table in uncertain.mode:
+        if table.name not in numbers.union(names):
+            raise unknown("mode", table.name, names, f"They are the kept modes of {prefix!r}.")
+
+
+def _of_mode(prefix: str, mode: _Mode, uncertain: UncertainModes) -> list[Quantity]:
+    """The uncertain quantities of one mode; its own table goes before what is said of all."""
+    nominal = {"frequency": mode.frequency, "damping": mode.damping, "participation": 1.0}
+    out: list[Quantity] = []
+    for kind, value in nominal.items():
+        own = _own_uncertainty(mode, uncertain, kind)
+        uncertainty: Uncertainty | None = own or getattr(uncertain, kind)
+        if uncertainty is None:
+            continue
+        name = f"{prefix}{mode.name}.{kind}"
+        by_itself = own is not None or uncertainty.each
+        quantity = Quantity(
+            name=name,
+            unit="rad/s" if kind == "frequency" else "",
+            nominal=value,
+            uncertainty=uncertainty,
+            index=mode.tendon,
+            key=uncertainty.group or (name if by_itself else f"{prefix}.{kind}"),
+            alias=f"{prefix}{mode.numbered}.{kind}",
+        )
+        out.append(_in_range(quantity))
+    return out
+
+
+def _own_uncertainty(mode: _Mode, uncertain: UncertainModes, kind: str) -> Uncertainty | None:
+    """What the table of this mode says of a quantity of it."""
+    for table in uncertain.mode:
+        uncertainty: Uncertainty | None = getattr(table, kind)
+        if table.name in mode.names and uncertainty is not None:
+            return uncertainty
+    return None
 
 
 def _in_range(q: Quantity, *, above_zero: bool = True) -> Quantity:

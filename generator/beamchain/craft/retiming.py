@@ -10,7 +10,7 @@ from beamchain.caution import Caution, warnings_record
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.embedding import marked_appendages
 from beamchain.craft.error import craft_poses
-from beamchain.craft.promise import asked, kept_band
+from beamchain.craft.promise import joint_request, kept_band
 from beamchain.craft.sampled import craft_sampled_error
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
@@ -47,12 +47,12 @@ class RetimedCraft:
     def band(self) -> float | None:
         """The largest band that the scenes of its appendages ask for [rad/s];
         None where none is known."""
-        return asked([a.spec for a in self.appendages]).band
+        return joint_request([a.spec for a in self.appendages]).band
 
     @cached_property
     def tolerance(self) -> float | None:
         """The smallest tolerance of scenes with a band; None where none is known."""
-        return asked([a.spec for a in self.appendages]).tolerance
+        return joint_request([a.spec for a in self.appendages]).tolerance
 
     @cached_property
     def time_error(self) -> TimeError | None:
@@ -73,15 +73,12 @@ class RetimedCraft:
         None where the exact appendages are not known."""
         if self.timestep == 0.0 or self.craft is None:
             return None
-        want = asked([a.spec for a in self.appendages])
+        request = joint_request([a.spec for a in self.appendages])
         exact = carried(None, self.appendages)
-        answers = craft_poses(
-            self.craft, exact, want.band or kept_band(self.appendages), want.motions
-        )
-        return max(
-            found.error
-            for found in craft_sampled_error(self.craft, self.file.model, answers).values()
-        )
+        band = request.band or kept_band(self.appendages)
+        answers = craft_poses(self.craft, exact, band, request.motions)
+        errors = craft_sampled_error(self.craft, self.file.model, answers)
+        return max(error.error for error in errors.values())
 
     @property
     def met(self) -> bool | None:
@@ -94,18 +91,17 @@ class RetimedCraft:
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Slowed modes, and poles that are not exact."""
-        off = self.time_error
-        return (
-            *self.file.notes,
-            *([Caution("time-error", time_sentence(off))] if off and not off.exact else []),
-        )
+        error = self.time_error
+        if error is None or error.exact:
+            return tuple(self.file.notes)
+        return *self.file.notes, Caution("time-error", time_sentence(error))
 
     def as_dict(self) -> dict[str, Any]:
         """What `retime --json` prints."""
-        off = self.time_error
+        error = self.time_error
         return {
             "modes": [asdict(row) for row in self.file.rows],
-            "time_error": None if off is None else off.as_dict(),
+            "time_error": None if error is None else error.as_dict(),
             "sampled_error": self.sampled_error,
             "tolerance": self.tolerance,
             "met": self.met,
@@ -115,19 +111,20 @@ class RetimedCraft:
     @property
     def headline(self) -> str:
         """The errors in a sentence."""
-        off = self.time_error
-        if off is None:
+        error = self.time_error
+        if error is None:
             return "the timing was taken out."
         option = self.file.model.opt
         step = f"{NUMBERS[int(option.integrator)]} at {float(option.timestep):g} s"
-        exact = "exact in time" if off.exact else "not exact"
-        said = f"{step}: poles are {exact}, {off.words}"
+        exact = "exact in time" if error.exact else "not exact"
+        sentence = f"{step}: poles are {exact}, {error.words}"
         if self.sampled_error is None:
-            return f"{said}; the error of the response is not known, for {self.unknown}."
-        said += f"; motion off {off_by(self.sampled_error)}"
+            return f"{sentence}; the error of the response is not known, for {self.unknown}."
+        sentence += f"; motion off {off_by(self.sampled_error)}"
         if self.tolerance is None:
-            return f"{said}; no tolerance is asked for."
-        return f"{said}, {'within' if self.met else 'above'} the tolerance {self.tolerance:g}."
+            return f"{sentence}; no tolerance is asked for."
+        side = "within" if self.met else "above"
+        return f"{sentence}, {side} the tolerance {self.tolerance:g}."
 
 
 def retime_craft(path: Path, timestep: float, integrator: str | None, folder: Path) -> RetimedCraft:

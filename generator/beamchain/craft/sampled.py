@@ -13,7 +13,7 @@ from beamchain.steps.sampled import FAR, SampledError, sampled_error
 from beamchain.steps.step_map import motion_at
 
 
-def exact_craft(pose: Pose) -> Linear:
+def exact_response_model(pose: Pose) -> Linear:
     """The spacecraft at a pose with every mode of its appendages;
     those far beyond the band gathered.
 
@@ -53,7 +53,7 @@ def pose_sampled_error(
     data = rest_point(model, qpos).data()
     rows = motion(model, data, there, data.xpos[there], data.xmat[there].reshape(3, 3))
     return sampled_error(
-        exact_craft(pose),
+        exact_response_model(pose),
         motion_at(model, qpos),
         rows[list(pose.motions)],
         scale=pose.scale,

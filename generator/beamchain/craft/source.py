@@ -38,7 +38,7 @@ def compiled_model(
     return compile_model(source)
 
 
-def left_out(model: "mujoco.MjModel") -> list[str]:
+def linear_omissions(model: "mujoco.MjModel") -> list[str]:
     """Sentences on what the linear plant leaves out of a model."""
     gravity = bool(np.any(np.asarray(model.opt.gravity) != 0.0))
     medium = float(model.opt.density) > 0.0 or float(model.opt.viscosity) > 0.0
@@ -50,7 +50,7 @@ def left_out(model: "mujoco.MjModel") -> list[str]:
     return [Caution(code, text) for there, code, text in found if there]
 
 
-def grid_of(at: At) -> tuple[str, Array] | None:
+def angle_grid(at: At) -> tuple[str, Array] | None:
     """The joint and its angles where `at` is a grid; None where it is one point."""
     given = at.items() if isinstance(at, Mapping) else ()
     many = {

@@ -18,7 +18,7 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.warnings import turn_warning
 from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST
 from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.modal import made_for
+from beamchain.steps.modal import timing_marks
 from beamchain.steps.poles import pole_rows
 from beamchain.steps.retime import retime, time_cure
 from beamchain.steps.step_map import GROWN, TimeError, motion_at, time_error
@@ -31,13 +31,13 @@ UNASKED = 1e-4  # the same where no scene states a tolerance
 
 
 @dataclass(frozen=True)
-class Decision:
-    """Whether appendages get timing for the craft's own step, why,
-    and what is to be said where they do not."""
+class TimingDecision:
+    """Whether the appendages need timing for the craft's own step, why,
+    and the warnings where they do not get it."""
 
-    good: bool
-    why: str = ""
-    said: tuple[str, ...] = ()
+    needed: bool
+    reason: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 def step_error(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> tuple[float, float]:
@@ -55,59 +55,61 @@ def step_error(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> tupl
     allowed = SHARE * min((scene.tolerance for scene in scenes), default=UNASKED / SHARE)
     if motion_at(model).growth > 1.0 + GROWN:
         return float("inf"), allowed
-    inside = [row for row in pole_rows(model) if row.frequency <= band]
+    poles = [row for row in pole_rows(model) if row.frequency <= band]
     if not scenes:
-        return max((row.error for row in inside), default=0.0), allowed
-    return max(
-        (row.error / (row.ratio if row.ratio > NARROWEST else DEFAULT_RATIO) for row in inside),
-        default=0.0,
-    ), allowed
+        return max((pole.error for pole in poles), default=0.0), allowed
+    ratios = [pole.ratio if pole.ratio > NARROWEST else DEFAULT_RATIO for pole in poles]
+    errors = [pole.error / ratio for pole, ratio in zip(poles, ratios, strict=True)]
+    return max(errors, default=0.0), allowed
 
 
-def worth_it(
+def decide_timing(
     model: "mujoco.MjModel", appendages: Sequence[Appendage], wanted: bool | None
-) -> Decision:
-    """Whether to make the appendages exact in time; `wanted`: the user's word, None:
-    by the step's error."""
+) -> TimingDecision:
+    """Whether to make the appendages exact in time; `wanted`: what the user asked for;
+    None: by the step's error."""
     name = NUMBERS[int(model.opt.integrator)]
     step = f"{name} at {float(model.opt.timestep):g} s"
     scheme = SCHEMES[name]
     if wanted is False or not any(a.fit.chain.hinges for a in appendages):
-        return Decision(False)
+        return TimingDecision(False)
     if not scheme.exact and name != "RK4":
         text = (
             f"{step} cannot be made exact in time, and is stable at any step; its own error is "
             "the user's."
         )
-        return Decision(False, said=(Caution("not-exact-in-time", text),))
+        return TimingDecision(False, warnings=(Caution("not-exact-in-time", text),))
     error, allowed = step_error(model, appendages)
     if name == "RK4":
-        return Decision(error == float("inf"), "it would be unstable by itself")
+        return TimingDecision(error == float("inf"), "it would be unstable by itself")
     if wanted:
-        return Decision(True, "as asked")
+        return TimingDecision(True, "as asked")
     if error == float("inf"):
-        return Decision(True, "it would be unstable by itself")
-    return Decision(error > allowed, f"its own error would be {error:.2g}, above {allowed:.2g}")
+        return TimingDecision(True, "it would be unstable by itself")
+    return TimingDecision(
+        error > allowed, f"its own error would be {error:.2g}, above {allowed:.2g}"
+    )
 
 
-def time_notes(model: "mujoco.MjModel", why: str, off: TimeError, own: TimeError) -> list[str]:
-    """What timing did to a craft: exact, or by how much each pole is off at most; `off` with it,
-    `own` without."""
+def time_notes(
+    model: "mujoco.MjModel", reason: str, with_timing: TimeError, without_timing: TimeError
+) -> list[str]:
+    """What timing did to a craft: exact, or by how much each pole is off at most,
+    with timing and without."""
     name = NUMBERS[int(model.opt.integrator)]
     step = f"{name} at {float(model.opt.timestep):g} s"
     if name == "RK4":
         return []
     mean = "give actuators the mean of this and the last input (in Python bc.HeldInput)."
-    if off.exact:
-        return [
-            Caution(
-                "exact-in-time",
-                f"the appendages are exact in time for {step} ({why}; {off.error:.1e}); {mean}",
-            )
-        ]
+    if with_timing.exact:
+        text = (
+            f"the appendages are exact in time for {step} ({reason}; {with_timing.error:.1e}); "
+            f"{mean}"
+        )
+        return [Caution("exact-in-time", text)]
     text = (
-        f"the appendages have timing for {step} ({why}), which does not keep every pole: "
-        f"{off.words}; without timing {own.words}; {mean} {time_cure(name)}"
+        f"the appendages have timing for {step} ({reason}), which does not keep every pole: "
+        f"{with_timing.words}; without timing {without_timing.words}; {mean} {time_cure(name)}"
     )
     return [Caution("time-error", text)]
 
@@ -124,22 +126,22 @@ def craft_time_error(
     return time_error(quiet_copy(model), quiet_copy(plain), poses(model), band, dofs)
 
 
-def turned(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
-    """What the step does to the rigid spacecraft at the rates that scenes state,
+def attitude_warnings(model: "mujoco.MjModel", appendages: Sequence[Appendage]) -> list[str]:
+    """What the step does to the attitude of the rigid spacecraft at the rates that scenes state,
     where that is above a tolerance."""
     name = NUMBERS[int(model.opt.integrator)]
     step = float(model.opt.timestep)
-    out = list[str]()
+    warnings: list[str] = []
     for a in appendages:
         scene = a.fit.spec.scene
         if scene is not None and scene.rates is not None:
             base = base_body(model, model.body(f"{a.prefix}link1").id)
             error = turn_error(composite(model, base).inertia, scene.rates, step, name)
-            out += turn_warning(error, scene, name, step)
-    return list(dict.fromkeys(out))
+            warnings += turn_warning(error, scene, name, step)
+    return list(dict.fromkeys(warnings))
 
 
-def on_tendons(fit: Fit) -> Fit:
+def fit_on_tendons(fit: Fit) -> Fit:
     """The fit with a tendon per mode, on the same bodies."""
     chain = fit.chain
     if chain.tendons and any(t.stiffness > 0.0 for t in chain.tendons):
@@ -152,19 +154,19 @@ def on_tendons(fit: Fit) -> Fit:
     return replace(fit, chain=springs_as_modes(chain, ratios))
 
 
-def timed(model: "mujoco.MjModel") -> "tuple[mujoco.MjModel, list[str]]":
+def with_timing(model: "mujoco.MjModel") -> "tuple[mujoco.MjModel, list[str]]":
     """A copy of a model with timing for its own step and integrator in its appendages,
     and what was slowed for it."""
-    out = copy.copy(model)
-    name = NUMBERS[int(model.opt.integrator)]
-    done = retime(out, float(model.opt.timestep), name, form=4)
-    return out, done.slowed
+    model = copy.copy(model)
+    integrator = NUMBERS[int(model.opt.integrator)]
+    plan = retime(model, float(model.opt.timestep), integrator, form=4)
+    return model, plan.slowed
 
 
-def without_time(model: "mujoco.MjModel") -> "mujoco.MjModel":
+def without_timing(model: "mujoco.MjModel") -> "mujoco.MjModel":
     """A copy of a model with timing taken out of its appendages;
     the same numbers where there is none."""
-    out = copy.copy(model)
-    if made_for(out):
-        retime(out, 0.0)
-    return out
+    model = copy.copy(model)
+    if timing_marks(model):
+        retime(model, 0.0)
+    return model

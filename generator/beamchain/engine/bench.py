@@ -112,7 +112,9 @@ def measure(
         f"{a}, {b}": linear.coupling([groups[a], groups[b]]) for a, b in combinations(groups, 2)
     }
     rigid = rigid_mass(model, "bench") - extra
-    return Measured(models, rigid, pairs, linear, lost, _coupled(read, linear.joints, rigid))
+    return Measured(
+        models, rigid, pairs, linear, lost, _with_whole_damping(read, linear.joints, rigid)
+    )
 
 
 def measure_in_space(
@@ -135,11 +137,11 @@ def measure_in_space(
         if np.all(np.delete(motion, keep, axis=0) == 0.0):
             ports[port] = block(space, motion[keep])
     rigid = rigid_mass(model, "bench") - extra
-    whole = _coupled(readings(model), linear.joints, rigid)
+    whole = _with_whole_damping(readings(model), linear.joints, rigid)
     return Measured(ports, rigid, {}, linear, dict.fromkeys(ports, lost), whole), space
 
 
-def _coupled(read: Readings, joints: Sequence[str], rigid: Array) -> CoupledPort | None:
+def _with_whole_damping(read: Readings, joints: Sequence[str], rigid: Array) -> CoupledPort | None:
     """The appendage with its whole damping matrix, `rigid` `(6, 6)`;
     None where no joint is damped."""
     root = [i for i, joint in enumerate(joints) if joint in ROOT]

@@ -46,7 +46,7 @@ SUBSTRATE = (0.78, 0.79, 0.82)
 WAYS = ((-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0))  # corners of a truss's section
 
 
-def staged(source: str | Path) -> "mujoco.MjModel":
+def stage(source: str | Path) -> "mujoco.MjModel":
     """A compiled model with stars, where the file gives no sky but a plain one, and light,
     where it gives none.
 
@@ -93,7 +93,7 @@ def staged(source: str | Path) -> "mujoco.MjModel":
     return spec.compile()
 
 
-def drawn(
+def draw_frames(
     model: "mujoco.MjModel", body: str, shown: Array, ghosts: Array, *, width: int, height: int
 ) -> Iterator[Frame]:
     """Frames `(height, width, 3)`, all from one place,
@@ -170,7 +170,7 @@ def _camera(
     best: tuple[float, Any] = (-1.0, None)
     for turn, elevation in product(AZIMUTHS, ELEVATIONS):
         frame = _frame(heading + turn, elevation)
-        middle, distance = _fitted(
+        middle, distance = _fit_view(
             points.reshape(-1, 3) @ frame, np.array([aspect * up, up]) / MARGIN
         )
         spread = np.std(points @ frame[:, :2], axis=(0, 1)).sum()
@@ -191,7 +191,7 @@ def _frame(azimuth: float, elevation: float) -> Array:
     return np.column_stack([right, np.cross(right, forward), forward])
 
 
-def _fitted(points: Array, tangents: Array) -> tuple[Array, float]:
+def _fit_view(points: Array, tangents: Array) -> tuple[Array, float]:
     """Where to look `(3,)` and from how far,
     so that `(n, 3)` points just lie between the four sides of the picture.
 

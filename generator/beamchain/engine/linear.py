@@ -364,7 +364,7 @@ def linear_at(
     na = model.na
     units = np.eye(nv)
     mass = dense_mass(model, data)
-    wrenches = [_generalised(model, data, signal) for signal in inputs]
+    wrenches = [_generalised_force(model, data, signal) for signal in inputs]
     count = sum(len(output.labels) for output in outputs)
 
     def rows(accelerated: int = -1, by: float = 0.0) -> Array:
@@ -460,7 +460,7 @@ def linear_at(
     )
 
 
-def _generalised(model: "mujoco.MjModel", data: "mujoco.MjData", signal: Input) -> Array:
+def _generalised_force(model: "mujoco.MjModel", data: "mujoco.MjData", signal: Input) -> Array:
     """`(nv,)` generalised force of a wrench; zero for an actuator, whose force MuJoCo gives."""
     out = np.zeros(model.nv)
     if signal.wrench is not None:

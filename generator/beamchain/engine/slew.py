@@ -78,7 +78,7 @@ def simulate(model: "mujoco.MjModel", *, angle: float, frames: int) -> Slew:
         )
     hub = int(model.jnt_bodyid[free[0]])
     name = model.body(hub).name
-    axis, omega = _excited(model, int(model.jnt_dofadr[free[0]]))
+    axis, omega = _lowest_turning_mode(model, int(model.jnt_dofadr[free[0]]))
     elastic = tuple(int(model.jnt_qposadr[j]) for j in held)
     hinged = [a for j, a in zip(held, elastic, strict=True) if int(model.jnt_type[j]) == _HINGE]
     period = 2.0 * np.pi / omega
@@ -129,7 +129,7 @@ def _impulse(time: float, duration: float) -> float:
     return max(min(time, duration - time), 0.0)
 
 
-def _excited(model: "mujoco.MjModel", start: int) -> tuple[int, float]:
+def _lowest_turning_mode(model: "mujoco.MjModel", start: int) -> tuple[int, float]:
     """Axis and frequency [rad/s] of the lowest mode in which the hub turns."""
     modes = linear_at(rest_point(quiet_copy(model))).modes()
     for omega, shape in zip(modes.frequency, np.abs(modes.shapes).T, strict=True):

@@ -77,7 +77,7 @@ class Difference(NamedTuple):
     found: float
 
 
-def appended(model: "mujoco.MjModel", names: Mapping[str, set[str]]) -> dict[str, list[int]]:
+def ids_of(model: "mujoco.MjModel", names: Mapping[str, set[str]]) -> dict[str, list[int]]:
     """Ids per kind of the elements that bear one of `names[kind]`."""
     out: dict[str, list[int]] = {}
     for kind, word in NAMED.items():

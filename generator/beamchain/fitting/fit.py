@@ -11,7 +11,7 @@ import numpy as np
 from beamchain.caution import Caution
 from beamchain.chain.build import Built, Wishes, build_exact
 from beamchain.chain.cut import Cut
-from beamchain.chain.links import raised
+from beamchain.chain.links import raise_polar_inertia
 from beamchain.chain.tendons import joint_damping
 from beamchain.engine.bench import measure, root_body
 from beamchain.engine.library import one_thread
@@ -20,7 +20,7 @@ from beamchain.fitting.choose import Plan, further_columns, make_plan, whole_bea
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import Hub, port_hub_mass
 from beamchain.fitting.options import Damping, FitOptions, Modes, Root, Scene, Target
-from beamchain.fitting.proof import proved, step_limits
+from beamchain.fitting.proof import assess_fit, step_limits
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import uncertain_from
@@ -215,8 +215,8 @@ def _fit(spec: Spec) -> Fit:
     clock.append(time.perf_counter())
     plan = make_plan(spec, full, beam.rigid_mass(), hub)
     kept = plan.kept
-    built = damped(spec, plan, beam)
-    chain, note = raised(built.chain, LEAST_INERTIA)
+    built = damp_chain(spec, plan, beam)
+    chain, note = raise_polar_inertia(built.chain, LEAST_INERTIA)
     clock.append(time.perf_counter())
     scene = spec.scene or Scene()
     tree = appendage_tree(spec, chain, beam)
@@ -233,7 +233,7 @@ def _fit(spec: Spec) -> Fit:
             if measured.coupled is None
             else plan.promise.error_in_space(measured.coupled)
         )
-    return proved(
+    return assess_fit(
         spec,
         replace(built, chain=chain),
         measured,
@@ -310,7 +310,7 @@ def _check_free(target: PortModel) -> None:
         )
 
 
-def damped(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
+def damp_chain(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
     """The chain of a plan, damped as wanted: by a tendon per mode,
     or in its hinges where that is asked for."""
     if spec.fit.springs == "auto":

@@ -19,7 +19,7 @@ from beamchain.fitting.fewest import SpacePromise, fewest
 from beamchain.fitting.hub import default_hub, port_hub_mass
 from beamchain.fitting.needs import Choice
 from beamchain.fitting.options import Scene, Target
-from beamchain.fitting.proof import proved, step_limits
+from beamchain.fitting.proof import assess_fit, step_limits
 from beamchain.fitting.result import Fit, InSpace
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import doubtful
@@ -175,12 +175,12 @@ def fit_imported(spec: Spec, data: ModalData) -> Fit:
     clock.append(time.perf_counter())
     coupled = [ports for ports in case.kept.groups if len(ports) > 1] if case.kept.modes else []
     try:
-        built, line = _built(case, coupled=bool(coupled))
+        built, line = _build(case, coupled=bool(coupled))
     except RealisationError:
         if case.target == "clamped" or spec.root.target not in (None, "auto"):
             raise
         case = case_of(spec, data).chosen("clamped")
-        built, line = _built(case, coupled=bool(coupled))
+        built, line = _build(case, coupled=bool(coupled))
     why = "the ports are independent"
     if coupled:
         names = " and ".join(coupled[0])
@@ -209,14 +209,14 @@ def fit_imported(spec: Spec, data: ModalData) -> Fit:
     return _finish(case, replace(built, chain=chain, status=status), measured, space, line, clock)
 
 
-def _built(case: Case, *, coupled: bool) -> tuple[Built, MassLine]:
+def _build(case: Case, *, coupled: bool) -> tuple[Built, MassLine]:
     """The chain, and the mass it is cut from:
     what the file leaves open of it lies farther out where that is needed."""
     reason: RealisationError | None = None
     for power in POWERS:
         try:
             line = _roomy(case.data.line(power), case.kept)
-            return (_coupled(case, line) if coupled else _separate(case, line)), line
+            return (_couple_ports(case, line) if coupled else _separate(case, line)), line
         except RealisationError as error:
             reason = reason or error
         except InputError:
@@ -297,7 +297,7 @@ def _per_mode(spec: Spec, kept: ModalData) -> bool:
     return damped or timed or spec.sensors.modes
 
 
-def _coupled(case: Case, line: MassLine) -> Built:
+def _couple_ports(case: Case, line: MassLine) -> Built:
     """Modes that couple ports, on one cut."""
     spec, kept = case.spec, case.kept
     if spec.fit.springs == "hinges":
@@ -342,7 +342,7 @@ def _coupled(case: Case, line: MassLine) -> Built:
         for port in PORTS
         if np.all(np.diag(PORT_MOTION[port].T @ kept.rigid_mass @ PORT_MOTION[port]) > 0.0)
     ]
-    targets = {port: model for port in alive if (model := _shown(kept, port)).modes}
+    targets = {port: model for port in alive if (model := _visible_modes(kept, port)).modes}
     return Built(
         chain, targets, Status(True, f"exact chain ({how}), {kept.modes} modes kept."), cut
     )
@@ -377,7 +377,7 @@ def _check_body(data: ModalData) -> None:
         )
 
 
-def _shown(data: ModalData, port: str) -> PortModel:
+def _visible_modes(data: ModalData, port: str) -> PortModel:
     """The port's model with the modes that move there by more than noise."""
     share = np.sqrt(data.shares[:, PORTS.index(port)])
     model = data.port(port)
@@ -432,7 +432,7 @@ def _finish(
         else _live(measured.coupled, space.live)
     )
     promise = None if case.promise is None else case.promise.error(made)
-    return proved(
+    return assess_fit(
         case.spec,
         replace(built, status=status),
         measured,

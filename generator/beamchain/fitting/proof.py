@@ -32,7 +32,7 @@ def step_limits(chain: Chain, motion: PortModel, hub: Array | None) -> StepLimit
     return coupled_limits(motion, hub, tendon=damped, sprung=sprung)
 
 
-def proved(
+def assess_fit(
     spec: Spec,
     built: Built,
     measured: Measured,

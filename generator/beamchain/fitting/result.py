@@ -36,7 +36,7 @@ from beamchain.steps.budget import linear_model
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.large_motion import LargeMotion, large_limits
 from beamchain.steps.limits import StepChoice, StepLimits, choose_step, coupled_limits, step_limits
-from beamchain.steps.modal import made_for
+from beamchain.steps.modal import timing_marks
 from beamchain.steps.poles import PoleRow, pole_rows
 from beamchain.steps.retime import time_sentence
 from beamchain.steps.sampled import FAR, sampled_error
@@ -345,7 +345,7 @@ class Fit:
         if scene is None or scene.bandwidth is None or not self.achieved:
             return ()
         # the file is made for one step
-        if self.time_error is not None and any(made_for(self._scenes[0])):
+        if self.time_error is not None and any(timing_marks(self._scenes[0])):
             return (StepChoice(scene.integrator, self.spec.exact_step, "the file's own", 1.0),)
         model, live = self._motion
         hub = self.hub_mass[np.ix_(live, live)] if self.hub_mass is not None else model.rigid_mass
@@ -450,7 +450,7 @@ class Fit:
         timed = self.spec.exact_step and self.achieved and self._scenes[0].ntendon
         return (
             step_limits(linear_model(self._scenes[0]))
-            if timed and any(made_for(self._scenes[0]))
+            if timed and any(timing_marks(self._scenes[0]))
             else self.limits
         )
 

@@ -23,7 +23,7 @@ from beamchain.fitting.options import (
     Sensors,
     as_modes,
 )
-from beamchain.fitting.toml_files import converted, read_tables
+from beamchain.fitting.toml_files import convert, read_tables
 from beamchain.fitting.uncertain import Uncertain
 from beamchain.ports.model import PortModel
 from beamchain.structure.beam import Beam
@@ -339,7 +339,7 @@ def read_spec(path: str | Path) -> Spec:
 
 def spec_from_dict(data: Mapping[str, Any], source: str = "spec") -> Spec:
     """A checked `Spec` from parsed TOML, given as `data`; errors name the `source`."""
-    return converted(data, Spec, source)
+    return convert(data, Spec, source)
 
 
 def schema() -> dict[str, Any]:

@@ -23,7 +23,7 @@ def read_struct(path: "str | Path | T", kind: type[T], word: str, holds: str) ->
             f"{word} = {path!r:.60} is a {type(path).__name__}; give the path of {holds}, or its "
             f"{kind.__name__}."
         )
-    return converted(read_tables(Path(path), word, holds), kind, str(path))
+    return convert(read_tables(Path(path), word, holds), kind, str(path))
 
 
 def read_tables(path: Path, word: str, holds: str) -> dict[str, Any]:
@@ -62,7 +62,7 @@ def read_tables(path: Path, word: str, holds: str) -> dict[str, Any]:
         ) from None
 
 
-def converted(data: Mapping[str, Any], kind: type[T], source: str) -> T:
+def convert(data: Mapping[str, Any], kind: type[T], source: str) -> T:
     """A checked struct from parsed TOML; errors name the `source`."""
     try:
         return msgspec.convert(data, kind)

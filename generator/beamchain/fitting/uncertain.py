@@ -12,7 +12,7 @@ from scipy.special import ndtr
 
 from beamchain.checks import Struct, field
 from beamchain.errors import InputError
-from beamchain.fitting.toml_files import converted, read_struct
+from beamchain.fitting.toml_files import convert, read_struct
 from beamchain.ports.motions import Array
 
 CUT = 3.0  # normal draws end here, in standard deviations: a tail would ask for negative stiffness
@@ -239,10 +239,12 @@ def read_uncertain(path: "str | Path | UncertainCraft") -> UncertainCraft:
 
 def uncertain_from(data: Mapping[str, Any], source: str) -> "Uncertain":
     """The table [uncertain] of a modes file."""
-    return converted(data, Uncertain, f"{source}, [uncertain]")
+    return convert(data, Uncertain, f"{source}, [uncertain]")
 
 
-def drawn(scores: Array, places: Mapping[str, int], correlations: tuple[Correlation, ...]) -> Array:
+def correlate(
+    scores: Array, places: Mapping[str, int], correlations: tuple[Correlation, ...]
+) -> Array:
     """`(k, n)` scores with the correlations asked for, from independent ones `(k, n)`."""
     out = np.array(scores)
     for correlation in correlations:

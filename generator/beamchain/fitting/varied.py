@@ -88,7 +88,7 @@ def structural_draw(spec: Spec, seed: int, index: int, owner: str = "") -> Array
     )
 
 
-def varied(spec: Spec, seed: int, index: int, owner: str = "") -> Spec:
+def vary_spec(spec: Spec, seed: int, index: int, owner: str = "") -> Spec:
     """The spec of one sample, its structure drawn; refused where a value is not allowed,
     such as a mass below zero.
 

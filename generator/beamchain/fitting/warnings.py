@@ -11,7 +11,7 @@ from beamchain.engine.bench import Measured
 from beamchain.fitting.options import Damping, Scene
 from beamchain.fitting.spec import Spec
 from beamchain.ports.model import PortModel
-from beamchain.steps.integrators import seen, step_pole
+from beamchain.steps.integrators import apparent_pole, step_pole
 from beamchain.steps.limits import StepChoice, StepLimits
 from beamchain.structure.section import Custom, Equivalent
 from beamchain.structure.segment import Segment
@@ -70,7 +70,9 @@ def fit_warnings(
             k = min(number, model.modes) - 1
             w = float(model.frequencies[k])
             zeta = float(model.damping[k])
-            _, shown = seen(step_pole("Euler", 1.0, 2.0 * zeta * w, w**2, scene.step), scene.step)
+            _, shown = apparent_pole(
+                step_pole("Euler", 1.0, 2.0 * zeta * w, w**2, scene.step), scene.step
+            )
             text += (
                 f"; at the scene's step of {scene.step:g} s mode {number} in {port} will show a "
                 f"damping ratio of {shown:.4g} instead of {zeta:.4g}"

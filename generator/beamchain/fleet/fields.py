@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from beamchain.checks import number, of_type
 from beamchain.craft.model_fields import DERIVED
-from beamchain.craft.timing import without_time
+from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS
 from beamchain.errors import InputError
@@ -47,7 +47,7 @@ class Modes:
         self._widths = [_width(name, ranges.get(name, 0.0)) for name in RANGES]
         self.timestep: float | None = timestep
         self._integrator = NUMBERS[int(model.opt.integrator)]
-        self._model = without_time(model)
+        self._model = without_timing(model)
         self._modal = modal_tendons(self._model)
         if not self._modal.names:
             raise foreign("a draw of modes")
@@ -134,7 +134,7 @@ class Table:
         derived: list[dict[str, Array]] = []
         marks = self._rows.get("tendon_solimp_lim")
         if timestep is not None and marks is None:
-            base = without_time(base)
+            base = without_timing(base)
         elif marks is not None and np.all(marks[:, modal_tendons(base).index, 0] == timestep):
             timestep = None  # they are exact already
         for i in range(self.size):
@@ -142,7 +142,7 @@ class Table:
             mujoco.mj_setConst(model, mujoco.MjData(model))
             fields = {name: np.array(getattr(model, name)) for name in DERIVED}
             if timestep is not None:
-                plain = without_time(model)
+                plain = without_timing(model)
                 tendons = {name: np.array(getattr(plain, name))[None] for name in TENDONS}
                 modal = modal_tendons(plain)
                 mass = coupled_mass(plain, modal, None)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from beamchain.craft.timing import without_time
+from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.errors import InputError
@@ -143,7 +143,7 @@ def response(
     model: "mujoco.MjModel", read: Callable[[Any, Any], dict[str, Any]]
 ) -> Callable[..., dict[str, Any]]:
     """See `Worlds.response`; `read` makes the named arrays of positions and rates."""
-    plain = without_time(model)
+    plain = without_timing(model)
     modal = modal_tendons(plain)
     if not modal.names:
         raise foreign("a derivative with respect to its modes")

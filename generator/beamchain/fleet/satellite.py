@@ -98,7 +98,9 @@ class Satellite(gymnasium.Env[Array, Array]):
             not_negative("noise", float(value), "rad and rad/s")
             for value in finite_array("noise", noise, (2,))
         ]
-        self.worlds = worlds(_shipped() if model is None else model, variants, 1, timestep=step)
+        self.worlds = worlds(
+            _shipped_satellite() if model is None else model, variants, 1, timestep=step
+        )
         self._add_wheels(torque)
         high = np.repeat([np.pi, FASTEST, 2.0], [3, 3, len(self.torque)])
         self.observation_space = gymnasium.spaces.Box(-high, high, dtype=np.float64)
@@ -208,7 +210,7 @@ class Satellite(gymnasium.Env[Array, Array]):
 
 
 @lru_cache(maxsize=1)
-def _shipped() -> "mujoco.MjModel":
+def _shipped_satellite() -> "mujoco.MjModel":
     """The satellite of the package, exact in time."""
     folder = Path(str(files("beamchain").joinpath("examples")))
     array = folder / "array.toml"

@@ -196,7 +196,7 @@ class Worlds:
         Raises:
             InputError: the input has another shape, or is not finite.
         """
-        now = _shaped("ctrl", ctrl, (self.count, self.model.nu))
+        now = _for_worlds("ctrl", ctrl, (self.count, self.model.nu))
         nstep = whole_number("nstep", nstep, 1, MOST)
         first = (now + self._before) / 2.0 if self._half else now
         bad = self._host.step(first, now, nstep)
@@ -245,8 +245,8 @@ class Worlds:
         which = self._ids(ids)
         start = self.model.qpos0 if qpos is None else qpos
         moving = np.zeros(self.model.nv) if qvel is None else qvel
-        place = _shaped("qpos", start, (which.size, self.model.nq))
-        rate = _shaped("qvel", moving, (which.size, self.model.nv))
+        place = _for_worlds("qpos", start, (which.size, self.model.nq))
+        rate = _for_worlds("qvel", moving, (which.size, self.model.nv))
         if seed is not None:
             self.rng = np.random.default_rng(whole_number("seed", seed, 0, MOST_SEED))
         if draw and self._source is not None:
@@ -373,7 +373,7 @@ class Worlds:
         return given.astype(np.intp)
 
 
-def _shaped(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+def _for_worlds(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
     """Finite numbers `(k, n)`, those given as `(n,)` the same for all worlds."""
     most = LARGEST if name == "ctrl" else np.inf  # MuJoCo takes no more for zero
     return np.array(np.broadcast_to(finite_array(name, value, shape, shape[1:], most=most), shape))

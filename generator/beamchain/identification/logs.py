@@ -171,10 +171,10 @@ def _columns(path: Path, source: str) -> Mapping[str, Any]:
     except InputError:
         raise
     except Exception as error:  # readers of damaged files raise almost anything
-        raise _damaged(source, error) from None
+        raise _unreadable(source, error) from None
 
 
-def _damaged(source: str, error: Exception) -> InputError:
+def _unreadable(source: str, error: Exception) -> InputError:
     return InputError(
         f"{source} cannot be read ({type(error).__name__}: {error!s:.80}); export it again."
     )

@@ -301,7 +301,7 @@ class Piece:
         states = [self.state(complex(p), held, slopes=slopes is not None) for p in raw.poles]
         bases = self._bases(raw)
         count = bases[0].shape[1]
-        used = [_counted(self.use[:, i]) for i in outputs]
+        used = [_counted_samples(self.use[:, i]) for i in outputs]
         shown = [basis[use] for basis, use in zip(bases, used, strict=True)]
         normal = np.sum([weights[i] ** 2 * shown[i].T @ shown[i] for i in outputs], axis=0)
         size = np.sqrt(np.diag(normal)) + 1e-300
@@ -410,7 +410,7 @@ def _long_run(score: Array, lags: int) -> Array:
     return out
 
 
-def _counted(use: NDArray[np.bool_]) -> slice | NDArray[np.intp]:
+def _counted_samples(use: NDArray[np.bool_]) -> slice | NDArray[np.intp]:
     """Samples that count, as a slice where they are one stretch."""
     at = np.flatnonzero(use)
     if at.size and at[-1] - at[0] + 1 == at.size:

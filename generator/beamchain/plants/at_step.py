@@ -10,7 +10,7 @@ from beamchain.craft.appendage import carried
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.error import Pose
 from beamchain.craft.sampled import pose_sampled_error
-from beamchain.craft.timing import without_time
+from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.operating_point import OperatingPoint, quiet_copy
@@ -34,11 +34,13 @@ def at_step(
     Raises:
         InputError: the step is unstable; the sentence names what carries the motion that grows.
     """
-    out, said = retimed(model, timestep, qpos)
+    out, said = retime_at(model, timestep, qpos)
     still = quiet_copy(out)
     if motion_at(still, qpos).growth > 1.0 + GROWN:
         shorter = stable_step(
-            lambda h: motion_at(quiet_copy(retimed(model, h, qpos)[0]), qpos).growth > 1.0 + GROWN,
+            lambda h: (
+                motion_at(quiet_copy(retime_at(model, h, qpos)[0]), qpos).growth > 1.0 + GROWN
+            ),
             timestep,
         )
         raise InputError(_unstable(still, timestep, qpos, shorter))
@@ -48,7 +50,7 @@ def at_step(
     return out, said
 
 
-def retimed(
+def retime_at(
     model: "mujoco.MjModel", timestep: float, qpos: Array
 ) -> "tuple[mujoco.MjModel, list[str]]":
     """A copy of a model with timing for a step [s] in the pose `qpos`,
@@ -81,7 +83,7 @@ def step_errors(
 
     `model` is what the plant was made from.
     """
-    out, _ = retimed(model, timestep, point.qpos)
+    out, _ = retime_at(model, timestep, point.qpos)
     off = _time_error(out, point.qpos, embedded)
     if embedded is None:
         return off, None
@@ -98,7 +100,7 @@ def step_errors(
 
 def _time_error(model: "mujoco.MjModel", qpos: Array, embedded: Embedded | None) -> TimeError:
     band = None if embedded is None or embedded.tolerance is None else embedded.band
-    plain = without_time(model)
+    plain = without_timing(model)
     return time_error(quiet_copy(model), quiet_copy(plain), {"this pose": qpos}, band)
 
 

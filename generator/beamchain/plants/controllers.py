@@ -142,9 +142,9 @@ def _check_finite(loop: Loop, *values: NDArray[Any]) -> None:
         )
 
 
-def realised(controller: Controller) -> tuple[Array, Array, Array, Array]:
+def realise(controller: Controller) -> tuple[Array, Array, Array, Array]:
     """A, B, C, D of all loops side by side, dead times as Pade approximations."""
-    parts = [_balanced(loop) for loop in controller.loop]
+    parts = [_balance(loop) for loop in controller.loop]
     a, b, c, d = (
         np.asarray(block_diag(*same), dtype=np.float64) for same in zip(*parts, strict=True)
     )
@@ -164,7 +164,7 @@ def _companion(top: Array, bottom: Array) -> tuple[Array, Array, Array, Array]:
     return a, b, c, top[None, :1]
 
 
-def _balanced(loop: Loop) -> tuple[Array, Array, Array, Array]:
+def _balance(loop: Loop) -> tuple[Array, Array, Array, Array]:
     """One loop with its states scaled alike;
     the companion form alone has entries as large as the delay's to the power -6."""
     fractions = (

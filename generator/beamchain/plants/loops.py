@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 from beamchain.errors import InputError
-from beamchain.plants.controllers import Controller, Response, places, realised, response
+from beamchain.plants.controllers import Controller, Response, places, realise, response
 from beamchain.plants.realisation import Plant
 from beamchain.plants.systems import taking_part
 from beamchain.ports.motions import Array
@@ -85,7 +85,7 @@ def margins(plant: Plant, controller: Controller) -> list[Margins]:
             "delay."
         )
     rows, columns = places(controller, list(plant.input_names), list(plant.output_names))
-    stable, poles = _closed(plant, controller, rows, columns)
+    stable, poles = _closed_poles(plant, controller, rows, columns)
     omega = _grid(plant, poles)
     s = (1j * omega).astype(np.complex128)
     inputs = list(dict.fromkeys(columns))
@@ -112,7 +112,7 @@ def margins(plant: Plant, controller: Controller) -> list[Margins]:
     ]
 
 
-def told(plants: Sequence[Plant], of_loops: Sequence[Sequence[Margins]]) -> list[str]:
+def margin_warnings(plants: Sequence[Plant], of_loops: Sequence[Sequence[Margins]]) -> list[str]:
     """Warnings of the first plant, and what to say of the margins of each;
     there are none without a controller."""
     far = (
@@ -149,7 +149,7 @@ def beyond(plant: Plant, found: Iterable[Margins]) -> list[str]:
     return out
 
 
-def _closed(
+def _closed_poles(
     plant: Plant, controller: Controller, rows: list[int], columns: list[int]
 ) -> tuple[bool, Response]:
     """Whether the closed loop is stable, and its poles, of the states that take part in it."""
@@ -160,7 +160,7 @@ def _closed(
     )
     keep = taking_part(np.abs(a) > 0.0, driven, seen)
     system = control.ss(a[np.ix_(keep, keep)], b[keep], c[:, keep], d[np.ix_(rows, columns)])
-    own: Any = control.ss(*realised(controller))
+    own: Any = control.ss(*realise(controller))
     closed: Any = control.feedback(system, own)
     poles = np.asarray(closed.poles(), dtype=np.complex128)
     return bool(np.all(poles.real < GROWS * np.abs(poles).max(initial=1.0))), poles

@@ -13,8 +13,8 @@ from beamchain.checks import positive
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.linear_craft import LinearCraft, exact_craft, linear_craft
 from beamchain.craft.modal_form import ModalForm
-from beamchain.craft.source import compiled_model, grid_of, left_out
-from beamchain.craft.timing import without_time
+from beamchain.craft.source import angle_grid, compiled_model, linear_omissions
+from beamchain.craft.timing import without_timing
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.operating_point import At, Rates, operating_point
@@ -109,15 +109,17 @@ def plant(
     given = _Given(
         model if isinstance(model, Embedded) else None, whole, rates, inputs, outputs, step
     )
-    grid = grid_of(at)
+    grid = angle_grid(at)
     if grid is None:
         craft, said = given.craft(at)
         form = craft.form(step is not None)
-        return given.plant(craft, form.minimal(), craft.mode_names, [*left_out(whole), *said])
+        return given.plant(
+            craft, form.minimal(), craft.mode_names, [*linear_omissions(whole), *said]
+        )
     name, angles = grid
     crafts = follow(lambda angle: given.craft({**at, name: angle})[0], angles)
     names = crafts[0][0].mode_names
-    said = left_out(whole)
+    said = linear_omissions(whole)
     forms = [(craft, craft.form(step is not None, modes, names)) for craft, modes in crafts]
     keep = np.any([form.active() for _, form in forms], axis=0)
     plants = tuple(given.plant(craft, form.reduced(keep), names, said) for craft, form in forms)
@@ -137,7 +139,7 @@ class _Given:
 
     def craft(self, at: At) -> tuple[LinearCraft, list[str]]:
         """The craft at a pose, without time or at its step, and sentences on that step."""
-        model = without_time(self.model)
+        model = without_timing(self.model)
         said = list[str]()
         if self.step is not None:
             model, said = at_step(

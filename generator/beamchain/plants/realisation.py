@@ -169,7 +169,7 @@ class Plant(StateSpace):
             numerator = c[:, at] @ adjugate @ driven
             if self.dt:
                 poles = np.linalg.eigvals(block).astype(np.complex128)
-                numerator = numerator / _sampled(poles, z, self.dt)
+                numerator = numerator / _zero_pole_product(poles, z, self.dt)
             out[k] = np.abs(numerator)
         return locked(out)
 
@@ -282,7 +282,7 @@ class Plant(StateSpace):
         return write(path, self.record(), force=force, also=also)
 
 
-def _sampled(poles: NDArray[np.complex128], z: complex, step: float) -> complex:
+def _zero_pole_product(poles: NDArray[np.complex128], z: complex, step: float) -> complex:
     """`prod (z - z_i) / (s - s_i)` for `z = exp(s h)` and discrete poles `z_i = exp(s_i h)`.
 
     Each factor is `h z_i (exp(x) - 1)/x` with `x = (s - s_i) h`,

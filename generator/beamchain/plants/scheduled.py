@@ -137,11 +137,11 @@ def follow(
     out = [(first, first.modes)]
     for before, after in zip(angles[:-1], angles[1:], strict=True):
         there = craft(float(after))
-        out.append((there, _followed(craft, out[-1][1], there, float(before), float(after))))
+        out.append((there, _follow(craft, out[-1][1], there, float(before), float(after))))
     return out
 
 
-def _followed(
+def _follow(
     craft: "Callable[[float], LinearCraft]",
     known: NormalModes,
     there: LinearCraft,
@@ -157,6 +157,6 @@ def _followed(
     if abs(after - before) > (WIDEST if alike else FINEST):
         middle = (before + after) / 2.0
         between = craft(middle)
-        halfway = _followed(craft, known, between, before, middle)
-        return _followed(craft, halfway, there, middle, after)
+        halfway = _follow(craft, known, between, before, middle)
+        return _follow(craft, halfway, there, middle, after)
     return new.ordered([int(i) for i in columns], np.where(overlap[rows, columns] < 0.0, -1.0, 1.0))

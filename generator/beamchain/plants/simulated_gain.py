@@ -11,8 +11,8 @@ import numpy as np
 
 from beamchain.craft.linear_craft import LinearCraft
 from beamchain.engine.library import mujoco
-from beamchain.plants.controllers import Controller, place, places, realised
-from beamchain.plants.systems import System, looped
+from beamchain.plants.controllers import Controller, place, places, realise
+from beamchain.plants.systems import System, close_loop
 from beamchain.ports.motions import Array
 
 # largest of all displacements [m, rad] that the sine is to make: small enough to be linear to 1e-4
@@ -88,7 +88,7 @@ def simulated_gain(
     run = _plan(craft, omega, settling)
     if run.steps > MOST_STEPS:
         return float("nan")
-    times, seen = _measured(craft, controller, ends, run)
+    times, seen = _measure(craft, controller, ends, run)
     if not np.all(np.isfinite(seen)):
         return float("nan")
     phase = run.omega * times
@@ -117,7 +117,7 @@ def _whole(count: float) -> int:
     return int(np.ceil(min(count, MOST_STEPS + 1.0)))
 
 
-def _measured(
+def _measure(
     craft: LinearCraft, controller: Controller, ends: tuple[str, str], run: Run
 ) -> tuple[Array, Array]:
     """Times `(window,)` and the output per amplitude of the input, of the last steps of a run."""
@@ -131,13 +131,13 @@ def _measured(
     data = craft.point.data()
     nv = model.nv
     na = model.na
-    loops = realised(controller)
+    loops = realise(controller)
     system = craft.linear.first_order()
     through = system[3][np.ix_(rows, columns)]
     direct = bool(np.any(through) or np.any(system[3][read]))
 
     # the predicted motion is the real part of `motion e^(j omega t)`, of a unit disturbance
-    a, b, c, d = looped(system, loops, rows, columns)
+    a, b, c, d = close_loop(system, loops, rows, columns)
     motion = np.linalg.solve(1j * run.omega * np.eye(a.shape[0]) - a, b[:, driven])
     size = SMALL / float(np.abs(motion[:nv]).max())
     start = np.asarray(size * motion.real, dtype=np.float64)

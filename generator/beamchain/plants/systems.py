@@ -15,7 +15,7 @@ LINKED = 1e-14  # of the largest in its row, below which an element of A is roun
 CHUNK = 100  # frequencies that are solved together
 
 
-def closed(system: System, gain: Array) -> System:
+def close_feedback(system: System, gain: Array) -> System:
     """A system with `input = gain output + further input`, `gain` `(inputs, outputs)`;
     all its signals stay."""
     a, b, c, d = system
@@ -30,11 +30,11 @@ def with_deltas(system: System, deltas: Array) -> System:
     n = deltas.size
     gain = np.zeros(system[3].T.shape)
     gain[:n, :n] = np.diag(deltas)
-    a, b, c, d = closed(system, gain)
+    a, b, c, d = close_feedback(system, gain)
     return a, b[:, n:], c[n:], d[n:, n:]
 
 
-def looped(
+def close_loop(
     system: System, controller: System, rows: Sequence[int], columns: Sequence[int]
 ) -> System:
     """A system with a controller from its outputs `rows` to its inputs `columns`, negative
@@ -48,7 +48,7 @@ def looped(
     gain = np.zeros(d.T.shape)
     gain[inputs + loops, rows] = 1.0
     gain[columns, outputs + loops] = -1.0
-    return closed((a, b, c, d), gain)
+    return close_feedback((a, b, c, d), gain)
 
 
 def taking_part(

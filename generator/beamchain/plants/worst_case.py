@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize, minimize_scalar
 
 from beamchain.errors import InputError
-from beamchain.plants.controllers import Controller, place, places, realised
+from beamchain.plants.controllers import Controller, place, places, realise
 from beamchain.plants.controllers import response as loop_response
-from beamchain.plants.systems import Complex, System, looped, picked, response, with_deltas
+from beamchain.plants.systems import Complex, System, close_loop, picked, response, with_deltas
 from beamchain.ports.motions import Array
 
 GROWS = 1e-9  # relative real part of a pole, below which it is rounding
@@ -84,7 +84,7 @@ class Loops:
         self._columns = [channels + i for i in columns]
         self._seen = [*range(channels), channels + e]
         self._driven = [*range(channels), channels + d]
-        whole = looped(system, realised(controller), self._rows, self._columns)
+        whole = close_loop(system, realise(controller), self._rows, self._columns)
         self.system = picked(whole, self._seen, self._driven)
         self.poles = np.linalg.eigvals(self.system[0]).astype(np.complex128)
         top = float(np.abs(self.poles).max(initial=1e-300))

@@ -270,7 +270,7 @@ class Reference:
     ) -> float:
         """In-band error that `model` in place of the exact one of block `number` makes;
         `tolerance` as of `maximum_of`."""
-        block, model = self.blocks[number], resolved(model)
+        block, model = self.blocks[number], with_resolved_peaks(model)
         if number not in self._exact:
             omega = grid_of([self._peaks[number]], self.bandwidth)
             exact = block.response(block.exact, omega)
@@ -289,7 +289,7 @@ class Reference:
 
     def curve(self, number: int, model: PortModel | CoupledPort, omega: Array) -> Array:
         """`(k,)` the error at each of `omega`, before its maximum is taken."""
-        block, model = self.blocks[number], resolved(model)
+        block, model = self.blocks[number], with_resolved_peaks(model)
         if omega.size == 0:
             return np.zeros(0)
         exact = block.response(block.exact, omega)
@@ -298,7 +298,7 @@ class Reference:
 
     def grid(self, number: int, models: Sequence[PortModel | CoupledPort]) -> Array:
         """`(k,)` where the error of `models` in a block is looked at [rad/s]."""
-        peaks = [peaks_of(resolved(model), self.blocks[number].hub) for model in models]
+        peaks = [peaks_of(with_resolved_peaks(model), self.blocks[number].hub) for model in models]
         return grid_of([self._peaks[number], *peaks], self.bandwidth)
 
 
@@ -331,7 +331,7 @@ def with_damping(model: PortModel) -> PortModel:
     return model.replaced(damping=np.full(model.modes, DEFAULT_RATIO))
 
 
-def resolved(model: PortModel | CoupledPort) -> PortModel | CoupledPort:
+def with_resolved_peaks(model: PortModel | CoupledPort) -> PortModel | CoupledPort:
     """A model whose peaks a grid resolves: as of `with_damping`;
     of one with a damping matrix each mode without damping gets 0.5 %."""
     if not isinstance(model, CoupledPort):
@@ -413,11 +413,11 @@ def peak_clusters(peaks: Array, bandwidth: float) -> Array:
 def grid_of(peaks: Sequence[Array], bandwidth: float) -> Array:
     """`(k,)` frequencies up to `bandwidth` that resolve all `peaks` `(n, 2)`."""
     points = [np.linspace(bandwidth / 400.0, bandwidth, 400)]
-    resolved = np.zeros((0, 2))
+    with_resolved_peaks = np.zeros((0, 2))
     for group in peaks:
-        new = unresolved_peaks(group, resolved)
+        new = unresolved_peaks(group, with_resolved_peaks)
         points.append(peak_clusters(new, bandwidth))
-        resolved = np.vstack([resolved, new])
+        with_resolved_peaks = np.vstack([with_resolved_peaks, new])
     return np.unique(np.concatenate(points))
 
 

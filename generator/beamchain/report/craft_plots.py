@@ -150,7 +150,7 @@ def _histograms(table: Array, label: str, unit: str) -> str:
             f"{100 * spread / mean:.2g} %"
         )
         ax.set_ylabel("variants")
-    figure.axes[-1].set_xlabel(_counted(label, table, count))
+    figure.axes[-1].set_xlabel(_counted_label(label, table, count))
     return to_svg(figure, "sweep")
 
 
@@ -180,9 +180,9 @@ def _gains(sweep: "Sweep") -> str:
             fontsize=7,
         )
         ax.set(title=literal(f"modal gain {name}; bar: median"), ylabel=sweep.units[name])
-        ax.set_xlabel(_counted("coupled mode, its median frequency", values, len(seen)))
+        ax.set_xlabel(_counted_label("coupled mode, its median frequency", values, len(seen)))
     return to_svg(figure, "gains")
 
 
-def _counted(label: str, table: Array, shown: int) -> str:
+def _counted_label(label: str, table: Array, shown: int) -> str:
     return f"{label} ({table.shape[0]} variants, {shown} of {table.shape[1]} modes)"

@@ -120,7 +120,7 @@ def rival_model(fit: "Fit", port: str, chain: Chain) -> PortModel:
     return with_damping(fit.spec.with_ratios(port, chain.port(port)))
 
 
-def undamped(model: PortModel) -> Accelerance:
+def undamped_accelerance(model: PortModel) -> Accelerance:
     """Accelerance of a port model without damping: the inverse of its dynamic mass,
     which a hinge at the root leaves."""
     bare = model.replaced(damping=np.zeros(model.modes))
@@ -135,7 +135,7 @@ def exact_accelerance(fit: "Fit", port: str) -> Accelerance:
         at = beam.segments[0].at(np.array([0.5]))
         stiffness = at.bending_xy if port == "xy" else at.bending_xz
         return UniformBeam(beam.length, float(stiffness[0]), float(at.mass[0])).W
-    return undamped(fit.full[port])
+    return undamped_accelerance(fit.full[port])
 
 
 def span(fit: "Fit", port: str) -> tuple[float, float]:
@@ -172,10 +172,12 @@ def responses(fit: "Fit", port: str, *, with_rivals: bool) -> dict[str, Response
     """Undamped accelerances by name: the beam, the chain through MuJoCo, then the rivals."""
     drawn = {
         "beam": exact_accelerance(fit, port),
-        f"{CHAIN}, through MuJoCo": undamped(fit.achieved[port]),
+        f"{CHAIN}, through MuJoCo": undamped_accelerance(fit.achieved[port]),
     }
     for label, chain in rival_chains(fit, port).items() if with_rivals else ():
-        drawn[f"{label}, {count(moving(chain, port), 'hinge')}"] = undamped(chain.port(port))
+        drawn[f"{label}, {count(moving(chain, port), 'hinge')}"] = undamped_accelerance(
+            chain.port(port)
+        )
     return {label: response(accelerance, span(fit, port)) for label, accelerance in drawn.items()}
 
 

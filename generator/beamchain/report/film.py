@@ -24,7 +24,7 @@ COLOURS = 96  # in a GIF
 
 def png(frame: Frame) -> bytes:
     """One frame as PNG."""
-    return _saved(Image.fromarray(frame), format="PNG", optimize=True)
+    return _encode(Image.fromarray(frame), format="PNG", optimize=True)
 
 
 def gif(frames: Sequence[Frame], rate: float) -> bytes:
@@ -38,12 +38,12 @@ def gif(frames: Sequence[Frame], rate: float) -> bytes:
         Image.fromarray(f).quantize(palette=palette, dither=Image.Dither.NONE) for f in frames
     ]
     each = round(1000.0 / rate)
-    return _saved(
+    return _encode(
         first, format="GIF", save_all=True, append_images=rest, duration=each, loop=0, optimize=True
     )
 
 
-def _saved(picture: Image.Image, **options: Any) -> bytes:
+def _encode(picture: Image.Image, **options: Any) -> bytes:
     stream = io.BytesIO()
     picture.save(stream, **options)
     return stream.getvalue()
@@ -96,7 +96,7 @@ def _ffmpeg() -> str | None:
     return program
 
 
-def written(frame: Frame, text: str) -> Frame:
+def write_text(frame: Frame, text: str) -> Frame:
     """The frame with a line of text at its lower left."""
     picture = Image.fromarray(frame)
     size = max(frame.shape[0] // 26, 11)

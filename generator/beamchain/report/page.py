@@ -38,7 +38,7 @@ def inline(svg: str, label: str) -> str:
     return f'<div class="scroll">{body.strip()}</div>'.replace("xlink:href", "href")
 
 
-def begun(text: str, names: Iterable[str] = ()) -> str:
+def capitalise(text: str, names: Iterable[str] = ()) -> str:
     """A sentence with its first letter large, unless it begins with a name that the user gave."""
     word = re.split(r"[\s:,]", text, maxsplit=1)[0]
     own = not word.isalpha() or word in {*PORTS, *names}  # segment[0] is a place in the user's file
@@ -70,7 +70,7 @@ def _versions() -> str:
     )
 
 
-def _shown(value: Any) -> Any:
+def _finalize(value: Any) -> Any:
     """What a template writes of a value: plain text without characters that would change how
     the rest is shown."""
     return printable(value) if type(value) is str else value
@@ -80,10 +80,10 @@ def _shown(value: Any) -> Any:
 def _environment() -> jinja2.Environment:
     loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
     made = jinja2.Environment(
-        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, finalize=_shown
+        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, finalize=_finalize
     )
     words = {
-        "begun": begun,
+        "begun": capitalise,
         "inline": inline,
         "number": number,
         "percent": percent,

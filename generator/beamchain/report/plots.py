@@ -454,7 +454,7 @@ def _draw_chain(
     ax.set_title(what, pad=3.0, color=color)
 
 
-def prefixed(value: float, unit: str) -> str:
+def with_si_prefix(value: float, unit: str) -> str:
     """Three digits with k, M, G before the unit."""
     for size, prefix in ((1e9, "G"), (1e6, "M"), (1e4, "k")):
         if abs(value) >= size:
@@ -465,8 +465,10 @@ def prefixed(value: float, unit: str) -> str:
 def _springs(stiffness: Mapping[str, float]) -> str:
     if len(stiffness) == 1:
         ((port, value),) = stiffness.items()
-        return prefixed(value, "N/m" if port == "axial" else "N m/rad")
-    return ", ".join(f"{port} {prefixed(value, '').strip()}" for port, value in stiffness.items())
+        return with_si_prefix(value, "N/m" if port == "axial" else "N m/rad")
+    return ", ".join(
+        f"{port} {with_si_prefix(value, '').strip()}" for port, value in stiffness.items()
+    )
 
 
 def _rows(

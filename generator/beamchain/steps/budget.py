@@ -85,11 +85,11 @@ def linear_model(model: "mujoco.MjModel", data: "mujoco.MjData | None" = None) -
     held = rows.T @ (model.tendon_stiffness[:, None] * rows)
     tendons = np.asarray(np.linalg.solve(own, held), dtype=np.float64)
     return LinearModel(
-        linear.stiffness, linear.damping, euler, spring, tendons, preloaded(model, data)
+        linear.stiffness, linear.damping, euler, spring, tendons, preload_sentence(model, data)
     )
 
 
-def preloaded(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
+def preload_sentence(model: "mujoco.MjModel", data: "mujoco.MjData") -> str:
     """A sentence where springs pull in the pose that is linearised about."""
     pull = preload(model, data)
     return pull and (

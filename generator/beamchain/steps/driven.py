@@ -68,13 +68,13 @@ def driven(motion: Array, spacing: float, offset: Array) -> Driven:
     return _driven(np.max(np.hypot(rate[:, 1], rate[:, 2])), *largest)
 
 
-def turned(rate: float, acceleration: float, axis: int, offset: Sequence[float]) -> Driven:
+def run_of_turn(rate: float, acceleration: float, axis: int, offset: Sequence[float]) -> Driven:
     """The same for a turn of the hub about an axis, by its rate and acceleration."""
     about = acceleration * np.eye(3)[axis]
     return _driven(0.0 if axis == 0 else rate, np.cross(about, offset), about)
 
 
-def exceeded(limits: Mapping[str, LargeMotion], run: Driven) -> list[str]:
+def limit_sentences(limits: Mapping[str, LargeMotion], run: Driven) -> list[str]:
     """Sentences for what a run exceeded, over all planes."""
     out: list[str] = []
     for port, limit in limits.items():

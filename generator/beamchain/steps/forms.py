@@ -20,11 +20,11 @@ from beamchain.steps.integrators import (
     Complex,
     Timed,
     continuous_poles,
-    placed,
+    place_poles,
     polynomial,
     runge_kutta_limit,
     step_pole,
-    timed,
+    time_modes,
 )
 from beamchain.steps.modal import Modal
 from beamchain.steps.step_map import MOSTLY, Motion
@@ -144,18 +144,18 @@ def _form2(
     w = np.sqrt(stiffness)
     zeta, c = damping / (2.0 * w), np.broadcast_to(c, (w.shape[0], *c.shape[-2:]))
     phase = np.full((w.shape[0], 1), SCHEMES[integrator].phase)
-    out = timed(integrator, w, zeta, timestep, phase=phase)
+    out = time_modes(integrator, w, zeta, timestep, phase=phase)
     short = np.flatnonzero(~_stable(integrator, c, stiffness, out, timestep))
     if short.size and np.isfinite(phase[0, 0]):
         low = np.full((short.size, 1), LOWEST)
         high = phase[short]
         for _ in range(HALVINGS):
             middle = np.sqrt(low * high)
-            tried = timed(integrator, w[short], zeta[short], timestep, phase=middle)
+            tried = time_modes(integrator, w[short], zeta[short], timestep, phase=middle)
             good = _stable(integrator, c[short], stiffness[short], tried, timestep)[:, None]
             low, high = np.where(good, middle, low), np.where(good, high, middle)
         phase[short] = low
-        out = timed(integrator, w, zeta, timestep, phase=phase)
+        out = time_modes(integrator, w, zeta, timestep, phase=phase)
     return out, phase
 
 
@@ -278,7 +278,7 @@ class Craft:
         return s[mine][np.argsort(np.abs(s[mine]))]
 
 
-def _lowered(
+def _lower_until_stable(
     integrator: str, at: Callable[[float], tuple[T, float]]
 ) -> tuple[tuple[T, float], float]:
     """What `at` gives at the largest phase limit at which the craft is stable."""
@@ -357,7 +357,7 @@ def form3(
     flexible = np.linalg.inv(c)
 
     def at(phase: float) -> tuple[tuple[Timed, Array, Array, Array, Array], float]:
-        t = placed(
+        t = place_poles(
             integrator, w**2, poles[:, 0], poles[:, 1], h, phase=phase, damping=np.diag(couples)
         )
         mu = (a * (t.mass - 1.0)) @ a.T
@@ -397,7 +397,7 @@ def form3(
             integrator, c, k, (back * damping) @ turn, (back * armature) @ turn, h
         )
 
-    ((t, turn, stiffness, damping, armature), largest), phase = _lowered(integrator, at)
+    ((t, turn, stiffness, damping, armature), largest), phase = _lower_until_stable(integrator, at)
     zeta = -np.real(poles[:, 0]) / np.abs(poles[:, 0])
     names = tuple(f"coupled{i + 1}" for i in range(n))
     if len(groups) == 1:

@@ -68,7 +68,7 @@ def continuous_poles(frequency: ArrayLike, ratio: ArrayLike = 0.0) -> tuple[Comp
     return w * (root - zeta), w * (-root - zeta)
 
 
-def seen(pole: ArrayLike, timestep: float) -> tuple[Array, Array]:
+def apparent_pole(pole: ArrayLike, timestep: float) -> tuple[Array, Array]:
     """Frequency [rad/s] and damping ratio that a pole `z` of the step shows: `s = log(z)/h`."""
     s = np.log(np.asarray(pole, dtype=np.complex128)) / timestep
     w = np.abs(s)
@@ -147,7 +147,7 @@ def runge_kutta_limit(pole: complex) -> float:
     return float(brentq(excess, float(grid[first - 1]), float(grid[first]), xtol=1e-14)) / size
 
 
-def placed(
+def place_poles(
     integrator: str,
     stiffness: ArrayLike,
     first: ArrayLike,
@@ -201,7 +201,7 @@ def placed(
     return Timed(np.maximum(mass, 1.0), np.maximum(drag, 0.0) + 0.0, slowed, clamped)
 
 
-def timed(
+def time_modes(
     integrator: str,
     frequency: ArrayLike,
     ratio: ArrayLike,
@@ -218,7 +218,7 @@ def timed(
     w, zeta = np.broadcast_arrays(
         np.asarray(frequency, dtype=np.float64), np.asarray(ratio, dtype=np.float64)
     )
-    return placed(
+    return place_poles(
         integrator, w**2, *continuous_poles(w, zeta), timestep, phase=phase, damping=2.0 * zeta * w
     )
 

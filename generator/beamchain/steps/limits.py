@@ -239,13 +239,13 @@ def coupled_limits(
     model: PortModel, hub: Array | None, *, tendon: bool, sprung: bool = False
 ) -> StepLimits:
     """Step limits of a port model on a hub `(m, m)`; `tendon`, `sprung`: see `step_pole`."""
-    stiffness, damping = normalised(model if hub is None else model.with_hub(hub))
+    stiffness, damping = normalise(model if hub is None else model.with_hub(hub))
     nothing = np.zeros_like(damping)
     springs = (nothing, stiffness) if sprung else (stiffness, 0.0)
     return step_limits(LinearModel(stiffness, damping, nothing if tendon else damping, *springs))
 
 
-def normalised(model: PortModel) -> tuple[Array, Array]:
+def normalise(model: PortModel) -> tuple[Array, Array]:
     """Stiffness and damping `(n, n)` of a free port model, its mass matrix the unit one."""
     compliance = np.eye(model.modes) + model.participation @ model.gains @ model.participation.T
     values, vectors = np.linalg.eigh((compliance + compliance.T) / 2.0)
@@ -344,7 +344,7 @@ def _flexible(omega: Array, w: Array, ratios: Array, p: Array, s: Array) -> Comp
 
 def _coupled_ratios(coupled: PortModel) -> Array:
     """Damping ratios of the free modes, below 1, in order of frequency."""
-    stiffness, damping = normalised(coupled)
+    stiffness, damping = normalise(coupled)
     squares, shapes = np.linalg.eigh(stiffness)
     ratios = np.einsum("ik,ij,jk->k", shapes, damping, shapes) / (
         2.0 * np.sqrt(np.maximum(squares, 1e-300))

@@ -87,12 +87,12 @@ def modal_tendons(model: "mujoco.MjModel") -> Modal:
     )
 
 
-def made_for(model: "mujoco.MjModel") -> list[MadeFor | None]:
+def timing_marks(model: "mujoco.MjModel") -> list[MadeFor | None]:
     """What the modal tendons were made exact for, each answer once."""
     return list(dict.fromkeys(modal_tendons(model).made_for))
 
 
-def condensed(mass: Array, rows: Array) -> tuple[Array, Array]:
+def condensed_mass(mass: Array, rows: Array) -> tuple[Array, Array]:
     """`C = (B M^-1 B^T)^-1` `(n, n)`, and `M^-1 B^T C` `(nv, n)`, the motion per mode."""
     spread = np.linalg.solve(mass, rows.T)
     flexible = rows @ spread

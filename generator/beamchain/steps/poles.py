@@ -10,7 +10,7 @@ from beamchain.caution import Caution
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
 from beamchain.ports.motions import Array
-from beamchain.steps.integrators import SCHEMES, seen, step_pole
+from beamchain.steps.integrators import SCHEMES, apparent_pole, step_pole
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.retime import retime
 from beamchain.steps.step_map import GROWN, at_step_of, motion_at, pole_pairs
@@ -133,7 +133,7 @@ def mismatch(model: "mujoco.MjModel") -> list[str]:
         m = 1.0 + model.tendon_armature[index]
         c = model.tendon_damping[index]
         k = modal.stiffness[mine]
-        w, _ = seen(step_pole(mark.integrator, m, c, k, mark.timestep), mark.timestep)
+        w, _ = apparent_pole(step_pole(mark.integrator, m, c, k, mark.timestep), mark.timestep)
         z = step_pole(name, m, c, k, h)
         sentence = (
             f"the appendage of tendon {modal.names[mine[0]]!r} was made exact for "
@@ -143,7 +143,7 @@ def mismatch(model: "mujoco.MjModel") -> list[str]:
             sentence += "that is unstable"
         else:
             kept = w >= np.sqrt(k) / 1.2
-            shown, _ = seen(z, h)
+            shown, _ = apparent_pole(z, h)
             worst = np.max(np.abs(shown / np.sqrt(k) - 1.0)[kept], initial=0.0)
             sentence += f"its frequencies are off by up to {worst:.2g}"
         out.append(

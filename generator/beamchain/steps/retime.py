@@ -37,7 +37,7 @@ from beamchain.steps.modal import (
     UNMARKED,
     MadeFor,
     Modal,
-    condensed,
+    condensed_mass,
     foreign,
     modal_tendons,
 )
@@ -106,7 +106,7 @@ class Retimed:
         slow = [mode for mode in self.modes if mode.slowed]
         if not slow or self.model is None:
             return []
-        first = wrong_from(self.model, _untimed(self.model), self.qpos)
+        first = wrong_from(self.model, _without_timing(self.model), self.qpos)
         felt = (
             "no pole of the spacecraft is off by more than 1e-3"
             if first == float("inf")
@@ -131,7 +131,7 @@ class Retimed:
         if self.model is None:
             return None
         pose = np.array(self.model.qpos0) if self.qpos is None else self.qpos
-        return time_error(self.model, _untimed(self.model), {"rest": pose})
+        return time_error(self.model, _without_timing(self.model), {"rest": pose})
 
     @property
     def warnings(self) -> list[str]:
@@ -270,7 +270,7 @@ def time_cure(integrator: str) -> str:
     return "Take a shorter step where that matters."
 
 
-def _untimed(model: "mujoco.MjModel") -> "mujoco.MjModel":
+def _without_timing(model: "mujoco.MjModel") -> "mujoco.MjModel":
     """A copy with the timing taken out."""
     out = copy.copy(model)
     _take_out(out, modal_tendons(out), None)
@@ -288,7 +288,7 @@ def coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> A
                 "mode is not 1; rename it if it is not an appendage's, or write the appendage "
                 "again."
             )
-    return condensed(mass, modal.rows)[0]
+    return condensed_mass(mass, modal.rows)[0]
 
 
 def _modal_mass(mass: Array, row: Array) -> float:

@@ -12,8 +12,8 @@ from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import NUMBERS, mass_matrix
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.steps.integrators import SCHEMES, seen, start_rate, step_pole
-from beamchain.steps.modal import FREE_BALL, condensed, foreign, modal_tendons
+from beamchain.steps.integrators import SCHEMES, apparent_pole, start_rate, step_pole
+from beamchain.steps.modal import FREE_BALL, condensed_mass, foreign, modal_tendons
 
 
 @one_thread()
@@ -56,12 +56,12 @@ def start_velocity(model: "mujoco.MjModel", qpos: Array, qvel: Array) -> Array:
     out = finite_array("qvel", qvel, (model.nv,))
     if not SCHEMES[name].exact or all(mark is None for mark in modal.made_for):
         return out
-    c, follow = condensed(mass_matrix(model, qpos), modal.rows)
+    c, follow = condensed_mass(mass_matrix(model, qpos), modal.rows)
     inverse, shapes = eigh(c, np.diag(modal.stiffness))
     square = 1.0 / inverse
     y = shapes * np.sqrt(square)  # modes of the step itself, y^T C y = 1
     drag = np.einsum("ki,k,ki->i", y, np.asarray(model.tendon_damping[modal.index]), y)
-    w, zeta = seen(step_pole(name, 1.0, drag, square, h), h)
+    w, zeta = apparent_pole(step_pole(name, 1.0, drag, square, h), h)
     places = np.zeros(model.nv)
     plain = model.jnt_type > FREE_BALL
     places[model.jnt_dofadr[plain]] = qpos[model.jnt_qposadr[plain]]

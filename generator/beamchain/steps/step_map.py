@@ -119,7 +119,7 @@ def motion_at(model: "mujoco.MjModel", qpos: Array | None = None) -> Motion:
     h = float(still.opt.timestep)
     implicit = _implicit(still, name, whole, shapes)
     if name == "discrete":
-        difference, drive = _differenced(still, point.qpos, shapes)
+        difference, drive = _by_differences(still, point.qpos, shapes)
     elif name == "RK4":
         difference, drive = _runge_kutta(squares, whole, h)
     else:
@@ -170,7 +170,7 @@ def _runge_kutta(squares: Array, damping: Array, h: float) -> tuple[Array, Array
     return flow @ mean, mean[:, n:] * h**2
 
 
-def _differenced(model: "mujoco.MjModel", qpos: Array, shapes: Array) -> tuple[Array, Array]:
+def _by_differences(model: "mujoco.MjModel", qpos: Array, shapes: Array) -> tuple[Array, Array]:
     """The same by differences of `mj_step`."""
     n = model.nv
     h = float(model.opt.timestep)

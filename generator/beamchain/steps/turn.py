@@ -35,9 +35,9 @@ def turn_error(
     if size == 0.0:
         return 0.0
     count = int(np.clip(np.ceil(TURN / (size * timestep)), 1, MOST_STEPS))
-    ours = _turned(inertia, start, timestep, integrator, count)
+    ours = _turn(inertia, start, timestep, integrator, count)
     finer = FINER if count < MOST_STEPS / 10 else 2  # so short a step leaves RK4 next to no error
-    exact = _turned(inertia, start, timestep / finer, "RK4", count * finer)
+    exact = _turn(inertia, start, timestep / finer, "RK4", count * finer)
     return float(np.linalg.norm(ours - exact)) / size
 
 
@@ -47,7 +47,7 @@ def central_inertia(mass: Array) -> Array:
     return np.asarray(mass[3:, 3:] - mass[0, 0] * arm @ arm.T, dtype=np.float64)
 
 
-def _turned(inertia: Array, rates: Array, timestep: float, integrator: str, count: int) -> Array:
+def _turn(inertia: Array, rates: Array, timestep: float, integrator: str, count: int) -> Array:
     spec = mujoco.MjSpec()
     spec.option.gravity = [0.0, 0.0, 0.0]
     spec.option.timestep = timestep

@@ -13,7 +13,7 @@ from beamchain.errors import EngineError
 from beamchain.fitting.fit import fit
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
-from beamchain.steps.budget import Budget, budget, preloaded
+from beamchain.steps.budget import Budget, budget, preload_sentence
 from beamchain.steps.large_motion import LargeMotion
 from beamchain.steps.measured_limit import measured_limit
 
@@ -132,7 +132,7 @@ def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
         model = compile_model(source)
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
-        if said := preloaded(model, data):  # it would be simulated as it moves off
+        if said := preload_sentence(model, data):  # it would be simulated as it moves off
             raise EngineError(said)
         limits = budget(model)
         name = NUMBERS[int(model.opt.integrator)]

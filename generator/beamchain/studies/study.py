@@ -26,7 +26,7 @@ from beamchain.fitting.hub import default_hub
 from beamchain.fitting.options import FitOptions, Modes, Root, Scene
 from beamchain.fitting.spec import Spec, read_spec, spec_from_dict
 from beamchain.fitting.spec_text import spec_toml
-from beamchain.steps.driven import driven, exceeded
+from beamchain.steps.driven import driven, limit_sentences
 from beamchain.steps.large_motion import large_motion
 from beamchain.studies import field, front
 from beamchain.studies.field import Entry, Task
@@ -294,7 +294,10 @@ def _load_warnings(task: Task, found: Study) -> tuple[str, ...]:
             port: large_motion(chain, task.beam, port, modes=point.n, radius=radius)
             for port in task.planes
         }
-        out += [at(f"{point.model}, n = {point.n}", sentence) for sentence in exceeded(limits, run)]
+        out += [
+            at(f"{point.model}, n = {point.n}", sentence)
+            for sentence in limit_sentences(limits, run)
+        ]
     return tuple(out)
 
 

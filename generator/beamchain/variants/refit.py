@@ -8,18 +8,18 @@ from functools import cached_property
 import numpy as np
 from msgspec import structs
 
-from beamchain.chain.links import raised
+from beamchain.chain.links import raise_polar_inertia
 from beamchain.craft.quantities import Quantity
-from beamchain.craft.timing import on_tendons
+from beamchain.craft.timing import fit_on_tendons
 from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import RealisationError
 from beamchain.fitting.choose import make_plan, whole_beam
-from beamchain.fitting.fit import LEAST_INERTIA, damped
+from beamchain.fitting.fit import LEAST_INERTIA, damp_chain
 from beamchain.fitting.options import Modes
 from beamchain.fitting.result import Fit
-from beamchain.fitting.varied import structural_draw, structural_quantities, varied
+from beamchain.fitting.varied import structural_draw, structural_quantities, vary_spec
 from beamchain.mjcf import write
 from beamchain.ports.motions import Array
 
@@ -111,17 +111,19 @@ class Refit:
         return _topology(_compiled_alone(self.fit))
 
     def _fit(self, seed: int, index: int) -> tuple[Fit, dict[str, Array]]:
-        spec = varied(self.fit.spec, seed, index, self.owner)
+        spec = vary_spec(self.fit.spec, seed, index, self.owner)
         beam = spec.beam
         hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()
         plan = make_plan(spec, whole_beam(spec, beam), beam.rigid_mass(), hub)
-        built = damped(spec, plan, beam, self.fit.cut)
+        built = damp_chain(spec, plan, beam, self.fit.cut)
         for port, target in built.targets.items():
             if target.modes < self.fit.target[port].modes:
                 raise RealisationError(f"fewer modes in {port}: {built.status.message}")
-        sample = replace(self.fit, spec=spec, chain=raised(built.chain, LEAST_INERTIA)[0])
+        sample = replace(
+            self.fit, spec=spec, chain=raise_polar_inertia(built.chain, LEAST_INERTIA)[0]
+        )
         if any(tendon.stiffness > 0.0 for tendon in self.fit.chain.tendons):
-            sample = on_tendons(sample)
+            sample = fit_on_tendons(sample)
         participation = {
             port: sample.chain.port(port).participation[: target.modes]
             for port, target in built.targets.items()

@@ -191,7 +191,7 @@ class Case:
         for i, gain in enumerate(self.gains):
             arrays[f"gain {i}"] = gain.sizes(w, shapes)
         for port, rows in participation.items():
-            arrays[f"port {port}"] = _scaled(rows, port, factors)
+            arrays[f"port {port}"] = _scale_participation(rows, port, factors)
         return arrays
 
     @cached_property
@@ -200,7 +200,7 @@ class Case:
         return normal_shapes(self.maker.model, self.maker.mass(self.maker.model))[0].size
 
 
-def _scaled(rows: Array, port: str, factors: Mapping[str, float]) -> Array:
+def _scale_participation(rows: Array, port: str, factors: Mapping[str, float]) -> Array:
     """Participation `(n, motions)` of a port's modes by the factors drawn for their tendons."""
     scale = np.ones(len(rows))
     for k in range(len(rows)):

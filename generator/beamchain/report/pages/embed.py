@@ -48,7 +48,7 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
         verdict=_verdict(embedded),
         embedded=embedded,
         assembly=assembly,
-        asked=_asked(embedded, craft, output),
+        asked=_sources(embedded, craft, output),
         appendages=tables.appendage_table(embedded),
         modes=tables.coupled_table(assembly),
         drawn={name: to_svg(figure, name) for name, figure in figures.items()},
@@ -66,7 +66,7 @@ def embed_report(embedded: "Embedded", craft: str, output: str) -> str:
     )
 
 
-def _asked(embedded: "Embedded", craft: str, output: str) -> list[tuple[str, str]]:
+def _sources(embedded: "Embedded", craft: str, output: str) -> list[tuple[str, str]]:
     """What was read and written."""
     own_dofs = embedded.craft.nv
     added_dofs = embedded.model.nv - own_dofs

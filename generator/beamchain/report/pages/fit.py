@@ -48,7 +48,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
         verdict=_verdict(fit, rivals),
         fit=fit,
         pictures=pictures,
-        asked=_asked(fit),
+        asked=_specification(fit),
         imported=imported,
         mode_tables={port: tables.port_table(fit, port) for port in fit.target},
         port_note=tables.port_note,
@@ -68,7 +68,7 @@ def fit_report(fit: "Fit") -> tuple[str, dict[str, str]]:
 
 
 # -- the sentence at the head ----------------------------------------------------------------------
-def _kept(fit: "Fit") -> str:
+def _kept_modes(fit: "Fit") -> str:
     """`first 2 modes in xy and 1 in torsion`."""
     (port, modes), *more = [(port, kept_count(fit, port)) for port in fit.target]
     first = f"first {'mode' if modes == 1 else f'{modes} modes'} in {port}"
@@ -115,7 +115,7 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
     what = (
         f"{count(links, 'rigid link')} on {count(len(fit.chain.hinges), 'hinge')} stand for "
         "the "
-        f"beam's {_kept(fit)}"
+        f"beam's {_kept_modes(fit)}"
     )
     if fit.space is not None:
         what = what.replace("the beam's", "the imported modes:")
@@ -144,14 +144,14 @@ def _verdict(fit: "Fit", rivals: RivalErrors) -> Verdict:
 
 
 # -- what was asked --------------------------------------------------------------------------------
-def _asked(fit: "Fit") -> list[tuple[str, str]]:
+def _specification(fit: "Fit") -> list[tuple[str, str]]:
     """The specification in words, line by line."""
     spec = fit.spec
     mass = fit.mass_line.rigid_mass()[0, 0]
     size = f"{short(fit.mass_line.length)} m long, {short(mass)} kg"
     bands = (f"{port} up to {number(band)} rad/s" for port, band in fit.bandwidth.items())
     lines = [
-        ("appendage", f"{size}: {_carried(fit)}"),
+        ("appendage", f"{size}: {_structure(fit)}"),
         ("modes to keep", _asked_modes(fit)),
         ("target", TARGETS[fit.kept_for]),
         ("hub", _hub(fit)),
@@ -186,7 +186,7 @@ def _damping(damping: "Damping") -> str:
     return f"ratio {ratios}, as {form}"
 
 
-def _carried(fit: "Fit") -> str:
+def _structure(fit: "Fit") -> str:
     """What the appendage is made of."""
     beam = fit.mass_line
     imported = fit.spec.imported

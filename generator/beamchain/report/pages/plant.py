@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from beamchain.plants.loops import Margins, told
+from beamchain.plants.loops import Margins, margin_warnings
 from beamchain.plants.realisation import Plant
 from beamchain.plants.uncertain_plant import WorstCase
 from beamchain.report import plant_plots
@@ -48,7 +48,7 @@ def plant_report(
         outputs=tables.signal_table("Outputs", plants[0].output_names, plants[0].output_units),
         modes=tables.mode_table(plants[0]),
         gains=tables.gain_table(plants[0]),
-        warnings=told(plants, of_loops),
+        warnings=margin_warnings(plants, of_loops),
         margins=tables.margin_table(of_loops),
         worst=tables.worst_table(worst),
         worst_values=tables.worst_value_table(worst),

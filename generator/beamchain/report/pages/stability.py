@@ -32,7 +32,7 @@ def stability_report(study: "StabilityStudy", source: Path) -> str:
         verdict=_steps_hold(study),
         study=study,
         source=source,
-        asked=_asked(study, source),
+        asked=_source(study, source),
         limits=tables.limit_table(study),
         models=[
             (limits, step_table(limits, limits.name), tables.damping_table(limits))
@@ -45,7 +45,7 @@ def stability_report(study: "StabilityStudy", source: Path) -> str:
     )
 
 
-def _asked(study: "StabilityStudy", source: Path) -> list[tuple[str, str]]:
+def _source(study: "StabilityStudy", source: Path) -> list[tuple[str, str]]:
     """The file, and the modes of every model made of it."""
     lines = [("file", source.name)]
     for limits in study.budgets:

@@ -271,7 +271,7 @@ def imported_table(data: "ModalData") -> Table:
 Comparison = tuple[str, float, float]  # what it is, of the beam, of the chain
 
 
-def _compared(title: str, what: str, rows: Sequence[Comparison], difference: str) -> Table:
+def _comparison_table(title: str, what: str, rows: Sequence[Comparison], difference: str) -> Table:
     differences = [_relative_difference(exact, chain) for _, exact, chain in rows]
     columns = (
         Column(what, [name for name, _, _ in rows]),
@@ -309,7 +309,7 @@ def model_error_table(fit: "Fit", port: str) -> Table:
             zip(of_beam[:kept], of_chain[:kept], strict=False), start=1
         )
     ]
-    return _compared(f"Model error in {port}", "frequencies, rad/s", rows, "model error")
+    return _comparison_table(f"Model error in {port}", "frequencies, rad/s", rows, "model error")
 
 
 def mass_record(rigid: "Array") -> dict[str, Any]:
@@ -331,7 +331,7 @@ def mass_table(fit: "Fit") -> Table:
         achieved = float(chain["inertia"][i, j])
         if i == j or exact or achieved:
             rows.append((f"inertia {'xyz'[i]}{'xyz'[j]}, kg m²", exact, achieved))
-    return _compared("Mass, centre, inertia", "", rows, "relative difference")
+    return _comparison_table("Mass, centre, inertia", "", rows, "relative difference")
 
 
 def bench_table(fit: "Fit") -> Table:

@@ -23,17 +23,17 @@ if TYPE_CHECKING:
     from beamchain.studies.study import Study
 
 
-def _picked(thing: Any, *names: str) -> dict[str, Any]:
+def _fields(thing: Any, *names: str) -> dict[str, Any]:
     return {name: getattr(thing, name) for name in names}
 
 
 def _each(things: Iterable[Any], *names: str) -> list[dict[str, Any]]:
-    return [_picked(thing, *names) for thing in things]
+    return [_fields(thing, *names) for thing in things]
 
 
 def port_record(model: PortModel) -> dict[str, Any]:
     """Cantilever frequencies, participation, free frequencies [rad/s], damping ratios."""
-    return _picked(model, "frequencies", "participation", "free_frequencies", "damping")
+    return _fields(model, "frequencies", "participation", "free_frequencies", "damping")
 
 
 def space_record(fit: "Fit") -> dict[str, Any]:
@@ -46,7 +46,7 @@ def space_record(fit: "Fit") -> dict[str, Any]:
         "motions": [MOTIONS[i] for i in space.live],
         "target": port_record(space.target),
         "achieved": port_record(space.achieved),
-        "error": _picked(space.error, "frequency", "participation", "accelerance_in_band"),
+        "error": _fields(space.error, "frequency", "participation", "accelerance_in_band"),
         "modes": [{"belongs": port, "leak": leak} for port, leak in modes],
         "steps": space.data.steps,
     }
@@ -87,13 +87,13 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         "tip": fit.tip_error,
         "stability": {
             "hub": mass_record(fit.hub_mass) if fit.hub_mass is not None else None,
-            **_picked(limits, "omega_max", "largest_step"),
+            **_fields(limits, "omega_max", "largest_step"),
         },
         "accuracy": _accuracy(limits),
         "tendons": [
             {
                 "name": f"{fit.spec.name}_{tendon.label}",
-                **_picked(tendon, "stiffness", "damping", "armature"),
+                **_fields(tendon, "stiffness", "damping", "armature"),
                 "coefficients": {
                     joint_name(fit.spec.name, hinge + 1, port): value
                     for (hinge, port), value in zip(
@@ -112,7 +112,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
         "left_out": _each(fit.left_out, "what", "why", "cost"),
         "scene": _scene_record(fit),
         **warnings_record(fit.warnings),
-        "status": _picked(fit.status, "ok", "message", "history"),
+        "status": _fields(fit.status, "ok", "message", "history"),
         "seconds": fit.seconds,
     }
 
@@ -120,7 +120,7 @@ def fit_record(fit: "Fit") -> dict[str, Any]:
 def _port(fit: "Fit", port: str) -> dict[str, Any]:
     error = fit.error[port]
     band = fit.bandwidth[port]
-    readback = _picked(error, "frequency", "participation")
+    readback = _fields(error, "frequency", "participation")
     in_band = error.accelerance_in_band
     return {
         "target": port_record(fit.target[port]),
@@ -138,7 +138,7 @@ def _scene_record(fit: "Fit") -> dict[str, Any] | None:
         return None
     choice = fit.choice
     return {
-        **_picked(scene, "bandwidth", "tolerance", "axes"),
+        **_fields(scene, "bandwidth", "tolerance", "axes"),
         "error": fit.promise,
         "modes": None if choice is None else choice.modes,
         "cannot_answer": () if choice is None else choice.cannot,
@@ -170,11 +170,11 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
                     for port, target in a.fit.target.items()
                 },
                 "large_motion": [limit.as_dict() for limit in a.large_motion.values()],
-                "status": _picked(a.fit.status, "ok", "message"),
+                "status": _fields(a.fit.status, "ok", "message"),
             }
             for a in embedded.appendages
         ],
-        **_picked(embedded, "form", "craft_error", "sampled_error", "band", "tolerance", "met"),
+        **_fields(embedded, "form", "craft_error", "sampled_error", "band", "tolerance", "met"),
         "time_error": embedded.time_error.as_dict(),
         "composite": embedded.composite.as_dict(),
         "modes": coupled_table(assembly).records(),
@@ -192,15 +192,15 @@ def inspection_record(inspection: "Inspection") -> dict[str, Any]:
     """What `inspect --json` prints."""
     limits = inspection.limits
     return {
-        **_picked(inspection, "name", "bodies", "joints", "dofs", "mass"),
+        **_fields(inspection, "name", "bodies", "joints", "dofs", "mass"),
         "composite": [body.as_dict() for body in inspection.composite],
         "modes": inspect_tables.mode_table(inspection).records(),
         "springs": inspect_tables.spring_table(inspection).records(),
         "tendons": inspect_tables.tendon_table(inspection).records(),
         "made_for": _each(inspection.made_for, "timestep", "integrator"),
         **warnings_record(inspection.warnings),
-        **_picked(inspection, "integrator", "timestep"),
-        "stability": _picked(limits, "omega_max", "largest_step"),
+        **_fields(inspection, "integrator", "timestep"),
+        "stability": _fields(limits, "omega_max", "largest_step"),
         "accuracy": _accuracy(limits),
     }
 
@@ -224,21 +224,21 @@ def study_record(study: "Study") -> dict[str, Any]:
         "beamchain": beamchain.__version__,
         "machine": machine(),
         "scenario": {
-            **_picked(scenario, "duration", "watched"),
-            **_picked(scenario.profile, "times", "wrench"),
+            **_fields(scenario, "duration", "watched"),
+            **_fields(scenario.profile, "times", "wrench"),
             "largest_elastic_motion": scenario.largest,
         },
         "reference": _reference(scenario),
         "points": [point._asdict() for point in study.points],
         "notes": [
-            {**_picked(ladder.entry, "model", "n", "integrator"), "note": ladder.note}
+            {**_fields(ladder.entry, "model", "n", "integrator"), "note": ladder.note}
             for ladder in study.ladders
         ],
         "rigid_hub": study.rigid_hub,
         "to_reach": _to_reach(study, "error"),
         "to_reach_appendage": _to_reach(study, "error_appendage"),
         "growth": {
-            **_picked(study.growth, "step", "fit", "fit_exponent"),
+            **_fields(study.growth, "step", "fit", "fit_exponent"),
             "step_exponent": study.growth.exponent,
         },
         **warnings_record(study.warnings),
@@ -260,11 +260,11 @@ def _to_reach(study: "Study", metric: Metric) -> dict[str, Any]:
         out[power(target)] = {
             **best.point._asdict(),
             "rivals": {model: reach.seconds / best.seconds for model, reach in rivals.items()},
-            "rival_points": {model: _reached(reach) for model, reach in rivals.items()},
+            "rival_points": {model: _reach_record(reach) for model, reach in rivals.items()},
         }
     return out
 
 
-def _reached(reach: Reach) -> dict[str, Any]:
-    setting = _picked(reach.point, "n", "integrator", "timestep")
-    return {**setting, **_picked(reach, "seconds", "extrapolated", "slope")}
+def _reach_record(reach: Reach) -> dict[str, Any]:
+    setting = _fields(reach.point, "n", "integrator", "timestep")
+    return {**setting, **_fields(reach, "seconds", "extrapolated", "slope")}

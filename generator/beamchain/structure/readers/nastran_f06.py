@@ -50,6 +50,8 @@ _HEADINGS = {
 _LETTERS = re.compile(r"[A-Z] *[A-Z]")
 # most lines begin with none of them, which is seen at once
 _FIRST = tuple({heading[:2] for heading in _HEADINGS})
+# what a line between the rows of a table may begin with
+_BESIDE_ROWS = ("MODE", "NO.", "TOTAL", "(", "***")
 _COLUMNS = {"eigenvalues": 6, "participation": 7, "effective mass": 7}
 
 
@@ -89,88 +91,129 @@ def _real(token: str, path: Path, line: int) -> float:
 
 def _scan(path: Path) -> tuple[dict[int, _Subcase], _Subcase]:
     """All tables by subcase, and what belongs to no subcase (the grid point weight generator)."""
-    cases: dict[int, _Subcase] = {}
-    shared = _Subcase()
-    current, table = 0, ""
+    scanner = _Scanner(path)
     for number, line in enumerate(lines(path), 1):
-        if table in ("", "other") and not _LETTERS.search(line):
-            continue
+        scanner.read(number, line)
+    return scanner.cases, scanner.shared
+
+
+class _Scanner:
+    """Collects the tables of a print, line by line.
+
+    The current table is "" where none has begun, and "other" within one that is not read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.cases: dict[int, _Subcase] = {}
+        self.shared = _Subcase()
+        self._path = path
+        self._subcase = 0
+        self._table = ""
+
+    def read(self, number: int, line: str) -> None:
+        """Take the next line; `number` is its own in the file."""
+        if self._table in ("", "other") and not _LETTERS.search(line):
+            return
         if "SUPERELEMENT" in line and _SUPERELEMENT.search(line):
-            shared.superelements = True
+            self.shared.superelements = True
             line = _SUPERELEMENT.sub("", line)
             if not line.strip("0 \t"):
-                continue
-        if ("PAGE" in line and _PAGE.search(line)) or ("NASTRAN" in line and _DATE.search(line)):
-            continue
-        found = _SUBCASE.search(line) if "SUBCASE" in line else None
-        if found:
-            current = int(found[1])
-            continue
-        case = cases.setdefault(current, _Subcase())
-        squeezed = "".join(line.lstrip("0").split())
-        heading = None
-        if squeezed.startswith(_FIRST):
-            heading = next(
-                (h for h in _HEADINGS if squeezed == h or (len(h) > 2 and squeezed.startswith(h))),
-                None,
+                return
+        if _is_page_header(line):
+            return
+        if "SUBCASE" in line and (subcase := _SUBCASE.search(line)):
+            self._subcase = int(subcase[1])
+            return
+        text = "".join(line.lstrip("0").split())
+        heading = self._heading(text)
+        if heading:
+            self._table = _HEADINGS[heading]
+            self._case.fractions |= self._table == "fractions"
+        elif "REFERENCEPOINT" in text:
+            self._read_reference_point(text)
+        elif self._table in ("a-set mass", "grid point mass"):
+            self._read_matrix_row(number, line, text)
+        elif self._table in _COLUMNS and text and not text.startswith(_BESIDE_ROWS):
+            self._read_row(number, line)
+
+    @property
+    def _case(self) -> _Subcase:
+        return self.cases.setdefault(self._subcase, _Subcase())
+
+    def _heading(self, text: str) -> str:
+        """The heading that a line without blanks is; "" where it is none."""
+        if not text.startswith(_FIRST):
+            return ""
+        for heading in _HEADINGS:
+            # MO heads the matrix of the weight generator, and begins other words elsewhere
+            if heading == "MO":
+                if text == "MO" and self._table == "weight":
+                    return heading
+            elif text.startswith(heading):
+                return heading
+        return ""
+
+    def _read_reference_point(self, text: str) -> None:
+        is_origin = "ORIGIN" in text or text.endswith("=0")
+        point = "the origin" if is_origin else f"grid {text.split('POINT')[-1].lstrip('=')}"
+        if self._table == "weight":
+            self.shared.points["grid point mass"] = point
+        else:
+            self._case.points["modes"] = point
+
+    def _read_matrix_row(self, number: int, line: str, text: str) -> None:
+        """A row between asterisks; the sixth ends the matrix."""
+        row = _MATRIX.match(line)
+        if row and "**" not in line:
+            holder = self.shared if self._table == "grid point mass" else self._case
+            matrix = holder.matrices.setdefault(self._table, [])
+            matrix.append([_real(token, self._path, number) for token in _REAL.findall(row[1])])
+            if len(matrix) % 6 == 0:
+                self._table = "other"
+        elif text and "***" not in text:
+            self._table = "other"  # something else begins
+
+    def _read_row(self, number: int, line: str) -> None:
+        """A mode's row of a table; a line that is none ends the table."""
+        row = _ROW.match(line)
+        if row is None:
+            self._table = ""
+            return
+        columns = _COLUMNS[self._table]
+        tokens = [token for token in _REAL.findall(row[2]) if token.strip()]
+        if len(tokens) != columns:
+            raise InputError(
+                f"file {str(self._path)!r}, line {number}: a row of the {self._table} table holds "
+                f"{len(tokens) + 1} columns instead of {columns + 1}; the print is cut "
+                "or damaged: run it again."
             )
-        if heading is not None and not (heading == "MO" and table != "weight"):
-            table = _HEADINGS[heading]
-            case.fractions |= table == "fractions"
-            continue
-        if "REFERENCEPOINT" in squeezed:
-            origin = "ORIGIN" in squeezed or squeezed.endswith("=0")
-            where = "the origin" if origin else f"grid {squeezed.split('POINT')[-1].lstrip('=')}"
-            (shared if table == "weight" else case).points[
-                "grid point mass" if table == "weight" else "modes"
-            ] = where
-            continue
-        if table in ("a-set mass", "grid point mass"):
-            matrix = _MATRIX.match(line)
-            if matrix and "**" not in line:
-                rows = (shared if table == "grid point mass" else case).matrices.setdefault(
-                    table, []
-                )
-                rows.append([_real(token, path, number) for token in _REAL.findall(matrix[1])])
-                if len(rows) % 6 == 0:
-                    table = "other"
-            elif squeezed and "***" not in squeezed:
-                table = "other"  # something else begins
-            continue
-        if (
-            table in _COLUMNS
-            and squeezed
-            and not squeezed.startswith(("MODE", "NO.", "TOTAL", "(", "***"))
-        ):
-            row = _ROW.match(line)
-            if row is None:
-                table = ""
-                continue
-            tokens = [token for token in _REAL.findall(row[2]) if token.strip()]
-            if len(tokens) != _COLUMNS[table]:
-                raise InputError(
-                    f"file {str(path)!r}, line {number}: a row of the {table} table holds "
-                    f"{len(tokens) + 1} columns instead of {_COLUMNS[table] + 1}; the print is cut "
-                    "or damaged: run it again."
-                )
-            values = [_real(token, path, number) for token in tokens]
-            rows = case.tables.setdefault(table, {})
-            mode = int(row[1])
-            gap = max(abs(a - b) for a, b in zip(rows.get(mode, values), values, strict=True))
-            if gap > 1e-6 * max(map(abs, values)):
-                where = (
-                    f"file {str(path)!r}, line {number}: mode {mode} stands twice in the "
-                    f"{table} table with different "
-                )
-                if shared.superelements:
-                    raise InputError(
-                        f"{where}numbers, because the print holds superelements, each with modes "
-                        "of its own; run the model without them (no SESET, BEGIN SUPER), or give "
-                        "its assembled modes in a .toml file."
-                    )
-                raise InputError(f"{where}numbers; print one run only.")
-            rows[mode] = values
-    return cases, shared
+        values = [_real(token, self._path, number) for token in tokens]
+        rows = self._case.tables.setdefault(self._table, {})
+        mode = int(row[1])
+        known = rows.get(mode, values)
+        difference = max(abs(a - b) for a, b in zip(known, values, strict=True))
+        if difference > 1e-6 * max(map(abs, values)):
+            self._refuse_second_row(number, mode)
+        rows[mode] = values
+
+    def _refuse_second_row(self, number: int, mode: int) -> None:
+        where = (
+            f"file {str(self._path)!r}, line {number}: mode {mode} stands twice in the "
+            f"{self._table} table with different "
+        )
+        if self.shared.superelements:
+            raise InputError(
+                f"{where}numbers, because the print holds superelements, each with modes "
+                "of its own; run the model without them (no SESET, BEGIN SUPER), or give "
+                "its assembled modes in a .toml file."
+            )
+        raise InputError(f"{where}numbers; print one run only.")
+
+
+def _is_page_header(line: str) -> bool:
+    has_page = "PAGE" in line and _PAGE.search(line)
+    has_date = "NASTRAN" in line and _DATE.search(line)
+    return bool(has_page or has_date)
 
 
 def _choose(path: Path, cases: dict[int, _Subcase], subcase: int | None) -> tuple[int, _Subcase]:
@@ -215,6 +258,7 @@ def _choose(path: Path, cases: dict[int, _Subcase], subcase: int | None) -> tupl
 
 
 def _assemble(path: Path, number: int, case: _Subcase, shared: _Subcase) -> ModalData:
+    """The modal data of a subcase, its tables checked against each other."""
     eigen = case.tables["eigenvalues"]
     factors = case.tables["participation"]
     if set(eigen) != set(factors) or sorted(eigen) != list(range(1, len(eigen) + 1)):
@@ -224,46 +268,58 @@ def _assemble(path: Path, number: int, case: _Subcase, shared: _Subcase) -> Moda
             f"{len(eigen)} rows, participation {len(factors)}); the print is cut: run it again."
         )
     # extraction order, eigenvalue, rad/s, Hz, mass, stiffness
-    rows = np.array([eigen[k] for k in sorted(eigen)])
-    table = np.array([factors[k] for k in sorted(factors)])  # Hz, six factors
-    if rows[0, 1] <= 0.0 or rows[0, 2] < 1e-5 * rows[-1, 2]:
-        raise InputError(
-            f"file {str(path)!r}: mode 1 has the eigenvalue {rows[0, 1]:.3g}: the structure moves "
-            "as a rigid body; clamp the port (SPC) and run it again."
-        )
-    radians = np.sqrt(rows[:, 1])
-    for name, other in (
-        ("radians", rows[:, 2]),
-        ("cycles", rows[:, 3] * 2.0 * np.pi),
-        ("frequency", table[:, 0] * 2.0 * np.pi),
-    ):
-        worst = int(np.argmax(np.abs(other / radians - 1.0)))
-        if abs(other[worst] / radians[worst] - 1.0) > AGREE:
-            raise InputError(
-                f"file {str(path)!r}: mode {worst + 1}: eigenvalue {rows[worst, 1]:.6g} and its "
-                f"{name} disagree; the print is damaged: run it again."
-            )
-    steps = [f"subcase {number}" if number else "no subcase named"]
-    modal_mass = rows[:, 4]
+    eigen_rows = np.array([eigen[k] for k in sorted(eigen)])
+    factor_rows = np.array([factors[k] for k in sorted(factors)])  # Hz, six factors
+    omega = _frequencies(path, eigen_rows, factor_rows[:, 0])
+    modal_mass = eigen_rows[:, 4]
     if np.any(modal_mass <= 0.0):
         raise InputError(
             f"file {str(path)!r}: a generalized mass is not positive; the print is damaged: run it "
             "again."
         )
+    steps = [f"subcase {number}" if number else "no subcase named"]
     if np.max(np.abs(modal_mass - 1.0)) > PRECISION:
         steps.append("modes scaled to unit generalized mass")
-    participation = table[:, 1:] * np.sqrt(modal_mass)[:, None]
+    participation = factor_rows[:, 1:] * np.sqrt(modal_mass)[:, None]
     if "effective mass" in case.tables:
         _compare(path, participation, case.tables["effective mass"])
         steps.append("participation agrees with the effective masses")
-    mass, words = _mass(path, case, shared, participation)
-    steps += words
-    where = case.points.get("modes", "the origin")
-    if where != "the origin":
-        steps.append(f"the print's reference point is {where}: `reference` counts from there")
+    rigid_mass, mass_steps = _mass(path, case, shared, participation)
+    steps += mass_steps
+    point = case.points.get("modes", "the origin")
+    if point != "the origin":
+        steps.append(f"the print's reference point is {point}: `reference` counts from there")
     return ModalData(
-        mass, radians, participation, precision=PRECISION, source=path.name, steps=tuple(steps)
+        rigid_mass, omega, participation, precision=PRECISION, source=path.name, steps=tuple(steps)
     )
+
+
+def _frequencies(path: Path, eigen_rows: Array, cycles: Array) -> Array:
+    """Frequencies [rad/s] by the eigenvalues; the other columns that state them must agree.
+
+    `cycles`: those of the participation table [Hz].
+    """
+    eigenvalues = eigen_rows[:, 1]
+    if eigenvalues[0] <= 0.0 or eigen_rows[0, 2] < 1e-5 * eigen_rows[-1, 2]:
+        raise InputError(
+            f"file {str(path)!r}: mode 1 has the eigenvalue {eigenvalues[0]:.3g}: the structure "
+            "moves as a rigid body; clamp the port (SPC) and run it again."
+        )
+    omega = np.sqrt(eigenvalues)
+    stated = {
+        "radians": eigen_rows[:, 2],
+        "cycles": eigen_rows[:, 3] * 2.0 * np.pi,
+        "frequency": cycles * 2.0 * np.pi,
+    }
+    for column, values in stated.items():
+        difference = np.abs(values / omega - 1.0)
+        worst = int(np.argmax(difference))
+        if difference[worst] > AGREE:
+            raise InputError(
+                f"file {str(path)!r}: mode {worst + 1}: eigenvalue {eigenvalues[worst]:.6g} and "
+                f"its {column} disagree; the print is damaged: run it again."
+            )
+    return omega
 
 
 def _compare(path: Path, participation: Array, effective: dict[int, list[float]]) -> None:
@@ -273,14 +329,14 @@ def _compare(path: Path, participation: Array, effective: dict[int, list[float]]
     for mode, values in effective.items():
         if mode > participation.shape[0]:
             continue
-        ours = participation[mode - 1] ** 2
-        theirs = np.array(values[1:])
-        bad = np.abs(ours - theirs) > AGREE * theirs + 1e-9 * largest
-        if np.any(bad):
-            i = int(np.argmax(bad))
+        squared = participation[mode - 1] ** 2
+        printed = np.array(values[1:])
+        is_off = np.abs(squared - printed) > AGREE * printed + 1e-9 * largest
+        if np.any(is_off):
+            i = int(np.argmax(is_off))
             raise InputError(
-                f"file {str(path)!r}: mode {mode}: participation squared {ours[i]:.6g} and "
-                f"effective mass {theirs[i]:.6g} disagree; were the modes normalised otherwise in "
+                f"file {str(path)!r}: mode {mode}: participation squared {squared[i]:.6g} and "
+                f"effective mass {printed[i]:.6g} disagree; were the modes normalised otherwise in "
                 "one table? Print one run only."
             )
 
@@ -302,27 +358,32 @@ def _mass(
         found[name] = np.array(rows[:6])
     if not found:
         raise InputError(f"file {str(path)!r} holds no rigid mass matrix; {ASK}.")
-    words: list[str] = []
-    same = shared.points.get("grid point mass", "the origin") == case.points.get(
-        "modes", "the origin"
-    )
-    if "grid point mass" in found:
-        fits = same
-        if same:
-            try:
-                settle_rigid_mass(found["grid point mass"], participation, PRECISION)
-            except InputError:
-                fits = False
-        if fits or "a-set mass" not in found:
-            words.append("rigid mass from the grid point weight generator, clamped nodes included")
-            return found["grid point mass"], words
-        words.append(
-            "rigid mass of the grid point weight generator not used: "
-            + (
-                "it contradicts the participation (WTMASS?)"
-                if same
-                else "it stands about another point"
-            )
+    by_weight = found.get("grid point mass")
+    by_a_set = found.get("a-set mass")
+    steps: list[str] = []
+    if by_weight is not None:
+        point = shared.points.get("grid point mass", "the origin")
+        same_point = point == case.points.get("modes", "the origin")
+        agrees = same_point and _agrees(by_weight, participation)
+        if agrees or by_a_set is None:
+            return by_weight, [
+                "rigid mass from the grid point weight generator, clamped nodes included"
+            ]
+        reason = (
+            "it contradicts the participation (WTMASS?)"
+            if same_point
+            else "it stands about another point"
         )
-    words.append("rigid mass of the a-set: the mass of the clamped nodes is not in it")
-    return found["a-set mass"], words
+        steps.append(f"rigid mass of the grid point weight generator not used: {reason}")
+    assert by_a_set is not None
+    steps.append("rigid mass of the a-set: the mass of the clamped nodes is not in it")
+    return by_a_set, steps
+
+
+def _agrees(mass: Array, participation: Array) -> bool:
+    """Whether a rigid mass matrix is at least what the modes participate with."""
+    try:
+        settle_rigid_mass(mass, participation, PRECISION)
+    except InputError:
+        return False
+    return True

@@ -1,10 +1,9 @@
-"""What in a compiled spacecraft spoils its appendages' motion:
+"""What in a compiled spacecraft disturbs its appendages' motion:
 each with the figure and the cure."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from beamchain.caution import Caution
 from beamchain.engine.forces import along
@@ -31,23 +30,32 @@ def check_flags(model: "mujoco.MjModel") -> None:
             )
 
 
-def spoilers(
-    model: "mujoco.MjModel", limits: StepLimits, kept: ArrayLike, zeta: float, geoms: Sequence[int]
-) -> Iterator[str]:
-    """Warnings about a compiled spacecraft with its appendages.
+def disturbances(
+    model: "mujoco.MjModel",
+    limits: StepLimits,
+    *,
+    fastest: float,
+    zeta: float,
+    geoms: Sequence[int],
+) -> list[str]:
+    """Warnings about what in a compiled spacecraft disturbs its appendages' motion.
 
-    `kept`: their cantilever frequencies [rad/s]; `zeta`: smallest damping ratio; `geoms`:
-    ids of their geoms.
+    `fastest`: the largest of their cantilever frequencies [rad/s], 0 where there is none; `zeta`:
+    their smallest damping ratio; `geoms`: ids of their shapes.
     """
+    return [*_surroundings(model, geoms), *_integration(model, limits, fastest, zeta)]
+
+
+def _surroundings(model: "mujoco.MjModel", geoms: Sequence[int]) -> Iterator[str]:
+    """Forces on the appendages that are not in the proof."""
     option = model.opt
-    off = int(option.disableflags)
+    disabled = int(option.disableflags)
     gravity = np.asarray(option.gravity)
-    if np.any(gravity != 0.0) and not off & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+    if np.any(gravity != 0.0) and not disabled & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
         yield Caution(
             "gravity",
             f"gravity is {' '.join(f'{g:g}' for g in gravity)} m/s^2: it falls, and where it is "
-            "held its appendages "
-            'bend; in orbit write <option gravity="0 0 0">.',
+            'held its appendages bend; in orbit write <option gravity="0 0 0">.',
         )
     if option.density > 0.0 or option.viscosity > 0.0:
         yield Caution(
@@ -56,7 +64,7 @@ def spoilers(
             "links as on all bodies; in space set both to 0.",
         )
     collide = [i for i in geoms if int(model.geom_contype[i]) or int(model.geom_conaffinity[i])]
-    if collide and not off & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
+    if collide and not disabled & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
         yield Caution(
             "collisions",
             f"{len(collide)} shapes of the appendages collide, and neighbouring links touch; leave "
@@ -68,19 +76,23 @@ def spoilers(
             f"{int(model.neq)} equality constraints of the spacecraft are left out of the proof of "
             "coupled modes.",
         )
-    integrator = NUMBERS[int(option.integrator)]
-    step = float(option.timestep)
+
+
+def _integration(
+    model: "mujoco.MjModel", limits: StepLimits, fastest: float, zeta: float
+) -> Iterator[str]:
+    """What the integrator at its step makes of the appendages."""
+    integrator = NUMBERS[int(model.opt.integrator)]
+    step = float(model.opt.timestep)
     largest = limits.largest_step[integrator]
     if step > largest:
         yield Caution(
             "unstable-step",
             f"timestep {step:g} s is above the {largest:.4g} s at which {integrator} becomes "
-            "unstable (fastest "
-            f"coupled mode {limits.omega_max:.5g} rad/s{_held_by(model)}); write "
+            f"unstable (fastest coupled mode {limits.omega_max:.5g} rad/s{_held_by(model)}); write "
             f'<option timestep="{_round_down(0.5 * largest):g}">.',
         )
     if integrator == "discrete":
-        fastest = float(np.max(np.asarray(kept)))
         allowed = DAMPS * max(zeta, 1e-3)
         added = step * fastest / 2.0
         if added > allowed:
@@ -90,9 +102,9 @@ def spoilers(
                 f"mode at timestep {step:g} s (the structure has {zeta:g}); take implicitfast, or "
                 f"a timestep below {_round_down(allowed * 2.0 / fastest):g} s.",
             )
-    tendon = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0.0))
-    eulerdamp = off & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-    if integrator == "Euler" and (tendon or eulerdamp) and zeta > 0.0:
+    has_tendon_damping = bool(model.ntendon) and bool(np.any(np.asarray(model.tendon_damping) > 0))
+    is_explicit = bool(int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP))
+    if integrator == "Euler" and (has_tendon_damping or is_explicit) and zeta > 0.0:
         yield Caution(
             "tendon-damping", f"{TENDON_DAMPING}, which shifts it by about w h; take implicitfast."
         )
@@ -110,19 +122,14 @@ def _held_by(model: "mujoco.MjModel") -> str:
     if not modes.frequency.size:
         return ""
     shape = modes.shapes[:, -1]
-    shares: list[tuple[float, str]] = []
+    energies: list[tuple[float, str]] = []  # twice the strain energy of each spring
     for j in range(model.njnt):
-        stiffness = float(model.jnt_stiffness[j])
-        shares.append(
-            (
-                stiffness * float(shape[int(model.jnt_dofadr[j])]) ** 2,
-                f"joint {model.joint(j).name!r}",
-            )
-        )
+        angle = float(shape[int(model.jnt_dofadr[j])])
+        energy = float(model.jnt_stiffness[j]) * angle**2
+        energies.append((energy, f"joint {model.joint(j).name!r}"))
     for i in range(model.ntendon):
-        stiffness = float(model.tendon_stiffness[i])
-        shares.append(
-            (stiffness * float(along(model, i) @ shape) ** 2, f"tendon {model.tendon(i).name!r}")
-        )
-    share, name = max(shares, default=(0.0, ""))
-    return f", held mostly by the spring of {name}" if share > 0.0 else ""
+        length = float(along(model, i) @ shape)
+        energy = float(model.tendon_stiffness[i]) * length**2
+        energies.append((energy, f"tendon {model.tendon(i).name!r}"))
+    energy, name = max(energies, default=(0.0, ""))
+    return f", held mostly by the spring of {name}" if energy > 0.0 else ""
