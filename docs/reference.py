@@ -65,7 +65,7 @@ PARTS = {
     "Embedded": (
         "craft.appendage.Appendage",
         "craft.assembly.Assembly",
-        "craft.assembly.Mode",
+        "craft.coupled_modes.Mode",
         "craft.error.CraftError",
         "engine.bench.Composite",
         "steps.step_map.TimeError",

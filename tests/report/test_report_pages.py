@@ -77,8 +77,10 @@ def test_coupled_modes_are_those_of_the_file(observer, pages):
     shown = rows(pages["embed"], "Coupled modes of the whole spacecraft")
     ours = [float(row[3]) for row in shown if row[3] != "left out"]
     np.testing.assert_allclose(
-        ours, frequencies(observer.untimed)[-len(ours) :], rtol=1e-5
+        np.sort(ours), frequencies(observer.untimed)[-len(ours) :], rtol=1e-5
     )  # by forces, not by A and B
+    exact = [float(row[1]) for row in shown if row[1] != "-"]
+    assert exact == sorted(exact)
     for row, mode in zip(shown, observer.assembly.modes, strict=True):
         within = mode.exact is not None and mode.exact <= observer.assembly.band
         assert row[5] == (
@@ -91,7 +93,9 @@ def test_coupled_modes_are_those_of_the_file(observer, pages):
 def test_error_over_frequency_has_the_in_band_error_as_its_largest(observer):
     assembly = observer.assembly
     inside = assembly.omega <= assembly.common
-    assert assembly.error[inside].max() == assembly.in_band
+    # the grid's highest point, and the crest between its points
+    assert assembly.in_band == observer.promise.poses["rest"]
+    assert 0.99 * assembly.in_band < assembly.error[inside].max() <= assembly.in_band
     assert np.all(assembly.error >= 0.0)
     assert not np.all(inside)
 

@@ -13,7 +13,7 @@ from beamchain.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from beamchain.craft.assembly import Mode
+    from beamchain.craft.coupled_modes import Mode
     from beamchain.craft.embedded import Embedded
 
 

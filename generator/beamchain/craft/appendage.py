@@ -11,8 +11,8 @@ from lxml.etree import _Element as Element
 from numpy.typing import NDArray
 
 from beamchain.caution import Caution, at
-from beamchain.craft.assembly import Carried
 from beamchain.craft.disturbances import TENDON_DAMPING, disturbances
+from beamchain.craft.error import Carried
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.engine.mount import Mount

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 from beamchain import report
 from beamchain.checks import path_of
 from beamchain.craft.appendage import Appendage, carried
-from beamchain.craft.assembly import Assembly, Mode, prove
+from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
+from beamchain.craft.coupled_modes import Mode
 from beamchain.craft.documents import assemble
-from beamchain.craft.error import CraftError, Pose, craft_error, craft_poses, modes_at
+from beamchain.craft.error import CraftError, Pose, counterpart, craft_error, craft_poses
 from beamchain.craft.promise import JointRequest, joint_request, kept_band
 from beamchain.craft.sampled import craft_sampled_error
 from beamchain.craft.timing import craft_time_error, without_timing
@@ -85,12 +86,10 @@ class Embedded:
     @cached_property
     @one_thread()
     def assembly(self) -> Assembly:
-        """Coupled modes and hub accelerance against the exact assembly, at rest,
-        for what the scenes require or all."""
-        want = self._asked
-        return prove(
-            self.craft, self.untimed, carried(self.model, self.appendages), want.band, want.motions
-        )
+        """Coupled modes and the base body's accelerance at rest, exact and through MuJoCo:
+        the promise's view of the rest pose."""
+        exact = carried(self.model, self.appendages)
+        return assembly_at_rest(self.craft, self.untimed, exact, self.promise, self._asked.band)
 
     @cached_property
     @one_thread()
@@ -101,9 +100,7 @@ class Embedded:
         If no scene states a bandwidth: in all motions,
         up to where every appendage keeps all modes of its ports.
         """
-        return craft_error(
-            self.craft, self.untimed, carried(self.model, self.appendages), self._exact_poses
-        )
+        return craft_error(self.craft, self.untimed, self._exact_poses)
 
     @cached_property
     def _exact_poses(self) -> dict[str, list[Pose]]:
@@ -146,17 +143,15 @@ class Embedded:
         Raises:
             InputError: the spacecraft has no such keyframe.
         """
-        return modes_at(
-            self.craft, self.untimed, carried(self.model, self.appendages), self.band, key
-        )
+        exact = carried(self.model, self.appendages)
+        return modes_at_pose(self.craft, self.untimed, exact, self.band, key)
 
     @cached_property
     def composite(self) -> Composite:
         """Mass, centre of mass and inertia of the base body with all that it carries,
         in the rest pose."""
         body = base_body(self.craft, self.appendages[0].mount.body)
-        name = self.craft.body(body).name
-        return composite(self.model, int(self.model.body(name).id) if name else body)
+        return composite(self.model, counterpart(self.craft, self.model, body))
 
     @property
     def craft_error(self) -> float:

@@ -11,27 +11,24 @@ Theory: docs/theory.md, section 6.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.optimize import linear_sum_assignment
 
-from beamchain.checks import of_type
-from beamchain.craft.assembly import (
-    STILLEST,
-    Carried,
-    Mode,
-    comparable,
-    extra_damping,
-    on_base,
-)
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Linear, linear_at
-from beamchain.engine.mount import motion
-from beamchain.engine.operating_point import base_body, poses, quiet_copy, rest_point
-from beamchain.errors import InputError
+from beamchain.engine.mount import Mount, motion
+from beamchain.engine.operating_point import (
+    OperatingPoint,
+    base_body,
+    poses,
+    quiet_copy,
+    rest_point,
+)
 from beamchain.ports.compare import (
+    DEFAULT_RATIO,
     grid_of,
     maximum_of,
     peak_clusters,
@@ -44,6 +41,22 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, system_matrix
 
 RANK = 1e-9  # relative singular value below which a motion of the base is held
+STILLEST = 1e-12  # of the largest squared frequency, below which a motion is rigid
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """One appendage on the spacecraft: `whole`: the beam in space, all its modes, damped.
+
+    `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the
+    MuJoCo model; `band`: last kept cantilever frequency of each kept port [rad/s].
+    """
+
+    mount: Mount
+    whole: PortModel
+    kept: NDArray[np.bool_]
+    dofs: list[int]
+    band: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -63,6 +76,29 @@ class CraftError:
     poses: dict[str, float]
     motions: tuple[int, ...]
     body: str
+
+
+def default_damping(stiffness: Array, mass: Array) -> Array:
+    """`(nv, nv)` 0.5 % of damping in all that is sprung."""
+    values, shapes = eigh(stiffness, mass)
+    moving = values > STILLEST * max(float(np.max(values, initial=0.0)), 1e-300)
+    push = mass @ shapes[:, moving]
+    return push @ np.diag(2.0 * DEFAULT_RATIO * np.sqrt(values[moving])) @ push.T
+
+
+def extra_damping(bare: Linear) -> Array:
+    """`(nv, nv)` what the bare craft gets so that no peak is infinite: none where it is damped."""
+    if np.max(np.abs(bare.damping), initial=0.0) > 0.0:
+        return np.zeros_like(bare.damping)
+    return default_damping(bare.stiffness, bare.mass)
+
+
+def on_base(linear: Linear, point: OperatingPoint, body: int) -> Linear:
+    """The same with a wrench on a body, in its axes, for inputs, and the body's acceleration for
+    outputs: its response is the accelerance."""
+    data = point.data()
+    rows = motion(point.model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
+    return linear.on_body(rows)
 
 
 def peaks_of_craft(craft: Linear) -> Array:
@@ -103,11 +139,18 @@ def craft_at(model: "mujoco.MjModel", qpos: Array, body: int) -> Linear:
     return on_base(linear_at(point), point, body)
 
 
+def counterpart(craft: "mujoco.MjModel", model: "mujoco.MjModel", body: int) -> int:
+    """The body of the bare craft in the model with appendages: by its name, where it has one."""
+    name = craft.body(body).name
+    return int(model.body(name).id) if name else body
+
+
 class Pose:
     """The bare, quiet craft at a pose, and the exact answer on it.
 
     Motions of the base body that are `wanted` but that it cannot make are left out; `band`:
-    upper end [rad/s].
+    upper end [rad/s]; `appended`: degrees of freedom in the compiled model that are not the
+    craft's own, those of `carried` where left out.
     """
 
     def __init__(
@@ -117,10 +160,14 @@ class Pose:
         carried: Sequence[Carried],
         band: float,
         wanted: Sequence[int],
+        appended: Sequence[int] | None = None,
     ) -> None:
-        body = base_body(craft, carried[0].mount.body)
+        if appended is None:
+            appended = [dof for item in carried for dof in item.dofs]
+        self._appended: Sequence[int] = appended
+        self.body: int = base_body(craft, carried[0].mount.body)
         #: as it is, and with damping where it has none
-        self.bare: Linear = craft_at(craft, qpos, body)
+        self.bare: Linear = craft_at(craft, qpos, self.body)
         self.extra: Array = extra_damping(self.bare)
         self.craft: Linear = replace(self.bare, damping=self.bare.damping + self.extra)
         data = rest_point(craft, qpos).data()
@@ -131,16 +178,9 @@ class Pose:
         rows = np.linalg.norm(base, axis=1)
         able = [i for i in range(6) if rows[i] > RANK * rows.max(initial=1e-300)]
         self.motions: tuple[int, ...] = tuple(i for i in wanted if i in able) or tuple(able)
-        frozen = self.bare.mass + sum(
-            (
-                j.T @ item.whole.rigid_mass @ j
-                for j, item in zip(self.jacobians, carried, strict=True)
-            ),
-            np.zeros_like(self.bare.mass),
-        )
         # the base body's own joints: all others locked
         joints = np.abs(base).max(axis=0) > 0.0
-        locked = frozen[np.ix_(joints, joints)]
+        locked = self._rigid_mass[np.ix_(joints, joints)]
         rigid = base[:, joints] @ np.linalg.solve(locked, base[:, joints].T)
         inverse = np.linalg.pinv(rigid, rcond=RANK, hermitian=True)
         scale = np.sqrt(np.diag(inverse))[list(self.motions)]
@@ -148,6 +188,44 @@ class Pose:
         self.frozen: float = float(
             np.linalg.norm(rigid[np.ix_(self.motions, self.motions)] * self.scale, 2)
         )
+
+    @cached_property
+    def _rigid_mass(self) -> Array:
+        """`(nv, nv)` with every appendage frozen."""
+        mass = self.bare.mass.copy()
+        for jacobian, item in zip(self.jacobians, self.carried, strict=True):
+            mass += jacobian.T @ item.whole.rigid_mass @ jacobian
+        return mass
+
+    @cached_property
+    def rigid_accelerance(self) -> Array:
+        """`(6, 6)` of the base body, every appendage frozen and all joints free."""
+        base = self.bare.outputs.acceleration
+        return base @ np.linalg.solve(self._rigid_mass, base.T)
+
+    @property
+    def modal_coordinates(self) -> list[NDArray[np.intp]]:
+        """Places of the modes of each exact appendage, behind the craft's own coordinates."""
+        nv = self.bare.mass.shape[0]
+        ends = nv + np.cumsum([0, *(item.whole.modes for item in self.carried)])
+        return [np.arange(a, b) for a, b in pairwise(ends.tolist())]
+
+    def own_dofs(self, count: int) -> NDArray[np.intp]:
+        """The craft's own degrees of freedom among the `count` of the compiled model."""
+        return np.setdiff1d(np.arange(count), np.array(self._appended, dtype=np.intp))
+
+    def comparable(self, linear: Linear) -> Linear:
+        """The compiled craft with the damping of the exact answer: that of the bare craft, and
+        that of undamped modes."""
+        damping = linear.damping.copy()
+        own = self.own_dofs(damping.shape[0])
+        damping[np.ix_(own, own)] += self.extra
+        for item in self.carried:
+            # the ratio that undamped cantilever modes are given
+            if not np.any(item.whole.damping > 0.0) and item.dofs:
+                dofs = np.ix_(item.dofs, item.dofs)
+                damping[dofs] += default_damping(linear.stiffness[dofs], linear.mass[dofs])
+        return replace(linear, damping=damping)
 
     def accelerance(
         self,
@@ -178,11 +256,20 @@ class Pose:
         return [with_damping(item.whole) for item in self.carried]
 
     @cached_property
+    def with_exact(self) -> Linear:
+        """The craft with the exact appendages, all their modes for coordinates."""
+        return self.craft.with_appendages(self.whole, self.jacobians)
+
+    @cached_property
+    def peaks(self) -> Array:
+        """`(k, 2)` peaks of the exact craft: frequency [rad/s] and damping ratio."""
+        return self._peaks(self.near)
+
+    @cached_property
     def known(self) -> tuple[Array, Array, NDArray[np.complex128]]:
         """Peaks of the exact craft, a grid that resolves them, and the exact response there."""
-        peaks = self._peaks(self.near)
-        omega = grid_of([peaks], self.band)
-        return peaks, omega, self.exact(omega)
+        omega = grid_of([self.peaks], self.band)
+        return self.peaks, omega, self.exact(omega)
 
     def exact(self, omega: Array) -> NDArray[np.complex128]:
         """`response` with the exact appendages, all their modes."""
@@ -193,13 +280,10 @@ class Pose:
         appendages = [with_damping(model) for model in models]
         return self._error(partial(self.response, appendages), self._peaks(appendages))
 
-    def of_mujoco(
-        self, model: "mujoco.MjModel", qpos: Array, body: int, old: Sequence[int]
-    ) -> float:
-        """In-band error of the compiled `model` at `qpos`; `old`:
-        the craft's own degrees of freedom in it."""
-        ours = comparable(craft_at(model, qpos, body), self.carried, old, self.extra)
-        return self._error(partial(self.accelerance, ours), peaks_of_craft(ours))
+    def of_mujoco(self, model: "mujoco.MjModel", qpos: Array, body: int) -> float:
+        """In-band error of the compiled `model` at `qpos`, where the base is its `body`."""
+        compiled = self.comparable(craft_at(model, qpos, body))
+        return self._error(partial(self.accelerance, compiled), peaks_of_craft(compiled))
 
     def _peaks(self, models: Sequence[PortModel]) -> Array:
         return peaks_of_craft(self.craft.with_appendages(models, self.jacobians))
@@ -214,40 +298,6 @@ class Pose:
 
         values = np.concatenate([relative_error(response(omega), exact, self.frozen), curve(more)])
         return maximum_of(curve, np.concatenate([omega, more]), values)
-
-
-def modes_at(
-    craft: "mujoco.MjModel",
-    model: "mujoco.MjModel",
-    carried: Sequence[Carried],
-    band: float,
-    key: str,
-) -> tuple[Mode, ...]:
-    """Coupled modes up to `band` [rad/s] at a keyframe: exact,
-    and MuJoCo's that is nearest in frequency."""
-    craft = quiet_copy(craft)
-    model = quiet_copy(model)
-    known = poses(craft)
-    of_type("key", key, str, "the name of a keyframe")
-    if key not in known:
-        raise InputError(
-            f"keyframe {key!r} is not in the spacecraft; choose from {', '.join(known)}."
-        )
-    pose = Pose(craft, known[key], carried, band, range(6))
-    whole = pose.craft.with_appendages(pose.whole, pose.jacobians)
-    exact = _modes(whole.mass, whole.damping, whole.stiffness)[:, 0]
-    body = base_body(
-        model, int(model.body(craft.body(base_body(craft, carried[0].mount.body)).name).id)
-    )
-    compiled = craft_at(model, poses(model)[key], body)
-    ours = _modes(compiled.mass, compiled.damping, compiled.stiffness)[:, 0]
-    exact = np.sort(exact[exact <= band])
-    first, second = linear_sum_assignment(np.abs(np.log(exact[:, None] / ours[None, :])))
-    pairs = dict(zip(first.tolist(), second.tolist(), strict=True))
-    return tuple(
-        Mode(float(w), float(ours[pairs[i]]) if i in pairs else None, True)
-        for i, w in enumerate(exact)
-    )
 
 
 def port_motion(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Array:
@@ -269,8 +319,9 @@ def craft_poses(
     groups: dict[int, list[Carried]] = {}
     for item in carried:
         groups.setdefault(base_body(craft, item.mount.body), []).append(item)
+    appended = [dof for item in carried for dof in item.dofs]
     return {
-        name: [Pose(craft, qpos, group, band, wanted) for group in groups.values()]
+        name: [Pose(craft, qpos, group, band, wanted, appended) for group in groups.values()]
         for name, qpos in poses(craft).items()
     }
 
@@ -278,24 +329,19 @@ def craft_poses(
 def craft_error(
     craft: "mujoco.MjModel",
     model: "mujoco.MjModel",
-    carried: Sequence[Carried],
     exact: Mapping[str, list[Pose]],
 ) -> CraftError:
-    """The craft's promise as the compiled model keeps it, against the answers of `craft_poses`."""
+    """The craft's promise as the compiled model keeps it, against the answers of `craft_poses`
+    for the bare `craft`."""
     model = quiet_copy(model)
-    new = {dof for item in carried for dof in item.dofs}
-    old = [i for i in range(model.nv) if i not in new]
     positions = poses(model)
     errors: dict[str, float] = {}
     names: list[str] = []
     for name, several in exact.items():
         for pose in several:
-            body = base_body(craft, pose.carried[0].mount.body)
-            label = craft.body(body).name
-            names.append(label or f"body {body}")
-            there = int(model.body(label).id) if label else body
-            errors[name] = max(
-                errors.get(name, 0.0), pose.of_mujoco(model, positions[name], there, old)
-            )
+            names.append(craft.body(pose.body).name or f"body {pose.body}")
+            body = counterpart(craft, model, pose.body)
+            error = pose.of_mujoco(model, positions[name], body)
+            errors[name] = max(errors.get(name, 0.0), error)
     first = next(iter(exact.values()))[0]
     return CraftError(max(errors.values()), first.band, errors, first.motions, names[0])

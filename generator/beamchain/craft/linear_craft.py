@@ -8,9 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from beamchain.craft.appendage import Appendage, carried
-from beamchain.craft.assembly import Carried
 from beamchain.craft.embedded import Embedded
-from beamchain.craft.error import port_motion
+from beamchain.craft.error import Carried, port_motion
 from beamchain.craft.modal_form import SAMPLED, ModalForm, modal_form
 from beamchain.craft.mode_names import cantilever_names, mode_names
 from beamchain.craft.step_slopes import step_slopes

@@ -3,11 +3,11 @@ the file as MuJoCo steps it against exact appendages, pose by pose."""
 
 from collections.abc import Mapping, Sequence
 
-from beamchain.craft.error import Pose
+from beamchain.craft.error import Pose, counterpart
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Linear
 from beamchain.engine.mount import motion
-from beamchain.engine.operating_point import base_body, poses, quiet_copy, rest_point
+from beamchain.engine.operating_point import poses, quiet_copy, rest_point
 from beamchain.ports.motions import Array
 from beamchain.steps.sampled import FAR, SampledError, sampled_error
 from beamchain.steps.step_map import motion_at
@@ -47,11 +47,9 @@ def pose_sampled_error(
 ) -> SampledError:
     """The error of the quiet compiled `model` at `qpos`,
     which is the `pose` of the bare `craft`."""
-    body = base_body(craft, pose.carried[0].mount.body)
-    label = craft.body(body).name
-    there = int(model.body(label).id) if label else body
+    body = counterpart(craft, model, pose.body)
     data = rest_point(model, qpos).data()
-    rows = motion(model, data, there, data.xpos[there], data.xmat[there].reshape(3, 3))
+    rows = motion(model, data, body, data.xpos[body], data.xmat[body].reshape(3, 3))
     return sampled_error(
         exact_response_model(pose),
         motion_at(model, qpos),

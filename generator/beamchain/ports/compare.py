@@ -413,11 +413,11 @@ def peak_clusters(peaks: Array, bandwidth: float) -> Array:
 def grid_of(peaks: Sequence[Array], bandwidth: float) -> Array:
     """`(k,)` frequencies up to `bandwidth` that resolve all `peaks` `(n, 2)`."""
     points = [np.linspace(bandwidth / 400.0, bandwidth, 400)]
-    with_resolved_peaks = np.zeros((0, 2))
+    known = np.zeros((0, 2))
     for group in peaks:
-        new = unresolved_peaks(group, with_resolved_peaks)
+        new = unresolved_peaks(group, known)
         points.append(peak_clusters(new, bandwidth))
-        with_resolved_peaks = np.vstack([with_resolved_peaks, new])
+        known = np.vstack([with_resolved_peaks, new])
     return np.unique(np.concatenate(points))
 
 

@@ -100,7 +100,7 @@ def difference_figure(assembly: "Assembly") -> Figure:
     frame(ax, limits, (float(error.min()) / 2.0, 3.0 * float(error.max())), assembly.common)
     ax.plot(assembly.omega, error, color=OURS, linewidth=2.0, label="MuJoCo")
     at = int(np.argmax(np.where(assembly.omega <= assembly.common, error, -1.0)))
-    label = f"largest drawn in the band: {percent(assembly.in_band)}"
+    label = f"largest in the band: {percent(assembly.in_band)}"
     ax.plot(
         assembly.omega[at],
         error[at],

@@ -12,7 +12,8 @@ from beamchain.report.tables.steps import Limits, step_table
 
 if TYPE_CHECKING:
     from beamchain.craft.appendage import Appendage
-    from beamchain.craft.assembly import Assembly, Mode
+    from beamchain.craft.assembly import Assembly
+    from beamchain.craft.coupled_modes import Mode
     from beamchain.craft.embedded import Embedded
 
 coupled_frequency = digits(8)  # shows differences that the proof resolves
