@@ -417,7 +417,7 @@ def grid_of(peaks: Sequence[Array], bandwidth: float) -> Array:
     for group in peaks:
         new = unresolved_peaks(group, known)
         points.append(peak_clusters(new, bandwidth))
-        known = np.vstack([with_resolved_peaks, new])
+        known = np.vstack([known, new])
     return np.unique(np.concatenate(points))
 
 
