@@ -220,7 +220,7 @@ def test_render_without_ffmpeg_says_so(say, boom, tmp_path, monkeypatch, without
     monkeypatch.setattr(backend, "choose", lambda: "none")
     blank = np.zeros((64, 64, 3), dtype=np.uint8)
     monkeypatch.setattr(
-        draw, "drawn", lambda model, body, shown, ghosts, **_: iter([blank] * len(shown))
+        draw, "draw_frames", lambda model, body, shown, ghosts, **_: iter([blank] * len(shown))
     )
     arguments = [
         "render",

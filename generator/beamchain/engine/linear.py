@@ -359,105 +359,144 @@ def linear_at(
     Of a still model (`still_copy`): gravity and constraints would be in its slopes.
     """
     model = point.model
-    data = point.data()
-    nv = model.nv
-    na = model.na
-    units = np.eye(nv)
-    mass = dense_mass(model, data)
-    wrenches = [_generalised_force(model, data, signal) for signal in inputs]
-    count = sum(len(output.labels) for output in outputs)
+    probe = _Probe(point, inputs, outputs)
+    mass = dense_mass(model, probe.data)
+    wrenches = [_generalised_force(model, probe.data, signal) for signal in inputs]
+    of_position = probe.slopes(probe.move, model.nv, POSITION)
+    probe.hold_position()
+    of_rate = probe.slopes(probe.speed_up, model.nv, RATE)
+    of_activation = probe.slopes(probe.activate, model.na, RATE)
+    of_input = probe.slopes(probe.drive, len(inputs), RATE)
+    stiffness = -of_position.force
+    # slopes of springs and dampers are symmetric; gyroscopic moments are not
+    damping = -of_rate.force
+    return Linear(
+        mass=mass,
+        damping=(damping + damping.T) / 2.0 + of_rate.bias,
+        stiffness=(stiffness + stiffness.T) / 2.0,
+        coordinates=coordinate_names(model),
+        inputs=Inputs(
+            signals=tuple(Signal(signal.label, signal.unit) for signal in inputs),
+            force=of_input.force + np.array(wrenches).reshape(len(inputs), model.nv).T,
+        ),
+        outputs=Outputs(
+            signals=tuple(
+                Signal(label, unit)
+                for output in outputs
+                for label, unit in zip(output.labels, output.units, strict=True)
+            ),
+            position=of_position.outputs,
+            rate=of_rate.outputs,
+            acceleration=probe.slopes(probe.accelerate, model.nv, RATE).outputs
+            if outputs
+            else np.zeros((0, model.nv)),
+            feedthrough=of_input.outputs,
+        ),
+        activations=Activations(
+            names=activation_names(model),
+            force=of_activation.force,
+            rate=of_activation.activations,
+            feed=of_input.activations,
+            seen=of_activation.outputs,
+        ),
+    )
 
-    def rows(accelerated: int = -1, by: float = 0.0) -> Array:
-        """Forces, rates of activations and outputs of the state in data, whose positions MuJoCo
-        has seen; `by` is the acceleration of one degree of freedom."""
-        if outputs:
+
+class _Slopes(NamedTuple):
+    """Slopes by k perturbations: `(nv, k)` of passive and actuator forces and of bias forces,
+    `(na, k)` of the rates of activations, `(p, k)` of outputs."""
+
+    force: Array
+    bias: Array
+    activations: Array
+    outputs: Array
+
+
+class _Probe:
+    """Evaluates a model in perturbed states about an operating point."""
+
+    def __init__(
+        self, point: OperatingPoint, inputs: Sequence[Input], outputs: Sequence[Output]
+    ) -> None:
+        self.data: mujoco.MjData = point.data()
+        self._point = point
+        self._inputs = inputs
+        self._outputs = outputs
+        self._units: Array = np.eye(point.model.nv)
+
+    def slopes(
+        self, perturbed: "Callable[[int, float], Array]", count: int, step: float
+    ) -> _Slopes:
+        """Slopes by `count` perturbations."""
+        nv = self._point.model.nv
+        na = self._point.model.na
+        rows = 2 * nv + na + sum(len(output.labels) for output in self._outputs)
+        table = slopes(perturbed, count, step).reshape(rows, count)
+        return _Slopes(*np.split(table, [nv, 2 * nv, 2 * nv + na]))
+
+    def hold_position(self) -> None:
+        """Let MuJoCo see the positions of the operating point, for perturbations of all else."""
+        self._reset()
+        mujoco.mj_fwdPosition(self._point.model, self.data)
+
+    def move(self, i: int, by: float) -> Array:
+        """With one position perturbed."""
+        self._reset()
+        mujoco.mj_integratePos(self._point.model, self.data.qpos, self._units[i], by)
+        mujoco.mj_fwdPosition(self._point.model, self.data)
+        return self._values()
+
+    def speed_up(self, i: int, by: float) -> Array:
+        """With one rate perturbed."""
+        self._reset()
+        self.data.qvel[i] += by
+        return self._values()
+
+    def activate(self, i: int, by: float) -> Array:
+        """With one activation perturbed."""
+        self._reset()
+        self.data.act[i] = by
+        return self._values()
+
+    def drive(self, i: int, by: float) -> Array:
+        """With one input perturbed."""
+        self._reset()
+        self._inputs[i].apply(self.data, by)
+        return self._values()
+
+    def accelerate(self, i: int, by: float) -> Array:
+        """With an acceleration of one degree of freedom."""
+        self._reset()
+        return self._values(by * self._units[i])
+
+    def _reset(self) -> None:
+        self.data.qpos[:] = self._point.qpos
+        self.data.qvel[:] = self._point.qvel
+        self.data.act[:] = 0.0
+        self.data.ctrl[:] = 0.0
+        self.data.xfrc_applied[:] = 0.0
+
+    def _values(self, acceleration: "Array | float" = 0.0) -> Array:
+        """Forces, bias forces, rates of activations and outputs, one after the other.
+
+        MuJoCo has seen the positions; only what outputs read is computed for them.
+        """
+        model = self._point.model
+        data = self.data
+        if self._outputs:
             mujoco.mj_sensorPos(model, data)
         mujoco.mj_fwdVelocity(model, data)
-        if outputs:
+        if self._outputs:
             mujoco.mj_subtreeVel(model, data)
             mujoco.mj_sensorVel(model, data)
         mujoco.mj_fwdActuation(model, data)
-        if outputs:
-            data.qacc[:] = 0.0
-            if accelerated >= 0:
-                data.qacc[accelerated] = by
+        if self._outputs:
+            data.qacc[:] = acceleration
             mujoco.mj_rnePostConstraint(model, data)
             mujoco.mj_sensorAcc(model, data)
         force = data.qfrc_passive + data.qfrc_actuator
-        read = [output.read(data) for output in outputs]
+        read = [output.read(data) for output in self._outputs]
         return np.concatenate([force, data.qfrc_bias, data.act_dot, *read])
-
-    def reset() -> None:
-        data.qpos[:] = point.qpos
-        data.qvel[:] = point.qvel
-        data.act[:] = 0.0
-        data.ctrl[:] = 0.0
-        data.xfrc_applied[:] = 0.0
-
-    def moved(i: int, by: float) -> Array:
-        reset()
-        mujoco.mj_integratePos(model, data.qpos, units[i], by)
-        mujoco.mj_fwdPosition(model, data)
-        return rows()
-
-    def faster(i: int, by: float) -> Array:
-        reset()
-        data.qvel[i] += by
-        return rows()
-
-    def activated(i: int, by: float) -> Array:
-        reset()
-        data.act[i] = by
-        return rows()
-
-    def driven(i: int, by: float) -> Array:
-        reset()
-        inputs[i].apply(data, by)
-        return rows()
-
-    def accelerated(i: int, by: float) -> Array:
-        reset()
-        return rows(i, by)
-
-    def table(change: "Callable[[int, float], Array]", size: int, step: float) -> Array:
-        return slopes(change, size, step).reshape(2 * nv + na + count, size)
-
-    by_q = table(moved, nv, POSITION)
-    # from here on positions stay as they are
-    reset()
-    mujoco.mj_fwdPosition(model, data)
-    by_v = table(faster, nv, RATE)
-    by_a = table(activated, na, RATE)
-    by_u = table(driven, len(inputs), RATE)
-    by_acceleration = table(accelerated, nv, RATE) if outputs else np.zeros((2 * nv + na, nv))
-    rates = slice(2 * nv, 2 * nv + na)
-    seen = slice(2 * nv + na, None)
-    stiffness = -by_q[:nv]
-    # those of springs and dampers are symmetric; gyroscopic moments are not
-    damping = -by_v[:nv]
-    gyroscopic = by_v[nv : 2 * nv]
-    return Linear(
-        mass,
-        (damping + damping.T) / 2.0 + gyroscopic,
-        (stiffness + stiffness.T) / 2.0,
-        coordinate_names(model),
-        Inputs(
-            tuple(Signal(signal.label, signal.unit) for signal in inputs),
-            by_u[:nv] + np.array(wrenches).reshape(len(inputs), nv).T,
-        ),
-        Outputs(
-            tuple(
-                Signal(*words)
-                for output in outputs
-                for words in zip(output.labels, output.units, strict=True)
-            ),
-            position=by_q[seen],
-            rate=by_v[seen],
-            acceleration=by_acceleration[seen],
-            feedthrough=by_u[seen],
-        ),
-        Activations(activation_names(model), by_a[:nv], by_a[rates], by_u[rates], by_a[seen]),
-    )
 
 
 def _generalised_force(model: "mujoco.MjModel", data: "mujoco.MjData", signal: Input) -> Array:
