@@ -1,0 +1,201 @@
+"""Coupled modes of a craft at a pose: the exact ones and MuJoCo's in pairs,
+and what moves in each."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.optimize import linear_sum_assignment
+
+from beamchain.craft.error import RANK, Pose
+from beamchain.engine.linear import Linear
+from beamchain.ports.model import PortModel
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, square_root
+
+SHARE = 0.1  # of the strain energy, above which an appendage is named
+STILL = 1e-4  # of the kinetic energy, below which the bus is called still
+ALONG = 0.5  # cosine between the momenta of two appendages, above which they move in phase
+WORDS = {"xy": "bending xy", "xz": "bending xz", "torsion": "torsion", "axial": "axial"}
+AXIS = ("along x", "along y", "along z", "about x", "about y", "about z")
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A coupled mode: exact and MuJoCo's frequency [rad/s], None where the other has no partner.
+
+    `kept`: most of its strain energy is in modes that the chains were asked to keep, or in the
+    craft's own springs; `words`: what moves.
+    """
+
+    exact: float | None
+    mujoco: float | None
+    kept: bool
+    words: str = ""
+
+    @property
+    def error(self) -> float | None:
+        """Relative."""
+        return None if self.exact is None or self.mujoco is None else self.mujoco / self.exact - 1.0
+
+
+class _Modes(NamedTuple):
+    """Flexible modes of a craft: `frequency` `(n,)` ascending [rad/s], mass-normalised `shapes`
+    `(nv, n)` in the craft's own degrees of freedom, and `share` `(1 + appendages, n)` of the
+    strain energy in the craft's own springs and in each appendage."""
+
+    frequency: Array
+    shapes: Array
+    share: Array
+
+
+def coupled_modes(pose: Pose, compiled: Linear, band: float) -> tuple[Mode, ...]:
+    """Modes of the exact craft at a pose and of the compiled one, in pairs, ascending.
+
+    Exact modes without a partner are listed up to `band` [rad/s], and modes up to there get words.
+    """
+    reach = min(w for item in pose.carried for w in item.band.values())
+    craft = pose.with_exact
+    nv = pose.bare.mass.shape[0]
+    frequency, shapes = slow_modes(craft, reach)
+    energy = shapes * (craft.stiffness @ shapes)
+    exact_parts = [np.arange(nv), *pose.modal_coordinates]
+    exact = _Modes(frequency, shapes[:nv], _shares(energy, exact_parts))
+
+    frequency, compiled_shapes = slow_modes(compiled, reach)
+    compiled_energy = compiled_shapes * (compiled.stiffness @ compiled_shapes)
+    own = pose.own_dofs(compiled.mass.shape[0])
+    compiled_parts = [own, *(np.array(item.dofs, dtype=np.intp) for item in pose.carried)]
+    ours = _Modes(frequency, compiled_shapes[own], _shares(compiled_energy, compiled_parts))
+
+    asked_for = np.concatenate([np.ones(nv, np.bool_), *(item.kept for item in pose.carried)])
+    kept = energy[asked_for].sum(axis=0) > 0.5 * energy.sum(axis=0)
+    partner = _pairs(exact, ours, kept, pose.bare.mass)
+    modes = [
+        Mode(
+            exact=float(w),
+            mujoco=float(ours.frequency[partner[j]]) if j in partner else None,
+            kept=bool(kept[j]),
+            words=mode_words(pose, shapes[:, j]) if w <= band else "",
+        )
+        for j, w in enumerate(exact.frequency)
+        if j in partner or w <= band
+    ]
+    alone = set(range(ours.frequency.size)) - set(partner.values())
+    modes += [Mode(None, float(ours.frequency[i]), False) for i in sorted(alone)]
+    return tuple(sorted(modes, key=lambda mode: mode.exact or mode.mujoco or 0.0))
+
+
+def _shares(energy: Array, parts: Sequence[NDArray[np.intp]]) -> Array:
+    """`(parts, n)` share of each part's coordinates in the strain energy `(nv, n)` of modes."""
+    return np.array([energy[part].sum(axis=0) for part in parts]) / energy.sum(axis=0)
+
+
+def _pairs(exact: _Modes, ours: _Modes, kept: NDArray[np.bool_], mass: Array) -> dict[int, int]:
+    """The mode of MuJoCo that belongs to an exact one, by their numbers; the kept ones first.
+
+    Modes belong together by frequency; `mass` `(nv, nv)`: of the bare craft. Neighbours in
+    frequency may mix their shapes, so alike is what moves the craft and strains the appendages
+    half alike.
+    """
+    root = square_root(mass)
+    a = root @ ours.shapes
+    b = root @ exact.shapes
+    kinetic = np.linalg.norm(a, axis=0), np.linalg.norm(b, axis=0)
+    aligned = np.abs(a.T @ b) / np.clip(np.outer(*kinetic), 1e-300, None)
+    both_still = np.outer(kinetic[0] ** 2 < STILL, kinetic[1] ** 2 < STILL)
+    aligned = np.where(both_still, 1.0, aligned)
+    difference = np.abs(ours.share[:, :, None] - exact.share[:, None, :]).sum(axis=0)
+    alike = 1.0 - difference / 2.0
+    apart = np.abs(np.log(ours.frequency[:, None] / exact.frequency[None, :]))
+    cost = apart + np.clip(0.5 - aligned, 0.0, None) + np.clip(0.5 - alike, 0.0, None)
+    partner: dict[int, int] = {}
+    for group in (np.flatnonzero(kept), np.flatnonzero(~kept)):
+        free = np.setdiff1d(np.arange(ours.frequency.size), list(partner.values()))
+        rows, columns = linear_sum_assignment(cost[free][:, group])
+        partner |= {int(group[j]): int(free[i]) for i, j in zip(rows, columns, strict=True)}
+    return partner
+
+
+def slow_modes(linear: Linear, reach: float) -> tuple[Array, Array]:
+    """Frequencies above zero, ascending, and mass-normalised shapes.
+
+    `reach`: a frequency of interest. The matrices may be those of `mjd_transitionFD`, whose
+    rounding holds even rigid motions a little.
+    """
+    # eigenvalues of the inverse, so that low frequencies keep their digits
+    shift = (0.1 * reach) ** 2
+    values, shapes = eigh(linear.mass, linear.stiffness + shift * linear.mass)
+    # what is not is lost in the rounding of the slowest: far beyond any frequency of interest
+    above = values > 0.0
+    values = values[above]
+    shapes = shapes[:, above]
+    squares = 1.0 / values[::-1] - shift
+    shapes = shapes[:, ::-1] * np.sqrt(1.0 / values[::-1])
+    moving = squares > 1e-9 * shift
+    return np.sqrt(squares[moving]), shapes[:, moving]
+
+
+def mode_words(pose: Pose, shape: Array) -> str:
+    """One coupled mode in words, such as "left and right opposed, bending xz; bus about y".
+
+    `shape`: mass-normalised, over the craft's own degrees of freedom and the modal coordinates of
+    the exact appendages.
+    """
+    nv = pose.bare.mass.shape[0]
+    models = pose.whole
+    coordinates = [shape[part] for part in pose.modal_coordinates]
+    # twice the strain energies
+    own_energy = float(shape[:nv] @ pose.bare.stiffness @ shape[:nv])
+    energies = [
+        float(np.sum((m.frequencies * q) ** 2)) for m, q in zip(models, coordinates, strict=True)
+    ]
+    total = max(sum(energies) + own_energy, 1e-300)
+    moving = [i for i, energy in enumerate(energies) if energy > SHARE * total]
+    parts: list[str] = []
+    if moving:
+        first = max(moving, key=lambda i: energies[i])
+        port = _port(models[first], coordinates[first])
+        momenta = [
+            pose.carried[i].mount.axes @ _momentum(models[i], coordinates[i], port) for i in moving
+        ]
+        names = " and ".join(pose.carried[i].mount.at for i in moving)
+        parts.append(f"{names}{_phase(momenta)}, {WORDS[port]}")
+    if own_energy > SHARE * total:
+        parts.append("springs of the spacecraft")
+    # motion of the base body times the square root of the inertia that it feels
+    felt = np.diag(np.linalg.pinv(pose.rigid_accelerance, rcond=RANK, hermitian=True))
+    bus = np.sqrt(felt.clip(0.0)) * (pose.bare.outputs.acceleration @ shape[:nv])
+    k = int(np.argmax(np.abs(bus)))
+    parts.append(f"bus {AXIS[k]}" if float(np.sum(bus**2)) > STILL else "bus still")
+    return "; ".join(parts)
+
+
+def _momentum(model: PortModel, coordinates: Array, port: str) -> Array:
+    """`(3,)` momentum per rate of a mode in the root's axes: linear, or in torsion angular."""
+    columns = slice(3, 6) if port == "torsion" else slice(0, 3)
+    return model.participation[:, columns].T @ coordinates
+
+
+def _phase(momenta: Sequence[Array]) -> str:
+    """Whether two appendages move the same way."""
+    if len(momenta) != 2:
+        return ""
+    a, b = momenta
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    cosine = float(a @ b) / size if size > 0.0 else 0.0
+    if abs(cosine) <= ALONG:
+        return ""
+    return " in phase" if cosine > 0.0 else " opposed"
+
+
+def _port(model: PortModel, coordinates: Array) -> str:
+    """The port in which the cantilever mode with the most strain energy participates most."""
+    k = int(np.argmax((model.frequencies * coordinates) ** 2))
+    scale = np.sqrt(np.where(np.diag(model.rigid_mass) > 0.0, np.diag(model.rigid_mass), np.inf))
+    row = model.participation[k] / scale
+    return max(
+        PORTS, key=lambda port: float(np.sum((np.abs(PORT_MOTION[port]).T @ np.abs(row)) ** 2))
+    )
