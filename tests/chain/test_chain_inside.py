@@ -11,7 +11,7 @@ import pytest
 from appendages import close, seed_boom, unit_beam
 from arrays import tube
 from beamchain import InputError, PortModel
-from beamchain.chain import freeze_between as cuts
+from beamchain.chain import cut as cuts
 from beamchain.chain.chain import Chain, Hinge, Link
 from beamchain.chain.recursion import Nodes, planar_chain, realise, realise_scalar, split
 from beamchain.chain.rivals import (

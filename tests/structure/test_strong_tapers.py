@@ -75,3 +75,14 @@ def test_a_taper_is_not_followed_beyond_its_end_by_rounding():
         assert "taper" in str(refusal)
     else:
         assert model.modes > 0
+
+
+def test_a_stiffness_that_underflows_is_named():
+    limp = bc.Equivalent(
+        bending_stiffness_xy=1e4, linear_mass=8.0, torsion_stiffness=3e-300, polar_inertia=5e-3
+    )
+    beam = bc.Beam(segments=(bc.Segment(length=0.86, section=limp),))
+    with pytest.raises(
+        bc.InputError, match=r'port "torsion": a segment has the stiffness 3e-300'
+    ):
+        beam.port("torsion", 2)

@@ -7,8 +7,9 @@ closing question, for links with redistributed mass, in closed form.
 Theory: docs/theory.md, section 3.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import fsum
 
 import numpy as np
 
@@ -64,7 +65,14 @@ def realise(target: PortModel) -> Nodes:
             "nodes."
         )
     _check(nodes, scale_length)
-    return nodes
+    return _with_mass(nodes, float(target.rigid_mass[0, 0]))
+
+
+def _with_mass(nodes: Nodes, mass: float) -> Nodes:
+    """The nodes with the rigid mass for their sum: the heaviest takes what rounding left of it."""
+    masses = nodes.masses.copy()
+    masses[np.argmax(masses)] += mass - fsum(masses)
+    return replace(nodes, masses=masses)
 
 
 def _rods(r: Array, phi: Array, lam: Array, count: int) -> tuple[Array, Array, Array]:

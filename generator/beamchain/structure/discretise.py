@@ -19,6 +19,7 @@ from beamchain.structure import elements
 from beamchain.structure.segment import Joint, Lump, Segment, Stations
 
 STEEPEST = 1e100  # ratio of a dimension between the ends of a segment
+LIMPEST = 1e-200  # [N m^2, N]: a smaller stiffness underflows
 FEW = 12  # pieces up to which segments alone choose the degree
 MANY = 100  # pieces beyond which the degree is raised by two at a time
 FAR = 1e-3  # relative change from which the degree is raised faster
@@ -114,6 +115,12 @@ def _discretise(
         raise InputError(
             f'port "{port}": a segment states no stiffness there (an "equivalent" section with 0, '
             f"rigid); set modes.{port} = 0 or give its stiffness."
+        )
+    limpest = min(float(np.min(piece.stiffness)) for piece in pieces)
+    if limpest < LIMPEST:
+        raise InputError(
+            f'port "{port}": a segment has the stiffness {limpest:.3g}, below {LIMPEST:g}, beyond '
+            f"double precision; set modes.{port} = 0 or give its stiffness."
         )
     has_inertia = any(np.any(piece.inertia > 0.0) for piece in pieces)
     lump_turns = any(lump.inertia[0] for lump in parts.lumps)
