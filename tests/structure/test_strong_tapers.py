@@ -82,7 +82,5 @@ def test_a_stiffness_that_underflows_is_named():
         bending_stiffness_xy=1e4, linear_mass=8.0, torsion_stiffness=3e-300, polar_inertia=5e-3
     )
     beam = bc.Beam(segments=(bc.Segment(length=0.86, section=limp),))
-    with pytest.raises(
-        bc.InputError, match=r'port "torsion": a segment has the stiffness 3e-300'
-    ):
+    with pytest.raises(bc.InputError, match=r'port "torsion": a segment has the stiffness 3e-300'):
         beam.port("torsion", 2)
