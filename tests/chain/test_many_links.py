@@ -36,7 +36,7 @@ def test_many_links_are_read_back(recipe, links, make):
     # a hinge at the root needs a carrier with mass, which is taken off again
     measured = measure(
         write.appendage_document(chain, "appendage"),
-        ("xy",),
+        [("xy",)],
         timestep=0.01,
         ballast=root_body(chain),
     )

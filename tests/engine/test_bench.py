@@ -8,7 +8,7 @@ from beamchain import fit
 from beamchain.engine.bench import measure
 
 DECOUPLED = 1e-9  # 0 measured
-PORTS = ("xy", "xz", "torsion", "axial")
+BLOCKS = (("xy",), ("xz",), ("torsion",), ("axial",))
 
 
 def test_what_couples_the_ports_is_named():
@@ -17,7 +17,7 @@ def test_what_couples_the_ports_is_named():
     inertial = tree.findall(".//inertial")[-1]
     x, _, _ = inertial.get("pos").split()
     inertial.set("pos", f"{x} 0 0.05")
-    measured = measure(tree, PORTS, timestep=0.01)
+    measured = measure(tree, BLOCKS, timestep=0.01)
     assert measured.couplings["xy, torsion"] > 1e-6
     assert measured.couplings["xz, axial"] > 1e-6
     assert measured.couplings["xy, xz"] < DECOUPLED

@@ -1,9 +1,9 @@
 """The test bench: an appendage's root driven in MuJoCo,
 and the port models that A and B give back."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -18,7 +18,7 @@ from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import write
 from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array, body_mass_matrix, offset_matrix
+from beamchain.ports.motions import PORT_MOTION, Array, body_mass_matrix, offset_matrix
 from beamchain.structure.planes import near_groups, turn_into_planes
 
 STRAIGHT = 1e-8  # perturbation: of a straight chain at rest only curvature is lost
@@ -42,11 +42,20 @@ NOTHING = 1e-9  # relative, below which a number is printed as zero
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What MuJoCo says: port models, rigid mass `(6, 6)`, couplings, digits lost.
+    """What MuJoCo says of an appendage.
 
-    `coupled`: where joints are damped, the appendage in six motions with its whole damping matrix.
+    Args:
+        blocks: port model of each block of ports, and which of the six motions it has.
+        ports: the view of each port, the other motions held.
+        rigid_mass: `(6, 6)` of the bodies.
+        couplings: between any two blocks of ports, relative.
+        linearisation: of the bench.
+        lost: per port, how far A and B are from the direct reading, which is taken beyond 1e-11.
+        coupled: where joints are damped, the appendage in six motions with its whole damping
+            matrix.
     """
 
+    blocks: tuple[tuple[PortModel, list[int]], ...]
     ports: dict[str, PortModel]
     rigid_mass: Array
     couplings: dict[str, float]
@@ -54,91 +63,175 @@ class Measured:
     lost: dict[str, float] = field(default_factory=dict[str, float])
     coupled: CoupledPort | None = None
 
+    @cached_property
+    def space(self) -> PortModel:
+        """The port model in six motions, its modes ascending: the blocks do not couple."""
+        mass = self.rigid_mass.copy()
+        for model, motions in self.blocks:
+            mass[np.ix_(motions, motions)] = model.rigid_mass
+        models = [model for model, _ in self.blocks]
+        frequencies = np.concatenate([np.zeros(0), *(model.frequencies for model in models)])
+        damping = np.concatenate([np.zeros(0), *(model.damping for model in models)])
+        rows = [model.participation @ np.eye(6)[motions] for model, motions in self.blocks]
+        participation = np.vstack([np.zeros((0, 6)), *rows])
+        order = np.argsort(frequencies, kind="stable")
+        return PortModel(mass, frequencies[order], participation[order], damping[order])
+
     @property
     def coupling(self) -> float:
-        """Largest coupling between two ports, relative."""
+        """Largest coupling between two blocks, relative."""
         return max(self.couplings.values(), default=0.0)
 
 
-def _compiled(
-    appendage: Element, ports: Sequence[str], timestep: float, ballast: Array | None
-) -> "tuple[mujoco.MjModel, Linearisation, Array]":
-    """The bench, its linearisation, and the mass matrix `(6, 6)` of the ballast."""
-    model = compile_model(
-        write.document_text(write.bench_document(appendage, ports, timestep, ballast))
-    )
+class _Freedoms(NamedTuple):
+    """Degrees of freedom of a block of ports on the bench: numbers of the `root` ones, which make
+    the `motions` (0 to 5) of the root, and of the `inner` ones."""
+
+    root: list[int]
+    inner: list[int]
+    motions: list[int]
+
+    @property
+    def signs(self) -> Array:
+        """`(m, m)` of the bench's motions."""
+        return np.diag(SIGNS[self.motions])
+
+
+def measure(
+    appendage: Element,
+    blocks: Sequence[Sequence[str]],
+    *,
+    timestep: float,
+    ballast: Array | None = None,
+    live: Sequence[int] = tuple(range(6)),
+) -> Measured:
+    """Linearise an appendage on the bench, block by block.
+
+    Args:
+        appendage: its drop-in element.
+        blocks: ports that modes or mass couple stand together; ports of no block are held.
+        timestep: of the bench [s].
+        ballast: `(4,)`, see `mjcf.write.bench_document`.
+        live: motions in which the appendage has inertia (0 to 5).
+
+    Raises:
+        EngineError: the modes of a block lie too far apart for double precision.
+    """
+    ports = [port for block in blocks for port in block]
+    document = write.bench_document(appendage, ports, timestep, ballast)
+    model = compile_model(write.document_text(document))
+    linear = linearise(model, epsilon=STRAIGHT)
     extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
-    return model, linearise(model, epsilon=STRAIGHT), extra
+    read = readings(model)
+    rigid = rigid_mass(model, "bench") - extra
+    models: list[tuple[PortModel, list[int]]] = []
+    views: dict[str, PortModel] = {}
+    lost: dict[str, float] = {}
+    freedoms = {tuple(block): _freedoms(linear.joints, block) for block in blocks}
+    for block, dofs in freedoms.items():
+        model_of_block, difference = _block_model(linear, read, block, dofs, extra, live)
+        motions = [motion for motion in dofs.motions if motion in live]
+        models.append((model_of_block, motions))
+        for port in block:
+            motion = PORT_MOTION[port]
+            if np.all(np.delete(motion, motions, axis=0) == 0.0):
+                views[port] = view(model_of_block, motion[motions])
+                lost[port] = difference
+    couplings = {
+        f"{' and '.join(a)}, {' and '.join(b)}": linear.coupling(
+            [tuple(freedoms[x].root + freedoms[x].inner) for x in (a, b)]
+        )
+        for a, b in combinations(freedoms, 2)
+    }
+    return Measured(
+        blocks=tuple(models),
+        ports=views,
+        rigid_mass=rigid,
+        couplings=couplings,
+        linearisation=linear,
+        lost=lost,
+        coupled=_with_whole_damping(read, linear.joints, rigid),
+    )
 
 
-def _surer(seen: Callable[[], PortModel], direct: PortModel) -> tuple[PortModel, float]:
-    """What A and B hold, or the direct reading where they have lost digits,
-    and how far the two are apart."""
+def _freedoms(joints: Sequence[str], block: Sequence[str]) -> _Freedoms:
+    """The degrees of freedom of a block, by the names of their joints."""
+    of_root = {joint for port in block for joint in write.ROOT_JOINTS[port]}
+    motions = [motion for motion, joint in enumerate(ROOT) if joint in of_root]
+    root = [joints.index(ROOT[motion]) for motion in motions]
+    ends = tuple(f"_{port}" for port in block)
+    inner = [i for i, joint in enumerate(joints) if joint not in ROOT and joint.endswith(ends)]
+    return _Freedoms(root, inner, motions)
+
+
+def _block_model(
+    linear: Linearisation,
+    read: Readings,
+    block: Sequence[str],
+    dofs: _Freedoms,
+    extra: Array,
+    live: Sequence[int],
+) -> tuple[PortModel, float]:
+    """The port model of a block in its `live` motions as A and B hold it, or the direct reading
+    where they have lost digits; and how far the two are apart. `extra` `(6, 6)`: the ballast."""
+    ballast = extra[np.ix_(dofs.motions, dofs.motions)]
+    signs = np.ones(read.rows.shape[1])
+    signs[dofs.root] = SIGNS[dofs.motions]
     try:
-        found = seen()
+        direct = port_of(read._replace(rows=read.rows * signs), dofs.root, dofs.inner, ballast)
+    except InputError:
+        names = " and ".join(block)
+        raise EngineError(
+            f"the chain's modes in {names} lie too far apart for double precision, so that "
+            f"MuJoCo's mass matrix does not hold them; keep fewer modes in {names}."
+        ) from None
+    keep = [i for i, motion in enumerate(dofs.motions) if motion in live]
+    groups = near_groups(direct.frequencies, TOGETHER)
+    rows = _in_planes(direct.participation, direct.rigid_mass, dofs.motions, groups)
+    direct = view(direct.replaced(participation=rows), np.eye(len(dofs.motions))[:, keep])
+    try:
+        found = _from_linearisation(linear, dofs, ballast, keep)
         lost = distance(found, direct)
     except (InputError, EngineError, np.linalg.LinAlgError):
         return direct, 1.0
     return found if lost <= DIGITS else direct, lost
 
 
-def measure(
-    appendage: Element, ports: Sequence[str], *, timestep: float, ballast: Array | None = None
-) -> Measured:
-    """Linearise the appendage on the bench; `ballast` `(4,)`: see `mjcf.write.bench_document`."""
-    model, linear, extra = _compiled(appendage, ports, timestep, ballast)
-    groups: dict[str, tuple[int, ...]] = {}
-    for port in ports:
-        groups[port] = tuple(
-            i
-            for i, joint in enumerate(linear.joints)
-            if joint in write.ROOT_JOINTS[port] or joint.endswith(f"_{port}")
-        )
-    models: dict[str, PortModel] = {}
-    lost: dict[str, float] = {}
-    read = readings(model)
-    for port, dofs in groups.items():
-        ballast_mass = PORT_MOTION[port].T @ extra @ PORT_MOTION[port]
-        root = [i for i in dofs if linear.joints[i] in write.ROOT_JOINTS[port]]
-        try:
-            direct = port_of(read, root, [i for i in dofs if i not in root], ballast_mass)
-        except InputError:
-            raise EngineError(
-                f"the chain's modes in {port} lie too far apart for double precision, so that "
-                f"MuJoCo's mass matrix does not hold them; keep fewer modes in {port}."
-            ) from None
-        models[port], lost[port] = _surer(partial(linear.port, dofs, ballast_mass), direct)
-    pairs = {
-        f"{a}, {b}": linear.coupling([groups[a], groups[b]]) for a, b in combinations(groups, 2)
-    }
-    rigid = rigid_mass(model, "bench") - extra
-    return Measured(
-        models, rigid, pairs, linear, lost, _with_whole_damping(read, linear.joints, rigid)
+def _from_linearisation(
+    linear: Linearisation, dofs: _Freedoms, ballast: Array, keep: list[int]
+) -> PortModel:
+    """The port model of a block, in those of its motions that are kept, as A and B hold it."""
+    columns = [linear.driven.index(dof) for dof in dofs.root]
+    held = linear.held(dofs.root, dofs.inner, columns, dofs.signs)
+    apparent = (held.apparent + held.apparent.T) / 2.0
+    frequencies = np.sqrt(held.squares)
+    groups = near_groups(frequencies, TOGETHER)
+    singles = [[k] for k in range(frequencies.size) if not any(k in group for group in groups)]
+    participation = held.rows([*singles, *groups])
+    mass = apparent + participation.T @ participation - ballast
+    rows = _in_planes(participation, mass, dofs.motions, groups)
+    return PortModel(mass[np.ix_(keep, keep)], frequencies, rows[:, keep], held.ratios)
+
+
+def _in_planes(
+    participation: Array, mass: Array, motions: list[int], groups: list[list[int]]
+) -> Array:
+    """`(n, m)` participation, modes of equal frequency turned into the planes."""
+    rows = np.zeros((len(participation), 6))
+    rows[:, motions] = participation
+    scale = np.ones(6)
+    scale[motions] = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
+    turn, _ = turn_into_planes(rows, scale, groups)
+    return turn @ participation
+
+
+def view(model: PortModel, motion: Array) -> PortModel:
+    """The port model of some motions `(m, k)` of the root, the others held."""
+    return model.replaced(
+        rigid_mass=motion.T @ model.rigid_mass @ motion,
+        participation=model.participation @ motion,
+        tip=None,
     )
-
-
-def measure_in_space(
-    appendage: Element,
-    *,
-    timestep: float,
-    ballast: Array | None = None,
-    live: Sequence[int] = tuple(range(6)),
-) -> tuple[Measured, PortModel]:
-    """The same with six motions free, and the port model of the `live` ones."""
-    model, linear, extra = _compiled(appendage, PORTS, timestep, ballast)
-    root = [linear.joints.index(joint) for joint in ROOT]
-    inner = [i for i in range(len(linear.joints)) if i not in root]
-    keep = list(live)
-    direct = _direct(model, root, inner, extra, keep)
-    space, lost = _surer(partial(_port, linear, root, inner, extra, keep), direct)
-    ports: dict[str, PortModel] = {}
-    for port in PORTS:
-        motion = PORT_MOTION[port]
-        if np.all(np.delete(motion, keep, axis=0) == 0.0):
-            ports[port] = block(space, motion[keep])
-    rigid = rigid_mass(model, "bench") - extra
-    whole = _with_whole_damping(readings(model), linear.joints, rigid)
-    return Measured(ports, rigid, {}, linear, dict.fromkeys(ports, lost), whole), space
 
 
 def _with_whole_damping(read: Readings, joints: Sequence[str], rigid: Array) -> CoupledPort | None:
@@ -150,49 +243,6 @@ def _with_whole_damping(read: Readings, joints: Sequence[str], rigid: Array) -> 
         return None
     motions = np.diag(SIGNS)[[ROOT.index(joints[i]) for i in root]]
     return coupled_port(read, root, inner, motions, rigid)
-
-
-def block(space: PortModel, motion: Array) -> PortModel:
-    """The port model of some motions `(m, k)` of the root, the others held."""
-    return space.replaced(
-        rigid_mass=motion.T @ space.rigid_mass @ motion,
-        participation=space.participation @ motion,
-        tip=None,
-    )
-
-
-def _direct(
-    model: "mujoco.MjModel", root: list[int], inner: list[int], extra: Array, live: list[int]
-) -> PortModel:
-    """The same from MuJoCo's own bodies, springs and dampers."""
-    read = readings(model)
-    signs = np.ones(read.rows.shape[1])
-    signs[root] = SIGNS
-    own = port_of(read._replace(rows=read.rows * signs), root, inner, extra)
-    groups = near_groups(own.frequencies, TOGETHER)
-    return _in_planes(own.rigid_mass, own.frequencies, own.participation, own.damping, groups, live)
-
-
-def _in_planes(
-    mass: Array, w: Array, rows: Array, ratios: Array, groups: list[list[int]], live: list[int]
-) -> PortModel:
-    """The model of the `live` motions, its modes of equal frequency turned into the planes."""
-    scale = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
-    turned = turn_into_planes(rows, scale, groups)[0] @ rows
-    return PortModel(mass[np.ix_(live, live)], w, turned[:, live], ratios)
-
-
-def _port(
-    linear: Linearisation, root: list[int], inner: list[int], extra: Array, live: list[int]
-) -> PortModel:
-    columns = [linear.driven.index(dof) for dof in root]
-    held = linear.held(root, inner, columns, np.diag(SIGNS))
-    apparent = (held.apparent + held.apparent.T) / 2.0
-    w = np.sqrt(held.squares)
-    groups = near_groups(w, TOGETHER)
-    singles = [[k] for k in range(w.size) if not any(k in group for group in groups)]
-    rows = held.rows([*singles, *groups])
-    return _in_planes(apparent + rows.T @ rows - extra, w, rows, held.ratios, groups, live)
 
 
 def distance(a: PortModel, b: PortModel) -> float:

@@ -222,8 +222,9 @@ def _fit(spec: Spec) -> Fit:
     tree = appendage_tree(spec, chain, beam)
     clock.append(time.perf_counter())
     # a planar boom is tested as the paper does
-    free = tuple(kept) if tuple(kept) == ("xy",) else PORTS
-    measured = measure(tree, free, timestep=scene.step, ballast=root_body(chain))
+    free = ("xy",) if tuple(kept) == ("xy",) else PORTS
+    blocks = [(port,) for port in free]
+    measured = measure(tree, blocks, timestep=scene.step, ballast=root_body(chain))
     achieved = {port: measured.ports[port] for port in built.targets}
     limits = step_limits(chain, model_in_space(achieved, measured.rigid_mass), hub)
     promise = None

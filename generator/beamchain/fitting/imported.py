@@ -11,7 +11,7 @@ from msgspec import structs
 
 from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain
 from beamchain.chain.tendons import ModeGroup, group_motion, joint_damping
-from beamchain.engine.bench import Measured, measure_in_space, root_body
+from beamchain.engine.bench import Measured, measure, root_body, view
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.choose import make_plan
 from beamchain.fitting.document import appendage_tree
@@ -194,9 +194,10 @@ def fit_imported(spec: Spec, data: ModalData) -> Fit:
     tree = appendage_tree(spec, chain, line)
     clock.append(time.perf_counter())
     live = tuple(data.live)
-    measured, achieved = measure_in_space(
-        tree, timestep=case.scene.step, ballast=root_body(chain), live=live
+    measured = measure(
+        tree, case.kept.blocks, timestep=case.scene.step, ballast=root_body(chain), live=live
     )
+    achieved = view(measured.space, np.eye(6)[:, list(live)])
     space = _space(case, why, achieved, live, measured.coupled)
     message = f"{built.status.message} Ports: {why}."
     if space.error.mass_error > SAME_MASS:

@@ -236,8 +236,8 @@ class ModalData:
         return np.where(parts < max(self.tolerance, SLIGHT), 0.0, parts)
 
     @property
-    def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Ports that modes or the rigid mass couple, those that a mode moves."""
+    def blocks(self) -> tuple[tuple[str, ...], ...]:
+        """Ports with inertia, those that modes or the rigid mass couple together."""
         parts = self.parts
         linked = (parts.T @ parts) > 0.0
         scaled_mass = np.abs(self.rigid_mass / np.outer(self.scale, self.scale))
@@ -248,9 +248,19 @@ class ModalData:
                 between = motions[a].T @ coupled @ motions[b]
                 linked[i, j] |= bool(np.any(between > 0.0))
         count, numbers = connected_components(linked, directed=False)
-        groups = [np.flatnonzero(numbers == k).tolist() for k in range(count)]
-        moved = [group for group in groups if np.any(parts[:, group] > 0.0)]
-        return tuple(tuple(PORTS[i] for i in group) for group in moved)
+        live = np.diag(self.rigid_mass) > 0.0
+        blocks = (tuple(PORTS[i] for i in np.flatnonzero(numbers == k)) for k in range(count))
+        return tuple(
+            block for block in blocks if any(np.any(motions[port][live]) for port in block)
+        )
+
+    @property
+    def groups(self) -> tuple[tuple[str, ...], ...]:
+        """The blocks that a mode moves."""
+        moved = np.any(self.parts > 0.0, axis=0)
+        return tuple(
+            block for block in self.blocks if any(moved[PORTS.index(port)] for port in block)
+        )
 
     # -- port models -------------------------------------------------------------------------------
     def space(self) -> PortModel:
