@@ -24,8 +24,9 @@ from beamchain.chain.rivals import equal_links
 from beamchain.fitting.choose import everything, whole_beam
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import default_hub
-from beamchain.fitting.needs import FAR, Promise
+from beamchain.fitting.needs import AXES, FAR, Promise, damped_in_space, with_polar_inertia
 from beamchain.mjcf import write
+from beamchain.ports.compare import with_damping
 from beamchain.ports.compose import model_in_space
 
 EXAMPLES = Path(bc.__file__).parent / "examples"
@@ -114,16 +115,20 @@ def rival(spec: bc.Spec, ports: list[str]) -> tuple[int, float]:
     whole = {
         port: spec.with_ratios(port, model) for port, model in whole_beam(spec, spec.beam).items()
     }
-    promise = Promise(
-        whole, spec.beam.rigid_mass(), spec.root.hub.mass_matrix(), spec.scene.axes, band
+    far = FAR * band
+    exact = damped_in_space(
+        {port: with_damping(model).condensed(far) for port, model in whole.items()},
+        with_polar_inertia(spec.beam.rigid_mass()),
     )
+    wanted = sorted({AXES[axis] for axis in spec.scene.axes})
+    promise = Promise(exact, spec.root.hub.mass_matrix(), wanted, band)
     known: dict[int, float] = {}
 
     def error(count: int) -> float:
         if count not in known:
             chain = classical(spec, ports, count)
             models = {p: spec.with_ratios(p, chain.port(p)).condensed(FAR * band) for p in ports}
-            known[count] = promise.error(models, dict.fromkeys(models, count))
+            known[count] = promise.error(damped_in_space(models, exact.rigid_mass))
         return known[count]
 
     high = 2

@@ -187,8 +187,11 @@ def _block_model(
         ) from None
     keep = [i for i, motion in enumerate(dofs.motions) if motion in live]
     groups = near_groups(direct.frequencies, TOGETHER)
-    rows = _in_planes(direct.participation, direct.rigid_mass, dofs.motions, groups)
-    direct = view(direct.replaced(participation=rows), np.eye(len(dofs.motions))[:, keep])
+    if groups:
+        rows = _in_planes(direct.participation, direct.rigid_mass, dofs.motions, groups)
+        direct = direct.replaced(participation=rows)
+    if len(keep) < len(dofs.motions):
+        direct = view(direct, np.eye(len(dofs.motions))[:, keep])
     try:
         found = _from_linearisation(linear, dofs, ballast, keep)
         lost = distance(found, direct)

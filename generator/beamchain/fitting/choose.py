@@ -9,10 +9,22 @@ from msgspec import structs
 from beamchain.chain.build import Status
 from beamchain.errors import InputError
 from beamchain.fitting.hub import port_hub_mass
-from beamchain.fitting.needs import FAR, MOST, Choice, LeftOut, Promise, Reduce, choose
+from beamchain.fitting.needs import (
+    AXES,
+    FAR,
+    MOST,
+    Candidates,
+    Choice,
+    LeftOut,
+    Promise,
+    Reduce,
+    choose,
+    with_polar_inertia,
+)
 from beamchain.fitting.options import Modes
 from beamchain.fitting.spec import Spec
-from beamchain.ports.compare import keeps_tolerance, tolerance_statement
+from beamchain.ports.compare import keeps_tolerance, tolerance_statement, with_damping
+from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.beam import Beam
@@ -135,9 +147,16 @@ def make_plan(
 
     scene, wanted = spec.scene, spec.root.target
     promise = None
+    whole: dict[str, PortModel] = {}
     if scene is not None and scene.bandwidth is not None:
-        whole = {port: spec.with_ratios(port, model) for port, model in full.items()}
-        promise = Promise(whole, rigid_mass, hub, scene.axes, scene.bandwidth)
+        far = FAR * scene.bandwidth
+        whole = {
+            port: with_damping(spec.with_ratios(port, model)).condensed(far)
+            for port, model in full.items()
+        }
+        exact = model_in_space(whole, with_polar_inertia(rigid_mass))
+        wanted_motions = {AXES[axis] for axis in scene.axes}
+        promise = Promise(exact, hub, sorted(wanted_motions), scene.bandwidth)
     if not spec.chooses or promise is None or scene is None:
         return Plan(dict(spec.kept), wanted or "clamped", reduce, None, promise)
     free = ["clamped", "free"] if hub is None else ["clamped", "hub", "free"]
@@ -153,7 +172,9 @@ def make_plan(
     def reduced(target: str, port: str, count: int) -> PortModel:
         return spec.with_ratios(port, reduce(target, port, count))
 
-    choice = choose(promise, reduced, targets, scene.tolerance, fixed, scene.tip)
+    frequencies = {port: model.frequencies for port, model in full.items()}
+    candidates = Candidates(whole, frequencies, reduced)
+    choice = choose(promise, candidates, targets, scene.tolerance, fixed, scene.tip)
     return Plan(
         {port: n for port, n in choice.modes.items() if n}, choice.target, reduce, choice, promise
     )

@@ -19,6 +19,7 @@ from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.choose import Plan, further_columns, make_plan, whole_beam
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import Hub, port_hub_mass
+from beamchain.fitting.needs import damped_in_space
 from beamchain.fitting.options import Damping, FitOptions, Modes, Root, Scene, Target
 from beamchain.fitting.proof import assess_fit, step_limits
 from beamchain.fitting.result import Fit
@@ -229,10 +230,10 @@ def _fit(spec: Spec) -> Fit:
     limits = step_limits(chain, model_in_space(achieved, measured.rigid_mass), hub)
     promise = None
     if plan.promise is not None:
-        promise = (
-            plan.promise.error(achieved, dict.fromkeys(achieved, "achieved"))
+        promise = plan.promise.error(
+            damped_in_space(achieved, plan.promise.exact.rigid_mass)
             if measured.coupled is None
-            else plan.promise.error_in_space(measured.coupled)
+            else measured.coupled
         )
     return assess_fit(
         spec,

@@ -15,15 +15,15 @@ from beamchain.engine.bench import Measured, measure, root_body, view
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.choose import make_plan
 from beamchain.fitting.document import appendage_tree
-from beamchain.fitting.fewest import SpacePromise, fewest
+from beamchain.fitting.fewest import fewest
 from beamchain.fitting.hub import default_hub, port_hub_mass
-from beamchain.fitting.needs import Choice
+from beamchain.fitting.needs import AXES, FAR, Choice, Promise
 from beamchain.fitting.options import Scene, Target
 from beamchain.fitting.proof import assess_fit, step_limits
 from beamchain.fitting.result import Fit, InSpace
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import doubtful
-from beamchain.ports.compare import DEFAULT_RATIO, compare, in_band_error
+from beamchain.ports.compare import DEFAULT_RATIO, compare, in_band_error, with_damping
 from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
@@ -89,12 +89,17 @@ class Case:
         )
 
     @cached_property
-    def promise(self) -> SpacePromise | None:
-        """The in-band error in space, where the scene states a bandwidth."""
-        if self.scene.bandwidth is None:
+    def promise(self) -> Promise | None:
+        """The in-band error in the live motions, where the scene states a bandwidth."""
+        bandwidth = self.scene.bandwidth
+        if bandwidth is None:
             return None
-        full = resolvable(self.data.space())
-        return SpacePromise(full, self.hub, self.data.live, self.scene.axes, self.scene.bandwidth)
+        exact = with_damping(resolvable(self.data.space())).condensed(FAR * bandwidth)
+        live = self.data.live
+        hub = None if self.hub is None else self.hub[np.ix_(live, live)]
+        asked_for = {AXES[axis] for axis in self.scene.axes}
+        wanted = [i for i, motion in enumerate(live) if motion in asked_for]
+        return Promise(exact, hub, wanted, bandwidth)
 
     def band(self, model: PortModel) -> float:
         """Upper end of the band [rad/s]."""
@@ -107,7 +112,12 @@ class Case:
         if any(len(ports) > 1 for ports in self.data.groups):
             fixed = {} if self.spec.modes is None else self.spec.modes.given()
             numbers, choice = fewest(
-                self.promise, self.data.belongs, self.scene.tolerance, fixed, self.scene.tip
+                self.promise,
+                with_damping(resolvable(self.data.space())),
+                self.data.belongs,
+                self.scene.tolerance,
+                fixed,
+                self.scene.tip,
             )
             return self._choose(numbers, "clamped", choice)
         full = {port: self.data.port(port, own=True) for port in PORTS if port in self.data.belongs}

@@ -13,6 +13,8 @@ from functools import cache, partial
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from beamchain.ports.compare import (
     STANDARD_HUBS,
@@ -25,9 +27,10 @@ from beamchain.ports.compare import (
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORT_MOTION, PORTS, Array
+from beamchain.ports.motions import PORT_MOTION, Array
 
 FAR = 25.0  # times the bandwidth: modes above act through their static flexibility only
+COUPLED = 1e-12  # relative, below which nothing couples two motions
 STEPS = 30  # from neighbour to neighbour, at most
 MOST = 8  # modes tried per port: beyond, the exact chain is rarely physical
 
@@ -71,122 +74,133 @@ class Choice:
 
 
 class Promise:
-    """The in-band error of candidate models on the hub in space, evaluated block by block.
+    """The in-band error of candidate models of an appendage on the hub, in the motions that matter.
 
-    Ports that neither the hub nor the appendage couples are independent blocks: the norm of the
-    whole is the largest of theirs. `rigid_mass`, `hub_mass` `(6, 6)` about the root, without a hub
-    the worst of three; `bandwidth` [rad/s].
+    Motions that neither the hub nor the appendage couples make independent blocks: the norm of the
+    whole is the largest of theirs.
+
+    Args:
+        exact: the appendage with every mode, in m motions of its root.
+        hub_mass: `(m, m)` about the root; without one the worst of three.
+        wanted: numbers of the motions that matter, 0 to m - 1.
+        bandwidth: upper end of the band [rad/s].
     """
 
     def __init__(
-        self,
-        full: Mapping[str, PortModel],
-        rigid_mass: Array,
-        hub_mass: Array | None,
-        axes: Sequence[str],
-        bandwidth: float,
+        self, exact: PortModel, hub_mass: Array | None, wanted: Sequence[int], bandwidth: float
     ) -> None:
-        rigid = np.array(rigid_mass)
-        size = float(np.max(np.diag(rigid)[3:]))
-        for i in range(6):  # an appendage that states no polar inertia has a trace of it
-            rigid[i, i] = max(rigid[i, i], 1e-9 * size)
-        self.full: dict[str, PortModel] = {
-            p: with_damping(model).condensed(FAR * bandwidth) for p, model in full.items()
-        }
-        self.frequencies: dict[str, Array] = {
-            port: model.frequencies for port, model in full.items()
-        }
-        self.rigid: Array = rigid
+        self.exact: PortModel = exact
+        self.wanted: list[int] = sorted(wanted)
         self.bandwidth: float = bandwidth
-        self.keep: list[int] = sorted({AXES[axis] for axis in axes})
-        hubs = [hub_mass] if hub_mass is not None else [factor * rigid for factor in STANDARD_HUBS]
-        self.groups: list[list[tuple[str, ...]]] = [
-            list(filter(self._kept, self._blocks(hub))) for hub in hubs
+        self.hubs: list[Array] = (
+            [factor * exact.rigid_mass for factor in STANDARD_HUBS]
+            if hub_mass is None
+            else [hub_mass]
+        )
+        self._blocks = [self._coupled_motions(hub) for hub in self.hubs]
+        self._references = [
+            Reference([self._block(hub, motions) for motions in blocks], bandwidth)
+            for hub, blocks in zip(self.hubs, self._blocks, strict=True)
         ]
         self._known: dict[tuple[object, ...], float] = {}
-        self._references = [
-            Reference([self._block(hub, block) for block in groups], bandwidth)
-            for hub, groups in zip(hubs, self.groups, strict=True)
-        ]
 
-    def reaches(self, port: str) -> bool:
-        """Whether a port can move any hub motion that matters."""
-        return any(port in block for blocks in self.groups for block in blocks)
+    def reaches(self, motions: Sequence[int]) -> bool:
+        """Whether the root's `motions` can move any hub motion that matters."""
+        return any(
+            not set(motions).isdisjoint(block) for blocks in self._blocks for block in blocks
+        )
 
-    def error(
-        self,
-        models: Mapping[str, PortModel],
-        label: Mapping[str, object],
-        tolerance: float | None = None,
-    ) -> float:
-        """In-band error of `models` (a port without one is rigid);
-        `label` names each port's model for reuse.
+    def error(self, model: PortModel | CoupledPort, tolerance: float | None = None) -> float:
+        """In-band error of any model in the same motions.
 
-        `tolerance`: as of `ports.compare.maximum_of`, for a search.
+        Its rigid mass does not count. `tolerance`: as of `ports.compare.maximum_of`, for a search.
         """
         worst = 0.0
-        for number, blocks in enumerate(self.groups):
-            for i, block in enumerate(blocks):
-                key = (number, block, tuple(label.get(port) for port in block), tolerance)
-                if key not in self._known:
-                    model = self._block_model(
-                        block, {p: with_damping(models[p]) for p in block if p in models}
-                    )
-                    self._known[key] = self._references[number].error(i, model, tolerance)
-                worst = max(worst, self._known[key])
+        for number, blocks in enumerate(self._blocks):
+            for i, motions in enumerate(blocks):
+                worst = max(worst, self._block_error(number, i, motions, model, tolerance))
         return worst
 
-    def error_in_space(self, whole: CoupledPort) -> float:
-        """In-band error of an appendage in six motions with its whole damping matrix."""
-        held = replace(whole, rigid_mass=self.rigid)
-        motions = np.eye(6)
-        return max(
-            (
-                reference.error(i, held.seen(motions[:, _motions_of(block)]))
-                for reference, blocks in zip(self._references, self.groups, strict=True)
-                for i, block in enumerate(blocks)
-            ),
-            default=0.0,
-        )
+    def _block_error(
+        self,
+        number: int,
+        i: int,
+        motions: list[int],
+        model: PortModel | CoupledPort,
+        tolerance: float | None,
+    ) -> float:
+        """In-band error in block i on hub `number`, known for models that were asked for before."""
+        if isinstance(model, CoupledPort):
+            whole = replace(model, rigid_mass=self.exact.rigid_mass)
+            seen = whole.seen(np.eye(self.exact.motions)[:, motions])
+            return self._references[number].error(i, seen, tolerance)
+        values = self._modes_seen(model, motions)
+        key = (number, i, tolerance, *(array.tobytes() for array in values))
+        if key not in self._known:
+            seen = self._seen(model, motions)
+            self._known[key] = self._references[number].error(i, seen, tolerance)
+        return self._known[key]
 
-    def _kept(self, block: tuple[str, ...]) -> list[int]:
-        motions = [i for port in block for i in _motions(port)]
-        return [i for i in self.keep if i in motions]
-
-    def _blocks(self, hub: Array) -> list[tuple[str, ...]]:
-        """Groups of ports that the hub couples."""
-        total = hub + self.rigid
+    def _coupled_motions(self, hub: Array) -> list[list[int]]:
+        """Blocks of motions that are coupled on a hub; those without a wanted one are left out."""
+        total = hub + self.exact.rigid_mass
         scale = np.sqrt(np.diag(total))
-        coupled = np.abs(total) / np.outer(scale, scale) > 1e-12
-        blocks: list[set[str]] = []
-        for port in PORTS:
-            linked = [
-                b
-                for b in blocks
-                if any(coupled[np.ix_(_motions(port), _motions(other))].any() for other in b)
-            ]
-            blocks = [b for b in blocks if b not in linked] + [{port}.union(*linked)]
-        return [tuple(port for port in PORTS if port in block) for block in blocks]
+        coupled = np.abs(total) / np.outer(scale, scale) > COUPLED
+        moved = self._moved(self.exact).astype(int)
+        coupled |= (moved.T @ moved) > 0
+        count, number_of = connected_components(coupled, directed=False)
+        blocks = [np.flatnonzero(number_of == k).tolist() for k in range(int(count))]
+        return [block for block in blocks if not set(block).isdisjoint(self.wanted)]
 
-    def _block(self, hub: Array, block: tuple[str, ...]) -> Block:
-        motions = _motions_of(block)
-        keep = tuple(motions.index(i) for i in self._kept(block))
-        return Block(hub[np.ix_(motions, motions)], self._block_model(block, self.full), keep)
+    def _moved(self, model: PortModel) -> NDArray[np.bool_]:
+        """`(n, m)` whether a mode moves a motion by more than rounding."""
+        scale = np.sqrt(np.diag(self.exact.rigid_mass))
+        return np.abs(model.participation) / scale > COUPLED
 
-    def _block_model(self, block: tuple[str, ...], models: Mapping[str, PortModel]) -> PortModel:
-        """One model in the motions of a block."""
-        motions = _motions_of(block)
-        six = model_in_space({p: models[p] for p in block if p in models}, self.rigid)
-        return PortModel(
-            six.rigid_mass[np.ix_(motions, motions)],
-            six.frequencies,
-            six.participation[:, motions],
-            six.damping,
+    def _block(self, hub: Array, motions: list[int]) -> Block:
+        keep = tuple(i for i, motion in enumerate(motions) if motion in self.wanted)
+        return Block(hub[np.ix_(motions, motions)], self._seen(self.exact, motions), keep)
+
+    def _seen(self, model: PortModel, motions: list[int]) -> PortModel:
+        """A model in the motions of a block, with the modes that move there."""
+        rigid_mass = self.exact.rigid_mass[np.ix_(motions, motions)]
+        return PortModel(rigid_mass, *self._modes_seen(model, motions))
+
+    def _modes_seen(self, model: PortModel, motions: list[int]) -> tuple[Array, Array, Array]:
+        """Frequencies, participation and damping of the modes that move there."""
+        modes = np.flatnonzero(np.any(self._moved(model)[:, motions], axis=1))
+        return (
+            model.frequencies[modes],
+            model.participation[np.ix_(modes, motions)],
+            model.damping[modes],
         )
 
 
-def _motions_of(block: tuple[str, ...]) -> list[int]:
-    return sorted(i for port in block for i in _motions(port))
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """What a chain with independent ports may keep.
+
+    Args:
+        whole: per port every mode, damped; those far above the band gathered.
+        frequencies: per port, of the modes that may be kept [rad/s].
+        reduce: model of (target, port, modes), damped.
+    """
+
+    whole: Mapping[str, PortModel]
+    frequencies: Mapping[str, Array]
+    reduce: Reduce
+
+
+def damped_in_space(models: Mapping[str, PortModel], rigid_mass: Array) -> PortModel:
+    """Independent ports in six motions, each damped by 0.5 % where it has no damping."""
+    return model_in_space({port: with_damping(m) for port, m in models.items()}, rigid_mass)
+
+
+def with_polar_inertia(rigid_mass: Array) -> Array:
+    """`(6, 6)` with a trace of polar inertia where an appendage states none."""
+    mass = np.array(rigid_mass)
+    rotary = np.diag(mass)[3:]
+    return mass + np.diag([0.0] * 3 + list(np.maximum(1e-9 * rotary.max() - rotary, 0.0)))
 
 
 @cache
@@ -196,7 +210,7 @@ def _motions(port: str) -> list[int]:
 
 def choose(
     promise: Promise,
-    reduce: Reduce,
+    candidates: Candidates,
     targets: Sequence[str],
     tolerance: float,
     fixed: Mapping[str, int],
@@ -207,13 +221,12 @@ def choose(
 
     `fixed`: ports whose number the user decided; `tip`: keep every plane mode inside the band.
     """
-    tried = [_choose_for(promise, reduce, target, tolerance, fixed, tip) for target in targets]
+    tried = [_choose_for(promise, candidates, target, tolerance, fixed, tip) for target in targets]
     ranks = [(not c.met, sum(c.modes.values()) if c.met else c.error) for c, _ in tried]
     at = min(range(len(tried)), key=lambda k: ranks[k])
     best, error = tried[at]
-    best = replace(
-        best, error=error(best.modes), left_out=tuple(_ledger(promise, best.modes, error))
-    )
+    ledger = _ledger(promise, candidates, best.modes, error)
+    best = replace(best, error=error(best.modes), left_out=tuple(ledger))
     lines: list[str] = []
     for c in [best if k == at else c for k, (c, _) in enumerate(tried)]:
         kept = (
@@ -227,7 +240,7 @@ def choose(
 
 def _choose_for(
     promise: Promise,
-    reduce: Reduce,
+    candidates: Candidates,
     target: str,
     tolerance: float,
     fixed: Mapping[str, int],
@@ -235,36 +248,32 @@ def _choose_for(
 ) -> tuple[Choice, Callable[..., float]]:
     """The choice for one target, its ledger still empty, and the error of mode counts,
     of ports that stay whole."""
-    known: dict[tuple[str, int], PortModel] = {}
+    reduced = cache(partial(candidates.reduce, target))
+
+    @cache
+    def error_of(kept: tuple[int | None, ...], asked: float | None) -> float:
+        """With so many modes of each port; None: it stays whole."""
+        models = {
+            port: model if count is None else reduced(port, count)
+            for (port, model), count in zip(candidates.whole.items(), kept, strict=True)
+            if count != 0
+        }
+        return promise.error(damped_in_space(models, promise.exact.rigid_mass), asked)
 
     def error(
         counts: Mapping[str, int], whole: Sequence[str] = (), asked: float | None = tolerance
     ) -> float:
-        models: dict[str, PortModel] = {}
-        label: dict[str, object] = {}
-        for port in promise.full:
-            if port in whole:
-                models[port], label[port] = promise.full[port], "whole"
-            elif counts.get(port, 0):
-                key = (port, counts[port])
-                if key not in known:
-                    known[key] = reduce(target, *key)
-                models[port], label[port] = known[key], (target, counts[port])
-            else:
-                label[port] = 0
-        return promise.error(models, label, asked)
+        kept = tuple(None if p in whole else counts.get(p, 0) for p in candidates.whole)
+        return error_of(kept, asked)
 
     counts: dict[str, int] = {}
     alone: dict[str, float] = {}
     least: dict[str, int] = {}
-    most = {port: min(MOST, values.size) for port, values in promise.frequencies.items()}
-    for port in promise.full:
-        others = [p for p in promise.full if p != port]
-        floor = (
-            int(np.sum(promise.frequencies[port] <= promise.bandwidth))
-            if tip and port in ("xy", "xz")
-            else 0
-        )
+    most = {port: min(MOST, values.size) for port, values in candidates.frequencies.items()}
+    for port, frequencies in candidates.frequencies.items():
+        others = [p for p in candidates.whole if p != port]
+        inside = int(np.sum(frequencies <= promise.bandwidth))
+        floor = inside if tip and port in ("xy", "xz") else 0
         least[port] = fixed.get(port, min(floor, most[port]))
         counts[port] = least[port]
         if port not in fixed:
@@ -275,7 +284,11 @@ def _choose_for(
         alone[port] = error(counts, others)
     # ports that the hub couples may need more together than alone
     while not keeps_tolerance(error(counts), tolerance):
-        room = [p for p in counts if p not in fixed and counts[p] < most[p] and promise.reaches(p)]
+        room = [
+            port
+            for port, count in counts.items()
+            if port not in fixed and count < most[port] and promise.reaches(_motions(port))
+        ]
         if not room:
             break
         gains = {p: error({**counts, p: counts[p] + 1}) for p in room}
@@ -297,7 +310,7 @@ def _choose_for(
         f"{port} alone, the others whole: {alone[port]:.2e} with {counts[port]} modes"
         for port in counts
     )
-    cannot = tuple(_cannot(promise, counts, tip))
+    cannot = tuple(_cannot(candidates, counts, tip))
     choice = Choice(
         counts, target, total, keeps_tolerance(total, tolerance), (), cannot, tuple(reasons)
     )
@@ -355,19 +368,23 @@ def _better(new: tuple[bool, int, float], old: tuple[bool, int, float]) -> bool:
 
 
 def _ledger(
-    promise: Promise, counts: Mapping[str, int], error: Callable[..., float]
+    promise: Promise,
+    candidates: Candidates,
+    counts: Mapping[str, int],
+    error: Callable[..., float],
 ) -> list[LeftOut]:
+    """What was left out of each port, and the error it costs by itself."""
     out: list[LeftOut] = []
-    for port, frequencies in promise.frequencies.items():
+    for port, frequencies in candidates.frequencies.items():
         kept = counts[port]
-        others = [p for p in promise.full if p != port]
+        others = [p for p in candidates.whole if p != port]
         if kept >= frequencies.size:
             continue
         first = float(frequencies[kept])
         whole = f"{port} (first mode {first:.3g} rad/s)"
         above = f"{port} mode {kept + 1} ({first:.3g} rad/s)"
-        if not promise.reaches(port):
-            names = [name for name, i in AXES.items() if i in promise.keep]
+        if not promise.reaches(_motions(port)):
+            names = [name for name, i in AXES.items() if i in promise.wanted]
             what = whole if kept == 0 else above
             out.append(LeftOut(what, f"no path to hub axes {', '.join(names)}", 0.0))
             continue
@@ -379,9 +396,10 @@ def _ledger(
     return out
 
 
-def _cannot(promise: Promise, counts: Mapping[str, int], tip: bool) -> list[str]:
+def _cannot(candidates: Candidates, counts: Mapping[str, int], tip: bool) -> list[str]:
+    """What a model with these modes has no answer to."""
     out: list[str] = []
-    for port, frequencies in promise.frequencies.items():
+    for port, frequencies in candidates.frequencies.items():
         if counts[port] == 0:
             word = {"torsion": "twist and torsion loads", "axial": "axial loads"}.get(
                 port, f"bending loads in {port}"
