@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 from lxml import etree
 from lxml.etree import _Element as Element
-from numpy.typing import NDArray
 
 from beamchain.caution import Caution, at
 from beamchain.craft.disturbances import TENDON_DAMPING, disturbances
@@ -19,12 +18,11 @@ from beamchain.engine.mount import Mount
 from beamchain.engine.operating_point import quiet_copy
 from beamchain.engine.unchanged import NAMED, Difference, differences, ids_of, others
 from beamchain.errors import EngineError, InputError
-from beamchain.fitting.exact import exact_in_space, exact_ports, spatial
+from beamchain.fitting.exact import exact_appendage
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf import compatibility, insert, write
-from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array
 from beamchain.steps.budget import linear_model, preload
 from beamchain.steps.driven import keyframes, limit_sentences
@@ -261,50 +259,18 @@ def _difference_sentence(difference: Difference) -> str:
 
 
 def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> list[Carried]:
-    """The appendages as the beams they are, for the exact assembly;
-    without a model their freedoms are left out."""
+    """The exact appendages; without a model their degrees of freedom are left out."""
     out: list[Carried] = []
     for a in appendages:
-        whole, kept, band = _imported(a) if a.fit.space is not None else _beam(a)
+        exact = exact_appendage(a.fit)
+        band = exact.band
         if not band:  # a rigid body: as far as the scene looks
             scene = a.fit.spec.scene
-            band = {
-                "rigid": scene.bandwidth
-                if scene and scene.bandwidth
-                else float(whole.frequencies[0])
-            }
+            asked = None if scene is None else scene.bandwidth
+            band = {"rigid": asked or float(exact.model.frequencies[0])}
         dofs = [] if model is None else ids_of(model, names([a]))["dof"]
-        out.append(Carried(a.mount, whole, kept, dofs, band))
+        out.append(Carried(a.mount, exact.model, exact.kept, dofs, band))
     return out
-
-
-def _beam(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]:
-    """All modes of the beam in space, which of them were kept, the last kept frequency per port."""
-    counts = {port: target.modes for port, target in a.fit.target.items()}
-    ports = exact_ports(a.fit)
-    band = {
-        port: float(target.frequencies[-1]) for port, target in a.fit.target.items() if target.modes
-    }
-    flags = np.concatenate(
-        [np.arange(own.modes) < counts.get(port, 0) for port, own in ports.items()]
-    )
-    order = np.argsort(np.concatenate([own.frequencies for own in ports.values()]), kind="stable")
-    return exact_in_space(a.fit), flags[order], band
-
-
-def _imported(a: Appendage) -> tuple[PortModel, NDArray[np.bool_], dict[str, float]]:
-    """The same of imported modes."""
-    space = a.fit.space
-    assert space is not None
-    wanted = space.target.frequencies
-    flags = np.array(
-        [bool(np.any(np.abs(w / wanted - 1.0) < SAME)) for w in space.full.frequencies]
-    )
-    return (
-        spatial(a.fit, space.full),
-        flags,
-        {"space": float(wanted[-1])} if space.target.modes else {},
-    )
 
 
 def rigid_mass(spec: Spec, data: ModalData | None = None) -> Array:

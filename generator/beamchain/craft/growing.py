@@ -1,6 +1,5 @@
 """What an appendage keeps while modes are added to it, and what it would be with one more."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -8,11 +7,9 @@ import msgspec
 
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.errors import InputError
-from beamchain.fitting.exact import spatial
 from beamchain.fitting.fewest import weights
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.options import Modes
-from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
 from beamchain.ports.compare import with_damping
 from beamchain.ports.compose import model_in_space
@@ -21,14 +18,6 @@ from beamchain.ports.motions import PORTS
 from beamchain.structure.readers.imported import MOST_MODES as MOST_NAMED
 
 TRIED = 16  # modes of an imported appendage that are tried at a time: those that move the hub most
-
-
-def in_six(fit: Fit, changed: Mapping[str, PortModel] | None = None) -> PortModel:
-    """A fit in six motions as MuJoCo has it; `changed`: other models of some ports,
-    which must be independent."""
-    if fit.space is not None and not changed:
-        return spatial(fit, fit.space.achieved)
-    return model_in_space({**fit.achieved, **(changed or {})}, fit.measured.rigid_mass)
 
 
 def growing(a: Appendage) -> "Growing":
@@ -83,7 +72,10 @@ class PerPort:
     @property
     def model(self) -> PortModel:
         """The appendage in six motions, as MuJoCo has it or would."""
-        return in_six(self.a.fit, self.changed)
+        fit = self.a.fit
+        if not self.changed:
+            return fit.measured.space
+        return model_in_space({**fit.achieved, **self.changed}, fit.measured.rigid_mass)
 
     @property
     def spec(self) -> Spec:
@@ -178,7 +170,7 @@ class Coupled:
     @property
     def model(self) -> PortModel:
         """The appendage in six motions, as MuJoCo has it or would."""
-        return self._only(self.numbers) if self.last else in_six(self.a.fit)
+        return self._only(self.numbers) if self.last else self.a.fit.measured.space
 
     @property
     def spec(self) -> Spec:

@@ -19,7 +19,7 @@ from beamchain.engine.normal_modes import NormalModes
 from beamchain.engine.operating_point import At, OperatingPoint, Rates, operating_point
 from beamchain.engine.signals import Input, Names, Output, inputs_of, outputs_of
 from beamchain.errors import InputError
-from beamchain.ports.compose import model_in_space
+from beamchain.fitting.exact import exact_appendage
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 
@@ -163,12 +163,4 @@ def _whole(a: Appendage, item: Carried, omega: float) -> PortModel:
     """An appendage in six motions; beyond the band its modes are gathered,
     their static response kept."""
     top = FAR * max(omega, *item.band.values())
-    if a.fit.space is not None:
-        return item.whole.condensed(top)
-    ports: dict[str, PortModel] = {}
-    for port in PORTS:
-        try:
-            ports[port] = a.fit.spec.with_ratios(port, a.fit.spec.beam.port(port, MODES))
-        except InputError:
-            continue  # rigid there
-    return model_in_space(ports, item.whole.rigid_mass).condensed(top)
+    return exact_appendage(a.fit, MODES).model.condensed(top)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.error import Pose, craft_poses
-from beamchain.craft.growing import Growing, growing, in_six
+from beamchain.craft.growing import Growing, growing
 from beamchain.engine.library import mujoco
 from beamchain.errors import RealisationError
 from beamchain.fitting.needs import AXES
@@ -72,7 +72,7 @@ def keep_promise(
         return appendages, ()
     flat = {name: several[0] for name, several in found.items()}
     best = appendages
-    least = _worst(flat, [in_six(a.fit) for a in appendages])[0]
+    least = _worst(flat, [a.fit.measured.space for a in appendages])[0]
     ours = list(appendages)
     steps = list[str]()
     barred = set[int]()
@@ -89,7 +89,7 @@ def keep_promise(
             except RealisationError as error:
                 barred.add(i)
                 steps.append(f"{ours[i].at}: no chain has {wanted[i].modes} modes: {error}")
-        error, _ = _worst(flat, [in_six(a.fit) for a in ours])
+        error, _ = _worst(flat, [a.fit.measured.space for a in ours])
         if error < least:
             best = tuple(ours)
             least = error

@@ -2,9 +2,10 @@
 or of what was imported."""
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamchain.errors import InputError
 from beamchain.fitting.spec import Spec
@@ -40,45 +41,81 @@ class Fitted(Protocol):
 
     @property
     def space(self) -> Any:
-        """`full` and `live` of imported modes; None for a beam."""
+        """`full`, `target`, `live` and `numbers` of imported modes; None for a beam."""
         ...
 
 
-def exact_in_space(fit: Fitted) -> PortModel:
-    """The exact appendage in six motions, damped as asked for."""
+class ExactAppendage(NamedTuple):
+    """The exact appendage behind a fit.
+
+    Args:
+        model: every mode, in six motions of the root, damped as asked for.
+        kept: `(n,)` which of the modes the chain was asked to keep.
+        band: the last kept cantilever frequency of each kept port, or of all ports together where
+            modes are imported [rad/s]; empty where the appendage is rigid.
+    """
+
+    model: PortModel
+    kept: NDArray[np.bool_]
+    band: dict[str, float]
+
+
+def exact_appendage(fit: Fitted, modes: int | None = None) -> ExactAppendage:
+    """The exact appendage of a fit; `modes`: of each port of a beam, where left out some more than
+    twice those that are kept."""
     if fit.space is not None:
-        return spatial(fit, fit.space.full)
-    return model_in_space(exact_ports(fit), with_inertia(fit, fit.spec.beam.rigid_mass()))
+        return _of_imported(fit)
+    ports = _ports_of_beam(fit, modes)
+    rigid_mass = _with_inertia(fit, fit.spec.beam.rigid_mass())
+    counts = {port: target.modes for port, target in fit.target.items()}
+    numbers = [np.arange(model.modes) < counts.get(port, 0) for port, model in ports.items()]
+    frequencies = [model.frequencies for model in ports.values()]
+    ascending = np.argsort(np.concatenate([np.zeros(0), *frequencies]), kind="stable")
+    return ExactAppendage(
+        model=model_in_space(ports, rigid_mass),
+        kept=np.concatenate([np.zeros(0, np.bool_), *numbers])[ascending],
+        band={p: float(t.frequencies[-1]) for p, t in fit.target.items() if t.modes},
+    )
 
 
-def exact_ports(fit: Fitted) -> dict[str, PortModel]:
+def _of_imported(fit: Fitted) -> ExactAppendage:
+    """Of imported modes, which have the motions `fit.space.live`."""
+    space = fit.space
+    live = list(space.live)
+    rigid_mass = np.zeros((6, 6))
+    rigid_mass[np.ix_(live, live)] = space.full.rigid_mass
+    rows = np.zeros((space.full.modes, 6))
+    rows[:, live] = space.full.participation
+    model = PortModel(
+        _with_inertia(fit, rigid_mass), space.full.frequencies, rows, space.full.damping
+    )
+    target = space.target.frequencies
+    return ExactAppendage(
+        model=model,
+        kept=np.isin(np.arange(1, model.modes + 1), space.numbers),
+        band={"space": float(target[-1])} if target.size else {},
+    )
+
+
+def _ports_of_beam(fit: Fitted, modes: int | None) -> dict[str, PortModel]:
     """Per port all modes of the beam that the reference has, damped;
     ports in which it is rigid are left out."""
     spec = fit.spec
-    counts = {port: target.modes for port, target in fit.target.items()}
     ports: dict[str, PortModel] = {}
     for port in PORTS:
+        kept = fit.target[port].modes if port in fit.target else 0
         try:
-            own = spec.beam.port(port, 2 * counts.get(port, 0) + EXTRA_MODES)
+            model = spec.beam.port(port, modes or 2 * kept + EXTRA_MODES)
         except InputError:
             continue  # rigid there
         known = fit.full.get(port)
-        ports[port] = spec.with_ratios(
-            port, known if known is not None and known.modes > own.modes else own
-        )
+        if known is not None and known.modes > model.modes:
+            model = known
+        ports[port] = spec.with_ratios(port, model)
     return ports
 
 
-def spatial(fit: Fitted, model: PortModel) -> PortModel:
-    """A model in the motions that imported modes have (`fit.space.live`), in all six."""
-    assert fit.space is not None
-    live = list(fit.space.live)
-    rigid = np.zeros((6, 6))
-    rows = np.zeros((model.modes, 6))
-    rigid[np.ix_(live, live)], rows[:, live] = model.rigid_mass, model.participation
-    return PortModel(with_inertia(fit, rigid), model.frequencies, rows, model.damping)
-
-
-def with_inertia(fit: Fitted, rigid: Array) -> Array:
+def _with_inertia(fit: Fitted, rigid_mass: Array) -> Array:
     """A rod without polar inertia gets the little that MuJoCo needs."""
-    return rigid + np.diag(np.where(np.diag(rigid) > 0.0, 0.0, np.diag(fit.measured.rigid_mass)))
+    missing = np.where(np.diag(rigid_mass) > 0.0, 0.0, np.diag(fit.measured.rigid_mass))
+    return rigid_mass + np.diag(missing)

@@ -21,7 +21,7 @@ from beamchain.engine.mount import motion
 from beamchain.errors import InputError
 from beamchain.files import to_json, write_files
 from beamchain.fitting.document import appendage_tree, put_timing, safe_step
-from beamchain.fitting.exact import exact_in_space
+from beamchain.fitting.exact import exact_appendage
 from beamchain.fitting.hub import Hub, default_hub
 from beamchain.fitting.needs import AXES, Choice, LeftOut
 from beamchain.fitting.options import Scene
@@ -409,7 +409,7 @@ class Fit:
         band = (scene.bandwidth if scene else None) or min(self.bandwidth.values())
         model = self._scenes[0]
         hub = self.hub.mass_matrix()
-        whole = exact_in_space(self).condensed(FAR * band)
+        whole = exact_appendage(self).model.condensed(FAR * band)
         axes = tuple(AXES) if scene is None or scene.bandwidth is None else scene.axes
         keep = sorted({AXES[axis] for axis in axes})
         exact = rigid_body(hub).with_appendages([whole], [np.eye(6)]).picked(keep, keep)
