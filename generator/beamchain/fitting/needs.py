@@ -168,12 +168,9 @@ class Promise:
 
     def _modes_seen(self, model: PortModel, motions: list[int]) -> tuple[Array, Array, Array]:
         """Frequencies, participation and damping of the modes that move there."""
-        modes = np.flatnonzero(np.any(self._moved(model)[:, motions], axis=1))
-        return (
-            model.frequencies[modes],
-            model.participation[np.ix_(modes, motions)],
-            model.damping[modes],
-        )
+        modes = np.any(self._moved(model)[:, motions], axis=1)
+        rows = model.participation[modes][:, motions]
+        return model.frequencies[modes], rows, model.damping[modes]
 
 
 @dataclass(frozen=True, eq=False)
