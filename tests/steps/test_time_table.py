@@ -14,7 +14,9 @@ ROW = re.compile(
     re.M,
 )
 BOOMS = {"one boom": (8.0,), "two booms, 8 and 5 m": (8.0, 5.0), "two booms of 8 m": (8.0, 8.0)}
-ROUNDED = 0.06  # of two digits
+# of figures printed with two digits, and with one: those of plans that do not converge, which
+# rounding moves (1.02e-3 to 1.3e-3 were seen)
+ROUNDED = {2: 0.06, 1: 0.4}
 NOTHING = 1e-9  # rounding differs from machine to machine
 
 
@@ -41,6 +43,11 @@ def stated(what, hub, integrator, ratio):
     return made.time_error.error, made.sampled_error
 
 
+def digits(figure):
+    """Digits of a printed figure such as 1.3e-03."""
+    return len(figure.partition("e")[0].replace(".", ""))
+
+
 @pytest.mark.skipif(not PAGE.is_file(), reason="docs are not beside the tests (an installed wheel)")
 @pytest.mark.slow
 def test_the_table_is_what_embed_states():
@@ -51,5 +58,5 @@ def test_the_table_is_what_embed_states():
         if poles == "exact":
             assert found[0] < NOTHING
         else:
-            assert found[0] == pytest.approx(float(poles), rel=ROUNDED)
-        assert found[1] == pytest.approx(float(response), rel=ROUNDED)
+            assert found[0] == pytest.approx(float(poles), rel=ROUNDED[digits(poles)])
+        assert found[1] == pytest.approx(float(response), rel=ROUNDED[digits(response)])
