@@ -104,7 +104,7 @@ def assembly_at_rest(
 ) -> Assembly:
     """The MuJoCo model at rest beside the exact assembly of the bare `craft` and what it carries.
 
-    The frequencies of MuJoCo's modes are those of `mjd_transitionFD`. `band`: frequencies that
+    MuJoCo's modes and accelerance are those of `mjd_transitionFD`. `band`: frequencies that
     matter end here [rad/s]; None: where the kept modes end.
     """
     craft = quiet_copy(craft)
@@ -112,9 +112,8 @@ def assembly_at_rest(
     pose = Pose(craft, poses(craft)["rest"], carried, promise.band, promise.motions)
     body = counterpart(craft, model, pose.body)
     band = band or max(w for item in carried for w in item.band.values())
-    modes = coupled_modes(pose, pose.comparable(_transition(model, body)), band)
-
-    compiled = pose.comparable(craft_at(model, poses(model)["rest"], body))
+    compiled = pose.comparable(_transition(model, body))
+    modes = coupled_modes(pose, compiled, band)
     peaks = [pose.peaks, peaks_of_craft(compiled)]
     omega = grid_of(peaks, DRAWN * max(band, promise.band))
     exact = pose.exact(omega)
