@@ -24,7 +24,7 @@ from beamchain.chain.rivals import equal_links
 from beamchain.fitting.choose import everything, whole_beam
 from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.hub import default_hub
-from beamchain.fitting.needs import AXES, FAR, Promise, damped_in_space, with_polar_inertia
+from beamchain.fitting.needs import AXES, FAR, Promise, with_polar_inertia
 from beamchain.mjcf import write
 from beamchain.ports.compare import with_damping
 from beamchain.ports.compose import model_in_space
@@ -116,7 +116,7 @@ def rival(spec: bc.Spec, ports: list[str]) -> tuple[int, float]:
         port: spec.with_ratios(port, model) for port, model in whole_beam(spec, spec.beam).items()
     }
     far = FAR * band
-    exact = damped_in_space(
+    exact = model_in_space(
         {port: with_damping(model).condensed(far) for port, model in whole.items()},
         with_polar_inertia(spec.beam.rigid_mass()),
     )
@@ -128,7 +128,7 @@ def rival(spec: bc.Spec, ports: list[str]) -> tuple[int, float]:
         if count not in known:
             chain = classical(spec, ports, count)
             models = {p: spec.with_ratios(p, chain.port(p)).condensed(FAR * band) for p in ports}
-            known[count] = promise.error(damped_in_space(models, exact.rigid_mass))
+            known[count] = promise.error(model_in_space(models, exact.rigid_mass))
         return known[count]
 
     high = 2

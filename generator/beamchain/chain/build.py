@@ -52,6 +52,10 @@ class Status:
     message: str  #: what was made, or what is missing, in a sentence
     history: tuple[str, ...] = ()  #: what was tried before
 
+    def adding(self, sentence: str) -> "Status":
+        """The status with one more sentence in its message."""
+        return replace(self, message=f"{self.message} {sentence}")
+
 
 @dataclass(frozen=True, eq=False)
 class Built:

@@ -53,6 +53,7 @@ class Measured:
         lost: per port, how far A and B are from the direct reading, which is taken beyond 1e-11.
         coupled: where joints are damped, the appendage in six motions with its whole damping
             matrix.
+        live: motions in which the appendage has inertia (0 to 5).
     """
 
     blocks: tuple[tuple[PortModel, list[int]], ...]
@@ -62,6 +63,7 @@ class Measured:
     linearisation: Linearisation
     lost: dict[str, float] = field(default_factory=dict[str, float])
     coupled: CoupledPort | None = None
+    live: tuple[int, ...] = tuple(range(6))
 
     @cached_property
     def space(self) -> PortModel:
@@ -76,6 +78,18 @@ class Measured:
         participation = np.vstack([np.zeros((0, 6)), *rows])
         order = np.argsort(frequencies, kind="stable")
         return PortModel(mass, frequencies[order], participation[order], damping[order])
+
+    @cached_property
+    def motion(self) -> PortModel:
+        """The port model in the live motions."""
+        return view(self.space, np.eye(6)[:, list(self.live)])
+
+    @property
+    def damped_motion(self) -> PortModel | CoupledPort:
+        """The same, with the whole damping matrix where joints are damped."""
+        if self.coupled is None:
+            return self.motion
+        return self.coupled.seen(np.eye(6)[:, list(self.live)])
 
     @property
     def coupling(self) -> float:
@@ -151,6 +165,7 @@ def measure(
         linearisation=linear,
         lost=lost,
         coupled=_with_whole_damping(read, linear.joints, rigid),
+        live=tuple(live),
     )
 
 

@@ -6,41 +6,33 @@ from dataclasses import replace
 from pathlib import Path
 
 import msgspec
-import numpy as np
 
 from beamchain.caution import Caution
-from beamchain.chain.build import Built, Wishes, build_exact
-from beamchain.chain.cut import Cut
+from beamchain.chain.build import Built
 from beamchain.chain.links import raise_polar_inertia
-from beamchain.chain.tendons import joint_damping
 from beamchain.engine.bench import measure, root_body
 from beamchain.engine.library import one_thread
 from beamchain.errors import InputError, RealisationError
-from beamchain.fitting.choose import Plan, further_columns, make_plan, whole_beam
+from beamchain.fitting.beam_case import beam_case, on_modes
 from beamchain.fitting.document import appendage_tree
-from beamchain.fitting.hub import Hub, port_hub_mass
-from beamchain.fitting.needs import damped_in_space
+from beamchain.fitting.hub import Hub
+from beamchain.fitting.imported import imported_case
 from beamchain.fitting.options import Damping, FitOptions, Modes, Root, Scene, Target
-from beamchain.fitting.proof import assess_fit, step_limits
+from beamchain.fitting.proof import Case, assess_fit
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import uncertain_from
-from beamchain.fitting.warnings import doubtful, fit_warnings
-from beamchain.late import importing
-from beamchain.mjcf.write import SMALLEST, check_hub
+from beamchain.fitting.warnings import doubtful
+from beamchain.mjcf.write import SMALLEST
 from beamchain.ports.compare import tolerance_statement
-from beamchain.ports.compose import model_in_space
-from beamchain.ports.model import PortModel
-from beamchain.ports.motions import PORTS, Array
-from beamchain.steps.integrators import SCHEMES
+from beamchain.ports.motions import Array
 from beamchain.steps.sampled import off_by
 from beamchain.steps.turn import central_inertia, turn_error
 from beamchain.structure.beam import Beam
+from beamchain.structure.mass_line import MassLine
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.imported import Imported
 
-# residual over rigid mass: free frequencies are good to about 1e-16 over it (measured)
-LIGHTEST = 1e-9
 # cached by a fit, the same whatever its status
 READ_BACK = ("_scenes", "time", "time_error", "sampled_error")
 LEAST_INERTIA = 1.01 * SMALLEST  # a body's inertia is rounded once more on its way
@@ -130,33 +122,51 @@ def fit_spec(spec: Spec, data: ModalData | None = None) -> Fit:
     """What `fit` does with a whole specification; `data`: its imported modes,
     else read from its file."""
     with one_thread():
-        if spec.imported is not None:
-            with importing:
-                from beamchain.fitting.imported import fit_imported  # which returns a Fit
-
-            data = spec.imported.read() if data is None else data
-            if spec.uncertain is None and data.uncertain:
-                own = uncertain_from(data.uncertain, data.source)
-                spec = msgspec.structs.replace(spec, uncertain=own)
-            return fit_imported(_with_integrator(on_modes(spec), data.rigid_mass), data)
-        spec = _with_integrator(on_modes(spec), spec.beam.rigid_mass())
-        try:
-            return _fit(spec)
-        except RealisationError as error:
-            asked = " ".join(doubtful(spec.segment))
-            if not asked:
-                raise
-            raise RealisationError(f"{asked} As it is: {error}") from None
+        if spec.imported is None:
+            return _fit(_with_integrator(on_modes(spec), spec.beam.rigid_mass()))
+        data = spec.imported.read() if data is None else data
+        if spec.uncertain is None and data.uncertain:
+            uncertain = uncertain_from(data.uncertain, data.source)
+            spec = msgspec.structs.replace(spec, uncertain=uncertain)
+        return _fit(_with_integrator(on_modes(spec), data.rigid_mass), data)
 
 
-def on_modes(spec: Spec, *, wanted: bool = False) -> Spec:
-    """The spec with springs on modal tendons where its modes are uncertain,
-    or where that is wanted anyway."""
-    if spec.fit.springs == "auto" and (
-        wanted or (spec.uncertain is not None and spec.uncertain.modal)
-    ):
-        return msgspec.structs.replace(spec, fit=msgspec.structs.replace(spec.fit, springs="modes"))
-    return spec
+def _fit(spec: Spec, data: ModalData | None = None) -> Fit:
+    """The fit of a beam, or of imported modes: chosen, realised, written, measured, compared."""
+    clock = [time.perf_counter()]
+    case = beam_case(spec) if data is None else imported_case(spec, data)
+    clock.append(time.perf_counter())
+    case, built, line = _realise(case)
+    chain, note = raise_polar_inertia(built.chain, LEAST_INERTIA)
+    built = replace(built, chain=chain)
+    clock.append(time.perf_counter())
+    tree = appendage_tree(spec, chain, spec.beam if line is None else line)
+    clock.append(time.perf_counter())
+    measured = measure(
+        tree,
+        case.blocks,
+        timestep=(spec.scene or Scene()).step,
+        ballast=root_body(chain),
+        live=case.live,
+    )
+    fitted = assess_fit(case, built, measured, clock, line=line)
+    if not note:
+        return fitted
+    return replace(fitted, cautions=(*fitted.cautions, Caution("raised-inertia", note)))
+
+
+def _realise(case: Case) -> tuple[Case, Built, MassLine | None]:
+    """The chain of a case, or of its fallback where it has none."""
+    try:
+        return case, *case.build()
+    except RealisationError as error:
+        other = case.fallback()
+        if other is not None:
+            return other, *other.build()
+        questions = " ".join(doubtful(case.spec.segment))
+        if not questions:
+            raise
+        raise RealisationError(f"{questions} As it is: {error}") from None
 
 
 def _with_integrator(spec: Spec, rigid: Array) -> Spec:
@@ -197,147 +207,3 @@ def as_spec(appendage: Beam | Spec | ModalData | str | Path) -> Spec:
         f"the appendage is a {type(appendage).__name__}; give a Beam, a Spec, the path of a "
         "SPEC.toml, or a ModalData."
     )
-
-
-def _fit(spec: Spec) -> Fit:
-    clock = [time.perf_counter()]
-    beam = spec.beam
-    if spec.root.target == "hub" and spec.root.hub is None:
-        raise InputError(
-            'target = "hub" needs the hub; add hub = { mass = 500.0, inertia = [400.0, 400.0, '
-            '500.0] }, or use target = "clamped" (`beamchain embed` reads the hub from the '
-            "spacecraft)."
-        )
-    hub = None
-    if spec.root.hub is not None:
-        check_hub(spec.root.hub.mass, spec.root.hub.inertia_matrix())
-        hub = spec.root.hub.mass_matrix()
-    full = whole_beam(spec, beam)
-    clock.append(time.perf_counter())
-    plan = make_plan(spec, full, beam.rigid_mass(), hub)
-    kept = plan.kept
-    built = damp_chain(spec, plan, beam)
-    chain, note = raise_polar_inertia(built.chain, LEAST_INERTIA)
-    clock.append(time.perf_counter())
-    scene = spec.scene or Scene()
-    tree = appendage_tree(spec, chain, beam)
-    clock.append(time.perf_counter())
-    # a planar boom is tested as the paper does
-    free = ("xy",) if tuple(kept) == ("xy",) else PORTS
-    blocks = [(port,) for port in free]
-    measured = measure(tree, blocks, timestep=scene.step, ballast=root_body(chain))
-    achieved = {port: measured.ports[port] for port in built.targets}
-    limits = step_limits(chain, model_in_space(achieved, measured.rigid_mass), hub)
-    promise = None
-    if plan.promise is not None:
-        promise = plan.promise.error(
-            damped_in_space(achieved, plan.promise.exact.rigid_mass)
-            if measured.coupled is None
-            else measured.coupled
-        )
-    return assess_fit(
-        spec,
-        replace(built, chain=chain),
-        measured,
-        limits,
-        clock,
-        full=full,
-        truth={port: spec.with_ratios(port, full[port]) for port in built.targets},
-        achieved=achieved,
-        kept=kept,
-        kept_for=plan.target,
-        choice=plan.choice,
-        promise=promise,
-        cautions=(
-            *fit_warnings(spec, measured, achieved, chain, limits),
-            *doubtful(spec.segment, spec.damping, built.targets),
-            *([Caution("raised-inertia", note)] if note else []),
-        ),
-    )
-
-
-def build(
-    spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None, *, per_mode: bool = False
-) -> Built:
-    """The chain of a plan; `cut`: where the hinges stand, else chosen; `per_mode`:
-    a damping tendon per mode."""
-    kept = plan.kept
-
-    def target_of(port: str, count: int) -> PortModel:
-        target = plan.reduce(plan.target, port, count)
-        if plan.target == "free" and target.modes:
-            _check_free(target)
-        return spec.with_ratios(port, target)
-
-    wishes = Wishes(
-        springs=spec.fit.springs,
-        per_mode=per_mode,
-        lines=spec.fit.cuts,
-        further=tuple(spec.further.values()),
-        columns=further_columns(spec),
-        cut=cut,
-        neutral=_last_on_hub(spec, plan),
-    )
-    return build_exact(beam, kept, target_of, wishes)
-
-
-def _last_on_hub(spec: Spec, plan: Plan) -> dict[str, float]:
-    """Per port the last kept frequency on the hub on which a free or hub target is exact;
-    empty for a clamped one [rad/s]."""
-    if plan.target == "clamped":
-        return {}
-    hub = (
-        spec.root.hub.mass_matrix()
-        if plan.target == "hub" and spec.root.hub is not None
-        else np.zeros((6, 6))
-    )
-    return {
-        port: plan.reduce("clamped", port, count).last_on_hub(port_hub_mass(hub, port))
-        for port, count in plan.kept.items()
-    }
-
-
-def _check_free(target: PortModel) -> None:
-    """The free modes stand in double precision:
-    what moves at the root is a difference of nearly equal masses."""
-    scale = np.sqrt(np.diag(target.rigid_mass))
-    left = float(np.linalg.eigvalsh(target.residual_mass / np.outer(scale, scale))[0])
-    if left < LIGHTEST:
-        raise RealisationError(
-            f"with {target.modes} free modes the root is too light beside the rest: its residual "
-            f"mass is {left:.1e} of the "
-            f"rigid mass, where {LIGHTEST:g} is needed for frequencies good to 1e-6. Keep fewer "
-            "modes, or choose target "
-            '"clamped" or "hub".'
-        )
-
-
-def damp_chain(spec: Spec, plan: Plan, beam: Beam, cut: Cut | None = None) -> Built:
-    """The chain of a plan, damped as wanted: by a tendon per mode,
-    or in its hinges where that is asked for."""
-    if spec.fit.springs == "auto":
-        spec = on_modes(
-            spec, wanted=spec.sensors.modes or (bool(spec.exact_step) and needs_time(spec, plan))
-        )
-    given = spec.damping or Damping()
-    ratios = {port: given.ratios(port, count) for port, count in plan.kept.items()}
-    wanted = any(np.any(values > 0.0) for values in ratios.values())
-    built = build(spec, plan, beam, cut, per_mode=wanted and given.form == "modal")
-    if not wanted or given.form == "modal":
-        return built
-    chain = built.chain
-    for port in built.targets:
-        chain = joint_damping(chain, port, given.ratios(port, chain.port(port).modes))
-    return replace(built, chain=chain)
-
-
-def needs_time(spec: Spec, plan: Plan) -> bool:
-    """Whether a stated step takes a tendon per mode: to be exact in time,
-    or to slow what RK4 could not follow."""
-    scheme = SCHEMES[spec.integrator]
-    if scheme.exact or spec.integrator != "RK4":
-        return scheme.exact
-    free = [
-        plan.reduce(plan.target, port, count).free_frequencies for port, count in plan.kept.items()
-    ]
-    return float(np.max(np.concatenate([np.zeros(1), *free]))) * spec.exact_step > scheme.phase

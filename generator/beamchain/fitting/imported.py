@@ -1,46 +1,40 @@
-"""Imported modes -> a verified drop-in file: a chain, port by port where the modes are,
+"""What a fit of imported modes starts from: a chain, port by port where the modes are,
 else with one cut for all."""
 
-import time
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from msgspec import structs
 
 from beamchain.chain.build import Built, Status, Wishes, build_exact, cut_chain
+from beamchain.chain.chain import Chain
 from beamchain.chain.tendons import ModeGroup, group_motion, joint_damping
-from beamchain.engine.bench import Measured, measure, root_body, view
+from beamchain.engine.bench import Measured
 from beamchain.errors import InputError, RealisationError
 from beamchain.fitting.choose import make_plan
-from beamchain.fitting.document import appendage_tree
 from beamchain.fitting.fewest import fewest
-from beamchain.fitting.hub import default_hub, port_hub_mass
+from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.needs import AXES, FAR, Choice, Promise
 from beamchain.fitting.options import Scene, Target
-from beamchain.fitting.proof import assess_fit, step_limits
-from beamchain.fitting.result import Fit, InSpace
+from beamchain.fitting.result import InSpace
 from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import doubtful
-from beamchain.ports.compare import DEFAULT_RATIO, compare, in_band_error, with_damping
-from beamchain.ports.coupled import CoupledPort
+from beamchain.ports.compare import compare, in_band_error, with_damping
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, PORTS, Array
 from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.limits import StepLimits
 from beamchain.structure import planes
 from beamchain.structure.mass_line import MassLine, SpreadMass
 from beamchain.structure.modal_data import ModalData
 from beamchain.structure.readers.imported import with_length
 
 SLIGHT = 1e-6  # part of a mode in a port up to which the port's table leaves it out
-EMPTY = 1e-5  # residual mass at the root below which the free appendage has no fastest mode
-SAME_MASS = 1e-12  # relative, beyond which the chain's rigid mass is said to differ
 ROUNDING = 1e-11  # relative: a residual mass below zero by less is zero
 MOST_LACKING = 1.1  # more than a few printed digits explain
 # of x, with which mass may grow from the root where only its moments are known
 POWERS = (0, 1, 2, 4)
-UNDAMPED = 1e-8  # ratio up to which a mode counts as undamped
 ENTRIES = (
     # precisions of the print by which two rounded entries of one matrix may differ,
     # with half as much to spare
@@ -51,19 +45,20 @@ EXACT_BODY = 1e-9  # relative, how far a rigid mass matrix of all digits may be 
 
 # -- what a fit starts from ------------------------------------------------------------------------
 @dataclass(frozen=True, eq=False)
-class Case:
-    """What a fit starts from: all modes of the file (`data`), damped, and those that are `kept`.
+class ImportedCase:
+    """All modes of a file (`data`), damped, and the `selected` ones, which the chain shall keep.
 
-    `numbers`: of the kept modes in the file; `target`: "clamped", "free" or "hub"; `choice`:
-    how the scene decided.
+    `numbers`: of these in the file; `target`: "clamped", "free" or "hub"; `choice`:
+    how the scene decided; `promise`: the in-band error on the hub, where a bandwidth is stated.
     """
 
     spec: Spec
     data: ModalData
-    kept: ModalData
+    selected: ModalData
     numbers: tuple[int, ...]
     target: str = "clamped"
     choice: Choice | None = None
+    promise: Promise | None = None
 
     @property
     def scene(self) -> Scene:
@@ -88,24 +83,11 @@ class Case:
             self.spec.imported is None or self.spec.imported.modes is None
         )
 
-    @cached_property
-    def promise(self) -> Promise | None:
-        """The in-band error in the live motions, where the scene states a bandwidth."""
-        bandwidth = self.scene.bandwidth
-        if bandwidth is None:
-            return None
-        exact = with_damping(resolvable(self.data.space())).condensed(FAR * bandwidth)
-        live = self.data.live
-        hub = None if self.hub is None else self.hub[np.ix_(live, live)]
-        asked_for = {AXES[axis] for axis in self.scene.axes}
-        wanted = [i for i, motion in enumerate(live) if motion in asked_for]
-        return Promise(exact, hub, wanted, bandwidth)
-
     def band(self, model: PortModel) -> float:
         """Upper end of the band [rad/s]."""
         return self.scene.bandwidth or float(model.frequencies[-1])
 
-    def chosen(self, target: Target | None = None) -> "Case":
+    def chosen(self, target: Target | None = None) -> "ImportedCase":
         """The case with the fewest modes that the scene needs; `target`: instead of the spec's."""
         if not self.chooses or self.promise is None:
             return self
@@ -113,7 +95,7 @@ class Case:
             fixed = {} if self.spec.modes is None else self.spec.modes.given()
             numbers, choice = fewest(
                 self.promise,
-                with_damping(resolvable(self.data.space())),
+                with_damping(self.data.space()),
                 self.data.belongs,
                 self.scene.tolerance,
                 fixed,
@@ -127,13 +109,115 @@ class Case:
         )
         return self._choose(_first(self.data, plan.kept), plan.target, plan.choice)
 
-    def _choose(self, numbers: tuple[int, ...], target: str, choice: Choice | None) -> "Case":
-        kept = self.data.selected(numbers) if numbers else self.data.frozen()
-        return replace(self, kept=kept, numbers=numbers, target=target, choice=choice)
+    def _choose(
+        self, numbers: tuple[int, ...], target: str, choice: Choice | None
+    ) -> "ImportedCase":
+        selected = self.data.selected(numbers) if numbers else self.data.frozen()
+        return replace(self, selected=selected, numbers=numbers, target=target, choice=choice)
+
+    @property
+    def kept(self) -> dict[str, int]:
+        """The targets hold the kept modes and no others."""
+        return {}
+
+    @property
+    def live(self) -> tuple[int, ...]:
+        """Motions in which the appendage has inertia (0 to 5)."""
+        return tuple(self.data.live)
+
+    @property
+    def blocks(self) -> tuple[tuple[str, ...], ...]:
+        """Ports that modes or mass couple stand together."""
+        return self.selected.blocks
+
+    @property
+    def coupled_ports(self) -> tuple[str, ...]:
+        """The first ports that kept modes couple; empty where all are independent."""
+        groups = self.selected.groups if self.selected.modes else ()
+        return next((ports for ports in groups if len(ports) > 1), ())
+
+    @property
+    def why(self) -> str:
+        """The reason for one cut, or for one per port."""
+        if not self.coupled_ports:
+            return "the ports are independent"
+        worst = float(np.max(self.selected.leaks))
+        names = " and ".join(self.coupled_ports)
+        return f"modes or mass couple {names} (up to {worst:.2g} of a mode's participation)"
+
+    def fallback(self) -> "ImportedCase | None":
+        """The clamped modes, where the scene chose others."""
+        if self.target == "clamped" or self.spec.root.target not in (None, "auto"):
+            return None
+        return _stated(self.spec, self.data).chosen("clamped")
+
+    def build(self) -> tuple[Built, MassLine]:
+        """The chain, and the mass it is cut from."""
+        built, line = _build(self, coupled=bool(self.coupled_ports))
+        chain = built.chain
+        if self.spec.damping is not None and self.spec.damping.form == "hinge":
+            for port, target in built.targets.items():
+                ratios = np.resize(target.damping, chain.port(port).modes)
+                chain = joint_damping(chain, port, ratios)
+        status = replace(
+            built.status.adding(f"Ports: {self.why}."),
+            history=(*self.data.steps, *built.status.history),
+        )
+        return replace(built, chain=chain, status=status), line
+
+    def full(self, ports: Mapping[str, PortModel]) -> dict[str, PortModel]:
+        """Per port of `ports` every mode of the file that moves there."""
+        return {port: self.data.port(port) for port in ports}
+
+    def truth(self, port: str) -> PortModel:
+        """Every mode of the file that moves in a port, damped."""
+        return self.data.port(port)
+
+    def compared(self, measured: Measured) -> InSpace:
+        """The comparison in all motions at once."""
+        live = list(self.live)
+        full = self.data.space()
+        target = self.selected.space()
+        if self.target != "clamped" and target.modes:
+            target = full.reduced(target.modes, self.carrier[np.ix_(live, live)])
+        hub = None if self.hub is None else self.hub[np.ix_(live, live)]
+        achieved = measured.motion
+        error = replace(
+            compare(achieved, target),
+            accelerance_in_band=in_band_error(measured.damped_motion, full, hub, self.band(target)),
+        )
+        return InSpace(
+            data=self.data,
+            form="chain",
+            why=self.why,
+            full=full,
+            target=target,
+            achieved=achieved,
+            error=error,
+            live=self.live,
+            numbers=self.numbers,
+        )
+
+    def cautions(
+        self,
+        measured: Measured,
+        targets: Mapping[str, PortModel],
+        chain: Chain,
+        limits: StepLimits,
+    ) -> tuple[str, ...]:
+        """Damping that is probably a slip."""
+        del measured, targets, chain, limits
+        return tuple(doubtful((), self.spec.damping))
 
 
-def case_of(spec: Spec, data: ModalData) -> Case:
-    """The case of a spec: damped as it says, and with the modes that it states, or all."""
+def imported_case(spec: Spec, data: ModalData) -> ImportedCase:
+    """The case of a spec: damped as it says, with the modes that it states, that its scene needs,
+    or all."""
+    return _stated(spec, data).chosen()
+
+
+def _stated(spec: Spec, data: ModalData) -> ImportedCase:
+    """The case before its scene chooses."""
     data = with_length(data.untangled(), None)
     if spec.damping is not None:
         ratios = np.zeros(data.modes)
@@ -141,6 +225,7 @@ def case_of(spec: Spec, data: ModalData) -> Case:
             own = [k for k, b in enumerate(data.belongs) if b == port]
             ratios[own] = spec.damping.ratios(port, len(own))
         data = replace(data, damping=ratios)
+    promise = _promise(spec, data)
     wanted = None if spec.imported is None else spec.imported.modes
     target = "clamped" if spec.root.target in (None, "auto") else str(spec.root.target)
     if spec.modes is not None:
@@ -152,8 +237,26 @@ def case_of(spec: Spec, data: ModalData) -> Case:
         numbers = _first(data, spec.modes.counts())
         wanted = None if spec.chooses else numbers
     if wanted is None:
-        return Case(spec, data, data, tuple(range(1, data.modes + 1)), target)
-    return Case(spec, data, data.selected(wanted), tuple(sorted(wanted)), target)
+        numbers = tuple(range(1, data.modes + 1))
+        return ImportedCase(spec, data, data, numbers, target, promise=promise)
+    selected = data.selected(wanted)
+    return ImportedCase(spec, data, selected, tuple(sorted(wanted)), target, promise=promise)
+
+
+def _promise(spec: Spec, data: ModalData) -> Promise | None:
+    """The in-band error in the live motions, where the scene states a bandwidth."""
+    if spec.scene is None or spec.scene.bandwidth is None:
+        return None
+    bandwidth = spec.scene.bandwidth
+    live = data.live
+    hub = None if spec.root.hub is None else spec.root.hub.mass_matrix()[np.ix_(live, live)]
+    motions = {AXES[axis] for axis in spec.scene.axes}
+    return Promise(
+        with_damping(data.space()).condensed(FAR * bandwidth),
+        hub,
+        wanted=[i for i, motion in enumerate(live) if motion in motions],
+        bandwidth=bandwidth,
+    )
 
 
 def _first(data: ModalData, counts: dict[str, int]) -> tuple[int, ...]:
@@ -170,63 +273,14 @@ def _first(data: ModalData, counts: dict[str, int]) -> tuple[int, ...]:
     return tuple(sorted(numbers))
 
 
-def resolvable(model: PortModel) -> PortModel:
-    """The model with 0.5 % in every mode that has no damping,
-    of which MuJoCo's differences leave rounding."""
-    return model.replaced(damping=np.where(model.damping > UNDAMPED, model.damping, DEFAULT_RATIO))
-
-
-# -- the fit ---------------------------------------------------------------------------------------
-def fit_imported(spec: Spec, data: ModalData) -> Fit:
-    """Fit a chain to all modes of a file, as `spec` asks,
-    and prove it through MuJoCo's own linearisation."""
-    clock = [time.perf_counter()]
-    case = case_of(spec, data).chosen()
-    clock.append(time.perf_counter())
-    coupled = [ports for ports in case.kept.groups if len(ports) > 1] if case.kept.modes else []
-    try:
-        built, line = _build(case, coupled=bool(coupled))
-    except RealisationError:
-        if case.target == "clamped" or spec.root.target not in (None, "auto"):
-            raise
-        case = case_of(spec, data).chosen("clamped")
-        built, line = _build(case, coupled=bool(coupled))
-    why = "the ports are independent"
-    if coupled:
-        names = " and ".join(coupled[0])
-        worst = float(np.max(case.kept.leaks))
-        why = f"modes or mass couple {names} (up to {worst:.2g} of a mode's participation)"
-    chain = built.chain
-    if spec.damping is not None and spec.damping.form == "hinge":
-        for port, target in built.targets.items():
-            chain = joint_damping(chain, port, np.resize(target.damping, chain.port(port).modes))
-    clock.append(time.perf_counter())
-    tree = appendage_tree(spec, chain, line)
-    clock.append(time.perf_counter())
-    live = tuple(data.live)
-    measured = measure(
-        tree, case.kept.blocks, timestep=case.scene.step, ballast=root_body(chain), live=live
-    )
-    achieved = view(measured.space, np.eye(6)[:, list(live)])
-    space = _space(case, why, achieved, live, measured.coupled)
-    message = f"{built.status.message} Ports: {why}."
-    if space.error.mass_error > SAME_MASS:
-        message += (
-            f" Rigid mass off by {space.error.mass_error:.1e}: the print is no rigid "
-            "body's "
-            "to its last digits."
-        )
-    status = Status(built.status.ok, message, (*case.data.steps, *built.status.history))
-    return _finish(case, replace(built, chain=chain, status=status), measured, space, line, clock)
-
-
-def _build(case: Case, *, coupled: bool) -> tuple[Built, MassLine]:
+# -- the chain -------------------------------------------------------------------------------------
+def _build(case: ImportedCase, *, coupled: bool) -> tuple[Built, MassLine]:
     """The chain, and the mass it is cut from:
     what the file leaves open of it lies farther out where that is needed."""
     reason: RealisationError | None = None
     for power in POWERS:
         try:
-            line = _roomy(case.data.line(power), case.kept)
+            line = _roomy(case.data.line(power), case.selected)
             return (_couple_ports(case, line) if coupled else _separate(case, line)), line
         except RealisationError as error:
             reason = reason or error
@@ -261,12 +315,11 @@ def _roomy(line: MassLine, kept: ModalData) -> MassLine:
     )
 
 
-# -- the chain -------------------------------------------------------------------------------------
-def _separate(case: Case, line: MassLine) -> Built:
+def _separate(case: ImportedCase, line: MassLine) -> Built:
     """Ports that are independent, each with its own modes."""
     spec = case.spec
     data = case.data
-    kept = case.kept
+    kept = case.selected
     targets = (
         {port: kept.port(port, own=True) for port in PORTS if port in kept.belongs}
         if kept.modes
@@ -308,9 +361,9 @@ def _per_mode(spec: Spec, kept: ModalData) -> bool:
     return damped or timed or spec.sensors.modes
 
 
-def _couple_ports(case: Case, line: MassLine) -> Built:
+def _couple_ports(case: ImportedCase, line: MassLine) -> Built:
     """Modes that couple ports, on one cut."""
-    spec, kept = case.spec, case.kept
+    spec, kept = case.spec, case.selected
     if spec.fit.springs == "hinges":
         raise InputError(
             'fit.springs = "hinges" needs ports that are independent, but these modes couple them; '
@@ -396,73 +449,6 @@ def _visible_modes(data: ModalData, port: str) -> PortModel:
     strong = np.flatnonzero(share > max(SLIGHT, data.tolerance))
     return model.picked(
         sorted({int(np.flatnonzero(model.frequencies == data.frequencies[k])[0]) for k in strong})
-    )
-
-
-# -- the proof -------------------------------------------------------------------------------------
-def _space(
-    case: Case, why: str, achieved: PortModel, live: tuple[int, ...], coupled: CoupledPort | None
-) -> InSpace:
-    """The comparison with all motions at once;
-    `coupled`: the chain with its damping matrix, where joints are damped."""
-    full = case.data.space()
-    target = case.kept.space()
-    if case.target != "clamped" and target.modes:
-        target = full.reduced(target.modes, case.carrier[np.ix_(live, live)])
-    hub = None if case.hub is None else case.hub[np.ix_(live, live)]
-    error = compare(achieved, target)
-    made = resolvable(achieved) if coupled is None else _live(coupled, live)
-    in_band = in_band_error(made, resolvable(full), hub, case.band(target))
-    error = replace(error, accelerance_in_band=in_band)
-    return InSpace(case.data, "chain", why, full, target, achieved, error, live, case.numbers)
-
-
-def _live(whole: CoupledPort, live: Sequence[int]) -> CoupledPort:
-    """The motions in which the appendage has inertia."""
-    return whole.seen(np.eye(6)[:, list(live)])
-
-
-def _finish(
-    case: Case, built: Built, measured: Measured, space: InSpace, line: MassLine, clock: list[float]
-) -> Fit:
-    """The result, with step limits on the hub."""
-    hub, status = case.hub, built.status
-    scale = np.sqrt(np.diag(space.achieved.rigid_mass))
-    residual = space.achieved.residual_mass / np.outer(scale, scale)
-    if hub is None and np.linalg.eigvalsh(residual)[0] < EMPTY:
-        # alone such an appendage has a root without mass, whose fastest mode lies at infinity
-        hub = default_hub(line).mass_matrix()
-        message = (
-            f"{status.message} Step limits: on ten times its mass, as its root has none of its own."
-        )
-        status = replace(status, message=message)
-    full = {port: case.data.port(port) for port in built.targets}
-    made = (
-        resolvable(space.achieved)
-        if measured.coupled is None
-        else _live(measured.coupled, space.live)
-    )
-    promise = None if case.promise is None else case.promise.error(made)
-    return assess_fit(
-        case.spec,
-        replace(built, status=status),
-        measured,
-        step_limits(
-            built.chain,
-            space.achieved,
-            None if hub is None else hub[np.ix_(space.live, space.live)],
-        ),
-        clock,
-        full=full,
-        truth={port: resolvable(model) for port, model in full.items()},
-        achieved={port: resolvable(measured.ports[port]) for port in full},
-        kept={},
-        kept_for=case.target,
-        choice=case.choice,
-        promise=promise,
-        cautions=tuple(doubtful((), case.spec.damping)),
-        line=line,
-        space=space,
     )
 
 

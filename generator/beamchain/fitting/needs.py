@@ -22,7 +22,6 @@ from beamchain.ports.compare import (
     Reference,
     keeps_tolerance,
     tolerance_statement,
-    with_damping,
 )
 from beamchain.ports.compose import model_in_space
 from beamchain.ports.coupled import CoupledPort
@@ -188,11 +187,6 @@ class Candidates:
     reduce: Reduce
 
 
-def damped_in_space(models: Mapping[str, PortModel], rigid_mass: Array) -> PortModel:
-    """Independent ports in six motions, each damped by 0.5 % where it has no damping."""
-    return model_in_space({port: with_damping(m) for port, m in models.items()}, rigid_mass)
-
-
 def with_polar_inertia(rigid_mass: Array) -> Array:
     """`(6, 6)` with a trace of polar inertia where an appendage states none."""
     mass = np.array(rigid_mass)
@@ -255,7 +249,7 @@ def _choose_for(
             for (port, model), count in zip(candidates.whole.items(), kept, strict=True)
             if count != 0
         }
-        return promise.error(damped_in_space(models, promise.exact.rigid_mass), asked)
+        return promise.error(model_in_space(models, promise.exact.rigid_mass), asked)
 
     def error(
         counts: Mapping[str, int], whole: Sequence[str] = (), asked: float | None = tolerance

@@ -29,7 +29,6 @@ from beamchain.fitting.spec import Spec
 from beamchain.fitting.warnings import step_warnings, turn_warning
 from beamchain.mjcf import write
 from beamchain.ports.compare import Comparison, keeps_tolerance
-from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.steps.budget import linear_model
@@ -169,13 +168,6 @@ class Fit:
         return any(tendon.stiffness > 0.0 for tendon in self.chain.tendons)
 
     @property
-    def _motion(self) -> tuple[PortModel, tuple[int, ...]]:
-        """What was achieved in all motions at once, and which motions those are."""
-        if self.space is not None:
-            return self.space.achieved, self.space.live
-        return model_in_space(self.achieved, self.measured.rigid_mass), tuple(range(6))
-
-    @property
     def hub(self) -> Hub:
         """The hub of scene.xml: that of the spec, or one of ten times the appendage's mass."""
         return self.spec.root.hub or default_hub(self.mass_line)
@@ -214,7 +206,7 @@ class Fit:
         """Step limits on the hub of scene.xml."""
         if self.spec.root.hub is not None:
             return self.limits
-        model, live = self._motion
+        model, live = self.measured.motion, self.measured.live
         hub = self.hub.mass_matrix()[np.ix_(live, live)]
         return coupled_limits(model, hub, tendon=self.tendon_damped, sprung=self.tendon_sprung)
 
@@ -347,7 +339,7 @@ class Fit:
         # the file is made for one step
         if self.time_error is not None and any(timing_marks(self._scenes[0])):
             return (StepChoice(scene.integrator, self.spec.exact_step, "the file's own", 1.0),)
-        model, live = self._motion
+        model, live = self.measured.motion, self.measured.live
         hub = self.hub_mass[np.ix_(live, live)] if self.hub_mass is not None else model.rigid_mass
         keep = [i for i, motion in enumerate(live) if motion in {AXES[axis] for axis in scene.axes}]
         return choose_step(

@@ -323,12 +323,15 @@ def small_inverse(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 @lru_cache(maxsize=256)  # a search asks for the same models many times
 def with_damping(model: PortModel) -> PortModel:
-    """The model with its own damping, or 0.5 % in every mode where it has none."""
+    """The model with its own damping, and 0.5 % in every mode that has none."""
     if np.all(model.damping >= NARROWEST):
         return model
-    if np.any(model.damping > UNDAMPED):
-        return model.replaced(damping=np.maximum(model.damping, NARROWEST))
-    return model.replaced(damping=np.full(model.modes, DEFAULT_RATIO))
+    return model.replaced(damping=resolved_ratios(model.damping))
+
+
+def resolved_ratios(ratios: Array) -> Array:
+    """Damping ratios whose peaks a grid resolves: 0.5 % where there is none."""
+    return np.where(ratios > UNDAMPED, np.maximum(ratios, NARROWEST), DEFAULT_RATIO)
 
 
 def with_resolved_peaks(model: PortModel | CoupledPort) -> PortModel | CoupledPort:
@@ -337,8 +340,7 @@ def with_resolved_peaks(model: PortModel | CoupledPort) -> PortModel | CoupledPo
     if not isinstance(model, CoupledPort):
         return with_damping(model)
     ratios = np.diag(model.rates) / model.frequencies / 2.0
-    least = np.where(ratios > UNDAMPED, np.maximum(ratios, NARROWEST), DEFAULT_RATIO)
-    more = 2.0 * (least - ratios) * model.frequencies
+    more = 2.0 * (resolved_ratios(ratios) - ratios) * model.frequencies
     return replace(model, rates=model.rates + np.diag(more))
 
 

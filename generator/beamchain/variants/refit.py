@@ -15,8 +15,9 @@ from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import RealisationError
+from beamchain.fitting.beam_case import damp_chain
 from beamchain.fitting.choose import make_plan, whole_beam
-from beamchain.fitting.fit import LEAST_INERTIA, damp_chain
+from beamchain.fitting.fit import LEAST_INERTIA
 from beamchain.fitting.options import Modes
 from beamchain.fitting.result import Fit
 from beamchain.fitting.varied import structural_draw, structural_quantities, vary_spec

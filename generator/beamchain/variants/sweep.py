@@ -24,7 +24,8 @@ from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
 from beamchain.errors import InputError
 from beamchain.files import noted_inputs, to_json, write_files
-from beamchain.fitting.fit import as_spec, fit, on_modes
+from beamchain.fitting.beam_case import on_modes
+from beamchain.fitting.fit import as_spec, fit
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
 from beamchain.fitting.uncertain import UncertainCraft, read_uncertain
