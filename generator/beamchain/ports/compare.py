@@ -162,7 +162,7 @@ def in_band_error(
 ) -> float:
     """The in-band error of `a` against `b`, frequency by frequency; see `Reference`.
 
-    A model without damping gets 0.5 % in every cantilever mode; without `hub_mass` `(m, m)`
+    Cantilever modes without damping get 0.5 %; without `hub_mass` `(m, m)`
     the worst of three hubs, 0.1, 1 and 10 times the rigid mass of `b`; `keep`: motions of
     the hub that matter.
     """
