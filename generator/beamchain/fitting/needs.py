@@ -212,145 +212,198 @@ def choose(
 
     `fixed`: ports whose number the user decided; `tip`: keep every plane mode inside the band.
     """
-    tried = [_choose_for(promise, candidates, target, tolerance, fixed, tip) for target in targets]
-    ranks = [(not c.met, sum(c.modes.values()) if c.met else c.error) for c, _ in tried]
-    at = min(range(len(tried)), key=lambda k: ranks[k])
-    best, error = tried[at]
-    ledger = _ledger(promise, candidates, best.modes, error)
-    best = replace(best, error=error(best.modes), left_out=tuple(ledger))
-    lines: list[str] = []
-    for c in [best if k == at else c for k, (c, _) in enumerate(tried)]:
-        kept = (
-            ", ".join(f"{count} in {port}" for port, count in c.modes.items() if count) or "rigid"
+    searches = [
+        _Search(
+            promise, candidates, target=target, tolerance=tolerance, fixed=fixed, whole_band=tip
         )
-        above = "" if c.met else f" ({tolerance_statement(c.error, tolerance)})"
-        lines.append(f'target "{c.target}": {kept}, in-band error {c.error:.2e}{above}')
+        for target in targets
+    ]
+    tried = [search.choice() for search in searches]
+    ranks = [(not c.met, sum(c.modes.values()) if c.met else c.error) for c in tried]
+    at = min(range(len(tried)), key=lambda k: ranks[k])
+    best, search = tried[at], searches[at]
+    ledger = _ledger(search, best.modes)
+    tried[at] = best = replace(best, error=search.error(best.modes), left_out=tuple(ledger))
+    lines = [_result_of_target(c, tolerance) for c in tried]
     chosen = f'chosen: target "{best.target}", {sum(best.modes.values())} flexible modes'
     return replace(best, reasoning=(*lines, chosen, *best.reasoning))
 
 
-def _choose_for(
-    promise: Promise,
-    candidates: Candidates,
-    target: str,
-    tolerance: float,
-    fixed: Mapping[str, int],
-    tip: bool,
-) -> tuple[Choice, Callable[..., float]]:
-    """The choice for one target, its ledger still empty, and the error of mode counts,
-    of ports that stay whole."""
-    reduced = cache(partial(candidates.reduce, target))
-
-    @cache
-    def error_of(kept: tuple[int | None, ...], asked: float | None) -> float:
-        """With so many modes of each port; None: it stays whole."""
-        models = {
-            port: model if count is None else reduced(port, count)
-            for (port, model), count in zip(candidates.whole.items(), kept, strict=True)
-            if count != 0
-        }
-        return promise.error(model_in_space(models, promise.exact.rigid_mass), asked)
-
-    def error(
-        counts: Mapping[str, int], whole: Sequence[str] = (), asked: float | None = tolerance
-    ) -> float:
-        kept = tuple(None if p in whole else counts.get(p, 0) for p in candidates.whole)
-        return error_of(kept, asked)
-
-    counts: dict[str, int] = {}
-    alone: dict[str, float] = {}
-    least: dict[str, int] = {}
-    most = {port: min(MOST, values.size) for port, values in candidates.frequencies.items()}
-    for port, frequencies in candidates.frequencies.items():
-        others = [p for p in candidates.whole if p != port]
-        inside = int(np.sum(frequencies <= promise.bandwidth))
-        floor = inside if tip and port in ("xy", "xz") else 0
-        least[port] = fixed.get(port, min(floor, most[port]))
-        counts[port] = least[port]
-        if port not in fixed:
-            while (
-                not keeps_tolerance(error(counts, others), tolerance) and counts[port] < most[port]
-            ):
-                counts[port] += 1
-        alone[port] = error(counts, others)
-    # ports that the hub couples may need more together than alone
-    while not keeps_tolerance(error(counts), tolerance):
-        room = [
-            port
-            for port, count in counts.items()
-            if port not in fixed and count < most[port] and promise.reaches(_motions(port))
-        ]
-        if not room:
-            break
-        gains = {p: error({**counts, p: counts[p] + 1}) for p in room}
-        port = min(gains, key=lambda p: gains[p])
-        if gains[port] >= error(counts) * (1.0 - 1e-9):
-            break
-        counts[port] += 1
-    for port in counts:  # and no more than needed
-        while port not in fixed and counts[port] > least[port]:
-            fewer = {**counts, port: counts[port] - 1}
-            if not keeps_tolerance(error(fewer), tolerance) and error(fewer) > error(counts):
-                break
-            counts = fewer
-    counts = _no_better_neighbour(
-        counts, error, tolerance, least, {p: n for p, n in most.items() if p not in fixed}
+def _result_of_target(choice: Choice, tolerance: float) -> str:
+    """What the search for a target ended with, in a line."""
+    kept = [f"{count} in {port}" for port, count in choice.modes.items() if count]
+    above = "" if choice.met else f" ({tolerance_statement(choice.error, tolerance)})"
+    return (
+        f'target "{choice.target}": {", ".join(kept) or "rigid"}, '
+        f"in-band error {choice.error:.2e}{above}"
     )
-    total = error(counts)
-    reasons = (
-        f"{port} alone, the others whole: {alone[port]:.2e} with {counts[port]} modes"
-        for port in counts
-    )
-    cannot = tuple(_cannot(candidates, counts, tip))
-    choice = Choice(
-        counts, target, total, keeps_tolerance(total, tolerance), (), cannot, tuple(reasons)
-    )
-    return choice, partial(error, asked=None)
 
 
-def _no_better_neighbour(
-    counts: dict[str, int],
-    error: Callable[..., float],
-    tolerance: float,
-    least: Mapping[str, int],
-    most: Mapping[str, int],
-) -> dict[str, int]:
-    """Mode counts that no change by one in a port, nor by one in each of two ports, makes better.
+class _Search:
+    """The search for as few modes per port as keep the promise with a target.
 
-    Better: it keeps the tolerance with fewer modes, or with as many and less error; where none
-    keeps it, less error. Ports without an upper bound in `most` stay as they are.
+    Args:
+        promise: the error that is asked for.
+        candidates: what the ports may keep.
+        target: "clamped", "free" or "hub".
+        tolerance: of the in-band error.
+        fixed: ports whose number the user decided.
+        whole_band: every bending mode inside the band is kept.
     """
 
-    def rank(some: Mapping[str, int]) -> tuple[bool, int, float]:
-        found = error(some)
-        return (
-            (False, sum(some.values()), found)
-            if keeps_tolerance(found, tolerance)
-            else (True, 0, found)
+    def __init__(
+        self,
+        promise: Promise,
+        candidates: Candidates,
+        *,
+        target: str,
+        tolerance: float,
+        fixed: Mapping[str, int],
+        whole_band: bool,
+    ) -> None:
+        self.promise: Promise = promise
+        self.candidates: Candidates = candidates
+        self.target: str = target
+        self.tolerance: float = tolerance
+        self.whole_band: bool = whole_band
+        self.most: dict[str, int] = {
+            port: min(MOST, values.size) for port, values in candidates.frequencies.items()
+        }
+        self.least: dict[str, int] = {
+            port: fixed.get(port, self._modes_in_band(port)) for port in self.most
+        }
+        self.free: list[str] = [port for port in self.most if port not in fixed]
+        self._reduced = cache(partial(candidates.reduce, target))
+        self._known: dict[tuple[object, ...], float] = {}
+
+    def choice(self) -> Choice:
+        """The numbers of modes, with an empty ledger."""
+        counts = {port: self._enough_alone(port) for port in self.most}
+        alone = {port: self._searched(counts, self.others(port)) for port in counts}
+        counts = self._enough_together(counts)
+        counts = self._no_more_than_needed(counts)
+        counts = self._no_better_neighbour(counts)
+        error = self._searched(counts)
+        return Choice(
+            modes=counts,
+            target=self.target,
+            error=error,
+            met=keeps_tolerance(error, self.tolerance),
+            left_out=(),
+            cannot=tuple(_cannot(self.candidates, counts, self.whole_band)),
+            reasoning=tuple(
+                f"{port} alone, the others whole: {alone[port]:.2e} with {counts[port]} modes"
+                for port in counts
+            ),
         )
 
-    single = [{port: step} for port in most for step in (-1, 1)]
-    paired = [{a: i, b: j} for a, b in combinations(most, 2) for i in (-1, 1) for j in (-1, 1)]
-    best = rank(counts)
-    for _ in range(STEPS):
-        around = [
-            {**counts, **{port: counts[port] + step for port, step in change.items()}}
-            for change in single + paired
+    def error(
+        self,
+        counts: Mapping[str, int],
+        whole: Sequence[str] = (),
+        tolerance: float | None = None,
+    ) -> float:
+        """In-band error with so many modes of each port; `whole`: ports that keep all of theirs;
+        `tolerance`: as of `Promise.error`."""
+        kept = tuple(None if p in whole else counts.get(p, 0) for p in self.candidates.whole)
+        key = (tolerance, *kept)
+        if key not in self._known:
+            models = {
+                port: model if count is None else self._reduced(port, count)
+                for (port, model), count in zip(self.candidates.whole.items(), kept, strict=True)
+                if count != 0
+            }
+            model = model_in_space(models, self.promise.exact.rigid_mass)
+            self._known[key] = self.promise.error(model, tolerance)
+        return self._known[key]
+
+    def others(self, port: str) -> list[str]:
+        """All ports but one."""
+        return [p for p in self.candidates.whole if p != port]
+
+    def _searched(self, counts: Mapping[str, int], whole: Sequence[str] = ()) -> float:
+        """The error as exactly as the search needs it."""
+        return self.error(counts, whole, self.tolerance)
+
+    def _keeps(self, counts: Mapping[str, int], whole: Sequence[str] = ()) -> bool:
+        """Whether the error stays within the tolerance."""
+        return keeps_tolerance(self._searched(counts, whole), self.tolerance)
+
+    def _modes_in_band(self, port: str) -> int:
+        """Bending modes that are kept because they lie in the band."""
+        if not self.whole_band or port not in ("xy", "xz"):
+            return 0
+        inside = int(np.sum(self.candidates.frequencies[port] <= self.promise.bandwidth))
+        return min(inside, self.most[port])
+
+    def _enough_alone(self, port: str) -> int:
+        """Modes of a port with which the promise is kept while the others stay whole."""
+        count = self.least[port]
+        if port not in self.free:
+            return count
+        others = self.others(port)
+        while count < self.most[port] and not self._keeps({port: count}, others):
+            count += 1
+        return count
+
+    def _enough_together(self, counts: dict[str, int]) -> dict[str, int]:
+        """More modes where ports that the hub couples need more together than alone."""
+        while not self._keeps(counts):
+            more = [
+                {**counts, port: counts[port] + 1}
+                for port in self.free
+                if counts[port] < self.most[port] and self.promise.reaches(_motions(port))
+            ]
+            best = min(more, key=self._searched, default=None)
+            if best is None or self._searched(best) >= self._searched(counts) * (1.0 - 1e-9):
+                return counts
+            counts = best
+        return counts
+
+    def _no_more_than_needed(self, counts: dict[str, int]) -> dict[str, int]:
+        """The same without modes, port by port, that the promise does not need."""
+        for port in self.free:
+            while counts[port] > self.least[port]:
+                fewer = {**counts, port: counts[port] - 1}
+                if not self._keeps(fewer) and self._searched(fewer) > self._searched(counts):
+                    break
+                counts = fewer
+        return counts
+
+    def _rank(self, counts: Mapping[str, int]) -> tuple[bool, int, float]:
+        """Less is better: fewer modes that keep the tolerance, or as many with less error;
+        where none keeps it, less error."""
+        error = self._searched(counts)
+        if keeps_tolerance(error, self.tolerance):
+            return False, sum(counts.values()), error
+        return True, 0, error
+
+    def _no_better_neighbour(self, counts: dict[str, int]) -> dict[str, int]:
+        """Counts that no change by one in a free port, nor by one in each of two, makes better."""
+        single = [{port: step} for port in self.free for step in (-1, 1)]
+        paired = [
+            {a: i, b: j} for a, b in combinations(self.free, 2) for i in (-1, 1) for j in (-1, 1)
         ]
-        # where the tolerance is kept, more modes cannot be better
-        room = np.inf if best[0] else best[1]
-        around = [
-            some
-            for some in around
-            if all(least[port] <= some[port] <= most[port] for port in most)
-            and sum(some.values()) <= room
-        ]
-        ranks = [rank(some) for some in around]
-        at = min(range(len(around)), key=lambda k: ranks[k], default=None)
-        if at is None or not _better(ranks[at], best):
-            break
-        counts, best = around[at], ranks[at]
-    return counts
+        best = self._rank(counts)
+        for _ in range(STEPS):
+            around = [
+                {**counts, **{port: counts[port] + step for port, step in change.items()}}
+                for change in single + paired
+            ]
+            # where the tolerance is kept, more modes cannot be better
+            room = np.inf if best[0] else best[1]
+            around = [
+                some
+                for some in around
+                if all(self.least[port] <= some[port] <= self.most[port] for port in self.free)
+                and sum(some.values()) <= room
+            ]
+            ranks = [self._rank(some) for some in around]
+            at = min(range(len(around)), key=lambda k: ranks[k], default=None)
+            if at is None or not _better(ranks[at], best):
+                break
+            counts, best = around[at], ranks[at]
+        return counts
 
 
 def _better(new: tuple[bool, int, float], old: tuple[bool, int, float]) -> bool:
@@ -358,32 +411,27 @@ def _better(new: tuple[bool, int, float], old: tuple[bool, int, float]) -> bool:
     return new[:2] < old[:2] or (new[:2] == old[:2] and new[2] < old[2] * (1.0 - 1e-6))
 
 
-def _ledger(
-    promise: Promise,
-    candidates: Candidates,
-    counts: Mapping[str, int],
-    error: Callable[..., float],
-) -> list[LeftOut]:
+def _ledger(search: _Search, counts: Mapping[str, int]) -> list[LeftOut]:
     """What was left out of each port, and the error it costs by itself."""
+    promise = search.promise
     out: list[LeftOut] = []
-    for port, frequencies in candidates.frequencies.items():
+    for port, frequencies in search.candidates.frequencies.items():
         kept = counts[port]
-        others = [p for p in candidates.whole if p != port]
         if kept >= frequencies.size:
             continue
         first = float(frequencies[kept])
-        whole = f"{port} (first mode {first:.3g} rad/s)"
-        above = f"{port} mode {kept + 1} ({first:.3g} rad/s)"
+        what = f"{port} (first mode {first:.3g} rad/s)"
+        if kept:
+            what = f"{port} mode {kept + 1} ({first:.3g} rad/s)"
         if not promise.reaches(_motions(port)):
             names = [name for name, i in AXES.items() if i in promise.wanted]
-            what = whole if kept == 0 else above
             out.append(LeftOut(what, f"no path to hub axes {', '.join(names)}", 0.0))
             continue
-        what = whole if kept == 0 else f"{above} and above"
+        if kept:
+            what += " and above"
         where = "outside" if first > promise.bandwidth else "inside"
-        out.append(
-            LeftOut(what, f"{where} {promise.bandwidth:.4g} rad/s", error(dict(counts), others))
-        )
+        cost = search.error(counts, search.others(port))
+        out.append(LeftOut(what, f"{where} {promise.bandwidth:.4g} rad/s", cost))
     return out
 
 
