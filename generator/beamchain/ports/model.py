@@ -6,7 +6,7 @@ become a `PortModel`.
 Theory: docs/theory.md, section 1.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Integral
@@ -55,6 +55,76 @@ class Shapes:
     def combined(self, modes: Array) -> "Shapes":
         """The shapes of combinations `(k, n)` of the modes."""
         return Shapes(self.x, self.moved, self.turned, modes @ self.values, self.bending)
+
+
+def _check_shapes(mass: Array, frequencies: Array, participation: Array, damping: Array) -> None:
+    n = frequencies.size
+    m = mass.shape[0] if mass.ndim == 2 else -1
+    if (
+        frequencies.ndim != 1
+        or mass.shape != (m, m)
+        or participation.shape != (n, m)
+        or damping.shape != (n,)
+    ):
+        raise InputError(
+            "a port model needs rigid_mass (m, m), frequencies (n,), participation (n, m), "
+            f"damping (n,); got {mass.shape}, {frequencies.shape}, {participation.shape}, "
+            f"{damping.shape}."
+        )
+
+
+def _check_finite(arrays: Mapping[str, Array]) -> None:
+    for name, values in arrays.items():
+        if not np.all(np.isfinite(values)):
+            raise InputError(f"{name} holds a value that is not finite; give finite numbers only.")
+
+
+def _check_damping(damping: Array) -> None:
+    if np.any(damping < DAMPING_NOISE):
+        raise InputError(f"damping = {damping.tolist()} holds a negative ratio; give zero or more.")
+
+
+def _check_rigid_mass(mass: Array) -> None:
+    """Positive masses and inertias, and symmetry."""
+    diagonal = np.diag(mass)
+    if np.any(diagonal <= 0.0):
+        raise InputError(
+            f"rigid_mass has the diagonal {diagonal.tolist()}; masses and inertias must "
+            "be positive."
+        )
+    scale = np.sqrt(diagonal)
+    if np.any(np.abs(mass - mass.T) > 1e-6 * np.outer(scale, scale)):
+        raise InputError(
+            "rigid_mass is not symmetric; give the mass matrix about one point, the port."
+        )
+
+
+def _check_frequencies(frequencies: Array) -> None:
+    if np.any(frequencies <= 0.0) or np.any(np.diff(frequencies) < 0.0):
+        raise InputError(f"frequencies = {frequencies.tolist()} must be positive and ascending.")
+
+
+def _check_residual_mass(residual: Array, mass: Array) -> None:
+    """The modes take no more than the rigid mass."""
+    scale = np.sqrt(np.diag(mass))
+    smallest = float(np.linalg.eigvalsh(residual / np.outer(scale, scale))[0])
+    if not smallest > -1e-9:
+        raise InputError(
+            "the residual mass (rigid mass minus effective masses) has eigenvalue "
+            f"{smallest:.3e} relative to the rigid mass, which is negative: check the "
+            "reference point, the units and the rigid mass."
+        )
+
+
+def _leading_signs(participation: Array, mass: Array) -> Array:
+    """`(n,)` signs that make each mode's first participation beyond noise positive."""
+    n = len(participation)
+    if n == 0:
+        return np.ones(0)
+    weight = np.abs(participation) / np.sqrt(np.diag(mass))
+    noise = 1e-9 * np.maximum(weight.max(axis=1), 1e-300)
+    leading = np.argmax(weight > noise[:, None], axis=1)
+    return np.where(participation[np.arange(n), leading] < 0.0, -1.0, 1.0)
 
 
 class _FreeModes(NamedTuple):
@@ -120,77 +190,34 @@ class PortModel:
         return f"<PortModel, {size} motion{'s' if size > 1 else ''}, {modes}>"
 
     def __post_init__(self) -> None:
-        mass = locked(as_array("rigid_mass", self.rigid_mass))
-        frequencies = locked(as_array("frequencies", self.frequencies))
+        mass = as_array("rigid_mass", self.rigid_mass)
+        frequencies = as_array("frequencies", self.frequencies)
         n = frequencies.size
-        m = mass.shape[0] if mass.ndim == 2 else -1
+        m = mass.shape[0] if mass.ndim == 2 else 0
         participation = as_array("participation", self.participation)
-        if participation.size == n * max(m, 0):
-            participation = participation.reshape(n, max(m, 0))
+        if participation.size == n * m:
+            participation = participation.reshape(n, m)
         damping = np.zeros(n) if np.size(self.damping) == 0 else as_array("damping", self.damping)
-        if (
-            frequencies.ndim != 1
-            or mass.shape != (m, m)
-            or participation.shape != (n, m)
-            or damping.shape != (n,)
-        ):
-            raise InputError(
-                "a port model needs rigid_mass (m, m), frequencies (n,), participation (n, m), "
-                f"damping (n,); got {mass.shape}, {frequencies.shape}, {participation.shape}, "
-                f"{damping.shape}."
-            )
+        _check_shapes(mass, frequencies, participation, damping)
         arrays = {
             "rigid_mass": mass,
             "frequencies": frequencies,
             "participation": participation,
             "damping": damping,
         }
+        _check_finite(arrays)
+        _check_damping(damping)
+        _check_rigid_mass(mass)
+        _check_frequencies(frequencies)
+        signs = _leading_signs(participation, mass)
+        arrays["participation"] = participation * signs[:, None]
+        if self.tip is not None:
+            arrays["tip"] = np.array(self.tip, dtype=np.float64) * signs[:, None]
         for name, values in arrays.items():
-            if not np.all(np.isfinite(values)):
-                raise InputError(
-                    f"{name} holds a value that is not finite; give finite numbers only."
-                )
-        if np.any(damping < DAMPING_NOISE):
-            raise InputError(
-                f"damping = {damping.tolist()} holds a negative ratio; give zero or more."
-            )
-        size = np.sqrt(np.clip(np.diag(mass), 0.0, None))
-        if np.any(np.diag(mass) <= 0.0):
-            raise InputError(
-                f"rigid_mass has the diagonal {np.diag(mass).tolist()}; masses and inertias must "
-                "be positive."
-            )
-        if np.any(np.abs(mass - mass.T) > 1e-6 * np.outer(size, size)):
-            raise InputError(
-                "rigid_mass is not symmetric; give the mass matrix about one point, the port."
-            )
-        if np.any(frequencies <= 0.0) or np.any(np.diff(frequencies) < 0.0):
-            raise InputError(
-                f"frequencies = {frequencies.tolist()} must be positive and ascending."
-            )
-        tip = None if self.tip is None else np.array(self.tip, dtype=np.float64)
-        if n:  # a mode's sign makes its first participation that is not noise positive
-            weight = np.abs(participation) / np.sqrt(np.diag(mass))
-            noise = 1e-9 * np.maximum(weight.max(axis=1), 1e-300)
-            leading = np.argmax(weight > noise[:, None], axis=1)
-            signs = np.where(participation[np.arange(n), leading] < 0.0, -1.0, 1.0)[:, None]
-            participation = participation * signs
-            tip = None if tip is None else tip * signs
-            if self.shapes is not None and np.any(signs < 0.0):
-                object.__setattr__(self, "shapes", self.shapes.combined(np.diag(signs[:, 0])))
-        arrays |= {"participation": locked(participation), "damping": locked(damping)}
-        for name, values in arrays.items():
-            object.__setattr__(self, name, values)
-        object.__setattr__(self, "tip", None if tip is None else locked(tip))
-        scale = np.sqrt(np.clip(np.diag(mass), 1e-300, None))
-        scaled_residual = self.residual_mass / np.outer(scale, scale)
-        smallest = float(np.linalg.eigvalsh(scaled_residual)[0])
-        if not smallest > -1e-9:
-            raise InputError(
-                "the residual mass (rigid mass minus effective masses) has eigenvalue "
-                f"{smallest:.3e} relative to the rigid mass, which is negative: check the "
-                "reference point, the units and the rigid mass."
-            )
+            object.__setattr__(self, name, locked(values))
+        if self.shapes is not None and np.any(signs < 0.0):
+            object.__setattr__(self, "shapes", self.shapes.combined(np.diag(signs)))
+        _check_residual_mass(self.residual_mass, mass)
 
     # -- sizes -------------------------------------------------------------------------------------
     @property
