@@ -90,38 +90,61 @@ class ModalData:
         )
 
     def __post_init__(self) -> None:
-        mass = np.array(self.rigid_mass, dtype=np.float64)
-        w = np.array(self.frequencies, dtype=np.float64)
-        n = w.size
-        rows = np.array(self.participation, dtype=np.float64)
-        damping = np.zeros(n)
-        if np.size(self.damping):
-            damping = np.array(self.damping, dtype=np.float64)
-        if mass.shape != (6, 6) or rows.shape != (n, 6) or damping.shape != (n,) or w.shape != (n,):
+        arrays = self._arrays()
+        self._check_shapes(arrays)
+        self._check_numbers(arrays | {"points": self.points})
+        self._check_frequencies(arrays["frequencies"])
+        order = np.argsort(arrays["frequencies"], kind="stable")
+        by_mode = {name: values[order] for name, values in arrays.items() if name != "mass"}
+        self._check_rigid_mass(arrays["mass"])
+        mass, steps = self._settled_mass(arrays["mass"], by_mode["participation"])
+        for name, values in {**by_mode, "rigid_mass": mass, "points": self.points}.items():
+            object.__setattr__(self, name, locked(values))
+        for name, value in {
+            "pieces": tuple(self.pieces),
+            "steps": (*self.steps, *steps),
+            "printed": False,
+        }.items():
+            object.__setattr__(self, name, value)
+
+    def _arrays(self) -> dict[str, Array]:
+        """The arrays that were given, as copies; "tip" where there is one."""
+        given = {
+            "mass": self.rigid_mass,
+            "frequencies": self.frequencies,
+            "participation": self.participation,
+            "damping": self.damping,
+        }
+        if np.size(self.damping) == 0:
+            given["damping"] = np.zeros(np.size(self.frequencies))
+        if self.tip is not None:
+            given["tip"] = self.tip
+        return {name: np.array(values, dtype=np.float64) for name, values in given.items()}
+
+    def _check_shapes(self, arrays: Mapping[str, Array]) -> None:
+        """Six motions, and one row per mode; a print has a mode at least."""
+        shapes = {name: values.shape for name, values in arrays.items()}
+        n = arrays["frequencies"].size
+        wanted = {"mass": (6, 6), "frequencies": (n,), "participation": (n, 6), "damping": (n,)}
+        if any(shapes[name] != shape for name, shape in wanted.items()):
             raise InputError(
-                f"{self.source}: the sizes do not fit: mass {mass.shape}, frequencies {w.shape}, "
-                f"participation {rows.shape}, damping {damping.shape}; give mass (6, 6) and for n "
+                f"{self.source}: the sizes do not fit: mass {shapes['mass']}, frequencies "
+                f"{shapes['frequencies']}, participation {shapes['participation']}, damping "
+                f"{shapes['damping']}; give mass (6, 6) and for n "
                 "modes n frequencies, participation 6 x n and one damping ratio each."
             )
         if n == 0 and self.printed:
             raise InputError(
                 f"{self.source}: there is no mode; export the cantilever modes of the structure."
             )
-        tip = None if self.tip is None else np.array(self.tip, dtype=np.float64)
-        if tip is not None and tip.shape != (n, 6):
+        if shapes.get("tip", (n, 6)) != (n, 6):
             raise InputError(
-                f"{self.source}: tip has the shape {tip.shape}; give the six motions of the tip "
-                "per mode."
+                f"{self.source}: tip has the shape {shapes['tip']}; give the six motions of the "
+                "tip per mode."
             )
-        arrays = {
-            "mass": mass,
-            "frequencies": w,
-            "participation": rows,
-            "damping": damping,
-            "points": self.points,
-        }
-        if tip is not None:
-            arrays["tip"] = tip
+
+    def _check_numbers(self, arrays: Mapping[str, Array]) -> None:
+        """Finite numbers whose products stay finite."""
         for name, values in arrays.items():
             if not np.all(np.isfinite(values)):
                 raise InputError(
@@ -134,25 +157,27 @@ class ModalData:
                     f"{self.source}: {name} holds {largest:.3g}; numbers up to {LARGEST:g} are "
                     "taken: is a unit or an exponent wrong?"
                 )
-        if np.any(w <= 0.0):
+
+    def _check_frequencies(self, frequencies: Array) -> None:
+        """Cantilever modes have no rigid motion."""
+        if np.any(frequencies <= 0.0):
             raise InputError(
-                f"{self.source}: mode {int(np.argmin(w)) + 1} has the frequency "
-                f"{float(w.min()):.4g}: the structure was not held at its port; clamp the port "
-                "(SPC) and compute the modes again."
+                f"{self.source}: mode {int(np.argmin(frequencies)) + 1} has the frequency "
+                f"{float(frequencies.min()):.4g}: the structure was not held at its port; clamp "
+                "the port (SPC) and compute the modes again."
             )
-        order = np.argsort(w, kind="stable")
-        w = w[order]
-        rows = rows[order]
-        damping = damping[order]
-        tip = None if tip is None else tip[order]
-        size = np.sqrt(np.clip(np.diag(mass), 0.0, None))
-        if np.any(np.diag(mass)[:3] <= 0.0) or np.any(np.diag(mass) < 0.0):
+
+    def _check_rigid_mass(self, mass: Array) -> None:
+        """Positive masses, no negative inertia, and symmetry to the precision of the print."""
+        diagonal = np.diag(mass)
+        if np.any(diagonal[:3] <= 0.0) or np.any(diagonal < 0.0):
             raise InputError(
-                f"{self.source}: the rigid mass matrix has the diagonal {np.diag(mass).tolist()}; "
+                f"{self.source}: the rigid mass matrix has the diagonal {diagonal.tolist()}; "
                 "masses must be positive."
             )
+        scale = np.sqrt(diagonal)
         asymmetry = np.abs(mass - mass.T)
-        excess = asymmetry - max(self.tolerance, 1e-6) * np.outer(size, size)
+        excess = asymmetry - max(self.tolerance, 1e-6) * np.outer(scale, scale)
         if np.any(excess > 0.0):
             i, j = np.unravel_index(int(np.argmax(excess)), (6, 6))
             raise InputError(
@@ -160,29 +185,20 @@ class ModalData:
                 f"{MOTIONS[j]}: {mass[i, j]:.6g} and {mass[j, i]:.6g}); give it about one point, "
                 "the port."
             )
+
+    def _settled_mass(self, mass: Array, participation: Array) -> tuple[Array, list[str]]:
+        """The rigid mass whose residual is nowhere negative, and the step that says so."""
         precision = self.precision if self.printed else 0.0
         try:
-            mass, change = settle_rigid_mass((mass + mass.T) / 2.0, rows, precision)
+            settled, change = settle_rigid_mass((mass + mass.T) / 2.0, participation, precision)
         except InputError as error:
             raise InputError(f"{self.source}: {error}") from None
-        steps = list(self.steps)
-        if change > 10.0 * EXACT:
-            steps.append(
-                f"rigid mass moved by {change:.1e} relative, within the printed precision of "
-                f"{self.precision:.0e}, so that the residual mass is nowhere negative"
-            )
-        for name, value in {
-            "rigid_mass": locked(mass),
-            "frequencies": locked(w),
-            "participation": locked(rows),
-            "damping": locked(damping),
-            "tip": None if tip is None else locked(tip),
-            "points": locked(self.points),
-            "pieces": tuple(self.pieces),
-            "steps": tuple(steps),
-            "printed": False,
-        }.items():
-            object.__setattr__(self, name, value)
+        if change <= 10.0 * EXACT:
+            return settled, []
+        return settled, [
+            f"rigid mass moved by {change:.1e} relative, within the printed precision of "
+            f"{self.precision:.0e}, so that the residual mass is nowhere negative"
+        ]
 
     # -- sizes and checks --------------------------------------------------------------------------
     @property
