@@ -20,6 +20,9 @@ WORLDS = (
     "the environment is one satellite on one thread; bc.worlds(..., host=, threads=) steps "
     "thousands at once."
 )
+COUPLED = (
+    "take form=4: it places the poles of the whole craft with the tendons that the appendage has."
+)
 DELAY = "the delay between torque and motion is estimated, and stated with its interval."
 BOUND = (
     "upper bounds of a worst case are no longer computed; gain is the worst that a search found, "
@@ -47,6 +50,11 @@ DROPPED = {
     "identify(hub)": (
         "hub is gone: give the spacecraft's inertia in craft, and what the log adds to it is the "
         "appendage's."
+    ),
+    "retime(form=3)": f"form 3 is gone: {COUPLED}",
+    "tendons of form 3": (
+        "made exact in time by form 3 of an earlier version, which is gone: compile the model's "
+        "own file again, and retime it with form=4."
     ),
     "study --dask": f"--dask is gone: {CLUSTER}",
     "study --resume": f"--resume is gone: {RESUME}",

@@ -3,24 +3,19 @@
 Theory: docs/theory.md, section 5.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment, lsq_linear
 
-from beamchain.engine.library import mujoco
-from beamchain.errors import InputError
 from beamchain.ports.motions import Array, system_matrix
 from beamchain.steps.integrators import (
     SCHEMES,
     Complex,
     Timed,
-    continuous_poles,
-    place_poles,
     polynomial,
     runge_kutta_limit,
     step_pole,
@@ -28,8 +23,6 @@ from beamchain.steps.integrators import (
 )
 from beamchain.steps.modal import Modal
 from beamchain.steps.step_map import MOSTLY, Motion
-
-T = TypeVar("T")
 
 MARGIN = {"RK4": 7.6}  #: `h^2 lambda_max` allowed; of 8
 SEMI_IMPLICIT_MARGIN = 3.8  #: the same for the others; of 4
@@ -63,15 +56,12 @@ class ModeTime:
 
 @dataclass(frozen=True, eq=False)
 class TendonValues:
-    """Numbers for the tendons; new coefficients are `turn @ rows`."""
+    """Damping [1/s] and armature `(n,)` for the tendons, and what they do to the modes."""
 
-    stiffness: Array
     damping: Array
     armature: Array
-    turn: Array | None
     phase: float
     lambda_max: float
-    left_out: float
     modes: tuple[ModeTime, ...]
 
 
@@ -115,13 +105,10 @@ def form2(modal: Modal, c: Array, integrator: str, h: float) -> TendonValues:
     )
     zeta = modal.damping / (2.0 * modal.frequency)
     return TendonValues(
-        modal.stiffness,
         t.damping,
         t.mass - 1.0,
-        None,
         float(phase[0, 0]),
         largest,
-        0.0,
         _modes(modal.names, integrator, modal.frequency, zeta, modal.stiffness, t, h),
     )
 
@@ -278,26 +265,6 @@ class Craft:
         return s[mine][np.argsort(np.abs(s[mine]))]
 
 
-def _lower_until_stable(
-    integrator: str, at: Callable[[float], tuple[T, float]]
-) -> tuple[tuple[T, float], float]:
-    """What `at` gives at the largest phase limit at which the craft is stable."""
-    phase = SCHEMES[integrator].phase
-    best = at(phase)
-    if not np.isfinite(phase) or best[1] <= _limit(integrator):
-        return best, phase
-    low, high = LOWEST, phase
-    best = at(low)
-    for _ in range(HALVINGS):
-        middle = float(np.sqrt(low * high))
-        found = at(middle)
-        if found[1] <= _limit(integrator):
-            low, best = middle, found
-        else:
-            high = middle
-    return best, low
-
-
 def _modes(
     names: tuple[str, ...],
     integrator: str,
@@ -315,113 +282,6 @@ def _modes(
             names, w, zeta, t.mass, t.damping, s, t.slowed, t.clamped, strict=True
         )
     )
-
-
-def coupled_modes(c: Array, stiffness: Array, damping: Array) -> tuple[Array, Array, Complex]:
-    """`(n,)` coupled frequencies [rad/s], `(n, n)` modes, `(n, 2)` damped poles [1/s]."""
-    n = stiffness.size
-    # for 1/w^2: the slow modes keep all their digits beside very fast ones
-    inverse, shapes = eigh(c, np.diag(stiffness))
-    w = 1.0 / np.sqrt(inverse[::-1])
-    y = shapes[:, ::-1] * w
-    own = np.einsum("ki,k,ki->i", y, damping, y)
-    first, second = continuous_poles(w, own / (2.0 * w))
-    poles = np.stack([first, second], axis=1)
-    if np.any(damping > 0.0):
-        d = y.T @ (damping[:, None] * y)
-        # balanced: states w q, q'
-        f = np.block([[np.zeros((n, n)), np.diag(w)], [-np.diag(w), -d]])
-        s = np.linalg.eigvals(f).astype(np.complex128)
-        upper = s[s.imag > 1e-9 * np.abs(s)]
-        if upper.size == n:
-            order = linear_sum_assignment(np.abs(first[:, None] - upper[None, :]) / w[:, None])[1]
-            poles = np.stack([upper[order], np.conj(upper[order])], axis=1)
-    return w, y, poles
-
-
-def form3(
-    model: "mujoco.MjModel", modal: Modal, c: Array, integrator: str, h: float
-) -> TendonValues:
-    """The tendons become the coupled modes of one craft."""
-    groups = modal.groups()
-    _check_groups(model, modal, groups)
-    n = modal.stiffness.size
-    k = np.diag(modal.stiffness)
-    w, y, poles = coupled_modes(c, modal.stiffness, modal.damping)
-    a = c @ y  # rows of its transpose: the coupled coordinates over the modal ones
-    couples = y.T @ (modal.damping[:, None] * y)
-    own = np.sqrt(np.maximum(np.diag(couples), 1e-300))
-    left_out = float(
-        np.max(np.abs(couples - np.diag(np.diag(couples))) / np.outer(own, own), initial=0.0)
-    )
-    flexible = np.linalg.inv(c)
-
-    def at(phase: float) -> tuple[tuple[Timed, Array, Array, Array, Array], float]:
-        t = place_poles(
-            integrator, w**2, poles[:, 0], poles[:, 1], h, phase=phase, damping=np.diag(couples)
-        )
-        mu = (a * (t.mass - 1.0)) @ a.T
-        d = (a * t.damping) @ a.T
-        turn = np.zeros((n, n))
-        stiffness = np.zeros(n)
-        damping = np.zeros(n)
-        armature = np.zeros(n)
-        for group in groups:
-            g = np.ix_(group.tolist(), group.tolist())
-            if len(groups) == 1:
-                rows, scale = a.T, w**2
-                stiff = w**2
-                drag = t.damping
-                extra = t.mass - 1.0
-            else:
-                # u = V^T K y: springs of 1 each; scaled to unit mass with everything else free
-                v = eigh((mu[g] + mu[g].T) / 2.0, k[g])[1]
-                rows = v.T @ k[g]
-                scale = np.einsum("ij,jk,ik->i", rows, flexible[g], rows)
-                rows = rows / np.sqrt(scale)[:, None]
-                stiff = scale
-                drag = scale * np.einsum("ji,jk,ki->i", v, d[g], v)
-                extra = scale * np.einsum("ji,jk,ki->i", v, mu[g], v)
-            order = np.argsort(scale)  # ascending, laid on the tendons by ascending frequency
-            place = group[np.argsort(modal.stiffness[group])]
-            signs = np.sign(
-                np.einsum("ij,ji->i", rows[order], flexible[np.ix_(group.tolist(), place.tolist())])
-            )
-            turn[np.ix_(place.tolist(), group.tolist())] = (
-                rows[order] * np.where(signs == 0.0, 1.0, signs)[:, None]
-            )
-            stiffness[place], damping[place] = stiff[order], np.maximum(drag[order], 0.0)
-            armature[place] = np.maximum(extra[order], 0.0)
-        back = turn.T
-        return (t, turn, stiffness, damping, armature), stability(
-            integrator, c, k, (back * damping) @ turn, (back * armature) @ turn, h
-        )
-
-    ((t, turn, stiffness, damping, armature), largest), phase = _lower_until_stable(integrator, at)
-    zeta = -np.real(poles[:, 0]) / np.abs(poles[:, 0])
-    names = tuple(f"coupled{i + 1}" for i in range(n))
-    if len(groups) == 1:
-        names = tuple(modal.names[i] for i in np.argsort(modal.stiffness))
-    modes = _modes(names, integrator, np.abs(poles[:, 0]), zeta + 0.0, w**2, t, h)
-    return TendonValues(stiffness, damping, armature, turn, phase, largest, left_out, modes)
-
-
-def _check_groups(model: "mujoco.MjModel", modal: Modal, groups: "list[NDArray[np.intp]]") -> None:
-    """Tendons of a group hold the same joints, each once; groups share none."""
-    seen = np.zeros(model.nv, dtype=np.intp)
-    for group in groups:
-        seen += modal.rows[group[0]] != 0.0
-        counts = {int(model.tendon_num[modal.index[i]]) for i in group}
-        if counts != {int(np.count_nonzero(modal.rows[group[0]]))}:
-            raise InputError(
-                f"form 3 needs tendons that hold every joint once; {modal.names[group[0]]!r} does "
-                "not. Take form 2."
-            )
-    if np.any(seen > 1):
-        raise InputError(
-            "form 3 needs tendons that hold either the same joints or none in common; those of "
-            f"{modal.names[0]!r} and others overlap. Take form 2."
-        )
 
 
 class Tuned(NamedTuple):

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from beamchain.dropped import check
 from beamchain.engine.forces import along, wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import NUMBERS
@@ -30,7 +31,7 @@ FILLER = re.compile(r"(?:^|_)filler\d+(?:_(?:xy|xz|torsion|axial)\d*)?$")
 JOINT = 1  # mjWRAP_JOINT
 FREE_BALL = 1  # mjJNT_FREE is 0, mjJNT_BALL 1; slide and hinge come after
 UNMARKED = (0.9, 0.95, 0.001, 0.5, 2.0)  # MuJoCo's own solimplimit
-FORMS = (2, 3, 4)
+FORMS = (2, 4)
 
 
 class MadeFor(NamedTuple):
@@ -54,15 +55,8 @@ class Modal:
 
     @property
     def frequency(self) -> Array:
-        """`(n,)` of the held appendage's modes [rad/s] (form 3: of the craft's)."""
+        """`(n,)` of the held appendage's modes [rad/s]."""
         return np.sqrt(self.stiffness)
-
-    def groups(self) -> list[Ints]:
-        """Rows that span the same joints: what coefficients can be exchanged between."""
-        spans: dict[bytes, list[int]] = {}
-        for i, row in enumerate(self.rows):
-            spans.setdefault((row != 0.0).tobytes(), []).append(i)
-        return [np.array(group, dtype=np.intp) for group in spans.values()]
 
 
 def modal_tendons(model: "mujoco.MjModel") -> Modal:
@@ -112,6 +106,8 @@ def foreign(what: str) -> InputError:
 
 def _mark(model: "mujoco.MjModel", i: int) -> MadeFor | None:
     step, number, form, *_ = (float(v) for v in model.tendon_solimp_lim[i])
+    if step > 0.0 and number in NUMBERS and form == 3:
+        check("tendons of form 3", f"tendon {model.tendon(i).name!r}")
     if not (step > 0.0 and number in NUMBERS and form in FORMS):
         return None
     return MadeFor(step, NUMBERS[int(number)], int(form))

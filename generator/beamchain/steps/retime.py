@@ -2,9 +2,6 @@
 armature and damping on its modal tendons.
 
 * Form 2: every mode of the held appendage is exact; coefficients stay, and no hub is needed.
-* Form 3: the tendons become the coupled modes of one craft. Exact for one appendage;
-  damping that couples two modes is
-  left out and stated.
 * Form 4: form 2 with armature and damping tuned until the craft's own poles are exact.
 
 Modes beyond the phase limit are slowed, so that any step is stable; on a light hub the limit is
@@ -20,20 +17,18 @@ from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from beamchain.caution import Caution
 from beamchain.checks import finite_array, not_negative, of_type, one_of
-from beamchain.engine.forces import wraps
+from beamchain.dropped import check
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
-from beamchain.errors import EngineError, InputError
+from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.steps.forms import ModeTime, TendonValues, form2, form3, form4
+from beamchain.steps.forms import ModeTime, TendonValues, form2, form4
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import (
     FORMS,
-    JOINT,
     UNMARKED,
     MadeFor,
     Modal,
@@ -48,10 +43,6 @@ ARRAYS = (
     "tendon_armature",
     "tendon_damping",
     "tendon_solimp_lim",
-    "tendon_stiffness",
-    "tendon_length0",
-    "tendon_lengthspring",
-    "wrap_prm",
 )
 
 
@@ -62,12 +53,10 @@ class Retimed:
     Args:
         timestep: [s]; 0: the timing was taken out.
         integrator: MuJoCo's name.
-        form: 2, 3 or 4.
+        form: 2 or 4.
         phase: [rad] per step, the limit beyond which modes were slowed.
         lambda_max: `h^2 lambda_max` of the tendons' springs and dampers on the craft;
             stable below 4 (RK4: 8).
-        left_out: largest part of the damping that couples two coupled modes and was left out,
-            against the geometric mean of their own; 0 with form 2.
         modes: one per modal tendon.
         before: the arrays as they were, for `undo`.
         model: a copy of the model as it was written, with its step and integrator; None:
@@ -93,7 +82,6 @@ class Retimed:
     form: int
     phase: float
     lambda_max: float
-    left_out: float
     modes: tuple[ModeTime, ...]
     before: Mapping[str, Array]
     model: "mujoco.MjModel | None" = None
@@ -173,19 +161,18 @@ def retime(
 
     Args:
         model: compiled; arrays change, its topology does not.
-        timestep: [s]; 0 removes the timing: the model is restored bit for bit (after form 3: to
-            rounding; its `Retimed.undo` is exact).
+        timestep: [s]; 0 removes the timing: the model is restored bit for bit.
         integrator: MuJoCo's name; default: the model's own. RK4: only modes beyond its
             limit are slowed; "discrete": nothing is changed, it is stable at every step and
             cannot be made exact.
-        form: 2: each tendon by itself, errors of the coupled poles of fourth order in the step; 3:
-            the tendons become the coupled modes, for one pose; 4: form 2 corrected until the
+        form: 2: each tendon by itself, errors of the coupled poles of fourth order in the step;
+            4: form 2 corrected until the
             coupled poles are exact, for one pose. 4 needs Euler, implicit or implicitfast;
             otherwise it is 2.
         qpos: pose at which the craft's coupling is computed; default: the initial one.
 
     Raises:
-        InputError: the model has no modal tendons, or they do not allow form 3.
+        InputError: the model has no modal tendons.
 
     Example:
         >>> import beamchain as bc, mujoco
@@ -201,6 +188,7 @@ def retime(
     """
     of_type("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
     h = not_negative("timestep", timestep, "s")
+    check(f"retime(form={form})")
     one_of("form", str(form), [str(f) for f in FORMS])
     name = NUMBERS[int(model.opt.integrator)] if integrator is None else integrator
     one_of("integrator", name, tuple(SCHEMES))
@@ -212,13 +200,13 @@ def retime(
     before = {array: np.array(getattr(model, array), dtype=np.float64) for array in ARRAYS}
     _take_out(model, modal, qpos)
     if h == 0.0:
-        return Retimed(0.0, name, form, SCHEMES[name].phase, 0.0, 0.0, (), MappingProxyType(before))
+        return Retimed(0.0, name, form, SCHEMES[name].phase, 0.0, (), MappingProxyType(before))
     if name not in INTEGRATORS:
         raise InputError(f"this MuJoCo has no integrator {name!r}.")
     modal = modal_tendons(model)
     try:
         c = coupled_mass(model, modal, qpos)
-        plan = form3(model, modal, c, name, h) if form == 3 else form2(modal, c, name, h)
+        plan = form2(modal, c, name, h)
         if form == 4:
             plan = form4(modal, c, name, h, plan, motion_for(model, h, name, qpos))
     except BaseException:
@@ -234,7 +222,6 @@ def retime(
         form,
         plan.phase,
         plan.lambda_max,
-        plan.left_out,
         plan.modes,
         MappingProxyType(before),
         written,
@@ -301,7 +288,6 @@ def _modal_mass(mass: Array, row: Array) -> float:
 
 def _take_out(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> None:
     """The tendons as they were before they were made exact in time."""
-    forms = [None if mark is None else mark.form for mark in modal.made_for]
     for i, mark in zip(modal.index, modal.made_for, strict=True):
         if mark is not None:
             model.tendon_damping[i] = model.tendon_solimp_lim[i, 3]
@@ -313,55 +299,9 @@ def _take_out(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> None
             own = float(model.tendon_margin[i])
             if mark is not None and abs(_modal_mass(mass, row) + own - 1.0) < UNIT_MASS:
                 model.tendon_armature[i] = own
-    if 3 in forms:
-        mass = mass_matrix(model, qpos)
-        for group in modal.groups():
-            if forms[group[0]] == 3:
-                _held_modes(model, modal, group, mass)
     for i, mark in zip(modal.index, modal.made_for, strict=True):
         if mark is not None:
             model.tendon_solimp_lim[i] = UNMARKED
-
-
-def _held_modes(
-    model: "mujoco.MjModel", modal: Modal, group: "NDArray[np.intp]", mass: Array
-) -> None:
-    """Coefficients of the held appendage's modes, worked out from its springs and masses."""
-    span = np.flatnonzero(modal.rows[group[0]])
-    rows = modal.rows[np.ix_(group.tolist(), span.tolist())]
-    # B Q^-1 B^T
-    flexible = rows @ np.linalg.solve(mass[np.ix_(span.tolist(), span.tolist())], rows.T)
-    root = np.linalg.cholesky((flexible + flexible.T) / 2.0)
-    stiffness, u = np.linalg.eigh(root.T @ (modal.stiffness[group][:, None] * root))
-    # unit masses, then along the modes
-    new: Array = np.asarray(u.T @ np.linalg.solve(root, rows), dtype=np.float64)
-    wanted = model.tendon_solimp_lim[modal.index[group], 4]
-    order = np.argsort(np.argsort(wanted))  # ascending, as the eigenvalues are
-    if np.max(np.abs(stiffness[order] / wanted - 1.0)) > 1e-5:
-        raise EngineError(
-            f"tendons of {modal.names[group[0]]!r} no longer have the modes they had before form 3 "
-            "was applied: stiffness, masses or joints were changed since; compile the model again."
-        )
-    metric = np.linalg.solve(mass[np.ix_(span.tolist(), span.tolist())], rows.T)
-    for j, i in enumerate(group):
-        row = new[order[j]]
-        _coefficients(model, int(modal.index[i]), span, row if row @ metric[:, j] >= 0.0 else -row)
-        model.tendon_stiffness[modal.index[i]] = wanted[j]
-
-
-def _coefficients(
-    model: "mujoco.MjModel", tendon: int, dofs: "NDArray[np.intp]", values: Array
-) -> None:
-    """New coefficients of a fixed tendon; its resting length stays the length at rest."""
-    at = {int(d): float(v) for d, v in zip(dofs, values, strict=True)}
-    length = 0.0
-    for wrap in wraps(model, tendon):
-        joint = int(model.wrap_objid[wrap])
-        assert int(model.wrap_type[wrap]) == JOINT
-        model.wrap_prm[wrap] = at[int(model.jnt_dofadr[joint])]
-        length += float(model.wrap_prm[wrap]) * float(model.qpos0[int(model.jnt_qposadr[joint])])
-    model.tendon_length0[tendon] = length
-    model.tendon_lengthspring[tendon] = length
 
 
 def write_values(model: "mujoco.MjModel", modal: Modal, plan: TendonValues, mark: MadeFor) -> None:
@@ -377,10 +317,3 @@ def write_values(model: "mujoco.MjModel", modal: Modal, plan: TendonValues, mark
         )
     model.tendon_armature[modal.index] += plan.armature
     model.tendon_damping[modal.index] = plan.damping
-    if plan.turn is None:
-        return
-    model.tendon_stiffness[modal.index] = plan.stiffness
-    rows = plan.turn @ modal.rows
-    for j, i in enumerate(modal.index):
-        span = np.flatnonzero(modal.rows[j])
-        _coefficients(model, int(i), span, rows[j, span])

@@ -9,7 +9,6 @@ from lxml.etree import _Element as Element
 
 from beamchain.checks import one_of
 from beamchain.engine.door import TRIAL, check_step, steps_well
-from beamchain.engine.forces import wraps
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
 from beamchain.errors import InputError
@@ -29,7 +28,7 @@ def time_attributes(
     model: "mujoco.MjModel",
     named: Callable[[str], str] = lambda name: name,
 ) -> dict[Element, dict[str, str]]:
-    """Attributes of a document's modal tendons, and of the joints in them, as the model has them.
+    """Attributes of a document's modal tendons as the model has them.
 
     `named`: the model's name of what the document names so.
     """
@@ -41,16 +40,10 @@ def time_attributes(
         if i is None:
             continue
         out[fixed] = {
-            "stiffness": number(model.tendon_stiffness[i]),
             "damping": number(model.tendon_damping[i]),
             "armature": number(model.tendon_armature[i]),
             "solimplimit": number(model.tendon_solimp_lim[i]),
         }
-        coefficients = {
-            model.joint(int(model.wrap_objid[w])).name: model.wrap_prm[w] for w in wraps(model, i)
-        }
-        for joint in fixed.iter("joint"):
-            out[joint] = {"coef": number(float(coefficients[named(joint.get("joint") or "")]))}
     return out
 
 
