@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+import beamchain as bc
 import finite_elements as fe
 from appendages import REALISABLE, close, panels, seed_boom, unit_beam
 from arrays import space_beam
@@ -388,3 +389,38 @@ def test_inputs_are_not_written_to():
 def test_what_is_kept_between_calls_is_locked(name):
     with pytest.raises(ValueError, match="read-only"):
         getattr(random_port(1), name)[...] = 0.0
+
+
+def test_the_view_of_a_port_is_the_block_of_the_dynamic_mass():
+    """The root's other motions are held, so that the view's D is a block of the whole D; a mode
+    that moves two ports stands in both views."""
+    rigid = np.diag([9.0, 9.0, 9.0, 1.0, 60.0, 60.0])
+    rigid[1, 5] = rigid[5, 1] = 12.0
+    rigid[2, 4] = rigid[4, 2] = -12.0
+    rows = np.zeros((4, 6))
+    rows[0, [1, 5]] = 1.0, 2.5
+    rows[1, 3] = 0.5
+    rows[2, [2, 4]] = 0.8, -2.0
+    rows[3, [1, 5, 3]] = 0.6, 1.1, 0.3
+    model = bc.PortModel(
+        rigid, [1.0, 2.0, 3.0, 4.0], rows, [0.01] * 4, labels=("xy", "torsion", "xz", "")
+    )
+    omega = np.linspace(0.1, 6.0, 40)
+    whole = model.D(omega)
+    for port, motions, signs, frequencies in (
+        ("xy", [1, 5], [1.0, 1.0], [1.0, 4.0]),
+        ("xz", [2, 4], [1.0, -1.0], [3.0]),
+        ("torsion", [3], [1.0], [2.0, 4.0]),
+        ("axial", [0], [1.0], []),
+    ):
+        view = model.port(port)
+        turn = np.outer(signs, signs)[:, :, None]
+        assert view.frequencies.tolist() == frequencies
+        assert np.allclose(view.D(omega), turn * whole[np.ix_(motions, motions)], rtol=1e-13)
+
+
+def test_labels_are_checked():
+    with pytest.raises(bc.InputError, match=r"labels = \('yx',\) must name a port"):
+        bc.PortModel([[4.0]], [2.0], [[1.5]], labels=("yx",))
+    with pytest.raises(bc.InputError, match="needs a model in six motions; this one has 1"):
+        bc.PortModel([[4.0]], [2.0], [[1.5]]).port("axial")

@@ -16,6 +16,7 @@ from beamchain.engine.library import hangs_on, mujoco, rest
 from beamchain.engine.linearise import Linearisation, compile_model, linearise
 from beamchain.errors import EngineError, InputError
 from beamchain.mjcf import write
+from beamchain.ports.compose import joined
 from beamchain.ports.coupled import CoupledPort
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORT_MOTION, Array, body_mass_matrix, offset_matrix
@@ -45,8 +46,8 @@ class Measured:
     """What MuJoCo says of an appendage.
 
     Args:
-        blocks: port model of each block of ports, and which of the six motions it has.
-        ports: the view of each port, the other motions held.
+        blocks: port model of each block of ports, labelled where it is a single port, and which of
+            the six motions it has.
         rigid_mass: `(6, 6)` of the bodies.
         couplings: between any two blocks of ports, relative.
         linearisation: of the bench.
@@ -57,7 +58,6 @@ class Measured:
     """
 
     blocks: tuple[tuple[PortModel, list[int]], ...]
-    ports: dict[str, PortModel]
     rigid_mass: Array
     couplings: dict[str, float]
     linearisation: Linearisation
@@ -67,22 +67,22 @@ class Measured:
 
     @cached_property
     def space(self) -> PortModel:
-        """The port model in six motions, its modes ascending: the blocks do not couple."""
+        """The port model in six motions: the blocks do not couple."""
         mass = self.rigid_mass.copy()
         for model, motions in self.blocks:
             mass[np.ix_(motions, motions)] = model.rigid_mass
-        models = [model for model, _ in self.blocks]
-        frequencies = np.concatenate([np.zeros(0), *(model.frequencies for model in models)])
-        damping = np.concatenate([np.zeros(0), *(model.damping for model in models)])
-        rows = [model.participation @ np.eye(6)[motions] for model, motions in self.blocks]
-        participation = np.vstack([np.zeros((0, 6)), *rows])
-        order = np.argsort(frequencies, kind="stable")
-        return PortModel(mass, frequencies[order], participation[order], damping[order])
+        models, motions = zip(*self.blocks, strict=True) if self.blocks else ((), ())
+        return joined(models, [np.eye(6)[:, columns] for columns in motions], mass)
+
+    @cached_property
+    def ports(self) -> dict[str, PortModel]:
+        """The view of each port that the appendage has, the other motions held."""
+        return {port: self.space.port(port) for port in self.lost}
 
     @cached_property
     def motion(self) -> PortModel:
         """The port model in the live motions."""
-        return view(self.space, np.eye(6)[:, list(self.live)])
+        return self.space.in_motions(np.eye(6)[:, list(self.live)])
 
     @property
     def damped_motion(self) -> PortModel | CoupledPort:
@@ -138,18 +138,17 @@ def measure(
     extra = np.zeros((6, 6)) if ballast is None else np.diag([ballast[0]] * 3 + list(ballast[1:]))
     read = readings(model)
     rigid = rigid_mass(model, "bench") - extra
-    models: list[tuple[PortModel, list[int]]] = []
-    views: dict[str, PortModel] = {}
+    parts: list[tuple[PortModel, list[int]]] = []
     lost: dict[str, float] = {}
     freedoms = {tuple(block): _freedoms(linear.joints, block) for block in blocks}
     for block, dofs in freedoms.items():
         model_of_block, difference = _block_model(linear, read, block, dofs, extra, live)
         motions = [motion for motion in dofs.motions if motion in live]
-        models.append((model_of_block, motions))
+        label = block[0] if len(block) == 1 else ""
+        labels = (label,) * model_of_block.modes
+        parts.append((model_of_block.replaced(labels=labels), motions))
         for port in block:
-            motion = PORT_MOTION[port]
-            if np.all(np.delete(motion, motions, axis=0) == 0.0):
-                views[port] = view(model_of_block, motion[motions])
+            if np.all(np.delete(PORT_MOTION[port], motions, axis=0) == 0.0):
                 lost[port] = difference
     couplings = {
         f"{' and '.join(a)}, {' and '.join(b)}": linear.coupling(
@@ -158,8 +157,7 @@ def measure(
         for a, b in combinations(freedoms, 2)
     }
     return Measured(
-        blocks=tuple(models),
-        ports=views,
+        blocks=tuple(parts),
         rigid_mass=rigid,
         couplings=couplings,
         linearisation=linear,
@@ -206,7 +204,7 @@ def _block_model(
         rows = _in_planes(direct.participation, direct.rigid_mass, dofs.motions, groups)
         direct = direct.replaced(participation=rows)
     if len(keep) < len(dofs.motions):
-        direct = view(direct, np.eye(len(dofs.motions))[:, keep])
+        direct = direct.in_motions(np.eye(len(dofs.motions))[:, keep])
     try:
         found = _from_linearisation(linear, dofs, ballast, keep)
         lost = distance(found, direct)
@@ -241,15 +239,6 @@ def _in_planes(
     scale[motions] = np.sqrt(np.where(np.diag(mass) > 0.0, np.diag(mass), 1.0))
     turn, _ = turn_into_planes(rows, scale, groups)
     return turn @ participation
-
-
-def view(model: PortModel, motion: Array) -> PortModel:
-    """The port model of some motions `(m, k)` of the root, the others held."""
-    return model.replaced(
-        rigid_mass=motion.T @ model.rigid_mass @ motion,
-        participation=model.participation @ motion,
-        tip=None,
-    )
 
 
 def _with_whole_damping(read: Readings, joints: Sequence[str], rigid: Array) -> CoupledPort | None:

@@ -3,7 +3,7 @@
 Theory: docs/theory.md, section 1.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,17 +13,34 @@ from beamchain.ports.motions import PORT_MOTION, Array
 
 
 def model_in_space(ports: Mapping[str, PortModel], rigid_mass: ArrayLike) -> PortModel:
-    """One model with six motions from independent ports and the rigid mass `(6, 6)`."""
-    rows = [model.participation @ PORT_MOTION[port].T for port, model in ports.items()]
+    """One model with six motions from independent ports and the rigid mass `(6, 6)`; each mode is
+    labelled with its port."""
+    parts = [model.replaced(labels=(port,) * model.modes) for port, model in ports.items()]
+    return joined(parts, [PORT_MOTION[port] for port in ports], rigid_mass)
+
+
+def joined(
+    parts: Sequence[PortModel], motions: Sequence[Array], rigid_mass: ArrayLike
+) -> PortModel:
+    """One model with six motions from parts that do not couple, its modes ascending.
+
+    Args:
+        parts: each in its own motions.
+        motions: `(6, m)` of each part: motion in space per unit of its own motions.
+        rigid_mass: `(6, 6)` of the whole.
+    """
+    rows = [part.participation @ motion.T for part, motion in zip(parts, motions, strict=True)]
     participation = np.vstack([np.zeros((0, 6)), *rows])
-    frequencies = np.concatenate([np.zeros(0), *(model.frequencies for model in ports.values())])
-    damping = np.concatenate([np.zeros(0), *(model.damping for model in ports.values())])
+    frequencies = np.concatenate([np.zeros(0), *(part.frequencies for part in parts)])
+    damping = np.concatenate([np.zeros(0), *(part.damping for part in parts)])
+    labels = [label for part in parts for label in part.labels or ("",) * part.modes]
     order = np.argsort(frequencies, kind="stable")
     return PortModel(
         np.asarray(rigid_mass),
         frequencies=frequencies[order],
         participation=participation[order],
         damping=damping[order],
+        labels=tuple(labels[k] for k in order),
     )
 
 

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from beamchain.checks import as_array, finite_array
+from beamchain.checks import as_array, finite_array, one_of
 from beamchain.errors import InputError, RealisationError
 from beamchain.late import importing
-from beamchain.ports.motions import Array, locked, square_root
+from beamchain.ports.motions import PORT_MOTION, PORTS, Array, locked, square_root
 
 if TYPE_CHECKING:
     import control
@@ -104,6 +104,17 @@ def _check_frequencies(frequencies: Array) -> None:
         raise InputError(f"frequencies = {frequencies.tolist()} must be positive and ascending.")
 
 
+def _check_labels(labels: Sequence[str], modes: int) -> None:
+    """One per mode or none, each a port's name or empty."""
+    known = ("", *PORTS)
+    unknown = [label for label in labels if label not in known]
+    if unknown or len(labels) not in (0, modes):
+        raise InputError(
+            f"labels = {labels!r:.80} must name a port ({', '.join(PORTS)}, or '' for several) for "
+            f"each of the {modes} modes, or be empty."
+        )
+
+
 def _check_residual_mass(residual: Array, mass: Array) -> None:
     """The modes take no more than the rigid mass."""
     scale = np.sqrt(np.diag(mass))
@@ -156,6 +167,8 @@ class PortModel:
         tip: `(n, m)` or more columns: tip motion in each mass-normalised cantilever mode, where
             known, then that of further points.
         shapes: the modes along the appendage, where known.
+        labels: `(n,)` the port that each mode moves, "xy", "xz", "torsion" or "axial", or "" for
+            one that moves several; empty: not known.
 
     Raises:
         InputError: shapes disagree, a number is not finite,
@@ -181,6 +194,7 @@ class PortModel:
     damping: Array = field(default_factory=lambda: np.zeros(0))
     tip: Array | None = None
     shapes: Shapes | None = None
+    labels: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         first = ", ".join(f"{w:.6g}" for w in self.frequencies[:3])
@@ -217,6 +231,7 @@ class PortModel:
             object.__setattr__(self, name, locked(values))
         if self.shapes is not None and np.any(signs < 0.0):
             object.__setattr__(self, "shapes", self.shapes.combined(np.diag(signs)))
+        _check_labels(self.labels, n)
         _check_residual_mass(self.residual_mass, mass)
 
     # -- sizes -------------------------------------------------------------------------------------
@@ -451,7 +466,51 @@ class PortModel:
             damping=self.damping[pick],
             tip=None if self.tip is None else self.tip[pick],
             shapes=None if self.shapes is None else self.shapes.combined(np.eye(self.modes)[pick]),
+            labels=tuple(self.labels[k] for k in pick) if self.labels else (),
         )
+
+    def in_motions(self, motion: ArrayLike) -> "PortModel":
+        """The same in other motions of its root, the remaining ones held.
+
+        Args:
+            motion: `(m, k)` motion of this model's root per unit of each new motion.
+        """
+        columns = finite_array("motion", motion, (self.motions, None))
+        return self.replaced(
+            rigid_mass=columns.T @ self.rigid_mass @ columns,
+            participation=self.participation @ columns,
+            tip=None,
+        )
+
+    def port(self, port: str) -> "PortModel":
+        """The view of one port of a model in six motions, the other motions of the root held: the
+        modes that are labelled so, and those without a label that move the port.
+
+        Args:
+            port: "xy", "xz", "torsion" or "axial".
+
+        Example:
+            >>> import beamchain as bc
+            >>> import numpy as np
+            >>> model = bc.PortModel(
+            ...     rigid_mass=np.diag([9.0, 9.0, 9.0, 1.0, 48.0, 48.0]),
+            ...     frequencies=np.array([2.0, 3.0]),
+            ...     participation=np.array([[0, 2.0, 0, 0, 0, 5.0], [0, 0, 0, 0.5, 0, 0]]),
+            ...     labels=("xy", "torsion"),
+            ... )
+            >>> model.port("torsion")
+            <PortModel, 1 motion, 1 modes: 3 rad/s>
+        """
+        one_of("port", port, PORTS)
+        motion = PORT_MOTION[port]
+        if self.motions != len(motion):
+            raise InputError(
+                f"a view of {port} needs a model in six motions; this one has {self.motions}."
+            )
+        labels = self.labels or ("",) * self.modes
+        moves = np.any(self.participation @ motion != 0.0, axis=1)
+        modes = [k for k, label in enumerate(labels) if label == port or (not label and moves[k])]
+        return self.picked(modes).in_motions(motion)
 
     def condensed(self, above: float) -> "PortModel":
         """The modes above a frequency [rad/s] gathered into as many as the port has motions,
@@ -530,5 +589,13 @@ class PortModel:
 
     def replaced(self, **changes: Any) -> "PortModel":
         """A copy with some fields changed, `changes` by name."""
-        names = ("rigid_mass", "frequencies", "participation", "damping", "tip", "shapes")
+        names = (
+            "rigid_mass",
+            "frequencies",
+            "participation",
+            "damping",
+            "tip",
+            "shapes",
+            "labels",
+        )
         return PortModel(**{name: changes.get(name, getattr(self, name)) for name in names})

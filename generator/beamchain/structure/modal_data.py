@@ -238,6 +238,14 @@ class ModalData:
         return tuple(PORTS[i] for i in np.argmax(self.shares, axis=1))
 
     @property
+    def labels(self) -> tuple[str, ...]:
+        """Port of each mode that moves a single one, else ""."""
+        several = np.count_nonzero(self.parts > 0.0, axis=1) > 1
+        return tuple(
+            "" if couples else port for port, couples in zip(self.belongs, several, strict=True)
+        )
+
+    @property
     def leaks(self) -> Array:
         """`(n,)` part of each mode's participation that lies outside its port, 0 to 1."""
         outside = 1.0 - np.max(self.shares, axis=1)
@@ -289,6 +297,7 @@ class ModalData:
             participation=self.participation[:, live],
             damping=self.damping,
             tip=tip,
+            labels=self.labels,
         )
 
     def port(self, port: str, *, own: bool = False) -> PortModel:
