@@ -15,9 +15,6 @@ import typer
 
 import beamchain as bc
 from beamchain.cli import app
-from beamchain.fitting.spec import Spec
-from beamchain.fitting.uncertain import UncertainCraft
-from beamchain.plants.controllers import Controller
 
 #: TOML files that a user writes: page, title, what it is, and the struct that reads it
 FILES = (
@@ -25,39 +22,39 @@ FILES = (
         "specification",
         "Keys of a specification",
         "A `SPEC.toml` describes one appendage (`beamchain fit`).",
-        Spec,
+        bc.Spec,
     ),
     (
         "controller",
         "Keys of a controller",
         "A `LOOPS.toml` is given to `beamchain plant --controller`.",
-        Controller,
+        bc.Controller,
     ),
     (
         "craft",
         "Keys of an uncertain spacecraft",
         "A `CRAFT.toml` is given to `beamchain sweep --uncertain` and `beamchain plant "
         "--uncertain`.",
-        UncertainCraft,
+        bc.UncertainCraft,
     ),
 )
-#: classes that public functions return, where each is defined, and which call returns it
+#: classes that public functions return, and which call returns each
 RESULTS = {
-    "Comparison": ("ports.compare", "bc.compare(a, b)"),
-    "Identification": ("identification.result", "bc.identify(logs, craft, at)"),
-    "Linearisation": ("engine.linearise", "bc.linearise(model)"),
-    "Plant": ("plants.realisation", "bc.plant(model, inputs, outputs)"),
-    "ScheduledPlant": (
-        "plants.scheduled",
-        'bc.plant(model, inputs, outputs, at={"drive": angles})',
-    ),
-    "UncertainPlant": ("plants.uncertain_plant", "plant.uncertain(craft)"),
-    "WorstCase": ("plants.uncertain_plant", "plant.uncertain(craft).worst_case(controller)"),
-    "Retimed": ("steps.retime", "bc.retime(model, timestep)"),
-    "StabilityStudy": ("studies.stability", "bc.stability(source)"),
-    "Study": ("studies.study", "bc.study(spec)"),
-    "Sweep": ("variants.sweep", "bc.sweep(source, samples)"),
-    "Worlds": ("fleet.worlds", "bc.worlds(model, variants)"),
+    "Comparison": "bc.compare(a, b)",
+    "Embedded": "bc.embed(craft, at)",
+    "Fit": "bc.fit(spec)",
+    "Identification": "bc.identify(logs, craft, at)",
+    "Linear": "bc.Linear.of(model)",
+    "Linearisation": "bc.linearise(model)",
+    "Plant": "bc.plant(model, inputs, outputs)",
+    "Retimed": "bc.retime(model, timestep)",
+    "ScheduledPlant": 'bc.plant(model, inputs, outputs, at={"drive": angles})',
+    "StabilityStudy": "bc.stability(source)",
+    "Study": "bc.study(spec)",
+    "Sweep": "bc.sweep(source, samples)",
+    "UncertainPlant": "plant.uncertain(craft)",
+    "Worlds": "bc.worlds(model, variants)",
+    "WorstCase": "plant.uncertain(craft).worst_case(controller)",
 }
 #: classes that these and public classes hold: shown on the same page
 PARTS = {
@@ -280,37 +277,33 @@ def names() -> list[str]:
 
 
 def python() -> dict[str, str]:
-    """A page per public name and per class that public functions return, and the list of all."""
+    """A page per public name, and the list of all."""
     pages, rows = {}, {}
     for name in names():
         thing = getattr(bc, name)
+        call = RESULTS.get(name)
         group = (
             "Functions"
             if not inspect.isclass(thing)
             else "Errors"
             if issubclass(thing, Exception)
             else "Classes"
+            if call is None
+            else "Results"
         )
+        inherited = _inherited(thing) if group == "Results" else []
         what = "autofunction" if group == "Functions" else "autoclass"
-        options = {"Classes": (":members:",), "Errors": (":show-inheritance:",)}.get(group, ())
+        options = {
+            "Classes": [":members:"],
+            "Errors": [":show-inheritance:"],
+            "Results": [":members:", *inherited],
+        }.get(group, [])
+        about = "" if call is None else _returned_by(call)
         pages[f"reference/python/{name}.md"] = _page(
-            f"bc.{name}", "", _shown(what, name, *options), name
+            f"bc.{name}", about, _shown(what, name, *options), name
         )
-        rows.setdefault(group, []).append(f"| [{name}]({name}.md) | {_first(thing)} |")
-    for name, (module, call) in RESULTS.items():
-        thing = getattr(import_module(f"beamchain.{module}"), name)
-        function = re.match(r"bc\.(\w+)", call)
-        about = f"Returned by `{call}`" + (
-            f", see [bc.{function[1]}](../python/{function[1]}.md)." if function else "."
-        )
-        ours = thing.__base__.__module__.startswith("beamchain.")
-        # those of control.StateSpace stand in its docs
-        inherited = [":inherited-members: StateSpace"] if ours else []
-        shown = _shown("autoclass", f"{module}.{name}", ":members:", *inherited)
-        pages[f"reference/results/{name}.md"] = _page(name, f"{about}\n\n", shown, name)
-        rows.setdefault("Results", []).append(
-            f"| [{name}](../results/{name}.md) | `{call}` | {_first(thing)} |"
-        )
+        cells = [f"[{name}]({name}.md)", *([] if call is None else [f"`{call}`"]), _first(thing)]
+        rows.setdefault(group, []).append(f"| {' | '.join(cells)} |")
     shown = "".join(
         _shown("autoclass", name, ":members:", ":no-inherited-members:") for name in GYM
     )
@@ -330,9 +323,23 @@ def python() -> dict[str, str]:
         else:
             text.append(f"## {group}\n")
         text.append(f"{head}\n" + "\n".join(rows[group]) + "\n")
-    every = [*names(), *(f"../results/{name}" for name in (*RESULTS, "gym"))]
+    every = [*names(), "../results/gym"]
     text.append("```{toctree}\n:hidden:\n\n" + "\n".join(every) + "\n```\n")
     return {**pages, "reference/python/index.md": "\n".join(text)}
+
+
+def _inherited(thing: type) -> list[str]:
+    """The option that shows members of a base class of ours; those of control.StateSpace stand in
+    its docs."""
+    ours = thing.__base__ is not None and thing.__base__.__module__.startswith("beamchain.")
+    return [":inherited-members: StateSpace"] if ours else []
+
+
+def _returned_by(call: str) -> str:
+    """The call that returns a class, with a link to its page."""
+    function = re.match(r"bc\.([a-z]\w*)", call)
+    see = f", see [bc.{function[1]}]({function[1]}.md)." if function else "."
+    return f"Returned by `{call}`{see}\n\n"
 
 
 def _shown(what: str, name: str, *options: str) -> str:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded as Embedded
     from beamchain.craft.embedding import embed as embed
     from beamchain.engine.linear import Linear as Linear
+    from beamchain.engine.linearise import Linearisation as Linearisation
     from beamchain.engine.linearise import linearise as linearise
     from beamchain.errors import BeamchainError as BeamchainError
     from beamchain.errors import InputError as InputError
@@ -26,11 +27,29 @@ if TYPE_CHECKING:
     from beamchain.fitting.result import Fit as Fit
     from beamchain.fitting.spec import Spec as Spec
     from beamchain.fitting.spec import read_spec as read_spec
+    from beamchain.fitting.uncertain import Correlation as Correlation
+    from beamchain.fitting.uncertain import UncertainBody as UncertainBody
+    from beamchain.fitting.uncertain import UncertainCraft as UncertainCraft
+    from beamchain.fitting.uncertain import UncertainJoint as UncertainJoint
+    from beamchain.fitting.uncertain import UncertainMode as UncertainMode
+    from beamchain.fitting.uncertain import UncertainModes as UncertainModes
+    from beamchain.fitting.uncertain import Uncertainty as Uncertainty
+    from beamchain.fleet.worlds import Worlds as Worlds
     from beamchain.fleet.worlds import worlds as worlds
     from beamchain.identification.identify import identify as identify
+    from beamchain.identification.result import Identification as Identification
+    from beamchain.plants.controllers import Controller as Controller
+    from beamchain.plants.controllers import Filter as Filter
+    from beamchain.plants.controllers import Loop as Loop
     from beamchain.plants.plant import plant as plant
+    from beamchain.plants.realisation import Plant as Plant
+    from beamchain.plants.scheduled import ScheduledPlant as ScheduledPlant
+    from beamchain.plants.uncertain_plant import UncertainPlant as UncertainPlant
+    from beamchain.plants.uncertain_plant import WorstCase as WorstCase
+    from beamchain.ports.compare import Comparison as Comparison
     from beamchain.ports.compare import compare as compare
     from beamchain.ports.model import PortModel as PortModel
+    from beamchain.steps.retime import Retimed as Retimed
     from beamchain.steps.retime import retime as retime
     from beamchain.steps.start import HeldInput as HeldInput
     from beamchain.steps.start import start_velocity as start_velocity
@@ -48,15 +67,21 @@ if TYPE_CHECKING:
     from beamchain.structure.segment import Joint as Joint
     from beamchain.structure.segment import Lump as Lump
     from beamchain.structure.segment import Segment as Segment
+    from beamchain.studies.stability import StabilityStudy as StabilityStudy
     from beamchain.studies.stability import stability as stability
+    from beamchain.studies.study import Study as Study
     from beamchain.studies.study import study as study
+    from beamchain.variants.sweep import Sweep as Sweep
     from beamchain.variants.sweep import sweep as sweep
 
 _PLACES = {
     "craft.embedded": ("Embedded",),
     "craft.embedding": ("embed",),
     "engine.linear": ("Linear",),
-    "engine.linearise": ("linearise",),
+    "engine.linearise": (
+        "Linearisation",
+        "linearise",
+    ),
     "errors": (
         "BeamchainError",
         "InputError",
@@ -75,13 +100,46 @@ _PLACES = {
         "Spec",
         "read_spec",
     ),
-    "plants.plant": ("plant",),
-    "fleet.worlds": ("worlds",),
+    "fitting.uncertain": (
+        "Correlation",
+        "UncertainBody",
+        "UncertainCraft",
+        "UncertainJoint",
+        "UncertainMode",
+        "UncertainModes",
+        "Uncertainty",
+    ),
+    "fleet.worlds": (
+        "Worlds",
+        "worlds",
+    ),
     "identification.identify": ("identify",),
-    "ports.compare": ("compare",),
+    "identification.result": ("Identification",),
+    "plants.controllers": (
+        "Controller",
+        "Filter",
+        "Loop",
+    ),
+    "plants.plant": ("plant",),
+    "plants.realisation": ("Plant",),
+    "plants.scheduled": ("ScheduledPlant",),
+    "plants.uncertain_plant": (
+        "UncertainPlant",
+        "WorstCase",
+    ),
+    "ports.compare": (
+        "Comparison",
+        "compare",
+    ),
     "ports.model": ("PortModel",),
-    "steps.retime": ("retime",),
-    "steps.start": ("HeldInput", "start_velocity"),
+    "steps.retime": (
+        "Retimed",
+        "retime",
+    ),
+    "steps.start": (
+        "HeldInput",
+        "start_velocity",
+    ),
     "structure.beam": ("Beam",),
     "structure.modal_data": ("ModalData",),
     "structure.readers": ("read_modes",),
@@ -95,10 +153,23 @@ _PLACES = {
         "Round",
         "Tube",
     ),
-    "structure.segment": ("Joint", "Lump", "Segment"),
-    "studies.stability": ("stability",),
-    "studies.study": ("study",),
-    "variants.sweep": ("sweep",),
+    "structure.segment": (
+        "Joint",
+        "Lump",
+        "Segment",
+    ),
+    "studies.stability": (
+        "StabilityStudy",
+        "stability",
+    ),
+    "studies.study": (
+        "Study",
+        "study",
+    ),
+    "variants.sweep": (
+        "Sweep",
+        "sweep",
+    ),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 

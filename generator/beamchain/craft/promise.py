@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from beamchain.craft.appendage import Appendage, carried
+from beamchain.craft.candidates import Candidate, candidate
 from beamchain.craft.error import Pose, craft_poses
-from beamchain.craft.growing import Growing, growing
 from beamchain.engine.library import mujoco
 from beamchain.errors import RealisationError
 from beamchain.fitting.needs import AXES
@@ -79,7 +79,7 @@ def keep_promise(
     for _ in range(ROUNDS):
         if keeps_tolerance(least, want.tolerance):
             break
-        wanted = _grow(flat, [growing(a) for a in ours], want.tolerance, most, barred, steps)
+        wanted = _grow(flat, [candidate(a) for a in ours], want.tolerance, most, barred, steps)
         changed = [i for i, item in enumerate(wanted) if item.grown]
         if not changed:
             break
@@ -98,12 +98,12 @@ def keep_promise(
 
 def _grow(
     poses: Mapping[str, Pose],
-    ours: Sequence[Growing],
+    ours: Sequence[Candidate],
     tolerance: float,
     most: int,
     barred: set[int],
     steps: list[str],
-) -> list[Growing]:
+) -> list[Candidate]:
     """The appendages with the modes with which their models keep the tolerance,
     or the best up to `most` each.
 

@@ -69,7 +69,12 @@ class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
             )
 
     def value(self, nominal: float, score: float) -> float:
-        """The quantity for a standard normal `score`."""
+        """The quantity for a draw.
+
+        Args:
+            nominal: its value without uncertainty.
+            score: standard normal.
+        """
         reach = (
             float(np.clip(score, -CUT, CUT))
             if self.distribution == "normal"
@@ -82,7 +87,11 @@ class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
         )
 
     def reach(self, nominal: float) -> float:
-        """How far from the nominal value the quantity may come, its unit."""
+        """How far from the nominal value the quantity may come, in its unit.
+
+        Args:
+            nominal: its value without uncertainty.
+        """
         size = abs(nominal) * self.relative if self.relative is not None else self.absolute or 0.0
         return size * (CUT if self.distribution == "normal" else 1.0)
 

@@ -4,9 +4,10 @@ and the file of modes made of it."""
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+import tomlkit
 
 from beamchain.caution import warnings_record
 from beamchain.errors import InputError
@@ -40,7 +41,7 @@ RECORDED = (
 
 #: where the file of modes has no mass
 MASSLESS = (
-    "# mass = [...]: the log does not tell it; add the 6 x 6 rigid mass about the port, or "
+    "mass = [...]: the log does not tell it; add the 6 x 6 rigid mass about the port, or "
     "identify with a prior"
 )
 INTERVAL = 1.959964  # standard deviations on either side, 95 % of a normal distribution
@@ -241,36 +242,21 @@ class Identification:
 
     def to_toml(self) -> str:
         """The text of modes.toml."""
-        note = "identified by beamchain; " + (
-            " ".join(self.undetermined) or "every value is determined by the log."
-        )
-        lines = [
-            f"note = {_text(note)}",
-            f"frequencies = {_row([m.frequency for m in self.modes])}  # rad/s",
-            f"damping = {_row([m.damping for m in self.modes])}",
-            *_table("participation", np.transpose([m.participation for m in self.modes])),
-            *(_table("mass", self.rigid) if self.massive else [MASSLESS]),
-            "digits = 15",
-        ]
-        uncertain = self.uncertain
-        for one in uncertain.get("mode", ()):
-            lines += ["", "[[uncertain.mode]]", f"number = {one['number']}"]
-            lines += [
-                f"{kind} = {{ {', '.join(f'{k} = {v!r}' for k, v in how.items())} }}".replace(
-                    "'", '"'
-                )
-                for kind, how in one.items()
-                if kind != "number"
-            ]
-        for one in uncertain.get("correlation", ()):
-            names = ", ".join(_text(name) for name in one["of"])
-            lines += [
-                "",
-                "[[uncertain.correlation]]",
-                f"of = [{names}]",
-                *_table("matrix", one["matrix"]),
-            ]
-        return "\n".join(lines) + "\n"
+        document = tomlkit.document()
+        facts = " ".join(self.undetermined) or "every value is determined by the log."
+        document.add("note", tomlkit.string(f"identified by beamchain; {facts}"))
+        document.add("frequencies", _row([m.frequency for m in self.modes]).comment("rad/s"))
+        document.add("damping", _row([m.damping for m in self.modes]))
+        participation = np.transpose([m.participation for m in self.modes])
+        document.add("participation", _matrix(participation))
+        if self.massive:
+            document.add("mass", _matrix(self.rigid))
+        else:
+            document.add(tomlkit.comment(MASSLESS))
+        document.add("digits", tomlkit.item(15))
+        if self.uncertain:
+            document.add("uncertain", _uncertain_table(self.uncertain))
+        return tomlkit.dumps(document)
 
     def write(self, path: str | Path, *, force: bool = False) -> list[Path]:
         """Write modes.toml, and beside it the report and the record as JSON.
@@ -317,13 +303,42 @@ def _correlation(matrix: Array) -> Array:
     return matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
 
 
-def _row(values: Sequence[float] | Array) -> str:
-    return "[" + ", ".join(repr(float(v) + 0.0) for v in values) + "]"
+def _row(values: Sequence[float] | Array) -> Any:
+    """An array in one line; a negative zero is written as zero."""
+    array = tomlkit.array()
+    array.extend(float(value) + 0.0 for value in values)
+    return array
 
 
-def _table(name: str, rows: Sequence[Sequence[float]] | Array) -> list[str]:
-    return [f"{name} = [", *(f"  {_row(row)}," for row in rows), "]"]
+def _matrix(rows: Sequence[Sequence[float]] | Array) -> Any:
+    """An array of rows, one per line."""
+    array = tomlkit.array()
+    for row in rows:
+        array.add_line(_row(row))
+    array.add_line(indent="")
+    return array
 
 
-def _text(words: str) -> str:
-    return '"' + words.replace("\\", "/").replace('"', "'").replace("\n", " ") + '"'
+def _uncertain_table(uncertain: Mapping[str, Any]) -> Any:
+    """The table [uncertain]: [[uncertain.mode]], [[uncertain.correlation]]."""
+    modes = tomlkit.aot()
+    for mode in uncertain.get("mode", ()):
+        table = tomlkit.table()
+        for key, value in mode.items():
+            if isinstance(value, Mapping):
+                inline = tomlkit.inline_table()
+                inline.update(cast("Mapping[str, Any]", value))
+                value = inline
+            table.add(key, value)
+        modes.append(table)
+    correlations = tomlkit.aot()
+    for correlation in uncertain.get("correlation", ()):
+        table = tomlkit.table()
+        table.add("of", list(correlation["of"]))
+        table.add("matrix", _matrix(correlation["matrix"]))
+        correlations.append(table)
+    out = tomlkit.table(is_super_table=True)
+    for name, tables in (("mode", modes), ("correlation", correlations)):
+        if len(tables):
+            out.add(name, tables)
+    return out

@@ -154,6 +154,12 @@ class UncertainPlant(Lft):
     the deltas, each in [-1, 1], in the order in which they stand on the diagonal of Delta. `sample`
     closes M, `draw` draws values.
 
+    Args:
+        made: the plant that it was made of, and how.
+        quantities: what is uncertain.
+        correlations: of these, as in the craft's file.
+        warnings: what a user must know.
+
     Example:
         >>> import beamchain as bc
         >>> craft = '''<mujoco><worldbody><body name="bus"><freejoint/>
@@ -164,17 +170,24 @@ class UncertainPlant(Lft):
         ...     segment=(bc.Segment(length=8.0, section=section),),
         ...     fit=bc.FitOptions(springs="modes"),
         ... )
-        >>> from beamchain.fitting.uncertain import Uncertainty, UncertainBody, UncertainCraft
-        >>> tenth = Uncertainty(relative=0.1, distribution="uniform")
+        >>> tenth = bc.Uncertainty(relative=0.1, distribution="uniform")
         >>> plant = bc.plant(bc.embed(craft, {"mount": boom}), inputs=["torque:bus"])
-        >>> uncertain = plant.uncertain(UncertainCraft(body={"bus": UncertainBody(mass=tenth)}))
+        >>> uncertain = plant.uncertain(
+        ...     bc.UncertainCraft(body={"bus": bc.UncertainBody(mass=tenth)})
+        ... )
         >>> [(block.name, block.repetitions) for block in uncertain.blocks]
         [('bus.mass', 3)]
         >>> light = uncertain.sample({"bus.mass": 280.0})
     """
 
     def loops(self, controller: Controller, input: str, output: str) -> Loops:
-        """The controller's loops closed around M."""
+        """The controller's loops closed around M.
+
+        Args:
+            controller: the loops.
+            input: of the plant, where the disturbance is added.
+            output: of the plant, where its effect is seen.
+        """
         blocks = [int(number) for number in self._group[self._of]]
         return Loops(self._system, blocks, self.inputs, self.outputs, controller, (input, output))
 

@@ -57,6 +57,16 @@ class Study:
     which one: "error", of the hub's motion, or "error_appendage", the same without what the
     integrator makes of the rigid hub.
 
+    Args:
+        spec: what was studied.
+        options: how it was studied.
+        kept: modes per port of the spec; the planes' numbers were varied.
+        scenario: the load and the motion that it makes.
+        ladders: per entry, its points.
+        growth: time against n.
+        seconds: taken by the study [s].
+        warnings: where the load drives a recommended chain beyond what it is right for.
+
     Example:
         >>> import beamchain as bc
         >>> from importlib.resources import files
@@ -69,14 +79,13 @@ class Study:
         >>> nearest = measured.nearest("error")  # the `Point` with the least error
     """
 
-    spec: Spec  #: what was studied
+    spec: Spec
     options: Options
-    kept: dict[str, int]  #: modes per port of the spec; the planes' numbers were varied
+    kept: dict[str, int]
     scenario: Scenario
-    ladders: tuple[Ladder, ...]  #: per entry, its points
-    growth: Growth  #: time against n
-    seconds: float  #: taken by the study
-    #: where the load drives a recommended chain beyond what it is right for
+    ladders: tuple[Ladder, ...]
+    growth: Growth
+    seconds: float
     warnings: tuple[str, ...] = ()
 
     @property

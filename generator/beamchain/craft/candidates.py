@@ -20,7 +20,7 @@ from beamchain.structure.readers.imported import MOST_MODES as MOST_NAMED
 TRIED = 16  # modes of an imported appendage that are tried at a time: those that move the hub most
 
 
-def growing(a: Appendage) -> "Growing":
+def candidate(a: Appendage) -> "Candidate":
     """An appendage as it was fitted."""
     if a.fit.space is not None and any(len(ports) > 1 for ports in a.fit.space.data.groups):
         return Coupled(a, a.fit.space.numbers)
@@ -83,11 +83,11 @@ class PerPort:
         modes = Modes(**{port: self.counts.get(port, 0) for port in PORTS})
         return msgspec.structs.replace(self.a.spec, modes=modes)
 
-    def further(self, band: float) -> dict[str, "Growing"]:
+    def further(self, band: float) -> dict[str, "Candidate"]:
         """By port, the same with one mode more; empty where none may be added.
         `band` as of `Coupled.further`."""
         del band
-        out: dict[str, Growing] = {}
+        out: dict[str, Candidate] = {}
         for port in free_ports(self.a.spec):
             count = self.counts.get(port, 0) + 1
             full = self._whole(port, count)
@@ -180,7 +180,7 @@ class Coupled:
         imported = msgspec.structs.replace(imported, modes=self.numbers)
         return msgspec.structs.replace(self.a.spec, imported=imported, modes=None)
 
-    def further(self, band: float) -> dict[str, "Growing"]:
+    def further(self, band: float) -> dict[str, "Candidate"]:
         """By number, the same with one mode more:
         of those that move the hub most up to `band` [rad/s]."""
         space = self.a.fit.space
@@ -212,4 +212,4 @@ class Coupled:
 
 
 #: An appendage and the modes it would keep.
-Growing = PerPort | Coupled
+Candidate = PerPort | Coupled
