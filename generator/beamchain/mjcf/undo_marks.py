@@ -6,7 +6,7 @@ through this module, so that `remove_marked_changes` gives back the original byt
 
 import json
 from collections.abc import Iterator, Sequence
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import msgspec
 from lxml.etree import _Element as Element
@@ -80,6 +80,10 @@ class Changed(
     was: str = ""
     old: dict[str, str | None] = {}
 
+    def original(self, tag: str) -> str:
+        """The start tag as it stood, of the one that stands there now."""
+        return self.was or change_start_tag(tag, self.old)
+
 
 class KeyMark(Changed, frozen=True, tag="key"):
     """A keyframe."""
@@ -106,6 +110,11 @@ class IncludeMark(
 
     was: str = ""
     attributes: dict[str, str] = {}
+
+    @property
+    def element(self) -> str:
+        """The `<include>` as it stood."""
+        return self.was or change_start_tag("<include/>", dict(self.attributes))
 
 
 class EndMark(
@@ -209,54 +218,76 @@ def appendage_marks(craft: Craft) -> list[AppendageMark]:
 
 
 # -- take out --------------------------------------------------------------------------------------
+class _Piece(NamedTuple):
+    """What was put in, from the blanks before its mark to the end of its element."""
+
+    start: int
+    end: int
+    before: str | UnsetType | None  # as in `Put`
+
+
 def remove_marked_changes(craft: Craft) -> Craft:
     """The document before every marked change; refused where a mark was damaged,
     or what it stands before is gone."""
     edits: list[Edit] = []
+    pieces: list[_Piece] = []
     done = 0  # what stands before this place is dealt with
-    # of pieces put in side by side: where it ends, the blanks before it
-    run: tuple[int, str | None] | None = None
     for node, mark in marks(craft):
         if node.start < done or isinstance(mark, EndMark):
             continue
-        if isinstance(mark, IncludeMark):
-            end = _end_of_include(craft, node).end
-            edits.append(Edit(node.start, end, mark.was or _start_tag_of_include(mark)))
-            done = end
-            continue
-        following = _node_behind(craft, node, mark)
-        include = _read_mark(craft, following)
-        if isinstance(include, IncludeMark) and isinstance(mark, Changed):
-            # its path was changed, then it was put in place
-            end = _end_of_include(craft, following).end
-            tag, rest = split_start_tag(include.was or _start_tag_of_include(include))
-            original = mark.was or change_start_tag(tag, mark.old)
-            edits.append(Edit(node.start, end, original + rest))
-            done = end
-        elif isinstance(mark, Put):
-            start = len(craft.content[: node.start].rstrip(BLANK))
-            if run is not None and run[0] != start:
-                edits.append(_restore_gap(craft, *run))
-                run = None
-            if run is None and not isinstance(mark.before, UnsetType):
-                run = following.end, mark.before
-            elif run is not None:
-                run = following.end, run[1]
-            edits.append(Edit(start, following.end, ""))
-            done = following.end
-        elif isinstance(mark, OpenedMark) and _only_pieces(craft, following):
-            edits.append(Edit(node.start, following.end, mark.was))
-            done = following.end
-        elif isinstance(mark, OpenedMark):
-            # the user has put something of his own beside the appendage
-            edits.append(Edit(node.start, following.start, ""))
+        if isinstance(mark, Put):
+            piece = _marked_piece(craft, node, mark)
+            pieces.append(piece)
+            edit = Edit(piece.start, piece.end, "")
+        elif isinstance(mark, IncludeMark):
+            edit = Edit(node.start, _end_of_include(craft, node), mark.element)
         else:
-            tag = craft.source(following.start, following.inner)
-            original = mark.was or change_start_tag(tag, mark.old)
-            edits.append(Edit(node.start, following.inner, original))
-    if run is not None:
-        edits.append(_restore_gap(craft, *run))
-    return craft.edit(edits)
+            edit = _edit_of_change(craft, node, mark)
+        edits.append(edit)
+        done = edit.stop
+    gaps = [
+        _restore_gap(craft, run.end, run.before)
+        for run in _side_by_side(pieces)
+        if not isinstance(run.before, UnsetType)
+    ]
+    return craft.edit([*edits, *gaps])
+
+
+def _marked_piece(craft: Craft, node: Node, mark: Put) -> _Piece:
+    """What was put in behind a mark."""
+    start = len(craft.content[: node.start].rstrip(BLANK))
+    return _Piece(start, _node_behind(craft, node, mark).end, mark.before)
+
+
+def _edit_of_change(craft: Craft, node: Node, mark: Changed) -> Edit:
+    """The edit that gives the element behind a mark its start tag from before."""
+    following = _node_behind(craft, node, mark)
+    include = _read_mark(craft, following)
+    if isinstance(include, IncludeMark):
+        # its path was changed, then it was put in place
+        tag, rest = split_start_tag(include.element)
+        return Edit(node.start, _end_of_include(craft, following), mark.original(tag) + rest)
+    if isinstance(mark, OpenedMark):
+        if _only_pieces(craft, following):
+            return Edit(node.start, following.end, mark.was)
+        # the user has put something of his own beside the appendage
+        return Edit(node.start, following.start, "")
+    tag = craft.source(following.start, following.inner)
+    return Edit(node.start, following.inner, mark.original(tag))
+
+
+def _side_by_side(pieces: Sequence[_Piece]) -> list[_Piece]:
+    """Pieces that touch, joined; the first with blanks before it knows what stood there."""
+    runs: list[_Piece] = []
+    for piece in pieces:
+        if not runs or runs[-1].end != piece.start:
+            runs.append(piece)
+            continue
+        start, _, before = runs.pop()
+        if isinstance(before, UnsetType):
+            before = piece.before
+        runs.append(_Piece(start, piece.end, before))
+    return runs
 
 
 def _restore_gap(craft: Craft, end: int, before: str | None) -> Edit:
@@ -266,7 +297,7 @@ def _restore_gap(craft: Craft, end: int, before: str | None) -> Edit:
     return Edit(end, end + blanks, before or "")
 
 
-def _node_behind(craft: Craft, node: Node, mark: Mark) -> Node:
+def _node_behind(craft: Craft, node: Node, mark: msgspec.Struct) -> Node:
     """The element that a mark stands before, or the mark of an include that was put in place."""
     if node.parent is not None:
         siblings = node.parent.children
@@ -302,7 +333,8 @@ def _only_pieces(craft: Craft, node: Node) -> bool:
     return are_marks and not any(gap.strip(BLANK) for gap in gaps)
 
 
-def _end_of_include(craft: Craft, first: Node) -> Node:
+def _end_of_include(craft: Craft, first: Node) -> int:
+    """Where the end mark ends that belongs to the mark of an include."""
     depth = 0
     for node, mark in marks(craft):
         if node.start < first.start or node.parent is not first.parent:
@@ -312,12 +344,8 @@ def _end_of_include(craft: Craft, first: Node) -> Node:
         elif isinstance(mark, EndMark):
             depth -= 1
         if depth == 0:
-            return node
+            return node.end
     raise InputError(
         f"{_line_number(craft, first)}: the `{SIGN}` comment that ends an include is gone; restore "
         "the file."
     )
-
-
-def _start_tag_of_include(mark: IncludeMark) -> str:
-    return change_start_tag("<include/>", dict(mark.attributes))

@@ -3,11 +3,11 @@ as arrays for one compiled MuJoCo model."""
 
 import io
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files as package_files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from msgspec import structs
@@ -28,7 +28,7 @@ from beamchain.fitting.beam_case import on_modes
 from beamchain.fitting.fit import as_spec, fit
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec, read_spec
-from beamchain.fitting.uncertain import UncertainCraft, read_uncertain
+from beamchain.fitting.uncertain import Correlation, Uncertain, UncertainCraft, read_uncertain
 from beamchain.mjcf.craft import Craft, read_craft
 from beamchain.mjcf.relocate import relocate
 from beamchain.ports.motions import Array
@@ -40,6 +40,8 @@ from beamchain.variants.samples import Case, gain, usual_gain, vary
 NAMES = {"body": "nbody", "jnt": "njnt", "site": "nsite", "tendon": "ntendon"}
 MOST = 2**31  # samples, and seed
 CHUNK, QUICK_CHUNK = 10, 100  # samples per job: with fits, without
+Nominal: TypeAlias = Fit | Embedded | Craft
+Places: TypeAlias = Mapping[str, Spec | Beam | ModalData | str | Path]
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
@@ -121,32 +123,28 @@ class Sweep:
 
     def as_dict(self) -> dict[str, Any]:
         """What sweep.json holds."""
+        gains = [
+            {"pair": name, "unit": self.units[name], "modes": _spreads(values)}
+            for name, values in self.gains.items()
+        ]
+        quantities = [
+            {"name": q.name, "unit": q.unit, "nominal": q.nominal, **_spread(column)}
+            for q, column in zip(self.quantities, self.values.T, strict=True)
+        ]
+        participation = {
+            port: [_spreads(mode) for mode in np.moveaxis(values, 1, 0)]
+            for port, values in self.participation.items()
+        }
         return {
             "name": self.name,
             "samples": self.indices.size + len(self.left_out),
             "variants": self.indices.size,
             "seed": self.seed,
             "quantiles": QUANTILES,
-            "coupled_frequencies": [_spread(column) for column in self.coupled.T],
-            "gains": [
-                {
-                    "pair": name,
-                    "unit": self.units[name],
-                    "modes": [_spread(column) for column in values.T],
-                }
-                for name, values in self.gains.items()
-            ],
-            "quantities": [
-                {"name": q.name, "unit": q.unit, "nominal": q.nominal, **_spread(column)}
-                for q, column in zip(self.quantities, self.values.T, strict=True)
-            ],
-            "participation": {
-                port: [
-                    [_spread(values[:, k, i]) for i in range(values.shape[2])]
-                    for k in range(values.shape[1])
-                ]
-                for port, values in self.participation.items()
-            },
+            "coupled_frequencies": _spreads(self.coupled),
+            "gains": gains,
+            "quantities": quantities,
+            "participation": participation,
             "left_out": [{"sample": index, "why": why} for index, why in self.left_out.items()],
             "fields": {name: list(values.shape[1:]) for name, values in self.fields.items()},
             "warnings": self.warnings,
@@ -212,6 +210,11 @@ def _spread(values: Array) -> dict[str, Any]:
     }
 
 
+def _spreads(columns: Array) -> list[dict[str, Any]]:
+    """`(k, m)`: the spread of each column."""
+    return [_spread(values) for values in columns.T]
+
+
 @answers_dropped
 @one_thread()
 def sweep(
@@ -268,82 +271,86 @@ def sweep(
         3
     """
     start = time.perf_counter()
-    whole_number("samples", samples, 1, MOST)
-    whole_number("seed", seed, 0, MOST)
-    if at is not None:
-        check_places(at)
-    followed = None if gains is None else list_of_names("gains", gains)
-    check_workers(workers)
-    alone = isinstance(source, Spec) or (at is None and str(source).endswith(".toml"))
-    if alone and at is not None:
+    pairs = _check_arguments(samples, seed, at, gains, workers)
+    is_spec = isinstance(source, Spec) or (at is None and str(source).endswith(".toml"))
+    if is_spec and at is not None:
         raise InputError(
             "at is given with a specification, but needs the craft that carries it; give the "
             "craft's file."
         )
     with noted_inputs() as inputs:
         given = UncertainCraft() if uncertain is None else read_uncertain(uncertain)
-        if alone:
-            spec = source if isinstance(source, Spec) else read_spec(str(source))
-            nominal: Fit | Embedded | Craft = _nominal_fit(spec, given)
-            name = spec.name
+        if is_spec:
+            assert not isinstance(source, Embedded)
+            nominal: Nominal = _nominal_fit(source, given)
         else:
             assert not isinstance(source, Spec)
             nominal = _nominal_craft(source, at, given, prefixes, retime)
-            name = "craft"
-            if not isinstance(source, Embedded) and not str(source).lstrip().startswith("<"):
-                name = Path(str(source)).stem
-    case = _case(nominal, given, followed)
-    step = CHUNK if case.refits else QUICK_CHUNK
-    bare = replace(case)  # without what was worked out, which need not travel
-    jobs = [(bare, seed, first, min(first + step, samples)) for first in range(0, samples, step)]
-    made = run_jobs(vary, jobs, workers=workers, progress=progress)
-    left_out = {index: why for job in made for index, why in job["why"].items()}
-    good = [job for job in made if job["samples"]]
-    if not good:
-        raise InputError(f"no sample became a variant: {next(iter(left_out.values()))}")
-    arrays = {
-        key: np.concatenate([job["arrays"][key] for job in good]) for key in good[0]["arrays"]
-    }
-    fields: dict[str, Array] = {}
-    for field in FIELDS:
-        before: Array = getattr(case.model, field)
-        values = arrays[f"field {field}"].astype(before.dtype)
-        if np.any(values != before):
-            fields[field] = values
+    case = _case(nominal, given, pairs)
+    drawn = _draw(case, seed=seed, samples=samples, workers=workers, progress=progress)
+    arrays = drawn.arrays
     return Sweep(
-        name=name,
+        name=_name(source, nominal),
         source=nominal,
         case=case,
         seed=seed,
-        indices=np.array([index for job in good for index in job["samples"]]),
+        indices=np.array(drawn.samples),
         values=arrays["values"],
-        fields=fields,
+        fields=_varied_fields(case, arrays),
         coupled=arrays["coupled"],
         gains={gain.name: arrays[f"gain {i}"] for i, gain in enumerate(case.gains)},
         participation={port: arrays[f"port {port}"] for port in case.participation},
-        left_out=left_out,
+        left_out=drawn.left_out,
         seconds=time.perf_counter() - start,
         inputs=tuple(inputs),
     )
 
 
-def _nominal_fit(spec: Spec, given: UncertainCraft) -> Fit:
+def _check_arguments(
+    samples: int,
+    seed: int,
+    at: Places | None,
+    gains: Sequence[str] | None,
+    workers: int | None,
+) -> Sequence[str] | None:
+    """Refuse what no sweep can use; the gains as a list of pairs, if any were given."""
+    whole_number("samples", samples, 1, MOST)
+    whole_number("seed", seed, 0, MOST)
+    if at is not None:
+        check_places(at)
+    pairs = None if gains is None else list_of_names("gains", gains)
+    check_workers(workers)
+    return pairs
+
+
+def _name(source: Spec | Embedded | str | Path, nominal: Nominal) -> str:
+    """The name of the appendage, or of the craft's file."""
+    if isinstance(nominal, Fit):
+        return nominal.spec.name
+    if isinstance(source, Embedded) or str(source).lstrip().startswith("<"):
+        return "craft"
+    return Path(str(source)).stem
+
+
+# -- the nominal model -----------------------------------------------------------------------------
+def _nominal_fit(source: Spec | str | Path, given: UncertainCraft) -> Fit:
     """The nominal fit of one appendage."""
-    made = fit(on_modes(spec, wanted=bool(given.appendage)))
-    if made.spec.uncertain is None and given == UncertainCraft():
+    spec = source if isinstance(source, Spec) else read_spec(str(source))
+    nominal = fit(on_modes(spec, wanted=bool(given.appendage)))
+    if nominal.spec.uncertain is None and given == UncertainCraft():
         raise InputError(
             "the spec has no [uncertain]; add one with for example stiffness = { relative = 0.05 }."
         )
-    return made
+    return nominal
 
 
 def _nominal_craft(
-    source: "Embedded | str | Path",
-    at: "Mapping[str, Spec | Beam | ModalData | str | Path] | None",
+    source: Embedded | str | Path,
+    at: Places | None,
     given: UncertainCraft,
     prefixes: Sequence[str] | None,
     retime: bool | None,
-) -> "Embedded | Craft":
+) -> Embedded | Craft:
     """The nominal craft with its appendages."""
     if isinstance(source, Embedded):
         if at is not None or source.document is None or source.form != "inline":
@@ -356,62 +363,119 @@ def _nominal_craft(
     if at is None:
         return read_craft(source)
     modes = bool(given.appendage)
-    held = {
-        p: w if isinstance(w, ModalData) else on_modes(as_spec(w), wanted=modes)
-        for p, w in at.items()
+    appendages = {
+        place: what if isinstance(what, ModalData) else on_modes(as_spec(what), wanted=modes)
+        for place, what in at.items()
     }
-    return embed(source, held, prefixes=prefixes, retime=retime)
+    return embed(source, appendages, prefixes=prefixes, retime=retime)
 
 
-def _case(
-    found: "Fit | Embedded | Craft", given: UncertainCraft, gains: Sequence[str] | None
-) -> Case:
-    """What is uncertain of a nominal craft."""
-    model = compile_model(_text(found, None))
-    fits: dict[str, tuple[Fit, str]] = {}
-    if isinstance(found, Fit):
-        fits = {f"{found.spec.name}_": (found, "")}
-    elif isinstance(found, Embedded):
-        fits = {a.prefix: (a.fit, a.prefix) for a in found.appendages}
-    tables = {
-        prefix: table
-        for prefix, (made, _) in fits.items()
-        if (table := made.spec.uncertain) is not None
-    }
-    if not tables and given == UncertainCraft():
-        raise InputError(
-            "nothing is uncertain: give the appendages' specifications an [uncertain], or the "
-            "craft's file of uncertainties with [body.NAME], [joint.NAME] or [appendage.PREFIX] "
-            "(--uncertain)."
-        )
-    correlations = tuple(
-        structs.replace(each, of=tuple(prefix + name for name in each.of))
-        for prefix, table in tables.items()
-        for each in table.correlation
-    )
-    refits = tuple(
-        Refit.of(prefix, *fits[prefix]) for prefix, table in tables.items() if table.structural
-    )
-    modes = {prefix: table for prefix, table in tables.items() if table.modal}
-    participation: dict[str, Array] = {}
-    if isinstance(found, Fit) and found.space is None:
-        participation = {
-            p: found.chain.port(p).participation[: t.modes] for p, t in found.target.items()
-        }
-    case = Case(model, given, modes, correlations, refits, (), participation)
-    nominal = case.maker.model
-    followed = tuple(
-        gain(nominal, pair) for pair in (usual_gain(nominal) if gains is None else gains)
-    )
-    case = replace(case, gains=followed)
-    case.check_quantities()  # before any sample is made
-    return case
-
-
-def _text(source: "Fit | Embedded | Craft", folder: Path | None) -> str:
+def _text(source: Nominal, folder: Path | None) -> str:
     """The file of the nominal model as it stands in a folder; None: with absolute paths."""
     if isinstance(source, Fit):
         return source.scene_mjcf()
     if isinstance(source, Embedded):
         return source.to_mjcf(folder)
     return relocate(source, folder).text
+
+
+# -- what is uncertain -----------------------------------------------------------------------------
+def _case(nominal: Nominal, given: UncertainCraft, pairs: Sequence[str] | None) -> Case:
+    """What is uncertain of a nominal craft; `pairs` of signals: None for the usual one."""
+    compiled = compile_model(_text(nominal, None))
+    fits = _fits_by_prefix(nominal)
+    tables: dict[str, Uncertain] = {}
+    for prefix, appendage in fits.items():
+        if appendage.spec.uncertain is not None:
+            tables[prefix] = appendage.spec.uncertain
+    if not tables and given == UncertainCraft():
+        raise InputError(
+            "nothing is uncertain: give the appendages' specifications an [uncertain], or the "
+            "craft's file of uncertainties with [body.NAME], [joint.NAME] or [appendage.PREFIX] "
+            "(--uncertain)."
+        )
+    refits: list[Refit] = []
+    for prefix, table in tables.items():
+        if table.structural:
+            # draws of an appendage by itself need not differ from those of others
+            owner = "" if isinstance(nominal, Fit) else prefix
+            refits.append(Refit.of(prefix, fits[prefix], owner))
+    case = Case(
+        model=compiled,
+        uncertain=given,
+        modes={prefix: table for prefix, table in tables.items() if table.modal},
+        correlations=tuple(_correlations(tables)),
+        refits=tuple(refits),
+        participation=_participation(nominal),
+    )
+    model = case.maker.model
+    if pairs is None:
+        pairs = usual_gain(model)
+    case = replace(case, gains=tuple(gain(model, pair) for pair in pairs))
+    case.check_quantities()  # before any sample is made
+    return case
+
+
+def _fits_by_prefix(nominal: Nominal) -> dict[str, Fit]:
+    """The fits of the appendages, by the prefix of their elements in the model."""
+    if isinstance(nominal, Fit):
+        return {f"{nominal.spec.name}_": nominal}
+    if isinstance(nominal, Embedded):
+        return {appendage.prefix: appendage.fit for appendage in nominal.appendages}
+    return {}
+
+
+def _correlations(tables: Mapping[str, Uncertain]) -> Iterator[Correlation]:
+    """The correlations that the appendages state, in the craft's names."""
+    for prefix, table in tables.items():
+        for correlation in table.correlation:
+            names = tuple(prefix + name for name in correlation.of)
+            yield structs.replace(correlation, of=names)
+
+
+def _participation(nominal: Nominal) -> dict[str, Array]:
+    """The participation of the kept modes of a single appendage, port by port."""
+    if not isinstance(nominal, Fit) or nominal.space is not None:
+        return {}
+    return {
+        port: nominal.chain.port(port).participation[: target.modes]
+        for port, target in nominal.target.items()
+    }
+
+
+# -- the variants ----------------------------------------------------------------------------------
+class _Draws(NamedTuple):
+    """What was drawn: the samples that became variants, their arrays, why the others did not."""
+
+    samples: list[int]
+    arrays: dict[str, Array]
+    left_out: dict[int, str]
+
+
+def _draw(
+    case: Case, *, seed: int, samples: int, workers: int | None, progress: Progress | None
+) -> _Draws:
+    """All samples, in jobs."""
+    step = CHUNK if case.refits else QUICK_CHUNK
+    bare = replace(case)  # without what was worked out, which need not travel
+    jobs = [(bare, seed, first, min(first + step, samples)) for first in range(0, samples, step)]
+    results = run_jobs(vary, jobs, workers=workers, progress=progress)
+    left_out = {index: why for job in results for index, why in job["why"].items()}
+    good = [job for job in results if job["samples"]]
+    if not good:
+        raise InputError(f"no sample became a variant: {next(iter(left_out.values()))}")
+    arrays = {
+        name: np.concatenate([job["arrays"][name] for job in good]) for name in good[0]["arrays"]
+    }
+    return _Draws([index for job in good for index in job["samples"]], arrays, left_out)
+
+
+def _varied_fields(case: Case, arrays: Mapping[str, Array]) -> dict[str, Array]:
+    """The fields of MuJoCo's model that differ from the nominal ones in any variant."""
+    fields: dict[str, Array] = {}
+    for field in FIELDS:
+        nominal: Array = getattr(case.model, field)
+        values = arrays[f"field {field}"].astype(nominal.dtype)
+        if np.any(values != nominal):
+            fields[field] = values
+    return fields
