@@ -89,15 +89,56 @@ class Estimate:
 
     def result(self, at: str) -> Identification:
         """The result of the search, at the place `at` of the craft."""
-        parts = self.parts
-        data = self.data
-        prior = self.prior
-        n = self.structure.modes
         moments, sd_moments = self._moments()
         self._doubt_modes(moments, sd_moments)
+        modes = self._shown_modes()
+        if np.isfinite(self.half):
+            self.messages.append(
+                f"modes above half the sample rate ({self.half:.4g} rad/s): sampling would show "
+                "one folded, as a mode below, which the log alone cannot always tell."
+            )
+        sd_delay = self._check_delay()
+        unseen: list[IdentifiedMode] = []
+        if self.prior is not None and self.pairs is not None:
+            unseen = self._unseen_modes(self.prior, self.pairs)
+            self._check_prior(self.prior, self.pairs)
+        self.messages += [
+            f"mode at {mode.frequency:.5g} rad/s: {mode.remark}."
+            for mode in modes
+            if mode.remark and not mode.determined
+        ]
+        if self.messages:
+            count = len(self.messages)
+            self.warn(
+                "undetermined", f"the log leaves {count} thing(s) undetermined; see `undetermined`."
+            )
+        every = [*modes, *unseen]
+        order = sorted(range(len(every)), key=lambda i: every[i].frequency)
+        noise = 1.0 / self.likelihood.weights(self.found.squares)
+        return Identification(
+            modes=tuple(replace(every[i], number=k + 1) for k, i in enumerate(order)),
+            names=self._names(order),
+            covariance=self._covariance(),
+            rigid=self.parts.rigid,
+            order=self.orders,
+            whiteness=self._by_channel(self.white),
+            warnings=tuple(self.warnings),
+            undetermined=tuple(self.messages),
+            held_out=self._by_channel(self.predicted),
+            noise=self._by_channel(noise),
+            spectra=self._spectra(),
+            massive=self.prior is not None,
+            source=f"log at {at}",
+            advice=self._advice(moments, sd_moments),
+            delay=self.raw.delay,
+            delay_std=sd_delay,
+        )
+
+    def _shown_modes(self) -> list[IdentifiedMode]:
+        """The modes of the model, which are not numbered yet."""
         rows, sd_rows = self._rows()
-        frequencies, damping = self._stated()
-        modes = [
+        frequencies, damping = self._nominal()
+        return [
             IdentifiedMode(
                 number=0,
                 frequency=float(frequencies[i]),
@@ -109,60 +150,33 @@ class Estimate:
                 determined=self.determined[i],
                 remark="; ".join(self.notes[i]),
             )
-            for i in range(n)
+            for i in range(self.structure.modes)
         ]
-        if np.isfinite(self.half):
-            self.messages.append(
-                f"modes above half the sample rate ({self.half:.4g} rad/s): sampling would show "
-                "one folded, as a mode below, which the log alone cannot always tell."
-            )
-        sd_delay = self._check_delay()
-        if prior is not None and self.pairs is not None:
-            modes += self._unseen_modes(prior, self.pairs)
-            self._check_prior(prior, self.pairs)
-        self.messages += [
-            f"mode at {mode.frequency:.5g} rad/s: {mode.remark}."
-            for mode in modes[:n]
-            if mode.remark and not mode.determined
-        ]
-        if self.messages:
-            count = len(self.messages)
-            self.warn(
-                "undetermined", f"the log leaves {count} thing(s) undetermined; see `undetermined`."
-            )
-        order = sorted(range(len(modes)), key=lambda i: modes[i].frequency)
-        needs = (
-            self.sd_w / USEFUL_FREQUENCY,
-            self.sd_z / USEFUL_DAMPING,
-            SIGNIFICANT * sd_moments / np.maximum(moments, 1e-300),
-        )
-        wide = np.max(needs, axis=0)[np.argsort(parts.frequencies)]
-        names = [
+
+    def _names(self, order: list[int]) -> tuple[str, ...]:
+        """Names of the rows of the covariance; `order`: numbers of all modes by frequency."""
+        return tuple(
             f"mode{order.index(i) + 1}.{kind}"
             for kind in ("frequency", "damping", "participation")
-            for i in range(n)
-        ]
-        noise = 1.0 / self.likelihood.weights(self.found.squares)
-        return Identification(
-            modes=tuple(replace(modes[i], number=k + 1) for k, i in enumerate(order)),
-            names=tuple(names),
-            covariance=self._covariance(),
-            rigid=parts.rigid,
-            order=self.orders,
-            whiteness=self._by_channel(self.white),
-            warnings=tuple(self.warnings),
-            undetermined=tuple(self.messages),
-            held_out=self._by_channel(self.predicted),
-            noise=self._by_channel(noise),
-            spectra=self._spectra(),
-            massive=prior is not None,
-            source=f"log at {at}",
-            advice=advice(np.abs(self.raw.poles), wide, data.axes, prior=prior is not None),
-            delay=self.raw.delay,
-            delay_std=sd_delay,
+            for i in range(self.structure.modes)
         )
 
-    def _stated(self) -> tuple[Array, Array]:
+    def _advice(self, moments: Array, sd_moments: Array) -> tuple[str, ...]:
+        """What a further log should have."""
+        # relative standard deviations over those that would be of use
+        excess = np.max(
+            (
+                self.sd_w / USEFUL_FREQUENCY,
+                self.sd_z / USEFUL_DAMPING,
+                SIGNIFICANT * sd_moments / np.maximum(moments, 1e-300),
+            ),
+            axis=0,
+        )
+        ascending = np.argsort(self.parts.frequencies)
+        poles = np.abs(self.raw.poles)
+        return advice(poles, excess[ascending], self.data.axes, prior=self.prior is not None)
+
+    def _nominal(self) -> tuple[Array, Array]:
         """Frequencies and damping; those of modes that the log does not show are the prior's,
         for where they lie in the likelihood is the noise's."""
         frequencies = self.parts.frequencies.copy()

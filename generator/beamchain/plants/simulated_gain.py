@@ -8,6 +8,7 @@ import copy
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beamchain.craft.linear_craft import LinearCraft
 from beamchain.engine.library import mujoco
@@ -121,64 +122,97 @@ def _measure(
     craft: LinearCraft, controller: Controller, ends: tuple[str, str], run: Run
 ) -> tuple[Array, Array]:
     """Times `(window,)` and the output per amplitude of the input, of the last steps of a run."""
-    input_names, output_names, *_ = craft.signals
-    rows, columns = places(controller, input_names, output_names)
-    driven = place(ends[0], input_names, "input", "")
-    read = place(ends[1], output_names, "output", "")
-    model = copy.copy(craft.point.model)
-    model.opt.timestep = run.timestep
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    data = craft.point.data()
-    nv = model.nv
-    na = model.na
-    loops = realise(controller)
-    system = craft.linear.first_order()
-    through = system[3][np.ix_(rows, columns)]
-    direct = bool(np.any(through) or np.any(system[3][read]))
+    simulation = _LoopRun(craft, controller, ends, run)
+    first = run.steps - run.window
+    times = run.timestep * np.arange(first, run.steps, dtype=np.float64)
+    seen = np.array([simulation.step(k, look=k >= first) for k in range(run.steps)])
+    return times, seen[first:]
 
-    # the predicted motion is the real part of `motion e^(j omega t)`, of a unit disturbance
-    a, b, c, d = close_loop(system, loops, rows, columns)
-    motion = np.linalg.solve(1j * run.omega * np.eye(a.shape[0]) - a, b[:, driven])
-    size = SMALL / float(np.abs(motion[:nv]).max())
-    start = np.asarray(size * motion.real, dtype=np.float64)
-    signals = size * (c @ motion + d[:, driven])
-    torque_before = -(signals[len(output_names) :] * np.exp(-1j * run.omega * run.timestep)).real
-    stepped = SteppedController(loops, run.timestep, start[2 * nv + na :], signals[rows].real)
-    # y = y0 + D u, u = -(free + gain y)
-    solve = np.linalg.inv(np.eye(len(rows)) + through @ stepped.gain)
 
-    def drive(time: float, torque: Array) -> None:
+class _LoopRun:
+    """A MuJoCo run of a craft with its controller in the loop, under a sine at an input.
+
+    It starts on the predicted steady motion, whose amplitude is small.
+    """
+
+    def __init__(
+        self, craft: LinearCraft, controller: Controller, ends: tuple[str, str], run: Run
+    ) -> None:
+        input_names, output_names, *_ = craft.signals
+        self._rows, self._columns = places(controller, input_names, output_names)
+        self._driven = place(ends[0], input_names, "input", "")
+        self._read = place(ends[1], output_names, "output", "")
+        self._craft = craft
+        self._run = run
+        self._model = copy.copy(craft.point.model)
+        self._model.opt.timestep = run.timestep
+        self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        self._data = craft.point.data()
+        loops = realise(controller)
+        system = craft.linear.first_order()
+        feedthrough = system[3]
+        self._through = feedthrough[np.ix_(self._rows, self._columns)]
+        self._direct = bool(np.any(self._through) or np.any(feedthrough[self._read]))
+        motion, signals = self._steady(close_loop(system, loops, self._rows, self._columns))
+        self._size = SMALL / float(np.abs(motion[: self._model.nv]).max())
+        state = np.asarray(self._size * motion.real, dtype=np.float64)
+        of_craft = 2 * self._model.nv + self._model.na
+        measured = self._size * signals[self._rows].real
+        self._controller = SteppedController(loops, run.timestep, state[of_craft:], measured)
+        torque = self._size * signals[len(output_names) :]
+        back = np.exp(-1j * run.omega * run.timestep)
+        self._torque_before = -np.real(torque * back)
+        # y = y0 + D u and u = -(free + gain y): y = (1 + D gain)^-1 (y0 - D free)
+        self._solve = np.linalg.inv(np.eye(len(self._rows)) + self._through @ self._controller.gain)
+        self._at_rest = self._outputs()
+        self._set_state(state)
+
+    def step(self, k: int, *, look: bool) -> float:
+        """The output per amplitude of the input at step `k`, zero where it is not looked at; then
+        the step."""
+        run = self._run
+        now = k * run.timestep
+        if self._direct:
+            self._drive(now, np.zeros(len(self._columns)))
+        values = self._outputs() - self._at_rest
+        controller = self._controller
+        measured = self._solve @ (values[self._rows] - self._through @ controller.free)
+        torque = -(controller.free + controller.gain @ measured)
+        if look and self._direct:
+            self._drive(now, torque)
+            values = self._outputs() - self._at_rest
+        # held over the step: the values at its middle, those of the loops extrapolated
+        self._drive(now + run.timestep / 2.0, 1.5 * torque - 0.5 * self._torque_before)
+        mujoco.mj_step(self._model, self._data)
+        self._torque_before = torque
+        controller.advance(measured)
+        return float(values[self._read] / self._size) if look else 0.0
+
+    def _steady(self, closed: System) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """States and signals of the steady motion, the real part of `motion e^(j omega t)`, of a
+        unit disturbance."""
+        a, b, c, d = closed
+        resolvent = 1j * self._run.omega * np.eye(a.shape[0]) - a
+        motion = np.linalg.solve(resolvent, b[:, self._driven])
+        return motion, c @ motion + d[:, self._driven]
+
+    def _set_state(self, state: Array) -> None:
+        nv = self._model.nv
+        na = self._model.na
+        mujoco.mj_integratePos(self._model, self._data.qpos, state[:nv], 1.0)
+        self._data.qvel[:] += state[nv : 2 * nv]
+        self._data.act[:] = state[2 * nv : 2 * nv + na]
+
+    def _drive(self, time: float, torque: Array) -> None:
+        """The disturbance at a time [s], and the controller's torque `(columns,)`."""
+        data = self._data
         data.ctrl[:] = 0.0
         data.xfrc_applied[:] = 0.0
-        craft.inputs[driven].apply(data, size * float(np.cos(run.omega * time)))
-        for column, value in zip(columns, torque, strict=True):
-            craft.inputs[column].apply(data, float(value))
+        inputs = self._craft.inputs
+        inputs[self._driven].apply(data, self._size * float(np.cos(self._run.omega * time)))
+        for column, value in zip(self._columns, torque, strict=True):
+            inputs[column].apply(data, float(value))
 
-    def outputs() -> Array:
-        mujoco.mj_forward(model, data)
-        return np.concatenate([output.read(data) for output in craft.outputs])
-
-    at_rest = outputs()
-    mujoco.mj_integratePos(model, data.qpos, start[:nv], 1.0)
-    data.qvel[:] += start[nv : 2 * nv]
-    data.act[:] = start[2 * nv : 2 * nv + na]
-    times = run.timestep * np.arange(run.steps - run.window, run.steps, dtype=np.float64)
-    seen = np.empty(run.window)
-    for k in range(run.steps):
-        now = k * run.timestep
-        if direct:
-            drive(now, np.zeros(len(columns)))
-        values = outputs() - at_rest
-        measured = solve @ (values[rows] - through @ stepped.free)
-        torque = -(stepped.free + stepped.gain @ measured)
-        if k >= run.steps - run.window:
-            if direct:
-                drive(now, torque)
-                values = outputs() - at_rest
-            seen[k - run.steps + run.window] = values[read] / size
-        # held over the step: the values at its middle, those of the loops extrapolated
-        drive(now + run.timestep / 2.0, 1.5 * torque - 0.5 * torque_before)
-        mujoco.mj_step(model, data)
-        torque_before = torque
-        stepped.advance(measured)
-    return times, seen
+    def _outputs(self) -> Array:
+        mujoco.mj_forward(self._model, self._data)
+        return np.concatenate([output.read(self._data) for output in self._craft.outputs])

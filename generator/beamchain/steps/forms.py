@@ -302,63 +302,99 @@ def tune(
     -y^T dP y/(y^T P'(z) y)`. Like appendages get the least-squares answer, in which slow poles
     count more than fast ones; no damping stays none.
     """
-    late = SCHEMES[integrator].implicit_damping
     h = float(timestep)
-    n = craft.stiffness.size
-    damped = bool(np.any(damping > 0.0))
     turn = np.abs(np.log(wanted))
     size = np.abs(wanted - 1.0) * (turn / np.min(turn)) ** PRIORITY
-    best: tuple[float, Array, Array] | None = None
-    mu = np.array(armature)
-    d = np.array(damping)
+    now = Tuned(np.array(armature), np.array(damping), float("inf"))
+    best: Tuned | None = None
     for _ in range(ITERATIONS):
-        mass = np.eye(craft.squares.size) + craft.rows.T @ (mu[:, None] * craft.rows)
-        tendons = craft.rows.T @ (d[:, None] * craft.rows)
-        implicit, explicit = (
-            (craft.implicit + tendons, craft.explicit)
-            if late
-            else (craft.implicit, craft.explicit + tendons)
-        )
-        z, y = _step_poles(mass, craft.squares, implicit, explicit, h)
+        step = _Step.of(integrator, craft, now.armature, now.damping, h)
+        z, y = step.poles()
         if z.size < wanted.size:
             break
-        pick = linear_sum_assignment(
-            np.abs(z[None, :] - wanted[:, None]) / np.abs(wanted - 1.0)[:, None]
-        )[1]
+        distance = np.abs(z[None, :] - wanted[:, None]) / np.abs(wanted - 1.0)[:, None]
+        pick = linear_sum_assignment(distance)[1]
         z, y = z[pick], y[:, pick]
         miss = (wanted - z) / size
         error = float(np.max(np.abs(miss)))
-        before = float("inf") if best is None else best[0]
+        before = float("inf") if best is None else best.error
         if best is None or error < before:
-            best = (error, mu, d)
-        if (
-            error < CLOSE
-            or error > (0.5 if error < NEAR else 2.0) * before
-            or abs(error - before) < STUCK * before
-        ):
+            best = now._replace(error=error)
+        rises = error > (0.5 if error < NEAR else 2.0) * before
+        stays = abs(error - before) < STUCK * before
+        if error < CLOSE or rises or stays:
             break
+        by_armature, by_damping = step.derivatives(z, y)
+        if not np.any(damping > 0.0):
+            by_damping = by_damping[:, :0]
+        # (2 k, n) or (2 k, 2 n); the dampers in units in which they weigh as the armature does
+        unit = ((1.0 - np.exp(-h * np.sqrt(craft.stiffness))) / h)[: by_damping.shape[1]]
+        jacobian = np.hstack([by_armature, by_damping * unit]) / size[:, None]
+        lowest = -np.concatenate([now.armature, now.damping[: unit.size] / unit])
+        change = _bounded_step(jacobian, miss, lowest)
+        n = now.armature.size
+        moved = now.damping.copy()
+        moved[: unit.size] += change[n:] * unit
+        now = Tuned(
+            np.maximum(now.armature + change[:n], 0.0), np.maximum(moved, 0.0), float("inf")
+        )
+    return best or Tuned(armature, damping, float("inf"))
+
+
+def _bounded_step(jacobian: Complex, miss: Complex, lowest: Array) -> Array:
+    """`(n,)` real change, not below `lowest`, that comes nearest to `jacobian @ change = miss`."""
+    n = lowest.size
+    rows = np.vstack([np.real(jacobian), np.imag(jacobian), STEADY * np.eye(n)])
+    right = np.concatenate([np.real(miss), np.imag(miss), np.zeros(n)])
+    bounds = (np.minimum(lowest, -1e-300), np.full(n, np.inf))
+    return np.asarray(lsq_linear(rows, right, bounds, method="bvls").x, dtype=np.float64)
+
+
+class _Step(NamedTuple):
+    """The step of a craft with tuned tendons, `P(z) y = 0` with
+
+    `P = (z - 1)^2 M + h z (z - 1) D_implicit + h (z - 1) D_explicit + h^2 z K`.
+    """
+
+    craft: Craft
+    mass: Array
+    implicit: Array
+    explicit: Array
+    late: bool  # dampers of tendons are implicit
+    h: float
+
+    @classmethod
+    def of(
+        cls, integrator: str, craft: Craft, armature: Array, damping: Array, h: float
+    ) -> "_Step":
+        """With armature and damping `(n,)` of the modal tendons."""
+        late = SCHEMES[integrator].implicit_damping
+        mass = np.eye(craft.squares.size) + craft.rows.T @ (armature[:, None] * craft.rows)
+        tendons = craft.rows.T @ (damping[:, None] * craft.rows)
+        implicit = craft.implicit + tendons if late else craft.implicit
+        explicit = craft.explicit if late else craft.explicit + tendons
+        return cls(craft, mass, implicit, explicit, late, h)
+
+    def poles(self) -> tuple[Complex, Complex]:
+        """Oscillating poles of the step, upper half plane, and the modes in columns."""
+        return _step_poles(self.mass, self.craft.squares, self.implicit, self.explicit, self.h)
+
+    def derivatives(self, z: Complex, y: Complex) -> tuple[Complex, Complex]:
+        """`(k, n)` of poles `(k,)` with modes `(nv, k)` by armature and by damping."""
+        h = self.h
         step = z - 1.0
-        # P = (z - 1)^2 M + h z (z - 1) D_implicit + h (z - 1) D_explicit + h^2 z K
-        slope = 2.0 * step[None, :] * (mass @ y) + h**2 * craft.squares[:, None] * y
-        slope += h * ((2.0 * z - 1.0)[None, :] * (implicit @ y) + explicit @ y)
-        # (tendon, pole)
-        lever = -((craft.rows @ y) ** 2) / np.sum(y * slope, axis=0)[None, :] / size[None, :]
-        by_mass = (lever * step[None, :] ** 2).T
-        by_drag = (lever * h * step[None, :] * (z if late else np.ones(z.size))[None, :]).T
-        unit = (1.0 - np.exp(-h * np.sqrt(craft.stiffness))) / h  # scale of the dampers
-        jacobian = np.hstack([by_mass, by_drag * unit[None, :]]) if damped else by_mass
-        rows = np.vstack([np.real(jacobian), np.imag(jacobian), STEADY * np.eye(jacobian.shape[1])])
-        right = np.concatenate([np.real(miss), np.imag(miss), np.zeros(jacobian.shape[1])])
-        lowest = -np.concatenate([mu, d / unit]) if damped else -mu
-        change = lsq_linear(
-            rows, right, (np.minimum(lowest, -1e-300), np.full(lowest.size, np.inf)), method="bvls"
-        ).x
-        mu = np.maximum(mu + change[:n], 0.0)
-        if damped:
-            d = np.maximum(d + change[n:] * unit, 0.0)
-    if best is None:
-        return Tuned(armature, damping, float("inf"))
-    return Tuned(best[1], best[2], best[0])
+        # P'(z) y
+        slope = (
+            2.0 * step * (self.mass @ y)
+            + h * (2.0 * z - 1.0) * (self.implicit @ y)
+            + h * (self.explicit @ y)
+            + h**2 * self.craft.squares[:, None] * y
+        )
+        # -(b y)^2 / (y^T P'(z) y) of each tendon's row b
+        lever = -((self.craft.rows @ y) ** 2) / np.sum(y * slope, axis=0)
+        by_armature = lever * step**2
+        by_damping = lever * h * step * (z if self.late else np.ones(z.size))
+        return by_armature.T, by_damping.T
 
 
 def _step_poles(

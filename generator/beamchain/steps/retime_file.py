@@ -1,7 +1,7 @@
 """What `retime` did to a compiled model, written into its MJCF document."""
 
 import copy
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from beamchain.engine.door import TRIAL, check_step, steps_well
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
 from beamchain.errors import InputError
-from beamchain.mjcf.craft import read_craft
+from beamchain.mjcf.craft import Craft, read_craft
 from beamchain.mjcf.relocate import relocate
 from beamchain.mjcf.write import number
 from beamchain.steps.integrators import SCHEMES, hinge_armature
@@ -93,33 +93,10 @@ def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Pa
     plain = copy.copy(model)
     retime(plain, 0.0)
     rows = pole_rows(model, plain)
-    grown = growing_frequencies(model)
-    if grown.size and timestep > 0.0:
-        raise InputError(
-            f"{name} at {timestep:g} s is unstable whatever the appendages do: the spacecraft's "
-            f"own springs vibrate at {max(grown):.4g} rad/s, and only modes of appendages are "
-            f"slowed; take a step below {SAFE / max(grown):.2g} s, or leave those springs out."
-        )
-    if timestep > 0.0 and not steps_well(model):
-        raise InputError(
-            f"{name} at {timestep:g} s diverges within {TRIAL} steps, so that nothing is written; "
-            "take a shorter step."
-        )
-    included = {element for part in document.parts()[1:] for element in part.iter()}
+    if timestep > 0.0:
+        _check_stable(model)
     changes = time_attributes(document.parts(), model)
-    missing = len(modal_tendons(model).names) - sum(element.tag == "fixed" for element in changes)
-    if missing:
-        raise InputError(
-            f"{missing} modal tendons of the model stand in files that it attaches, which this "
-            "command does not write; "
-            'give one self-contained file (`beamchain embed` without form "attach"), or use '
-            "bc.retime on the compiled model."
-        )
-    if not included.isdisjoint(changes):
-        raise InputError(
-            "the modal tendons stand in a file that this one includes; give that file, or one "
-            "without <include>."
-        )
+    _check_tendons(document, model, changes)
     option = document.root.find("option")
     settings: dict[str, str] = {}
     if timestep > 0.0:
@@ -133,3 +110,41 @@ def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Pa
         words = " ".join(f'{name}="{value}"' for name, value in settings.items())
         edits.append(document.prepend(document.root, f"<option {words}/>"))
     return RetimedFile(document.edit(edits).content, model, plain, rows, done.slowed)
+
+
+def _check_stable(model: "mujoco.MjModel") -> None:
+    """The model, as it is written, does not grow at its step."""
+    name = NUMBERS[int(model.opt.integrator)]
+    timestep = model.opt.timestep
+    grown = growing_frequencies(model)
+    if grown.size:
+        raise InputError(
+            f"{name} at {timestep:g} s is unstable whatever the appendages do: the spacecraft's "
+            f"own springs vibrate at {max(grown):.4g} rad/s, and only modes of appendages are "
+            f"slowed; take a step below {SAFE / max(grown):.2g} s, or leave those springs out."
+        )
+    if not steps_well(model):
+        raise InputError(
+            f"{name} at {timestep:g} s diverges within {TRIAL} steps, so that nothing is written; "
+            "take a shorter step."
+        )
+
+
+def _check_tendons(
+    document: Craft, model: "mujoco.MjModel", changes: Mapping[Element, object]
+) -> None:
+    """All modal tendons of the model stand in the file itself."""
+    included = {element for part in document.parts()[1:] for element in part.iter()}
+    missing = len(modal_tendons(model).names) - sum(element.tag == "fixed" for element in changes)
+    if missing:
+        raise InputError(
+            f"{missing} modal tendons of the model stand in files that it attaches, which this "
+            "command does not write; "
+            'give one self-contained file (`beamchain embed` without form "attach"), or use '
+            "bc.retime on the compiled model."
+        )
+    if not included.isdisjoint(changes):
+        raise InputError(
+            "the modal tendons stand in a file that this one includes; give that file, or one "
+            "without <include>."
+        )

@@ -84,6 +84,35 @@ def from_matrices(
 ) -> ModalData:
     """Modal data from mass and stiffness `(d, d)`; `boundary`: the port's six freedoms, from 0."""
     d = mass.shape[0]
+    _check_matrices(mass, stiffness, boundary, name)
+    mass, stiffness = (mass + mass.T) / 2.0, (stiffness + stiffness.T) / 2.0
+    outer = list(boundary)
+    inner = [i for i in range(d) if i not in set(outer)]
+    k_ii = stiffness[np.ix_(inner, inner)]
+    m_ii = mass[np.ix_(inner, inner)]
+    m_ib = mass[np.ix_(inner, outer)]
+    m_bb = mass[np.ix_(outer, outer)]
+    # inner motion per rigid motion of the port: G = -K_ii^-1 K_ib
+    follow = _rigid_motion(stiffness, inner, outer, name)
+    # M_rigid = M_bb + G^T M_ib + M_ib^T G + G^T M_ii G
+    rigid = m_bb + follow.T @ m_ib + m_ib.T @ follow + follow.T @ m_ii @ follow
+    # for 1/w^2: massless freedoms do no harm, low modes keep their digits
+    inverse, shapes = linalg.eigh(m_ii, k_ii)
+    order = np.argsort(inverse)[::-1]
+    order = order[inverse[order] > 1e-14 * inverse[order[0]]][:MOST]
+    w = 1.0 / np.sqrt(inverse[order])
+    # L = Phi^T (M_ii G + M_ib), Phi of unit mass
+    participation = (w * shapes[:, order]).T @ (m_ii @ follow + m_ib)
+    steps = (
+        f"matrices of {d} freedoms, six of them the port's; the lowest {w.size} modes with the "
+        "port held",
+    )
+    return ModalData(rigid, w, participation, precision=1e-12, source=name, steps=steps)
+
+
+def _check_matrices(mass: Array, stiffness: Array, boundary: Sequence[int], name: str) -> None:
+    """Sizes, the six freedoms, symmetry."""
+    d = mass.shape[0]
     if stiffness.shape != (d, d):
         raise InputError(
             f"{name}: mass {mass.shape} and stiffness {stiffness.shape} differ in size; give both "
@@ -99,13 +128,13 @@ def from_matrices(
             raise InputError(
                 f"{name}: the {word} matrix is not symmetric; give the full matrix, not a triangle."
             )
-    mass, stiffness = (mass + mass.T) / 2.0, (stiffness + stiffness.T) / 2.0
-    outer = list(boundary)
-    inner = [i for i in range(d) if i not in set(outer)]
+
+
+def _rigid_motion(stiffness: Array, inner: list[int], outer: list[int], name: str) -> Array:
+    """`(n, 6)` motion of the inner freedoms per motion of the port, which must not strain them."""
     k_ii = stiffness[np.ix_(inner, inner)]
     k_ib = stiffness[np.ix_(inner, outer)]
-    m_ii = mass[np.ix_(inner, inner)]
-    m_ib = mass[np.ix_(inner, outer)]
+    k_bb = stiffness[np.ix_(outer, outer)]
     try:
         factor = linalg.cho_factor(k_ii)
         # rounding decides whether a singular matrix is factored:
@@ -119,29 +148,13 @@ def from_matrices(
             "stiffness."
         ) from None
     follow = -linalg.cho_solve(factor, k_ib)
-    left = stiffness[np.ix_(outer, outer)] + k_ib.T @ follow
-    scale = np.sqrt(
-        np.abs(np.diag(stiffness)[outer]) + np.abs(np.einsum("ib,ib->b", k_ib, follow)) + 1e-300
-    )
-    if (
-        np.max(np.abs(stiffness[outer])) > 0.0
-        and np.max(np.abs(left / np.outer(scale, scale))) > DETERMINATE
-    ):
+    condensed = k_bb + k_ib.T @ follow  # zero where the port is the only support
+    terms = np.abs(np.diag(k_bb)) + np.abs(np.sum(k_ib * follow, axis=0))
+    scale = np.sqrt(terms + 1e-300)
+    held = np.max(np.abs(stiffness[outer])) > 0.0
+    if held and np.max(np.abs(condensed / np.outer(scale, scale))) > DETERMINATE:
         raise InputError(
             f"{name}: moving the port as a rigid body strains the structure; it is held elsewhere "
             "too, or boundary does not name the port's freedoms in the order x, y, z, rotations."
         )
-    rigid = (
-        mass[np.ix_(outer, outer)] + follow.T @ m_ib + m_ib.T @ follow + follow.T @ m_ii @ follow
-    )
-    # for 1/w^2: massless freedoms do no harm, low modes keep their digits
-    inverse, shapes = linalg.eigh(m_ii, k_ii)
-    order = np.argsort(inverse)[::-1]
-    order = order[inverse[order] > 1e-14 * inverse[order[0]]][:MOST]
-    w = 1.0 / np.sqrt(inverse[order])
-    participation = (w * shapes[:, order]).T @ (m_ii @ follow + m_ib)
-    steps = (
-        f"matrices of {d} freedoms, six of them the port's; the lowest {w.size} modes with the "
-        "port held",
-    )
-    return ModalData(rigid, w, participation, precision=1e-12, source=name, steps=steps)
+    return follow
