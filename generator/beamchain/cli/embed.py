@@ -13,10 +13,13 @@ from beamchain.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from beamchain.craft.assembly import Assembly
     from beamchain.craft.coupled_modes import Mode
     from beamchain.craft.embedded import Embedded
 
 
+CraftFile = Annotated[Path, typer.Argument(metavar="CRAFT.xml", help="The spacecraft's MJCF file.")]
+Output = Annotated[Path, typer.Option("-o", "--output", metavar="OUT.xml", help="Output file.")]
 At = Annotated[
     list[str] | None,
     typer.Option(
@@ -25,6 +28,23 @@ At = Annotated[
         "there. Repeatable. With --remove, NAME only.",
     ),
 ]
+Prefix = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Prefix of the appendage's elements; default: its name and `_`. One per --at."
+    ),
+]
+Form = Annotated[
+    str,
+    typer.Option(help='"inline": one self-contained file; "attach": separate appendage files.'),
+]
+Remove = Annotated[
+    bool, typer.Option("--remove", help="Remove appendages: those of --at NAME, or all.")
+]
+Plot = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE.svg", help="Plot the hub's accelerance, exact and from MuJoCo."),
+]
 Retime = Annotated[
     bool | None,
     typer.Option(
@@ -32,45 +52,37 @@ Retime = Annotated[
         "only if the step's error exceeds a tenth of the tolerance."
     ),
 ]
+Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
+MaxModes = Annotated[
+    int, typer.Option(help="Largest number of modes per appendage if modes are added.")
+]
+Rigid = Annotated[
+    bool,
+    typer.Option("--rigid", help="Write the rigid twin: the same model with rigid appendages."),
+]
+Key = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Print the modes at this keyframe as well.")
+]
+Explain = Annotated[
+    bool,
+    typer.Option("--explain", help="Print which modes were added for the whole spacecraft."),
+]
 
 
 def embed(
-    craft: Annotated[Path, typer.Argument(metavar="CRAFT.xml", help="The spacecraft's MJCF file.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="OUT.xml", help="Output file.")],
+    craft: CraftFile,
+    output: Output,
     at: At = None,
-    prefix: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Prefix of the appendage's elements; default: its name and `_`. One per --at."
-        ),
-    ] = None,
-    form: Annotated[
-        str,
-        typer.Option(help='"inline": one self-contained file; "attach": separate appendage files.'),
-    ] = "inline",
-    remove: Annotated[
-        bool, typer.Option("--remove", help="Remove appendages: those of --at NAME, or all.")
-    ] = False,
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.svg", help="Plot the hub's accelerance, exact and from MuJoCo."),
-    ] = None,
+    prefix: Prefix = None,
+    form: Form = "inline",
+    remove: Remove = False,
+    plot: Plot = None,
     retime: Retime = None,
-    report: Annotated[bool, typer.Option(help="Write OUT_report.html as well.")] = True,
-    max_modes: Annotated[
-        int, typer.Option(help="Largest number of modes per appendage if modes are added.")
-    ] = 12,
-    rigid: Annotated[
-        bool,
-        typer.Option("--rigid", help="Write the rigid twin: the same model with rigid appendages."),
-    ] = False,
-    key: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Print the modes at this keyframe as well.")
-    ] = None,
-    explain: Annotated[
-        bool,
-        typer.Option("--explain", help="Print which modes were added for the whole spacecraft."),
-    ] = False,
+    report: Report = True,
+    max_modes: MaxModes = 12,
+    rigid: Rigid = False,
+    key: Key = None,
+    explain: Explain = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -83,80 +95,95 @@ def embed(
 
     Example: beamchain embed craft.xml --at panel_mount=array.toml -o flexible.xml
     """
-    from beamchain.craft.embedding import embed as embed_all
-    from beamchain.craft.embedding import take_out
-    from beamchain.files import beside, check_outputs, write_files
-    from beamchain.mjcf.craft import Craft
-    from beamchain.mjcf.relocate import relocate
-    from beamchain.report.tables.embed import keyframe_table
+    from beamchain.craft.embedding import embed as attach
+    from beamchain.files import beside, check_outputs
 
-    named = [_split(word, remove) for word in at or []]
+    silent = quiet or as_json
+    names = [_split(word, remove)[0] for word in at or []]
     page = beside(output, "_report.html") if report and not rigid else None
-    outputs = [output, *(place for place in (plot, page) if place is not None)]
     at_key: Sequence[Mode] = ()
     if remove:
-        result = take_out(craft, [name for name, _ in named])
-        if isinstance(result, Craft):
-            write_files(
-                {output: relocate(result, output.parent).content},
-                force=force,
-                update=(craft, output),
-            )
-            if as_json:
-                print_json({"appendages": [], "modes": [], **warnings_record(())})
-            elif not quiet:
-                console().print(f"wrote {output}, without appendages")
+        result = _take_out(craft, names, output, force=force, as_json=as_json, quiet=quiet)
+        if result is None:
             return
+        key = None  # the spacecraft is shown as it is left
     else:
-        wanted = places(at or [])
-        inputs = [craft, *map(Path, wanted.values())]
+        appendages = places(at or [])
+        outputs = [output, *(place for place in (plot, page) if place is not None)]
+        inputs = [craft, *map(Path, appendages.values())]
         check_outputs(outputs, force=force, inputs=inputs, update=(craft, output))
-        with spinner("fitting the appendages and proving the whole", quiet or as_json):
-            result = embed_all(
+        with spinner("fitting the appendages and proving the whole", silent):
+            result = attach(
                 craft,
-                wanted,
+                appendages,
                 form=form,
                 prefixes=prefix,
                 retime=retime,
                 max_modes=max_modes,
                 rigid=rigid,
             )
-            result.assembly  # noqa: B018  (computed here, shown below)
-            result.promise  # noqa: B018
+            _prove(result)
             at_key = () if key is None else result.modes_at(key)
-    also = {} if plot is None else {plot: result.picture()}
+    drawings = {} if plot is None else {plot: result.picture()}
     if page is not None:
-        also[page] = result.report(craft.name, output.name)
-    files = result.write(output, force=force, also=also)
-
-    def record() -> dict[str, Any]:
-        modes = [{"exact": m.exact, "mujoco": m.mujoco, "error": m.error} for m in at_key]
-        return {**result.as_dict(), **({} if key is None or remove else {"modes_at": {key: modes}})}
-
-    tell(record, lambda: _show(result), files, as_json, quiet)
-    if not as_json and not quiet:
-        if key is not None and not remove:
-            print_table(keyframe_table(at_key, key))
-        if explain:
-            for line in result.steps or ("no mode was added for the craft as a whole",):
-                console().print(line, markup=False)
-    good = result.met if result.met is not None else all(a.fit.status.ok for a in result.appendages)
-    if not rigid and not good:
+        drawings[page] = result.report(craft.name, output.name)
+    files = result.write(output, force=force, also=drawings)
+    tell(lambda: _record(result, key, at_key), lambda: _show(result), files, as_json, quiet)
+    if not silent:
+        _show_details(result, key, at_key, explain)
+    if not rigid and not _is_good(result):
         raise typer.Exit(3)
+
+
+def _take_out(
+    craft: Path, names: list[str], output: Path, *, force: bool, as_json: bool, quiet: bool
+) -> "Embedded | None":
+    """The spacecraft with the appendages that stay.
+
+    None if it has none left: its original document is written.
+    """
+    from beamchain.craft.embedding import take_out
+    from beamchain.files import write_files
+    from beamchain.mjcf.craft import Craft
+    from beamchain.mjcf.relocate import relocate
+
+    result = take_out(craft, names)
+    if not isinstance(result, Craft):
+        return result
+    original = relocate(result, output.parent).content
+    write_files({output: original}, force=force, update=(craft, output))
+    if as_json:
+        print_json({"appendages": [], "modes": [], **warnings_record(())})
+    elif not quiet:
+        console().print(f"wrote {output}, without appendages")
+    return None
+
+
+def _prove(result: "Embedded") -> "Assembly":
+    """Compare the whole with exact appendages; the result keeps what it computes."""
+    return result.assembly
+
+
+def _is_good(result: "Embedded") -> bool:
+    """Whether the whole keeps its tolerance or, without one, every appendage is as asked."""
+    if result.met is not None:
+        return result.met
+    return all(appendage.fit.status.ok for appendage in result.appendages)
 
 
 def places(at: "Sequence[str]") -> dict[str, str]:
     """The specification for each place that --at names, each once."""
-    found = [_split(word, False) for word in at]
-    named = [name for name, _ in found]
-    if len(set(named)) < len(named):
+    pairs = [_split(word, False) for word in at]
+    names = [name for name, _ in pairs]
+    if len(set(names)) < len(names):
         raise InputError(
-            f"--at names {max(named, key=named.count)!r} twice; one place carries one appendage."
+            f"--at names {max(names, key=names.count)!r} twice; one place carries one appendage."
         )
-    return dict(found)
+    return dict(pairs)
 
 
 def _split(word: str, remove: bool) -> tuple[str, str]:
+    """Place and specification of one --at."""
     name, sign, spec = word.partition("=")
     if not name or (not remove and not spec):
         raise InputError(
@@ -167,7 +194,17 @@ def _split(word: str, remove: bool) -> tuple[str, str]:
     return name, spec
 
 
+def _record(result: "Embedded", key: str | None, at_key: "Sequence[Mode]") -> dict[str, Any]:
+    """What --json prints."""
+    record = result.as_dict()
+    if key is not None:
+        modes = [{"exact": m.exact, "mujoco": m.mujoco, "error": m.error} for m in at_key]
+        record["modes_at"] = {key: modes}
+    return record
+
+
 def _show(result: "Embedded") -> None:
+    """What the terminal shows before the names of the files."""
     from beamchain.report.tables.embed import appendage_table, coupled_table
 
     out = console()
@@ -188,3 +225,16 @@ def _show(result: "Embedded") -> None:
                 markup=False,
             )
     print_warnings(result.warnings, "note")
+
+
+def _show_details(
+    result: "Embedded", key: str | None, at_key: "Sequence[Mode]", explain: bool
+) -> None:
+    """What --key and --explain add."""
+    from beamchain.report.tables.embed import keyframe_table
+
+    if key is not None:
+        print_table(keyframe_table(at_key, key))
+    if explain:
+        for line in result.steps or ("no mode was added for the craft as a whole",):
+            console().print(line, markup=False)

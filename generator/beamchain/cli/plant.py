@@ -52,31 +52,36 @@ Worst = Annotated[
 ]
 
 
+Model = Annotated[Path, typer.Argument(metavar="FILE.xml", help="The spacecraft's MJCF file.")]
+Output = Annotated[
+    Path, typer.Option("-o", "--file", metavar="OUT", help="Output file: .npz, .json or .mat.")
+]
+At = Annotated[
+    str | None, typer.Option(metavar="KEY", help="Keyframe to linearise at; default: rest.")
+]
+Angle = Annotated[
+    str | None,
+    typer.Option(metavar="JOINT=0,45,90", help="Angles of a drive in degrees: a plant for each."),
+]
+Discrete = Annotated[float | None, typer.Option(metavar="STEP", help="Sampled at this step in s.")]
+Loops = Annotated[
+    Path | None, typer.Option(metavar="LOOPS.toml", help="Loops whose margins are computed.")
+]
+Report = Annotated[bool, typer.Option(help="Write OUT_report.html as well.")]
+
+
 def plant(
-    model: Annotated[Path, typer.Argument(metavar="FILE.xml", help="The spacecraft's MJCF file.")],
-    output: Annotated[
-        Path, typer.Option("-o", "--file", metavar="OUT", help="Output file: .npz, .json or .mat.")
-    ],
+    model: Model,
+    output: Output,
     inputs: Inputs = None,
     outputs: Outputs = None,
-    at: Annotated[
-        str | None, typer.Option(metavar="KEY", help="Keyframe to linearise at; default: rest.")
-    ] = None,
-    angle: Annotated[
-        str | None,
-        typer.Option(
-            metavar="JOINT=0,45,90", help="Angles of a drive in degrees: a plant for each."
-        ),
-    ] = None,
-    discrete: Annotated[
-        float | None, typer.Option(metavar="STEP", help="Sampled at this step in s.")
-    ] = None,
-    controller: Annotated[
-        Path | None, typer.Option(metavar="LOOPS.toml", help="Loops whose margins are computed.")
-    ] = None,
+    at: At = None,
+    angle: Angle = None,
+    discrete: Discrete = None,
+    controller: Loops = None,
     uncertain: Uncertain = None,
     disturbance: Worst = None,
-    report: Annotated[bool, typer.Option(help="Write OUT_report.html as well.")] = True,
+    report: Report = True,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -94,10 +99,46 @@ def plant(
     from beamchain.files import beside, check_outputs
     from beamchain.plants.controllers import read_controller
     from beamchain.plants.loops import margin_warnings, margins
-    from beamchain.plants.plant import plant as linear
+    from beamchain.plants.plant import plant as linearise
     from beamchain.plants.realisation import Plant
     from beamchain.report.pages.plant import plant_report
 
+    _check_options(at, angle, controller, uncertain)
+    source, target = _signals_between(disturbance, uncertain)
+    page = beside(output, "_report.html")
+    files_read = [model, *(place for place in (controller, uncertain) if place is not None)]
+    check_outputs([output, *([page] if report else ())], force=force, inputs=files_read)
+    loops = None if controller is None else read_controller(controller)
+    with spinner("linearising", quiet or as_json):
+        pose = _angles(angle) if angle else at
+        result = linearise(model, inputs or None, outputs or None, pose, discrete=discrete)
+        plants = [result] if isinstance(result, Plant) else list(result.plants)
+        margins_by_plant = [[] if loops is None else margins(each, loops) for each in plants]
+        cases: list[WorstCase] = []
+        if loops is not None and uncertain is not None:
+            models = [each.uncertain(uncertain) for each in plants]
+            cases = [each.worst_case(loops, source, target) for each in models]
+        pages: dict[Path, str] = {}
+        if report:
+            pages[page] = plant_report(result, margins_by_plant, model.name, cases)
+    files = [result.write(output, force=force, also=pages or None), *pages]
+    warnings = margin_warnings(plants, margins_by_plant)
+    tell(
+        lambda: _record(result, plants[0], margins_by_plant, cases, warnings),
+        lambda: _show(plants[0], margins_by_plant, cases, warnings),
+        files,
+        as_json,
+        quiet,
+    )
+    loops_stable = all(loop.stable for loops in margins_by_plant for loop in loops)
+    if not loops_stable or not all(case.stable for case in cases):
+        raise typer.Exit(3)
+
+
+def _check_options(
+    at: str | None, angle: str | None, controller: Path | None, uncertain: Path | None
+) -> None:
+    """Refuse options that do not go together."""
     if at is not None and angle is not None:
         raise InputError("plant: --at and --angle are both given; leave one out.")
     if uncertain is not None and controller is None:
@@ -105,42 +146,25 @@ def plant(
             "plant: --uncertain needs --controller, whose worst case it seeks; in Python: "
             "plant.uncertain."
         )
-    first, _, last = (disturbance or "").partition(":")
-    if disturbance is not None and not (first and last and uncertain):
+
+
+def _signals_between(
+    disturbance: str | None, uncertain: Path | None
+) -> tuple[str | None, str | None]:
+    """Input and output that --worst names."""
+    if disturbance is None:
+        return None, None
+    source, _, target = disturbance.partition(":")
+    if not (source and target and uncertain):
         raise InputError(
             f"--worst {disturbance!r} is INPUT:OUTPUT of the plant, for example "
             "torque_z:attitude_z, and needs --uncertain."
         )
-    page = beside(output, "_report.html")
-    files_read = [model, *(place for place in (controller, uncertain) if place is not None)]
-    check_outputs([output, *([page] if report else ())], force=force, inputs=files_read)
-    loops = None if controller is None else read_controller(controller)
-    with spinner("linearising", quiet or as_json):
-        found = linear(
-            model,
-            inputs or None,
-            outputs or None,
-            _angles(angle) if angle else at,
-            discrete=discrete,
-        )
-        plants = [found] if isinstance(found, Plant) else list(found.plants)
-        of_loops = [[] if loops is None else margins(one, loops) for one in plants]
-        pulled = [] if uncertain is None else [one.uncertain(uncertain) for one in plants]
-        worst = [
-            one.worst_case(loops, first or None, last or None)
-            for one in pulled
-            if loops is not None
-        ]
-        text = plant_report(found, of_loops, model.name, worst) if report else ""
-    files = [found.write(output, force=force, also={page: text} if report else None)]
-    files += [page] if report else []
-    results = plants[0], of_loops, worst, margin_warnings(plants, of_loops)
-    tell(lambda: _record(found, *results), lambda: _show(*results), files, as_json, quiet)
-    if not all(one.stable for several in (*of_loops, worst) for one in several):
-        raise typer.Exit(3)
+    return source, target
 
 
 def _angles(text: str) -> "dict[str, Any]":
+    """The joint and the angles [rad] of --angle."""
     import numpy as np
 
     joint, _, words = text.partition("=")
@@ -153,17 +177,18 @@ def _angles(text: str) -> "dict[str, Any]":
 
 
 def _record(
-    found: "Plant | ScheduledPlant",
+    result: "Plant | ScheduledPlant",
     first: "Plant",
-    of_loops: "list[list[Margins]]",
-    worst: "list[WorstCase]",
+    margins_by_plant: "list[list[Margins]]",
+    cases: "list[WorstCase]",
     warnings: list[str],
 ) -> dict[str, Any]:
+    """What --json prints."""
     import numpy as np
 
     from beamchain.report.tables import plant as tables
 
-    angles = None if found is first else np.degrees(found.angles)  # pyright: ignore[reportAttributeAccessIssue]
+    angles = None if result is first else np.degrees(result.angles)  # pyright: ignore[reportAttributeAccessIssue]
     inputs = tables.signal_table("Inputs", first.input_names, first.input_units)
     outputs = tables.signal_table("Outputs", first.output_names, first.output_units)
     return {
@@ -172,15 +197,19 @@ def _record(
         "states": list(first.state_names),
         "modes": tables.mode_table(first).records(),
         "angles": angles,
-        "margins": [[one.as_dict() for one in several] for several in of_loops],
-        "worst": [one.as_dict() for one in worst],
+        "margins": [[loop.as_dict() for loop in loops] for loops in margins_by_plant],
+        "worst": [case.as_dict() for case in cases],
         **warnings_record(warnings),
     }
 
 
 def _show(
-    first: "Plant", of_loops: "list[list[Margins]]", worst: "list[WorstCase]", warnings: list[str]
+    first: "Plant",
+    margins_by_plant: "list[list[Margins]]",
+    cases: "list[WorstCase]",
+    warnings: list[str],
 ) -> None:
+    """What the terminal shows before the names of the files."""
     from beamchain.report.tables import plant as tables
 
     console().print(
@@ -188,11 +217,11 @@ def _show(
         f"{first.noutputs} outputs ({', '.join(first.output_names)})",
     )
     print_table(tables.mode_table(first))
-    margins = tables.margin_table(of_loops)
+    margins = tables.margin_table(margins_by_plant)
     if margins:
         print_table(margins)
-    for case in worst:
+    for case in cases:
         console().print(f"worst case, {case.sentence}")
-    if worst:
-        print_table(tables.worst_value_table(worst))
+    if cases:
+        print_table(tables.worst_value_table(cases))
     print_warnings(warnings, "note")
