@@ -13,10 +13,10 @@ import beamchain as bc
 from mechanics import compiled
 from plant_truth import CRAFTS, Truth, embedded, kept, motors, text, wheel_rates
 
-# one undamped appendage, made exact for its hub (form 3), as docs/theory.md, section 5 says
-ALONE = 1e-9
-#: the same craft as they are embedded (form 4: poles exact, residues of fourth order); damped:
-#: the one input weight
+EXACT = 1e-9  # the continuous plant held over the step, against the truth held the same way
+#: one undamped appendage, by the phase of its fastest mode: poles exact, residues of fourth order
+ALONE = {0.1: 1e-8, 0.5: 5e-6, 1.0: 1e-4, 2.0: 2e-3}
+#: the same craft with all its appendages; damped: the one input weight
 FIGURES = {0.1: 2e-4, 0.5: 5e-4, 1.0: 5e-4, 2.0: 3e-3}
 RUN = 1e-4  # of a run of MuJoCo, for what is not linear in it: 5e-5 where a light drive turns most
 OFF = 0.02
@@ -43,14 +43,14 @@ def distance(found, true, s, rigid):
 
 
 @pytest.mark.parametrize("phase", SOME)
-def test_one_undamped_appendage_is_sampled_exactly(phase):
+def test_one_undamped_appendage_is_sampled_within_the_figures(phase):
     name = "one undamped boom"
     made = embedded(name, retime=True)
     model = copy.copy(made.untimed)
     fastest = bc.plant(made).frequency.max()
     h = phase / fastest
     model.opt.timestep = h
-    bc.retime(model, h, form=3)
+    bc.retime(model, h)
     plant = bc.plant(model, ["torque:hub"], ["attitude", "rate"], discrete=h)
     s = np.geomspace(0.05, min(fastest, 3.0 / h), 60) * (OFF + 1j)
     z = np.exp(s * h)
@@ -60,12 +60,12 @@ def test_one_undamped_appendage_is_sampled_exactly(phase):
     )(z, squeeze=False)
     truth = Truth(CRAFTS[name], kept)
     rigid = np.linalg.inv(truth.m[:6, :6])[3:, 3:]
-    assert distance(true, held(truth, h, z, ["torque:hub"]), s, rigid) < ALONE
+    assert distance(true, held(truth, h, z, ["torque:hub"]), s, rigid) < EXACT
     found = plant(z, squeeze=False)
     mean = (1.0 - 1.0 / z) / h  # rate: the mean over the step
     said = distance(found[:3], true, s, rigid), distance(found[3:] / mean, true, s, rigid)
     sys.stdout.write(f"phase {phase:g}: {said[0]:.1e}, {said[1]:.1e}" + "\n")
-    assert max(said) < ALONE
+    assert max(said) < ALONE[phase]
 
 
 @pytest.mark.parametrize("phase", SOME)

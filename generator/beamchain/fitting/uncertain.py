@@ -23,7 +23,13 @@ ROUNDING = 1e-9  # by which a correlation matrix may fail to be positive semidef
 
 
 class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How a quantity varies: `relative` or `absolute`, one of the two."""
+    """How a quantity varies: `relative` or `absolute`, one of the two.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.Uncertainty(relative=0.1).relative
+        0.1
+    """
 
     relative: Annotated[
         float | None,
@@ -97,7 +103,13 @@ class Uncertainty(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
 
 class UncertainMode(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is uncertain of one mode; it goes before what is said of all of them."""
+    """What is uncertain of one mode; it replaces what is stated for all modes.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.UncertainMode(number=2, port="xy", damping=bc.Uncertainty(relative=0.5)).name
+        'mode2_xy'
+    """
 
     number: Annotated[int, field("number of the mode in its port, from 1", "", least=1, most=1000)]
     port: Annotated[
@@ -117,7 +129,14 @@ class UncertainMode(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class Correlation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Correlation of some quantities, which are normal."""
+    """Correlation of some quantities, which are normal.
+
+    Example:
+        >>> import beamchain as bc
+        >>> names = ("mode1_xy.frequency", "mode1_xz.frequency")
+        >>> bc.Correlation(of=names, matrix=((1.0, 0.8), (0.8, 1.0))).matrix[0][1]
+        0.8
+    """
 
     of: Annotated[tuple[str, ...], field("names of the quantities, such as mode1_xy.frequency")]
     matrix: Annotated[
@@ -153,7 +172,13 @@ class Correlation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
 
 class UncertainModes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is uncertain of the modes of an appendage in a craft."""
+    """What is uncertain of the modes of an appendage in a craft.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.UncertainModes(damping=bc.Uncertainty(relative=0.5)).damping.relative
+        0.5
+    """
 
     frequency: Annotated[
         Uncertainty | None, field("frequencies of the modes with the root held [rad/s]")
@@ -187,7 +212,13 @@ class UncertainModes(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class UncertainBody(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is uncertain of the mass properties of a body of the craft, in the body's axes."""
+    """What is uncertain of the mass properties of a body of the craft, in the body's axes.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.UncertainBody(mass=bc.Uncertainty(absolute=5.0)).mass.absolute
+        5.0
+    """
 
     mass: Annotated[Uncertainty | None, field("mass [kg]")] = None
     centre_x: Annotated[
@@ -208,7 +239,13 @@ class UncertainBody(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class UncertainJoint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is uncertain of a sprung joint of the craft, such as a drive."""
+    """What is uncertain of a sprung joint of the craft, such as a drive.
+
+    Example:
+        >>> import beamchain as bc
+        >>> bc.UncertainJoint(stiffness=bc.Uncertainty(relative=0.2)).stiffness.relative
+        0.2
+    """
 
     stiffness: Annotated[Uncertainty | None, field("stiffness [N m/rad]")] = None
     damping: Annotated[Uncertainty | None, field("damping [N m s/rad]")] = None

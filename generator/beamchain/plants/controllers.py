@@ -23,7 +23,14 @@ ORDER = 6  # of the Pade approximation of a delay, with which the closed loop's 
 
 
 class Filter(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A proper transfer function in s."""
+    """A proper transfer function in s.
+
+    Example:
+        >>> import beamchain as bc
+        >>> wheel = bc.Filter(numerator=(1.0,), denominator=(0.05, 1.0))
+        >>> wheel.denominator
+        (0.05, 1.0)
+    """
 
     numerator: Annotated[
         tuple[float, ...], field("coefficients of the numerator, highest power of s first", "")
@@ -64,7 +71,21 @@ class Filter(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 class Loop(Filter, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One loop of a controller, `input = -K(s) output`: negative feedback.
-    Loops on one input add up."""
+
+    Loops on one input add up.
+
+    Example:
+        >>> import beamchain as bc
+        >>> loop = bc.Loop(
+        ...     input="torque:hub:z",
+        ...     output="rate:hub:z",
+        ...     numerator=(40.0,),
+        ...     denominator=(1.0,),
+        ...     delay=0.02,
+        ... )
+        >>> loop.delay
+        0.02
+    """
 
     input: Annotated[str, field("input of the plant that the loop drives")]
     output: Annotated[str, field("output of the plant that the loop measures")]
@@ -87,7 +108,16 @@ class Loop(Filter, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Controller(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A file of loops."""
+    """The loops of a controller, as a file states them.
+
+    Example:
+        >>> import beamchain as bc
+        >>> rate = bc.Loop(
+        ...     input="torque:hub:z", output="rate:hub:z", numerator=(40.0,), denominator=(1.0,)
+        ... )
+        >>> len(bc.Controller(loop=(rate,)).loop)
+        1
+    """
 
     loop: Annotated[tuple[Loop, ...], field("the loops, one [[loop]] each")]
 

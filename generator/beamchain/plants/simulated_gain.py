@@ -193,7 +193,7 @@ class _LoopRun:
         unit disturbance."""
         a, b, c, d = closed
         resolvent = 1j * self._run.omega * np.eye(a.shape[0]) - a
-        motion = np.linalg.solve(resolvent, b[:, self._driven])
+        motion = np.linalg.solve(resolvent, b[:, self._driven]).astype(complex)
         return motion, c @ motion + d[:, self._driven]
 
     def _set_state(self, state: Array) -> None:
