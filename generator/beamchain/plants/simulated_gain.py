@@ -193,8 +193,8 @@ class _LoopRun:
         unit disturbance."""
         a, b, c, d = closed
         resolvent = 1j * self._run.omega * np.eye(a.shape[0]) - a
-        motion = np.linalg.solve(resolvent, b[:, self._driven]).astype(complex)
-        return motion, c @ motion + d[:, self._driven]
+        motion = np.asarray(np.linalg.solve(resolvent, b[:, self._driven]), dtype=np.complex128)
+        return motion, np.asarray(c @ motion + d[:, self._driven], dtype=np.complex128)
 
     def _set_state(self, state: Array) -> None:
         nv = self._model.nv
