@@ -2,7 +2,7 @@
 its numbers and the spacecraft's are as they were."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,11 +12,12 @@ from lxml.etree import _Element as Element
 from beamchain.caution import Caution, at
 from beamchain.craft.disturbances import TENDON_DAMPING, disturbances
 from beamchain.craft.error import Carried
+from beamchain.craft.loads import Carries, Load
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import compile_model
+from beamchain.engine.linearise import compile_model, mass_matrix
 from beamchain.engine.mount import Mount
 from beamchain.engine.operating_point import quiet_copy
-from beamchain.engine.unchanged import NAMED, Difference, differences, ids_of, others
+from beamchain.engine.unchanged import NAMED, Difference, differences, ids_of, in_order_of, others
 from beamchain.errors import EngineError, InputError
 from beamchain.fitting.exact import exact_appendage
 from beamchain.fitting.hub import Hub
@@ -33,6 +34,7 @@ from beamchain.structure.modal_data import ModalData
 
 # names of the empty bodies that stand for appendages while the spacecraft is measured
 PROBE = "beamchain probe "
+NOTHING = 1e-9  # of the mass of what an appendage carries, where it is looked at alone
 SAME = 1e-12  # relative: the appendage's numbers alone and in the spacecraft
 
 
@@ -50,6 +52,8 @@ class Appendage:
         timed: the spacecraft with its appendages exact in time for its own step;
             None: they are not.
         rigid: without joints and tendons.
+        carries: names of bodies of the spacecraft by port.
+        loads: what its ports carry, other appendages included.
     """
 
     at: str
@@ -60,6 +64,8 @@ class Appendage:
     fit: Fit
     timed: "mujoco.MjModel | None" = None
     rigid: bool = False
+    carries: Carries = field(default_factory=dict)
+    loads: tuple[Load, ...] = ()
 
     def element(self) -> Element:
         """Its drop-in MJCF, exact in time where the spacecraft is."""
@@ -132,14 +138,28 @@ def check_craft_unchanged(
     """Every number of the bare spacecraft is the same in `model`, with appendages and without
     timing."""
     before = _without_probes(craft)
-    after = others(model, ids_of(model, names(appendages)))
+    after = craft_elements(craft, model, appendages)
     pairs = {kind: (before[kind], ids) for kind, ids in after.items()}
-    changed = differences(craft, model, pairs)
+    changed = differences(craft, model, pairs, placed=moved_bodies(appendages))
     if changed:
         raise EngineError(
             f"embedding changed the spacecraft itself: {_difference_sentence(changed[0])}; please "
             "report this."
         )
+
+
+def moved_bodies(appendages: Sequence[Appendage]) -> list[str]:
+    """Names of the spacecraft's bodies that hang on ports."""
+    return [name for a in appendages for names in a.carries.values() for name in names]
+
+
+def craft_elements(
+    craft: "mujoco.MjModel", model: "mujoco.MjModel", appendages: Sequence[Appendage]
+) -> dict[str, list[int]]:
+    """Ids per kind of the bare spacecraft's elements in `model`, in the spacecraft's order."""
+    ids = others(model, ids_of(model, names(appendages)))
+    bodies = _without_probes(craft)["body"]
+    return in_order_of(craft, bodies, model, ids, moved_bodies(appendages))
 
 
 def check_appendages_unchanged(
@@ -166,7 +186,7 @@ def check_appendages_unchanged(
         after = ids_of(model, names([a]))
         pairs = {kind: (ids, after[kind]) for kind, ids in before.items()}
         root = f"{a.prefix}link1"
-        changed = differences(alone, model, pairs, root=root, tolerance=SAME, user=False)
+        changed = differences(alone, model, pairs, placed=[root], tolerance=SAME, user=False)
         if changed:
             _refuse(changed[0], a, defaults)
 
@@ -268,9 +288,20 @@ def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> 
             scene = a.fit.spec.scene
             asked = None if scene is None else scene.bandwidth
             band = {"rigid": asked or float(exact.model.frequencies[0])}
-        dofs = [] if model is None else ids_of(model, names([a]))["dof"]
-        out.append(Carried(a.mount, exact.model, exact.kept, dofs, band))
+        own = {} if model is None else ids_of(model, names([a]))
+        dofs = own.get("dof", [])
+        alone = None if model is None or not a.loads else _mass_alone(model, own["body"], dofs)
+        out.append(Carried(a.mount, exact.model, exact.kept, dofs, band, a.loads, alone))
     return out
+
+
+def _mass_alone(model: "mujoco.MjModel", bodies: Sequence[int], dofs: Sequence[int]) -> Array:
+    """`(n, n)` mass of an appendage's degrees of freedom without what hangs on its ports."""
+    alone = quiet_copy(model)
+    load = np.setdiff1d(np.arange(model.nbody), bodies)
+    alone.body_mass[load] *= NOTHING
+    alone.body_inertia[load] *= NOTHING
+    return mass_matrix(alone)[np.ix_(dofs, dofs)]
 
 
 def rigid_mass(spec: Spec, data: ModalData | None = None) -> Array:

@@ -101,15 +101,17 @@ def assembly_at_rest(
     carried: Sequence[Carried],
     promise: CraftError,
     band: float | None,
+    own: Sequence[int] | None = None,
 ) -> Assembly:
     """The MuJoCo model at rest beside the exact assembly of the bare `craft` and what it carries.
 
     MuJoCo's modes and accelerance are those of `mjd_transitionFD`. `band`: frequencies that
-    matter end here [rad/s]; None: where the kept modes end.
+    matter end here [rad/s]; None: where the kept modes end; `own`: the bare craft's degrees of
+    freedom in the model.
     """
     craft = quiet_copy(craft)
     model = quiet_copy(model)
-    pose = Pose(craft, poses(craft)["rest"], carried, promise.band, promise.motions)
+    pose = Pose(craft, poses(craft)["rest"], carried, promise.band, promise.motions, own)
     body = counterpart(craft, model, pose.body)
     band = band or max(w for item in carried for w in item.band.values())
     compiled = pose.comparable(_transition(model, body))
@@ -138,6 +140,7 @@ def modes_at_pose(
     carried: Sequence[Carried],
     band: float,
     key: str,
+    own: Sequence[int] | None = None,
 ) -> tuple[Mode, ...]:
     """Coupled modes up to `band` [rad/s] at a keyframe, exact and MuJoCo's."""
     craft = quiet_copy(craft)
@@ -148,7 +151,7 @@ def modes_at_pose(
         raise InputError(
             f"keyframe {key!r} is not in the spacecraft; choose from {', '.join(known)}."
         )
-    pose = Pose(craft, known[key], carried, band, range(6))
+    pose = Pose(craft, known[key], carried, band, range(6), own)
     compiled = craft_at(model, poses(model)[key], counterpart(craft, model, pose.body))
     modes = coupled_modes(pose, pose.comparable(compiled), band)
     return tuple(mode for mode in modes if mode.exact is not None and mode.exact <= band)

@@ -1,5 +1,6 @@
 """What an appendage keeps while modes are added to it, and what it would be with one more."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -7,6 +8,7 @@ import msgspec
 
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.errors import InputError
+from beamchain.fitting.choose import further_columns
 from beamchain.fitting.fewest import weights
 from beamchain.fitting.hub import port_hub_mass
 from beamchain.fitting.options import Modes
@@ -25,6 +27,21 @@ def candidate(a: Appendage) -> "Candidate":
     if a.fit.space is not None and any(len(ports) > 1 for ports in a.fit.space.data.groups):
         return Coupled(a, a.fit.space.numbers)
     return PerPort(a, {port: target.modes for port, target in a.fit.target.items()})
+
+
+def model_of(a: Appendage) -> PortModel:
+    """An appendage in six motions as MuJoCo has it; one that carries, as its chain was asked to
+    be, with the motion of its ports."""
+    if not a.loads:
+        return a.fit.measured.space
+    return model_in_space(_kept(a), a.fit.measured.rigid_mass)
+
+
+def _kept(a: Appendage) -> Mapping[str, PortModel]:
+    """The model of every port that the chain keeps."""
+    if not a.loads:
+        return a.fit.achieved
+    return {port: a.spec.with_ratios(port, model) for port, model in a.fit.target.items()}
 
 
 def free_ports(spec: Spec) -> tuple[str, ...]:
@@ -74,8 +91,8 @@ class PerPort:
         """The appendage in six motions, as MuJoCo has it or would."""
         fit = self.a.fit
         if not self.changed:
-            return fit.measured.space
-        return model_in_space({**fit.achieved, **self.changed}, fit.measured.rigid_mass)
+            return model_of(self.a)
+        return model_in_space({**_kept(self.a), **self.changed}, fit.measured.rigid_mass)
 
     @property
     def spec(self) -> Spec:
@@ -93,9 +110,12 @@ class PerPort:
             full = self._whole(port, count)
             if full is None or count > full.modes:
                 continue
-            model = full.for_target(
-                self.a.fit.kept_for, count, port_hub_mass(self.a.hub.mass_matrix(), port)
-            )
+            if columns := further_columns(self.a.spec):
+                m = full.motions
+                model = full.attached(count, [m * c + i for c in columns for i in range(m)])
+            else:
+                hub = port_hub_mass(self.a.hub.mass_matrix(), port)
+                model = full.for_target(self.a.fit.kept_for, count, hub)
             if self.a.fit.space is None:
                 model = self.a.spec.with_ratios(port, model)
             else:
@@ -113,7 +133,7 @@ class PerPort:
             for port in PORTS
             if port != key and (model := self._exact(port)) is not None
         }
-        now = self.changed.get(key, fit.achieved.get(key))
+        now = self.changed.get(key, _kept(self.a).get(key))
         return model_in_space(own if now is None else {**own, key: now}, fit.measured.rigid_mass)
 
     def _whole(self, port: str, count: int) -> PortModel | None:
@@ -125,7 +145,7 @@ class PerPort:
         if port in fit.full:
             return fit.full[port]
         try:
-            return self.a.spec.beam.port(port, 2 * count + 4)
+            return self.a.spec.beam.port(port, 2 * count + 4, list(self.a.spec.further.values()))
         except InputError:
             return None
 
@@ -135,7 +155,7 @@ class PerPort:
             return self._whole(port, 0)
         if port in fit.full:
             return fit.spec.with_ratios(port, fit.full[port])
-        return fit.achieved.get(port)
+        return _kept(self.a).get(port)
 
 
 @dataclass(frozen=True, eq=False)

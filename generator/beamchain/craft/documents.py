@@ -3,15 +3,17 @@ its keyframes laid out anew."""
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import msgspec
 
-from beamchain.craft.appendage import Appendage, names
+from beamchain.craft.appendage import Appendage, craft_elements, moved_bodies
+from beamchain.craft.loads import Carries, base_place, split_port
 from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import compile_model
-from beamchain.engine.unchanged import ids_of
 from beamchain.errors import EngineError
 from beamchain.fitting.spec import Spec, spec_from_dict
 from beamchain.mjcf import insert
@@ -22,12 +24,24 @@ from beamchain.mjcf.relocate import relocate, spacecraft_before
 from beamchain.mjcf.text import Edit
 
 
-def read_bare(craft: str | Path) -> tuple[Craft, dict[str, tuple[Spec, str]], str]:
+class Wish(NamedTuple):
+    """An appendage that a spacecraft has or shall have: its specification, its prefix, and bodies
+    of the spacecraft by port."""
+
+    spec: Spec
+    prefix: str
+    carries: Carries = MappingProxyType({})
+
+
+def read_bare(craft: str | Path) -> tuple[Craft, dict[str, Wish], str]:
     """The bare spacecraft, what was embedded in it by place, and in which form."""
     text = isinstance(craft, str) and craft.lstrip().startswith("<")
     read = craft_from_text(str(craft)) if text else read_craft(craft)
     marks = undo.appendage_marks(read)
-    before = {mark.at: (_spec_of_mark(mark.spec, mark.at), mark.prefix) for mark in marks}
+    before = {
+        mark.at: Wish(_spec_of_mark(mark.spec, mark.at), mark.prefix, mark.carries)
+        for mark in marks
+    }
     return spacecraft_before(read), before, marks[0].form if marks else "inline"
 
 
@@ -73,18 +87,23 @@ def assemble(
     beside: Path | None = None,
 ) -> tuple[Craft, dict[str, str]]:
     """The document with its appendages for a folder, and the files of the attached ones."""
+    at = [a.at for a in appendages]
+    named = [base_place(place, at) for place in at] + [
+        f"body:{name}" for name in moved_bodies(appendages)
+    ]
     out = insert.place_includes_with_keys(
-        place_includes_with_targets(relocate(original, folder), [a.at for a in appendages])
+        place_includes_with_targets(relocate(original, folder), named)
     )
     items = [
         insert.Insertion(
-            find_target(out, a.at),
+            replace(find_target(out, base_place(a.at, at)), at=a.at),
             a.mount.position,
             a.mount.quaternion,
             a.element(),
             a.spec.name,
             a.prefix,
             msgspec.to_builtins(a.spec),
+            a.carries,
         )
         for a in appendages
     ]
@@ -93,6 +112,13 @@ def assemble(
         p: str((beside or Path.cwd()) / n) if folder is None else n for p, n in files.items()
     }
     out = insert.insert_appendages(out, items, form, absolute)
+    for a in appendages:
+        for port, bodies in a.carries.items():
+            for body in bodies:
+                out = insert.hang_on_port(out, a.prefix, port, body)
+        if on_port := split_port(a.at, at):
+            prefix = next(other.prefix for other in appendages if other.at == on_port[0])
+            out = insert.hang_on_port(out, prefix, on_port[1], f"{a.prefix}link1")
     if layout is not None:
         out = insert.extend_keys(out, layout["qpos"], layout["qvel"], layout["rest"])
     return out, {
@@ -112,8 +138,7 @@ def layout_of(
         return out.edit(Edit(node.start, node.end, "") for node in keyframes)
 
     model = compile_document(original, appendages, form, None, without_keys)
-    mine = ids_of(model, names(appendages))
-    old = [j for j in range(model.njnt) if j not in set(mine["jnt"])]
+    old = craft_elements(craft, model, appendages)["jnt"]
     if len(old) != craft.njnt:
         raise EngineError(
             f"the spacecraft has {craft.njnt} joints, with appendages {len(old)} of them."

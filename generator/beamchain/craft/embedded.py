@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from beamchain import report
 from beamchain.checks import path_of
-from beamchain.craft.appendage import Appendage, carried
+from beamchain.craft.appendage import Appendage, carried, craft_elements
 from beamchain.craft.assembly import Assembly, assembly_at_rest, modes_at_pose
 from beamchain.craft.coupled_modes import Mode
 from beamchain.craft.documents import assemble
@@ -89,7 +89,13 @@ class Embedded:
         """Coupled modes and the base body's accelerance at rest, exact and through MuJoCo:
         the promise's view of the rest pose."""
         exact = carried(self.model, self.appendages)
-        return assembly_at_rest(self.craft, self.untimed, exact, self.promise, self._asked.band)
+        band = self._asked.band
+        return assembly_at_rest(self.craft, self.untimed, exact, self.promise, band, self._own)
+
+    @cached_property
+    def _own(self) -> list[int]:
+        """The bare craft's degrees of freedom in the model, in the craft's order."""
+        return craft_elements(self.craft, self.model, self.appendages)["dof"]
 
     @cached_property
     @one_thread()
@@ -107,7 +113,8 @@ class Embedded:
         """Every pose of the bare craft with its exact answer."""
         want = self._asked
         exact = carried(self.model, self.appendages)
-        return craft_poses(self.craft, exact, want.band or kept_band(self.appendages), want.motions)
+        band = want.band or kept_band(self.appendages)
+        return craft_poses(self.craft, exact, band, want.motions, self._own)
 
     @cached_property
     def time_error(self) -> TimeError:
@@ -144,7 +151,7 @@ class Embedded:
             InputError: the spacecraft has no such keyframe.
         """
         exact = carried(self.model, self.appendages)
-        return modes_at_pose(self.craft, self.untimed, exact, self.band, key)
+        return modes_at_pose(self.craft, self.untimed, exact, self.band, key, self._own)
 
     @cached_property
     def composite(self) -> Composite:

@@ -23,9 +23,17 @@ from beamchain.craft.appendage import (
     moved_by_load,
 )
 from beamchain.craft.disturbances import check_flags
-from beamchain.craft.documents import compile_document, layout_of, read_bare
+from beamchain.craft.documents import Wish, compile_document, layout_of, read_bare
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.fits import Fits, fit_all
+from beamchain.craft.loads import (
+    base_place,
+    carries_of,
+    check_carries,
+    checked_carry,
+    port_x,
+    split_port,
+)
 from beamchain.craft.promise import MOST_MODES, joint_request
 from beamchain.craft.timing import (
     attitude_warnings,
@@ -63,6 +71,7 @@ def embed(
     retime: bool | None = None,
     max_modes: int = MOST_MODES,
     rigid: bool = False,
+    carry: Mapping[str, str | Sequence[str]] | None = None,
 ) -> Embedded:
     """Attach appendages to a spacecraft and verify the assembled model.
 
@@ -73,7 +82,8 @@ def embed(
         at: the appendage for each named site or body of the spacecraft (x axis of its frame
             outwards): a spec, the path of a SPEC.toml, a beam, imported modes, or a fit. A fit is
             used as it is if its hub is that of the spacecraft, and otherwise repeated. If a site
-            and a body share a name, write `site:NAME` or `body:NAME`. Imported modes without a file
+            and a body share a name, write `site:NAME` or `body:NAME`; `PLACE:PORT` is the port
+            `PORT` of the appendage at another `PLACE`. Imported modes without a file
             are not available when the written file is given to `embed` again.
         form: "inline": one self-contained file; "attach": separate appendage files beside it,
             included by `<attach>`.
@@ -87,6 +97,9 @@ def embed(
             scenes' tolerance.
         rigid: make the rigid twin: the same bodies, sites, masses and keyframes,
             without joints and tendons.
+        carry: bodies of the spacecraft that hang on ports, by `PLACE:PORT`. In the spacecraft's
+            file each is a child of the body that holds the place, where it is at rest; default:
+            what the [[port]] of the specification names.
 
     Raises:
         InputError: a place does not exist, is static or has no orthonormal frame, names clash, or a
@@ -106,7 +119,7 @@ def embed(
         [('mount', 'appendage_')]
     """
     with noted_inputs() as inputs:
-        result = _embed(craft, at, form, prefixes, retime, max_modes, rigid)
+        result = _embed(craft, at, form, prefixes, retime, max_modes, rigid, carry)
     is_file = (
         isinstance(craft, str | Path)
         and result.document is not None
@@ -123,8 +136,10 @@ def _embed(
     retime: bool | None,
     max_modes: int,
     rigid: bool,
+    carry: Mapping[str, str | Sequence[str]] | None,
 ) -> Embedded:
     """Do the work of `embed`."""
+    hung = checked_carry(carry)
     one_of("form", form, insert.FORMS)
     check_places(at)
     rigid = true_or_false("rigid", rigid)
@@ -137,7 +152,7 @@ def _embed(
             f"{len(given)} prefixes are given for {len(at)} appendages; give one --prefix per "
             "--at, or none."
         )
-    wanted: dict[str, tuple[Spec, str]] = {}
+    wanted: dict[str, Wish] = {}
     ready: dict[str, Fit] = {}
     held: dict[str, ModalData] = {}
     most = checked_int("max_modes", max_modes, 0, 1000)
@@ -154,7 +169,20 @@ def _embed(
             spec = msgspec.structs.replace(spec, imported=spec.imported.beside(Path.cwd()))
         if made is not None:
             ready[name] = made if made.spec == spec else replace(made, spec=spec)
-        wanted[name] = (spec, prefix)
+        wanted[name] = Wish(spec, prefix, carries_of(name, spec, hung))
+    for key in hung:
+        if key.rpartition(":")[0] not in wanted:
+            raise InputError(
+                f"carry {key!r}: no appendage is put at {key.rpartition(':')[0]!r}; give one of "
+                f"{', '.join(wanted)}."
+            )
+    carries = any(wish.carries or split_port(at, wanted) for at, wish in wanted.items())
+    if carries and (form == "attach" or isinstance(craft, mujoco.MjSpec)):
+        what = 'form = "attach"' if form == "attach" else "an MjSpec"
+        raise InputError(
+            f"{what} holds no bodies on ports; give the path of the spacecraft's file and "
+            'form = "inline".'
+        )
     fits = Fits(ready, held)
     if isinstance(craft, mujoco.MjSpec):
         return _embed_in_spec(craft, _assign_prefixes({}, wanted), retime, most, fits, rigid)
@@ -172,26 +200,26 @@ def check_places(at: object) -> None:
         of_type("a place in at", name, str, "the name of a site or body of the spacecraft")
 
 
-def _assign_prefixes(
-    before: dict[str, tuple[Spec, str]], wanted: dict[str, tuple[Spec, str]]
-) -> dict[str, tuple[Spec, str]]:
+def _assign_prefixes(before: dict[str, Wish], wanted: dict[str, Wish]) -> dict[str, Wish]:
     """All appendages with their prefixes: the name of each,
     with that of its place where two would have the same.
 
     An appendage that replaces one of the same name at the same place keeps its prefix.
     """
     out = {at: entry for at, entry in before.items() if at not in wanted} | wanted
-    names = [spec.name for spec, _ in wanted.values()]
-    taken = [prefix for _, prefix in out.values()]
-    for at, (spec, prefix) in wanted.items():
-        if not prefix and at in before and before[at][0].name == spec.name:
-            out[at] = spec, before[at][1]  # names that other parts of the user's file may refer to
-        elif not prefix:
+    names = [wish.spec.name for wish in wanted.values()]
+    taken = [wish.prefix for wish in out.values()]
+    for at, wish in wanted.items():
+        spec = wish.spec
+        if not wish.prefix and at in before and before[at].spec.name == spec.name:
+            # names that other parts of the user's file may refer to
+            out[at] = wish._replace(prefix=before[at].prefix)
+        elif not wish.prefix:
             alone = names.count(spec.name) == 1 and f"{spec.name}_" not in taken
             place = re.sub(r"[^A-Za-z0-9_.-]", "_", kinds_and_name(at)[1])
             own = f"{spec.name}_" if alone else f"{spec.name}_{place}_"
             insert.check_prefix(own)
-            out[at] = spec, own
+            out[at] = wish._replace(prefix=own)
     return out
 
 
@@ -227,28 +255,45 @@ def marked_appendages(path: Path) -> "tuple[mujoco.MjModel, tuple[Appendage, ...
 
 
 def _fit_on_craft(
-    original: Craft, wanted: dict[str, tuple[Spec, str]], most: int, fits: Fits, *, rigid: bool
+    original: Craft, wanted: dict[str, Wish], most: int, fits: Fits, *, rigid: bool
 ) -> "tuple[mujoco.MjModel, tuple[Appendage, ...], list[str], tuple[str, ...]]":
     """The bare spacecraft, compiled, the appendages fitted to it, notes,
     and the modes that were added."""
     # an empty body at every place: a hub whose frame MuJoCo would move while it carries nothing
     # stays where it is
     plain = relocate(original, None)
-    probe = place_includes_with_targets(plain, wanted)
-    targets = {name: find_target(probe, name) for name in wanted}
+    base = {at: base_place(at, wanted) for at in wanted}
+    hung = [f"body:{n}" for w in wanted.values() for names in w.carries.values() for n in names]
+    probe = place_includes_with_targets(plain, [*base.values(), *hung])
+    targets = {at: find_target(probe, place) for at, place in base.items()}
+    check_carries(probe, targets, {at: wish.carries for at, wish in wanted.items()})
     probes: dict[Element, list[str]] = {}
     for i, target in enumerate(targets.values()):
         probes.setdefault(target.body, []).append(f'<body name="{PROBE}{i}"/>')
     craft = compile_model(
         probe.edit(probe.append(body, some) for body, some in probes.items()).text
     )
-    mounts = {name: mounting.mount(craft, name, t.kind, t.name) for name, t in targets.items()}
+    mounts = {
+        at: mounting.mount(craft, at, t.kind, t.name, reach=_reach(at, wanted))
+        for at, t in targets.items()
+    }
     return craft, *fit_all(craft, mounts, wanted, most, fits, rigid)
+
+
+def _reach(at: str, wanted: Mapping[str, Wish]) -> float:
+    """How far from the place on the spacecraft an appendage on another's port stands [m]."""
+    for port in wanted[at].carries:
+        port_x(at, wanted[at].spec, port)
+    on_port = split_port(at, wanted)
+    if on_port is None:
+        return 0.0
+    place, port = on_port
+    return port_x(place, wanted[place].spec, port) + _reach(place, wanted)
 
 
 def _embed_in_document(
     original: Craft,
-    wanted: dict[str, tuple[Spec, str]],
+    wanted: dict[str, Wish],
     form: str,
     retime: bool | None = None,
     most: int = MOST_MODES,
@@ -286,7 +331,7 @@ def _embed_in_document(
 # -- into an MjSpec --------------------------------------------------------------------------------
 def _embed_in_spec(
     spec: "mujoco.MjSpec",
-    wanted: dict[str, tuple[Spec, str]],
+    wanted: dict[str, Wish],
     retime: bool | None,
     most: int,
     fits: Fits,

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from beamchain.craft.loads import Load, Root, carrying_of
 from beamchain.engine.library import mujoco
-from beamchain.engine.linear import Linear, linear_at
+from beamchain.engine.linear import Carrying, Linear, linear_at
 from beamchain.engine.mount import Mount, motion
 from beamchain.engine.operating_point import (
     OperatingPoint,
@@ -49,7 +50,8 @@ class Carried:
     """One appendage on the spacecraft: `whole`: the beam in space, all its modes, damped.
 
     `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the
-    MuJoCo model; `band`: last kept cantilever frequency of each kept port [rad/s].
+    MuJoCo model; `band`: last kept cantilever frequency of each kept port [rad/s]; `loads`: what
+    its ports carry; `alone`: the mass of its degrees of freedom without that, where it carries.
     """
 
     mount: Mount
@@ -57,6 +59,8 @@ class Carried:
     kept: NDArray[np.bool_]
     dofs: list[int]
     band: dict[str, float]
+    loads: tuple[Load, ...] = ()
+    alone: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -149,8 +153,8 @@ class Pose:
     """The bare, quiet craft at a pose, and the exact answer on it.
 
     Motions of the base body that are `wanted` but that it cannot make are left out; `band`:
-    upper end [rad/s]; `appended`: degrees of freedom in the compiled model that are not the
-    craft's own, those of `carried` where left out.
+    upper end [rad/s]; `own`: the craft's own degrees of freedom in the compiled model, where left
+    out those that are not of `carried`.
     """
 
     def __init__(
@@ -160,18 +164,18 @@ class Pose:
         carried: Sequence[Carried],
         band: float,
         wanted: Sequence[int],
-        appended: Sequence[int] | None = None,
+        own: Sequence[int] | None = None,
     ) -> None:
-        if appended is None:
-            appended = [dof for item in carried for dof in item.dofs]
-        self._appended: Sequence[int] = appended
+        self._own: Sequence[int] | None = own
         self.body: int = base_body(craft, carried[0].mount.body)
         #: as it is, and with damping where it has none
         self.bare: Linear = craft_at(craft, qpos, self.body)
         self.extra: Array = extra_damping(self.bare)
         self.craft: Linear = replace(self.bare, damping=self.bare.damping + self.extra)
         data = rest_point(craft, qpos).data()
-        self.jacobians: list[Array] = [port_motion(craft, data, item) for item in carried]
+        self.roots: list[Root] = [root_of(craft, data, item) for item in carried]
+        self.jacobians: list[Array] = [root.motion for root in self.roots]
+        self.carrying: Carrying | None = carrying_of(craft, data, self.roots)
         self.carried: Sequence[Carried] = carried
         self.band: float = band
         base = self.bare.outputs.acceleration
@@ -212,7 +216,10 @@ class Pose:
 
     def own_dofs(self, count: int) -> NDArray[np.intp]:
         """The craft's own degrees of freedom among the `count` of the compiled model."""
-        return np.setdiff1d(np.arange(count), np.array(self._appended, dtype=np.intp))
+        if self._own is not None:
+            return np.array(self._own, dtype=np.intp)
+        appended = [dof for item in self.carried for dof in item.dofs]
+        return np.setdiff1d(np.arange(count), np.array(appended, dtype=np.intp))
 
     def comparable(self, linear: Linear) -> Linear:
         """The compiled craft with the damping of the exact answer: that of the bare craft, and
@@ -224,7 +231,8 @@ class Pose:
             # the ratio that undamped cantilever modes are given
             if not np.any(item.whole.damping > 0.0) and item.dofs:
                 dofs = np.ix_(item.dofs, item.dofs)
-                damping[dofs] += default_damping(linear.stiffness[dofs], linear.mass[dofs])
+                mass = linear.mass[dofs] if item.alone is None else item.alone
+                damping[dofs] += default_damping(linear.stiffness[dofs], mass)
         return replace(linear, damping=damping)
 
     def accelerance(
@@ -237,12 +245,18 @@ class Pose:
         """`(k, n, n)` dimensionless accelerance of a craft's base body in the motions that
         matter, with appendages `models` on its `roots`."""
         hub = craft.picked(inputs=self.motions, outputs=self.motions)
-        return np.moveaxis(hub.response(omega, models, roots), -1, 0) * self.scale
+        carrying = self.carrying if models else None
+        return np.moveaxis(hub.response(omega, models, roots, carrying), -1, 0) * self.scale
 
     def response(self, models: Sequence[PortModel], omega: Array) -> NDArray[np.complex128]:
         """`(k, n, n)` dimensionless accelerance of the base body with these appendages,
         damped."""
         return self.accelerance(self.craft, omega, models, self.jacobians)
+
+    def with_appendages(self, models: Sequence[PortModel], craft: Linear | None = None) -> Linear:
+        """The craft, or another linear model of it, with these appendages and what their ports
+        carry; their modes for coordinates."""
+        return (craft or self.craft).with_appendages(models, self.jacobians, self.carrying)
 
     @cached_property
     def near(self) -> list[PortModel]:
@@ -258,7 +272,7 @@ class Pose:
     @cached_property
     def with_exact(self) -> Linear:
         """The craft with the exact appendages, all their modes for coordinates."""
-        return self.craft.with_appendages(self.whole, self.jacobians)
+        return self.with_appendages(self.whole)
 
     @cached_property
     def peaks(self) -> Array:
@@ -286,7 +300,7 @@ class Pose:
         return self._error(partial(self.accelerance, compiled), peaks_of_craft(compiled))
 
     def _peaks(self, models: Sequence[PortModel]) -> Array:
-        return peaks_of_craft(self.craft.with_appendages(models, self.jacobians))
+        return peaks_of_craft(self.with_appendages(models))
 
     def _error(self, response: Callable[[Array], NDArray[np.complex128]], peaks: Array) -> float:
         """In-band error of any `response` that has these `peaks`."""
@@ -300,28 +314,35 @@ class Pose:
         return maximum_of(curve, np.concatenate([omega, more]), values)
 
 
-def port_motion(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Array:
-    """`(6, nv)` motion of an appendage's root, in its axes, at a pose."""
+def root_of(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Root:
+    """An appendage's root at a pose."""
     body = item.mount.body
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, item.mount.quaternion / np.linalg.norm(item.mount.quaternion))
     frame = data.xmat[body].reshape(3, 3)
-    return motion(
-        craft, data, body, data.xpos[body] + frame @ item.mount.position, frame @ turn.reshape(3, 3)
-    )
+    origin = data.xpos[body] + frame @ item.mount.position
+    axes = frame @ turn.reshape(3, 3)
+    jacobian = motion(craft, data, body, origin, axes)
+    return Root(item.mount.at, origin, axes, jacobian, item.loads)
 
 
 def craft_poses(
-    craft: "mujoco.MjModel", carried: Sequence[Carried], band: float, wanted: Sequence[int]
+    craft: "mujoco.MjModel",
+    carried: Sequence[Carried],
+    band: float,
+    wanted: Sequence[int],
+    own: Sequence[int] | None = None,
 ) -> dict[str, list[Pose]]:
-    """Every pose of the craft with its exact answer, one per base body that carries appendages."""
+    """Every pose of the craft with its exact answer, one per base body that carries appendages.
+
+    `own`: the craft's degrees of freedom in the compiled model, where that is compared.
+    """
     craft = quiet_copy(craft)
     groups: dict[int, list[Carried]] = {}
     for item in carried:
         groups.setdefault(base_body(craft, item.mount.body), []).append(item)
-    appended = [dof for item in carried for dof in item.dofs]
     return {
-        name: [Pose(craft, qpos, group, band, wanted, appended) for group in groups.values()]
+        name: [Pose(craft, qpos, group, band, wanted, own) for group in groups.values()]
         for name, qpos in poses(craft).items()
     }
 

@@ -10,6 +10,8 @@ import numpy as np
 from beamchain.caution import Caution
 from beamchain.caution import at as said_of
 from beamchain.craft.appendage import Appendage, rigid_mass
+from beamchain.craft.documents import Wish
+from beamchain.craft.loads import Item, loads_of
 from beamchain.craft.promise import keep_promise
 from beamchain.engine import mount as mounting
 from beamchain.engine.library import mujoco, one_thread
@@ -28,7 +30,7 @@ RIGID = 1e-6  # relative: a hub that differs from a rigid body by more has loose
 def fit_all(
     model: "mujoco.MjModel",
     mounts: dict[str, mounting.Mount],
-    wanted: dict[str, tuple[Spec, str]],
+    wanted: "Mapping[str, Wish]",
     most: int,
     fits: "Fits",
     rigid: bool = False,
@@ -38,17 +40,28 @@ def fit_all(
 
     Rigid ones are fitted as they are asked for: what they lack is no fault.
     """
-    frozen = {name: rigid_mass(spec, fits.held.get(name)) for name, (spec, _) in wanted.items()}
+    frozen = {name: rigid_mass(wish.spec, fits.held.get(name)) for name, wish in wanted.items()}
     places = list(mounts.values())
-    behind = mounting.rigid_hubs(model, places, frozen)
+    loads = loads_of(
+        model, {at: Item(mounts[at].body, wish.spec, wish.carries) for at, wish in wanted.items()}
+    )
+    riding = {
+        at: (
+            sorted({body for load in own for body in load.bodies}),
+            {place for load in own for place in load.places},
+        )
+        for at, own in loads.items()
+    }
+    behind = mounting.rigid_hubs(model, places, frozen, riding)
     felt = mounting.apparent_hubs(model, places, frozen)
     out: list[Appendage] = []
     warnings: list[str] = []
-    for name, (spec, prefix) in wanted.items():
+    for name, (spec, prefix, carries) in wanted.items():
         place = mounts[name]
         hub = Hub.from_mass_matrix(behind[name])
         size = np.sqrt(np.diag(behind[name]))
-        if np.max(np.abs(felt[name] - behind[name]) / np.outer(size, size)) > RIGID:
+        is_loose = np.max(np.abs(felt[name] - behind[name]) / np.outer(size, size)) > RIGID
+        if is_loose and not loads[name]:
             hub = msgspec.structs.replace(
                 hub, apparent=tuple(tuple(float(v) for v in row) for row in felt[name])
             )
@@ -56,7 +69,19 @@ def fit_all(
         result = fits.ready.get(name)
         if result is None or not _same_hub(result, hub):
             result = fits(name, spec, Root(target=spec.root.target, hub=hub))
-        out.append(Appendage(name, prefix, place, hub, spec, result, rigid=rigid))
+        out.append(
+            Appendage(
+                name,
+                prefix,
+                place,
+                hub,
+                spec,
+                result,
+                rigid=rigid,
+                carries=carries,
+                loads=loads[name],
+            )
+        )
 
     def again(a: Appendage, wished: Spec) -> Fit:
         return fits(a.at, wished, Root(target=cast("Target", a.fit.kept_for), hub=a.hub))

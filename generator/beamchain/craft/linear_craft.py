@@ -9,7 +9,7 @@ import numpy as np
 
 from beamchain.craft.appendage import Appendage, carried
 from beamchain.craft.embedded import Embedded
-from beamchain.craft.error import Carried, port_motion
+from beamchain.craft.error import Carried, root_of
 from beamchain.craft.modal_form import SAMPLED, ModalForm, modal_form
 from beamchain.craft.mode_names import cantilever_names, mode_names
 from beamchain.craft.step_slopes import step_slopes
@@ -109,6 +109,11 @@ def exact_craft(
     `omega` the highest frequency of interest [rad/s].
     """
     items = carried(embedded.model, embedded.appendages)
+    if any(item.loads for item in items):
+        raise InputError(
+            "the exact plant is not made for a spacecraft whose appendages carry bodies; leave "
+            "exact out: the plant of the chains is proved by the promise."
+        )
     new = {dof for item in items for dof in item.dofs}
     old = [i for i in range(embedded.model.nv) if i not in new]
     poses = zip(
@@ -131,7 +136,7 @@ def exact_craft(
             "it out of outputs."
         )
     data = bare.data()
-    roots = [port_motion(bare.model, data, item) for item in items]
+    roots = [root_of(bare.model, data, item).motion for item in items]
     models = [_whole(a, item, omega) for a, item in zip(embedded.appendages, items, strict=True)]
     alone = linear_at(bare, driven, seen)
     modes = [

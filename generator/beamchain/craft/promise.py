@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from beamchain.craft.appendage import Appendage, carried
-from beamchain.craft.candidates import Candidate, candidate
+from beamchain.craft.candidates import Candidate, candidate, model_of
 from beamchain.craft.error import Pose, craft_poses
 from beamchain.engine.library import mujoco
 from beamchain.errors import RealisationError
@@ -72,7 +72,7 @@ def keep_promise(
         return appendages, ()
     flat = {name: several[0] for name, several in found.items()}
     best = appendages
-    least = _worst(flat, [a.fit.measured.space for a in appendages])[0]
+    least = _worst(flat, [model_of(a) for a in appendages])[0]
     ours = list(appendages)
     steps = list[str]()
     barred = set[int]()
@@ -89,7 +89,7 @@ def keep_promise(
             except RealisationError as error:
                 barred.add(i)
                 steps.append(f"{ours[i].at}: no chain has {wanted[i].modes} modes: {error}")
-        error, _ = _worst(flat, [a.fit.measured.space for a in ours])
+        error, _ = _worst(flat, [model_of(a) for a in ours])
         if error < least:
             best = tuple(ours)
             least = error

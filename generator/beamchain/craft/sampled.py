@@ -20,7 +20,7 @@ def exact_response_model(pose: Pose) -> Linear:
     Its damping is what is stated: none is put where there is none.
     """
     models = [item.whole.condensed(FAR * pose.band) for item in pose.carried]
-    whole = pose.bare.with_appendages(models, pose.jacobians)
+    whole = pose.with_appendages(models, pose.bare)
     return whole.picked(inputs=pose.motions, outputs=pose.motions)
 
 

@@ -277,14 +277,25 @@ def frozen_mass(
     model: "mujoco.MjModel", data: "mujoco.MjData", root: int, origin: Array, frame: Array
 ) -> Array:
     """The same about a point `(3,)` in axes `(3, 3)`, in columns."""
+    bodies = [i for i in range(model.nbody) if hangs_on(model, i, root)]
+    return mass_of_bodies(model, data, bodies, origin, frame)
+
+
+def mass_of_bodies(
+    model: "mujoco.MjModel",
+    data: "mujoco.MjData",
+    bodies: Sequence[int],
+    origin: Array,
+    frame: Array,
+) -> Array:
+    """`(6, 6)` mass matrix of frozen bodies about a point `(3,)`, in axes `(3, 3)` in columns."""
     out = np.zeros((6, 6))
-    for i in range(model.nbody):
-        if hangs_on(model, i, root):
-            turn = frame.T @ data.ximat[i].reshape(3, 3)
-            inertia = turn @ np.diag(model.body_inertia[i]) @ turn.T
-            out += body_mass_matrix(
-                float(model.body_mass[i]), frame.T @ (data.xipos[i] - origin), inertia
-            )
+    for i in bodies:
+        turn = frame.T @ data.ximat[i].reshape(3, 3)
+        inertia = turn @ np.diag(model.body_inertia[i]) @ turn.T
+        out += body_mass_matrix(
+            float(model.body_mass[i]), frame.T @ (data.xipos[i] - origin), inertia
+        )
     return out
 
 

@@ -76,6 +76,37 @@ class Outputs(NamedTuple):
     feedthrough: Array
 
 
+class Carrying(NamedTuple):
+    """What ports of appendages carry: six coordinates p for every port that carries something,
+    behind the craft's own q, its motion against the root of its appendage in the axes of the root.
+
+    Args:
+        roots: `(6, nv + 6 l)` motion of every appendage's root by (q, p), in its axes.
+        mass: `(nv + 6 l, nv + 6 l)` of the craft's bodies that ports move, zero in q alone.
+        ports: number of the appendage and of the point in its `tip`, per port.
+    """
+
+    roots: tuple[Array, ...]
+    mass: Array
+    ports: tuple[tuple[int, int], ...]
+
+    def shapes(self, models: Sequence[PortModel]) -> Array:
+        """`(6 l, modes)` motion of the ports in the modes of all appendages."""
+        ends = np.cumsum([0, *(model.modes for model in models)])
+        out = np.zeros((6 * len(self.ports), int(ends[-1])))
+        for row, (number, _) in enumerate(self.ports):
+            columns = slice(int(ends[number]), int(ends[number + 1]))
+            out[6 * row : 6 * row + 6, columns] = self.tip(models, row).T
+        return out
+
+    def tip(self, models: Sequence[PortModel], port: int) -> Array:
+        """`(n, 6)` motion of a port in the modes of its appendage."""
+        number, column = self.ports[port]
+        tip = models[number].tip
+        assert tip is not None
+        return tip[:, 6 * column : 6 * column + 6]
+
+
 class Activations(NamedTuple):
     """States of actuators, `a' = L a + E u`.
 
@@ -208,18 +239,31 @@ class Linear:
         return a, b, seen[:, :states], seen[:, states:]
 
     def response(
-        self, omega: Array, models: Sequence[PortModel] = (), roots: Sequence[Array] = ()
+        self,
+        omega: Array,
+        models: Sequence[PortModel] = (),
+        roots: Sequence[Array] = (),
+        carrying: Carrying | None = None,
     ) -> NDArray[np.complex128]:
         """`(p, m, k)` frequency response of the outputs to the inputs, as in python-control.
+
+        Where ports carry something, with H the modes' response to a force, Z a root's motion by
+        u = (q, p) and tau that of its ports by the modes:
+
+            [[A + sum Z^T D Z, E + Z^T L^T H tau], [.^T, -tau^T H tau]] (u'', lambda) = (f, 0)
 
         Args:
             omega: `(k,)` [rad/s], above zero.
             models, roots: appendages in six motions, and the motion `(6, nv)` of each root in its
                 axes; all their modes take part, and none is a coordinate.
+            carrying: what their ports carry; the roots are then its own.
         """
         s = 1j * np.asarray(omega, dtype=np.float64)[:, None, None]
         # dynamic mass: the inputs' force per acceleration
         dynamic = self.mass + self.damping / s + self.stiffness / s**2
+        if carrying is not None:
+            dynamic = _with_ports(dynamic, s, models, carrying)
+            roots = [_wider(root, dynamic.shape[1] - root.shape[1]) for root in carrying.roots]
         for model, root in zip(models, roots, strict=True):
             dynamic = dynamic + root.T @ np.moveaxis(model.D(omega), -1, 0) @ root
         activations = self.activations
@@ -232,6 +276,9 @@ class Linear:
             force = force + activations.force @ lag
             seen = seen + activations.seen @ lag
         rows = self.outputs.acceleration + self.outputs.rate / s + self.outputs.position / s**2
+        extra = dynamic.shape[1] - self.mass.shape[0]
+        force = np.pad(force, ((0, 0), (0, extra), (0, 0)))
+        rows = np.pad(rows, ((0, 0), (0, 0), (0, extra)))
         return np.moveaxis(rows @ np.linalg.solve(dynamic, force) + seen, 0, -1)
 
     def on_body(self, motion: Array) -> "Linear":
@@ -278,7 +325,12 @@ class Linear:
             ),
         )
 
-    def with_appendages(self, models: Sequence[PortModel], roots: Sequence[Array]) -> "Linear":
+    def with_appendages(
+        self,
+        models: Sequence[PortModel],
+        roots: Sequence[Array],
+        carrying: Carrying | None = None,
+    ) -> "Linear":
         """The same with appendages on it, their modal coordinates behind its own.
 
             M = [[M + sum J^T M_rigid J, J^T L^T], [L J, 1]],   K = diag(K, W^2)
@@ -286,14 +338,21 @@ class Linear:
         Args:
             models: in six motions.
             roots: `(6, nv)` motion J of each root, in its axes.
+            carrying: what their ports carry; the roots are then its own.
         """
         nv = self.mass.shape[0]
         extra = sum(model.modes for model in models)
         mass = block_diag(self.mass, np.eye(extra))
+        if carrying is not None:  # the ports' coordinates by the modes
+            to_ports = block_diag(np.eye(nv), carrying.shapes(models))
+            mass += to_ports.T @ carrying.mass @ to_ports
+            roots = [root @ to_ports for root in carrying.roots]
         for model, root, modes in zip(models, roots, _slices(nv, models), strict=True):
-            mass[:nv, :nv] += root.T @ model.rigid_mass @ root
-            mass[modes, :nv] = model.participation @ root
-            mass[:nv, modes] = mass[modes, :nv].T
+            motion = _wider(root, nv + extra - root.shape[1])
+            pushed = model.participation @ motion
+            mass += motion.T @ model.rigid_mass @ motion
+            mass[modes] += pushed
+            mass[:, modes] += pushed.T
         squares = [model.frequencies**2 for model in models]
         damping = [2.0 * model.damping * model.frequencies for model in models]
         outputs = self.outputs
@@ -332,6 +391,36 @@ def _slices(start: int, models: Sequence[PortModel]) -> list[slice]:
     """Places of the modes of each model, one after the other."""
     ends = start + np.cumsum([0, *(model.modes for model in models)])
     return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+
+def _with_ports(
+    dynamic: NDArray[np.complex128],
+    s: NDArray[np.complex128],
+    models: Sequence[PortModel],
+    carrying: Carrying,
+) -> NDArray[np.complex128]:
+    """The dynamic mass `(k, nv, nv)` with the ports' coordinates and the wrenches on them behind
+    q, `(k, nv + 12 l, nv + 12 l)`; what roots add is left to the caller."""
+    size = carrying.mass.shape[0]
+    rows = 6 * len(carrying.ports)
+    out = np.zeros((dynamic.shape[0], size + rows, size + rows), dtype=np.complex128)
+    nv = dynamic.shape[1]
+    out[:, :nv, :nv] = dynamic
+    out[:, :size, :size] += carrying.mass
+    out[:, nv:size, size:] += np.eye(rows)
+    for i, (number, _) in enumerate(carrying.ports):
+        model = models[number]
+        w = model.frequencies
+        given = 1.0 / (1.0 + 2.0 * model.damping * w / s[:, 0] + (w / s[:, 0]) ** 2)  # H, (k, n)
+        wrench = slice(size + 6 * i, size + 6 * i + 6)
+        pushed = model.participation @ carrying.roots[number]
+        own = given[:, :, None] * carrying.tip(models, i)
+        out[:, :size, wrench] += pushed.T @ own
+        for j, (other, _) in enumerate(carrying.ports):
+            if other == number:
+                out[:, size + 6 * j : size + 6 * j + 6, wrench] -= carrying.tip(models, j).T @ own
+    out[:, size:, :size] = np.swapaxes(out[:, :size, size:], 1, 2)
+    return out
 
 
 def _taller(matrix: Array, extra: int) -> Array:

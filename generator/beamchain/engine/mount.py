@@ -1,13 +1,13 @@
 """What a spacecraft is to an appendage, read from the compiled model: frame,
 hub behind the port, Jacobian."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from beamchain.engine.bench import frozen_mass
+from beamchain.engine.bench import frozen_mass, mass_of_bodies
 from beamchain.engine.library import hangs_on, mujoco, rest
 from beamchain.engine.linearise import mass_matrix
 from beamchain.errors import InputError
@@ -68,8 +68,9 @@ class Mount:
         return there.T @ offset_matrix(other.origin - self.origin) @ here
 
 
-def mount(model: "mujoco.MjModel", at: str, kind: str, name: str) -> Mount:
-    """Read a mount, a "site" or "body", from a compiled spacecraft."""
+def mount(model: "mujoco.MjModel", at: str, kind: str, name: str, reach: float = 0.0) -> Mount:
+    """Read a mount, a "site" or "body", from a compiled spacecraft; `reach`: the port lies so far
+    out along its x axis [m], at the end of another appendage."""
     data = rest(model)
     place = int(mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name))
     if place < 0:
@@ -89,6 +90,10 @@ def mount(model: "mujoco.MjModel", at: str, kind: str, name: str) -> Mount:
         quaternion = np.array([1.0, 0.0, 0.0, 0.0])
         origin = data.xpos[body].copy()
         axes = data.xmat[body].reshape(3, 3).copy()
+    origin = origin + reach * axes[:, 0]
+    out = np.zeros(3)
+    mujoco.mju_rotVecQuat(out, np.array([reach, 0.0, 0.0]), quaternion / np.linalg.norm(quaternion))
+    position = position + out
     top = int(model.body_weldid[body])
     if top == 0:
         raise InputError(
@@ -144,14 +149,23 @@ def held_joints(model: "mujoco.MjModel") -> set[int]:
 
 
 def rigid_hubs(
-    model: "mujoco.MjModel", mounts: Sequence[Mount], rigid: Mapping[str, Array]
+    model: "mujoco.MjModel",
+    mounts: Sequence[Mount],
+    rigid: Mapping[str, Array],
+    riding: Mapping[str, tuple[Sequence[int], Collection[str]]],
 ) -> dict[str, Array]:
-    """`(6, 6)` what is rigidly behind each port, by name; `rigid`: of appendages."""
+    """`(6, 6)` what is rigidly behind each port, by name; `rigid`: of appendages.
+
+    `riding`: bodies and appendages that the appendage itself carries, which are not behind it.
+    """
     out: dict[str, Array] = {}
+    data = rest(model)
     for own in mounts:
-        total = own.hub.copy()
+        bodies, places = riding[own.at]
+        total = own.hub - mass_of_bodies(model, data, bodies, own.origin, own.axes)
         for other in mounts:
-            if other.at != own.at and hangs_on(model, other.top, own.top):
+            is_behind = other.at != own.at and other.at not in places
+            if is_behind and hangs_on(model, other.top, own.top):
                 motion = own.from_port(other)
                 total += motion.T @ rigid[other.at] @ motion
         out[own.at] = (total + total.T) / 2.0

@@ -1,7 +1,7 @@
 """Two compiled models compared element by element:
 nothing of the spacecraft or of the appendage may have changed."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -100,16 +100,60 @@ def others(model: "mujoco.MjModel", mine: Mapping[str, list[int]]) -> dict[str, 
     }
 
 
+def in_order_of(
+    craft: "mujoco.MjModel",
+    bodies: Sequence[int],
+    model: "mujoco.MjModel",
+    ids: Mapping[str, list[int]],
+    moved: Collection[str],
+) -> dict[str, list[int]]:
+    """Elements of `model` by kind in the order of the bare craft, where the bodies `moved` hang
+    elsewhere.
+
+    Args:
+        craft: the bare craft, and the ids of those of its `bodies` that are meant.
+        model, ids: the elements of `model` that are the craft's.
+        moved: names; what hangs on each of them keeps its order.
+    """
+    groups = _in_groups(craft, bodies, moved)
+    found = _in_groups(model, ids["body"], moved)
+    was = {
+        now: before
+        for name, group in groups.items()
+        for before, now in zip(group, found.get(name, []), strict=False)
+    }
+    out = dict(ids)
+    out["body"] = sorted(ids["body"], key=lambda i: was.get(i, i))
+    for kind in ("jnt", "dof", "geom", "site", "cam", "light"):
+        owner = getattr(model, f"{kind}_bodyid")
+        out[kind] = sorted(ids[kind], key=lambda i: (was.get(int(owner[i]), int(owner[i])), i))
+    return out
+
+
+def _in_groups(
+    model: "mujoco.MjModel", bodies: Sequence[int], moved: Collection[str]
+) -> dict[str, list[int]]:
+    """Bodies by the moved one that they hang on, "" for none."""
+    out: dict[str, list[int]] = {}
+    for body in bodies:
+        top = body
+        while top and model.body(top).name not in moved:
+            top = int(model.body_parentid[top])
+        out.setdefault(model.body(top).name if top else "", []).append(body)
+    return out
+
+
 def differences(
     wanted: "mujoco.MjModel",
     found: "mujoco.MjModel",
     pairs: Mapping[str, tuple[list[int], list[int]]],
     *,
-    root: str | None = None,
+    placed: Collection[str] = (),
     tolerance: float = 0.0,
     user: bool = True,
 ) -> list[Difference]:
-    """Numbers of `found` that are not those of `wanted`."""
+    """Numbers of `found` that are not those of `wanted`; bodies `placed` may stand elsewhere in
+    their parents."""
     out: list[Difference] = []
     for kind, (first, second) in pairs.items():
         if len(first) != len(second):
@@ -122,7 +166,7 @@ def differences(
             b = np.asarray(getattr(found, field))
             for i, j in zip(first, second, strict=True):
                 label = _name(found, kind, j)
-                if label == root and field in ("body_pos", "body_quat"):
+                if label in placed and field in ("body_pos", "body_quat"):
                     continue
                 x, y = _same_width(a[i], b[j])
                 far = np.abs(x - y) > tolerance * np.max(np.abs(x), initial=0.0)

@@ -67,15 +67,29 @@ def exact_appendage(fit: Fitted, modes: int | None = None) -> ExactAppendage:
         return _of_imported(fit)
     ports = _ports_of_beam(fit, modes)
     rigid_mass = _with_inertia(fit, fit.spec.beam.rigid_mass())
-    counts = {port: target.modes for port, target in fit.target.items()}
+    counts = {
+        port: _normal_modes(target, ports[port]) if fit.spec.further else target.modes
+        for port, target in fit.target.items()
+    }
     numbers = [np.arange(model.modes) < counts.get(port, 0) for port, model in ports.items()]
     frequencies = [model.frequencies for model in ports.values()]
     ascending = np.argsort(np.concatenate([np.zeros(0), *frequencies]), kind="stable")
     return ExactAppendage(
         model=model_in_space(ports, rigid_mass),
         kept=np.concatenate([np.zeros(0, np.bool_), *numbers])[ascending],
-        band={p: float(t.frequencies[-1]) for p, t in fit.target.items() if t.modes},
+        band={
+            port: float(fit.target[port].frequencies[count - 1])
+            for port, count in counts.items()
+            if count
+        },
     )
+
+
+def _normal_modes(target: PortModel, exact: PortModel) -> int:
+    """How many of the modes kept are the appendage's own; attachment modes follow."""
+    k = min(target.modes, exact.modes)
+    same = np.isclose(target.frequencies[:k], exact.frequencies[:k], rtol=1e-6)
+    return int(np.argmin(same)) if not np.all(same) else k
 
 
 def _of_imported(fit: Fitted) -> ExactAppendage:
@@ -105,7 +119,8 @@ def _ports_of_beam(fit: Fitted, modes: int | None) -> dict[str, PortModel]:
     for port in PORTS:
         kept = fit.target[port].modes if port in fit.target else 0
         try:
-            model = spec.beam.port(port, modes or 2 * kept + EXTRA_MODES)
+            stations = list(spec.further.values())
+            model = spec.beam.port(port, modes or 2 * kept + EXTRA_MODES, stations)
         except InputError:
             continue  # rigid there
         known = fit.full.get(port)

@@ -100,6 +100,9 @@ class Port(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     name: Annotated[str, field("part of the name of its site: a-z, 0-9 and _")]
     x: Annotated[float, field("distance from the root", "m", above=0.0)]
+    carries: Annotated[
+        tuple[str, ...], field("bodies of the spacecraft that `embed` hangs on it, by name")
+    ] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -6,9 +6,10 @@ Keyframes are extended by the rest values of the new joints.
 import re
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from lxml import etree
 from lxml.etree import _Element as Element
 
@@ -34,6 +35,7 @@ class Insertion:
     name: str  # its own, prefix of its elements
     prefix: str  # what replaces `name_` in the spacecraft
     spec: dict[str, Any]  # plain data, kept in the mark
+    carries: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # bodies by port
 
 
 def with_prefix(appendage: Element, name: str, prefix: str) -> Element:
@@ -69,7 +71,9 @@ def insert_appendages(
     for item in insertions:
         at = item.target.at
         kind = "inline" if form == "inline" else "attach"
-        mark = undo.AppendageMark(at=at, form=kind, prefix=item.prefix, spec=item.spec)
+        mark = undo.AppendageMark(
+            at=at, form=kind, prefix=item.prefix, spec=item.spec, carries=dict(item.carries)
+        )
         frame = {"pos": write.number(item.position), "quat": write.number(item.quaternion)}
         here = pieces.setdefault(item.target.body, [])
         if form == "inline":
@@ -94,6 +98,37 @@ def insert_appendages(
     if at_end:
         pieces[craft.root] = at_end
     return craft.edit(undo.append_marked(craft, parent, group) for parent, group in pieces.items())
+
+
+def hang_on_port(craft: Craft, prefix: str, port: str, body: str) -> Craft:
+    """The document with a body on a port of the appendage with a prefix, where it was at rest."""
+    site = next(node for node in craft.root.iter("site") if node.get("name") == f"{prefix}{port}")
+    link = site.getparent()
+    assert link is not None
+    links = [link, *link.iterancestors("body")]
+    root = next(node for node in links if node.get("name") == f"{prefix}link1")
+    found = next(node for node in craft.root.iter("body") if node.get("name") == body)
+    # from the parent of the root, in which the body stands, to the link: along x of the root
+    turn = _numbers(root.get("quat") or "1 0 0 0")
+    outer = links[: links.index(root)]
+    along = sum((_numbers(node.get("pos") or "0 0 0") for node in outer), np.zeros(3))
+    place = _numbers(root.get("pos") or "0 0 0") + _rotated(turn, along)
+    back = turn * np.array([1.0, -1.0, -1.0, -1.0])
+    frame = {"pos": write.number(-_rotated(back, place)), "quat": write.number(back)}
+    styles = [n.get("childclass") for n in found.iterancestors() if n.get("childclass")]
+    if styles:
+        frame["childclass"] = styles[0]
+    return undo.move_body(craft, found, link, frame)
+
+
+def _numbers(text: str) -> Array:
+    return np.array([float(word) for word in text.split()])
+
+
+def _rotated(quaternion: Array, vector: Array) -> Array:
+    w, axis = quaternion[0], quaternion[1:]
+    cross = np.cross(axis, vector)
+    return np.asarray(vector + 2.0 * (w * cross + np.cross(axis, cross)), dtype=np.float64)
 
 
 def _set_frame(body: Element, frame: dict[str, str]) -> None:

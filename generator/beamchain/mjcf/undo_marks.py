@@ -5,7 +5,7 @@ through this module, so that `remove_marked_changes` gives back the original byt
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import msgspec
@@ -34,12 +34,14 @@ class Put(
 
 
 class AppendageMark(Put, frozen=True, tag="appendage"):
-    """An appendage: its place, form, prefix and specification."""
+    """An appendage: its place, form, prefix and specification, and the bodies of the spacecraft
+    that its ports carry."""
 
     at: str
     form: Literal["inline", "attach"]
     prefix: str
     spec: dict[str, Any]
+    carries: dict[str, tuple[str, ...]] = {}
 
 
 class SectionMark(Put, frozen=True, tag="tendon"):
@@ -117,6 +119,22 @@ class IncludeMark(
         return self.was or change_start_tag("<include/>", dict(self.attributes))
 
 
+class MovedMark(
+    msgspec.Struct, frozen=True, tag_field="piece", tag="moved", forbid_unknown_fields=True
+):
+    """Here stood a body that now hangs on a port, in a frame of its own behind a `LoadMark`."""
+
+    body: str
+
+
+class LoadMark(
+    msgspec.Struct, frozen=True, tag_field="piece", tag="load", forbid_unknown_fields=True
+):
+    """The frame behind the mark holds a body that was moved, as it was written."""
+
+    body: str
+
+
 class EndMark(
     msgspec.Struct, frozen=True, tag_field="piece", tag="end", forbid_unknown_fields=True
 ):
@@ -133,6 +151,8 @@ Mark: TypeAlias = (
     | PathMark
     | OpenedMark
     | IncludeMark
+    | MovedMark
+    | LoadMark
     | EndMark
 )
 
@@ -217,6 +237,50 @@ def appendage_marks(craft: Craft) -> list[AppendageMark]:
     return [mark for _, mark in marks(craft) if isinstance(mark, AppendageMark)]
 
 
+# -- bodies that hang on ports ---------------------------------------------------------------------
+def move_body(craft: Craft, body: Element, link: Element, frame: Mapping[str, str]) -> Craft:
+    """The document with a body of the user, as it is written, at the end of a link, inside a
+    `<frame>` with attributes that put it where it was."""
+    name = body.get("name") or ""
+    node = craft.node(body)
+    holder = craft.node(link)
+    text = craft.source(node.start, node.end)
+    attributes = "".join(f' {key}="{value}"' for key, value in frame.items())
+    indent = craft.newline + craft.indent_inside(holder)
+    lines = [mark_comment(LoadMark(name)), f"<frame{attributes}>", text, "</frame>"]
+    return craft.edit(
+        [
+            Edit(node.start, node.end, mark_comment(MovedMark(name))),
+            craft.append(link, [indent.join(lines)]),
+        ]
+    )
+
+
+def move_bodies_back(craft: Craft) -> Craft:
+    """The document with every body that hangs on a port where it stood; refused where it is
+    gone."""
+    while True:
+        found = list(marks(craft))
+        moved = [(node, mark) for node, mark in found if isinstance(mark, MovedMark)]
+        if not moved:
+            return craft
+        # the first of a pair may stand inside a body that was moved itself: one at a time
+        place, wanted = moved[0]
+        loads = [
+            node for node, mark in found if isinstance(mark, LoadMark) and mark.body == wanted.body
+        ]
+        if len(loads) != 1:
+            raise InputError(
+                f"{_line_number(craft, place)}: body {wanted.body!r}, which embed moved onto a "
+                "port, is not found there; restore the file from before."
+            )
+        load = loads[0]
+        frame = _node_behind(craft, load, LoadMark(wanted.body))
+        text = craft.source(frame.inner, frame.close).strip()
+        start = len(craft.content[: load.start].rstrip(BLANK))
+        craft = craft.edit([Edit(place.start, place.end, text), Edit(start, frame.end, "")])
+
+
 # -- take out --------------------------------------------------------------------------------------
 class _Piece(NamedTuple):
     """What was put in, from the blanks before its mark to the end of its element."""
@@ -229,6 +293,7 @@ class _Piece(NamedTuple):
 def remove_marked_changes(craft: Craft) -> Craft:
     """The document before every marked change; refused where a mark was damaged,
     or what it stands before is gone."""
+    craft = move_bodies_back(craft)
     edits: list[Edit] = []
     pieces: list[_Piece] = []
     done = 0  # what stands before this place is dealt with

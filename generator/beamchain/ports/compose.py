@@ -30,18 +30,31 @@ def joined(
         rigid_mass: `(6, 6)` of the whole.
     """
     rows = [part.participation @ motion.T for part, motion in zip(parts, motions, strict=True)]
+    points = [
+        _points_in_space(part.tip, motion)
+        for part, motion in zip(parts, motions, strict=True)
+        if part.tip is not None
+    ]
     participation = np.vstack([np.zeros((0, 6)), *rows])
     frequencies = np.concatenate([np.zeros(0), *(part.frequencies for part in parts)])
     damping = np.concatenate([np.zeros(0), *(part.damping for part in parts)])
     labels = [label for part in parts for label in part.labels or ("",) * part.modes]
     order = np.argsort(frequencies, kind="stable")
+    known = points and len(points) == len(parts) and len({p.shape[1] for p in points}) == 1
     return PortModel(
         np.asarray(rigid_mass),
         frequencies=frequencies[order],
         participation=participation[order],
         damping=damping[order],
+        tip=np.vstack(points)[order] if known else None,
         labels=tuple(labels[k] for k in order),
     )
+
+
+def _points_in_space(tip: Array, motion: Array) -> Array:
+    """`(n, 6 k)` motion in space of the tip and of further points, of `tip` `(n, m k)`."""
+    points = tip.reshape(len(tip), -1, motion.shape[1])
+    return np.asarray((points @ motion.T).reshape(len(tip), -1), dtype=np.float64)
 
 
 def port_from_rows(

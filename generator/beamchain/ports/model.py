@@ -514,22 +514,26 @@ class PortModel:
 
     def condensed(self, above: float) -> "PortModel":
         """The modes above a frequency [rad/s] gathered into as many as the port has motions,
-        with their static flexibility."""
+        with their static flexibility, that of the tip and of further points included."""
         low = self.frequencies <= above
-        if np.sum(~low) <= self.motions:
+        rows = self.participation if self.tip is None else np.hstack([self.participation, self.tip])
+        if np.sum(~low) <= rows.shape[1]:
             return self
         # modes l at one frequency w with sum_k l_k l_k^T / w^2 = sum_high L_k L_k^T / W_k^2
-        high = self.participation[~low] / self.frequencies[~low, None] * above
+        high = rows[~low] / self.frequencies[~low, None] * above
         values, vectors = np.linalg.eigh(high.T @ high)
         keep = values > 1e-14 * values.max()
-        rows = np.sqrt(values[keep])[:, None] * vectors.T[keep]
-        count = rows.shape[0]
+        gathered = np.sqrt(values[keep])[:, None] * vectors.T[keep]
+        count = gathered.shape[0]
         damping = np.full(count, float(np.mean(self.damping[~low])))
         return PortModel(
             self.rigid_mass,
             frequencies=np.concatenate([self.frequencies[low], np.full(count, above)]),
-            participation=np.vstack([self.participation[low], rows]),
+            participation=np.vstack([self.participation[low], gathered[:, : self.motions]]),
             damping=np.concatenate([self.damping[low], damping]),
+            tip=None
+            if self.tip is None
+            else np.vstack([self.tip[low], gathered[:, self.motions :]]),
         )
 
     def reduced(self, modes: int, hub_mass: ArrayLike) -> "PortModel":

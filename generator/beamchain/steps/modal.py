@@ -31,7 +31,7 @@ FILLER = re.compile(r"(?:^|_)filler\d+(?:_(?:xy|xz|torsion|axial)\d*)?$")
 JOINT = 1  # mjWRAP_JOINT
 FREE_BALL = 1  # mjJNT_FREE is 0, mjJNT_BALL 1; slide and hinge come after
 UNMARKED = (0.9, 0.95, 0.001, 0.5, 2.0)  # MuJoCo's own solimplimit
-FORMS = (2, 4)
+FORMS = (2, 4, 5)
 
 
 class MadeFor(NamedTuple):

@@ -3,6 +3,8 @@ armature and damping on its modal tendons.
 
 * Form 2: every mode of the held appendage is exact; coefficients stay, and no hub is needed.
 * Form 4: form 2 with armature and damping tuned until the craft's own poles are exact.
+* Form 5: where appendages carry bodies; poles of fourth order in the step, stable for every
+  payload and pose (`steps/tree_time.py`).
 
 Modes beyond the phase limit are slowed, so that any step is stable; on a light hub the limit is
 lowered. The model's own step and integrator (`opt`) are the caller's.
@@ -37,6 +39,7 @@ from beamchain.steps.modal import (
     modal_tendons,
 )
 from beamchain.steps.step_map import Motion, TimeError, motion_at, time_error, wrong_from
+from beamchain.steps.tree_time import appendages_alone, tree_form
 
 UNIT_MASS = 1e-4  # by which the modal mass of a tendon of ours may miss 1
 ARRAYS = (
@@ -53,7 +56,7 @@ class Retimed:
     Args:
         timestep: [s]; 0: the timing was taken out.
         integrator: MuJoCo's name.
-        form: 2 or 4.
+        form: 2, 4 or 5.
         phase: [rad] per step, the limit beyond which modes were slowed.
         lambda_max: `h^2 lambda_max` of the tendons' springs and dampers on the craft;
             stable below 4 (RK4: 8).
@@ -168,7 +171,8 @@ def retime(
         form: 2: each tendon by itself, errors of the coupled poles of fourth order in the step;
             4: form 2 corrected until the
             coupled poles are exact, for one pose. 4 needs Euler, implicit or implicitfast;
-            otherwise it is 2.
+            otherwise it is 2. 5: for appendages that carry bodies, taken by itself where one does:
+            errors of fourth order, stable for every payload and pose.
         qpos: pose at which the craft's coupling is computed; default: the initial one.
 
     Raises:
@@ -205,10 +209,15 @@ def retime(
         raise InputError(f"this MuJoCo has no integrator {name!r}.")
     modal = modal_tendons(model)
     try:
-        c = coupled_mass(model, modal, qpos)
-        plan = form2(modal, c, name, h)
-        if form == 4:
-            plan = form4(modal, c, name, h, plan, motion_for(model, h, name, qpos))
+        if form == 5 or carries_bodies(model, modal, qpos):
+            form = 5
+            _check_alone(model, modal)
+            plan = tree_form(model, modal, name, h)
+        else:
+            c = coupled_mass(model, modal, qpos)
+            plan = form2(modal, c, name, h)
+            if form == 4:
+                plan = form4(modal, c, name, h, plan, motion_for(model, h, name, qpos))
     except BaseException:
         for array, values in before.items():
             getattr(model, array)[:] = values
@@ -262,6 +271,28 @@ def _without_timing(model: "mujoco.MjModel") -> "mujoco.MjModel":
     out = copy.copy(model)
     _take_out(out, modal_tendons(out), None)
     return out
+
+
+def carries_bodies(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> bool:
+    """Whether something hangs on the links of an appendage: its modal masses are not 1, but alone
+    they are."""
+    mass = mass_matrix(model, qpos)
+    own = [_modal_mass(mass, row) for row in modal.rows]
+    return any(value > 1.0 + UNIT_MASS for value in own) and _is_unit(model, modal)
+
+
+def _is_unit(model: "mujoco.MjModel", modal: Modal) -> bool:
+    """Whether every tendon is a mode of mass 1 of its appendage alone."""
+    masses = [np.diag(alone.held) for alone in appendages_alone(model, modal)]
+    return bool(np.all(np.abs(np.concatenate([np.zeros(0), *masses]) - 1.0) <= UNIT_MASS))
+
+
+def _check_alone(model: "mujoco.MjModel", modal: Modal) -> None:
+    if not _is_unit(model, modal):
+        raise InputError(
+            "form = 5 needs appendages as they were written, whose modes have the mass 1 without "
+            "what they carry; write the appendage again."
+        )
 
 
 def coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> Array:
