@@ -28,6 +28,15 @@ At = Annotated[
         "there. Repeatable. With --remove, NAME only.",
     ),
 ]
+Carry = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="PLACE:PORT=BODY",
+        help="A body of the spacecraft that hangs on a port of the appendage at PLACE; it stands "
+        "in the file where it is at rest, inside the body that holds PLACE. Repeatable. Default: "
+        "what [[port]] of SPEC.toml carries.",
+    ),
+]
 Prefix = Annotated[
     list[str] | None,
     typer.Option(
@@ -73,6 +82,7 @@ def embed(
     craft: CraftFile,
     output: Output,
     at: At = None,
+    carry: Carry = None,
     prefix: Prefix = None,
     form: Form = "inline",
     remove: Remove = False,
@@ -121,6 +131,7 @@ def embed(
                 retime=retime,
                 max_modes=max_modes,
                 rigid=rigid,
+                carry=_carried(carry or []),
             )
             _prove(result)
             at_key = () if key is None else result.modes_at(key)
@@ -180,6 +191,19 @@ def places(at: "Sequence[str]") -> dict[str, str]:
             f"--at names {max(names, key=names.count)!r} twice; one place carries one appendage."
         )
     return dict(pairs)
+
+
+def _carried(carry: "Sequence[str]") -> dict[str, list[str]]:
+    """Bodies by port of every --carry."""
+    out: dict[str, list[str]] = {}
+    for word in carry:
+        port, _, body = word.partition("=")
+        if not port.rpartition(":")[0] or not body:
+            raise InputError(
+                f"--carry {word!r} is not PLACE:PORT=BODY; for example --carry shoulder:end=elbow."
+            )
+        out.setdefault(port, []).append(body)
+    return out
 
 
 def _split(word: str, remove: bool) -> tuple[str, str]:
