@@ -1,0 +1,165 @@
+"""Flexible bodies on flexible bodies against three-dimensional finite elements of the whole arm,
+and the stability of their timing at every pose, payload and step."""
+
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+from lxml import etree
+
+import beamchain as bc
+from arms import Arm, Link, frequencies, mjcf, side, toml
+from command import call
+from craft_truth import Pair, compiled
+
+BAND = 20.0
+AGREE = 0.05  # stated and found error of the craft, relative
+MODES = "[modes]\nxy = 2\nxz = 2\ntorsion = 1\n"
+ANGLES = {"rest": 0.0, "bent": np.pi / 4.0, "square": np.pi / 2.0}
+UPPER = Link("upper", 6.0, 0.05, 0.08)
+FORE = Link("fore", 5.0, 0.04, 0.05, 2.0, (0.01, 0.01, 0.01), (0.0, 0.0, 1.0))
+
+
+def arm(hand=10.0, bus=400.0, **hinge):
+    fore = Link(**{**FORE.__dict__, **hinge})
+    keys = {name: {"fore": angle} for name, angle in ANGLES.items() if angle}
+    inertia = tuple(np.array([80.0, 100.0, 120.0]) * bus / 400.0)
+    return Arm((UPPER, fore), bus, inertia, hand=hand, hand_inertia=(0.04 * hand,) * 3, keys=keys)
+
+
+def written(folder, made, tolerance=0.02, modes=MODES, **craft):
+    """The files of an arm: its craft, and the specification at each place."""
+    (folder / "arm.xml").write_text(mjcf(made, **craft))
+    for link in made.links:
+        (folder / f"{link.name}.toml").write_text(toml(made, link, BAND, tolerance, modes))
+    return folder / "arm.xml", {
+        f"place_{link.name}": folder / f"{link.name}.toml" for link in made.links
+    }
+
+
+def qpos_of(model, name):
+    return model.qpos0 if name == "rest" else model.key(name).qpos
+
+
+@pytest.mark.parametrize(
+    "hinge",
+    [{}, {"stiffness": 4000.0, "damping": 5.0}, {"axis": None}],
+    ids=["free", "sprung", "welded"],
+)
+@pytest.mark.parametrize("hand", [0.0, 10.0, 1000.0])
+def test_the_promise_of_an_arm_is_what_finite_elements_find(tmp_path, hand, hinge):
+    made = arm(max(hand, 1e-3), **hinge)
+    if made.links[1].axis is None:
+        made = Arm(**{**made.__dict__, "keys": {}})
+    flexible = bc.embed(*written(tmp_path, made), retime=False)
+    for name, stated in flexible.promise.poses.items():
+        truth = side(made, BAND, {"fore": ANGLES[name]})
+        qpos = qpos_of(flexible.model, name)
+        found, place = Pair(truth, compiled(flexible.model, qpos), list(range(6)), BAND).search()
+        sys.stdout.write(
+            f"{hand:g} kg, {name}: stated {stated:.3e}, found {found:.3e} at {place:.4g}\n"
+        )
+        assert stated == pytest.approx(found, rel=AGREE, abs=1e-5)
+
+
+@pytest.mark.parametrize("hand", [0.001, 10.0, 1000.0])
+def test_coupled_modes_of_an_arm_are_those_of_finite_elements(tmp_path, hand):
+    made = arm(hand)
+    flexible = bc.embed(*written(tmp_path, made), retime=False)
+    for name, angle in ANGLES.items():
+        true = frequencies(side(made, BAND, {"fore": angle}), 6)
+        ours = [mode for mode in flexible.modes_at(name) if mode.exact is not None]
+        count = int(np.sum(true <= BAND))
+        assert [m.exact for m in ours[:count]] == pytest.approx(true[:count], rel=1e-5)
+        assert [m.mujoco for m in ours[:count]] == pytest.approx(true[:count], rel=1e-3)
+
+
+def test_a_carried_body_is_moved_as_it_is_written_and_comes_back(tmp_path):
+    craft, at = written(tmp_path, arm())
+    before = craft.read_bytes()
+    out = tmp_path / "flexible.xml"
+    bc.embed(craft, at).write(out)
+    root = etree.fromstring(out.read_bytes())
+    moved = next(node for node in root.iter("body") if node.get("name") == "joint_fore")
+    assert [a.get("name") for a in moved.iterancestors("body")][0].startswith("upper_link")
+    answer = call("embed", out, "--remove", "-o", out, "--force")
+    assert answer.status == 0
+    assert out.read_bytes() == before
+
+
+def test_the_file_embedded_again_is_the_same(tmp_path):
+    craft, at = written(tmp_path, arm())
+    out = tmp_path / "flexible.xml"
+    bc.embed(craft, at).write(out)
+    again = bc.embed(out, {"place_fore": at["place_fore"]})
+    assert again.to_mjcf(tmp_path) == out.read_text()
+
+
+def test_keyframes_keep_their_angles(tmp_path):
+    flexible = bc.embed(*written(tmp_path, arm()))
+    data = mujoco.MjData(flexible.model)
+    for name, angle in ANGLES.items():
+        data.qpos[:] = qpos_of(flexible.model, name)
+        mujoco.mj_forward(flexible.model, data)
+        assert data.joint("hinge_fore").qpos[0] == angle
+        reach = [6.5 + 5.0 * np.cos(angle), 5.0 * np.sin(angle), 0.0]
+        assert data.body("hand").xpos == pytest.approx(reach, abs=1e-12)
+
+
+def test_the_rigid_twin_is_the_same_tree(tmp_path):
+    twin = bc.embed(*written(tmp_path, arm()), rigid=True)
+    assert twin.model.nv == 7
+    data = mujoco.MjData(twin.model)
+    mujoco.mj_forward(twin.model, data)
+    assert data.body("hand").xpos == pytest.approx([11.5, 0.0, 0.0], abs=1e-12)
+
+
+def test_an_appendage_right_on_a_port_is_the_welded_arm(tmp_path):
+    made = arm(0.001, axis=None, mass=0.001)
+    craft, at = written(tmp_path, Arm(**{**made.__dict__, "keys": {}}))
+    hung = craft.read_text().replace('carries = ["joint_fore"]', "")
+    welded = bc.embed(craft, at, retime=False)
+    bare = etree.fromstring(hung.encode())
+    body = next(node for node in bare.iter("body") if node.get("name") == "joint_fore")
+    body.getparent().remove(body)
+    craft.write_bytes(etree.tostring(bare))
+    for name in ("upper", "fore"):
+        spec = tmp_path / f"{name}.toml"
+        lines = [line for line in spec.read_text().splitlines() if "carries" not in line]
+        spec.write_text("\n".join(lines))
+    direct = bc.embed(
+        craft, {"place_upper": at["place_upper"], "place_upper:end": at["place_fore"]}, retime=False
+    )
+    ours = [mode.mujoco for mode in direct.modes_at("rest")]
+    assert ours == pytest.approx([mode.mujoco for mode in welded.modes_at("rest")], rel=1e-4)
+    out = tmp_path / "direct.xml"
+    direct.write(out)
+    assert call("embed", out, "--remove", "-o", out, "--force").status == 0
+    assert out.read_bytes() == craft.read_bytes()
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+@pytest.mark.parametrize("step", [0.002, 0.01, 0.05, 0.2])
+def test_timing_is_stable_at_every_step_pose_and_payload(tmp_path, step, integrator):
+    flexible = bc.embed(*written(tmp_path, arm()), retime=False)
+    model = flexible.model
+    model.opt.timestep = step
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    bc.retime(model, step, integrator)
+    hand = model.body("hand").id
+    for mass in (0.001, 10.0, 1000.0):
+        model.body_mass[hand] = mass
+        model.body_inertia[hand] = 0.04 * mass
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        for angle in np.linspace(0.0, np.pi / 2.0, 5):
+            data = mujoco.MjData(model)
+            data.joint("hinge_fore").qpos[0] = angle
+            data.qvel[6:] = 1e-4 * np.random.default_rng(0).standard_normal(model.nv - 6)
+            mujoco.mj_forward(model, data)
+            largest = 0.0
+            for k in range(2000):
+                mujoco.mj_step(model, data)
+                if k == 200:
+                    largest = np.abs(data.ten_velocity).max()
+            assert np.abs(data.ten_velocity).max() < 3.0 * largest

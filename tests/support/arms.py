@@ -1,0 +1,235 @@
+"""Arms of straight beams on a free bus in three-dimensional finite elements, and the MJCF of the
+same arm with its rigid bodies where they are at rest.
+
+Every link is a row of elements of `frames`; a hinge between two of them is an angle of its own. The
+structure is reduced to its modes with the bus held, up to three hundred times the band. Nothing is
+imported from the package.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import eigh
+
+from craft_truth import Side
+from finite_elements import _rectangle_torsion
+from frames import Leg, _cross, _element
+
+YOUNG, DENSITY, POISSON = 7e10, 2700.0, 0.33
+ELEMENTS = 30  # of every link
+REACH = 300.0  # times the band: modes with the bus held that are kept
+
+
+@dataclass(frozen=True)
+class Link:
+    """A rectangular beam along its own x, with a rigid body at its root and a hinge in front.
+
+    Attributes:
+        name: of its specification; the body at its root is `joint_<name>`.
+        length, width_y, width_z: [m].
+        mass, inertia: of the body at its root, which turns with the hinge.
+        axis: of the hinge in the arm's rest pose; None: no hinge, the body is welded.
+        stiffness, damping: of the hinge.
+    """
+
+    name: str
+    length: float
+    width_y: float
+    width_z: float
+    mass: float = 0.0
+    inertia: tuple = (0.0, 0.0, 0.0)
+    axis: tuple | None = None
+    stiffness: float = 0.0
+    damping: float = 0.0
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Links one behind the other on a bus, a body at the end of the last."""
+
+    links: tuple
+    bus: float = 400.0
+    bus_inertia: tuple = (80.0, 100.0, 120.0)
+    at: tuple = (0.5, 0.0, 0.0)
+    hand: float = 10.0
+    hand_inertia: tuple = (0.4, 0.4, 0.4)
+    ratio: float = 0.005
+    keys: dict = field(default_factory=dict)
+
+
+def toml(arm, link, band, tolerance, modes=""):
+    """The specification of a link, with a port at its end that carries the next body."""
+    number = arm.links.index(link)
+    following = arm.links[number + 1].name if number + 1 < len(arm.links) else None
+    body = "hand" if following is None else f"joint_{following}"
+    return f"""name = "{link.name}"
+[[segment]]
+length = {link.length!r}
+section = {{ shape = "rectangle", width_y = {link.width_y!r}, width_z = {link.width_z!r} }}
+material = {{ youngs_modulus = {YOUNG!r}, density = {DENSITY!r}, poissons_ratio = {POISSON!r} }}
+[[port]]
+name = "end"
+x = {link.length!r}
+carries = ["{body}"]
+[damping]
+ratio = {arm.ratio!r}
+[scene]
+bandwidth = {band!r}
+tolerance = {tolerance!r}
+{modes}"""
+
+
+def mjcf(arm, timestep=0.0005, integrator="implicitfast"):
+    """The craft with rigid links left out: every body where it is at rest."""
+    body = f"""<body name="hand" pos="{arm.links[-1].length!r} 0 0">
+  <inertial pos="0 0 0" mass="{arm.hand!r}" diaginertia="{_words(arm.hand_inertia)}"/>
+</body>"""
+    for number, link in reversed(list(enumerate(arm.links))):
+        site = f'<site name="place_{link.name}"/>'
+        if number == 0:
+            site = f'<site name="place_{link.name}" pos="{_words(arm.at)}"/>'
+            end = np.add(arm.at, [link.length, 0.0, 0.0])
+            body = site + body.replace(f'pos="{link.length!r} 0 0"', f'pos="{_words(end)}"', 1)
+            continue
+        joint = ""
+        if link.axis is not None:
+            joint = (
+                f'<joint name="hinge_{link.name}" type="hinge" axis="{_words(link.axis)}" '
+                f'stiffness="{link.stiffness!r}" damping="{link.damping!r}"/>'
+            )
+        before = arm.links[number - 1].length
+        inertial = f'mass="{link.mass!r}" diaginertia="{_words(link.inertia)}"'
+        body = f"""<body name="joint_{link.name}" pos="{before!r} 0 0">{joint}
+<inertial pos="0 0 0" {inertial}/>{site}{body}</body>"""
+    hinges = [link for link in arm.links if link.axis is not None]
+    keys = ""
+    for name, angles in arm.keys.items():
+        turned = _words([angles.get(hinge.name, 0.0) for hinge in hinges])
+        keys += f'<key name="{name}" qpos="0 0 0 1 0 0 0 {turned}"/>'
+    return f"""<mujoco model="arm">
+<option timestep="{timestep!r}" gravity="0 0 0" integrator="{integrator}"/>
+<worldbody><body name="bus"><freejoint name="bus"/>
+<inertial pos="0 0 0" mass="{arm.bus!r}" diaginertia="{_words(arm.bus_inertia)}"/>
+{body}
+</body></worldbody>
+<keyframe>{keys}</keyframe>
+</mujoco>"""
+
+
+def _words(values):
+    return " ".join(repr(float(v)) for v in values)
+
+
+def side(arm, band, angles=None):
+    """The arm at a pose as a `Side`, the bus's six motions first."""
+    angles = angles or {}
+    hinges = [link.name for link in arm.links if link.axis is not None]
+    size = 6 + len(hinges) + 6 * ELEMENTS * len(arm.links)
+    mass, stiffness, damping = (np.zeros((size, size)) for _ in range(3))
+    rigid = np.vstack([np.eye(6), np.zeros((size - 6, 6))])  # all locked: the bus moves every node
+    _add_body(mass, np.eye(6, size), arm.bus, np.diag(arm.bus_inertia))
+    place = np.array(arm.at, dtype=float)
+    turn = np.eye(3)
+    root = _moved(np.eye(6, size), place)
+    start = 6 + len(hinges)
+    for link in arm.links:
+        if link.axis is not None:
+            own = 6 + hinges.index(link.name)
+            root = root.copy()
+            axis = turn @ np.array(link.axis, dtype=float)
+            root[3:, own] += axis
+            stiffness[own, own] += link.stiffness
+            damping[own, own] += link.damping
+            turn = _rotation(axis, angles.get(link.name, 0.0)) @ turn
+        _add_body(mass, root, link.mass, turn @ np.diag(link.inertia) @ turn.T)
+        ends = [root]
+        for k in range(ELEMENTS):
+            rows = np.zeros((6, size))
+            here = slice(start + 6 * k, start + 6 * k + 6)
+            rows[:, here] = np.eye(6)
+            ends.append(rows)
+            node = place + link.length * (k + 1) / ELEMENTS * turn[:, 0]
+            rigid[here] = _moved(np.eye(6), node)
+        start += 6 * ELEMENTS
+        m, k, d = _beam(arm, link, place, turn)
+        to_nodes = np.vstack(ends)
+        mass += to_nodes.T @ m @ to_nodes
+        stiffness += to_nodes.T @ k @ to_nodes
+        damping += to_nodes.T @ d @ to_nodes
+        place = place + link.length * turn[:, 0]
+        root = ends[-1]
+    _add_body(mass, root, arm.hand, turn @ np.diag(arm.hand_inertia) @ turn.T)
+    return _reduced(mass, damping, stiffness, rigid, REACH * band)
+
+
+def _rotation(axis, angle):
+    cross = _cross(axis)
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+def _moved(rows, arm):
+    """Motion of a point at `arm` of the body that moves by `rows`."""
+    out = rows.copy()
+    out[:3] -= _cross(arm) @ rows[3:]
+    return out
+
+
+def _add_body(mass, rows, weight, inertia):
+    mass += weight * rows[:3].T @ rows[:3] + rows[3:].T @ inertia @ rows[3:]
+
+
+def _beam(arm, link, place, turn):
+    """Mass, stiffness and damping of a link over the motions of its nodes, root first.
+
+    The ratio is that of every mode with the root held, nothing at the end.
+    """
+    area = link.width_y * link.width_z
+    about_z = link.width_z * link.width_y**3 / 12.0
+    about_y = link.width_y * link.width_z**3 / 12.0
+    leg = Leg(
+        tuple(place),
+        tuple(place + link.length * turn[:, 0]),
+        ELEMENTS,
+        axial=YOUNG * area,
+        torsion=YOUNG / (2.0 * (1.0 + POISSON)) * _rectangle_torsion(link.width_y, link.width_z),
+        bending_y=YOUNG * about_y,
+        bending_z=YOUNG * about_z,
+        mass=DENSITY * area,
+        polar=DENSITY * (about_y + about_z),
+    )
+    size = 6 * (ELEMENTS + 1)
+    mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
+    nodes = [place + link.length * k / ELEMENTS * turn[:, 0] for k in range(ELEMENTS + 1)]
+    for k in range(ELEMENTS):
+        m, _, s = _element(nodes[k], nodes[k + 1], leg)
+        both = slice(6 * k, 6 * k + 12)
+        mass[both, both] += m.T @ m
+        stiffness[both, both] += s.T @ s
+    values, shapes = eigh(stiffness[6:, 6:], mass[6:, 6:])
+    rigid = np.vstack([_moved(np.eye(6), node - place) for node in nodes])
+    relative = np.eye(size)
+    relative[:, :6] -= rigid
+    to_modes = shapes.T @ mass[6:, 6:] @ relative[6:]
+    spread = 2.0 * arm.ratio * np.sqrt(values)
+    return mass, stiffness, to_modes.T @ (spread[:, None] * to_modes)
+
+
+def _reduced(mass, damping, stiffness, rigid, top):
+    """Over the bus's motions, all else locked, and the modes with the bus held up to
+    `top` [rad/s]."""
+    values, shapes = eigh(stiffness[6:, 6:], mass[6:, 6:])
+    keep = values < top**2
+    values = np.where(np.abs(values[keep]) < 1e-4, 0.0, values[keep])  # free hinges
+    shapes = np.vstack([np.zeros((6, values.size)), shapes[:, keep]])
+    basis = np.hstack([rigid, shapes])
+    m = basis.T @ mass @ basis
+    c = basis.T @ damping @ basis
+    still = np.concatenate([np.arange(6), 6 + np.flatnonzero(values == 0.0)])
+    c[still] = c[:, still] = 0.0  # exactly: rounding would count near zero frequency
+    return Side(m, c, np.diag([*np.zeros(6), *values]), len(m))
+
+
+def frequencies(side, count):
+    """The lowest frequencies above zero [rad/s]."""
+    values = eigh(side.stiffness, side.mass, eigvals_only=True)
+    return np.sqrt(values[values > 0.01])[:count]
