@@ -6,6 +6,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from beamchain import report
 from beamchain.checks import path_of
 from beamchain.craft.appendage import Appendage, carried, craft_elements
@@ -25,6 +27,7 @@ from beamchain.files import check_name, write_files
 from beamchain.fitting.needs import AXES
 from beamchain.mjcf.craft import Craft
 from beamchain.ports.compare import keeps_tolerance, tolerance_statement
+from beamchain.ports.motions import Array
 from beamchain.steps.sampled import SampledError, off_by
 from beamchain.steps.step_map import TimeError
 
@@ -107,6 +110,12 @@ class Embedded:
         up to where every appendage keeps all modes of its ports.
         """
         return craft_error(self.craft, self.untimed, self._exact_poses)
+
+    def bare_qpos(self, qpos: Array) -> Array:
+        """Positions of the bare craft in a pose `(nq,)` of the model."""
+        joints = craft_elements(self.craft, self.model, self.appendages)["jnt"]
+        parts = np.split(qpos, self.model.jnt_qposadr[1:])
+        return np.concatenate([np.zeros(0), *(parts[j] for j in joints)])
 
     @cached_property
     def _exact_poses(self) -> dict[str, list[Pose]]:

@@ -116,12 +116,7 @@ def exact_craft(
         )
     new = {dof for item in items for dof in item.dofs}
     old = [i for i in range(embedded.model.nv) if i not in new]
-    poses = zip(
-        np.split(point.qpos, embedded.model.jnt_qposadr[1:]), embedded.model.jnt_dofadr, strict=True
-    )
-    bare = operating_point(
-        embedded.craft, np.concatenate([pose for pose, dof in poses if int(dof) not in new])
-    )
+    bare = operating_point(embedded.craft, embedded.bare_qpos(point.qpos))
     bare = OperatingPoint(bare.model, bare.qpos, point.qvel[old])
     try:
         driven = inputs_of(bare, inputs)

@@ -3,8 +3,6 @@ and what forbids a step."""
 
 from copy import copy
 
-import numpy as np
-
 from beamchain.caution import Caution
 from beamchain.craft.appendage import carried
 from beamchain.craft.embedded import Embedded
@@ -88,11 +86,7 @@ def step_errors(
     if embedded is None:
         return off, None
     items = carried(embedded.model, embedded.appendages)
-    new = {dof for item in items for dof in item.dofs}
-    parts = zip(
-        np.split(point.qpos, embedded.model.jnt_qposadr[1:]), embedded.model.jnt_dofadr, strict=True
-    )
-    bare = np.concatenate([place for place, dof in parts if int(dof) not in new])
+    bare = embedded.bare_qpos(point.qpos)
     motions = embedded.promise.motions
     pose = Pose(quiet_copy(embedded.craft), bare, items, embedded.band, motions)
     return off, pose_sampled_error(embedded.craft, quiet_copy(out), point.qpos, pose).error
