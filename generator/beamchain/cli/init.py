@@ -83,9 +83,16 @@ def init(
         out = console()
         out.print(f"wrote {place}", soft_wrap=True)
         following = f"beamchain fit {place} -o {place.stem}"
-        if start == shipped.spacecraft():
-            following = f"beamchain embed {place} --at mount=array.toml -o flexible.xml"
+        if start in shipped.spacecraft():
+            following = f"beamchain embed {place} {_PLACES[kind]} -o flexible.xml"
         out.print(f"next: {following}", soft_wrap=True)
+
+
+#: of the shipped spacecraft, with what is shipped for them
+_PLACES = {
+    "craft": "--at mount=array.toml",
+    "arm": "--at shoulder=upper.toml --at forearm=fore.toml",
+}
 
 
 def add_comments(template: str) -> str:

@@ -23,16 +23,20 @@ def examples() -> list[Shipped]:
     ]
 
 
-def spacecraft() -> Shipped:
-    """The small spacecraft that `beamchain init craft` writes."""
-    return Shipped(
-        "craft", _EXAMPLES / "craft.xml", "A small spacecraft (MJCF) to embed an appendage into."
-    )
+_SPACECRAFT = {
+    "craft": "A small spacecraft (MJCF) to embed an appendage into.",
+    "arm": "A spacecraft with an arm of two links (MJCF), which upper and fore make flexible.",
+}
+
+
+def spacecraft() -> list[Shipped]:
+    """The spacecraft that `beamchain init craft` and `beamchain init arm` write."""
+    return [Shipped(name, _EXAMPLES / f"{name}.xml", about) for name, about in _SPACECRAFT.items()]
 
 
 def everything() -> list[Shipped]:
     """All that `beamchain init` writes."""
-    return [*examples(), spacecraft()]
+    return [*examples(), *spacecraft()]
 
 
 def pick(choices: list[Shipped], name: str, field: str) -> Shipped:

@@ -282,8 +282,6 @@ def _fit_on_craft(
 
 def _reach(at: str, wanted: Mapping[str, Wish]) -> float:
     """How far from the place on the spacecraft an appendage on another's port stands [m]."""
-    for port in wanted[at].carries:
-        port_x(at, wanted[at].spec, port)
     on_port = split_port(at, wanted)
     if on_port is None:
         return 0.0

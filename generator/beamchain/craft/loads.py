@@ -97,6 +97,8 @@ def carries_of(place: str, spec: Spec, carry: Mapping[str, tuple[str, ...]]) -> 
         for at, _, port in [key.rpartition(":")]
         if at == place
     }
+    for port in given:
+        port_x(place, spec, port)
     return {**own, **given}
 
 
@@ -126,22 +128,16 @@ def check_carries(
     carried once."""
     carrier: dict[str, str] = {}
     for at, ports in carries.items():
-        holder = targets[at].body
         for port, names in ports.items():
             for name in names:
                 where = f"{at}:{port}={name}"
+                _check_body(craft, where, name, targets[at])
                 if name in carrier:
                     raise InputError(
                         f"carry {where}: {carrier[name]} carries body {name!r} already; a body "
                         "hangs on one port."
                     )
                 carrier[name] = f"{at}:{port}"
-                _check_body(craft, where, name, targets[at])
-                if holder.get("name") == name:
-                    raise InputError(
-                        f"carry {where}: body {name!r} holds the place {at!r} itself, which would "
-                        "close a loop; name a body that hangs on it."
-                    )
 
 
 def _check_body(craft: Craft, where: str, name: str, target: Target) -> None:
