@@ -264,7 +264,7 @@ class UncertainCraft(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """
 
     appendage: Annotated[
-        dict[str, UncertainModes], field("modes by the prefix of the appendage, such as array_")
+        dict[str, UncertainModes], field("modes by the prefix of the appendage, such as `array_`")
     ] = msgspec.field(default_factory=dict[str, UncertainModes])
     body: Annotated[dict[str, UncertainBody], field("mass properties by the name of the body")] = (
         msgspec.field(default_factory=dict[str, UncertainBody])
