@@ -258,7 +258,8 @@ class Linear:
                 axes; all their modes take part, and none is a coordinate.
             carrying: what their ports carry; the roots are then its own.
         """
-        s = 1j * np.asarray(omega, dtype=np.float64)[:, None, None]
+        omega = np.asarray(omega, dtype=np.float64)
+        s = np.asarray(1j * omega[:, None, None], dtype=np.complex128)
         # dynamic mass: the inputs' force per acceleration
         dynamic = self.mass + self.damping / s + self.stiffness / s**2
         if carrying is not None:

@@ -90,10 +90,10 @@ def mount(model: "mujoco.MjModel", at: str, kind: str, name: str, reach: float =
         quaternion = np.array([1.0, 0.0, 0.0, 0.0])
         origin = data.xpos[body].copy()
         axes = data.xmat[body].reshape(3, 3).copy()
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, quaternion / np.linalg.norm(quaternion))
     origin = origin + reach * axes[:, 0]
-    out = np.zeros(3)
-    mujoco.mju_rotVecQuat(out, np.array([reach, 0.0, 0.0]), quaternion / np.linalg.norm(quaternion))
-    position = position + out
+    position = position + reach * turn.reshape(3, 3)[:, 0]
     top = int(model.body_weldid[body])
     if top == 0:
         raise InputError(

@@ -115,7 +115,7 @@ def hang_on_port(craft: Craft, prefix: str, port: str, body: str) -> Craft:
     place = _numbers(root.get("pos") or "0 0 0") + _rotated(turn, along)
     back = turn * np.array([1.0, -1.0, -1.0, -1.0])
     frame = {"pos": write.number(-_rotated(back, place)), "quat": write.number(back)}
-    styles = [n.get("childclass") for n in found.iterancestors() if n.get("childclass")]
+    styles = [style for node in found.iterancestors() if (style := node.get("childclass"))]
     if styles:
         frame["childclass"] = styles[0]
     return undo.move_body(craft, found, link, frame)

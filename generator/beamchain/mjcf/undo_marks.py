@@ -298,7 +298,7 @@ def remove_marked_changes(craft: Craft) -> Craft:
     pieces: list[_Piece] = []
     done = 0  # what stands before this place is dealt with
     for node, mark in marks(craft):
-        if node.start < done or isinstance(mark, EndMark):
+        if node.start < done or isinstance(mark, EndMark | MovedMark | LoadMark):
             continue
         if isinstance(mark, Put):
             piece = _marked_piece(craft, node, mark)

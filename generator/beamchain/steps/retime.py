@@ -300,6 +300,11 @@ def coupled_mass(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> A
     mass = mass_matrix(model, qpos)
     for i, name in enumerate(modal.names):
         own = _modal_mass(mass, modal.rows[i])
+        if own > 1.0 + UNIT_MASS and _is_unit(model, modal):
+            raise InputError(
+                f"tendon {name!r} belongs to an appendage that carries bodies, which this does "
+                "not take; embed and bc.retime do."
+            )
         if abs(own - 1.0) > UNIT_MASS:
             raise InputError(
                 f"tendon {name!r} has the name of a modal tendon, but the mass {own:.6g} of its "

@@ -190,8 +190,8 @@ def least_factors(free: Array, x2: Array, price: Array, low: float, limit: float
     spare = (1.0 - ROOM) * free
     if np.linalg.eigvalsh(spare - np.diag((limit - low) * x2))[0] > 0.0:
         return np.full(x2.size, low)
-    price = price / price.sum() + 1e-12
-    c = np.full(x2.size, limit + START)
+    price = np.asarray(price / price.sum() + 1e-12, dtype=np.float64)
+    c: Array = np.full(x2.size, limit + START)
     weight = 1.0
 
     def value(at: Array) -> float:
@@ -211,13 +211,13 @@ def least_factors(free: Array, x2: Array, price: Array, low: float, limit: float
             gap = c - low
             slope = price - weight * (np.diag(inverse) * x2 + 1.0 / gap)
             curve = weight * (np.outer(x2, x2) * inverse**2 + np.diag(1.0 / gap**2))
-            step = -np.linalg.solve(curve, slope)
+            step = np.asarray(-np.linalg.solve(curve, slope), dtype=np.float64)
             decrease = float(-slope @ step)
             if decrease < 1e-9 * weight:
                 break
             length = 1.0
             while value(c + length * step) > value(c) - 0.1 * length * decrease and length > 1e-9:
                 length /= 2.0
-            c = c + length * step
+            c = np.asarray(c + length * step, dtype=np.float64)
         weight *= 0.2
     return c
