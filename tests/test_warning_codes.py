@@ -46,7 +46,7 @@ def codes(record) -> set[str]:
     not (ROOT / "docs").is_dir(), reason="docs are not beside the tests (an installed wheel)"
 )
 def test_the_page_lists_every_code():
-    """By its code, with what it means, the commands that raise it, and what to do."""
+    """By its code, with what it means, the commands or functions that raise it, and what to do."""
     text = re.sub(r"\n  ", " ", (ROOT / "docs/warnings.md").read_text())
     form = (
         r"^## ([a-z-]+)\n\n\* \*\*Meaning:\*\* (.+)\.\n\* \*\*Raised by:\*\* (.+)\.\n\* "
@@ -55,7 +55,8 @@ def test_the_page_lists_every_code():
     rows = re.findall(form, text, re.MULTILINE)
     assert {code: meaning for code, meaning, _, _ in rows} == CODES
     assert [code for code, *_ in rows] == sorted(CODES)
-    assert all(word.strip("`") in COMMANDS for *_, raised, _ in rows for word in raised.split(", "))
+    places = {*COMMANDS, *(f"bc.{name}" for name in bc.__all__)}
+    assert all(word.strip("`") in places for *_, raised, _ in rows for word in raised.split(", "))
     assert all(re.fullmatch(r"[a-z]+(-[a-z]+)*", code) for code in CODES)
 
 

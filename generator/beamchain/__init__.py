@@ -49,6 +49,9 @@ if TYPE_CHECKING:
     from beamchain.ports.compare import Comparison as Comparison
     from beamchain.ports.compare import compare as compare
     from beamchain.ports.model import PortModel as PortModel
+    from beamchain.steps.latch import Latched as Latched
+    from beamchain.steps.latch import latch as latch
+    from beamchain.steps.latch import unlatch as unlatch
     from beamchain.steps.retime import Retimed as Retimed
     from beamchain.steps.retime import retime as retime
     from beamchain.steps.start import HeldInput as HeldInput
@@ -132,6 +135,11 @@ _PLACES = {
         "compare",
     ),
     "ports.model": ("PortModel",),
+    "steps.latch": (
+        "Latched",
+        "latch",
+        "unlatch",
+    ),
     "steps.retime": (
         "Retimed",
         "retime",

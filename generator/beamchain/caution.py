@@ -39,6 +39,7 @@ CODES = {
     "soft-material": "a Young's modulus below that of rubber is stated",
     "stocky-beam": "Euler's beam theory is used for an appendage so short that shear matters",
     "tendon-damping": "Euler treats the damping of tendons explicitly",
+    "impact-on-flexible": "a hinge was stopped at once beside a flexible body",
     "time-error": "the poles of a model at its step are not those of exact motion",
     "turn-error": "the step's error in the rotation of the rigid spacecraft exceeds the tolerance",
     "unstable-step": "the step is beyond the integrator's stability limit",

@@ -112,7 +112,11 @@ class Embedded:
         return craft_error(self.craft, self.untimed, self._exact_poses)
 
     def bare_qpos(self, qpos: Array) -> Array:
-        """Positions of the bare craft in a pose `(nq,)` of the model."""
+        """Positions of the bare craft in a pose of the model.
+
+        Args:
+            qpos: `(nq,)` positions of the model.
+        """
         joints = craft_elements(self.craft, self.model, self.appendages)["jnt"]
         parts = np.split(qpos, self.model.jnt_qposadr[1:])
         return np.concatenate([np.zeros(0), *(parts[j] for j in joints)])
