@@ -66,6 +66,7 @@ PUBLIC = {
     "Identification",
     "InputError",
     "Joint",
+    "Latched",
     "Linear",
     "Linearisation",
     "Loop",
@@ -101,6 +102,7 @@ PUBLIC = {
     "embed",
     "fit",
     "identify",
+    "latch",
     "linearise",
     "plant",
     "read_modes",
@@ -110,6 +112,7 @@ PUBLIC = {
     "start_velocity",
     "study",
     "sweep",
+    "unlatch",
     "worlds",
 }
 
