@@ -326,7 +326,7 @@ def test_render(renderer, boom, tmp_path):
 @RENDERERS
 def test_modes_of_a_craft_without_sky_and_light_are_drawn_like_others(renderer, tmp_path):
     check(renderer)
-    craft = shipped.spacecraft().path
+    craft = shipped.pick(shipped.everything(), "craft", "kind").path
     bc.embed(craft, {"mount": ARRAY_SPEC}).write(tmp_path / "flexible.xml")
     text = (tmp_path / "flexible.xml").read_text()
     assert "<texture" not in text
