@@ -2,8 +2,8 @@
 same arm with its rigid bodies where they are at rest.
 
 Every link is a row of elements of `frames`; a hinge between two of them is an angle of its own. The
-structure is reduced to its modes with the bus held, up to three hundred times the band. Nothing is
-imported from the package.
+structure is reduced to its modes with the bus held up to sixty times the band, and what is left of
+its static response. Nothing is imported from the package.
 """
 
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from frames import Leg, _cross, _element
 
 YOUNG, DENSITY, POISSON = 7e10, 2700.0, 0.33
 ELEMENTS = 30  # of every link
-REACH = 300.0  # times the band: modes with the bus held that are kept
+REACH = 60.0  # times the band: modes with the bus held that are kept one by one
 
 
 @dataclass(frozen=True)
@@ -122,6 +122,23 @@ def _words(values):
 
 def side(arm, band, angles=None):
     """The arm at a pose as a `Side`, the bus's six motions first."""
+    return _reduced(*_matrices(arm, angles), REACH * band)
+
+
+def accelerance(arm, omega, angles=None):
+    """`(k, 6, 6)` of the bus at frequencies `omega` [rad/s], nothing reduced."""
+    mass, damping, stiffness, _, _ = _matrices(arm, angles)
+    size = len(mass)
+    out = []
+    for w in omega:
+        dynamic = mass + damping / (1j * w) - stiffness / w**2
+        out.append(np.linalg.solve(dynamic, np.eye(size, 6))[:6])
+    return np.array(out)
+
+
+def _matrices(arm, angles):
+    """Mass, damping and stiffness of the whole arm, what moves with the bus where all is locked,
+    and the number of hinges."""
     angles = angles or {}
     hinges = [link.name for link in arm.links if link.axis is not None]
     size = 6 + len(hinges) + 6 * ELEMENTS * len(arm.links)
@@ -159,7 +176,7 @@ def side(arm, band, angles=None):
         place = place + link.length * turn[:, 0]
         root = ends[-1]
     _add_body(mass, root, arm.hand, turn @ np.diag(arm.hand_inertia) @ turn.T)
-    return _reduced(mass, damping, stiffness, rigid, REACH * band)
+    return mass, damping, stiffness, rigid, len(hinges)
 
 
 def _rotation(axis, angle):
@@ -200,11 +217,14 @@ def _beam(arm, link, place, turn):
     size = 6 * (ELEMENTS + 1)
     mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
     nodes = [place + link.length * k / ELEMENTS * turn[:, 0] for k in range(ELEMENTS + 1)]
+    # an element along x, in the link's own axes: those of `frames` would not turn about it
+    along = np.array([link.length / ELEMENTS, 0.0, 0.0])
+    rows, _, strain = _element(np.zeros(3), along, leg)
+    to_own = np.kron(np.eye(4), turn.T)
     for k in range(ELEMENTS):
-        m, _, s = _element(nodes[k], nodes[k + 1], leg)
         both = slice(6 * k, 6 * k + 12)
-        mass[both, both] += m.T @ m
-        stiffness[both, both] += s.T @ s
+        mass[both, both] += to_own.T @ (rows.T @ rows) @ to_own
+        stiffness[both, both] += to_own.T @ (strain.T @ strain) @ to_own
     values, shapes = eigh(stiffness[6:, 6:], mass[6:, 6:])
     rigid = np.vstack([_moved(np.eye(6), node - place) for node in nodes])
     relative = np.eye(size)
@@ -214,19 +234,32 @@ def _beam(arm, link, place, turn):
     return mass, stiffness, to_modes.T @ (spread[:, None] * to_modes)
 
 
-def _reduced(mass, damping, stiffness, rigid, top):
-    """Over the bus's motions, all else locked, and the modes with the bus held up to
-    `top` [rad/s]."""
-    values, shapes = eigh(stiffness[6:, 6:], mass[6:, 6:])
-    keep = values < top**2
-    values = np.where(np.abs(values[keep]) < 1e-4, 0.0, values[keep])  # free hinges
-    shapes = np.vstack([np.zeros((6, values.size)), shapes[:, keep]])
-    basis = np.hstack([rigid, shapes])
+def _reduced(mass, damping, stiffness, rigid, hinges, top):
+    """Over the bus's motions, all else locked, the modes with the bus held up to `top` [rad/s], and
+    what is left of the static response to accelerations of the bus."""
+    # of the inverse, so that slow modes keep their digits; free hinges need the shift
+    shift = (top / REACH) ** 2
+    inverse, shapes = eigh(mass[6:, 6:], stiffness[6:, 6:] + shift * mass[6:, 6:])
+    positive = inverse > 1e-12 * inverse[-1]
+    inverse, shapes = inverse[positive], shapes[:, positive]
+    shapes = shapes / np.sqrt(inverse)
+    values = 1.0 / inverse - shift
+    values = np.where(values < 1e-6 * shift, 0.0, values)  # free hinges
+    low = values < top**2
+    participation = shapes.T @ (mass @ rigid)[6:]
+    forces = np.hstack([participation, shapes[:hinges].T])  # of the bus, and in hinges
+    rest = np.linalg.qr(forces[~low] / values[~low, None])[0]
+    kept = np.hstack([shapes[:, low], shapes[:, ~low] @ rest])
+    basis = np.hstack([rigid, np.vstack([np.zeros((6, kept.shape[1])), kept])])
     m = basis.T @ mass @ basis
     c = basis.T @ damping @ basis
-    still = np.concatenate([np.arange(6), 6 + np.flatnonzero(values == 0.0)])
+    k = np.zeros_like(m)
+    n = 6 + int(np.sum(low))
+    k[6:n, 6:n] = np.diag(values[low])
+    k[n:, n:] = rest.T @ (values[~low, None] * rest)
+    still = np.concatenate([np.arange(6), 6 + np.flatnonzero(values[low] == 0.0)])
     c[still] = c[:, still] = 0.0  # exactly: rounding would count near zero frequency
-    return Side(m, c, np.diag([*np.zeros(6), *values]), len(m))
+    return Side(m, c, k, len(m))
 
 
 def frequencies(side, count):

@@ -32,7 +32,18 @@ def appendage_table(embedded: "Embedded") -> Table:
         Column("on", [_joints(a) for a in appendages]),
         Column("status", [_status(a) for a in appendages], place="page"),
     )
+    if any(a.loads for a in appendages):
+        columns = (*columns, Column("carries", [_carried(a) for a in appendages], missing="-"))
     return Table("Appendages", columns)
+
+
+def _carried(appendage: "Appendage") -> str | None:
+    """What hangs on its ports, by port."""
+    ports = [f"{', '.join(names)} on {port}" for port, names in appendage.carries.items()]
+    places = list(dict.fromkeys(place for load in appendage.loads for place in load.places))
+    if places:
+        ports.append(f"with it the appendages at {', '.join(places)}")
+    return "; ".join(ports) or None
 
 
 def _size(appendage: "Appendage") -> str:
