@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ from beamchain.craft.timing import craft_time_error, without_timing
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import NUMBERS
-from beamchain.engine.operating_point import base_body
+from beamchain.engine.operating_point import Positions, base_body, poses, poses_between
 from beamchain.errors import InputError
 from beamchain.files import check_name, write_files
 from beamchain.fitting.needs import AXES
@@ -33,6 +33,10 @@ from beamchain.steps.step_map import TimeError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+# of the way from one pose to the next, where timing is read back between them: it is chosen at
+# halves, thirds, quarters, ... of the way
+BETWEEN = 0.3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -124,10 +128,13 @@ class Embedded:
     @cached_property
     def _exact_poses(self) -> dict[str, list[Pose]]:
         """Every pose of the bare craft with its exact answer."""
+        return self._exact_at(poses)
+
+    def _exact_at(self, positions: Positions) -> dict[str, list[Pose]]:
         want = self._asked
         exact = carried(self.model, self.appendages)
         band = want.band or kept_band(self.appendages)
-        return craft_poses(self.craft, exact, band, want.motions, self._own)
+        return craft_poses(self.craft, exact, band, want.motions, self._own, positions)
 
     @cached_property
     def time_error(self) -> TimeError:
@@ -142,8 +149,18 @@ class Embedded:
     @cached_property
     def sampled_poses(self) -> dict[str, SampledError]:
         """The error of the response at the model's own step, pose by pose,
-        with the frequency at which it is largest."""
-        return craft_sampled_error(self.craft, self.model, self._exact_poses)
+        with the frequency at which it is largest.
+
+        Where appendages carry bodies, their timing is chosen for some poses: then between the
+        poses as well.
+        """
+        errors = craft_sampled_error(self.craft, self.model, self._exact_poses)
+        if any(a.loads and a.timed is not None for a in self.appendages):
+            between = partial(poses_between, share=BETWEEN)
+            exact = self._exact_at(between)
+            if exact:
+                errors |= craft_sampled_error(self.craft, self.model, exact, between)
+        return errors
 
     @property
     def sampled_error(self) -> float:

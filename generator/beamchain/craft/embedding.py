@@ -402,8 +402,8 @@ def _time_and_check(
         appendages = tuple(replace(a, fit=fit_on_tendons(a.fit)) for a in appendages)
         check_names(craft, appendages)
         model = build(appendages)
-        final, slowed = with_timing(model)
         band = joint_request([a.spec for a in appendages]).band
+        final, slowed = with_timing(model, band)
         with_error = craft_time_error(final, model, appendages, band)
         without_error = craft_time_error(model, model, appendages, band)
         warnings += time_notes(final, decision.reason, with_error, without_error)

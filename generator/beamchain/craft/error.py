@@ -23,6 +23,7 @@ from beamchain.engine.linear import Carrying, Linear, linear_at
 from beamchain.engine.mount import Mount, motion
 from beamchain.engine.operating_point import (
     OperatingPoint,
+    Positions,
     base_body,
     poses,
     quiet_copy,
@@ -332,10 +333,12 @@ def craft_poses(
     band: float,
     wanted: Sequence[int],
     own: Sequence[int] | None = None,
+    positions: Positions = poses,
 ) -> dict[str, list[Pose]]:
     """Every pose of the craft with its exact answer, one per base body that carries appendages.
 
-    `own`: the craft's degrees of freedom in the compiled model, where that is compared.
+    `own`: the craft's degrees of freedom in the compiled model, where that is compared;
+    `positions`: which poses.
     """
     craft = quiet_copy(craft)
     groups: dict[int, list[Carried]] = {}
@@ -343,7 +346,7 @@ def craft_poses(
         groups.setdefault(base_body(craft, item.mount.body), []).append(item)
     return {
         name: [Pose(craft, qpos, group, band, wanted, own) for group in groups.values()]
-        for name, qpos in poses(craft).items()
+        for name, qpos in positions(craft).items()
     }
 
 

@@ -21,7 +21,8 @@ from beamchain.errors import InputError, RealisationError
 from beamchain.ports.motions import Array
 from beamchain.steps.forms import form2, form4
 from beamchain.steps.modal import MadeFor, Modal, condensed_mass, modal_tendons
-from beamchain.steps.retime import motion_for, retime, write_values
+from beamchain.steps.retime import retime, write_values
+from beamchain.steps.step_map import motion_for
 
 #: What `mj_setConst` derives from masses, places and lengths.
 DERIVED = (

@@ -130,12 +130,14 @@ class RetimedCraft:
 def retime_craft(path: Path, timestep: float, integrator: str | None, folder: Path) -> RetimedCraft:
     """A file of `embed` with timing for a step and integrator, its paths relative to `folder`,
     and its errors there."""
-    file = retimed_file(path, timestep, integrator, folder)
-    if timestep == 0.0:
-        return RetimedCraft(file, timestep, None, (), "")
-    try:
-        known = marked_appendages(path)
-    except BeamchainError as error:
-        return RetimedCraft(file, timestep, None, (), str(error).rstrip("."))
-    craft, appendages = known or (None, ())
-    return RetimedCraft(file, timestep, craft, appendages, "" if known else UNMARKED)
+    craft, appendages, unknown = None, (), UNMARKED
+    if timestep > 0.0:
+        try:
+            known = marked_appendages(path)
+        except BeamchainError as error:
+            known, unknown = None, str(error).rstrip(".")
+        if known:
+            (craft, appendages), unknown = known, ""
+    band = joint_request([a.spec for a in appendages]).band
+    file = retimed_file(path, timestep, integrator, folder, band)
+    return RetimedCraft(file, timestep, craft, appendages, unknown)

@@ -7,7 +7,7 @@ from beamchain.craft.error import Pose, counterpart
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Linear
 from beamchain.engine.mount import motion
-from beamchain.engine.operating_point import poses, quiet_copy, rest_point
+from beamchain.engine.operating_point import Positions, poses, quiet_copy, rest_point
 from beamchain.ports.motions import Array
 from beamchain.steps.sampled import FAR, SampledError, sampled_error
 from beamchain.steps.step_map import motion_at
@@ -25,17 +25,20 @@ def exact_response_model(pose: Pose) -> Linear:
 
 
 def craft_sampled_error(
-    craft: "mujoco.MjModel", model: "mujoco.MjModel", exact: Mapping[str, Sequence[Pose]]
+    craft: "mujoco.MjModel",
+    model: "mujoco.MjModel",
+    exact: Mapping[str, Sequence[Pose]],
+    positions: Positions = poses,
 ) -> dict[str, SampledError]:
     """The error of the compiled `model` at its own step, worst base body of each pose.
 
-    `exact`: the answers that `craft_poses` gives of the bare `craft`.
+    `exact`: the answers that `craft_poses` gives of the bare `craft` in the same `positions`.
     """
     still = quiet_copy(model)
-    positions = poses(model)
+    places = positions(model)
     return {
         name: max(
-            (pose_sampled_error(craft, still, positions[name], pose) for pose in several),
+            (pose_sampled_error(craft, still, places[name], pose) for pose in several),
             key=lambda e: e.error,
         )
         for name, several in exact.items()

@@ -18,7 +18,7 @@ from beamchain.fitting.result import Fit
 from beamchain.fitting.warnings import turn_warning
 from beamchain.ports.compare import DEFAULT_RATIO, NARROWEST
 from beamchain.steps.integrators import SCHEMES
-from beamchain.steps.modal import timing_marks
+from beamchain.steps.modal import modal_tendons, timing_marks
 from beamchain.steps.poles import pole_rows
 from beamchain.steps.retime import retime, time_cure
 from beamchain.steps.step_map import GROWN, TimeError, motion_at, time_error
@@ -101,6 +101,8 @@ def time_notes(
     if name == "RK4":
         return []
     mean = "give actuators the mean of this and the last input (in Python bc.HeldInput)."
+    if changed := _stiffness_change(model):
+        mean = f"stiffnesses of modes changed by up to {changed:.2g}; {mean}"
     if with_timing.exact:
         text = (
             f"the appendages are exact in time for {step} ({reason}; {with_timing.error:.1e}); "
@@ -112,6 +114,12 @@ def time_notes(
         f"{with_timing.words}; without timing {without_timing.words}; {mean} {time_cure(name)}"
     )
     return [Caution("time-error", text)]
+
+
+def _stiffness_change(model: "mujoco.MjModel") -> float:
+    """The largest relative change of the stiffness of a mode by timing."""
+    modal = modal_tendons(model)
+    return float(np.max(np.abs(model.tendon_stiffness[modal.index] / modal.stiffness - 1.0)))
 
 
 def craft_time_error(
@@ -154,12 +162,14 @@ def fit_on_tendons(fit: Fit) -> Fit:
     return replace(fit, chain=springs_as_modes(chain, ratios))
 
 
-def with_timing(model: "mujoco.MjModel") -> "tuple[mujoco.MjModel, list[str]]":
+def with_timing(
+    model: "mujoco.MjModel", band: float | None = None
+) -> "tuple[mujoco.MjModel, list[str]]":
     """A copy of a model with timing for its own step and integrator in its appendages,
-    and what was slowed for it."""
+    and what was slowed for it; `band` as of `retime`."""
     model = copy.copy(model)
     integrator = NUMBERS[int(model.opt.integrator)]
-    plan = retime(model, float(model.opt.timestep), integrator, form=4)
+    plan = retime(model, float(model.opt.timestep), integrator, form=4, band=band)
     return model, plan.slowed
 
 

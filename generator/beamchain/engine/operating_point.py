@@ -2,7 +2,8 @@
 and the wheels that turn."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ LIMITS = (
 )
 
 At = Any  # str | int | array of positions | Mapping[str, float | array]
+Positions = Callable[[Any], dict[str, Array]]  # of a model by pose
 Rates = Mapping[str, float] | None  # of wheels, by joint [rad/s]
 
 
@@ -57,6 +59,18 @@ def poses(model: "mujoco.MjModel") -> dict[str, Array]:
     out = {"rest": np.array(model.qpos0)}
     for k in range(model.nkey):
         out[model.key(k).name or f"number {k}"] = np.array(model.key_qpos[k])
+    return out
+
+
+def poses_between(model: "mujoco.MjModel", share: float) -> dict[str, Array]:
+    """Positions on the way from each pose to the next, at a share of it."""
+    out: dict[str, Array] = {}
+    for (before, start), (after, end) in pairwise(poses(model).items()):
+        motion = np.zeros(model.nv)
+        between = start.copy()
+        mujoco.mj_differentiatePos(model, motion, 1.0, start, end)
+        mujoco.mj_integratePos(model, between, motion, share)
+        out[f"{share:.0%} from {before} to {after}"] = between
     return out
 
 

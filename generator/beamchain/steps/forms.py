@@ -56,13 +56,15 @@ class ModeTime:
 
 @dataclass(frozen=True, eq=False)
 class TendonValues:
-    """Damping [1/s] and armature `(n,)` for the tendons, and what they do to the modes."""
+    """Damping [1/s] and armature `(n,)` for the tendons, and what they do to the modes; stiffness
+    [1/s^2] where it changes too."""
 
     damping: Array
     armature: Array
     phase: float
     lambda_max: float
     modes: tuple[ModeTime, ...]
+    stiffness: Array | None = None
 
 
 def stability(

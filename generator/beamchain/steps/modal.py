@@ -31,7 +31,8 @@ FILLER = re.compile(r"(?:^|_)filler\d+(?:_(?:xy|xz|torsion|axial)\d*)?$")
 JOINT = 1  # mjWRAP_JOINT
 FREE_BALL = 1  # mjJNT_FREE is 0, mjJNT_BALL 1; slide and hinge come after
 UNMARKED = (0.9, 0.95, 0.001, 0.5, 2.0)  # MuJoCo's own solimplimit
-FORMS = (2, 4, 5)
+TREE = 5  # the form that changes stiffness as well
+FORMS = (2, 4, TREE)
 
 
 class MadeFor(NamedTuple):
@@ -44,7 +45,8 @@ class MadeFor(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Modal:
-    """The modal tendons of a model; `damping` [1/s] is that before they were retimed."""
+    """The modal tendons of a model; `stiffness` [1/s^2] and `damping` [1/s] are those before they
+    were retimed."""
 
     index: Ints
     names: tuple[str, ...]
@@ -71,12 +73,14 @@ def modal_tendons(model: "mujoco.MjModel") -> Modal:
     )
     made_for = tuple(_mark(model, i) for i in own)
     timed = np.array([mark is not None for mark in made_for], dtype=np.bool_)
+    stiffened = np.array([mark is not None and mark.form == TREE for mark in made_for], dtype=bool)
+    before = model.tendon_solimp_lim[own]
     return Modal(
         own,
         tuple(str(model.tendon(int(i)).name) for i in own),
         locked(np.array([along(model, i) for i in own]).reshape(own.size, model.nv)),
-        locked(model.tendon_stiffness[own]),
-        locked(np.where(timed, model.tendon_solimp_lim[own, 3], model.tendon_damping[own])),
+        locked(np.where(stiffened, before[:, 4], model.tendon_stiffness[own])),
+        locked(np.where(timed, before[:, 3], model.tendon_damping[own])),
         made_for,
     )
 

@@ -3,8 +3,8 @@ armature and damping on its modal tendons.
 
 * Form 2: every mode of the held appendage is exact; coefficients stay, and no hub is needed.
 * Form 4: form 2 with armature and damping tuned until the craft's own poles are exact.
-* Form 5: where appendages carry bodies; poles of fourth order in the step, stable for every
-  payload and pose (`steps/tree_time.py`).
+* Form 5: where appendages carry bodies; stable for every payload and pose, the response near
+  that of exact motion at the poses of the craft (`steps/tree_time.py`).
 
 Modes beyond the phase limit are slowed, so that any step is stable; on a light hub the limit is
 lowered. The model's own step and integrator (`opt`) are the caller's.
@@ -21,7 +21,7 @@ from types import MappingProxyType
 import numpy as np
 
 from beamchain.caution import Caution
-from beamchain.checks import finite_array, not_negative, of_type, one_of
+from beamchain.checks import finite_array, not_negative, of_type, one_of, positive
 from beamchain.dropped import check
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
@@ -31,6 +31,7 @@ from beamchain.steps.forms import ModeTime, TendonValues, form2, form4
 from beamchain.steps.integrators import SCHEMES
 from beamchain.steps.modal import (
     FORMS,
+    TREE,
     UNMARKED,
     MadeFor,
     Modal,
@@ -38,11 +39,12 @@ from beamchain.steps.modal import (
     foreign,
     modal_tendons,
 )
-from beamchain.steps.step_map import Motion, TimeError, motion_at, time_error, wrong_from
+from beamchain.steps.step_map import TimeError, motion_for, time_error, wrong_from
 from beamchain.steps.tree_time import appendages_alone, tree_form
 
 UNIT_MASS = 1e-4  # by which the modal mass of a tendon of ours may miss 1
 ARRAYS = (
+    "tendon_stiffness",
     "tendon_armature",
     "tendon_damping",
     "tendon_solimp_lim",
@@ -156,6 +158,7 @@ def retime(
     *,
     form: int = 2,
     qpos: Array | None = None,
+    band: float | None = None,
 ) -> Retimed:
     """Make the appendages of a model exact in time for a step, in place.
 
@@ -172,8 +175,12 @@ def retime(
             4: form 2 corrected until the
             coupled poles are exact, for one pose. 4 needs Euler, implicit or implicitfast;
             otherwise it is 2. 5: for appendages that carry bodies, taken by itself where one does:
-            errors of fourth order, stable for every payload and pose.
-        qpos: pose at which the craft's coupling is computed; default: the initial one.
+            stable for every payload and pose; stiffness, damping and armature are chosen for the
+            response at rest, at the keyframes and on the way between them.
+        qpos: pose at which the craft's coupling is computed; default: the initial one. Form 5:
+            the only pose that is looked at.
+        band: up to where form 5 keeps the response [rad/s]; default: the last kept mode. Beyond
+            half a radian per step nothing is kept.
 
     Raises:
         InputError: the model has no modal tendons.
@@ -192,6 +199,7 @@ def retime(
     """
     of_type("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
     h = not_negative("timestep", timestep, "s")
+    band = None if band is None else positive("band", band, "rad/s")
     check(f"retime(form={form})")
     one_of("form", str(form), [str(f) for f in FORMS])
     name = NUMBERS[int(model.opt.integrator)] if integrator is None else integrator
@@ -209,10 +217,10 @@ def retime(
         raise InputError(f"this MuJoCo has no integrator {name!r}.")
     modal = modal_tendons(model)
     try:
-        if form == 5 or carries_bodies(model, modal, qpos):
-            form = 5
+        if form == TREE or carries_bodies(model, modal, qpos):
+            form = TREE
             _check_alone(model, modal)
-            plan = tree_form(model, modal, name, h)
+            plan = tree_form(model, modal, name, h, qpos=qpos, band=band)
         else:
             c = coupled_mass(model, modal, qpos)
             plan = form2(modal, c, name, h)
@@ -236,15 +244,6 @@ def retime(
         written,
         None if qpos is None else np.array(qpos, dtype=np.float64),
     )
-
-
-def motion_for(
-    model: "mujoco.MjModel", timestep: float, integrator: str, qpos: Array | None
-) -> Motion:
-    """The motion of a model at another step than its own."""
-    out = copy.copy(model)
-    out.opt.timestep, out.opt.integrator = timestep, INTEGRATORS[integrator]
-    return motion_at(out, qpos)
 
 
 def time_sentence(off: TimeError) -> str:
@@ -328,6 +327,8 @@ def _take_out(model: "mujoco.MjModel", modal: Modal, qpos: Array | None) -> None
         if mark is not None:
             model.tendon_damping[i] = model.tendon_solimp_lim[i, 3]
             model.tendon_armature[i] = 0.0
+        if mark is not None and mark.form == TREE:
+            model.tendon_stiffness[i] = model.tendon_solimp_lim[i, 4]
     # of a participation other than the nominal one, or a user's default
     if np.any(model.tendon_margin[modal.index]):
         mass = mass_matrix(model, qpos)
@@ -353,3 +354,5 @@ def write_values(model: "mujoco.MjModel", modal: Modal, plan: TendonValues, mark
         )
     model.tendon_armature[modal.index] += plan.armature
     model.tendon_damping[modal.index] = plan.damping
+    if plan.stiffness is not None:
+        model.tendon_stiffness[modal.index] = plan.stiffness

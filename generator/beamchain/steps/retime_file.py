@@ -40,6 +40,7 @@ def time_attributes(
         if i is None:
             continue
         out[fixed] = {
+            "stiffness": number(model.tendon_stiffness[i]),
             "damping": number(model.tendon_damping[i]),
             "armature": number(model.tendon_armature[i]),
             "solimplimit": number(model.tendon_solimp_lim[i]),
@@ -77,8 +78,14 @@ class RetimedFile(NamedTuple):
     notes: list[str]
 
 
-def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Path) -> RetimedFile:
-    """A model's file made exact in time (0: timing taken out)."""
+def retimed_file(
+    path: Path,
+    timestep: float,
+    integrator: str | None,
+    folder: Path,
+    band: float | None = None,
+) -> RetimedFile:
+    """A model's file made exact in time (0: timing taken out); `band` as of `retime`."""
     if timestep > 0.0:
         check_step(timestep, "timestep")
     document = relocate(read_craft(path), folder)
@@ -89,7 +96,7 @@ def retimed_file(path: Path, timestep: float, integrator: str | None, folder: Pa
     name = NUMBERS[int(model.opt.integrator)]
     if timestep > 0.0:
         model.opt.timestep = timestep
-    done = retime(model, timestep, name, form=4)
+    done = retime(model, timestep, name, form=4, band=band)
     plain = copy.copy(model)
     retime(plain, 0.0)
     rows = pole_rows(model, plain)

@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import STENCIL, linear_at
-from beamchain.engine.linearise import NUMBERS
+from beamchain.engine.linearise import INTEGRATORS, NUMBERS
 from beamchain.engine.operating_point import rest_point, still_copy
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import PHASE, SCHEMES, Complex
@@ -135,6 +135,15 @@ def motion_at(model: "mujoco.MjModel", qpos: Array | None = None) -> Motion:
         difference=difference,
         drive=drive,
     )
+
+
+def motion_for(
+    model: "mujoco.MjModel", timestep: float, integrator: str, qpos: Array | None
+) -> Motion:
+    """The motion of a model at another step than its own."""
+    out = copy.copy(model)
+    out.opt.timestep, out.opt.integrator = timestep, INTEGRATORS[integrator]
+    return motion_at(out, qpos)
 
 
 def _implicit(model: "mujoco.MjModel", integrator: str, damping: Array, shapes: Array) -> Array:

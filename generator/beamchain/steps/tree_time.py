@@ -1,20 +1,28 @@
-"""Timing of appendages that carry bodies: a rule for each appendage alone that keeps every craft,
-pose and payload stable.
+"""Timing of appendages that carry bodies: stable for every craft, pose and payload, and near exact
+motion at the poses of one craft.
 
-A tendon of stiffness k and damping d gets the armature `c h^2 k + h d / 2`. With `c = 1/12` the
-coupled poles of any tree are right to fourth order in the step. Under a semi-implicit step the tree
-is stable if for every appendage alone, its root free,
+A tendon of stiffness k and damping d gets the armature, stiffness and damping
 
-    S + diag((c - 1/4) x^2) > 0,    S = condensed M_hh - P^T R^-1 P,    x = h sqrt(k)
+    a = c h^2 k + (1 + e) h d / 2,   (1 + s) k,   (1 + e) d
+
+With `c = 1/12`, `s = e = 0` the coupled poles of any tree are right to fourth order in the step.
+Under a semi-implicit step the tree is stable if for every appendage alone, its root free,
+
+    S + diag((c - (1 + s)/4) x^2) > 0,    S = condensed M_hh - P^T R^-1 P,    x = h sqrt(k)
 
 since the matrices of the tree are a congruence of those of its parts and what they carry only adds
-mass. Of all c that meet it those are taken whose armature stores the least kinetic energy where
-root and load accelerate slowly: `minimise sum_k f_k^2/k^2 c_k x_k^2`, f the force on a mode.
+mass. Among all c, s, e that meet it those are taken with which the craft's response at the step
+comes nearest to that of exact motion (`steps/tree_response.py`): least squares by Gauss-Newton
+steps within a logarithmic barrier (S. Boyd and L. Vandenberghe, Convex Optimization, 2004,
+section 11.3).
 
 Theory: docs/theory.md, section 9.
 """
 
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -22,22 +30,39 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigh
 
 from beamchain.engine.bench import mass_of_bodies
-from beamchain.engine.library import hangs_on, mujoco
+from beamchain.engine.library import mujoco
 from beamchain.engine.linearise import mass_matrix
-from beamchain.engine.mount import motion
-from beamchain.engine.operating_point import quiet_copy, rest_point
+from beamchain.engine.operating_point import poses, quiet_copy, rest_point
 from beamchain.ports.motions import Array, offset_matrix
 from beamchain.steps.forms import ModeTime, TendonValues
 from beamchain.steps.integrators import SCHEMES, continuous_poles
 from beamchain.steps.modal import Modal, condensed_mass
+from beamchain.steps.step_map import last_kept, motion_for
+from beamchain.steps.tree_response import Compared, Seen, Tendons, outer_dofs
 
-EXACT = 1.0 / 12.0  # of h^2 k: the poles are right to fourth order
-LIMIT = 0.25  # of h^2 k: stable by itself, whatever the mass; RK4: 1/8
+HINGE = 3  # mjJNT_HINGE
+APART = np.pi / 6.0  # by which joints turn from one pose to the next, at most
+ROUNDING = 1e-9  # of that
+MOST_PARTS = 12  # of the way from one keyframe to the next
+TURNED = (np.pi / 4.0, np.pi / 2.0, 3.0 * np.pi / 4.0)  # where no keyframe turns anything
+FASTEST = 0.5  # rad per step up to which the response is kept
+LIMIT = 0.25  # c at which a tendon is stable by itself, whatever the mass; RK4: 1/8
 ROOM = 0.02  # of S that is left over at least
 NOTHING = 1e-9  # of the mass of other bodies: none at all would be singular
-START = 0.3  # above the limit, where the search begins
-GAP = 1e-3  # of the objective at which the search ends
-NEWTON_STEPS = 40
+START = 0.3  # of c above its limit, where the search begins
+HIGHEST = 3.0  # c: a larger one would bring the tendon's own mode down towards the band
+SOFTEST, STIFFEST = 0.01, 0.05  # bounds of |s|: a static error of that size
+YIELDING = 5.0 / 16.0  # bound of |s| over the squared phase per step at the end of the band
+DAMPED = 0.3  # bound of |e|
+# distances from the imaginary axis at which responses are compared, relative to frequency: from
+# afar first, since poles that are still wrong have nothing in common near it
+NEARNESS = (0.3, 0.1, 0.03, 0.01, 0.003)
+WEIGHTS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)  # of the barrier, one after the other
+NEWTON_STEPS = 12
+SETTLED = 1e-3  # decrease over the barrier's weight that ends the steps of one weight
+ALIKE = 0.5  # relative difference below which responses are compared from nearer by
+SHORTEST = 1e-6  # of a step that is tried
+TOUCHING = 1e-9  # below c = 0, so that 0 can be had
 NAME = re.compile(r"(?:mode|filler)\d+(?:_(?:xy|xz|torsion|axial)\d*)?$")
 
 
@@ -48,14 +73,11 @@ class Alone(NamedTuple):
         tendons: `(n,)` their places in `Modal`.
         held, free: `(n, n)` condensed mass of their lengths, the root held, and free, without what
             the appendage carries.
-        force: `(n, 6)` on each mode per unit acceleration of the root, what it carries included,
-            over the square root of the mass that moves so.
     """
 
     tendons: NDArray[np.intp]
     held: Array
     free: Array
-    force: Array
 
 
 def appendages_alone(model: "mujoco.MjModel", modal: Modal) -> list[Alone]:
@@ -72,37 +94,9 @@ def appendages_alone(model: "mujoco.MjModel", modal: Modal) -> list[Alone]:
         mass = _mass_of(model, bodies)[np.ix_(dofs, dofs)]
         rigid, momentum = _root(model, data, first, bodies, dofs)
         free = mass - momentum.T @ np.linalg.lstsq(rigid, momentum, rcond=1e-12)[0]
-        held, spread = condensed_mass(mass, rows)
-        condensed = condensed_mass((free + free.T) / 2.0, rows)[0]
-        load, felt = _load(model, data, first, bodies, dofs)
-        size = np.sqrt(np.maximum(np.diag(rigid + load), 1e-300))
-        out.append(Alone(tendons, held, condensed, ((momentum + felt) @ spread / size[:, None]).T))
+        held = condensed_mass(mass, rows)[0]
+        out.append(Alone(tendons, held, condensed_mass((free + free.T) / 2.0, rows)[0]))
     return out
-
-
-def _load(
-    model: "mujoco.MjModel",
-    data: "mujoco.MjData",
-    root: int,
-    bodies: list[int],
-    dofs: NDArray[np.intp],
-) -> tuple[Array, Array]:
-    """As `_root`, of what hangs on the links of an appendage, taken as frozen to them."""
-    origin = data.xpos[root]
-    rigid = np.zeros((6, 6))
-    momentum = np.zeros((6, dofs.size))
-    for child in range(1, model.nbody):
-        if child in bodies or int(model.body_parentid[child]) not in bodies:
-            continue
-        carried = [i for i in range(model.nbody) if hangs_on(model, i, child)]
-        link = int(model.body_parentid[child])
-        mass = mass_of_bodies(model, data, carried, data.xpos[child], np.eye(3))
-        shift = offset_matrix(data.xpos[child] - origin)
-        rigid += shift.T @ mass @ shift
-        axes = np.eye(3)
-        by_link = motion(model, data, link, data.xpos[child], axes)[:, dofs]
-        momentum += shift.T @ mass @ by_link
-    return rigid, momentum
 
 
 def _mass_of(model: "mujoco.MjModel", bodies: list[int]) -> Array:
@@ -139,85 +133,284 @@ def _root(
 
 
 def tree_form(
-    model: "mujoco.MjModel", modal: Modal, integrator: str, timestep: float
+    model: "mujoco.MjModel",
+    modal: Modal,
+    integrator: str,
+    timestep: float,
+    *,
+    qpos: Array | None = None,
+    band: float | None = None,
 ) -> TendonValues:
-    """Armature of every modal tendon of a model that is not timed; dampings stay."""
+    """Stiffness, damping and armature of every modal tendon of a model that is not timed.
+
+    `qpos` `(nq,)`: the pose at which the response is kept, those of `tuned_poses` where left out;
+    `band` [rad/s]: up to where, the last kept mode where left out.
+    """
     h = float(timestep)
-    is_rk4 = integrator == "RK4"
-    low, limit = (0.0, LIMIT / 2.0) if is_rk4 else (EXACT, LIMIT)
-    squares = h**2 * modal.stiffness
-    factors = np.full(squares.size, low)
-    largest = 0.0
-    for alone in appendages_alone(model, modal):
-        x2 = squares[alone.tendons]
-        price = np.sum(alone.force**2, axis=1) / x2
-        own = least_factors(alone.free, x2, price, low, limit)
-        factors[alone.tendons] = own
-        values = eigh(np.diag(x2), alone.free + np.diag(own * x2), eigvals_only=True)
-        largest = max(largest, float(values[-1]))
-    late = h * modal.damping / 2.0
-    if is_rk4:
-        late = np.zeros_like(late)
-    elif SCHEMES[integrator].implicit_damping:
-        late = -late
-    armature = np.maximum(factors * squares + late, 0.0)
+    places = tuned_poses(model, modal) if qpos is None else [qpos]
+    motions = [motion_for(model, h, integrator, place) for place in places]
+    top = min(band or last_kept(model, motions[0]), FASTEST / h)
+    room = _Room.of(appendages_alone(model, modal), modal, integrator, h, top)
+    seen = [
+        Seen.of(model, modal, place, motion, top)
+        for place, motion in zip(places, motions, strict=True)
+    ]
+    unknowns = _nearest(room, seen)
+    tendons = room.tendons(unknowns)
+    return TendonValues(
+        tendons.damping,
+        tendons.armature,
+        SCHEMES[integrator].phase,
+        room.largest(unknowns),
+        _modes(modal, tendons, integrator, h),
+        tendons.stiffness,
+    )
+
+
+def tuned_poses(model: "mujoco.MjModel", modal: Modal) -> list[Array]:
+    """The pose of rest and the keyframes, and poses between them so that no joint of the craft
+    turns by more than 30 degrees; without keyframes each of its hinges in the tree, turned."""
+    known = list(poses(model).values())
+    if len(known) == 1:
+        return [*known, *_turned(model, modal)]
+    out = known[:1]
+    motion = np.zeros(model.nv)
+    for start, end in pairwise(known):
+        mujoco.mj_differentiatePos(model, motion, 1.0, start, end)
+        largest = np.max(np.abs(motion[outer_dofs(model, modal)]), initial=0.0)
+        parts = min(max(int(np.ceil(largest / APART - ROUNDING)), 1), MOST_PARTS)
+        for part in range(1, parts + 1):
+            place = start.copy()
+            mujoco.mj_integratePos(model, place, motion, part / parts)
+            out.append(place)
+    return out
+
+
+def _turned(model: "mujoco.MjModel", modal: Modal) -> list[Array]:
+    out: list[Array] = []
+    for dof in outer_dofs(model, modal):
+        joint = int(model.dof_jntid[dof])
+        if int(model.jnt_type[joint]) != HINGE:
+            continue
+        for angle in TURNED:
+            place = np.array(model.qpos0)
+            place[int(model.jnt_qposadr[joint])] += angle
+            low, high = model.jnt_range[joint]
+            if not model.jnt_limited[joint] or low <= place[model.jnt_qposadr[joint]] <= high:
+                out.append(place)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Room:
+    """What c, s and e may be, one after the other in a vector `(3 n,)`, and the barrier that keeps
+    them there.
+
+    Args:
+        appendages: alone.
+        stiffness, damping: `(n,)` of the tendons without timing.
+        timestep: [s].
+        late: armature over `h d / 2` that makes up for the instant at which a damper acts.
+        limit: c at which a tendon is stable by itself.
+        low, high: `(3 n,)` bounds.
+    """
+
+    appendages: Sequence[Alone]
+    stiffness: Array
+    damping: Array
+    timestep: float
+    late: float
+    limit: float
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(
+        cls,
+        appendages: Sequence[Alone],
+        modal: Modal,
+        integrator: str,
+        timestep: float,
+        band: float,
+    ) -> "_Room":
+        """Of the tendons of a model that is not timed."""
+        n = len(modal.names)
+        is_rk4 = integrator == "RK4"
+        softer = float(np.clip(YIELDING * (band * timestep) ** 2, SOFTEST, STIFFEST))
+        bound = np.repeat([softer, DAMPED], n)
+        return cls(
+            appendages,
+            modal.stiffness,
+            modal.damping,
+            timestep,
+            late=0.0 if is_rk4 else -1.0 if SCHEMES[integrator].implicit_damping else 1.0,
+            limit=LIMIT / 2.0 if is_rk4 else LIMIT,
+            low=np.concatenate([np.full(n, -TOUCHING), -bound]),
+            high=np.concatenate([np.full(n, HIGHEST), bound]),
+        )
+
+    @property
+    def start(self) -> Array:
+        """Unknowns in the middle of what is allowed."""
+        n = self.stiffness.size
+        return np.concatenate([np.full(n, self.limit + START), np.zeros(2 * n)])
+
+    def tendons(self, unknowns: Array) -> Tendons:
+        """The numbers of the tendons."""
+        c, s, e = np.split(unknowns, 3)
+        h = self.timestep
+        damping = (1.0 + e) * self.damping
+        armature = c * h**2 * self.stiffness + self.late * h * damping / 2.0
+        return Tendons((1.0 + s) * self.stiffness, damping, np.maximum(armature, 0.0))
+
+    @property
+    def units(self) -> Array:
+        """`(3 n,)` slope of stiffness, damping and armature by s, e and c."""
+        return np.concatenate([self.stiffness, self.damping, self.timestep**2 * self.stiffness])
+
+    def by_unknowns(self, slopes: Array) -> Array:
+        """Slopes by c, s and e of what has `slopes` by stiffness, damping and armature."""
+        by_stiffness, by_damping, by_armature = np.split(slopes * self.units, 3, axis=1)
+        late = self.late * self.timestep / 2.0 * self.damping
+        return np.hstack([by_armature, by_stiffness, by_damping + slopes[:, -late.size :] * late])
+
+    def value(self, unknowns: Array) -> float:
+        """The barrier; infinity outside."""
+        if np.any(unknowns <= self.low) or np.any(unknowns >= self.high):
+            return float("inf")
+        value = -np.sum(np.log(unknowns - self.low)) - np.sum(np.log(self.high - unknowns))
+        for spare in self._spare(unknowns):
+            try:
+                root = np.linalg.cholesky(spare)
+            except np.linalg.LinAlgError:
+                return float("inf")
+            value -= 2.0 * np.sum(np.log(np.diag(root)))
+        return float(value)
+
+    def derivatives(self, unknowns: Array) -> tuple[Array, Array]:
+        """Gradient `(3 n,)` and Hessian `(3 n, 3 n)` of the barrier."""
+        below = 1.0 / (unknowns - self.low)
+        above = 1.0 / (self.high - unknowns)
+        gradient = above - below
+        hessian = np.diag(above**2 + below**2)
+        n = self.stiffness.size
+        for alone, spare in zip(self.appendages, self._spare(unknowns), strict=True):
+            inverse = np.linalg.inv(spare)
+            x2 = self._phases(alone)
+            slopes = np.zeros((alone.tendons.size, 3 * n))  # of the diagonal, by c and s
+            own = np.arange(alone.tendons.size)
+            slopes[own, alone.tendons] = x2
+            slopes[own, n + alone.tendons] = -self.limit * x2
+            gradient -= slopes.T @ np.diag(inverse)
+            hessian += slopes.T @ inverse**2 @ slopes
+        return gradient, hessian
+
+    def largest(self, unknowns: Array) -> float:
+        """`h^2 lambda_max` of the appendages alone; stable below 4 (RK4: 8)."""
+        tendons = self.tendons(unknowns)
+        late = self.late * self.timestep * tendons.damping / 2.0
+        values = [
+            eigh(
+                np.diag(self.timestep**2 * tendons.stiffness[i]),
+                alone.free + np.diag((tendons.armature - late)[i]),
+                eigvals_only=True,
+            )[-1]
+            for alone in self.appendages
+            for i in [alone.tendons]
+        ]
+        return float(max(values))
+
+    def _phases(self, alone: Alone) -> Array:
+        return self.timestep**2 * self.stiffness[alone.tendons]
+
+    def _spare(self, unknowns: Array) -> list[Array]:
+        """`(1 - ROOM) S + diag((c - (1 + s) limit) x^2)` of every appendage."""
+        c, s, _ = np.split(unknowns, 3)
+        return [
+            (1.0 - ROOM) * alone.free
+            + np.diag((c[i] - (1.0 + s[i]) * self.limit) * self._phases(alone))
+            for alone in self.appendages
+            for i in [alone.tendons]
+        ]
+
+
+def _nearest(room: _Room, seen: Sequence[Seen]) -> Array:
+    """The unknowns with which the responses come nearest to the exact ones."""
+    unknowns = room.start
+    compared = [pose.compared(NEARNESS[0]) for pose in seen]
+    nearness = iter(NEARNESS[1:])
+    for weight in WEIGHTS:
+        for _ in range(NEWTON_STEPS):
+            step, decrease = _newton_step(room, compared, weight, unknowns)
+            length = _step_length(room, compared, weight, unknowns, step, decrease)
+            unknowns = unknowns + length * step
+            if length == 0.0 or decrease < SETTLED * weight:
+                break
+        width = next(nearness, NEARNESS[-1])
+        nearer = [pose.compared(width) for pose in seen]
+        if max(response.worst(room.tendons(unknowns)) for response in nearer) < ALIKE:
+            compared = nearer
+    return unknowns
+
+
+def _newton_step(
+    room: _Room, compared: Sequence[Compared], weight: float, unknowns: Array
+) -> tuple[Array, float]:
+    """A step of Gauss and Newton, and the decrease of the objective that it promises."""
+    tendons = room.tendons(unknowns)
+    gradient, hessian = (weight * part for part in room.derivatives(unknowns))
+    for response in compared:
+        missed, slopes = response.slopes(tendons)
+        by_unknowns = room.by_unknowns(slopes)
+        gradient += by_unknowns.T @ missed
+        hessian += by_unknowns.T @ by_unknowns
+    step = np.asarray(-np.linalg.solve(hessian, gradient), dtype=np.float64)
+    return step, float(-gradient @ step)
+
+
+def _step_length(
+    room: _Room,
+    compared: Sequence[Compared],
+    weight: float,
+    unknowns: Array,
+    step: Array,
+    decrease: float,
+) -> float:
+    """The first of 1, 1/2, 1/4, ... that lowers the objective enough; 0: none does."""
+
+    def objective(at: Array) -> float:
+        barrier = room.value(at)
+        if not np.isfinite(barrier):
+            return barrier
+        tendons = room.tendons(at)
+        squares = sum(float(np.sum(c.difference(tendons) ** 2)) for c in compared)
+        return squares / 2.0 + weight * barrier
+
+    now = objective(unknowns)
+    length = 1.0
+    while length > SHORTEST:
+        if objective(unknowns + length * step) < now - 1e-4 * length * decrease:
+            return length
+        length /= 2.0
+    return 0.0
+
+
+def _modes(
+    modal: Modal, tendons: Tendons, integrator: str, timestep: float
+) -> tuple[ModeTime, ...]:
     zeta = modal.damping / (2.0 * modal.frequency)
     poles = continuous_poles(modal.frequency, zeta)[0]
-    slowed = factors > low + 0.01
-    modes = tuple(
+    slowed = modal.frequency * timestep > SCHEMES[integrator].phase
+    return tuple(
         ModeTime(
             name=modal.names[i],
             frequency=float(modal.frequency[i]),
             ratio=float(zeta[i]),
-            mass=1.0 + float(armature[i]),
-            damping=float(modal.damping[i]),
+            mass=1.0 + float(tendons.armature[i]),
+            damping=float(tendons.damping[i]),
             pole=complex(poles[i]),
             slowed=bool(slowed[i]),
             clamped=False,
         )
         for i in range(len(modal.names))
     )
-    phase = float(np.sqrt(np.max(squares[~slowed], initial=0.0)))
-    return TendonValues(modal.damping, armature, phase, largest, modes)
-
-
-def least_factors(free: Array, x2: Array, price: Array, low: float, limit: float) -> Array:
-    """The factors `c >= low` of least `sum price c` with `free + diag((c - limit) x2) > 0`.
-
-    A convex program, by Newton's method on a barrier (S. Boyd and L. Vandenberghe, Convex
-    Optimization, 2004, section 11.3). `x2` `(n,)`: squared phase per step of the tendons.
-    """
-    spare = (1.0 - ROOM) * free
-    if np.linalg.eigvalsh(spare - np.diag((limit - low) * x2))[0] > 0.0:
-        return np.full(x2.size, low)
-    price = np.asarray(price / price.sum() + 1e-12, dtype=np.float64)
-    c: Array = np.full(x2.size, limit + START)
-    weight = 1.0
-
-    def value(at: Array) -> float:
-        gap = at - low
-        if np.any(gap <= 0.0):
-            return float("inf")
-        try:
-            root = np.linalg.cholesky(spare + np.diag((at - limit) * x2))
-        except np.linalg.LinAlgError:
-            return float("inf")
-        barrier = 2.0 * np.sum(np.log(np.diag(root))) + np.sum(np.log(gap))
-        return float(price @ at - weight * barrier)
-
-    while 2.0 * x2.size * weight > GAP * float(price @ (c - low)):
-        for _ in range(NEWTON_STEPS):
-            inverse = np.linalg.inv(spare + np.diag((c - limit) * x2))
-            gap = c - low
-            slope = price - weight * (np.diag(inverse) * x2 + 1.0 / gap)
-            curve = weight * (np.outer(x2, x2) * inverse**2 + np.diag(1.0 / gap**2))
-            step = np.asarray(-np.linalg.solve(curve, slope), dtype=np.float64)
-            decrease = float(-slope @ step)
-            if decrease < 1e-9 * weight:
-                break
-            length = 1.0
-            while value(c + length * step) > value(c) - 0.1 * length * decrease and length > 1e-9:
-                length /= 2.0
-            c = np.asarray(c + length * step, dtype=np.float64)
-        weight *= 0.2
-    return c

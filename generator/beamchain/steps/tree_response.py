@@ -1,0 +1,194 @@
+"""The response of a craft at the step, for given stiffness, damping and armature of its modal
+tendons, and its slopes by them.
+
+With R the motions of the base and of the craft's own joints inside the tree, z a step and
+
+    P = M + D_i h z/(z - 1) + D_e h/(z - 1) + K h^2 z/(z - 1)^2
+
+(RK4: `P = M + D/s + K/s^2`), the sampled accelerance is `A = R P^-1 R^T`. A change of one tendon,
+`dP = p b b^T` with b its row, moves it by `-p g g^T`, `g = R P^-1 b`.
+
+Theory: docs/theory.md, section 9.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beamchain.engine.library import hangs_on, mujoco
+from beamchain.engine.linear import linear_at
+from beamchain.engine.mount import motion
+from beamchain.engine.operating_point import base_body, quiet_copy, rest_point
+from beamchain.ports.motions import Array
+from beamchain.steps.integrators import SCHEMES, Complex
+from beamchain.steps.modal import Modal
+from beamchain.steps.sampled import Responder, exact_response
+from beamchain.steps.step_map import Motion
+
+POINTS = 40  # frequencies that are compared, beside those of poles
+LOWEST = 0.02  # of the band: where they begin
+BEYOND = 1.1  # times the band: poles up to there are compared
+SLOW = 1e-3  # of the band, below which a pole is rigid motion
+HELD = 1e-9  # of the largest motion: a row below it is none
+HINGE_OR_SLIDE = (2, 3)  # mjJNT_SLIDE, mjJNT_HINGE
+
+
+class Tendons(NamedTuple):
+    """Stiffness, damping and armature `(n,)` of modal tendons."""
+
+    stiffness: Array
+    damping: Array
+    armature: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A craft without timing at one pose, and the response that its step should have.
+
+    Args:
+        motion: of the craft without timing, at the step.
+        rows: `(m, nv)` R by the coordinates of `motion`, scaled so that the craft's rigid
+            accelerance has ones on its diagonal.
+        tendons: `(n, nv)` b, likewise.
+        plain: of the modal tendons, without timing.
+        exact: the sampled accelerance of exact motion.
+        omega: `(k,)` frequencies that are compared [rad/s].
+    """
+
+    motion: Motion
+    rows: Array
+    tendons: Array
+    plain: Tendons
+    exact: Responder
+    omega: Array
+
+    @classmethod
+    def of(
+        cls, model: "mujoco.MjModel", modal: Modal, qpos: Array, motion: Motion, band: float
+    ) -> "Seen":
+        """`model` without timing; `motion`: of it, at the step and pose."""
+        still = quiet_copy(model)
+        point = rest_point(still, qpos)
+        outer = outer_motions(still, modal, point.data())
+        rows = outer @ motion.shapes
+        tendons = modal.rows @ motion.shapes
+        # tendons locked: what is left of the unit mass in motions that do not stretch them
+        held = np.linalg.lstsq(tendons, tendons, rcond=None)[0]
+        rigid = np.sum((rows - rows @ held) * rows, axis=1)
+        moves = rigid > HELD * np.max(rigid, initial=1e-300)
+        scale = 1.0 / np.sqrt(rigid[moves])
+        rows = rows[moves] * scale[:, None]
+        linear = linear_at(point)
+        read = linear.outputs._replace(acceleration=outer[moves] * scale[:, None])
+        h = motion.timestep
+        poles = motion.continuous_poles() / h
+        ringing = (poles.imag > 0.0) & (np.abs(poles) > SLOW * band)
+        slow = np.abs(poles[ringing])
+        return cls(
+            motion,
+            rows,
+            tendons,
+            Tendons(modal.stiffness, modal.damping, np.zeros_like(modal.stiffness)),
+            exact_response(replace(linear, outputs=read), h).at,
+            np.union1d(np.geomspace(LOWEST * band, band, POINTS), slow[slow < BEYOND * band]),
+        )
+
+    def compared(self, nearness: float) -> "Compared":
+        """The response at `z = exp((j + nearness) w h)`."""
+        step = np.expm1((1j + nearness) * self.omega * self.motion.timestep)
+        exact = self.exact(step)
+        floor = np.linalg.norm(np.eye(self.rows.shape[0]), 2)
+        size = np.maximum(np.linalg.norm(exact, 2, axis=(1, 2)), floor)
+        return Compared(self, step, exact, size)
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """A response at given `z - 1` `(k,)`, the exact one `(k, m, m)`, and what differences are
+    relative to `(k,)`."""
+
+    seen: Seen
+    step: Complex
+    exact: NDArray[np.complex128]
+    size: Array
+
+    def difference(self, tendons: Tendons) -> Array:
+        """`(2 k m^2,)` real and imaginary parts of what the response misses, relative."""
+        return self._error(self._solved(tendons))
+
+    def worst(self, tendons: Tendons) -> float:
+        """The largest relative difference of the whole response."""
+        missed = (self.seen.rows @ self._solved(tendons) - self.exact) / self.size[:, None, None]
+        return float(np.max(np.linalg.norm(missed, 2, axis=(1, 2))))
+
+    def slopes(self, tendons: Tendons) -> tuple[Array, Array]:
+        """`difference`, and its slopes `(2 k m^2, 3 n)` by stiffness, damping and armature."""
+        solved = self._solved(tendons)
+        g = self.seen.tendons @ solved  # (k, n, m)
+        lever = -np.einsum("knp,knq->kpqn", g, g) / self.size[:, None, None, None]
+        by_stiffness, by_damping, _ = (f[:, None, None, None] * lever for f in self._factors())
+        table = np.concatenate([by_stiffness, by_damping, lever], axis=3)
+        slopes = table.reshape(-1, table.shape[3])
+        return self._error(solved), np.vstack([slopes.real, slopes.imag])
+
+    def _error(self, solved: NDArray[np.complex128]) -> Array:
+        missed = (self.seen.rows @ solved - self.exact) / self.size[:, None, None]
+        return np.concatenate([missed.real.ravel(), missed.imag.ravel()])
+
+    def _solved(self, tendons: Tendons) -> NDArray[np.complex128]:
+        """`P^-1 R^T` `(k, nv, m)`."""
+        seen = self.seen
+        motion = seen.motion
+        b = seen.tendons
+        mass = np.eye(motion.squares.size) + b.T @ (tendons.armature[:, None] * b)
+        stiffer = tendons.stiffness - seen.plain.stiffness
+        stiffness = np.diag(motion.squares) + b.T @ (stiffer[:, None] * b)
+        damped = b.T @ ((tendons.damping - seen.plain.damping)[:, None] * b)
+        spring, damper, by_joints = (factor[:, None, None] for factor in self._factors())
+        dynamic = (
+            mass
+            + (motion.damping - motion.implicit + damped) * damper
+            + motion.implicit * by_joints
+            + stiffness * spring
+        )
+        force = np.broadcast_to(seen.rows.T, (self.step.size, *seen.rows.T.shape))
+        return np.linalg.solve(dynamic, force.astype(np.complex128))
+
+    def _factors(self) -> tuple[Complex, Complex, Complex]:
+        """Of stiffness, of the tendons' damping and of what is damped implicitly in P."""
+        h = self.seen.motion.timestep
+        step = self.step
+        if self.seen.motion.integrator == "RK4":
+            rate = h / np.log1p(step)
+            return rate**2, rate, rate
+        explicit = h / step
+        implicit = h * (1.0 + step) / step
+        late = SCHEMES[self.seen.motion.integrator].implicit_damping
+        return h * implicit / step, implicit if late else explicit, implicit
+
+
+def outer_motions(model: "mujoco.MjModel", modal: Modal, data: "mujoco.MjData") -> Array:
+    """`(m, nv)` motion of every body that carries all else, in its own axes, and of the craft's own
+    hinges and slides between appendages."""
+    inner = np.flatnonzero(np.any(modal.rows != 0.0, axis=0))
+    links = dict.fromkeys(int(model.dof_bodyid[dof]) for dof in inner)
+    bases = dict.fromkeys(base_body(model, link) for link in links)
+    rows = [
+        motion(model, data, base, data.xpos[base], data.xmat[base].reshape(3, 3)) for base in bases
+    ]
+    return np.vstack([*rows, np.eye(model.nv)[outer_dofs(model, modal)]])
+
+
+def outer_dofs(model: "mujoco.MjModel", modal: Modal) -> list[int]:
+    """Degrees of freedom of the craft's own hinges and slides that hang on appendages."""
+    inner = np.flatnonzero(np.any(modal.rows != 0.0, axis=0))
+    links = dict.fromkeys(int(model.dof_bodyid[dof]) for dof in inner)
+    return [
+        int(model.jnt_dofadr[j])
+        for j in range(model.njnt)
+        if int(model.jnt_type[j]) in HINGE_OR_SLIDE
+        and int(model.jnt_dofadr[j]) not in inner
+        and any(hangs_on(model, int(model.jnt_bodyid[j]), link) for link in links)
+    ]
