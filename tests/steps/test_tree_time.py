@@ -11,6 +11,7 @@ import pytest
 import beamchain as bc
 import stepped
 from arms import Arm, Link, mjcf, side, toml
+from command import call
 from craft_truth import compiled
 
 BAND = 20.0
@@ -108,3 +109,99 @@ def test_timing_comes_out_bit_by_bit(tmp_path, integrator):
         field = f"tendon_{name}"
         assert np.array_equal(getattr(written, field), getattr(plain, field)), field
         assert np.array_equal(getattr(again, field), getattr(flexible.model, field)), field
+
+
+SPRUNG = """<mujoco><option gravity="0 0 0" timestep="{step}" integrator="{integrator}"/>
+<worldbody><body name="bus"><freejoint/>
+<inertial pos="0 0 0" mass="60" diaginertia="20 22 24"/>
+<body name="yoke" pos="0.5 0 0">
+<joint name="drive" axis="0 0 1" {drive} armature="0.01"/>
+<inertial pos="0.2 0 0" mass="2" diaginertia="0.05 0.05 0.05"/><site name="mount"/></body>
+</body></worldbody>{more}</mujoco>"""
+SERVO = '<actuator><position name="servo" joint="drive" kp="900" kv="3"/></actuator>'
+DRIVES = {"sprung": ('stiffness="900" damping="3"', ""), "servo": ('damping="1"', SERVO)}
+BEYOND = 1.2  # over x^4/480 + zeta x^2/6, what a damped spring with armature errs by
+TEN = 10.0  # times smaller than without
+
+
+SPEC = bc.Spec(
+    name="boom",
+    segment=(
+        bc.Segment(
+            length=4.0,
+            section=bc.Equivalent(
+                bending_stiffness_xy=1e6, bending_stiffness_xz=1e6, linear_mass=3.0
+            ),
+        ),
+    ),
+)
+BOOM = """name = "boom"
+[[segment]]
+length = 4.0
+section = { shape = "equivalent", bending_stiffness_xy = 1e6, linear_mass = 3.0 }
+"""
+
+
+def driven(drive, integrator, step, **options):
+    attributes, more = DRIVES[drive]
+    text = SPRUNG.format(step=step, integrator=integrator, drive=attributes, more=more)
+    return bc.embed(text, {"mount": SPEC}, **options)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+@pytest.mark.parametrize("drive", sorted(DRIVES))
+def test_sprung_drives_get_armature_only_where_it_is_asked_for(tmp_path, drive, integrator):
+    step = 0.04 if drive == "sprung" else 0.005
+    left = driven(drive, integrator, step, retime=True)
+    timed = driven(drive, integrator, step, retime_joints=True)
+    assert left.model.joint("drive").armature[0] == 0.01
+    file = tmp_path / "timed.xml"
+    timed.write(file)
+    written = mujoco.MjModel.from_xml_path(str(file))
+    assert np.array_equal(written.dof_armature, timed.model.dof_armature)
+    assert np.array_equal(written.dof_solimp, timed.model.dof_solimp)
+    assert written.joint("drive").armature[0] != 0.01
+    poles = stepped.continuous(left.untimed)
+    slowest = min(poles[poles.imag > 1.0], key=abs)
+    size = abs(slowest)
+    errors = [stepped.time_error(made.model, left.untimed, 1.1 * size)[0] for made in (left, timed)]
+    x = size * step
+    assert errors[1] < BEYOND * (x**4 / 480.0 - slowest.real / size * x**2 / 6.0)
+    assert errors[0] > TEN * errors[1]
+    bc.retime(written, 0.0)
+    assert np.array_equal(written.dof_armature, left.untimed.dof_armature)
+    assert np.array_equal(written.dof_solimp, left.untimed.dof_solimp)
+
+
+def test_the_command_times_joints_and_takes_it_out_again(tmp_path):
+    text = SPRUNG.format(step=0.01, integrator="Euler", drive=DRIVES["sprung"][0], more="")
+    craft = tmp_path / "craft.xml"
+    craft.write_text(text)
+    (tmp_path / "boom.toml").write_text(BOOM)
+    out = tmp_path / "out.xml"
+    at = f"mount={tmp_path / 'boom.toml'}"
+    assert call("embed", craft, "--at", at, "--retime-joints", "-o", out).status == 0
+    timed = mujoco.MjModel.from_xml_path(str(out)).joint("drive").armature[0]
+    again = tmp_path / "again.xml"
+    words = ("retime", out, "--timestep", "0.004", "--retime-joints", "-o", again)
+    assert call(*words).status == 0
+    assert mujoco.MjModel.from_xml_path(str(again)).joint("drive").armature[0] != timed
+    assert call("retime", again, "--timestep", "0", "-o", again, "--force").status == 0
+    assert mujoco.MjModel.from_xml_path(str(again)).joint("drive").armature[0] == 0.01
+    assert call("embed", again, "--remove", "-o", again, "--force").status == 0
+    assert again.read_text().replace('timestep="0.004"', 'timestep="0.01"') == text
+
+
+@pytest.mark.parametrize(
+    ("options", "joint", "sentence"),
+    [
+        ({"retime": False}, 'name="drive"', "needs timing"),
+        ({}, "", "give it a name"),
+        ({}, 'name="drive" frictionloss="0.1"', "has friction"),
+    ],
+)
+def test_joints_that_cannot_be_timed_are_named(options, joint, sentence):
+    text = SPRUNG.format(step=0.01, integrator="Euler", drive=DRIVES["sprung"][0], more="")
+    text = text.replace('name="drive"', joint)
+    with pytest.raises(bc.InputError, match=sentence):
+        bc.embed(text, {"mount": SPEC}, retime_joints=True, **options)

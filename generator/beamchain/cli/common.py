@@ -23,6 +23,14 @@ Folder = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.")]
+RetimeJoints = Annotated[
+    bool,
+    typer.Option(
+        "--retime-joints",
+        help="Put armature on the spacecraft's own sprung and servo-driven joints as well, so that "
+        "their step error is of fourth order too.",
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 
 

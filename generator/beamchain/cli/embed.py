@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from beamchain.caution import warnings_record
-from beamchain.cli.common import Force, Json, Quiet, console
+from beamchain.cli.common import Force, Json, Quiet, RetimeJoints, console
 from beamchain.cli.output import print_json, print_table, print_warnings, spinner, tell
 from beamchain.errors import InputError
 
@@ -92,6 +92,7 @@ def embed(
     max_modes: MaxModes = 12,
     rigid: Rigid = False,
     key: Key = None,
+    retime_joints: RetimeJoints = False,
     explain: Explain = False,
     as_json: Json = False,
     force: Force = False,
@@ -132,6 +133,7 @@ def embed(
                 max_modes=max_modes,
                 rigid=rigid,
                 carry=_carried(carry or []),
+                retime_joints=retime_joints,
             )
             _prove(result)
             at_key = () if key is None else result.modes_at(key)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from beamchain.cli.common import Force, Json, Quiet, console
+from beamchain.cli.common import Force, Json, Quiet, RetimeJoints, console
 from beamchain.cli.output import print_table, print_warnings, tell
 from beamchain.errors import InputError
 
@@ -22,6 +22,7 @@ def retime(
             metavar="NAME", help="Integrator, by MuJoCo's name; default: the model's own."
         ),
     ] = None,
+    retime_joints: RetimeJoints = False,
     as_json: Json = False,
     force: Force = False,
     quiet: Quiet = False,
@@ -45,7 +46,7 @@ def retime(
     if not timestep >= 0.0 or timestep == float("inf"):
         raise InputError(f"--timestep {timestep!r} must be zero or a positive number of seconds.")
     check_outputs([output], force=force, inputs=[model], update=(model, output))
-    done = retime_craft(model, timestep, integrator, output.parent)
+    done = retime_craft(model, timestep, integrator, output.parent, joints=retime_joints)
     write_files({output: done.file.text}, force=force, update=(model, output))
 
     def show() -> None:

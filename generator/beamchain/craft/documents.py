@@ -22,6 +22,8 @@ from beamchain.mjcf.craft import Craft, craft_from_text, read_craft
 from beamchain.mjcf.place import find_target, place_includes_with_targets
 from beamchain.mjcf.relocate import relocate, spacecraft_before
 from beamchain.mjcf.text import Edit
+from beamchain.steps.joint_time import timed_joints
+from beamchain.steps.retime_file import joint_attributes
 
 
 class Wish(NamedTuple):
@@ -121,6 +123,13 @@ def assemble(
             out = insert.hang_on_port(out, prefix, on_port[1], f"{a.prefix}link1")
     if layout is not None:
         out = insert.extend_keys(out, layout["qpos"], layout["qvel"], layout["rest"])
+    timed = next((a.timed for a in appendages if a.timed is not None), None)
+    if timed is not None:
+        joints = joint_attributes([out.root], timed, timed_joints(timed))
+        out = out.edit(
+            undo.change_marked(out, element, undo.JointMark, attributes)
+            for element, attributes in joints.items()
+        )
     return out, {
         files[i.prefix]: insert.attached_file(i) for i in items
     } if form == "attach" else {}

@@ -23,7 +23,7 @@ from beamchain.craft.appendage import (
     moved_by_load,
 )
 from beamchain.craft.disturbances import check_flags
-from beamchain.craft.documents import Wish, compile_document, layout_of, read_bare
+from beamchain.craft.documents import Wish, assemble, compile_document, layout_of, read_bare
 from beamchain.craft.embedded import Embedded
 from beamchain.craft.fits import Fits, fit_all
 from beamchain.craft.loads import (
@@ -72,6 +72,7 @@ def embed(
     max_modes: int = MOST_MODES,
     rigid: bool = False,
     carry: Mapping[str, str | Sequence[str]] | None = None,
+    retime_joints: bool = False,
 ) -> Embedded:
     """Attach appendages to a spacecraft and verify the assembled model.
 
@@ -100,6 +101,9 @@ def embed(
         carry: bodies of the spacecraft that hang on ports, by `PLACE:PORT`. In the spacecraft's
             file each is a child of the body that holds the place, where it is at rest; default:
             what the [[port]] of the specification names.
+        retime_joints: put armature on the spacecraft's own sprung and servo-driven joints as well,
+            so that their step error is of fourth order too; the appendages are then made exact in
+            time in any case.
 
     Raises:
         InputError: a place does not exist, is static or has no orthonormal frame, names clash, or a
@@ -119,7 +123,7 @@ def embed(
         [('mount', 'appendage_')]
     """
     with noted_inputs() as inputs:
-        result = _embed(craft, at, form, prefixes, retime, max_modes, rigid, carry)
+        result = _embed(craft, at, form, prefixes, retime, max_modes, rigid, carry, retime_joints)
     is_file = (
         isinstance(craft, str | Path)
         and result.document is not None
@@ -137,6 +141,7 @@ def _embed(
     max_modes: int,
     rigid: bool,
     carry: Mapping[str, str | Sequence[str]] | None,
+    retime_joints: bool,
 ) -> Embedded:
     """Do the work of `embed`."""
     hung = checked_carry(carry)
@@ -144,6 +149,15 @@ def _embed(
     check_places(at)
     rigid = true_or_false("rigid", rigid)
     retime = None if retime is None else true_or_false("retime", retime)
+    joints = true_or_false("retime_joints", retime_joints)
+    if joints and isinstance(craft, mujoco.MjSpec):
+        raise InputError(
+            "retime_joints changes joints of the spacecraft's file, and an MjSpec has none; give "
+            "the path of its file, or call bc.retime(model, timestep, joints=True) on what you "
+            "compile."
+        )
+    if joints and retime is False:
+        raise InputError("retime_joints needs timing; leave out retime=False (--no-retime).")
     if not at:
         raise InputError("nothing to embed: give at least one place and spec, --at NAME=SPEC.toml.")
     given = [] if prefixes is None else list_of_names("prefixes", prefixes)
@@ -188,7 +202,7 @@ def _embed(
         return _embed_in_spec(craft, _assign_prefixes({}, wanted), retime, most, fits, rigid)
     original, before, _ = read_bare(craft)
     return _embed_in_document(
-        original, _assign_prefixes(before, wanted), form, retime, most, fits, rigid
+        original, _assign_prefixes(before, wanted), form, retime, most, fits, rigid, joints
     )
 
 
@@ -297,6 +311,7 @@ def _embed_in_document(
     most: int = MOST_MODES,
     fits: "Fits | None" = None,
     rigid: bool = False,
+    joints: bool = False,
 ) -> Embedded:
     craft, appendages, warnings, steps = _fit_on_craft(
         original, wanted, most, fits or Fits(), rigid=rigid
@@ -310,9 +325,12 @@ def _embed_in_document(
         craft,
         appendages,
         lambda made: compile_document(original, made, form, layout),
-        retime,
+        True if joints else retime,
         compatibility.default_attributes(original.parts()),
+        joints=joints,
     )
+    if joints:  # a joint that the file does not hold by name is refused before anything is written
+        assemble(original, appendages, form, None, "craft", layout)
     return Embedded(
         appendages,
         craft,
@@ -386,11 +404,13 @@ def _time_and_check(
     build: "Callable[[tuple[Appendage, ...]], mujoco.MjModel]",
     retime: bool | None,
     found: Mapping[str, Mapping[str, int]] | None = None,
+    *,
+    joints: bool = False,
 ) -> "tuple[tuple[Appendage, ...], mujoco.MjModel, list[str]]":
     """The appendages exact in time where that is worth it, the model with them, and warnings.
 
     `build` compiles the spacecraft with appendages; `found`: defaults of its document that
-    would change them.
+    would change them; `joints`: time the spacecraft's own joints too.
     """
     model = build(appendages)
     if any(a.rigid for a in appendages):
@@ -403,7 +423,7 @@ def _time_and_check(
         check_names(craft, appendages)
         model = build(appendages)
         band = joint_request([a.spec for a in appendages]).band
-        final, slowed = with_timing(model, band)
+        final, slowed = with_timing(model, band, joints=joints)
         with_error = craft_time_error(final, model, appendages, band)
         without_error = craft_time_error(model, model, appendages, band)
         warnings += time_notes(final, decision.reason, with_error, without_error)

@@ -127,9 +127,11 @@ class RetimedCraft:
         return f"{sentence}, {side} the tolerance {self.tolerance:g}."
 
 
-def retime_craft(path: Path, timestep: float, integrator: str | None, folder: Path) -> RetimedCraft:
+def retime_craft(
+    path: Path, timestep: float, integrator: str | None, folder: Path, *, joints: bool = False
+) -> RetimedCraft:
     """A file of `embed` with timing for a step and integrator, its paths relative to `folder`,
-    and its errors there."""
+    and its errors there; `joints`: the spacecraft's own sprung joints too."""
     craft, appendages, unknown = None, (), UNMARKED
     if timestep > 0.0:
         try:
@@ -139,5 +141,5 @@ def retime_craft(path: Path, timestep: float, integrator: str | None, folder: Pa
         if known:
             (craft, appendages), unknown = known, ""
     band = joint_request([a.spec for a in appendages]).band
-    file = retimed_file(path, timestep, integrator, folder, band)
+    file = retimed_file(path, timestep, integrator, folder, band, joints=joints)
     return RetimedCraft(file, timestep, craft, appendages, unknown)

@@ -163,13 +163,13 @@ def fit_on_tendons(fit: Fit) -> Fit:
 
 
 def with_timing(
-    model: "mujoco.MjModel", band: float | None = None
+    model: "mujoco.MjModel", band: float | None = None, *, joints: bool = False
 ) -> "tuple[mujoco.MjModel, list[str]]":
     """A copy of a model with timing for its own step and integrator in its appendages,
-    and what was slowed for it; `band` as of `retime`."""
+    and what was slowed for it; `band`, `joints` as of `retime`."""
     model = copy.copy(model)
     integrator = NUMBERS[int(model.opt.integrator)]
-    plan = retime(model, float(model.opt.timestep), integrator, form=4, band=band)
+    plan = retime(model, float(model.opt.timestep), integrator, form=4, band=band, joints=joints)
     return model, plan.slowed
 
 

@@ -95,6 +95,10 @@ class PathMark(Changed, frozen=True, tag="path"):
     """A path, seen from the written file."""
 
 
+class JointMark(Changed, frozen=True, tag="joint"):
+    """A joint of the spacecraft that was given armature for its step."""
+
+
 class OpenedMark(Changed, frozen=True, tag="opened"):
     """An element without content (`<body/>`) that was given one."""
 
@@ -148,6 +152,7 @@ Mark: TypeAlias = (
     | ModelMark
     | CompilerMark
     | KeyMark
+    | JointMark
     | PathMark
     | OpenedMark
     | IncludeMark

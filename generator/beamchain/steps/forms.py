@@ -172,18 +172,30 @@ def _stable(integrator: str, c: Array, stiffness: Array, t: Timed, h: float) -> 
     return np.asarray(np.linalg.eigvalsh(left * scale[:, :, None] * scale[:, None, :])[:, 0] >= 0.0)
 
 
+def appendage_poles(modal: Modal, motion: Motion) -> Complex:
+    """Poles [1/s] that `form4` gives a craft whose motion was read without timing."""
+    return Craft.of(modal, motion).appendage_poles()
+
+
 def form4(
-    modal: Modal, c: Array, integrator: str, h: float, plan: TendonValues, motion: Motion
+    modal: Modal,
+    c: Array,
+    integrator: str,
+    h: float,
+    plan: TendonValues,
+    motion: Motion,
+    poles: Complex | None = None,
 ) -> TendonValues:
     """Form 2's plan, tuned; or itself where that cannot be or would cost stability.
 
-    `motion`: of the whole craft with timing taken out, at this step; what its own springs and
-    dampers do is taken into account, but only the poles of appendages are asked for.
+    `motion`: of the whole craft without timing in its tendons, at this step; what its own springs
+    and dampers do is taken into account, but only the poles of appendages are asked for; `poles`:
+    what they should be, where that motion has not them itself.
     """
     if not SCHEMES[integrator].exact:
         return plan
     craft = Craft.of(modal, motion)
-    poles = craft.appendage_poles()
+    poles = craft.appendage_poles() if poles is None else poles
     if not poles.size:
         return plan
     turn = np.abs(poles) * h

@@ -30,6 +30,7 @@ PATTERN = re.compile(r"(?:.+_)?(?:mode|filler)\d+(?:_(?:xy|xz|torsion|axial)\d*)
 FILLER = re.compile(r"(?:^|_)filler\d+(?:_(?:xy|xz|torsion|axial)\d*)?$")
 JOINT = 1  # mjWRAP_JOINT
 FREE_BALL = 1  # mjJNT_FREE is 0, mjJNT_BALL 1; slide and hinge come after
+HINGE_OR_SLIDE = (2, 3)
 UNMARKED = (0.9, 0.95, 0.001, 0.5, 2.0)  # MuJoCo's own solimplimit
 TREE = 5  # the form that changes stiffness as well
 FORMS = (2, 4, TREE)
@@ -71,9 +72,9 @@ def modal_tendons(model: "mujoco.MjModel") -> Modal:
     own = np.array(
         [i for i in named if model.tendon_stiffness[i] > 0.0 and _plain(model, i)], dtype=np.intp
     )
-    made_for = tuple(_mark(model, i) for i in own)
-    timed = np.array([mark is not None for mark in made_for], dtype=np.bool_)
-    stiffened = np.array([mark is not None and mark.form == TREE for mark in made_for], dtype=bool)
+    marks = tuple(_mark(model, i) for i in own)
+    timed = np.array([mark is not None for mark in marks], dtype=np.bool_)
+    stiffened = np.array([mark is not None and mark.form == TREE for mark in marks], dtype=np.bool_)
     before = model.tendon_solimp_lim[own]
     return Modal(
         own,
@@ -81,7 +82,7 @@ def modal_tendons(model: "mujoco.MjModel") -> Modal:
         locked(np.array([along(model, i) for i in own]).reshape(own.size, model.nv)),
         locked(np.where(stiffened, before[:, 4], model.tendon_stiffness[own])),
         locked(np.where(timed, before[:, 3], model.tendon_damping[own])),
-        made_for,
+        marks,
     )
 
 
@@ -108,13 +109,19 @@ def foreign(what: str) -> InputError:
     )
 
 
+def made_for(values: Array) -> MadeFor | None:
+    """What five numbers in a place for `solimp` were written for; None: they are no mark."""
+    step, number, form, *_ = (float(v) for v in values)
+    if not (step > 0.0 and number in NUMBERS and form in FORMS):
+        return None
+    return MadeFor(step, NUMBERS[int(number)], int(form))
+
+
 def _mark(model: "mujoco.MjModel", i: int) -> MadeFor | None:
     step, number, form, *_ = (float(v) for v in model.tendon_solimp_lim[i])
     if step > 0.0 and number in NUMBERS and form == 3:
         check("tendons of form 3", f"tendon {model.tendon(i).name!r}")
-    if not (step > 0.0 and number in NUMBERS and form in FORMS):
-        return None
-    return MadeFor(step, NUMBERS[int(number)], int(form))
+    return made_for(model.tendon_solimp_lim[i])
 
 
 def _plain(model: "mujoco.MjModel", i: int) -> bool:

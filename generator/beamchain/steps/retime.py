@@ -21,14 +21,15 @@ from types import MappingProxyType
 import numpy as np
 
 from beamchain.caution import Caution
-from beamchain.checks import finite_array, not_negative, of_type, one_of, positive
+from beamchain.checks import finite_array, not_negative, of_type, one_of, positive, true_or_false
 from beamchain.dropped import check
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, mass_matrix
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
-from beamchain.steps.forms import ModeTime, TendonValues, form2, form4
+from beamchain.steps.forms import ModeTime, TendonValues, appendage_poles, form2, form4
 from beamchain.steps.integrators import SCHEMES
+from beamchain.steps.joint_time import joint_armature, take_out_joints, write_joints
 from beamchain.steps.modal import (
     FORMS,
     TREE,
@@ -39,8 +40,8 @@ from beamchain.steps.modal import (
     foreign,
     modal_tendons,
 )
-from beamchain.steps.step_map import TimeError, motion_for, time_error, wrong_from
-from beamchain.steps.tree_time import appendages_alone, tree_form
+from beamchain.steps.step_map import GROWN, TimeError, motion_for, time_error, wrong_from
+from beamchain.steps.tree_time import appendages_alone, tree_form, tuned_poses
 
 UNIT_MASS = 1e-4  # by which the modal mass of a tendon of ours may miss 1
 ARRAYS = (
@@ -48,6 +49,8 @@ ARRAYS = (
     "tendon_armature",
     "tendon_damping",
     "tendon_solimp_lim",
+    "dof_armature",
+    "dof_solimp",
 )
 
 
@@ -159,6 +162,7 @@ def retime(
     form: int = 2,
     qpos: Array | None = None,
     band: float | None = None,
+    joints: bool = False,
 ) -> Retimed:
     """Make the appendages of a model exact in time for a step, in place.
 
@@ -181,6 +185,8 @@ def retime(
             the only pose that is looked at.
         band: up to where form 5 keeps the response [rad/s]; default: the last kept mode. Beyond
             half a radian per step nothing is kept.
+        joints: put armature on the spacecraft's own sprung and servo-driven joints as well, whose
+            step error is then of fourth order; they have no friction.
 
     Raises:
         InputError: the model has no modal tendons.
@@ -200,6 +206,7 @@ def retime(
     of_type("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
     h = not_negative("timestep", timestep, "s")
     band = None if band is None else positive("band", band, "rad/s")
+    with_joints = true_or_false("joints", joints)
     check(f"retime(form={form})")
     one_of("form", str(form), [str(f) for f in FORMS])
     name = NUMBERS[int(model.opt.integrator)] if integrator is None else integrator
@@ -210,6 +217,7 @@ def retime(
     if not modal.names:
         raise foreign("retiming")
     before = {array: np.array(getattr(model, array), dtype=np.float64) for array in ARRAYS}
+    take_out_joints(model)
     _take_out(model, modal, qpos)
     if h == 0.0:
         return Retimed(0.0, name, form, SCHEMES[name].phase, 0.0, (), MappingProxyType(before))
@@ -220,12 +228,14 @@ def retime(
         if form == TREE or carries_bodies(model, modal, qpos):
             form = TREE
             _check_alone(model, modal)
-            plan = tree_form(model, modal, name, h, qpos=qpos, band=band)
-        else:
-            c = coupled_mass(model, modal, qpos)
-            plan = form2(modal, c, name, h)
-            if form == 4:
-                plan = form4(modal, c, name, h, plan, motion_for(model, h, name, qpos))
+        added = np.zeros(model.nv)
+        if with_joints:
+            added = joint_armature(model, modal, name, h, slowed=False)
+        plan = _plan(model, modal, form, name, h, added, qpos, band)
+        if with_joints and _grows(model, modal, plan, added, MadeFor(h, name, form), qpos):
+            added = joint_armature(model, modal, name, h, slowed=True)
+            plan = _plan(model, modal, form, name, h, added, qpos, band)
+        write_joints(model, added, MadeFor(h, name, TREE))
     except BaseException:
         for array, values in before.items():
             getattr(model, array)[:] = values
@@ -244,6 +254,47 @@ def retime(
         written,
         None if qpos is None else np.array(qpos, dtype=np.float64),
     )
+
+
+def _plan(
+    model: "mujoco.MjModel",
+    modal: Modal,
+    form: int,
+    integrator: str,
+    timestep: float,
+    joints: Array,
+    qpos: Array | None,
+    band: float | None,
+) -> TendonValues:
+    """The numbers of the tendons; `joints` `(nv,)`: armature of the craft's own joints."""
+    if form == TREE:
+        return tree_form(model, modal, integrator, timestep, joints=joints, qpos=qpos, band=band)
+    stepped = copy.copy(model)
+    stepped.dof_armature += joints
+    c = coupled_mass(stepped, modal, qpos)
+    plan = form2(modal, c, integrator, timestep)
+    if form == 2:
+        return plan
+    poles = appendage_poles(modal, motion_for(model, timestep, integrator, qpos))
+    motion = motion_for(stepped, timestep, integrator, qpos)
+    return form4(modal, c, integrator, timestep, plan, motion, poles)
+
+
+def _grows(
+    model: "mujoco.MjModel",
+    modal: Modal,
+    plan: TendonValues,
+    joints: Array,
+    mark: MadeFor,
+    qpos: Array | None,
+) -> bool:
+    """Whether a step would be unstable in one of the poses."""
+    timed = copy.copy(model)
+    write_values(timed, modal, plan, mark)
+    timed.dof_armature += joints
+    places = tuned_poses(model, modal) if qpos is None else [qpos]
+    motions = (motion_for(timed, mark.timestep, mark.integrator, place) for place in places)
+    return any(motion.growth > 1.0 + GROWN for motion in motions)
 
 
 def time_sentence(off: TimeError) -> str:
@@ -268,6 +319,7 @@ def time_cure(integrator: str) -> str:
 def _without_timing(model: "mujoco.MjModel") -> "mujoco.MjModel":
     """A copy with the timing taken out."""
     out = copy.copy(model)
+    take_out_joints(out)
     _take_out(out, modal_tendons(out), None)
     return out
 

@@ -16,6 +16,7 @@ from beamchain.mjcf.craft import Craft, read_craft
 from beamchain.mjcf.relocate import relocate
 from beamchain.mjcf.write import number
 from beamchain.steps.integrators import SCHEMES, hinge_armature
+from beamchain.steps.joint_time import timed_joints
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.poles import PoleRow, growing_frequencies, pole_rows
 from beamchain.steps.retime import retime
@@ -44,6 +45,29 @@ def time_attributes(
             "damping": number(model.tendon_damping[i]),
             "armature": number(model.tendon_armature[i]),
             "solimplimit": number(model.tendon_solimp_lim[i]),
+        }
+    return out
+
+
+def joint_attributes(
+    parts: Iterable[Element], model: "mujoco.MjModel", dofs: Iterable[int]
+) -> dict[Element, dict[str, str]]:
+    """Attributes of a document's joints as the model has them, for those of some degrees of
+    freedom."""
+    elements = {str(node.get("name")): node for part in parts for node in part.iter("joint")}
+    out: dict[Element, dict[str, str]] = {}
+    for dof in dofs:
+        joint = model.joint(int(model.dof_jntid[dof]))
+        if joint.name not in elements:
+            body = model.body(int(model.dof_bodyid[dof])).name
+            raise InputError(
+                f"a sprung joint of body {body!r} does not stand by name in the file itself, so "
+                "that its armature cannot be written; give it a name there, or leave out the "
+                "timing of joints."
+            )
+        out[elements[joint.name]] = {
+            "armature": number(model.dof_armature[dof]),
+            "solimpfriction": number(model.dof_solimp[dof]),
         }
     return out
 
@@ -84,8 +108,10 @@ def retimed_file(
     integrator: str | None,
     folder: Path,
     band: float | None = None,
+    *,
+    joints: bool = False,
 ) -> RetimedFile:
-    """A model's file made exact in time (0: timing taken out); `band` as of `retime`."""
+    """A model's file made exact in time (0: timing taken out); `band`, `joints` as of `retime`."""
     if timestep > 0.0:
         check_step(timestep, "timestep")
     document = relocate(read_craft(path), folder)
@@ -96,7 +122,8 @@ def retimed_file(
     name = NUMBERS[int(model.opt.integrator)]
     if timestep > 0.0:
         model.opt.timestep = timestep
-    done = retime(model, timestep, name, form=4, band=band)
+    before = timed_joints(model)
+    done = retime(model, timestep, name, form=4, band=band, joints=joints)
     plain = copy.copy(model)
     retime(plain, 0.0)
     rows = pole_rows(model, plain)
@@ -104,6 +131,7 @@ def retimed_file(
         _check_stable(model)
     changes = time_attributes(document.parts(), model)
     _check_tendons(document, model, changes)
+    changes |= joint_attributes(document.parts(), model, {*before, *timed_joints(model)})
     option = document.root.find("option")
     settings: dict[str, str] = {}
     if timestep > 0.0:
@@ -128,7 +156,8 @@ def _check_stable(model: "mujoco.MjModel") -> None:
         raise InputError(
             f"{name} at {timestep:g} s is unstable whatever the appendages do: the spacecraft's "
             f"own springs vibrate at {max(grown):.4g} rad/s, and only modes of appendages are "
-            f"slowed; take a step below {SAFE / max(grown):.2g} s, or leave those springs out."
+            f"slowed; take a step below {SAFE / max(grown):.2g} s, let their joints have armature "
+            "(--retime-joints), or leave those springs out."
         )
     if not steps_well(model):
         raise InputError(

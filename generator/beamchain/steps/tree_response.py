@@ -23,7 +23,7 @@ from beamchain.engine.mount import motion
 from beamchain.engine.operating_point import base_body, quiet_copy, rest_point
 from beamchain.ports.motions import Array
 from beamchain.steps.integrators import SCHEMES, Complex
-from beamchain.steps.modal import Modal
+from beamchain.steps.modal import HINGE_OR_SLIDE, Modal
 from beamchain.steps.sampled import Responder, exact_response
 from beamchain.steps.step_map import Motion
 
@@ -32,7 +32,6 @@ LOWEST = 0.02  # of the band: where they begin
 BEYOND = 1.1  # times the band: poles up to there are compared
 SLOW = 1e-3  # of the band, below which a pole is rigid motion
 HELD = 1e-9  # of the largest motion: a row below it is none
-HINGE_OR_SLIDE = (2, 3)  # mjJNT_SLIDE, mjJNT_HINGE
 
 
 class Tendons(NamedTuple):
@@ -53,6 +52,7 @@ class Seen:
             accelerance has ones on its diagonal.
         tendons: `(n, nv)` b, likewise.
         plain: of the modal tendons, without timing.
+        joints: `(nv, nv)` armature of the craft's own joints, by the coordinates of `motion`.
         exact: the sampled accelerance of exact motion.
         omega: `(k,)` frequencies that are compared [rad/s].
     """
@@ -61,14 +61,22 @@ class Seen:
     rows: Array
     tendons: Array
     plain: Tendons
+    joints: Array
     exact: Responder
     omega: Array
 
     @classmethod
     def of(
-        cls, model: "mujoco.MjModel", modal: Modal, qpos: Array, motion: Motion, band: float
+        cls,
+        model: "mujoco.MjModel",
+        modal: Modal,
+        qpos: Array,
+        motion: Motion,
+        band: float,
+        joints: Array,
     ) -> "Seen":
-        """`model` without timing; `motion`: of it, at the step and pose."""
+        """`model` without timing; `motion`: of it, at the step and pose; `joints` `(nv,)`: armature
+        that the craft's own joints get."""
         still = quiet_copy(model)
         point = rest_point(still, qpos)
         outer = outer_motions(still, modal, point.data())
@@ -91,6 +99,7 @@ class Seen:
             rows,
             tendons,
             Tendons(modal.stiffness, modal.damping, np.zeros_like(modal.stiffness)),
+            motion.shapes.T @ (joints[:, None] * motion.shapes),
             exact_response(replace(linear, outputs=read), h).at,
             np.union1d(np.geomspace(LOWEST * band, band, POINTS), slow[slow < BEYOND * band]),
         )
@@ -99,8 +108,8 @@ class Seen:
         """The response at `z = exp((j + nearness) w h)`."""
         step = np.expm1((1j + nearness) * self.omega * self.motion.timestep)
         exact = self.exact(step)
-        floor = np.linalg.norm(np.eye(self.rows.shape[0]), 2)
-        size = np.maximum(np.linalg.norm(exact, 2, axis=(1, 2)), floor)
+        # not less than the rigid response of one motion
+        size = np.maximum(np.linalg.norm(exact, 2, axis=(1, 2)), 1.0)
         return Compared(self, step, exact, size)
 
 
@@ -130,8 +139,8 @@ class Compared:
         lever = -np.einsum("knp,knq->kpqn", g, g) / self.size[:, None, None, None]
         by_stiffness, by_damping, _ = (f[:, None, None, None] * lever for f in self._factors())
         table = np.concatenate([by_stiffness, by_damping, lever], axis=3)
-        slopes = table.reshape(-1, table.shape[3])
-        return self._error(solved), np.vstack([slopes.real, slopes.imag])
+        slopes = np.asarray(table.reshape(-1, table.shape[3]), dtype=np.complex128)
+        return self._error(solved), np.vstack([np.real(slopes), np.imag(slopes)])
 
     def _error(self, solved: NDArray[np.complex128]) -> Array:
         missed = (self.seen.rows @ solved - self.exact) / self.size[:, None, None]
@@ -142,7 +151,8 @@ class Compared:
         seen = self.seen
         motion = seen.motion
         b = seen.tendons
-        mass = np.eye(motion.squares.size) + b.T @ (tendons.armature[:, None] * b)
+        mass = np.eye(motion.squares.size) + seen.joints
+        mass = mass + b.T @ (tendons.armature[:, None] * b)
         stiffer = tendons.stiffness - seen.plain.stiffness
         stiffness = np.diag(motion.squares) + b.T @ (stiffer[:, None] * b)
         damped = b.T @ ((tendons.damping - seen.plain.damping)[:, None] * b)
@@ -154,14 +164,14 @@ class Compared:
             + stiffness * spring
         )
         force = np.broadcast_to(seen.rows.T, (self.step.size, *seen.rows.T.shape))
-        return np.linalg.solve(dynamic, force.astype(np.complex128))
+        return np.asarray(np.linalg.solve(dynamic, force), dtype=np.complex128)
 
     def _factors(self) -> tuple[Complex, Complex, Complex]:
         """Of stiffness, of the tendons' damping and of what is damped implicitly in P."""
         h = self.seen.motion.timestep
         step = self.step
         if self.seen.motion.integrator == "RK4":
-            rate = h / np.log1p(step)
+            rate = np.asarray(h / np.log1p(step), dtype=np.complex128)
             return rate**2, rate, rate
         explicit = h / step
         implicit = h * (1.0 + step) / step

@@ -138,13 +138,15 @@ def tree_form(
     integrator: str,
     timestep: float,
     *,
+    joints: Array,
     qpos: Array | None = None,
     band: float | None = None,
 ) -> TendonValues:
     """Stiffness, damping and armature of every modal tendon of a model that is not timed.
 
-    `qpos` `(nq,)`: the pose at which the response is kept, those of `tuned_poses` where left out;
-    `band` [rad/s]: up to where, the last kept mode where left out.
+    `joints` `(nv,)`: armature that the craft's own joints get; `qpos` `(nq,)`: the pose at which
+    the response is kept, those of `tuned_poses` where left out; `band` [rad/s]: up to where, the
+    last kept mode where left out.
     """
     h = float(timestep)
     places = tuned_poses(model, modal) if qpos is None else [qpos]
@@ -152,7 +154,7 @@ def tree_form(
     top = min(band or last_kept(model, motions[0]), FASTEST / h)
     room = _Room.of(appendages_alone(model, modal), modal, integrator, h, top)
     seen = [
-        Seen.of(model, modal, place, motion, top)
+        Seen.of(model, modal, place, motion, top, joints)
         for place, motion in zip(places, motions, strict=True)
     ]
     unknowns = _nearest(room, seen)
