@@ -205,3 +205,16 @@ def test_joints_that_cannot_be_timed_are_named(options, joint, sentence):
     text = text.replace('name="drive"', joint)
     with pytest.raises(bc.InputError, match=sentence):
         bc.embed(text, {"mount": SPEC}, retime_joints=True, **options)
+
+
+def test_the_largest_step_that_keeps_the_tolerance_is_named(tmp_path):
+    """At a step half a tenth shorter than the one named it is kept, at a third longer it is not."""
+    made = arm(20.0)
+    flexible = embedded(tmp_path, made, 0.04)
+    named = flexible.largest_step
+    assert flexible.met is False
+    assert embedded(tmp_path, made, 0.95 * named).met
+    assert not embedded(tmp_path, made, 1.3 * named).met
+    record = flexible.as_dict()
+    assert record["largest_step"] == named
+    assert embedded(tmp_path, made, 0.95 * named).as_dict()["largest_step"] is None

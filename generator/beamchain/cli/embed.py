@@ -236,6 +236,8 @@ def _show(result: "Embedded") -> None:
     out = console()
     assembly = result.assembly
     out.print(result.headline, markup=False)
+    if result.largest_step is not None:
+        out.print(f"With timing the tolerance is kept up to a step of {result.largest_step:.3g} s.")
     out.print(result.composite.sentence, markup=False)
     print_table(appendage_table(result))
     print_table(coupled_table(assembly))

@@ -17,6 +17,7 @@ from beamchain.craft.documents import assemble
 from beamchain.craft.error import CraftError, Pose, counterpart, craft_error, craft_poses
 from beamchain.craft.promise import JointRequest, joint_request, kept_band
 from beamchain.craft.sampled import craft_sampled_error
+from beamchain.craft.step_search import largest_step
 from beamchain.craft.timing import craft_time_error, without_timing
 from beamchain.engine.bench import Composite, composite
 from beamchain.engine.library import mujoco, one_thread
@@ -225,6 +226,16 @@ class Embedded:
     @property
     def _by_step(self) -> bool:
         return self.stepped and not any(a.rigid for a in self.appendages)
+
+    @cached_property
+    @one_thread()
+    def largest_step(self) -> float | None:
+        """The largest step with which timing would keep the tolerance [s], to 9 %; None where the
+        model's own step keeps it, where none would, or without a tolerance."""
+        if self.tolerance is None or self.met or not self._by_step:
+            return None
+        band = self._asked.band
+        return largest_step(self.craft, self.untimed, self._exact_poses, self.tolerance, band)
 
     @property
     def headline(self) -> str:

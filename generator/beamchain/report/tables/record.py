@@ -176,6 +176,7 @@ def embed_record(embedded: "Embedded") -> dict[str, Any]:
         ],
         **_fields(embedded, "form", "craft_error", "sampled_error", "band", "tolerance", "met"),
         "time_error": embedded.time_error.as_dict(),
+        "largest_step": embedded.largest_step,
         "composite": embedded.composite.as_dict(),
         "modes": coupled_table(assembly).records(),
         "poses": embedded.promise.poses,
