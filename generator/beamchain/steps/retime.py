@@ -270,7 +270,7 @@ def _plan(
     if form == TREE:
         return tree_form(model, modal, integrator, timestep, joints=joints, qpos=qpos, band=band)
     stepped = copy.copy(model)
-    stepped.dof_armature += joints
+    stepped.dof_armature[:] += joints
     c = coupled_mass(stepped, modal, qpos)
     plan = form2(modal, c, integrator, timestep)
     if form == 2:
@@ -291,7 +291,7 @@ def _grows(
     """Whether a step would be unstable in one of the poses."""
     timed = copy.copy(model)
     write_values(timed, modal, plan, mark)
-    timed.dof_armature += joints
+    timed.dof_armature[:] += joints
     places = tuned_poses(model, modal) if qpos is None else [qpos]
     motions = (motion_for(timed, mark.timestep, mark.integrator, place) for place in places)
     return any(motion.growth > 1.0 + GROWN for motion in motions)
