@@ -1,9 +1,10 @@
 """Trees of flexible bodies on a free bus: beams and frames, hinges, welds, branches; as finite
 elements of the whole craft, and as MJCF with specifications.
 
-Every flexible body is a frame of `frames` with all modes of its mesh, the root held; between root
-and tip it is one element of 12 freedoms per frequency. With h the modes' response to a force, L
-their participation, T the motion of the tip, R the rigid mass and X the rigid motion of the tip,
+Every flexible body has all modes of its mesh, the root held: of p-elements (`finite_elements`) for
+beams, of `frames` for leaves. Between root and tip it is one element of 12 freedoms per frequency.
+With h the modes' response to a force, L their participation, T the motion of the tip, R the rigid
+mass and X the rigid motion of the tip,
 
     Z = [[s^2 (R - s^2 L^T h L) + F^T G^-1 F, -F^T G^-1], [-G^-1 F, G^-1]],
     F = X - s^2 T^T h L,   G = T^T h T,
@@ -17,14 +18,14 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.linalg import eigh
 
+import finite_elements as fe
 from craft_truth import damped_poles
-from finite_elements import _rectangle_torsion
-from frames import Body as Lump
-from frames import Leg, _cross, frame_modes, write_modes
+from frames import Body, FrameModes, Leg, _cross, frame_modes, write_modes
 
 YOUNG, DENSITY, POISSON = 7e10, 2700.0, 0.33
-ELEMENTS = 30  # of a beam
+SHEAR = YOUNG / (2.0 * (1.0 + POISSON))
 LEAF_ELEMENTS = 6  # of every leg of a leaf
+CONVERGED = 12  # modes of every port of a beam that its mesh has right to rounding; it has more
 DELIVERED = 60.0  # times the band: the modes of a leaf that its file has, and at least
 AT_LEAST = 12
 STILL = 1e-4  # of the band: slower poles are rounding of rigid motions
@@ -188,7 +189,7 @@ def _specification(folder, tree, part, band, tolerance):
     if not part.is_beam:
         found = modes_of(part)
         count = max(int(np.sum(found.frequencies < DELIVERED * band)), AT_LEAST)
-        few = frame_modes(*_frame(part), modes=count)
+        few = _modes_of_leaf(part, count)
         write_modes(folder / f"{part.name}_modes.toml", few, damping=tree.ratio)
         return f'name = "{part.name}"\n[imported]\nfile = "{part.name}_modes.toml"\n{scene}'
     _, end, width_y, width_z = part.legs[0]
@@ -211,7 +212,34 @@ def _words(values):
 
 
 # -- the finite elements ---------------------------------------------------------------------------
-def _frame(part):
+@lru_cache(maxsize=16)
+def modes_of(part):
+    """All modes of the mesh of a part, the root held."""
+    if not part.is_beam:
+        return _modes_of_leaf(part, 10**6)
+    spec = {"segment": [_segment(part)]}
+    frequencies, participation, tip = [], [], []
+    for name in fe.PORTS:
+        port = fe.port(spec, name, CONVERGED)
+        left, values, right = np.linalg.svd(port.rows.elastic, full_matrices=False)
+        to_space = fe.into_space(name).T
+        frequencies.append(1.0 / values)
+        participation.append(left.T @ port.rows.rigid @ to_space)
+        tip.append((port.rows.at(part.length) @ (right.T / values)).T @ to_space)
+    together = (np.concatenate(each) for each in (frequencies, participation, tip))
+    return FrameModes(*together, fe.rigid_mass(spec), part.length, np.zeros((6, 6)))
+
+
+def _segment(part):
+    _, end, width_y, width_z = part.legs[0]
+    return {
+        "length": end[0],
+        "section": {"shape": "rectangle", "width_y": width_y, "width_z": width_z},
+        "material": {"youngs_modulus": YOUNG, "density": DENSITY, "poissons_ratio": POISSON},
+    }
+
+
+def _modes_of_leaf(part, count):
     legs = []
     for start, end, width_y, width_z in part.legs:
         area = width_y * width_z
@@ -221,22 +249,16 @@ def _frame(part):
             Leg(
                 start,
                 end,
-                ELEMENTS if part.is_beam else LEAF_ELEMENTS,
+                LEAF_ELEMENTS,
                 axial=YOUNG * area,
-                torsion=YOUNG / (2.0 * (1.0 + POISSON)) * _rectangle_torsion(width_y, width_z),
+                torsion=SHEAR * fe._rectangle_torsion(width_y, width_z),
                 bending_y=YOUNG * about_y,
                 bending_z=YOUNG * about_z,
                 mass=DENSITY * area,
                 polar=DENSITY * (about_y + about_z),
             )
         )
-    return legs, [Lump(place, mass) for place, mass in part.lumps]
-
-
-@lru_cache(maxsize=16)
-def modes_of(part):
-    """All modes of the mesh of a part, the root held."""
-    return frame_modes(*_frame(part), modes=10**6)
+    return frame_modes(legs, [Body(place, mass) for place, mass in part.lumps], modes=count)
 
 
 class _Set:
@@ -455,3 +477,108 @@ def _product(first, second):
     a, u = first[0], np.asarray(first[1:], dtype=float)
     b, v = second[0], np.asarray(second[1:], dtype=float)
     return np.array([a * b - u @ v, *(a * v + b * u + np.cross(u, v))])
+
+
+# -- trees at random -------------------------------------------------------------------------------
+def random_tree(seed):
+    """Two to five flexible bodies: beams and up to two leaves, behind hinges that are free or
+    sprung, welded, right on a port, several on one body; at rest and at one or two keyframes."""
+    rng = np.random.default_rng(seed)
+    parts, bodies = [_random_beam(rng, "part0", "bus")], []
+    for k in range(1, int(rng.integers(2, 6))):
+        name = f"part{k}"
+        beams = [part for part in parts if part.is_beam]
+        bare = [part for part in beams if not any(p.direct and p.on == part.name for p in parts)]
+        way = rng.choice(["hinge", "branch", "bus", "direct"], p=[0.55, 0.15, 0.1, 0.2])
+        if way == "direct" and bare:
+            on, direct = bare[int(rng.integers(len(bare)))].name, True
+        elif way == "bus":
+            on, direct = "bus", False
+        elif way == "branch" and bodies:
+            on, direct = bodies[int(rng.integers(len(bodies)))].name, False
+        else:
+            # the last beam twice as often: deep trees
+            on, direct = f"body{k}", False
+            carrier = [*beams, beams[-1]][int(rng.integers(len(beams) + 1))]
+            bodies.append(_random_body(rng, on, carrier.name))
+        is_leaf = rng.random() < 0.3 and sum(not part.is_beam for part in parts) < 2
+        made = _random_leaf if is_leaf else _random_beam
+        parts.append(made(rng, name, on, direct))
+    weight = sum(part.weight for part in parts)
+    tree = Tree(tuple(parts), tuple(bodies), 1.0, (1.0, 1.0, 1.0))
+    last = [part for part in parts if part.is_beam][-1]
+    hand = weight * float(10.0 ** rng.uniform(-2.0, 1.0))
+    if rng.random() < 0.7:
+        inertia = tuple(hand * rng.uniform(0.05, 0.08, 3))
+        bodies.append(Carried("hand", last.name, hand, inertia, turn=_random_turn(rng)))
+    bus = weight * float(10.0 ** rng.uniform(-0.5, 1.5))
+    poses = ["turned", "back"][: int(rng.integers(1, 3))] if tree.hinges else []
+    return Tree(
+        tuple(parts),
+        tuple(bodies),
+        bus,
+        tuple(bus * rng.uniform(0.3, 0.5, 3)),
+        ratio=float(rng.uniform(0.003, 0.02)),
+        keys={
+            pose: {name: float(rng.uniform(-2.0, 2.0)) for name in tree.hinges} for pose in poses
+        },
+    )
+
+
+def random_scene(seed, tree):
+    """Band [rad/s] and tolerance for a tree."""
+    rng = np.random.default_rng([seed, 1])
+    first = Whole(tree, {}, 1.0).frequencies(1)[0]
+    return float(first * rng.uniform(1.0, 4.0)), float(10.0 ** rng.uniform(-2.5, -1.0))
+
+
+def _random_beam(rng, name, on, direct=False):
+    length = float(rng.uniform(2.0, 8.0))
+    width = (length * rng.uniform(0.006, 0.02, 2)).tolist()
+    modes = f"[modes]\nxy = {rng.integers(1, 4)}\nxz = {rng.integers(1, 4)}\ntorsion = 1\n"
+    if rng.random() < 0.3:
+        modes = ""
+    leg = (0.0, 0.0, 0.0), (length, 0.0, 0.0), *width
+    return Part(name, (leg,), on, *_random_mount(rng, direct), direct, modes=modes)
+
+
+def _random_leaf(rng, name, on, direct=False):
+    """A T, an L or a skew frame: bending and torsion are coupled."""
+    reach, side = rng.uniform(1.0, 3.0), rng.uniform(0.3, 1.5)
+    corner = (float(reach), 0.0, 0.0)
+    ends = [(float(reach), float(side), 0.0), (float(reach), -float(side), 0.0)]
+    ends = {"T": ends, "L": ends[:1], "skew": [tuple(corner + side * rng.standard_normal(3))]}[
+        str(rng.choice(["T", "L", "skew"]))
+    ]
+    width = (reach * rng.uniform(0.006, 0.02, 2)).tolist()
+    legs = [((0.0, 0.0, 0.0), corner, *width)]
+    legs += [(corner, tuple(map(float, end)), *width) for end in ends]
+    lumps = tuple((legs[-1][1], float(rng.uniform(0.1, 2.0))) for _ in range(rng.integers(0, 2)))
+    return Part(name, tuple(legs), on, *_random_mount(rng, direct), direct, lumps)
+
+
+def _random_body(rng, name, on):
+    axis = rng.standard_normal(3)
+    kind = rng.choice(["free", "sprung", "welded"], p=[0.4, 0.4, 0.2])
+    mass = float(rng.uniform(0.5, 10.0))
+    return Carried(
+        name,
+        on,
+        mass,
+        tuple(mass * rng.uniform(0.02, 0.03, 3)),
+        axis=None if kind == "welded" else tuple(axis / np.linalg.norm(axis)),
+        stiffness=float(10.0 ** rng.uniform(2.0, 4.0)) if kind == "sprung" else 0.0,
+        damping=float(rng.uniform(0.5, 5.0)) if kind == "sprung" else 0.0,
+        turn=_random_turn(rng),
+    )
+
+
+def _random_mount(rng, direct):
+    if direct:
+        return (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    return tuple(rng.uniform(-0.5, 0.5, 3).tolist()), _random_turn(rng)
+
+
+def _random_turn(rng):
+    turn = rng.standard_normal(4)
+    return tuple((turn / np.linalg.norm(turn)).tolist())
