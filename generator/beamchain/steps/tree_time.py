@@ -23,7 +23,7 @@ from scipy.linalg import block_diag, eigh
 
 from beamchain.engine.bench import mass_of_bodies
 from beamchain.engine.library import hangs_on, mujoco
-from beamchain.engine.linearise import mass_matrix
+from beamchain.engine.linearise import mass_of_alone
 from beamchain.engine.mount import motion
 from beamchain.engine.operating_point import quiet_copy, rest_point
 from beamchain.ports.motions import Array, offset_matrix
@@ -34,7 +34,6 @@ from beamchain.steps.modal import Modal, condensed_mass
 EXACT = 1.0 / 12.0  # of h^2 k: the poles are right to fourth order
 LIMIT = 0.25  # of h^2 k: stable by itself, whatever the mass; RK4: 1/8
 ROOM = 0.02  # of S that is left over at least
-NOTHING = 1e-9  # of the mass of other bodies: none at all would be singular
 START = 0.3  # above the limit, where the search begins
 GAP = 1e-3  # of the objective at which the search ends
 NEWTON_STEPS = 40
@@ -61,7 +60,8 @@ class Alone(NamedTuple):
 def appendages_alone(model: "mujoco.MjModel", modal: Modal) -> list[Alone]:
     """Every appendage of a model that is not timed, alone."""
     prefixes = [NAME.sub("", name) for name in modal.names]
-    data = rest_point(quiet_copy(model)).data()
+    quiet = quiet_copy(model)
+    data = rest_point(quiet).data()
     out: list[Alone] = []
     for prefix in dict.fromkeys(prefixes):
         tendons = np.array([i for i, name in enumerate(prefixes) if name == prefix], dtype=np.intp)
@@ -69,7 +69,7 @@ def appendages_alone(model: "mujoco.MjModel", modal: Modal) -> list[Alone]:
         rows = modal.rows[np.ix_(tendons, dofs)]
         first = int(model.body_parentid[int(model.dof_bodyid[dofs[0]])])
         bodies = list(dict.fromkeys([first, *model.dof_bodyid[dofs].tolist()]))
-        mass = _mass_of(model, bodies)[np.ix_(dofs, dofs)]
+        mass = mass_of_alone(quiet, bodies)[np.ix_(dofs, dofs)]
         rigid, momentum = _root(model, data, first, bodies, dofs)
         free = mass - momentum.T @ np.linalg.lstsq(rigid, momentum, rcond=1e-12)[0]
         held, spread = condensed_mass(mass, rows)
@@ -103,15 +103,6 @@ def _load(
         by_link = motion(model, data, link, data.xpos[child], axes)[:, dofs]
         momentum += shift.T @ mass @ by_link
     return rigid, momentum
-
-
-def _mass_of(model: "mujoco.MjModel", bodies: list[int]) -> Array:
-    """`(nv, nv)` with no other mass than that of some bodies, and armatures."""
-    alone = quiet_copy(model)
-    others = np.setdiff1d(np.arange(model.nbody), bodies)
-    alone.body_mass[others] *= NOTHING
-    alone.body_inertia[others] *= NOTHING
-    return mass_matrix(alone)
 
 
 def _root(
