@@ -125,17 +125,6 @@ def side(arm, band, angles=None):
     return _reduced(*_matrices(arm, angles), REACH * band)
 
 
-def accelerance(arm, omega, angles=None):
-    """`(k, 6, 6)` of the bus at frequencies `omega` [rad/s], nothing reduced."""
-    mass, damping, stiffness, _, _ = _matrices(arm, angles)
-    size = len(mass)
-    out = []
-    for w in omega:
-        dynamic = mass + damping / (1j * w) - stiffness / w**2
-        out.append(np.linalg.solve(dynamic, np.eye(size, 6))[:6])
-    return np.array(out)
-
-
 def _matrices(arm, angles):
     """Mass, damping and stiffness of the whole arm, what moves with the bus where all is locked,
     and the number of hinges."""

@@ -22,6 +22,7 @@ EVEN = 1500  # points of the even grid
 BENT = 0.02  # of the value: how far the middle may lie off the straight line between its neighbours
 NEAR = 0.2  # of the largest value: what lies lower is not looked at any closer
 ROUNDS = 30  # of bisection
+AT_ONCE = 500  # frequencies: memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,18 +50,19 @@ class Side:
             + own[2] / s[:, None, None] ** 2
             - felt.reshape(-1, n, n)
         )
-        return np.linalg.inv(total)[:, :6, :6]
+        return np.linalg.solve(total, np.broadcast_to(np.eye(n, 6), (omega.size, n, 6)))[:, :6]
 
     def poles(self, first):
         """Damped poles of the freedoms from `first` on: 0 all free, 6 the base held."""
-        m, c, k = (a[first:, first:] for a in (self.mass, self.damping, self.stiffness))
-        n = m.shape[0]
-        if n == 0:
-            return np.zeros(0)
-        left = np.block(
-            [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(m, k), -np.linalg.solve(m, c)]]
-        )
-        return np.linalg.eigvals(left)
+        return damped_poles(*(a[first:, first:] for a in (self.mass, self.damping, self.stiffness)))
+
+
+def damped_poles(mass, damping, stiffness):
+    n = mass.shape[0]
+    if n == 0:
+        return np.zeros(0)
+    rates = np.linalg.solve(mass, np.hstack([-stiffness, -damping]))
+    return np.linalg.eigvals(np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rates]))
 
 
 def assembled(craft, angles=None):
@@ -127,6 +129,10 @@ class Pair:
 
     def curve(self, omega):
         """The error at each frequency, before its maximum is taken."""
+        parts = np.array_split(omega, max(1, omega.size // AT_ONCE))
+        return np.concatenate([self._curve(part) for part in parts])
+
+    def _curve(self, omega):
         exact, file = (
             side.accelerance(omega)[:, self.keep][:, :, self.keep] * self.scale
             for side in (self.exact, self.file)

@@ -14,7 +14,7 @@ from beamchain.craft.disturbances import TENDON_DAMPING, disturbances
 from beamchain.craft.error import Carried
 from beamchain.craft.loads import Carries, Load
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import compile_model, mass_matrix
+from beamchain.engine.linearise import compile_model, mass_of_alone
 from beamchain.engine.mount import Mount
 from beamchain.engine.operating_point import quiet_copy
 from beamchain.engine.unchanged import NAMED, Difference, differences, ids_of, in_order_of, others
@@ -34,7 +34,6 @@ from beamchain.structure.modal_data import ModalData
 
 # names of the empty bodies that stand for appendages while the spacecraft is measured
 PROBE = "beamchain probe "
-NOTHING = 1e-9  # of the mass of what an appendage carries, where it is looked at alone
 SAME = 1e-12  # relative: the appendage's numbers alone and in the spacecraft
 
 
@@ -297,11 +296,7 @@ def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> 
 
 def _mass_alone(model: "mujoco.MjModel", bodies: Sequence[int], dofs: Sequence[int]) -> Array:
     """`(n, n)` mass of an appendage's degrees of freedom without what hangs on its ports."""
-    alone = quiet_copy(model)
-    load = np.setdiff1d(np.arange(model.nbody), bodies)
-    alone.body_mass[load] *= NOTHING
-    alone.body_inertia[load] *= NOTHING
-    return mass_matrix(alone)[np.ix_(dofs, dofs)]
+    return mass_of_alone(quiet_copy(model), bodies)[np.ix_(dofs, dofs)]
 
 
 def rigid_mass(spec: Spec, data: ModalData | None = None) -> Array:

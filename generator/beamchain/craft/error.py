@@ -8,7 +8,7 @@ rest pose and at every keyframe.
 Theory: docs/theory.md, section 6.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -29,8 +29,10 @@ from beamchain.engine.operating_point import (
     quiet_copy,
     rest_point,
 )
+from beamchain.engine.partial_fractions import accelerance_of
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
+    Response,
     grid_of,
     maximum_of,
     peak_clusters,
@@ -288,22 +290,43 @@ class Pose:
 
     def exact(self, omega: Array) -> NDArray[np.complex128]:
         """`response` with the exact appendages, all their modes."""
-        return self.response(self.whole, omega)
+        return self._of_exact(omega)
+
+    @cached_property
+    def _of_exact(self) -> Response:
+        return self._response_of(self.whole, self.with_exact if self.carrying else None)
 
     def of_models(self, models: Sequence[PortModel]) -> float:
         """In-band error with `models` for appendages."""
         appendages = [with_damping(model) for model in models]
-        return self._error(partial(self.response, appendages), self._peaks(appendages))
+        together = self.with_appendages(appendages)
+        return self._error(self._response_of(appendages, together), peaks_of_craft(together))
+
+    def _response_of(self, models: Sequence[PortModel], together: Linear | None) -> Response:
+        """`response` with these appendages; where they carry, by the poles of it all `together`."""
+        if self.carrying is None or together is None:
+            return partial(self.response, models)
+        hub = self.craft.picked(inputs=self.motions, outputs=self.motions)
+        return self._by_poles(
+            together, lambda omega: hub.response(omega, models, self.jacobians, self.carrying)
+        )
+
+    def _by_poles(self, craft: Linear, plain: Response | None = None) -> Response:
+        hub = craft.picked(inputs=self.motions, outputs=self.motions)
+        accelerance = accelerance_of(hub, self.band, plain or hub.response)
+        return lambda omega: np.moveaxis(accelerance(omega), -1, 0) * self.scale
 
     def of_mujoco(self, model: "mujoco.MjModel", qpos: Array, body: int) -> float:
         """In-band error of the compiled `model` at `qpos`, where the base is its `body`."""
         compiled = self.comparable(craft_at(model, qpos, body))
-        return self._error(partial(self.accelerance, compiled), peaks_of_craft(compiled))
+        is_tree = self.carrying is not None
+        response = self._by_poles(compiled) if is_tree else partial(self.accelerance, compiled)
+        return self._error(response, peaks_of_craft(compiled))
 
     def _peaks(self, models: Sequence[PortModel]) -> Array:
         return peaks_of_craft(self.with_appendages(models))
 
-    def _error(self, response: Callable[[Array], NDArray[np.complex128]], peaks: Array) -> float:
+    def _error(self, response: Response, peaks: Array) -> float:
         """In-band error of any `response` that has these `peaks`."""
         known, omega, exact = self.known
         more = peak_clusters(unresolved_peaks(peaks, known), self.band)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import control
 
 MOST_FREEDOMS = 2000  # matrices of its square, differences of its cube: 0.7 s at 200
+LITTLE = 1e-9  # of the mass of bodies that are left out
 EPSILON = 1e-6  # perturbation of the centred differences
 # the same for velocities: the integrator "discrete" does not see damping forces of 1e-9
 VELOCITY = 1e-3
@@ -422,6 +423,17 @@ def mass_matrix(model: "mujoco.MjModel", qpos: Array | None = None) -> Array:
         data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
     return dense_mass(model, data)
+
+
+def mass_of_alone(model: "mujoco.MjModel", bodies: Sequence[int]) -> Array:
+    """`(nv, nv)` mass matrix of some bodies alone, all others without mass, at the initial pose;
+    armature included."""
+    others = np.setdiff1d(np.arange(model.nbody), np.asarray(bodies, dtype=np.intp))
+    alone = copy(model)
+    alone.body_mass[others] *= LITTLE
+    alone.body_inertia[others] *= LITTLE
+    # MuJoCo needs a little everywhere; the matrix is linear in the masses
+    return (mass_matrix(alone) - LITTLE * mass_matrix(model)) / (1.0 - LITTLE)
 
 
 def dense_mass(model: "mujoco.MjModel", data: "mujoco.MjData") -> Array:

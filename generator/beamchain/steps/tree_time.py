@@ -31,7 +31,7 @@ from scipy.linalg import block_diag, eigh
 
 from beamchain.engine.bench import mass_of_bodies
 from beamchain.engine.library import mujoco
-from beamchain.engine.linearise import mass_matrix
+from beamchain.engine.linearise import mass_of_alone
 from beamchain.engine.operating_point import poses, quiet_copy, rest_point
 from beamchain.ports.motions import Array, offset_matrix
 from beamchain.steps.forms import ModeTime, TendonValues
@@ -48,7 +48,6 @@ TURNED = (np.pi / 4.0, np.pi / 2.0, 3.0 * np.pi / 4.0)  # where no keyframe turn
 FASTEST = 0.5  # rad per step up to which the response is kept
 LIMIT = 0.25  # c at which a tendon is stable by itself, whatever the mass; RK4: 1/8
 ROOM = 0.02  # of S that is left over at least
-NOTHING = 1e-9  # of the mass of other bodies: none at all would be singular
 START = 0.3  # of c above its limit, where the search begins
 HIGHEST = 3.0  # c: a larger one would bring the tendon's own mode down towards the band
 SOFTEST, STIFFEST = 0.01, 0.05  # bounds of |s|: a static error of that size
@@ -83,7 +82,8 @@ class Alone(NamedTuple):
 def appendages_alone(model: "mujoco.MjModel", modal: Modal) -> list[Alone]:
     """Every appendage of a model that is not timed, alone."""
     prefixes = [NAME.sub("", name) for name in modal.names]
-    data = rest_point(quiet_copy(model)).data()
+    quiet = quiet_copy(model)
+    data = rest_point(quiet).data()
     out: list[Alone] = []
     for prefix in dict.fromkeys(prefixes):
         tendons = np.array([i for i, name in enumerate(prefixes) if name == prefix], dtype=np.intp)
@@ -91,21 +91,12 @@ def appendages_alone(model: "mujoco.MjModel", modal: Modal) -> list[Alone]:
         rows = modal.rows[np.ix_(tendons, dofs)]
         first = int(model.body_parentid[int(model.dof_bodyid[dofs[0]])])
         bodies = list(dict.fromkeys([first, *model.dof_bodyid[dofs].tolist()]))
-        mass = _mass_of(model, bodies)[np.ix_(dofs, dofs)]
+        mass = mass_of_alone(quiet, bodies)[np.ix_(dofs, dofs)]
         rigid, momentum = _root(model, data, first, bodies, dofs)
         free = mass - momentum.T @ np.linalg.lstsq(rigid, momentum, rcond=1e-12)[0]
         held = condensed_mass(mass, rows)[0]
         out.append(Alone(tendons, held, condensed_mass((free + free.T) / 2.0, rows)[0]))
     return out
-
-
-def _mass_of(model: "mujoco.MjModel", bodies: list[int]) -> Array:
-    """`(nv, nv)` with no other mass than that of some bodies, and armatures."""
-    alone = quiet_copy(model)
-    others = np.setdiff1d(np.arange(model.nbody), bodies)
-    alone.body_mass[others] *= NOTHING
-    alone.body_inertia[others] *= NOTHING
-    return mass_matrix(alone)
 
 
 def _root(

@@ -1,0 +1,584 @@
+"""Trees of flexible bodies on a free bus: beams and frames, hinges, welds, branches; as finite
+elements of the whole craft, and as MJCF with specifications.
+
+Every flexible body has all modes of its mesh, the root held: of p-elements (`finite_elements`) for
+beams, of `frames` for leaves. Between root and tip it is one element of 12 freedoms per frequency.
+With h the modes' response to a force, L their participation, T the motion of the tip, R the rigid
+mass and X the rigid motion of the tip,
+
+    Z = [[s^2 (R - s^2 L^T h L) + F^T G^-1 F, -F^T G^-1], [-G^-1 F, G^-1]],
+    F = X - s^2 T^T h L,   G = T^T h T,
+
+so nothing of the structure is left out at any frequency. Nothing is imported from the package.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+
+import numpy as np
+from scipy.linalg import eigh
+
+import finite_elements as fe
+from craft_truth import damped_poles
+from frames import Body, FrameModes, Leg, _cross, frame_modes, write_modes
+
+YOUNG, DENSITY, POISSON = 7e10, 2700.0, 0.33
+SHEAR = YOUNG / (2.0 * (1.0 + POISSON))
+LEAF_ELEMENTS = 6  # of every leg of a leaf
+CONVERGED = 12  # modes of every port of a beam that its mesh has right to rounding; it has more
+DELIVERED = 60.0  # times the band: the modes of a leaf that its file has, and at least
+AT_LEAST = 12
+STILL = 1e-4  # of the band: slower poles are rounding of rigid motions
+NEAREST = 30.0  # times the band: undamped modes up to here make the damped poles
+
+
+# -- what a tree consists of -----------------------------------------------------------------------
+@dataclass(frozen=True)
+class Part:
+    """A flexible body, its x axis outwards.
+
+    Attributes:
+        name: of its specification; it stands at the site `place_<name>`.
+        legs: `(start, end, width_y, width_z)` of rectangular members; one along x is a beam, whose
+            tip is a port, others are a leaf of imported modes.
+        on: the body that holds its site; or, with `direct`, the part on whose port it stands.
+        at, turn: of the site on that body: place, and quaternion.
+        lumps: `(place, mass)` at ends of legs.
+        modes: text of `[modes]`; chosen for the scene where left out.
+    """
+
+    name: str
+    legs: tuple
+    on: str
+    at: tuple = (0.0, 0.0, 0.0)
+    turn: tuple = (1.0, 0.0, 0.0, 0.0)
+    direct: bool = False
+    lumps: tuple = ()
+    modes: str = ""
+
+    @property
+    def is_beam(self):
+        return len(self.legs) == 1
+
+    @property
+    def length(self):
+        return self.legs[0][1][0]
+
+    @property
+    def weight(self):
+        beams = sum(DENSITY * np.linalg.norm(np.subtract(b, a)) * y * z for a, b, y, z in self.legs)
+        return float(beams + sum(mass for _, mass in self.lumps))
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A rigid body on the port of a beam, its centre there.
+
+    Attributes:
+        on: name of the beam.
+        axis: of its hinge, in its own axes; None: welded.
+        turn: quaternion of its axes at rest against the beam's.
+    """
+
+    name: str
+    on: str
+    mass: float
+    inertia: tuple
+    axis: tuple | None = None
+    stiffness: float = 0.0
+    damping: float = 0.0
+    turn: tuple = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Parts and carried bodies on the body `bus`, carriers before what they carry."""
+
+    parts: tuple
+    bodies: tuple
+    bus: float
+    bus_inertia: tuple
+    ratio: float = 0.005  # of every mode of every part, its root held
+    keys: dict = field(default_factory=dict)  # angles by body, by name of the keyframe
+
+    @property
+    def hinges(self):
+        """Names of the bodies with a hinge, as the document has them."""
+        return [body.name for body in self._in_order("bus") if body.axis is not None]
+
+    def _in_order(self, holder):
+        for body in self.bodies:
+            if body.on in self._parts_of(holder):
+                yield body
+                yield from self._in_order(body.name)
+
+    def _parts_of(self, holder):
+        """Names of the parts whose loads are written into a body: on it, and on their ports."""
+        names = [part.name for part in self.parts if not part.direct and part.on == holder]
+        for part in self.parts:  # carriers come first
+            if part.direct and part.on in names:
+                names.append(part.name)
+        return names
+
+    def part(self, name):
+        return next(part for part in self.parts if part.name == name)
+
+
+# -- the files -------------------------------------------------------------------------------------
+def mjcf(tree, timestep=0.001, integrator="Euler"):
+    """The craft with its flexible bodies left out: every body where it is at rest."""
+    keys = ""
+    for name, angles in tree.keys.items():
+        turned = _words([angles.get(hinge, 0.0) for hinge in tree.hinges])
+        keys += f'<key name="{name}" qpos="0 0 0 1 0 0 0 {turned}"/>'
+    return f"""<mujoco model="tree">
+<option timestep="{timestep!r}" gravity="0 0 0" integrator="{integrator}"/>
+<worldbody><body name="bus"><freejoint name="bus"/>
+<inertial pos="0 0 0" mass="{tree.bus!r}" diaginertia="{_words(tree.bus_inertia)}"/>
+{_inside(tree, "bus")}</body></worldbody>
+<keyframe>{keys}</keyframe>
+</mujoco>"""
+
+
+def _inside(tree, holder):
+    """Sites and bodies inside a body."""
+    out = ""
+    ends = {}
+    for name in tree._parts_of(holder):
+        part = tree.part(name)
+        if part.direct:
+            place, turn = ends[part.on]
+        else:
+            place, turn = np.array(part.at), np.array(part.turn)
+            out += f'<site name="place_{name}" pos="{_words(place)}" quat="{_words(turn)}"/>\n'
+        ends[name] = place + _matrix(turn) @ [part.length, 0.0, 0.0], turn
+    for body in tree.bodies:
+        if body.on not in ends:
+            continue
+        place, turn = ends[body.on]
+        turn = _product(turn, body.turn)
+        joint = ""
+        if body.axis is not None:
+            joint = (
+                f'<joint name="hinge_{body.name}" type="hinge" axis="{_words(body.axis)}" '
+                f'stiffness="{body.stiffness!r}" damping="{body.damping!r}"/>'
+            )
+        out += f"""<body name="{body.name}" pos="{_words(place)}" quat="{_words(turn)}">{joint}
+<inertial pos="0 0 0" mass="{body.mass!r}" diaginertia="{_words(body.inertia)}"/>
+{_inside(tree, body.name)}</body>\n"""
+    return out
+
+
+def written(folder, tree, band, tolerance, **craft):
+    """The files of a tree: its craft, and the specification at each place."""
+    (folder / "tree.xml").write_text(mjcf(tree, **craft))
+    at = {}
+    for part in tree.parts:
+        path = folder / f"{part.name}.toml"
+        path.write_text(_specification(folder, tree, part, band, tolerance))
+        at[place_of(tree, part)] = path
+    return folder / "tree.xml", at
+
+
+def place_of(tree, part):
+    return f"{place_of(tree, tree.part(part.on))}:end" if part.direct else f"place_{part.name}"
+
+
+def _specification(folder, tree, part, band, tolerance):
+    scene = f"[scene]\nbandwidth = {band!r}\ntolerance = {tolerance!r}\n"
+    if not part.is_beam:
+        found = modes_of(part)
+        count = max(int(np.sum(found.frequencies < DELIVERED * band)), AT_LEAST)
+        few = _modes_of_leaf(part, count)
+        write_modes(folder / f"{part.name}_modes.toml", few, damping=tree.ratio)
+        return f'name = "{part.name}"\n[imported]\nfile = "{part.name}_modes.toml"\n{scene}'
+    _, end, width_y, width_z = part.legs[0]
+    names = [body.name for body in tree.bodies if body.on == part.name]
+    is_port = names or any(other.direct and other.on == part.name for other in tree.parts)
+    carries = ", ".join(f'"{name}"' for name in names)
+    port = f'[[port]]\nname = "end"\nx = {end[0]!r}\ncarries = [{carries}]\n' if is_port else ""
+    return f"""name = "{part.name}"
+[[segment]]
+length = {end[0]!r}
+section = {{ shape = "rectangle", width_y = {width_y!r}, width_z = {width_z!r} }}
+material = {{ youngs_modulus = {YOUNG!r}, density = {DENSITY!r}, poissons_ratio = {POISSON!r} }}
+{port}[damping]
+ratio = {tree.ratio!r}
+{scene}{part.modes}"""
+
+
+def _words(values):
+    return " ".join(repr(float(v)) for v in values)
+
+
+# -- the finite elements ---------------------------------------------------------------------------
+@lru_cache(maxsize=16)
+def modes_of(part):
+    """All modes of the mesh of a part, the root held."""
+    if not part.is_beam:
+        return _modes_of_leaf(part, 10**6)
+    spec = {"segment": [_segment(part)]}
+    frequencies, participation, tip = [], [], []
+    for name in fe.PORTS:
+        port = fe.port(spec, name, CONVERGED)
+        left, values, right = np.linalg.svd(port.rows.elastic, full_matrices=False)
+        to_space = fe.into_space(name).T
+        frequencies.append(1.0 / values)
+        participation.append(left.T @ port.rows.rigid @ to_space)
+        tip.append((port.rows.at(part.length) @ (right.T / values)).T @ to_space)
+    together = (np.concatenate(each) for each in (frequencies, participation, tip))
+    return FrameModes(*together, fe.rigid_mass(spec), part.length, np.zeros((6, 6)))
+
+
+def _segment(part):
+    _, end, width_y, width_z = part.legs[0]
+    return {
+        "length": end[0],
+        "section": {"shape": "rectangle", "width_y": width_y, "width_z": width_z},
+        "material": {"youngs_modulus": YOUNG, "density": DENSITY, "poissons_ratio": POISSON},
+    }
+
+
+def _modes_of_leaf(part, count):
+    legs = []
+    for start, end, width_y, width_z in part.legs:
+        area = width_y * width_z
+        about_z = width_z * width_y**3 / 12.0
+        about_y = width_y * width_z**3 / 12.0
+        legs.append(
+            Leg(
+                start,
+                end,
+                LEAF_ELEMENTS,
+                axial=YOUNG * area,
+                torsion=SHEAR * fe._rectangle_torsion(width_y, width_z),
+                bending_y=YOUNG * about_y,
+                bending_z=YOUNG * about_z,
+                mass=DENSITY * area,
+                polar=DENSITY * (about_y + about_z),
+            )
+        )
+    return frame_modes(legs, [Body(place, mass) for place, mass in part.lumps], modes=count)
+
+
+class _Set:
+    """A tree at a pose: rows of the motion of every body and of both ends of every part, over the
+    bus's six motions, the hinges, and `size` further coordinates, which `tip` places."""
+
+    def __init__(self, tree, angles, size, tip):
+        angles = angles or {}
+        hinges = tree.hinges
+        count = 6 + len(hinges) + size
+        self.bodies = {"bus": (np.eye(6, count), np.zeros(3), np.eye(3))}
+        self.roots, self.turns = {}, {}
+        tips = {}
+        left = [*tree.parts, *tree.bodies]
+        while left:
+            one = left.pop(0)
+            if isinstance(one, Carried):
+                if one.on not in tips:
+                    left.append(one)
+                    continue
+                rows, place, turn = tips[one.on]
+                turn = turn @ _matrix(one.turn)
+                if one.axis is not None:
+                    rows = rows.copy()
+                    rows[3:, 6 + hinges.index(one.name)] += turn @ one.axis
+                    turn = turn @ _rotation(np.array(one.axis), angles.get(one.name, 0.0))
+                self.bodies[one.name] = rows, place, turn
+                continue
+            if one.on not in (tips if one.direct else self.bodies):
+                left.append(one)
+                continue
+            if one.direct:
+                rows, place, turn = tips[one.on]
+            else:
+                rows, place, turn = self.bodies[one.on]
+                away = turn @ one.at
+                rows, place, turn = _moved(rows, away), place + away, turn @ _matrix(one.turn)
+            self.roots[one.name], self.turns[one.name] = rows, np.kron(np.eye(2), turn)
+            away = turn @ [one.length, 0.0, 0.0]
+            tips[one.name] = tip(one.name, rows, away, turn, count), place + away, turn
+        self.tips = {name: rows for name, (rows, _, _) in tips.items()}
+        self.mass = np.zeros((count, count))
+        weights = {body.name: (body.mass, body.inertia) for body in tree.bodies}
+        weights["bus"] = tree.bus, tree.bus_inertia
+        for name, (rows, _, turn) in self.bodies.items():
+            weight, inertia = weights[name]
+            self.mass += weight * rows[:3].T @ rows[:3]
+            self.mass += rows[3:].T @ (turn @ np.diag(inertia) @ turn.T) @ rows[3:]
+        self.stiffness, self.damping = np.zeros((2, count, count))
+        for body in tree.bodies:
+            if body.axis is not None:
+                at = 6 + hinges.index(body.name)
+                self.stiffness[at, at] = body.stiffness
+                self.damping[at, at] = body.damping
+
+
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """A tree at a pose in finite elements, up to a band [rad/s]; the bus's six motions are looked
+    at."""
+
+    tree: Tree
+    angles: dict
+    band: float
+
+    @cached_property
+    def mass(self):
+        """`(6, 6)` with all else locked."""
+        locked = _Set(
+            self.tree, self.angles, 0, lambda name, rows, away, turn, count: _moved(rows, away)
+        )
+        mass = locked.mass
+        for name, rows in locked.roots.items():
+            own = locked.turns[name].T @ rows
+            mass = mass + own.T @ modes_of(self.tree.part(name)).rigid @ own
+        return mass[:6, :6]
+
+    def accelerance(self, omega):
+        """`(k, 6, 6)` acceleration of the bus per wrench on it."""
+        carriers = {p.name for p in self.tree.parts if _carries(self.tree, p)}
+        names = [part.name for part in self.tree.parts if part.name in carriers]
+        first = 6 + len(self.tree.hinges)
+
+        def tip(name, rows, away, turn, count):
+            out = np.zeros((6, count))
+            if name in carriers:
+                at = first + 6 * names.index(name)
+                out[:, at : at + 6] = np.eye(6)
+            return out
+
+        at_pose = _Set(self.tree, self.angles, 6 * len(names), tip)
+        s = 1j * omega[:, None, None]
+        dynamic = s**2 * at_pose.mass + s * at_pose.damping + at_pose.stiffness
+        for part in self.tree.parts:
+            back = at_pose.turns[part.name].T
+            root = back @ at_pose.roots[part.name]
+            own = _element_at(part, omega, self.tree.ratio, part.name in carriers)
+            if part.name in carriers:
+                root = np.vstack([root, back @ at_pose.tips[part.name]])
+            dynamic = dynamic + root.T @ own @ root
+        right = np.broadcast_to(np.eye(dynamic.shape[1], 6), (omega.size, dynamic.shape[1], 6))
+        return s**2 * np.linalg.solve(dynamic, right)[:, :6]
+
+    def poles(self, first):
+        """Damped poles: of the free craft, and with 6 those with the bus held; none of rigid
+        motions."""
+        poles = damped_poles(*(matrix[first:, first:] for matrix in self._slow))
+        return poles[np.abs(poles) > STILL * self.band]
+
+    def frequencies(self, count):
+        """The lowest undamped frequencies above zero [rad/s]."""
+        mass, _, stiffness = self._slow
+        values = eigh(stiffness, mass, eigvals_only=True)
+        return np.sqrt(values[values > 1e-6 * self.band**2])[:count]
+
+    @cached_property
+    def _modal(self):
+        """Mass, damping and stiffness over the bus's motions, the hinges and all modes of all
+        parts."""
+        starts, size = {}, 0
+        first = 6 + len(self.tree.hinges)
+        for part in self.tree.parts:
+            starts[part.name] = first + size
+            size += modes_of(part).frequencies.size
+
+        def tip(name, rows, away, turn, count):
+            out = _moved(rows, away)
+            modes = modes_of(self.tree.part(name))
+            here = slice(starts[name], starts[name] + modes.frequencies.size)
+            out[:, here] += np.kron(np.eye(2), turn) @ modes.tip.T
+            return out
+
+        at_pose = _Set(self.tree, self.angles, size, tip)
+        mass, stiffness, damping = at_pose.mass, at_pose.stiffness, at_pose.damping
+        for name, start in starts.items():
+            modes = modes_of(self.tree.part(name))
+            here = np.arange(start, start + modes.frequencies.size)
+            rows = at_pose.turns[name].T @ at_pose.roots[name]
+            pushed = modes.participation @ rows
+            mass += rows.T @ modes.rigid @ rows
+            mass[here] += pushed
+            mass[:, here] += pushed.T
+            mass[here, here] += 1.0
+            stiffness[here, here] += modes.frequencies**2
+            damping[here, here] += 2.0 * self.tree.ratio * modes.frequencies
+        return mass, damping, stiffness
+
+    @cached_property
+    def _slow(self):
+        """The same in the undamped modes up to `NEAREST` times the band, the bus's motions
+        first."""
+        mass, damping, stiffness = self._modal
+        # of the inverse, so that slow modes keep their digits
+        shift = self.band**2
+        held = slice(6, None)
+        inverse, shapes = eigh(mass[held, held], (stiffness + shift * mass)[held, held])
+        shapes = shapes[:, inverse > 1.0 / (NEAREST**2 + 1.0) / shift]
+        basis = np.zeros((len(mass), 6 + shapes.shape[1]))
+        basis[:6, :6] = np.eye(6)
+        basis[6:, 6:] = shapes / np.linalg.norm(shapes, axis=0)
+        return tuple(basis.T @ matrix @ basis for matrix in (mass, damping, stiffness))
+
+
+def _carries(tree, part):
+    return any(body.on == part.name for body in tree.bodies) or any(
+        other.direct and other.on == part.name for other in tree.parts
+    )
+
+
+def _element_at(part, omega, ratio, with_tip):
+    """Dynamic stiffness `(k, 12, 12)` between root and tip, or `(k, 6, 6)` at the root."""
+    modes = modes_of(part)
+    w, to_root, to_tip = modes.frequencies, modes.participation, modes.tip
+    s = 1j * omega[:, None]
+    given = 1.0 / (s**2 + 2.0 * ratio * w * s + w**2)
+    s = s[:, :, None]
+
+    def summed(a, b):
+        products = a[:, :, None] * b[:, None, :]
+        return (given @ products.reshape(w.size, -1)).reshape(-1, a.shape[1], b.shape[1])
+
+    root = s**2 * (modes.rigid - s**2 * summed(to_root, to_root))
+    if not with_tip:
+        return root
+    flexibility = summed(to_tip, to_tip)
+    follow = _moved(np.eye(6), np.array([part.length, 0.0, 0.0])) - s**2 * summed(to_tip, to_root)
+    stiff = np.linalg.inv(flexibility)
+    across = -stiff @ follow
+    return np.block(
+        [
+            [root - np.swapaxes(follow, 1, 2) @ across, np.swapaxes(across, 1, 2)],
+            [across, stiff],
+        ]
+    )
+
+
+def _moved(rows, arm):
+    """Motion of a point at `arm` of the body that moves by `rows`."""
+    out = rows.copy()
+    out[:3] -= _cross(arm) @ rows[3:]
+    return out
+
+
+def _rotation(axis, angle):
+    cross = _cross(axis)
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+def _matrix(quaternion):
+    w, vector = quaternion[0], np.asarray(quaternion[1:], dtype=float)
+    cross = _cross(vector)
+    return np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
+
+
+def _product(first, second):
+    a, u = first[0], np.asarray(first[1:], dtype=float)
+    b, v = second[0], np.asarray(second[1:], dtype=float)
+    return np.array([a * b - u @ v, *(a * v + b * u + np.cross(u, v))])
+
+
+# -- trees at random -------------------------------------------------------------------------------
+def random_tree(seed):
+    """Two to five flexible bodies: beams and up to two leaves, behind hinges that are free or
+    sprung, welded, right on a port, several on one body; at rest and at one or two keyframes."""
+    rng = np.random.default_rng(seed)
+    parts, bodies = [_random_beam(rng, "part0", "bus")], []
+    for k in range(1, int(rng.integers(2, 6))):
+        name = f"part{k}"
+        beams = [part for part in parts if part.is_beam]
+        bare = [part for part in beams if not any(p.direct and p.on == part.name for p in parts)]
+        way = rng.choice(["hinge", "branch", "bus", "direct"], p=[0.55, 0.15, 0.1, 0.2])
+        if way == "direct" and bare:
+            on, direct = bare[int(rng.integers(len(bare)))].name, True
+        elif way == "bus":
+            on, direct = "bus", False
+        elif way == "branch" and bodies:
+            on, direct = bodies[int(rng.integers(len(bodies)))].name, False
+        else:
+            # the last beam twice as often: deep trees
+            on, direct = f"body{k}", False
+            carrier = [*beams, beams[-1]][int(rng.integers(len(beams) + 1))]
+            bodies.append(_random_body(rng, on, carrier.name))
+        is_leaf = rng.random() < 0.3 and sum(not part.is_beam for part in parts) < 2
+        made = _random_leaf if is_leaf else _random_beam
+        parts.append(made(rng, name, on, direct))
+    weight = sum(part.weight for part in parts)
+    tree = Tree(tuple(parts), tuple(bodies), 1.0, (1.0, 1.0, 1.0))
+    last = [part for part in parts if part.is_beam][-1]
+    hand = weight * float(10.0 ** rng.uniform(-2.0, 1.0))
+    if rng.random() < 0.7:
+        inertia = tuple(hand * rng.uniform(0.05, 0.08, 3))
+        bodies.append(Carried("hand", last.name, hand, inertia, turn=_random_turn(rng)))
+    bus = weight * float(10.0 ** rng.uniform(-0.5, 1.5))
+    poses = ["turned", "back"][: int(rng.integers(1, 3))] if tree.hinges else []
+    return Tree(
+        tuple(parts),
+        tuple(bodies),
+        bus,
+        tuple(bus * rng.uniform(0.3, 0.5, 3)),
+        ratio=float(rng.uniform(0.003, 0.02)),
+        keys={
+            pose: {name: float(rng.uniform(-2.0, 2.0)) for name in tree.hinges} for pose in poses
+        },
+    )
+
+
+def random_scene(seed, tree):
+    """Band [rad/s] and tolerance for a tree."""
+    rng = np.random.default_rng([seed, 1])
+    first = Whole(tree, {}, 1.0).frequencies(1)[0]
+    return float(first * rng.uniform(1.0, 4.0)), float(10.0 ** rng.uniform(-2.5, -1.0))
+
+
+def _random_beam(rng, name, on, direct=False):
+    length = float(rng.uniform(2.0, 8.0))
+    width = (length * rng.uniform(0.006, 0.02, 2)).tolist()
+    modes = f"[modes]\nxy = {rng.integers(1, 4)}\nxz = {rng.integers(1, 4)}\ntorsion = 1\n"
+    if rng.random() < 0.3:
+        modes = ""
+    leg = (0.0, 0.0, 0.0), (length, 0.0, 0.0), *width
+    return Part(name, (leg,), on, *_random_mount(rng, direct), direct, modes=modes)
+
+
+def _random_leaf(rng, name, on, direct=False):
+    """A T, an L or a skew frame: bending and torsion are coupled."""
+    reach, side = rng.uniform(1.0, 3.0), rng.uniform(0.3, 1.5)
+    corner = (float(reach), 0.0, 0.0)
+    ends = [(float(reach), float(side), 0.0), (float(reach), -float(side), 0.0)]
+    ends = {"T": ends, "L": ends[:1], "skew": [tuple(corner + side * rng.standard_normal(3))]}[
+        str(rng.choice(["T", "L", "skew"]))
+    ]
+    width = (reach * rng.uniform(0.006, 0.02, 2)).tolist()
+    legs = [((0.0, 0.0, 0.0), corner, *width)]
+    legs += [(corner, tuple(map(float, end)), *width) for end in ends]
+    lumps = tuple((legs[-1][1], float(rng.uniform(0.1, 2.0))) for _ in range(rng.integers(0, 2)))
+    return Part(name, tuple(legs), on, *_random_mount(rng, direct), direct, lumps)
+
+
+def _random_body(rng, name, on):
+    axis = rng.standard_normal(3)
+    kind = rng.choice(["free", "sprung", "welded"], p=[0.4, 0.4, 0.2])
+    mass = float(rng.uniform(0.5, 10.0))
+    return Carried(
+        name,
+        on,
+        mass,
+        tuple(mass * rng.uniform(0.02, 0.03, 3)),
+        axis=None if kind == "welded" else tuple(axis / np.linalg.norm(axis)),
+        stiffness=float(10.0 ** rng.uniform(2.0, 4.0)) if kind == "sprung" else 0.0,
+        damping=float(rng.uniform(0.5, 5.0)) if kind == "sprung" else 0.0,
+        turn=_random_turn(rng),
+    )
+
+
+def _random_mount(rng, direct):
+    if direct:
+        return (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    return tuple(rng.uniform(-0.5, 0.5, 3).tolist()), _random_turn(rng)
+
+
+def _random_turn(rng):
+    turn = rng.standard_normal(4)
+    return tuple((turn / np.linalg.norm(turn)).tolist())
