@@ -373,11 +373,12 @@ def _step_to(
     limited = bool(model.jnt_limited[hinge.joint])
     try:
         model.jnt_limited[hinge.joint] = limited and not is_stop
-        if start * at(LONGEST * whole) > 0.0:
+        if not start * at(LONGEST * whole) <= 0.0:  # nor where the simulation diverges
             return abs(start) <= NEAR
-        ends = SHORTEST * whole, LONGEST * whole
-        model.opt.timestep = float(brentq(at, *ends, xtol=1e-15 * whole, rtol=1e-15))
-        mujoco.mj_step(model, data)
+        if start * at(SHORTEST * whole) > 0.0:
+            ends = SHORTEST * whole, LONGEST * whole
+            model.opt.timestep = float(brentq(at, *ends, xtol=1e-15 * whole, rtol=1e-15))
+            mujoco.mj_step(model, data)
     finally:
         model.opt.timestep = whole
         model.jnt_limited[hinge.joint] = limited
