@@ -268,7 +268,12 @@ def unlatch(model: "mujoco.MjModel", data: "mujoco.MjData", joint: str) -> float
 
 def is_latched(model: "mujoco.MjModel", dof: int) -> bool:
     """Whether a degree of freedom is that of a latched hinge."""
-    return float(model.dof_solimp[dof, 0]) in (WITHOUT_STOPS, WITH_STOPS)
+    return is_mark(model.dof_solimp[dof])
+
+
+def is_mark(impedance: Array) -> bool:
+    """Whether a `dof_solimp` is what a latched hinge was before."""
+    return float(impedance[0]) in (WITHOUT_STOPS, WITH_STOPS)
 
 
 def take_out(model: "mujoco.MjModel", joint: int) -> None:
@@ -349,9 +354,7 @@ def _stop_ahead(model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge) ->
     return high if rate > 0.0 else low
 
 
-def _step_to(
-    model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge, target: float
-) -> bool:
+def _step_to(model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge, target: float) -> bool:
     """Make a step that ends where a hinge is at its target; False where the next step does not
     reach it."""
     start = float(data.qpos[hinge.position]) - target
