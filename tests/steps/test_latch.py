@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import beamchain as bc
+from mechanics import after_a_step, kinetic_energy, momentum, total_energy
 
 LATCHED = {"stiffness": 400.0, "damping": 2.0}
 ACROSS = 1e-12
@@ -54,52 +55,12 @@ def wing(integrator="RK4", step=0.001):
  qvel="0 0 0 0.02 0.05 -0.03 0 0 0"/></keyframe></mujoco>"""
 
 
-def momentum(model, data):
-    """Linear and angular momentum about the origin of the world."""
-    mujoco.mj_forward(model, data)
-    total = np.zeros(6)
-    for body in range(1, model.nbody):
-        velocity = np.zeros(6)
-        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
-        axes = data.ximat[body].reshape(3, 3)
-        inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
-        linear = model.body_mass[body] * velocity[3:]
-        total[:3] += linear
-        total[3:] += inertia @ velocity[:3] + np.cross(data.xipos[body], linear)
-    return total
-
-
-def kinetic(model, data):
-    """Kinetic energy by MuJoCo's mass matrix."""
-    column = np.zeros(model.nv)
-    mujoco.mj_forward(model, data)
-    mujoco.mj_mulM(model, data, column, data.qvel)
-    return 0.5 * float(data.qvel @ column)
-
-
-def potential(model, data):
-    stretch = data.qpos[7:] - model.qpos_spring[7:]
-    return 0.5 * float(np.ravel(model.jnt_stiffness)[1:] @ stretch**2)
-
-
 def started(**settings):
     model = mujoco.MjModel.from_xml_string(wing(**settings))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
     return model, data
-
-
-def total_energy(model, data):
-    return kinetic(model, data) + potential(model, data)
-
-
-def stepped(model, data, seconds):
-    """The same state after one plain step of MuJoCo of some length."""
-    plain, there = copy.copy(model), copy.copy(data)
-    plain.opt.timestep = seconds
-    mujoco.mj_step(plain, there)
-    return plain, there
 
 
 @pytest.mark.parametrize("impact", [False, True])
@@ -118,7 +79,7 @@ def test_panels_latch_one_by_one_and_nothing_is_made_from_nothing(impact):
             waiting.remove(name)
             assert abs(data.joint(name).qpos[0]) < HERE
             # the shortened step is MuJoCo's own; what follows it is the latch
-            plain, here = stepped(plain, here, data.time - here.time)
+            plain, here = after_a_step(plain, here, data.time - here.time)
             assert momentum(model, data) == pytest.approx(momentum(plain, here), abs=ACROSS * size)
             dropped = total_energy(plain, here) - total_energy(model, data)
             assert float(done) == pytest.approx(dropped, abs=1e-12 * energy)
@@ -140,7 +101,7 @@ def test_the_impact_takes_what_the_formula_says_and_no_momentum(name, armature):
     model, data = started()
     target = float(data.joint(name).qpos[0])
     data.qvel[:] = np.random.default_rng(5).standard_normal(model.nv)
-    at, energy = momentum(model, data), kinetic(model, data)
+    at, energy = momentum(model, data), kinetic_energy(model, data)
     mass = np.zeros((model.nv, model.nv))
     for i, unit in enumerate(np.eye(model.nv)):
         column = np.zeros(model.nv)
@@ -153,7 +114,7 @@ def test_the_impact_takes_what_the_formula_says_and_no_momentum(name, armature):
     assert done is not None
     assert done.impact == pytest.approx(wanted, rel=IMPACT)
     assert float(done) - done.impact == pytest.approx(drive, rel=IMPACT)
-    assert energy - kinetic(model, data) == pytest.approx(wanted, rel=IMPACT)
+    assert energy - kinetic_energy(model, data) == pytest.approx(wanted, rel=IMPACT)
     assert momentum(model, data) == pytest.approx(at, abs=ACROSS * np.abs(at).max())
     assert data.joint(name).qvel[0] == 0.0
     assert done.warnings == ()

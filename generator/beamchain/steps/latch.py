@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 from beamchain.caution import Caution
 from beamchain.checks import not_negative, number, of_type, positive, true_or_false, unknown
 from beamchain.engine.library import mujoco, one_thread
-from beamchain.engine.linearise import mass_matrix
+from beamchain.engine.linearise import NUMBERS, mass_matrix
 from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.modal import modal_tendons
@@ -155,7 +155,8 @@ def latch(
             given; the default makes the hinge swing by 0.2 rad of phase in a step, which is about
             as stiff as the step resolves.
         damping: [N m s/rad]; default: as it is.
-        armature: of the latched hinge [kg m^2]; default: as it is.
+        armature: of the latched hinge [kg m^2]; default: as it is, and beside a flexible body what
+            keeps the step stable: `h^2 k/8 + h d/2` under RK4, `h^2 k/4` otherwise.
         impact: stop the hinge at once, `v+ = v - M^-1 e (e^T M^-1 e)^-1 v_j`, which conserves
             momentum. The loss is a property of the structure only where its neighbours are rigid.
 
@@ -192,9 +193,10 @@ def latch(
     energy = _spring_energy(model, data, hinge)
     lost = 0.0
     warnings: list[str] = []
+    is_flexible = _has_flexible_neighbour(model, hinge.joint)
     if is_impact:
         lost = _stop(model, data, hinge.dof)
-        if _has_flexible_neighbour(model, hinge.joint):
+        if is_flexible:
             text = (
                 f"joint {joint!r} was stopped at once beside a flexible body: the {lost:.3g} J "
                 "that this took depend on how many modes are kept; latch it with stiffness and "
@@ -209,6 +211,8 @@ def latch(
         model.dof_armature[hinge.dof] = inertia
     if spring is None:
         spring = _default_stiffness(model, data, hinge.dof)
+    if inertia is None and is_flexible:
+        model.dof_armature[hinge.dof] += _stable_armature(model, spring, hinge.dof)
     model.jnt_stiffness[hinge.joint] = spring
     model.qpos_spring[hinge.position] = target
     mujoco.mj_forward(model, data)
@@ -433,6 +437,19 @@ def _default_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", dof: int)
     """With which the hinge alone, all other springs taken away, swings by `PHASE` in a step."""
     compliance = float(_spread(model, data, dof)[dof])
     return (PHASE / float(model.opt.timestep)) ** 2 / compliance
+
+
+def _stable_armature(model: "mujoco.MjModel", stiffness: float, dof: int) -> float:
+    """Inertia with which a spring of a hinge is stable at the step by itself, whatever hangs on
+    either side [kg m^2].
+
+    Bodies of appendages are stable by themselves at their limit, so that a spring between them has
+    no room: it needs h^2 k/4, of RK4 h^2 k/8. RK4 takes dampers explicitly, whose limit is 2.79.
+    """
+    h = float(model.opt.timestep)
+    if NUMBERS[int(model.opt.integrator)] == "RK4":
+        return h**2 * stiffness / 8.0 + h * float(model.dof_damping[dof]) / 2.0
+    return h**2 * stiffness / 4.0
 
 
 def _stop(model: "mujoco.MjModel", data: "mujoco.MjData", dof: int) -> float:
