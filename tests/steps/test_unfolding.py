@@ -22,8 +22,15 @@ import wings
 from arms import frequencies
 from craft_truth import Pair, compiled
 from examples import EXAMPLES, example
-from mechanics import after_a_step, damping_matrix, mass_matrix, momentum, stiffness_matrix
-from mechanics import system_matrix, total_energy
+from mechanics import (
+    after_a_step,
+    damping_matrix,
+    mass_matrix,
+    momentum,
+    stiffness_matrix,
+    system_matrix,
+    total_energy,
+)
 
 SLOW_MODES, KEPT = 2e-6, 1e-5
 AGREE, NOTHING = 0.05, 1e-5

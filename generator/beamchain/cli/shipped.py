@@ -26,7 +26,7 @@ def examples() -> list[Shipped]:
 _SPACECRAFT = {
     "craft": "A small spacecraft (MJCF) to embed an appendage into.",
     "arm": "A spacecraft with an arm of two links (MJCF), which upper and fore make flexible.",
-    "wing_unfolds": "A spacecraft with three folded panels a side (MJCF), each of which is a panel.",
+    "wing_unfolds": "A spacecraft with three folded panels a side (MJCF), for panel.",
 }
 
 
