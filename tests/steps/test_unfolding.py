@@ -1,11 +1,12 @@
 """The shipped array of three panels a side: folded, half, deployed, and on the way there, with
 rigid panels and flexible ones.
 
-SLOW_MODES, KEPT: frequencies against finite elements, of rigid panels (rounding) and of flexible
-ones up to the band. AGREE: stated and found error, relative, or NOTHING, what finite elements of
-rounded numbers leave. ACROSS: momentum before and after a latch, of its scale: rounding. DEPLOYED:
-over the whole deployment, at the steps of RK4 below. GROWS: of the energy between two looks.
-POLES: of the latched array against the same chains in another file.
+SLOW_MODES, KEPT, BENT: frequencies against finite elements, of rigid panels (rounding), of flexible
+ones up to the band, and of latched ones, which bend more with one mode each. AGREE: stated and
+found error, relative, or NOTHING, what finite elements of rounded numbers leave. ACROSS: momentum
+before and after a latch, of its scale: rounding. DEPLOYED: over the whole deployment, at the steps
+of RK4 below. GROWS: of the energy between two looks. POLES: of the latched array against the same
+chains in another file.
 """
 
 import copy
@@ -32,7 +33,7 @@ from mechanics import (
     total_energy,
 )
 
-SLOW_MODES, KEPT = 2e-6, 1e-5
+SLOW_MODES, KEPT, BENT = 2e-6, 1e-5, 5e-5
 AGREE, NOTHING = 0.05, 1e-5
 ACROSS, DEPLOYED, GROWS = 1e-12, 1e-7, 1e-9
 POLES = 1e-6
@@ -275,6 +276,6 @@ def test_the_promise_of_the_latched_array_is_what_finite_elements_find():
     ours = frequencies(file, 6)[: wanted.size]
     sys.stdout.write(f"{wanted}, off by {np.abs(ours / wanted - 1.0).max():.1e}\n")
     sys.stdout.write(f"stated {stated:.3e}, found {found:.3e} at {place:.4g} rad/s\n")
-    assert ours == pytest.approx(wanted, rel=KEPT)
+    assert ours == pytest.approx(wanted, rel=BENT)
     assert stated == pytest.approx(found, rel=AGREE, abs=NOTHING)
     assert found <= embedded.tolerance

@@ -326,16 +326,18 @@ class Worlds:
             >>> times
             {1: 1.2702, 0: 1.5556}
         """
-        options = {
-            "angle": angle,
-            "stiffness": stiffness,
-            "damping": damping,
-            "armature": armature,
-            "impact": impact,
-        }
 
         def done(model: "mujoco.MjModel", data: "mujoco.MjData") -> Latched | None:
-            return latch(model, data, joint, **options)
+            return latch(
+                model,
+                data,
+                joint,
+                angle=angle,
+                stiffness=stiffness,
+                damping=damping,
+                armature=armature,
+                impact=impact,
+            )
 
         which = self._ids(ids)
         held = self.latched(joint)

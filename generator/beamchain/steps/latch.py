@@ -12,7 +12,7 @@ Copies, binary files and worlds therefore keep it.
 Theory: docs/theory.md, section 9.
 """
 
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy.optimize import brentq
@@ -101,17 +101,9 @@ class Latched(float):
         made.warnings = warnings
         return made
 
-    def __getnewargs__(self) -> tuple[float, str, float, float, float, float, tuple[str, ...]]:
+    def __reduce__(self) -> tuple[type["Latched"], tuple[Any, ...]]:
         """For copies and pickling."""
-        return (
-            float(self),
-            self.joint,
-            self.time,
-            self.angle,
-            self.stiffness,
-            self.impact,
-            self.warnings,
-        )
+        return type(self), (float(self), *vars(self).values())
 
 
 class Hinge(NamedTuple):
@@ -383,8 +375,8 @@ def _step_to(model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge, targe
         if not start * at(LONGEST * whole) <= 0.0:  # nor where the simulation diverges
             return abs(start) <= NEAR
         if start * at(SHORTEST * whole) > 0.0:
-            ends = SHORTEST * whole, LONGEST * whole
-            model.opt.timestep = float(brentq(at, *ends, xtol=1e-15 * whole, rtol=1e-15))
+            low, high = SHORTEST * whole, LONGEST * whole
+            model.opt.timestep = float(brentq(at, low, high, xtol=1e-15 * whole, rtol=1e-15))
             mujoco.mj_step(model, data)
     finally:
         model.opt.timestep = whole
