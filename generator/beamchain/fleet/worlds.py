@@ -324,7 +324,7 @@ class Worlds:
             ...             times[world] = round(done.time, 4)
             ...     seen = many.step([])
             >>> times
-            {1: 1.2702, 0: 1.5556}
+            {1: 1.1128, 0: 1.3629}
         """
 
         def done(model: "mujoco.MjModel", data: "mujoco.MjData") -> Latched | None:

@@ -71,7 +71,7 @@ class Latched(float):
         >>> while (done := bc.latch(model, data, "hinge", stiffness=500.0)) is None:
         ...     mujoco.mj_step(model, data)
         >>> f"{data.qpos[7]:.10f} rad at {done.time:.4f} s, {done:.6f} J dropped"
-        '1.5707963268 rad at 1.5556 s, 0.030462 J dropped'
+        '1.5707963268 rad at 1.3629 s, 0.030462 J dropped'
     """
 
     joint: str
