@@ -279,3 +279,26 @@ def test_the_promise_of_the_latched_array_is_what_finite_elements_find():
     assert ours == pytest.approx(wanted, rel=BENT)
     assert stated == pytest.approx(found, rel=AGREE, abs=NOTHING)
     assert found <= embedded.tolerance
+
+
+@SLOW
+@pytest.mark.parametrize("step", [0.002, 0.01, 0.05])
+def test_latched_hinges_between_flexible_panels_are_stable_at_every_step_of_euler(step):
+    """Where the panels are retimed to the limit there is no room for further springs."""
+    fastest = {}
+    for armature in (None, 0.0):
+        model = copy.copy(array(False).model)
+        model.opt.timestep, model.opt.integrator = step, mujoco.mjtIntegrator.mjINT_EULER
+        bc.retime(model, step, "Euler")
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, model.key("deployed").id)
+        for side in SIDES:
+            for k in NUMBERS:
+                assert bc.latch(model, data, f"hinge{k}_{side}", armature=armature, **HELD)
+        data.qvel[6:] = 1e-3 * np.random.default_rng(0).standard_normal(model.nv - 6)
+        for _ in range(4000):
+            mujoco.mj_step(model, data)
+        fastest[armature] = np.abs(data.qvel).max()
+        started_again = data.time < 3999.5 * step  # MuJoCo does so where numbers overflow
+        assert started_again == (armature == 0.0 and step > 0.005)
+    assert fastest[None] < 0.02

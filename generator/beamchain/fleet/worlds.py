@@ -345,7 +345,11 @@ class Worlds:
 
     @one_thread()
     def unlatch(self, joint: str, ids: ArrayLike | None = None) -> list[float]:
-        """`bc.unlatch` in some worlds, `ids` as of `latch`; the energies that it brings [J].
+        """`bc.unlatch` in some worlds; the energies that it brings [J].
+
+        Args:
+            joint: name of a hinge that is latched in all of them.
+            ids: numbers of the worlds, or a mask `(count,)`; None: all.
 
         Raises:
             InputError: the host is another one, or as `bc.unlatch`.
@@ -359,6 +363,9 @@ class Worlds:
 
     def latched(self, joint: str) -> NDArray[np.bool_]:
         """`(count,)` in which worlds a hinge is latched.
+
+        Args:
+            joint: its name.
 
         Raises:
             InputError: the host is another one than "mujoco", or there is no such joint.
