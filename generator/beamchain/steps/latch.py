@@ -115,7 +115,6 @@ class Hinge(NamedTuple):
     dof: int
 
 
-@one_thread()
 def latch(
     model: "mujoco.MjModel",
     data: "mujoco.MjData",
@@ -221,7 +220,6 @@ def latch(
     )
 
 
-@one_thread()
 def unlatch(model: "mujoco.MjModel", data: "mujoco.MjData", joint: str) -> float:
     """Give a hinge back what it had before `latch`: drive spring, damping, armature, friction and
     stops. Other hinges stay as they are.
@@ -309,10 +307,12 @@ def _hinge(model: "mujoco.MjModel", data: "mujoco.MjData", name: str) -> Hinge:
             f"{model.nq} and {model.nv}; give the mujoco.MjData of this model."
         )
     kind = int(mujoco.mjtJoint.mjJNT_HINGE)
-    hinges = {model.joint(j).name: j for j in range(model.njnt) if int(model.jnt_type[j]) == kind}
-    if name not in hinges:
-        raise unknown("hinge", name, [known for known in hinges if known])
-    joint = hinges[name]
+    joint = -1
+    if isinstance(name, str):
+        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+    if joint < 0 or int(model.jnt_type[joint]) != kind:
+        names = [model.joint(j).name for j in np.flatnonzero(model.jnt_type == kind)]
+        raise unknown("hinge", name, [known for known in names if known])
     return Hinge(name, joint, int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint]))
 
 
@@ -420,6 +420,7 @@ def _spring_energy(model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge)
     return 0.5 * float(model.jnt_stiffness[hinge.joint]) * stretch**2
 
 
+@one_thread()
 def _spread(model: "mujoco.MjModel", data: "mujoco.MjData", dof: int) -> Array:
     """`M^-1 e` `(nv,)`: acceleration of everything per torque in a hinge."""
     return np.linalg.solve(mass_matrix(model, np.array(data.qpos)), np.eye(model.nv)[dof])
