@@ -17,10 +17,12 @@ from functools import cache
 import mujoco
 import numpy as np
 import pytest
+from lxml import etree
 
 import beamchain as bc
 import wings
 from arms import frequencies
+from command import call
 from craft_truth import Pair, compiled
 from examples import EXAMPLES, example
 from mechanics import (
@@ -302,3 +304,18 @@ def test_latched_hinges_between_flexible_panels_are_stable_at_every_step_of_eule
         started_again = data.time < 3999.5 * step  # MuJoCo does so where numbers overflow
         assert started_again == (armature == 0.0 and step > 0.005)
     assert fastest[None] < 0.02
+
+
+def test_the_command_that_init_names_fits_the_file(tmp_path):
+    answer = call("init", "wing_unfolds", "-o", tmp_path / "wing_unfolds.xml")
+    assert answer.status == 0
+    words = answer.out.split("next: ")[1].split()
+    names = {
+        node.get("name")
+        for node in etree.fromstring((tmp_path / "wing_unfolds.xml").read_bytes()).iter()
+    }
+    given = dict(words[i + 1].split("=") for i, word in enumerate(words) if word.startswith("--"))
+    assert len(given) == 10
+    for place, what in given.items():
+        assert place.split(":")[0] in names
+        assert what == "panel.toml" or what in names
