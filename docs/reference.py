@@ -44,7 +44,7 @@ RESULTS = {
     "Embedded": "bc.embed(craft, at)",
     "Fit": "bc.fit(spec)",
     "Identification": "bc.identify(logs, craft, at)",
-    "Latched": "bc.latch(model, data, joint, angle, stiffness=...)",
+    "Latched": "bc.latch(model, data, joint)",
     "Linear": "bc.Linear.of(model)",
     "Linearisation": "bc.linearise(model)",
     "Plant": "bc.plant(model, inputs, outputs)",

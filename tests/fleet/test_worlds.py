@@ -422,3 +422,110 @@ def test_a_host_that_is_not_installed_names_its_extra(craft, host, monkeypatch):
     monkeypatch.setitem(sys.modules, NEEDS[host], None)
     with pytest.raises(bc.InputError, match=rf"pip install 'beamchain\[{host}\]'"):
         bc.worlds(craft, count=2, host=host)
+
+
+# -- hinges that latch -----------------------------------------------------------------------------
+UNFOLDS = """<mujoco><option timestep="0.012" gravity="0 0 0" integrator="{}"/><worldbody>
+<body name="bus"><freejoint/><inertial pos="0 0 0" mass="60" diaginertia="9 10 11"/>
+<body pos=".5 0 0"><joint name="one" axis="0 1 0" stiffness="2" springref="-30" range="0 100"/>
+<inertial pos=".4 0 0" mass="3" diaginertia=".09 .16 .25"/>
+<body pos=".8 0 0"><joint name="two" axis="0 1 0" stiffness="1" springref="40" range="-190 0"
+ damping=".02" frictionloss="0.001"/><inertial pos=".4 0 0" mass="3" diaginertia=".09 .16 .25"/>
+</body></body></body></worldbody>
+<actuator><motor name="one" joint="one"/></actuator>
+<keyframe><key qpos="0 0 0 1 0 0 0 1.5 -3" qvel="0 0 0 .02 .05 -.03 0 0"/></keyframe></mujoco>"""
+DRIVES = {"jnt_stiffness": [[0.0, 2.0, 1.0], [0.0, 3.0, 1.0], [0.0, 2.0, 2.5]]}
+HELD = {"stiffness": 300.0, "damping": 1.0, "armature": 0.01}
+
+
+def unfolded(model, steps):
+    """Plain MuJoCo, one world, with `bc.latch` before every step."""
+    data, left, done = mujoco.MjData(model), ["one", "two"], {}
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for k in range(steps):
+        data.ctrl[:] = np.sin(0.01 * (k - 1)) if k else 0.0  # of the step before
+        mujoco.mj_forward(model, data)
+        for name in list(left):
+            energy = bc.latch(model, data, name, impact=name == "two", **HELD)
+            if energy is not None:
+                left.remove(name)
+                done[name] = energy
+        data.ctrl[:] = np.sin(0.01 * k)
+        mujoco.mj_step(model, data)
+    return data, done
+
+
+@pytest.mark.parametrize(("integrator", "before_3_17"), [("RK4", False), ("Euler", True)])
+def test_hinges_latch_in_every_world_as_they_do_alone(integrator, before_3_17, monkeypatch):
+    if before_3_17:
+        monkeypatch.setitem(sys.modules, "mujoco.batch", None)
+    model = mujoco.MjModel.from_xml_string(UNFOLDS.format(integrator))
+    many = bc.worlds(model, DRIVES, observe=["attitude", "rate"])
+    start = {"qpos": model.key(0).qpos, "qvel": model.key(0).qvel}
+    many.reset(**start)
+    done = [{} for _ in range(3)]
+    for k in range(250):
+        for name in ("one", "two"):
+            energies = many.latch(name, impact=name == "two", **HELD)
+            for world, energy in enumerate(energies):
+                if energy is not None:
+                    done[world][name] = energy
+        many.step(np.full(1, np.sin(0.01 * k)))
+    for world in range(3):
+        plain = copy.copy(model)
+        plain.jnt_stiffness[:] = DRIVES["jnt_stiffness"][world]
+        data, alone = unfolded(plain, 250)
+        assert set(done[world]) == set(alone) == {"one", "two"}
+        for name, energy in alone.items():
+            assert float(done[world][name]) == pytest.approx(float(energy), rel=SAME)
+            assert done[world][name].time == pytest.approx(energy.time, rel=SAME)
+        np.testing.assert_allclose(many.qpos[world], data.qpos, atol=SAME)
+        np.testing.assert_allclose(many.qvel[world], data.qvel, atol=SAME)
+        for name in ("jnt_stiffness", "jnt_limited", "dof_damping", "dof_solimp"):
+            np.testing.assert_array_equal(getattr(many.model_of(world), name), getattr(plain, name))
+    assert many.latched("one").all()
+
+
+def test_latches_are_part_of_a_checkpoint_and_end_with_a_reset():
+    model = mujoco.MjModel.from_xml_string(UNFOLDS.format("RK4"))
+    many = bc.worlds(model, DRIVES, count=4, observe=["attitude"])
+    many.reset(qpos=model.key(0).qpos)
+    fresh = many.state()
+    assert many.latch("two", [1, 2], angle=-3.0, **HELD)[1] is not None
+    assert list(many.latched("two")) == [False, True, True, False]
+    many.step([0.1], 3)
+    kept = many.state()
+    first = [many.step([0.2], 20), many.qpos][1]
+    many.restore(fresh)
+    assert not many.latched("two").any()
+    many.restore(kept)
+    many.step([0.2], 20)
+    np.testing.assert_array_equal(many.qpos, first)
+    assert list(many.latched("two")) == [False, True, True, False]
+    brought = many.unlatch("two", [2])
+    assert brought[0] > 0.0
+    assert many.model_of(2).jnt_stiffness[2] == 2.5
+    many.reset([1], draw=True)
+    assert not many.latched("two").any()
+    drawn = [list(row) for row in DRIVES["jnt_stiffness"]]
+    assert list(many.model_of(1).jnt_stiffness) in drawn
+    many.latch("two", [0], angle=-3.0, **HELD)
+    many.retime(0.006)
+    assert not many.latched("two").any()
+
+
+def test_what_cannot_latch_in_worlds_is_answered():
+    model = mujoco.MjModel.from_xml_string(UNFOLDS.format("RK4"))
+    many = bc.worlds(model, count=2)
+    for call, said in (
+        (lambda: many.latch("three"), "hinge = 'three' is unknown; choose from one, two"),
+        (lambda: many.latch("one", [7]), "names no worlds"),
+        (lambda: many.latch("one", stiffness=-1.0), "stiffness"),
+        (lambda: many.unlatch("one"), "hinge 'one' is not latched"),
+    ):
+        with pytest.raises(bc.InputError, match=said):
+            call()
+    many._made = "mjx", 0
+    for call in (lambda: many.latch("one"), lambda: many.unlatch("one")):
+        with pytest.raises(bc.InputError, match="host = 'mjx' compiles the stops"):
+            call()

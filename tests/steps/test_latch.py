@@ -1,13 +1,40 @@
 """Three rigid panels that unfold from a tumbling bus and latch one after the other: momentum and
-energy by hand, the impact by its formula."""
+energy by hand, the impact by its formula; what a hinge was before, and what is refused.
+
+ACROSS: momentum before and after a latch, of its scale: rounding. DEPLOYED: over the whole
+deployment, and GROWS: of the energy in a step, what RK4 leaves at 0.5 ms. HERE: a hinge at its
+angle [rad]. IMPACT: the loss against its formula, relative.
+"""
+
+import copy
+import pickle
 
 import mujoco
 import numpy as np
 import pytest
 
 import beamchain as bc
+from mechanics import after_a_step, kinetic_energy, momentum, total_energy
 
 LATCHED = {"stiffness": 400.0, "damping": 2.0}
+ACROSS = 1e-12
+DEPLOYED = 1e-7
+GROWS = 1e-9
+HERE = 1e-12
+IMPACT = 1e-9
+FIELDS = (
+    "jnt_stiffness",
+    "jnt_limited",
+    "jnt_range",
+    "jnt_solref",
+    "jnt_solimp",
+    "qpos_spring",
+    "dof_damping",
+    "dof_armature",
+    "dof_frictionloss",
+    "dof_solref",
+    "dof_solimp",
+)
 
 
 def wing(integrator="RK4", step=0.001):
@@ -28,34 +55,6 @@ def wing(integrator="RK4", step=0.001):
  qvel="0 0 0 0.02 0.05 -0.03 0 0 0"/></keyframe></mujoco>"""
 
 
-def momentum(model, data):
-    """Linear and angular momentum about the origin of the world."""
-    mujoco.mj_forward(model, data)
-    total = np.zeros(6)
-    for body in range(1, model.nbody):
-        velocity = np.zeros(6)
-        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
-        axes = data.ximat[body].reshape(3, 3)
-        inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
-        linear = model.body_mass[body] * velocity[3:]
-        total[:3] += linear
-        total[3:] += inertia @ velocity[:3] + np.cross(data.xipos[body], linear)
-    return total
-
-
-def kinetic(model, data):
-    """Kinetic energy by MuJoCo's mass matrix."""
-    column = np.zeros(model.nv)
-    mujoco.mj_forward(model, data)
-    mujoco.mj_mulM(model, data, column, data.qvel)
-    return 0.5 * float(data.qvel @ column)
-
-
-def potential(model, data):
-    stretch = data.qpos[7:] - model.qpos_spring[7:]
-    return 0.5 * float(np.ravel(model.jnt_stiffness)[1:] @ stretch**2)
-
-
 def started(**settings):
     model = mujoco.MjModel.from_xml_string(wing(**settings))
     data = mujoco.MjData(model)
@@ -69,37 +68,40 @@ def test_panels_latch_one_by_one_and_nothing_is_made_from_nothing(impact):
     model, data = started(step=0.0005)
     before = momentum(model, data)
     size = np.abs(before).max()
-    waiting = {f"hinge{k}": 0.0 for k in (1, 2, 3)}
-    energy = kinetic(model, data) + potential(model, data)
-    reports = []
+    waiting = [f"hinge{k}" for k in (1, 2, 3)]
+    energy = total_energy(model, data)
     for _ in range(20000):
         for name in list(waiting):
-            at = momentum(model, data)
-            done = bc.latch(model, data, name, waiting[name], impact=impact, **LATCHED)
-            if done is not None:
-                del waiting[name]
-                reports.append(done)
-                assert abs(data.joint(name).qpos[0]) < 1e-12
-                assert momentum(model, data) == pytest.approx(at, abs=2e-8 * size)
-                energy = kinetic(model, data) + potential(model, data)
+            plain, here = copy.copy(model), copy.copy(data)
+            done = bc.latch(model, data, name, angle=0.0, impact=impact, **LATCHED)
+            if done is None:
+                continue
+            waiting.remove(name)
+            assert abs(data.joint(name).qpos[0]) < HERE
+            # the shortened step is MuJoCo's own; what follows it is the latch
+            plain, here = after_a_step(plain, here, data.time - here.time)
+            assert momentum(model, data) == pytest.approx(momentum(plain, here), abs=ACROSS * size)
+            dropped = total_energy(plain, here) - total_energy(model, data)
+            assert float(done) == pytest.approx(dropped, abs=1e-12 * energy)
+            assert float(done) >= done.impact >= 0.0
+            energy = total_energy(model, data)
         if not waiting:
             break
         mujoco.mj_step(model, data)
-        now = kinetic(model, data) + potential(model, data)
-        assert now <= energy + 1e-9 * abs(energy)
+        now = total_energy(model, data)
+        assert now <= energy + GROWS * abs(energy)
         energy = now
     assert not waiting
-    assert len(reports) == 3
-    assert momentum(model, data) == pytest.approx(before, abs=1e-7 * size)
-    assert all(one.energy >= one.impact >= 0.0 for one in reports)
+    assert momentum(model, data) == pytest.approx(before, abs=DEPLOYED * size)
 
 
+@pytest.mark.parametrize("armature", [None, 0.3])
 @pytest.mark.parametrize("name", ["hinge1", "hinge2", "hinge3"])
-def test_the_impact_takes_what_the_formula_says_and_no_momentum(name):
+def test_the_impact_takes_what_the_formula_says_and_no_momentum(name, armature):
     model, data = started()
     target = float(data.joint(name).qpos[0])
     data.qvel[:] = np.random.default_rng(5).standard_normal(model.nv)
-    at, energy = momentum(model, data), kinetic(model, data)
+    at, energy = momentum(model, data), kinetic_energy(model, data)
     mass = np.zeros((model.nv, model.nv))
     for i, unit in enumerate(np.eye(model.nv)):
         column = np.zeros(model.nv)
@@ -108,34 +110,154 @@ def test_the_impact_takes_what_the_formula_says_and_no_momentum(name):
     dof = model.joint(name).dofadr[0]
     wanted = data.qvel[dof] ** 2 / (2.0 * np.linalg.inv(mass)[dof, dof])
     drive = 0.5 * 0.8 * (target - np.radians(-60.0 if name[-1] in "13" else 60.0)) ** 2
-    done = bc.latch(model, data, name, target, impact=True, **LATCHED)
+    done = bc.latch(model, data, name, angle=target, impact=True, armature=armature, **LATCHED)
     assert done is not None
-    assert done.impact == pytest.approx(wanted, rel=1e-9)
-    assert done.energy - done.impact == pytest.approx(drive, rel=1e-9)
-    assert energy - kinetic(model, data) == pytest.approx(wanted, rel=1e-9)
-    assert momentum(model, data) == pytest.approx(at, abs=1e-12 * np.abs(at).max())
+    assert done.impact == pytest.approx(wanted, rel=IMPACT)
+    assert float(done) - done.impact == pytest.approx(drive, rel=IMPACT)
+    assert energy - kinetic_energy(model, data) == pytest.approx(wanted, rel=IMPACT)
+    assert momentum(model, data) == pytest.approx(at, abs=ACROSS * np.abs(at).max())
     assert data.joint(name).qvel[0] == 0.0
     assert done.warnings == ()
+
+
+def test_an_armature_that_is_added_to_a_moving_hinge_is_in_the_books():
+    model, data = started()
+    data.qvel[:] = np.random.default_rng(5).standard_normal(model.nv)
+    at, energy = momentum(model, data), total_energy(model, data)
+    angle = float(data.joint("hinge1").qpos[0])
+    done = bc.latch(model, data, "hinge1", angle=angle, armature=0.7, **LATCHED)
+    assert float(done) == pytest.approx(energy - total_energy(model, data), rel=1e-10)
+    assert momentum(model, data) == pytest.approx(at, abs=ACROSS * np.abs(at).max())
+    energy = total_energy(model, data)
+    brought = bc.unlatch(model, data, "hinge1")
+    assert brought == pytest.approx(total_energy(model, data) - energy, rel=1e-10)
 
 
 def test_a_step_that_does_not_reach_the_angle_changes_nothing():
     model, data = started()
     state = data.qpos.copy(), data.qvel.copy(), data.time
-    assert bc.latch(model, data, "hinge1", 0.0, **LATCHED) is None
+    assert bc.latch(model, data, "hinge1", angle=0.0, **LATCHED) is None
     assert np.array_equal(data.qpos, state[0])
     assert np.array_equal(data.qvel, state[1])
     assert data.time == state[2]
     assert model.opt.timestep == 0.001
 
 
-def test_unlatching_gives_every_number_back():
+def test_unlatching_gives_every_number_back_in_copies_and_files_too(tmp_path):
+    text = wing().replace('range="-200 200"', 'range="-200 200" frictionloss="0.01" armature="0.1"')
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    angle = float(data.joint("hinge2").qpos[0])
+    bc.latch(model, data, "hinge2", angle=angle, armature=0.5, **LATCHED)
+    bc.latch(model, data, "hinge3", angle=float(data.joint("hinge3").qpos[0]), **LATCHED)
+    assert model.jnt_stiffness[2] == 400.0
+    assert model.dof_frictionloss[7] == 0.0
+    mujoco.mj_saveModel(model, str(tmp_path / "latched.mjb"))
+    read = mujoco.MjModel.from_binary_path(str(tmp_path / "latched.mjb"))
+    fresh = mujoco.MjModel.from_xml_string(text)
+    for latched in (model, copy.copy(model), read):
+        bc.unlatch(latched, data, "hinge2")
+        assert latched.jnt_stiffness[3] == 400.0
+        bc.unlatch(latched, data, "hinge3")
+        for name in FIELDS:
+            assert np.array_equal(getattr(latched, name), getattr(fresh, name)), name
+
+
+def test_what_latch_returns_is_a_number_that_travels():
     model, data = started()
-    fresh = mujoco.MjModel.from_xml_string(wing())
-    done = bc.latch(model, data, "hinge2", float(data.joint("hinge2").qpos[0]), **LATCHED)
-    assert float(np.ravel(model.jnt_stiffness[2])[0]) == 400.0
-    bc.unlatch(model, done)
-    for name in ("jnt_stiffness", "jnt_limited", "qpos_spring", "dof_damping", "dof_armature"):
-        assert np.array_equal(getattr(model, name), getattr(fresh, name)), name
+    done = bc.latch(model, data, "hinge2", angle=-3.0, **LATCHED)
+    for same in (pickle.loads(pickle.dumps(done)), copy.deepcopy(done)):
+        assert same == done
+        assert vars(same) == vars(done)
+    assert (done.joint, done.angle, done.stiffness, done.time) == ("hinge2", -3.0, 400.0, 0.0)
+    assert done + 1.0 == pytest.approx(1.0 + 0.4 * (-3.0 - np.pi / 3.0) ** 2, rel=1e-12)
+
+
+# -- the angle, if none is given -------------------------------------------------------------------
+def panel(joint, integrator="RK4", step=0.01):
+    return mujoco.MjModel.from_xml_string(f"""<mujoco>
+<option timestep="{step}" gravity="0 0 0" integrator="{integrator}"/><worldbody>
+<body><freejoint/><inertial pos="0 0 0" mass="50" diaginertia="9 9 9"/>
+<body><joint name="hinge" axis="0 0 1" {joint}/>
+<inertial pos="1 0 0" mass="2" diaginertia=".1 .2 .2"/></body></body></worldbody></mujoco>""")
+
+
+def until_latched(model, data, steps=2000, **given):
+    for _ in range(steps):
+        done = bc.latch(model, data, "hinge", stiffness=500.0, **given)
+        if done is not None:
+            return done
+        mujoco.mj_step(model, data)
+    raise AssertionError("never latched")
+
+
+@pytest.mark.parametrize("integrator", ["RK4", "Euler", "implicitfast"])
+@pytest.mark.parametrize("step", [0.01, 0.037])
+def test_a_stop_does_not_act_before_the_hinge_latches_at_it(integrator, step):
+    drive = 'stiffness="2" springref="100"'
+    model = panel(f'range="-9 60" {drive}', integrator, step)
+    free = panel(drive, integrator, step)
+    data, twin = mujoco.MjData(model), mujoco.MjData(free)
+    done = until_latched(model, data)
+    same = until_latched(free, twin, angle=float(np.radians(60.0)))
+    assert done.angle == float(model.jnt_range[1, 1])
+    assert abs(data.qpos[7] - done.angle) < HERE
+    assert done.time == pytest.approx(same.time, rel=1e-13)
+    assert data.qvel == pytest.approx(twin.qvel, rel=1e-12, abs=1e-15)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.0100001, 0.0103])
+def test_a_step_that_ends_just_before_the_angle_goes_on_to_it(step):
+    model = panel('range="-9 60" stiffness="2" springref="100"', step=step)
+    data = mujoco.MjData(model)
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+    angle = float(data.qpos[7])
+    mujoco.mj_resetData(model, data)
+    for _ in range(99):
+        assert bc.latch(model, data, "hinge", angle=angle * (1.0 + 1e-12)) is None
+        mujoco.mj_step(model, data)
+    done = bc.latch(model, data, "hinge", angle=angle * (1.0 + 1e-12))
+    assert done.time == pytest.approx(100 * step, rel=1e-9)
+
+
+def test_the_default_angle_is_the_stop_that_the_drive_spring_pulls_to():
+    for springref, angle in ((100, 60.0), (-30, -9.0)):
+        model = panel(f'range="-9 60" stiffness="2" springref="{springref}"')
+        assert until_latched(model, mujoco.MjData(model)).angle == pytest.approx(np.radians(angle))
+    model = panel('range="-9 60"')
+    for rate, angle in ((0.3, 60.0), (-0.3, -9.0)):
+        data = mujoco.MjData(model)
+        data.qvel[6] = rate
+        done = until_latched(copy.copy(model), data)
+        assert done.angle == pytest.approx(np.radians(angle))
+    model = panel("")
+    data = mujoco.MjData(model)
+    data.qpos[7] = 0.7
+    assert bc.latch(model, data, "hinge").angle == 0.7
+
+
+def test_the_default_stiffness_is_what_the_step_resolves():
+    model = panel('stiffness="2" springref="100"')
+    data = mujoco.MjData(model)
+    done = bc.latch(model, data, "hinge")
+    # the panel about its own centre, with the reduced mass of both bodies 1 m away; and the bus
+    turning = 0.2 + 2.0 * 50.0 / 52.0
+    inertia = 1.0 / (1.0 / turning + 1.0 / 9.0)
+    assert done.stiffness == pytest.approx(inertia * (0.2 / 0.01) ** 2, rel=1e-9)
+    assert model.jnt_stiffness[1] == done.stiffness
+
+
+def test_a_hinge_at_rest_at_its_angle_latches_without_a_step():
+    model = panel('range="0 90" stiffness="2" springref="-30"')
+    for angle in (0.0, 1e-8, -1e-8):
+        latched = copy.copy(model)
+        data = mujoco.MjData(latched)
+        data.qpos[7] = angle
+        mujoco.mj_forward(latched, data)
+        assert bc.latch(latched, data, "hinge", stiffness=500.0) is not None
+        assert data.time < 0.002
 
 
 def test_an_impact_beside_a_flexible_body_is_warned_of():
@@ -152,22 +274,67 @@ def test_an_impact_beside_a_flexible_body_is_warned_of():
 </body></worldbody></mujoco>"""
     model = bc.embed(craft, {"mount": spec}).model
     data = mujoco.MjData(model)
-    done = bc.latch(model, data, "hinge", 0.0, impact=True, **LATCHED)
+    done = bc.latch(model, data, "hinge", angle=0.0, impact=True, **LATCHED)
     assert [warning.code for warning in done.warnings] == ["impact-on-flexible"]
 
 
+# -- refused ---------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("changed", "sentence"),
     [
-        ({"joint": "nobody"}, "hinge"),
+        ({"joint": "nobody"}, "hinge = 'nobody' is unknown"),
         ({"angle": float("nan")}, "angle"),
+        ({"angle": 4.0}, "angle = 4 rad lies beyond the stops of hinge 'hinge1'"),
         ({"stiffness": 0.0}, "stiffness"),
         ({"damping": -1.0}, "damping"),
+        ({"armature": -1.0}, "armature"),
         ({"impact": 2}, "impact"),
+        ({"model": None}, "model"),
+        ({"data": mujoco.MjData(mujoco.MjModel.from_xml_string("<mujoco/>"))}, "data has 0 pos"),
     ],
 )
 def test_bad_input_is_refused_in_a_sentence(changed, sentence):
     model, data = started()
     given = {"joint": "hinge1", "angle": 0.0, **LATCHED, **changed}
+    place = given.pop("model", model), given.pop("data", data)
+    with pytest.raises(bc.InputError, match=sentence) as refused:
+        bc.latch(*place, **given)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("joint", "state", "sentence"),
+    [
+        ('range="-9 60" stiffness="2" springref="99"', 1.1, "is 0.0528 rad beyond its stop at"),
+        ('range="-9 60"', 0.1, "angle is missing: hinge 'hinge' has stops at"),
+        ('range="-9 60" stiffness="2" springref="99" margin="0.1"', 0.1, "has margin=0.1"),
+        ('stiffness="2" solreffriction="0.1 1"', 0.1, "solreffriction or solimpfriction"),
+    ],
+)
+def test_a_hinge_that_cannot_latch_is_refused_in_a_sentence(joint, state, sentence):
+    model = panel(joint)
+    data = mujoco.MjData(model)
+    data.qpos[7] = state
+    before = {name: getattr(model, name).copy() for name in FIELDS}
     with pytest.raises(bc.InputError, match=sentence):
-        bc.latch(model, data, **given)
+        bc.latch(model, data, "hinge")
+    assert all(np.array_equal(getattr(model, name), before[name]) for name in FIELDS)
+
+
+def test_latching_twice_and_unlatching_what_is_free_are_refused():
+    model, data = started()
+    with pytest.raises(bc.InputError, match="hinge 'hinge2' is not latched"):
+        bc.unlatch(model, data, "hinge2")
+    bc.latch(model, data, "hinge2", angle=-3.0)
+    with pytest.raises(bc.InputError, match="hinge 'hinge2' is latched already"):
+        bc.latch(model, data, "hinge2")
+
+
+@pytest.mark.skipif(
+    not hasattr(mujoco.MjModel, "jnt_stiffnesspoly"), reason="this MuJoCo has linear springs only"
+)
+def test_a_spring_that_is_not_linear_is_refused():
+    model = panel('stiffness="2"')
+    model.jnt_stiffnesspoly[1, 0] = 0.1
+    with pytest.raises(bc.InputError, match="has a jnt_stiffnesspoly"):
+        bc.latch(model, mujoco.MjData(model), "hinge")

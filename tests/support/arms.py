@@ -42,6 +42,21 @@ class Link:
     stiffness: float = 0.0
     damping: float = 0.0
 
+    def stiffness_and_mass(self):
+        """Of its section, as a `Leg` takes them."""
+        area = self.width_y * self.width_z
+        about_z = self.width_z * self.width_y**3 / 12.0
+        about_y = self.width_y * self.width_z**3 / 12.0
+        shear = YOUNG / (2.0 * (1.0 + POISSON))
+        return {
+            "axial": YOUNG * area,
+            "torsion": shear * _rectangle_torsion(self.width_y, self.width_z),
+            "bending_y": YOUNG * about_y,
+            "bending_z": YOUNG * about_z,
+            "mass": DENSITY * area,
+            "polar": DENSITY * (about_y + about_z),
+        }
+
 
 @dataclass(frozen=True)
 class Arm:
@@ -189,20 +204,8 @@ def _beam(arm, link, place, turn):
 
     The ratio is that of every mode with the root held, nothing at the end.
     """
-    area = link.width_y * link.width_z
-    about_z = link.width_z * link.width_y**3 / 12.0
-    about_y = link.width_y * link.width_z**3 / 12.0
-    leg = Leg(
-        tuple(place),
-        tuple(place + link.length * turn[:, 0]),
-        ELEMENTS,
-        axial=YOUNG * area,
-        torsion=YOUNG / (2.0 * (1.0 + POISSON)) * _rectangle_torsion(link.width_y, link.width_z),
-        bending_y=YOUNG * about_y,
-        bending_z=YOUNG * about_z,
-        mass=DENSITY * area,
-        polar=DENSITY * (about_y + about_z),
-    )
+    end = place + link.length * turn[:, 0]
+    leg = Leg(tuple(place), tuple(end), ELEMENTS, **link.stiffness_and_mass())
     size = 6 * (ELEMENTS + 1)
     mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
     nodes = [place + link.length * k / ELEMENTS * turn[:, 0] for k in range(ELEMENTS + 1)]

@@ -132,3 +132,49 @@ def with_integrator(model, name, timestep=None):
     if timestep is not None:
         out.opt.timestep = timestep
     return out
+
+
+def momentum(model, data) -> np.ndarray:
+    """`(6,)` linear and angular momentum about the origin of the world, body by body."""
+    mujoco.mj_forward(model, data)
+    total = np.zeros(6)
+    for body in range(1, model.nbody):
+        velocity = np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
+        axes = data.ximat[body].reshape(3, 3)
+        inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
+        linear = model.body_mass[body] * velocity[3:]
+        total[:3] += linear
+        total[3:] += inertia @ velocity[:3] + np.cross(data.xipos[body], linear)
+    return total
+
+
+def kinetic_energy(model, data) -> float:
+    """[J], armatures included."""
+    column = np.zeros(model.nv)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_mulM(model, data, column, data.qvel)
+    return 0.5 * float(data.qvel @ column)
+
+
+def spring_energy(model, data) -> float:
+    """[J] of hinges, and of fixed tendons slack at length zero."""
+    hinges = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE))
+    at = model.jnt_qposadr[hinges]
+    stretch = data.qpos[at] - model.qpos_spring[at]
+    energy = first(model.jnt_stiffness)[hinges] @ stretch**2
+    mujoco.mj_forward(model, data)
+    return 0.5 * float(energy + first(model.tendon_stiffness) @ data.ten_length**2)
+
+
+def total_energy(model, data) -> float:
+    """[J] without gravity."""
+    return kinetic_energy(model, data) + spring_energy(model, data)
+
+
+def after_a_step(model, data, seconds):
+    """Copies of a model and its data after one plain step of some length."""
+    plain, there = copy.copy(model), copy.copy(data)
+    plain.opt.timestep = seconds
+    mujoco.mj_step(plain, there)
+    return plain, there

@@ -92,6 +92,14 @@ def init(
 _PLACES = {
     "craft": "--at mount=array.toml",
     "arm": "--at shoulder=upper.toml --at forearm=fore.toml",
+    "wing_unfolds": " ".join(
+        [f"--at panel{k}_{side}=panel.toml" for side in ("right", "left") for k in (1, 2, 3)]
+        + [
+            f"--carry panel{k}_{side}:end=hinge{k + 1}_{side}"
+            for side in ("right", "left")
+            for k in (1, 2)
+        ]
+    ),
 }
 
 

@@ -26,11 +26,12 @@ def examples() -> list[Shipped]:
 _SPACECRAFT = {
     "craft": "A small spacecraft (MJCF) to embed an appendage into.",
     "arm": "A spacecraft with an arm of two links (MJCF), which upper and fore make flexible.",
+    "wing_unfolds": "A spacecraft with three folded panels a side (MJCF), for panel.",
 }
 
 
 def spacecraft() -> list[Shipped]:
-    """The spacecraft that `beamchain init craft` and `beamchain init arm` write."""
+    """The spacecraft that `beamchain init` writes."""
     return [Shipped(name, _EXAMPLES / f"{name}.xml", about) for name, about in _SPACECRAFT.items()]
 
 

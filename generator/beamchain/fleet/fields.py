@@ -131,6 +131,8 @@ class Table:
         """What follows from the fields: MuJoCo's constants, and numbers exact in time;
         one model per variant, once."""
         base = self._model
+        if not modal_tendons(base).names:
+            timestep = None  # nothing is to be made exact
         derived: list[dict[str, Array]] = []
         marks = self._rows.get("tendon_solimp_lim")
         if timestep is not None and marks is None:

@@ -24,6 +24,7 @@ HOSTS = ("mujoco", "mjx", "warp")
 NEEDS = {"mjx": "mujoco.mjx", "warp": "mujoco_warp"}
 BAD = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{name}")) for name in ("QPOS", "QVEL", "QACC")]
 WHOLE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 FEW = 32  # worlds for which waking other threads costs more than they save
 LARGEST = 1e10  # mjMAXVAL
 # of a container
@@ -149,6 +150,18 @@ class Batch:
         if self._stage:
             self._batch.forward(ids.astype(np.int32), stage=self._stage)
 
+    def load(self, world: int, model: "mujoco.MjModel", data: "mujoco.MjData") -> None:
+        """The state of one world into a data."""
+        mujoco.mj_setState(model, data, self._batch.state[world], WHOLE)
+
+    def store(self, world: int, model: "mujoco.MjModel", data: "mujoco.MjData") -> None:
+        """The state of one world from a data."""
+        state = np.zeros(mujoco.mj_stateSize(model, WHOLE))
+        mujoco.mj_getState(model, data, state, WHOLE)
+        self._batch.state[world] = state
+        if self._stage:
+            self._batch.forward(np.array([world], dtype=np.int32), stage=self._stage)
+
     def state(self) -> Any:
         """All that a simulation continues from."""
         return self._batch.state.copy()
@@ -171,9 +184,8 @@ class Rollouts:
         self._models: list[Any] = [with_fields(model, {}) for _ in range(count)]
         self._data = [mujoco.MjData(model) for _ in range(max(threads, 1))]
         self._engine = module.Rollout(nthread=threads if threads > 1 else 0)
-        full = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        self._state = np.zeros((count, mujoco.mj_stateSize(model, full)))
-        mujoco.mj_getState(model, self._data[0], self._state[0], full)
+        self._state = np.zeros((count, mujoco.mj_stateSize(model, FULL)))
+        mujoco.mj_getState(model, self._data[0], self._state[0], FULL)
         self._state[:] = self._start = self._state[0].copy()
         self.qpos: Array = self._state[:, 1 : 1 + model.nq]
         self.qvel: Array = self._state[:, 1 + model.nq : 1 + model.nq + model.nv]
@@ -202,6 +214,14 @@ class Rollouts:
     def reset(self, ids: Ids, qpos: Array, qvel: Array) -> None:
         self._state[ids] = self._start
         self.qpos[ids], self.qvel[ids] = qpos, qvel
+
+    def load(self, world: int, model: "mujoco.MjModel", data: "mujoco.MjData") -> None:
+        mujoco.mj_setState(model, data, self._state[world], FULL)
+
+    def store(self, world: int, model: "mujoco.MjModel", data: "mujoco.MjData") -> None:
+        state = np.zeros(self._state.shape[1])
+        mujoco.mj_getState(model, data, state, FULL)
+        self._state[world] = state
 
     def state(self) -> Any:
         return self._state.copy()

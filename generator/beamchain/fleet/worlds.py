@@ -4,12 +4,12 @@ stepped together."""
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from beamchain.checks import finite_array, of_type, one_of, positive, whole_number
+from beamchain.checks import finite_array, of_type, one_of, positive, unknown, whole_number
 from beamchain.craft.embedded import Embedded
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import compile_model
@@ -18,12 +18,22 @@ from beamchain.fleet.fields import Fields, Source, runs_exact, source_of, with_f
 from beamchain.fleet.hosts import HOSTS, LARGEST, available, bytes_of, check_memory, host_of
 from beamchain.fleet.observation import Observer, mean_rate
 from beamchain.ports.motions import Array
+from beamchain.steps.latch import (
+    LATCH_FIELDS,
+    Latched,
+    is_latched,
+    is_mark,
+    latch,
+    take_out,
+    unlatch,
+)
 from beamchain.steps.modal import modal_tendons
 from beamchain.steps.retime import retime
 
 MOST = 10**12  # worlds that are counted; memory ends long before
 MOST_SEED = 2**128  # of NumPy's generator
 COPIES = 3  # that NumPy holds of a world's numbers for a moment
+Done = TypeVar("Done")
 KEPT = (
     "before",
     "attitude",
@@ -207,6 +217,7 @@ class Worlds:
         self.diverged = np.flatnonzero(bad)
         if self.diverged.size:
             self.restarts[self.diverged] += 1
+            self._set_free(self.diverged)
             self._restart(self.diverged, self.model.qpos0, np.zeros(self.model.nv))
         return self.observe()
 
@@ -229,7 +240,7 @@ class Worlds:
         draw: bool = False,
         seed: int | None = None,
     ) -> dict[str, Array]:
-        """Start worlds again. Returns what `observe` does.
+        """Start worlds again, their hinges unlatched. Returns what `observe` does.
 
         Args:
             ids: numbers of the worlds, or a mask `(count,)`; None: all.
@@ -249,6 +260,7 @@ class Worlds:
         rate = _for_worlds("qvel", moving, (which.size, self.model.nv))
         if seed is not None:
             self.rng = np.random.default_rng(whole_number("seed", seed, 0, MOST_SEED))
+        self._set_free(which)
         if draw and self._source is not None:
             self._keys[which] = self._source.keys(which.size, self.rng)
             self._write_fields(which)
@@ -267,6 +279,106 @@ class Worlds:
         if self._source is not None:
             self._source = self._source.at(float(timestep))
         self._build()
+
+    @one_thread()
+    def latch(
+        self,
+        joint: str,
+        ids: ArrayLike | None = None,
+        *,
+        angle: float | None = None,
+        stiffness: float | None = None,
+        damping: float | None = None,
+        armature: float | None = None,
+        impact: bool = False,
+    ) -> list[Latched | None]:
+        """`bc.latch` in every world for itself; of the host "mujoco" only.
+
+        Call it before every step. A world whose next step reaches the angle makes that step here,
+        shortened, under the input that it was given last, so that the clocks of the worlds then
+        differ by less than a step. Worlds in which the hinge is latched already are left alone.
+
+        Args:
+            joint: name of a hinge.
+            ids: numbers of the worlds, or a mask `(count,)`; None: all.
+            angle, stiffness, damping, armature, impact: as of `bc.latch`.
+
+        Returns:
+            For each of these worlds the energy that was dropped [J], or None.
+
+        Raises:
+            InputError: the host is another one, or as `bc.latch`.
+
+        Example:
+            >>> import beamchain as bc
+            >>> panel = '''<mujoco><option timestep="0.01" gravity="0 0 0" integrator="RK4"/>
+            ... <worldbody><body><freejoint/><inertial pos="0 0 0" mass="50" diaginertia="9 9 9"/>
+            ... <body><joint name="hinge" axis="0 0 1" stiffness="2" springref="100" range="0 90"/>
+            ... <inertial pos="1 0 0" mass="2" diaginertia=".1 .2 .2"/></body></body></worldbody>
+            ... </mujoco>'''
+            >>> many = bc.worlds(panel, {"jnt_stiffness": [[0.0, 2.0], [0.0, 3.0]]})
+            >>> times = {}
+            >>> while not many.latched("hinge").all():
+            ...     for world, done in enumerate(many.latch("hinge", stiffness=500.0)):
+            ...         if done is not None:
+            ...             times[world] = round(done.time, 4)
+            ...     seen = many.step([])
+            >>> times
+            {1: 1.1128, 0: 1.3629}
+        """
+
+        def done(model: "mujoco.MjModel", data: "mujoco.MjData") -> Latched | None:
+            return latch(
+                model,
+                data,
+                joint,
+                angle=angle,
+                stiffness=stiffness,
+                damping=damping,
+                armature=armature,
+                impact=impact,
+            )
+
+        which = self._ids(ids)
+        held = self.latched(joint)
+        return [None if held[world] else self._in_world(int(world), done) for world in which]
+
+    @one_thread()
+    def unlatch(self, joint: str, ids: ArrayLike | None = None) -> list[float]:
+        """`bc.unlatch` in some worlds; the energies that it brings [J].
+
+        Args:
+            joint: name of a hinge that is latched in all of them.
+            ids: numbers of the worlds, or a mask `(count,)`; None: all.
+
+        Raises:
+            InputError: the host is another one, or as `bc.unlatch`.
+        """
+        self._check_latches()
+
+        def brought(model: "mujoco.MjModel", data: "mujoco.MjData") -> float:
+            return unlatch(model, data, joint)
+
+        return [self._in_world(int(world), brought) for world in self._ids(ids)]
+
+    def latched(self, joint: str) -> NDArray[np.bool_]:
+        """`(count,)` in which worlds a hinge is latched.
+
+        Args:
+            joint: its name.
+
+        Raises:
+            InputError: the host is another one than "mujoco", or there is no such joint.
+        """
+        self._check_latches()
+        names = {self.model.joint(j).name: j for j in range(self.model.njnt)}
+        if joint not in names:
+            raise unknown("hinge", joint, [name for name in names if name])
+        dof = int(self.model.jnt_dofadr[names[joint]])
+        marks = self.fields.get("dof_solimp")
+        if marks is None:
+            return np.full(self.count, is_latched(self.model, dof))
+        return np.array([is_mark(values[dof]) for values in marks], dtype=np.bool_)
 
     def response(self) -> Callable[..., dict[str, Any]]:
         """One world's response as a function that JAX can differentiate, map and compile;
@@ -302,7 +414,8 @@ class Worlds:
         """Everything that the worlds continue from: a checkpoint for `restore`."""
         out: dict[str, Any] = {name: getattr(self, f"_{name}").copy() for name in KEPT}
         out |= {"simulation": self._host.state(), "draws": self.rng.bit_generator.state}
-        return out | {"timestep": self.timestep}
+        latches = {name: self.fields[name].copy() for name in LATCH_FIELDS if name in self.fields}
+        return out | {"timestep": self.timestep, "latches": latches}
 
     def restore(self, state: Mapping[str, Any]) -> dict[str, Array]:
         """Continue from a checkpoint of these worlds, what `state()` gave.
@@ -320,7 +433,10 @@ class Worlds:
         for name in KEPT:
             setattr(self, f"_{name}", np.array(state[name]))
         self.rng.bit_generator.state = state["draws"]
-        self._write_fields(self._ids(None))
+        every = self._ids(None)
+        self._set_free(every)
+        self._write_fields(every)
+        self._replace_fields(state["latches"], every)
         self._host.restore(state["simulation"])
         return self.observe()
 
@@ -329,6 +445,8 @@ class Worlds:
         """The host with all worlds, at rest."""
         host, threads = self._made
         self._half = runs_exact(self.model)
+        scratch = with_fields(self.model, {})
+        self._scratch = scratch, mujoco.MjData(scratch)
         self._host = host_of(host, self.model, self.count, threads, self._observer.stage)
         #: by name of MuJoCo's field that differs between worlds, `(count, ...)`
         self.fields: Fields = {}
@@ -351,6 +469,59 @@ class Worlds:
         if "wrap_prm" in new:
             self._observer.follow(self.fields["wrap_prm"])
         self._host.write_fields(new, which)
+
+    def _replace_fields(self, new: Fields, which: NDArray[np.intp]) -> None:
+        """Fields `(n, ...)` of some worlds, in addition to those that differ already."""
+        for name, values in new.items():
+            if name not in self.fields:
+                nominal = np.asarray(getattr(self.model, name))
+                self.fields[name] = np.repeat(nominal[None], self.count, axis=0)
+            self.fields[name][which] = values
+        self._host.write_fields(new, which)
+
+    # -- latches -----------------------------------------------------------------------------------
+    def _check_latches(self) -> None:
+        if self._made[0] != "mujoco":
+            raise InputError(
+                f"host = {self._made[0]!r} compiles the stops of hinges into its program, so that "
+                "no hinge can latch there; make the worlds with host='mujoco'."
+            )
+
+    def _in_world(
+        self, world: int, act: "Callable[[mujoco.MjModel, mujoco.MjData], Done]"
+    ) -> "Done":
+        """Do something to the model and the state of one world."""
+        model, data = self._scratch
+        for name, values in self.fields.items():
+            getattr(model, name)[:] = values[world]
+        host: Any = self._host
+        host.load(world, model, data)
+        data.ctrl[:] = self._before[world]
+        mujoco.mj_forward(model, data)  # accelerations of this world
+        before = [np.array(getattr(model, name)) for name in LATCH_FIELDS]
+        done = act(model, data)
+        after = {name: np.array(getattr(model, name))[None] for name in LATCH_FIELDS}
+        which = np.array([world])
+        if any(np.any(a != b) for a, b in zip(after.values(), before, strict=True)):
+            self._replace_fields(after, which)
+            host.store(world, model, data)
+            self._attitude[which] = self._observer.attitude(self._host.qpos)[which]
+        return done
+
+    def _set_free(self, which: NDArray[np.intp]) -> None:
+        """Undo every latch in some worlds."""
+        if "dof_solimp" not in self.fields:
+            return
+        model = self._scratch[0]
+        for world in which:
+            for name in LATCH_FIELDS:
+                getattr(model, name)[:] = self.fields[name][world]
+            free = [j for j in range(model.njnt) if is_latched(model, int(model.jnt_dofadr[j]))]
+            for joint in free:
+                take_out(model, joint)
+            if free:
+                new = {name: np.array(getattr(model, name))[None] for name in LATCH_FIELDS}
+                self._replace_fields(new, np.array([world]))
 
     def _restart(self, which: NDArray[np.intp], qpos: Array, qvel: Array) -> None:
         self._host.reset(which, qpos, qvel)

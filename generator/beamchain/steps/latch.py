@@ -1,13 +1,18 @@
 """Latching of deployment hinges in a running simulation: at the instant at which the hinge reaches
 its angle, with the energy that is dropped.
 
+What the hinge was before stays in the model, in the friction parameters of its degree of freedom,
+which MuJoCo reads only where there is friction; a latched hinge has none:
+
+    dof_solimp = -1 or -2, stiffness, springref, damping, armature    (-2: it has stops)
+    dof_solref = frictionloss, 1
+
+Copies, binary files and worlds therefore keep it.
+
 Theory: docs/theory.md, section 9.
 """
 
-import copy
-from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy.optimize import brentq
@@ -15,223 +20,436 @@ from scipy.optimize import brentq
 from beamchain.caution import Caution
 from beamchain.checks import not_negative, number, of_type, positive, true_or_false, unknown
 from beamchain.engine.library import mujoco, one_thread
-from beamchain.engine.linearise import mass_matrix
+from beamchain.engine.linearise import NUMBERS, mass_matrix
+from beamchain.errors import InputError
 from beamchain.ports.motions import Array
 from beamchain.steps.modal import modal_tendons
 
-SHORTEST = 1e-12  # of a step: what is shorter is none
-FIELDS = (
+#: All that `latch` and `unlatch` change in a model.
+LATCH_FIELDS = (
     "jnt_stiffness",
     "jnt_limited",
     "qpos_spring",
     "dof_damping",
     "dof_armature",
-    "jnt_margin",
+    "dof_frictionloss",
+    "dof_solref",
+    "dof_solimp",
 )
+PHASE = 0.2  # rad per step of the latched hinge, where no stiffness is given
+NEAR = 1e-6  # rad: a hinge at rest so near to its angle is there
+LONGEST = 1.125  # of a step: what ends just before the angle goes on to it
+SHORTEST = 1e-12  # of a step: what is shorter is none
+MOTION = 10.0  # times what rate and acceleration give for a step: it does not get further
+UNMARKED = ((0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))  # MuJoCo's own solref and solimp
+WITHOUT_STOPS, WITH_STOPS = -1.0, -2.0
+NOT_LINEAR = ("jnt_stiffnesspoly", "dof_dampingpoly", "jnt_springyield")
 
 
-@dataclass(frozen=True, eq=False)
-class Latched:
-    """What `latch` did.
+class Latched(float):
+    """The energy [J] that `latch` dropped, with what else it did.
 
     Args:
+        energy: dropped in all: with the drive spring and by the impact; less what an armature
+            that is added to a moving hinge brings.
         joint: its name.
         time: of the simulation at the instant [s].
         angle: at which the hinge is held [rad].
-        energy: dropped with the drive spring, and by the impact [J].
-        impact: part of it that the impact took [J].
+        stiffness: of the latched hinge [N m/rad].
+        impact: part of the energy that the impact took [J].
         warnings: where the loss is no property of the structure.
-        before: fields of the model as they were, for `unlatch`.
 
     Example:
         >>> import beamchain as bc, mujoco
         >>> panel = '''<mujoco><option timestep="0.01" gravity="0 0 0" integrator="RK4"/><worldbody>
         ... <body><freejoint/><inertial pos="0 0 0" mass="50" diaginertia="9 9 9"/>
-        ... <body><joint name="hinge" axis="0 0 1" stiffness="2" springref="100"/>
+        ... <body><joint name="hinge" axis="0 0 1" stiffness="2" springref="100" range="-9 90"/>
         ... <inertial pos="1 0 0" mass="2" diaginertia=".1 .2 .2"/></body></body></worldbody>
         ... </mujoco>'''
         >>> model = mujoco.MjModel.from_xml_string(panel)
         >>> data = mujoco.MjData(model)
-        >>> while (done := bc.latch(model, data, "hinge", 1.5, stiffness=500.0)) is None:
+        >>> while (done := bc.latch(model, data, "hinge", stiffness=500.0)) is None:
         ...     mujoco.mj_step(model, data)
-        >>> f"{data.qpos[7]:.12f}", round(done.energy, 6)
-        ('1.500000000000', 0.060186)
+        >>> f"{data.qpos[7]:.10f} rad at {done.time:.4f} s, {done:.6f} J dropped"
+        '1.5707963268 rad at 1.3629 s, 0.030462 J dropped'
     """
 
     joint: str
     time: float
     angle: float
-    energy: float
+    stiffness: float
     impact: float
     warnings: tuple[str, ...]
-    before: Mapping[str, Array]
+
+    def __new__(
+        cls,
+        energy: float,
+        joint: str,
+        time: float,
+        angle: float,
+        stiffness: float,
+        impact: float = 0.0,
+        warnings: tuple[str, ...] = (),
+    ) -> Self:
+        """The energy, with the rest beside it."""
+        made = super().__new__(cls, energy)
+        made.joint = joint
+        made.time = time
+        made.angle = angle
+        made.stiffness = stiffness
+        made.impact = impact
+        made.warnings = warnings
+        return made
+
+    def __reduce__(self) -> tuple[type["Latched"], tuple[Any, ...]]:
+        """For copies and pickling."""
+        return type(self), (float(self), *vars(self).values())
 
 
-@one_thread()
+class Hinge(NamedTuple):
+    """Where a hinge stands in the arrays of a model."""
+
+    name: str
+    joint: int
+    position: int
+    dof: int
+
+
 def latch(
     model: "mujoco.MjModel",
     data: "mujoco.MjData",
     joint: str,
-    angle: float,
     *,
-    stiffness: float,
-    damping: float = 0.0,
+    angle: float | None = None,
+    stiffness: float | None = None,
+    damping: float | None = None,
     armature: float | None = None,
     impact: bool = False,
 ) -> Latched | None:
     """Hold a deployment hinge from the instant at which it reaches an angle.
 
-    If the next step of the simulation does not reach it, nothing is done. Otherwise a shortened
-    step is made, which ends there, and the hinge's drive spring and limits give way to a spring
-    that is slack at the angle. Integrate the deployment with RK4: a step of Euler loses momentum
-    while bodies unfold.
+    Call it before every step. If the next step does not reach the angle, nothing is done and None
+    is returned. Otherwise that step is made, shortened so that it ends at the angle (or longer by
+    an eighth at most), and the hinge's drive spring, friction and stops give way to a spring that
+    is slack there. The stop at the angle does not act in that step. Integrate the deployment with
+    RK4: a step of Euler loses momentum while bodies unfold.
+
+    The model remembers what the hinge was, for `unlatch`: in copies, binary files and worlds too.
 
     Args:
         model, data: both change.
         joint: name of a hinge.
-        angle: at which it latches [rad].
-        stiffness: of the latched hinge [N m/rad].
-        damping: [N m s/rad].
-        armature: of the latched hinge [kg m^2]; default: as it is.
+        angle: at which it latches, from either side [rad]. Default: of its two stops (`range`) the
+            one nearer to the rest angle of its drive spring, without a drive spring the one that
+            it moves towards; a hinge without stops is held where it is.
+        stiffness: of the latched hinge [N m/rad]. It is a property of the structure, and should be
+            given; the default makes the hinge swing by 0.2 rad of phase in a step, which is about
+            as stiff as the step resolves.
+        damping: [N m s/rad]; default: as it is.
+        armature: of the latched hinge [kg m^2]; default: as it is, and beside a flexible body what
+            keeps the step stable: `h^2 k/8 + h d/2` under RK4, `h^2 k/4` otherwise.
         impact: stop the hinge at once, `v+ = v - M^-1 e (e^T M^-1 e)^-1 v_j`, which conserves
             momentum. The loss is a property of the structure only where its neighbours are rigid.
 
     Returns:
-        What was done, or None where the next step does not reach the angle.
+        The energy that was dropped [J], which knows instant and angle as well; None where the next
+        step does not reach the angle. Compare with `is None`: the energy may be zero.
 
     Raises:
-        InputError: no such hinge, or a number that is not allowed.
+        InputError: no such hinge, a number that is not allowed, or a hinge that cannot latch: it
+            is latched, it is beyond its stop, or its spring is not linear.
 
     Example:
         >>> import beamchain as bc, mujoco
         >>> hinge = '''<mujoco><worldbody><body><joint name="hinge" axis="0 0 1"/>
         ... <inertial pos="1 0 0" mass="2" diaginertia=".1 .2 .2"/></body></worldbody></mujoco>'''
         >>> model = mujoco.MjModel.from_xml_string(hinge)
-        >>> bc.latch(model, mujoco.MjData(model), "hinge", 0.5, stiffness=500.0) is None
+        >>> data = mujoco.MjData(model)
+        >>> bc.latch(model, data, "hinge", angle=0.5, stiffness=500.0) is None
         True
+        >>> bc.latch(model, data, "hinge", stiffness=500.0)  # it has no stops
+        0.0
     """
-    of_type("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
-    of_type("data", data, mujoco.MjData, "the mujoco.MjData of the model")
-    place = _hinge(model, joint)
-    target = number("angle", angle, "rad")
-    spring = positive("stiffness", stiffness, "N m/rad")
-    damper = not_negative("damping", damping, "N m s/rad")
+    hinge = _hinge(model, data, joint)
+    target = None if angle is None else number("angle", angle, "rad")
+    spring = None if stiffness is None else positive("stiffness", stiffness, "N m/rad")
+    damper = None if damping is None else not_negative("damping", damping, "N m s/rad")
     inertia = None if armature is None else not_negative("armature", armature, "kg m^2")
     is_impact = true_or_false("impact", impact)
-    position = int(model.jnt_qposadr[place])
-    dof = int(model.jnt_dofadr[place])
-    if not _step_to(model, data, position, target):
+    _check_can_latch(model, hinge)
+    if target is None:
+        target = _stop_ahead(model, data, hinge)
+    if not _step_to(model, data, hinge, target):
         return None
-    before = {name: np.array(getattr(model, name), dtype=np.float64) for name in FIELDS}
-    stretch = float(data.qpos[position] - model.qpos_spring[position])
-    energy = 0.5 * float(np.ravel(model.jnt_stiffness[place])[0]) * stretch**2
+    energy = _spring_energy(model, data, hinge)
     lost = 0.0
     warnings: list[str] = []
+    is_flexible = _has_flexible_neighbour(model, hinge.joint)
     if is_impact:
-        lost = _stop(model, data, dof)
-        if _has_flexible_neighbour(model, place):
+        lost = _stop(model, data, hinge.dof)
+        if is_flexible:
             text = (
                 f"joint {joint!r} was stopped at once beside a flexible body: the {lost:.3g} J "
                 "that this took depend on how many modes are kept; latch it with stiffness and "
                 "damping alone."
             )
             warnings.append(Caution("impact-on-flexible", text))
-    model.jnt_stiffness[place] = spring
-    model.qpos_spring[position] = target
-    model.jnt_limited[place] = 0
-    model.dof_damping[dof] = damper
+    before = float(model.dof_armature[hinge.dof])
+    _mark(model, hinge)
+    if damper is not None:
+        model.dof_damping[hinge.dof] = damper
     if inertia is not None:
-        model.dof_armature[dof] = inertia
+        model.dof_armature[hinge.dof] = inertia
+    if spring is None:
+        spring = _default_stiffness(model, data, hinge.dof)
+    if inertia is None and is_flexible:
+        model.dof_armature[hinge.dof] += _stable_armature(model, spring, hinge.dof)
+    model.jnt_stiffness[hinge.joint] = spring
+    model.qpos_spring[hinge.position] = target
     mujoco.mj_forward(model, data)
+    # an armature has no rows on the root: it brings energy, and no momentum
+    added = 0.5 * (float(model.dof_armature[hinge.dof]) - before) * float(data.qvel[hinge.dof]) ** 2
     return Latched(
+        energy - _spring_energy(model, data, hinge) + lost - added,
         joint,
         float(data.time),
         target,
-        energy + lost,
+        spring,
         lost,
         tuple(warnings),
-        MappingProxyType(before),
     )
 
 
-def unlatch(model: "mujoco.MjModel", latched: Latched) -> None:
-    """Give a hinge back what it had before `latch`: its drive spring, damping and limits.
-
-    Other hinges that were latched since then stay so.
+def unlatch(model: "mujoco.MjModel", data: "mujoco.MjData", joint: str) -> float:
+    """Give a hinge back what it had before `latch`: drive spring, damping, armature, friction and
+    stops. Other hinges stay as they are.
 
     Args:
-        model: it changes.
-        latched: what `latch` returned.
+        model, data: both change.
+        joint: name of a hinge that was latched.
+
+    Returns:
+        The energy that the drive spring brings, less that of the latched hinge [J].
 
     Raises:
-        InputError: the model has no such hinge.
+        InputError: the model has no such hinge, or it is not latched.
 
     Example:
         >>> import beamchain as bc, mujoco
-        >>> hinge = '''<mujoco><worldbody><body><joint name="hinge" axis="0 0 1" damping="0.1"/>
+        >>> hinge = '''<mujoco><worldbody><body>
+        ... <joint name="hinge" axis="0 0 1" damping="0.1" stiffness="2" springref="90"/>
         ... <inertial pos="1 0 0" mass="2" diaginertia=".1 .2 .2"/></body></worldbody></mujoco>'''
         >>> model = mujoco.MjModel.from_xml_string(hinge)
         >>> data = mujoco.MjData(model)
-        >>> data.qvel[0] = 1.0
-        >>> done = bc.latch(model, data, "hinge", 0.001, stiffness=500.0)
+        >>> dropped = bc.latch(model, data, "hinge", stiffness=500.0)
         >>> float(model.jnt_stiffness[0])
         500.0
-        >>> bc.unlatch(model, done)
-        >>> float(model.jnt_stiffness[0]), float(model.dof_damping[0])
-        (0.0, 0.1)
+        >>> brought = bc.unlatch(model, data, "hinge")
+        >>> float(model.jnt_stiffness[0]), float(model.dof_damping[0]), dropped == brought
+        (2.0, 0.1, True)
     """
+    hinge = _hinge(model, data, joint)
+    if not is_latched(model, hinge.dof):
+        raise InputError(f"hinge {joint!r} is not latched, so that there is nothing to undo.")
+    held = _spring_energy(model, data, hinge)
+    moving = 0.5 * float(data.qvel[hinge.dof]) ** 2
+    armature = float(model.dof_armature[hinge.dof])
+    take_out(model, hinge.joint)
+    mujoco.mj_forward(model, data)
+    added = moving * (float(model.dof_armature[hinge.dof]) - armature)
+    return _spring_energy(model, data, hinge) - held + added
+
+
+def is_latched(model: "mujoco.MjModel", dof: int) -> bool:
+    """Whether a degree of freedom is that of a latched hinge."""
+    return is_mark(model.dof_solimp[dof])
+
+
+def is_mark(impedance: Array) -> bool:
+    """Whether a `dof_solimp` is what a latched hinge was before."""
+    return float(impedance[0]) in (WITHOUT_STOPS, WITH_STOPS)
+
+
+def take_out(model: "mujoco.MjModel", joint: int) -> None:
+    """The fields of a latched hinge as they were before."""
+    dof = int(model.jnt_dofadr[joint])
+    mark, stiffness, reference, damping, armature = (float(v) for v in model.dof_solimp[dof])
+    model.jnt_limited[joint] = mark == WITH_STOPS
+    model.jnt_stiffness[joint] = stiffness
+    model.qpos_spring[int(model.jnt_qposadr[joint])] = reference
+    model.dof_damping[dof] = damping
+    model.dof_armature[dof] = armature
+    model.dof_frictionloss[dof] = model.dof_solref[dof, 0]
+    model.dof_solref[dof], model.dof_solimp[dof] = UNMARKED
+
+
+def _mark(model: "mujoco.MjModel", hinge: Hinge) -> None:
+    """Remember what the hinge is; stops and friction do not act any more."""
+    joint, position, dof = hinge[1:]
+    model.dof_solimp[dof] = (
+        WITH_STOPS if model.jnt_limited[joint] else WITHOUT_STOPS,
+        float(model.jnt_stiffness[joint]),
+        float(model.qpos_spring[position]),
+        float(model.dof_damping[dof]),
+        float(model.dof_armature[dof]),
+    )
+    model.dof_solref[dof, 0] = float(model.dof_frictionloss[dof])
+    model.dof_frictionloss[dof] = 0.0
+    model.jnt_limited[joint] = False
+
+
+def _hinge(model: "mujoco.MjModel", data: "mujoco.MjData", name: str) -> Hinge:
     of_type("model", model, mujoco.MjModel, "a compiled mujoco.MjModel")
-    of_type("latched", latched, Latched, "what bc.latch returned")
-    place = _hinge(model, latched.joint)
-    for name, values in latched.before.items():
-        if name.startswith("jnt_"):
-            own = place
-        elif name.startswith("dof_"):
-            own = int(model.jnt_dofadr[place])
-        else:
-            own = int(model.jnt_qposadr[place])
-        getattr(model, name)[own] = values[own]
+    of_type("data", data, mujoco.MjData, "the mujoco.MjData of the model")
+    if (data.qpos.size, data.qvel.size) != (model.nq, model.nv):
+        raise InputError(
+            f"data has {data.qpos.size} positions and {data.qvel.size} rates, the model "
+            f"{model.nq} and {model.nv}; give the mujoco.MjData of this model."
+        )
+    kind = int(mujoco.mjtJoint.mjJNT_HINGE)
+    joint = -1
+    if isinstance(name, str):
+        joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+    if joint < 0 or int(model.jnt_type[joint]) != kind:
+        names = [model.joint(j).name for j in np.flatnonzero(model.jnt_type == kind)]
+        raise unknown("hinge", name, [known for known in names if known])
+    return Hinge(name, joint, int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint]))
 
 
-def _hinge(model: "mujoco.MjModel", name: str) -> int:
-    hinges = {model.joint(j).name: j for j in range(model.njnt) if int(model.jnt_type[j]) == 3}
-    if name not in hinges:
-        raise unknown("hinge", name, [found for found in hinges if found])
-    return hinges[name]
+def _check_can_latch(model: "mujoco.MjModel", hinge: Hinge) -> None:
+    name, joint, _, dof = hinge
+    if is_latched(model, dof):
+        raise InputError(f"hinge {name!r} is latched already; bc.unlatch sets it free.")
+    for field in NOT_LINEAR:
+        values = getattr(model, field, None)  # not in every MuJoCo
+        if values is not None and np.any(values[dof if field.startswith("dof_") else joint]):
+            raise InputError(
+                f"hinge {name!r} has a {field}, so that its spring or damper is not linear; latch "
+                "takes hinges with one stiffness and one damping."
+            )
+    if tuple(model.dof_solref[dof]) != UNMARKED[0] or tuple(model.dof_solimp[dof]) != UNMARKED[1]:
+        raise InputError(
+            f"hinge {name!r} has a solreffriction or solimpfriction of its own, where latch keeps "
+            "what the hinge was before; leave both at MuJoCo's defaults."
+        )
 
 
-def _step_to(model: "mujoco.MjModel", data: "mujoco.MjData", position: int, target: float) -> bool:
-    """Make a step that ends where a coordinate is at its target; False where a whole step does not
+def _stop_ahead(model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge) -> float:
+    """The stop at which a hinge latches if no angle is given."""
+    if not model.jnt_limited[hinge.joint]:
+        return float(data.qpos[hinge.position])
+    low, high = (float(v) for v in model.jnt_range[hinge.joint])
+    if float(model.jnt_stiffness[hinge.joint]) > 0.0:
+        return high if float(model.qpos_spring[hinge.position]) > (low + high) / 2.0 else low
+    rate = float(data.qvel[hinge.dof])
+    if rate == 0.0:
+        raise InputError(
+            f"angle is missing: hinge {hinge.name!r} has stops at {low:.6g} and {high:.6g} rad, "
+            "but neither a drive spring nor a rate that tell which of them is meant; give angle."
+        )
+    return high if rate > 0.0 else low
+
+
+def _step_to(model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge, target: float) -> bool:
+    """Make a step that ends where a hinge is at its target; False where the next step does not
     reach it."""
+    start = float(data.qpos[hinge.position]) - target
+    is_stop = _is_stop(model, hinge, start, target)
+    if start == 0.0:
+        return True
     whole = float(model.opt.timestep)
+    rate, acceleration = abs(data.qvel[hinge.dof]), abs(data.qacc[hinge.dof])
+    if acceleration > 0.0 and abs(start) > NEAR + MOTION * whole * (rate + whole * acceleration):
+        return False
+    trial = mujoco.MjData(model)
 
     def at(step: float) -> float:
-        trial = copy.copy(data)
+        mujoco.mj_copyData(trial, model, data)
         model.opt.timestep = step
         mujoco.mj_step(model, trial)
-        return float(trial.qpos[position]) - target
+        return float(trial.qpos[hinge.position]) - target
 
+    limited = bool(model.jnt_limited[hinge.joint])
     try:
-        start = float(data.qpos[position]) - target
-        if start == 0.0:
-            return True
-        if start * at(whole) > 0.0:
-            return False
-        step = float(brentq(at, SHORTEST * whole, whole, xtol=1e-15 * whole, rtol=1e-15))
-        model.opt.timestep = step
-        mujoco.mj_step(model, data)
+        model.jnt_limited[hinge.joint] = limited and not is_stop
+        if not start * at(LONGEST * whole) <= 0.0:  # nor where the simulation diverges
+            return abs(start) <= NEAR
+        if start * at(SHORTEST * whole) > 0.0:
+            low, high = SHORTEST * whole, LONGEST * whole
+            model.opt.timestep = float(brentq(at, low, high, xtol=1e-15 * whole, rtol=1e-15))
+            mujoco.mj_step(model, data)
     finally:
         model.opt.timestep = whole
+        model.jnt_limited[hinge.joint] = limited
     return True
+
+
+def _is_stop(model: "mujoco.MjModel", hinge: Hinge, start: float, target: float) -> bool:
+    """Whether a hinge latches at one of its stops, `start` [rad] beyond it; refused where the stop
+    acts before."""
+    if not model.jnt_limited[hinge.joint]:
+        return False
+    low, high = (float(v) for v in model.jnt_range[hinge.joint])
+    if target > high + NEAR or target < low - NEAR:
+        raise InputError(
+            f"angle = {target:.6g} rad lies beyond the stops of hinge {hinge.name!r}, which are at "
+            f"{low:.6g} and {high:.6g} rad."
+        )
+    margin = float(model.jnt_margin[hinge.joint])
+    above, below = high - target <= NEAR + margin, target - low <= NEAR + margin
+    if not (above or below):
+        return False
+    if margin > 0.0:
+        raise InputError(
+            f"hinge {hinge.name!r} has margin={margin:.6g}, so that its stop acts before the angle "
+            f"{target:.6g} rad is reached; set the margin of the joint to 0."
+        )
+    beyond = max(start if above else 0.0, -start if below else 0.0)
+    if beyond > NEAR:
+        raise InputError(
+            f"hinge {hinge.name!r} is {beyond:.3g} rad beyond its stop at {target:.6g} rad, where "
+            "it would be held bent; call bc.latch before every step, from before the stop is "
+            "reached on, or put the hinge back to it."
+        )
+    return True
+
+
+def _spring_energy(model: "mujoco.MjModel", data: "mujoco.MjData", hinge: Hinge) -> float:
+    """Energy in the spring of a hinge [J]."""
+    stretch = float(data.qpos[hinge.position] - model.qpos_spring[hinge.position])
+    return 0.5 * float(model.jnt_stiffness[hinge.joint]) * stretch**2
+
+
+@one_thread()
+def _spread(model: "mujoco.MjModel", data: "mujoco.MjData", dof: int) -> Array:
+    """`M^-1 e` `(nv,)`: acceleration of everything per torque in a hinge."""
+    return np.linalg.solve(mass_matrix(model, np.array(data.qpos)), np.eye(model.nv)[dof])
+
+
+def _default_stiffness(model: "mujoco.MjModel", data: "mujoco.MjData", dof: int) -> float:
+    """With which the hinge alone, all other springs taken away, swings by `PHASE` in a step."""
+    compliance = float(_spread(model, data, dof)[dof])
+    return (PHASE / float(model.opt.timestep)) ** 2 / compliance
+
+
+def _stable_armature(model: "mujoco.MjModel", stiffness: float, dof: int) -> float:
+    """Inertia with which a spring of a hinge is stable at the step by itself, whatever hangs on
+    either side [kg m^2].
+
+    Bodies of appendages are stable by themselves at their limit, so that a spring between them has
+    no room: it needs h^2 k/4, of RK4 h^2 k/8. RK4 takes dampers explicitly, whose limit is 2.79.
+    """
+    h = float(model.opt.timestep)
+    if NUMBERS[int(model.opt.integrator)] == "RK4":
+        return h**2 * stiffness / 8.0 + h * float(model.dof_damping[dof]) / 2.0
+    return h**2 * stiffness / 4.0
 
 
 def _stop(model: "mujoco.MjModel", data: "mujoco.MjData", dof: int) -> float:
     """Stop a hinge at once without a change of momentum; the kinetic energy lost [J]."""
-    mass = mass_matrix(model, np.array(data.qpos))
-    unit = np.zeros(model.nv)
-    unit[dof] = 1.0
-    spread = np.linalg.solve(mass, unit)
+    spread = _spread(model, data, dof)
     rate = float(data.qvel[dof])
+    # v+ = v - M^-1 e (e^T M^-1 e)^-1 v_j
     data.qvel[:] -= spread * (rate / spread[dof])
     data.qvel[dof] = 0.0
     return 0.5 * rate**2 / float(spread[dof])
