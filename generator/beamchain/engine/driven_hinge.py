@@ -234,14 +234,13 @@ def run(
 class Seen(NamedTuple):
     """What a run looks like from outside, at each of its samples.
 
-    `rotations` `(k, b, 3, 3)` and `places` `(k, b, 3)` [m] of bodies, `points` `(k, s, 3)` [m] of
-    sites, `momentum` `(k, 3)` [N m s]: angular, about the centre of mass; `share` `(k,)`: size of
-    the part of it behind a body; `energy` `(k,)` [J].
+    `rotations` `(k, b, 3, 3)` and `places` `(k, b, 3)` [m] of bodies, then of sites; `momentum`
+    `(k, 3)` [N m s]: angular, about the centre of mass; `share` `(k,)`: size of the part of it
+    behind a body; `energy` `(k,)` [J].
     """
 
     rotations: Array
     places: Array
-    points: Array
     momentum: Array
     share: Array
     energy: Array
@@ -253,9 +252,8 @@ def seen(
     """A run seen from outside; `behind`: the body whose subtree's momentum is looked at."""
     data = mujoco.MjData(model)
     count = len(states.qpos)
-    rotations = np.empty((count, len(bodies), 3, 3))
-    places = np.empty((count, len(bodies), 3))
-    points = np.empty((count, len(sites), 3))
+    rotations = np.empty((count, len(bodies) + len(sites), 3, 3))
+    places = np.empty((count, len(bodies) + len(sites), 3))
     momentum = np.empty((count, 3))
     share = np.empty(count)
     energy = np.empty(count)
@@ -269,12 +267,11 @@ def seen(
         mujoco.mj_subtreeVel(model, data)
         mujoco.mj_energyPos(model, data)
         mujoco.mj_energyVel(model, data)
-        rotations[k] = data.xmat[bodies].reshape(-1, 3, 3)
-        places[k] = data.xpos[bodies]
-        points[k] = data.site_xpos[sites]
+        rotations[k] = np.vstack([data.xmat[bodies], data.site_xmat[sites]]).reshape(-1, 3, 3)
+        places[k] = np.vstack([data.xpos[bodies], data.site_xpos[sites]])
         momentum[k] = data.subtree_angmom[base]
         arm = data.subtree_com[behind] - data.subtree_com[base]
         moving = data.subtree_linvel[behind] - data.subtree_linvel[base]
         share[k] = np.linalg.norm(data.subtree_angmom[behind] + mass * np.cross(arm, moving))
         energy[k] = np.sum(data.energy)
-    return Seen(rotations, places, points, momentum, share, energy)
+    return Seen(rotations, places, momentum, share, energy)
