@@ -96,7 +96,7 @@ PARTS = {
     "Retimed": ("steps.forms.ModeTime",),
     "Segment": ("structure.segment.Stations", "structure.section.Geometry"),
     "StabilityStudy": (
-        "studies.stability.StepRow",
+        "craft.stability.StepRow",
         "steps.budget.Budget",
         "steps.large_motion.LargeMotion",
     ),

@@ -47,6 +47,7 @@ MOST_STEPS = 400_000  # of one simulation
 MOST_HINGES = 6
 NOTHING = 1e-9  # rad and m: less elastic motion has no share to speak of
 TRIALS = 3  # of the largest slew that the step's error allows
+ASIDE = 0.95  # of the angle at which an error in proportion would meet the tolerance
 CLOSE = 0.8  # of the tolerance: from here on a trial is taken
 ORDER = 15.0  # by this much falls RK4's error with half the step, less 1
 
@@ -76,16 +77,17 @@ class SlewBody:
     @property
     def chain_share(self) -> float:
         """What the chains are off, over the elastic motion; attitude or place, the larger."""
-        return self._share(self.chain_attitude, self.chain_place)
+        turned = _over(self.chain_attitude, self.elastic_attitude)
+        return max(turned, _over(self.chain_place, self.elastic_place))
 
     @property
     def step_share(self) -> float:
-        """What the step is off, over the elastic motion; attitude or place, the larger."""
-        return self._share(self.step_attitude, self.step_place)
+        """What the step is off in attitude, over the elastic part of it."""
+        return _over(self.step_attitude, self.elastic_attitude)
 
-    def _share(self, attitude: float, place: float) -> float:
-        parts = ((attitude, self.elastic_attitude), (place, self.elastic_place))
-        return max((error / size for error, size in parts if size > NOTHING), default=0.0)
+
+def _over(error: float, size: float) -> float:
+    return error / size if size > NOTHING else 0.0
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,7 @@ class SlewRow:
 
     @property
     def step_share(self) -> float:
-        """What the step is off, over the elastic motion, worst body."""
+        """What the step is off in attitude, over the elastic part of it, worst body."""
         return max(body.step_share for body in self.bodies)
 
     @property
@@ -174,9 +176,7 @@ class _Model(NamedTuple):
         return model
 
 
-def slews(
-    path: Path, model: "mujoco.MjModel", slowest: float, say: Say = lambda _: None
-) -> Slews:
+def slews(path: Path, model: "mujoco.MjModel", slowest: float, say: Say = lambda _: None) -> Slews:
     """Slew the hinges of a file that `embed` wrote, one by one.
 
     Slewed are the spacecraft's own hinges without a spring behind which, or on whose
@@ -385,17 +385,24 @@ class _Scene:
 
     def _holds_to(self, joint: int, row: SlewRow, tolerance: float) -> float | None:
         """The largest angle in the same duration at which the own step's error is within the
-        tolerance; the error grows with the angle, in proportion where it is small."""
+        tolerance; it grows about as the angle."""
         if row.step_share <= tolerance:
             return row.angle
-        angle, share = row.angle, row.step_share
+        too_far, share = row.angle, row.step_share
+        held: float | None = None
         for _ in range(TRIALS):
-            angle *= tolerance / share * (1.0 + CLOSE) / 2.0
+            angle = too_far * tolerance / share * ASIDE
+            if held is not None:
+                angle = (held + too_far) / 2.0
             trial = self._trial(joint, Turn(angle, row.duration))
-            share = _share(_apart(trial.own, trial.file), _apart(trial.file, trial.twin))
-            if CLOSE * tolerance <= share <= tolerance:
-                return angle
-        return angle if share <= tolerance else None
+            found = _step_share(trial)
+            if found <= tolerance:
+                held = angle
+                if found >= CLOSE * tolerance:
+                    break
+            else:
+                too_far, share = angle, found
+        return held
 
     def _trial(self, joint: int, turn: Turn) -> "_Trial":
         """The rigid twin, the file under RK4, and the file as it is."""
@@ -419,9 +426,7 @@ class _Scene:
             self._run(own, joint, drive, self.timestep, self.integrator),
         )
 
-    def _run(
-        self, placed: _Model, joint: int, drive: Drive, step: float, integrator: str
-    ) -> Seen:
+    def _run(self, placed: _Model, joint: int, drive: Drive, step: float, integrator: str) -> Seen:
         """A model under the torques of a drive, seen from outside."""
         per_sample = int(np.ceil(drive.spacing / step * (1.0 - 1e-9)))
         if (drive.samples - 1) * per_sample > MOST_STEPS:
@@ -445,7 +450,9 @@ class _Scene:
     def _look(self, placed: _Model, joint: int, states: Run) -> Seen:
         behind = int(placed.model.jnt_bodyid[placed.joints[joint]])
         bodies = [placed.bodies[i] for i in self.bodies]
-        return seen(placed.model, states, bodies, [_site(placed.model, n) for n in self.tips], behind)
+        return seen(
+            placed.model, states, bodies, [_site(placed.model, n) for n in self.tips], behind
+        )
 
 
 class _Trial(NamedTuple):
@@ -471,12 +478,12 @@ def _apart(one: Seen, other: Seen) -> tuple[Array, Array]:
     return np.max(np.arctan2(skew, cosine), axis=0), np.max(places, axis=0)
 
 
-def _share(error: tuple[Array, Array], elastic: tuple[Array, Array]) -> float:
-    """The largest error over the elastic motion, as `SlewBody` has it."""
-    bodies = zip(*elastic, *error, strict=True)
-    return max(
-        SlewBody("", a, b, 0.0, 0.0, c, d).step_share for a, b, c, d in bodies
+def _step_share(trial: "_Trial") -> float:
+    """What the step is off in attitude over the elastic part of it, worst body."""
+    error, elastic = (
+        _apart(one, other)[0] for one, other in ((trial.own, trial.file), (trial.file, trial.twin))
     )
+    return max(_over(float(e), float(size)) for e, size in zip(error, elastic, strict=True))
 
 
 def _largest(values: Array) -> float:
@@ -504,7 +511,8 @@ def _warnings(rows: Sequence[SlewRow], tolerance: float | None) -> list[str]:
     if step.step_share > tolerance:
         text = (
             f"{_words(step)}: the step of {step.integrator} at {step.timestep:g} s is off by "
-            f"{step.step_share:.2g} of the elastic motion, more than the tolerance {tolerance:g}; "
+            f"{step.step_share:.2g} of the elastic part of the attitude, more than the tolerance "
+            f"{tolerance:g}; "
             "integrate such slews with RK4."
         )
         out.append(Caution("slew-step", text))
@@ -519,8 +527,8 @@ def _advice(rows: Sequence[SlewRow], tolerance: float | None) -> str:
     body = max(worst.bodies, key=lambda one: one.step_share)
     own = f"{worst.integrator} at {worst.timestep:g} s"
     found = (
-        f"{own} is off by {body.step_attitude:.2g} rad and {body.step_place:.2g} m at {body.name}, "
-        f"{worst.step_share:.2g} of the elastic motion ({_words(worst)})"
+        f"{own} is off by {body.step_attitude:.2g} rad in the attitude of {body.name}, "
+        f"{worst.step_share:.2g} of the elastic part of it ({_words(worst)})"
     )
     if worst.integrator == "RK4":
         return f"Large slews: {found}."
