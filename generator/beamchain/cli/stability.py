@@ -24,7 +24,7 @@ def stability(
     quiet: Quiet = False,
 ) -> None:
     """Find the largest stable steps, the steps for a given accuracy,
-    numerical damping and large-motion limits. A file that embed wrote is also slewed, hinge by hinge.
+    numerical damping and large-motion limits; slew the hinges of a file that embed wrote.
 
     Writes report.html and stability.json into DIR.
 

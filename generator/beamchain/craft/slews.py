@@ -503,8 +503,8 @@ def _warnings(rows: Sequence[SlewRow], tolerance: float | None) -> list[str]:
     chain = max(rows, key=lambda row: row.chain_share)
     if chain.chain_share > tolerance:
         text = (
-            f"{_words(chain)}: the chains are off by {chain.chain_share:.2g} of the elastic motion, "
-            f"more than the tolerance {tolerance:g}; keep more modes, or turn more slowly."
+            f"{_words(chain)}: the chains are off by {chain.chain_share:.2g} of the elastic "
+            f"motion, more than the tolerance {tolerance:g}; keep more modes, or turn more slowly."
         )
         out.append(Caution("slew-chain", text))
     step = max(rows, key=lambda row: row.step_share)
@@ -542,7 +542,7 @@ def _advice(rows: Sequence[SlewRow], tolerance: float | None) -> str:
         return f"{text}; no slew was found in which it stays within the tolerance {tolerance:g}."
     return (
         f"{text}: within the tolerance {tolerance:g} it turns {worst.joint} by up to "
-        f"{np.degrees(abs(worst.holds_to)):.2g} degrees in {worst.duration:.3g} s "
+        f"{np.degrees(abs(worst.holds_to)):.3g} degrees in {worst.duration:.3g} s "
         f"({worst.rate_held:.2g} rad/s at most)."
     )
 

@@ -7,8 +7,11 @@ from beamchain.report.formats import damping_ratio, digits, number, relative, sh
 from beamchain.report.table import Column, Table
 
 if TYPE_CHECKING:
+    from beamchain.craft.slews import SlewBody, SlewRow
     from beamchain.craft.stability import StabilityStudy
     from beamchain.steps.budget import Budget
+
+tiny = digits(2)  #: errors
 
 
 def limit_table(study: "StabilityStudy") -> Table:
@@ -72,9 +75,6 @@ def chain_table(study: "StabilityStudy") -> Table:
         Column("of the elastic part", [b.chain_share for _, b in rows], format=relative),
     )
     return Table("Slews of hinges: what the chains hold", columns)
-
-
-tiny = digits(2)  #: errors
 
 
 def _slew_columns(rows: "list[tuple[SlewRow, SlewBody]]") -> tuple[Column, ...]:

@@ -1,0 +1,189 @@
+"""A planar arm of two flexible links on a free bus, geometrically exact, and its slew at the elbow.
+
+Each link is an inextensible rod without rotary inertia whose curvature is a polynomial, so that the
+angle of its sections is one too; places are integrals of the angle's sine and cosine, by Gauss
+points. Nothing is expanded for small motion: foreshortening and centrifugal terms are there. With
+`e(a) = (cos a, sin a)` every mass point is `c_j = C + sum_k L_jk e(a_k)`, C the centre of mass, at
+rest, and with `A = L^T m L` the equations over the angles, `a = B z`, are
+
+    B^T [(A * cos(a_k - a_l) + J) B z'' + (A * sin(a_k - a_l)) a'^2] + K z = Q
+
+Nothing is imported from the package.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import legendre
+from scipy.integrate import solve_ivp
+
+POINTS = 14  # Gauss points of a link
+
+
+@dataclass(frozen=True)
+class Rod:
+    """A uniform link: length [m], bending stiffness [N m^2], mass per length [kg/m]."""
+
+    length: float
+    stiffness: float
+    linear_mass: float
+
+
+@dataclass(frozen=True)
+class PlanarArm:
+    """Bus, upper link, elbow, fore link and hand.
+
+    Attributes:
+        degree: of the curvature's polynomial; -1: rigid links.
+        masses, inertias: of bus, elbow and hand.
+        shoulder: distance from the bus's centre to the root [m].
+    """
+
+    upper: Rod
+    fore: Rod
+    masses: tuple
+    inertias: tuple
+    shoulder: float
+    degree: int = 5
+
+    @cached_property
+    def _parts(self):
+        """Rows of B, and L, masses, inertias, K; angles: bus, upper's points and end, elbow's
+        body, fore's points and end."""
+        n = self.degree + 1
+        x, w = legendre.leggauss(POINTS)
+        # integral from -1 to each point and to 1, of what has values at the points
+        basis = legendre.legvander(x, POINTS - 1)
+        up = np.array(
+            [
+                legendre.legval(np.append(x, 1.0), legendre.legint(row, lbnd=-1.0))
+                for row in np.eye(POINTS)
+            ]
+        ).T
+        fit = (basis * w[:, None]).T * (2.0 * np.arange(POINTS)[:, None] + 1.0) / 2.0
+        integral = up @ fit  # (points + 1, points)
+        bends = np.array(
+            [
+                legendre.legval(np.append(x, 1.0), legendre.legint(row, lbnd=-1.0))
+                for row in np.eye(max(n, 1))[:n]
+            ]
+        ).reshape(n, POINTS + 1)
+        size = 2 + 2 * n
+        angles = 2 * POINTS + 4
+        first, elbow, second = 1, POINTS + 2, POINTS + 3
+        b = np.zeros((angles, size))
+        b[:, 0] = 1.0
+        for at, rod, start in ((first, self.upper, 1), (second, self.fore, 2 + n)):
+            rows = slice(at, at + POINTS + 1)
+            b[rows, start : start + n] = rod.length / 2.0 * bends.T
+            if at == first:  # what follows turns with the end
+                b[elbow:, start : start + n] = b[at + POINTS, start : start + n]
+                b[elbow:, 1 + n] = 1.0
+        stiffness = np.zeros(size)
+        for rod, start in ((self.upper, 1), (self.fore, 2 + n)):
+            shares = rod.length / (2.0 * np.arange(n) + 1.0)
+            stiffness[start : start + n] = rod.stiffness * shares
+        # mass points from the bus's centre: bus, upper's, elbow, fore's, hand
+        rows, masses = [np.zeros(angles)], [self.masses[0]]
+        root = np.zeros(angles)
+        root[0] = self.shoulder
+        for at, rod, body in ((first, self.upper, 1), (second, self.fore, 2)):
+            for k in range(POINTS + 1):
+                row = root.copy()
+                row[at : at + POINTS] += rod.length / 2.0 * integral[k]
+                rows.append(row)
+                masses.append(
+                    rod.linear_mass * rod.length / 2.0 * w[k] if k < POINTS else self.masses[body]
+                )
+            root = rows[-1]
+        masses, rows = np.array(masses), np.array(rows)
+        inertia = np.zeros(angles)
+        inertia[[0, elbow, angles - 1]] = self.inertias
+        relative = rows - masses @ rows / masses.sum()
+        return b, relative, masses, inertia, stiffness
+
+    def _equations(self, z, rate):
+        """Mass over z, and what stands on the left beside it without stiffness."""
+        b, rows, masses, inertia, _ = self._parts
+        a, turning = b @ z, b @ rate
+        pair = self._pair
+        apart = a[:, None] - a[None, :]
+        mass = b.T @ ((pair * np.cos(apart) + np.diag(inertia)) @ b)
+        return mass, b.T @ ((pair * np.sin(apart)) @ turning**2)
+
+    @cached_property
+    def _pair(self):
+        _, rows, masses, _, _ = self._parts
+        return rows.T @ (masses[:, None] * rows)
+
+    @property
+    def elbow(self):
+        """Number of the elbow's angle in z."""
+        return self.degree + 2
+
+    def accelerations(self, z, rate, torque):
+        """z'' under a torque on the elbow."""
+        mass, left = self._equations(z, rate)
+        load = -left - self._parts[4] * z
+        load[self.elbow] += torque
+        return np.linalg.solve(mass, load)
+
+    def seen(self, z):
+        """Angles of bus and hand, and places of bus and hand from where the bus was."""
+        b, rows, masses, _, _ = self._parts
+        a = b @ z
+        places = rows @ np.column_stack([np.cos(a), np.sin(a)])
+        shift = np.array([-np.sum(rows[0]), 0.0])
+        return a[0], a[-1], places[0] + shift, places[-1] + shift
+
+
+def profile(time, angle, duration):
+    """Angle, rate and acceleration of a turn along the polynomial of degree 7."""
+    s = np.clip(time / duration, 0.0, 1.0)
+    curve = np.polynomial.Polynomial([0, 0, 0, 0, 35.0, -84.0, 70.0, -20.0])
+    slope = curve.deriv()
+    return (
+        angle * curve(s),
+        angle / duration * slope(s),
+        angle / duration**2 * slope.deriv()(s),
+    )
+
+
+def torque(rigid, time, bus, bus_rate, angle, duration):
+    """Torque on the elbow that turns the rigid arm along the profile, and the bus's acceleration."""
+    place, rate, acceleration = profile(time, angle, duration)
+    mass, left = rigid._equations(np.array([bus, place]), np.array([bus_rate, rate]))
+    bus_acceleration = (-left[0] - mass[0, 1] * acceleration) / mass[0, 0]
+    return mass[1, 0] * bus_acceleration + mass[1, 1] * acceleration + left[1], bus_acceleration
+
+
+def slew(arm, angle, duration, times):
+    """The arm at `times`, its elbow driven by the torques of the rigid one, and these torques at
+    any time."""
+    rigid = PlanarArm(arm.upper, arm.fore, arm.masses, arm.inertias, arm.shoulder, -1)
+    n = arm._parts[0].shape[1]
+
+    def slope(time, state):
+        z, rate, bus, bus_rate = state[:n], state[n : 2 * n], state[-2], state[-1]
+        push, turning = torque(rigid, time, bus, bus_rate, angle, duration)
+        return np.concatenate([rate, arm.accelerations(z, rate, push), [bus_rate, turning]])
+
+    done = solve_ivp(
+        slope, (0.0, times[-1]), np.zeros(2 * n + 2), "DOP853", times, rtol=1e-9, atol=1e-11
+    )
+    assert done.success, done.message
+    alone = solve_ivp(
+        lambda t, s: [s[1], torque(rigid, t, *s, angle, duration)[1]],
+        (0.0, times[-1]),
+        [0.0, 0.0],
+        "DOP853",
+        dense_output=True,
+        rtol=1e-11,
+        atol=1e-13,
+    )
+
+    def push(time):
+        return torque(rigid, time, *alone.sol(time), angle, duration)[0]
+
+    return [arm.seen(z) for z in done.y[:n].T], push
