@@ -8,14 +8,11 @@ modes, not all; 1e-6 where the same file is run by itself, by other code, with t
 origin; 1e-9 for what RK4 keeps of the angular momentum.
 """
 
-import json
-
 import mujoco
 import numpy as np
 import pytest
 
 import beamchain as bc
-from command import call
 from planar_arm import PlanarArm, Rod, slew
 
 YOUNG, DENSITY = 7e10, 2700.0
@@ -125,9 +122,7 @@ def test_what_is_stated_of_a_slew_is_what_a_geometrically_exact_arm_shows(tmp_pa
         own = simulated(path, push, times, mean=True)
         stated = {body.name: body for body in row.bodies}
         bus, hand = stated["bus"], stated["hand"]
-        found = worst(rk4[0], [e[0] for e in exact]), worst(
-            rk4[1][:, :2], [e[3] for e in exact]
-        )
+        found = worst(rk4[0], [e[0] for e in exact]), worst(rk4[1][:, :2], [e[3] for e in exact])
         print(f"{row.duration:.3g} s: bus {found[0]:.3g} rad, stated {bus.chain_attitude:.3g}; ")
         print(f"hand {found[1]:.3g} m, stated {hand.chain_place:.3g}")
         assert found[0] == pytest.approx(bus.chain_attitude, rel=STATED)

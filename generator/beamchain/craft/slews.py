@@ -23,7 +23,7 @@ from beamchain.engine.driven_hinge import Drive, Run, Seen, Turn, drive_of, run,
 from beamchain.engine.library import hangs_on, mujoco
 from beamchain.engine.linearise import NUMBERS, compile_model
 from beamchain.engine.operating_point import base_body, quiet_copy
-from beamchain.errors import BeamchainError, EngineError
+from beamchain.errors import BeamchainError, EngineError, InputError
 from beamchain.fitting.options import Modes
 from beamchain.fitting.spec import Spec
 from beamchain.mjcf.relocate import relocate
@@ -39,14 +39,14 @@ Say = Callable[[str], None]
 TURNS = ((np.pi / 2.0, 5.0), (np.pi / 2.0, 10.0), (np.pi, 10.0))
 RINGING = 1.0  # periods that are looked at after the turn
 SAMPLES = 400  # of a slew
-FINE = 800  # steps per period of the slowest mode, at least, under RK4
+FINE = 1600  # steps per period of the slowest mode, at least, under RK4
 DIVIDED = 3  # times as many modes has a finely divided appendage
 MOST_KEPT = 20  # modes per port that a specification may ask for
 SHARE_OF_LIMIT = 0.7  # of RK4's stability limit: a step up to which no mode is slowed for it
 MOST_STEPS = 400_000  # of one simulation
 MOST_HINGES = 6
 NOTHING = 1e-9  # rad and m: less elastic motion has no share to speak of
-TRIALS = 3  # of the largest slew that the step's error allows
+TRIALS = 4  # of the largest slew that the step's error allows
 ASIDE = 0.95  # of the angle at which an error in proportion would meet the tolerance
 CLOSE = 0.8  # of the tolerance: from here on a trial is taken
 ORDER = 15.0  # by this much falls RK4's error with half the step, less 1
@@ -54,11 +54,11 @@ ORDER = 15.0  # by this much falls RK4's error with half the step, less 1
 
 @dataclass(frozen=True)
 class SlewBody:
-    """A body of the spacecraft, or the tip of an appendage, in a slew: the largest differences of
+    """A body of the spacecraft, or a port of an appendage, in a slew: the largest differences of
     its attitude [rad] and place [m] at any time.
 
     Args:
-        name: of the body; of the site, for a tip.
+        name: of the body; of the site, for a port.
         elastic_attitude, elastic_place: flexible less rigid craft, under the same torques.
         chain_attitude, chain_place: the file less the craft with finely divided appendages, both
             under RK4: what the chains are off.
@@ -139,7 +139,7 @@ class SlewRow:
     @property
     def rate_held(self) -> float | None:
         """The largest rate of a slew by `holds_to` in this duration [rad/s]."""
-        return None if self.holds_to is None else self.rate * self.holds_to / self.angle
+        return None if self.holds_to is None else abs(self.rate * self.holds_to / self.angle)
 
     def as_dict(self) -> dict[str, Any]:
         """For stability.json."""
@@ -168,12 +168,17 @@ class _Model(NamedTuple):
     bodies: list[int]
     limit: float  # of RK4 [s]
 
-    def under_rk4(self, timestep: float) -> "mujoco.MjModel":
-        """A copy to be run with RK4 at a step, modes too fast for it slowed."""
+    def under_rk4(self, timestep: float) -> "tuple[mujoco.MjModel, float]":
+        """A copy to be run with RK4 at a step, modes too fast for it slowed, and the step; a
+        shorter one where nothing can be slowed."""
         model = copy.copy(self.model)
-        if timestep > SHARE_OF_LIMIT * self.limit:
-            retime(model, timestep, "RK4")
-        return model
+        stable = SHARE_OF_LIMIT * self.limit
+        if timestep > stable:
+            try:
+                retime(model, timestep, "RK4")
+            except InputError:
+                return model, stable
+        return model, timestep
 
 
 def slews(path: Path, model: "mujoco.MjModel", slowest: float, say: Say = lambda _: None) -> Slews:
@@ -310,13 +315,14 @@ class _Scene:
             and int(self.bare.jnt_bodyid[j]) != base_body(self.bare, int(self.bare.jnt_bodyid[j]))
         ]
         self.bodies = self._seen_bodies(marked)
-        carrying = {place.rpartition(":")[0] for place in marked.wanted}
-        tips = [
-            f"{a.prefix}tip"
+        on_ports = {a.at for a in marked.appendages}
+        ports = [
+            f"{a.prefix}{port}"
             for a in marked.appendages
-            if not any(a.carries.values()) and a.at not in carrying
+            for port in a.spec.further
+            if not a.carries.get(port) and f"{a.at}:{port}" not in on_ports
         ]
-        self.tips = [name for name in tips if all(_site(m, name) >= 0 for m in self._models)]
+        self.ports = [name for name in ports if all(_site(m, name) >= 0 for m in self._models)]
 
     @property
     def _models(self) -> "tuple[mujoco.MjModel, ...]":
@@ -353,7 +359,7 @@ class _Scene:
             _apart(trial.file, fine),
             _apart(trial.own, trial.file),
         )
-        labels = [self.bare.body(self._plain[i]).name for i in self.bodies] + self.tips
+        labels = [self.bare.body(self._plain[i]).name for i in self.bodies] + self.ports
         bodies = tuple(
             SlewBody(label, *(float(v[i]) for part in parts for v in part))
             for i, label in enumerate(labels)
@@ -428,21 +434,23 @@ class _Scene:
 
     def _run(self, placed: _Model, joint: int, drive: Drive, step: float, integrator: str) -> Seen:
         """A model under the torques of a drive, seen from outside."""
-        per_sample = int(np.ceil(drive.spacing / step * (1.0 - 1e-9)))
+        is_own = placed.model is self.own
+        model = copy.copy(placed.model)
+        if not is_own:
+            model, step = placed.under_rk4(drive.spacing / _parts(drive.spacing, step))
+        per_sample = _parts(drive.spacing, step)
         if (drive.samples - 1) * per_sample > MOST_STEPS:
             raise EngineError(
                 f"a slew of {drive.turn.duration:.4g} s takes more than {MOST_STEPS} steps of "
                 f"{step:.3g} s; it was not simulated."
             )
-        is_own = placed.model is self.own
-        model = placed.model if is_own else placed.under_rk4(drive.spacing / per_sample)
         states = run(
-            copy.copy(model),
+            model,
             [placed.joints[j] for j in self.held],
             drive,
             integrator,
             per_sample,
-            # what a model that is exact in time wants, and what makes others of second order
+            # as a model that is exact in time wants it; it makes any other of second order
             mean_input=is_own and integrator != "RK4",
         )
         return self._look(placed, joint, states)
@@ -451,7 +459,7 @@ class _Scene:
         behind = int(placed.model.jnt_bodyid[placed.joints[joint]])
         bodies = [placed.bodies[i] for i in self.bodies]
         return seen(
-            placed.model, states, bodies, [_site(placed.model, n) for n in self.tips], behind
+            placed.model, states, bodies, [_site(placed.model, n) for n in self.ports], behind
         )
 
 
@@ -462,6 +470,11 @@ class _Trial(NamedTuple):
     twin: Seen
     file: Seen
     own: Seen
+
+
+def _parts(whole: float, step: float) -> int:
+    """Number of equal steps, at most so long, in a time."""
+    return int(np.ceil(whole / step * (1.0 - 1e-9)))
 
 
 def _site(model: "mujoco.MjModel", name: str) -> int:
@@ -532,18 +545,19 @@ def _advice(rows: Sequence[SlewRow], tolerance: float | None) -> str:
     )
     if worst.integrator == "RK4":
         return f"Large slews: {found}."
-    rk4 = f"RK4 at {worst.step_rk4:.3g} s by {worst.error_rk4:.1g} rad"
+    h = f"{worst.step_rk4:.3g}"
+    rk4 = f'RK4 at {h} s, after bc.retime(model, {h}, "RK4"), by {worst.error_rk4:.1g} rad'
     if tolerance is not None and worst.step_share <= tolerance:
         return f"Large slews: {found}, within the tolerance {tolerance:g}; {rk4}."
-    text = f"Integrate large slews with RK4: {found}, {rk4}; keep {own} for small turns"
+    text = f"Integrate large slews with RK4: {found}; {rk4}"
     if tolerance is None:
-        return f"{text}."
+        return f"{text}. Keep {own} for small turns."
     if worst.holds_to is None or worst.rate_held is None:
-        return f"{text}; no slew was found in which it stays within the tolerance {tolerance:g}."
+        return f"{text}. No slew was found in which {own} keeps the tolerance {tolerance:g}."
     return (
-        f"{text}: within the tolerance {tolerance:g} it turns {worst.joint} by up to "
-        f"{np.degrees(abs(worst.holds_to)):.3g} degrees in {worst.duration:.3g} s "
-        f"({worst.rate_held:.2g} rad/s at most)."
+        f"{text}. Keep {own} for small turns: in {worst.duration:.3g} s it turns {worst.joint} by "
+        f"up to {np.degrees(abs(worst.holds_to)):.3g} degrees ({worst.rate_held:.2g} rad/s at "
+        f"most) within the tolerance {tolerance:g}."
     )
 
 

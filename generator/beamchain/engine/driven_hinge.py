@@ -180,8 +180,7 @@ def run(
         drive: the torques.
         integrator: MuJoCo's name.
         per_sample: steps from one sample to the next.
-        mean_input: give every step the mean of its torque and of the one before, as a model that is
-            exact in time wants it (`HeldInput`).
+        mean_input: give every step the mean of its torque and of the one before (`HeldInput`).
 
     Raises:
         EngineError: the simulation is unstable.
