@@ -11,7 +11,7 @@ rest, and with `A = L^T m L` the equations over the angles, `a = B z`, are
 Nothing is imported from the package.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -105,7 +105,7 @@ class PlanarArm:
 
     def _equations(self, z, rate):
         """Mass over z, and what stands on the left beside it without stiffness."""
-        b, rows, masses, inertia, _ = self._parts
+        b, _, _, inertia, _ = self._parts
         a, turning = b @ z, b @ rate
         pair = self._pair
         apart = a[:, None] - a[None, :]
@@ -131,7 +131,7 @@ class PlanarArm:
 
     def seen(self, z):
         """Angles of bus and hand, and places of bus and hand from where the bus was."""
-        b, rows, masses, _, _ = self._parts
+        b, rows, *_ = self._parts
         a = b @ z
         places = rows @ np.column_stack([np.cos(a), np.sin(a)])
         shift = np.array([-np.sum(rows[0]), 0.0])
@@ -151,39 +151,46 @@ def profile(time, angle, duration):
 
 
 def torque(rigid, time, bus, bus_rate, angle, duration):
-    """Torque on the elbow that turns the rigid arm along the profile, and the bus's acceleration."""
+    """Torque on the elbow that turns the rigid arm along the profile; acceleration of the bus."""
     place, rate, acceleration = profile(time, angle, duration)
     mass, left = rigid._equations(np.array([bus, place]), np.array([bus_rate, rate]))
     bus_acceleration = (-left[0] - mass[0, 1] * acceleration) / mass[0, 0]
     return mass[1, 0] * bus_acceleration + mass[1, 1] * acceleration + left[1], bus_acceleration
 
 
-def slew(arm, angle, duration, times):
-    """The arm at `times`, its elbow driven by the torques of the rigid one, and these torques at
-    any time."""
-    rigid = PlanarArm(arm.upper, arm.fore, arm.masses, arm.inertias, arm.shoulder, -1)
+class Push:
+    """The torque on the elbow at any time of a slew, and the rigid arm under it."""
+
+    def __init__(self, arm, angle, duration, end):
+        self.turn = angle, duration
+        self.rigid = replace(arm, degree=-1)
+        self._bus = solve_ivp(
+            lambda t, s: [s[1], torque(self.rigid, t, *s, *self.turn)[1]],
+            (0.0, end),
+            [0.0, 0.0],
+            "DOP853",
+            dense_output=True,
+            rtol=1e-11,
+            atol=1e-13,
+        ).sol
+
+    def __call__(self, time):
+        return torque(self.rigid, time, *self._bus(time), *self.turn)[0]
+
+    def seen(self, time):
+        """As `PlanarArm.seen`, of the rigid arm."""
+        return self.rigid.seen(np.array([self._bus(time)[0], profile(time, *self.turn)[0]]))
+
+
+def slew(arm, push, times):
+    """The arm seen at `times`, its elbow driven by the torques of the rigid one."""
     n = arm._parts[0].shape[1]
 
     def slope(time, state):
-        z, rate, bus, bus_rate = state[:n], state[n : 2 * n], state[-2], state[-1]
-        push, turning = torque(rigid, time, bus, bus_rate, angle, duration)
-        return np.concatenate([rate, arm.accelerations(z, rate, push), [bus_rate, turning]])
+        return np.concatenate([state[n:], arm.accelerations(state[:n], state[n:], push(time))])
 
     done = solve_ivp(
-        slope, (0.0, times[-1]), np.zeros(2 * n + 2), "DOP853", times, rtol=1e-9, atol=1e-11
+        slope, (0.0, times[-1]), np.zeros(2 * n), "DOP853", times, rtol=1e-9, atol=1e-11
     )
     assert done.success, done.message
-    alone = solve_ivp(
-        lambda t, s: [s[1], torque(rigid, t, *s, angle, duration)[1]],
-        (0.0, times[-1]),
-        [0.0, 0.0],
-        "DOP853",
-        dense_output=True,
-        rtol=1e-11,
-        atol=1e-13,
-    )
-
-    def push(time):
-        return torque(rigid, time, *alone.sol(time), angle, duration)[0]
-
-    return [arm.seen(z) for z in done.y[:n].T], push
+    return [arm.seen(z) for z in done.y[:n].T]
