@@ -97,6 +97,8 @@ PARTS = {
     "Segment": ("structure.segment.Stations", "structure.section.Geometry"),
     "StabilityStudy": (
         "craft.stability.StepRow",
+        "craft.slews.SlewRow",
+        "craft.slews.SlewBody",
         "steps.budget.Budget",
         "steps.large_motion.LargeMotion",
     ),

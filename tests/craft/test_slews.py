@@ -181,7 +181,7 @@ xy = 2
 xz = 0
 [scene]
 bandwidth = 10.0
-tolerance = 0.001
+tolerance = 0.003
 """
 DRIVEN = """<mujoco model="driven"><option timestep="{step}" gravity="0 0 0" integrator="{by}"/>
 <worldbody><body name="bus">{free}<inertial pos="0 0 0" mass="300" diaginertia="90 90 90"/>

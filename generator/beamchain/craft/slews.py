@@ -227,7 +227,8 @@ def slews(path: Path, model: "mujoco.MjModel", slowest: float, say: Say = lambda
         text = f"only the first {MOST_HINGES} hinges were slewed, not {names}."
         warnings.append(Caution("large-motion-unknown", text))
     tolerance = scene.tolerance
-    return Slews(rows, [*warnings, *_warnings(rows, tolerance)], _advice(rows, tolerance))
+    warnings += _warnings(rows, tolerance)
+    return Slews(rows, warnings, _advice(rows, tolerance, has_tendons=scene.has_tendons))
 
 
 def _drives(craft: "mujoco.MjModel") -> list[int]:
@@ -301,7 +302,7 @@ class _Scene:
         self.timestep = float(model.opt.timestep)
         self.integrator = NUMBERS[int(model.opt.integrator)]
         self.own = quiet_copy(model)
-        self.is_timed = any(mark is not None for mark in timing_marks(model))
+        self.has_tendons = bool(timing_marks(model))
         self.step = min(self.timestep, period / FINE)
         fine = marked.with_specs({a.at: _divided(a) for a in marked.appendages})
         self.file = self._placed(marked, without_timing(model))
@@ -532,7 +533,7 @@ def _warnings(rows: Sequence[SlewRow], tolerance: float | None) -> list[str]:
     return out
 
 
-def _advice(rows: Sequence[SlewRow], tolerance: float | None) -> str:
+def _advice(rows: Sequence[SlewRow], tolerance: float | None, *, has_tendons: bool) -> str:
     """Which integrator to take for which slews, with the figures of the file."""
     if not rows:
         return ""
@@ -546,16 +547,17 @@ def _advice(rows: Sequence[SlewRow], tolerance: float | None) -> str:
     if worst.integrator == "RK4":
         return f"Large slews: {found}."
     h = f"{worst.step_rk4:.3g}"
-    rk4 = f'RK4 at {h} s, after bc.retime(model, {h}, "RK4"), by {worst.error_rk4:.1g} rad'
+    before = f', after bc.retime(model, {h}, "RK4"),' if has_tendons else ""
+    rk4 = f"RK4 at {h} s{before} by {worst.error_rk4:.1g} rad"
     if tolerance is not None and worst.step_share <= tolerance:
         return f"Large slews: {found}, within the tolerance {tolerance:g}; {rk4}."
     text = f"Integrate large slews with RK4: {found}; {rk4}"
     if tolerance is None:
-        return f"{text}. Keep {own} for small turns."
+        return f"{text}. Keep {own} for small ones."
     if worst.holds_to is None or worst.rate_held is None:
         return f"{text}. No slew was found in which {own} keeps the tolerance {tolerance:g}."
     return (
-        f"{text}. Keep {own} for small turns: in {worst.duration:.3g} s it turns {worst.joint} by "
+        f"{text}. Keep {own} for smaller ones: in {worst.duration:.3g} s it turns {worst.joint} by "
         f"up to {np.degrees(abs(worst.holds_to)):.3g} degrees ({worst.rate_held:.2g} rad/s at "
         f"most) within the tolerance {tolerance:g}."
     )
