@@ -17,8 +17,10 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 POINTS = 14  # Gauss points of a link
+GRID = 4000  # points of the torque over a slew
 
 
 @dataclass(frozen=True)
@@ -173,9 +175,17 @@ class Push:
             rtol=1e-11,
             atol=1e-13,
         ).sol
+        times = np.linspace(0.0, end, GRID)
+        self._torque = CubicSpline(
+            times, [torque(self.rigid, t, *self._bus(t), *self.turn)[0] for t in times]
+        )
 
     def __call__(self, time):
-        return torque(self.rigid, time, *self._bus(time), *self.turn)[0]
+        return float(self._torque(time))
+
+    def means(self, timestep, count):
+        """Of the torque over steps."""
+        return np.diff(self._torque.antiderivative()(timestep * np.arange(count + 1))) / timestep
 
     def seen(self, time):
         """As `PlanarArm.seen`, of the rigid arm."""

@@ -303,7 +303,8 @@ class _Scene:
         self.integrator = NUMBERS[int(model.opt.integrator)]
         self.own = quiet_copy(model)
         self.has_tendons = bool(timing_marks(model))
-        self.step = min(self.timestep, period / FINE)
+        finer = 2.0 if self.integrator == "RK4" else 1.0  # it is no judge of itself
+        self.step = min(self.timestep / finer, period / FINE)
         fine = marked.with_specs({a.at: _divided(a) for a in marked.appendages})
         self.file = self._placed(marked, without_timing(model))
         self.fine = self._placed(fine, fine.compiled())
@@ -360,7 +361,8 @@ class _Scene:
             _apart(trial.file, fine),
             _apart(trial.own, trial.file),
         )
-        labels = [self.bare.body(self._plain[i]).name for i in self.bodies] + self.ports
+        numbers = [self._plain[i] for i in self.bodies]
+        labels = [self.bare.body(i).name or f"body {i}" for i in numbers] + self.ports
         bodies = tuple(
             SlewBody(label, *(float(v[i]) for part in parts for v in part))
             for i, label in enumerate(labels)
