@@ -40,8 +40,8 @@ TURNS = ((np.pi / 2.0, 5.0), (np.pi / 2.0, 10.0), (np.pi, 10.0))
 RINGING = 1.0  # periods that are looked at after the turn
 SAMPLES = 400  # of a slew
 FINE = 1600  # steps per period of the slowest mode, at least, under RK4
-DIVIDED = 3  # times as many modes has a finely divided appendage
-MOST_KEPT = 20  # modes per port that a specification may ask for
+DIVIDED = 3  # times as many modes has a finely divided appendage, per port,
+FINEST = 6  # but at most so many: chains of more are no better in large motion
 SHARE_OF_LIMIT = 0.7  # of RK4's stability limit: a step up to which no mode is slowed for it
 MOST_STEPS = 400_000  # of one simulation
 MOST_HINGES = 6
@@ -270,7 +270,7 @@ def _turns(craft: "mujoco.MjModel", joint: int, period: float) -> list[Turn]:
 
 
 def _divided(a: Appendage) -> Spec:
-    """The specification of an appendage of several times as many modes.
+    """The specification of an appendage of several times as many modes, up to `FINEST`.
 
     Imported ones stay as they are: what else their bodies could do is not known.
     """
@@ -287,9 +287,11 @@ def _divided(a: Appendage) -> Spec:
 
 
 def _more(kept: int, static: int, port: str) -> int:
-    """Number of modes of a finely divided port; of those kept some are static shapes of loads."""
+    """Number of modes of a finely divided port, another one than that of the file; of those kept
+    some are static shapes of loads."""
     shapes = static * (2 if port in ("xy", "xz") else 1)
-    return min(DIVIDED * max(kept - shapes, 1), MOST_KEPT)
+    modes = max(kept - shapes, 1)
+    return FINEST - 1 if modes == FINEST else min(DIVIDED * modes, FINEST)
 
 
 class _Scene:
