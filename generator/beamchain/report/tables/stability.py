@@ -3,15 +3,13 @@
 import math
 from typing import TYPE_CHECKING
 
-from beamchain.report.formats import damping_ratio, digits, number, relative, short, step_text
+from beamchain.report.formats import damping_ratio, number, relative, short, step_text
 from beamchain.report.table import Column, Table
 
 if TYPE_CHECKING:
     from beamchain.craft.slews import SlewBody, SlewRow
     from beamchain.craft.stability import StabilityStudy
     from beamchain.steps.budget import Budget
-
-tiny = digits(2)  #: errors
 
 
 def limit_table(study: "StabilityStudy") -> Table:
@@ -90,6 +88,11 @@ def _slew_columns(rows: "list[tuple[SlewRow, SlewBody]]") -> tuple[Column, ...]:
 def _own_step(study: "StabilityStudy") -> str:
     own = study.slews[0] if study.slews else None
     return "" if own is None else f"{own.integrator} at {short(own.timestep)} s"
+
+
+def tiny(value: float) -> str:
+    """Two digits, with a power of ten below 0.001."""
+    return f"{value:.1e}" if 0.0 < abs(value) < 1e-3 else f"{value:.2g}"
 
 
 def _limit_text(value: float) -> str:
