@@ -96,7 +96,9 @@ PARTS = {
     "Retimed": ("steps.forms.ModeTime",),
     "Segment": ("structure.segment.Stations", "structure.section.Geometry"),
     "StabilityStudy": (
-        "studies.stability.StepRow",
+        "craft.stability.StepRow",
+        "craft.slews.SlewRow",
+        "craft.slews.SlewBody",
         "steps.budget.Budget",
         "steps.large_motion.LargeMotion",
     ),

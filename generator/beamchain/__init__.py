@@ -12,6 +12,8 @@ from beamchain.late import importing
 if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded as Embedded
     from beamchain.craft.embedding import embed as embed
+    from beamchain.craft.stability import StabilityStudy as StabilityStudy
+    from beamchain.craft.stability import stability as stability
     from beamchain.engine.linear import Linear as Linear
     from beamchain.engine.linearise import Linearisation as Linearisation
     from beamchain.engine.linearise import linearise as linearise
@@ -70,8 +72,6 @@ if TYPE_CHECKING:
     from beamchain.structure.segment import Joint as Joint
     from beamchain.structure.segment import Lump as Lump
     from beamchain.structure.segment import Segment as Segment
-    from beamchain.studies.stability import StabilityStudy as StabilityStudy
-    from beamchain.studies.stability import stability as stability
     from beamchain.studies.study import Study as Study
     from beamchain.studies.study import study as study
     from beamchain.variants.sweep import Sweep as Sweep
@@ -80,6 +80,10 @@ if TYPE_CHECKING:
 _PLACES = {
     "craft.embedded": ("Embedded",),
     "craft.embedding": ("embed",),
+    "craft.stability": (
+        "StabilityStudy",
+        "stability",
+    ),
     "engine.linear": ("Linear",),
     "engine.linearise": (
         "Linearisation",
@@ -165,10 +169,6 @@ _PLACES = {
         "Joint",
         "Lump",
         "Segment",
-    ),
-    "studies.stability": (
-        "StabilityStudy",
-        "stability",
     ),
     "studies.study": (
         "Study",

@@ -36,6 +36,8 @@ CODES = {
     "raised-inertia": "the polar inertia of very thin links was raised to MuJoCo's minimum",
     "rigid-plane": "a bending plane is rigid because [modes] names only the other one",
     "slowed-modes": "modes too fast for the step were slowed",
+    "slew-chain": "in a slew of a hinge the chains are off by more than the tolerance",
+    "slew-step": "in a slew of a hinge the step is off by more than the tolerance",
     "soft-material": "a Young's modulus below that of rubber is stated",
     "stocky-beam": "Euler's beam theory is used for an appendage so short that shear matters",
     "tendon-damping": "Euler treats the damping of tendons explicitly",

@@ -9,7 +9,7 @@ from beamchain.cli.common import Folder, Force, Json, Quiet, console
 from beamchain.cli.output import print_table, print_warnings, spinner, tell
 
 if TYPE_CHECKING:
-    from beamchain.studies.stability import StabilityStudy
+    from beamchain.craft.stability import StabilityStudy
 
 
 def stability(
@@ -24,16 +24,16 @@ def stability(
     quiet: Quiet = False,
 ) -> None:
     """Find the largest stable steps, the steps for a given accuracy,
-    numerical damping and large-motion limits.
+    numerical damping and large-motion limits; slew the hinges of a file that embed wrote.
 
     Writes report.html and stability.json into DIR.
 
     Example: beamchain stability boom.toml -o boom-stability
     """
+    from beamchain.craft.stability import stability as measure
     from beamchain.errors import InputError
     from beamchain.files import check_free, to_json, write_files
     from beamchain.report.pages.stability import stability_report
-    from beamchain.studies.stability import stability as measure
 
     if extremes_map:
         raise InputError(
@@ -63,4 +63,8 @@ def _show(result: "StabilityStudy") -> None:
         print_table(tables.damping_table(budget))
     if result.large:
         print_table(tables.large_motion_table(result))
+    if result.slews:
+        print_table(tables.chain_table(result))
+        print_table(tables.slew_table(result))
+        console().print(result.slew_advice)
     print_warnings(result.warnings, "note")

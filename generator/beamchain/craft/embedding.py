@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 from lxml.etree import _Element as Element
@@ -266,6 +266,44 @@ def marked_appendages(path: Path) -> "tuple[mujoco.MjModel, tuple[Appendage, ...
     """
     original, marked, _ = read_bare(path)
     return _fit_on_craft(original, marked, MOST_MODES, Fits(), rigid=False)[:2] if marked else None
+
+
+class Marked(NamedTuple):
+    """What a file that `embed` wrote consists of: the bare spacecraft, its document and compiled,
+    what was asked for by place, and the appendages."""
+
+    original: Craft
+    craft: "mujoco.MjModel"
+    wanted: dict[str, Wish]
+    form: str
+    appendages: tuple[Appendage, ...]
+
+    def compiled(self) -> "mujoco.MjModel":
+        """The spacecraft with the appendages, without timing."""
+        layout = layout_of(self.original, self.appendages, self.craft, self.form)
+        return compile_document(self.original, self.appendages, self.form, layout)
+
+    def with_specs(self, specs: Mapping[str, Spec]) -> "Marked":
+        """The same spacecraft with appendages of other specifications, by place."""
+        wanted = {at: wish._replace(spec=specs[at]) for at, wish in self.wanted.items()}
+        craft, appendages, *_ = _fit_on_craft(
+            self.original, wanted, MOST_MODES, Fits(), rigid=False
+        )
+        return self._replace(craft=craft, wanted=wanted, appendages=appendages)
+
+    def as_rigid(self) -> "Marked":
+        """The rigid twin: the same bodies without the appendages' joints and tendons."""
+        return self._replace(appendages=tuple(replace(a, rigid=True) for a in self.appendages))
+
+
+def marked_craft(original: Craft, wanted: dict[str, Wish], form: str) -> Marked:
+    """A file that `embed` wrote, as `read_bare` takes it apart, with its appendages.
+
+    Raises:
+        BeamchainError: modes that were imported are no longer where the marks say.
+    """
+    craft, appendages, *_ = _fit_on_craft(original, wanted, MOST_MODES, Fits(), rigid=False)
+    return Marked(original, craft, wanted, form, appendages)
 
 
 def _fit_on_craft(

@@ -23,9 +23,9 @@ from beamchain.studies import field
 from beamchain.studies.front import front
 
 if TYPE_CHECKING:
+    from beamchain.craft.stability import StepRow
     from beamchain.steps.budget import Budget
     from beamchain.studies.run_time import Growth
-    from beamchain.studies.stability import StepRow
     from beamchain.studies.study import Study
 
 #: Ours in colours that differ in lightness, rivals in grey, each told by its mark too.

@@ -14,7 +14,7 @@ from beamchain.report.tables import stability as tables
 from beamchain.report.tables.steps import step_table
 
 if TYPE_CHECKING:
-    from beamchain.studies.stability import StabilityStudy
+    from beamchain.craft.stability import StabilityStudy
 
 AGREE = 0.01  # predicted and measured limits; the command's own bound
 
@@ -39,6 +39,8 @@ def stability_report(study: "StabilityStudy", source: Path) -> str:
             for limits in study.budgets
         ],
         large_motion=tables.large_motion_table(study),
+        chains=tables.chain_table(study),
+        slews=tables.slew_table(study),
         drawn=drawn,
         names={limits.name.split()[0] for limits in study.budgets if limits.name},
         spec="" if source.suffix.lower() == ".xml" else spec_toml(read_spec(source)),

@@ -1,12 +1,13 @@
 """`beamchain stability`: step limits predicted and measured, large motion, and their record."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from beamchain.caution import Caution, warnings_record
 from beamchain.checks import path_of
+from beamchain.craft.slews import SlewRow, slews
 from beamchain.engine.library import mujoco, one_thread
 from beamchain.engine.linearise import INTEGRATORS, NUMBERS, compile_model
 from beamchain.errors import EngineError
@@ -51,6 +52,8 @@ class StabilityStudy:
         large: large-motion limits per bending plane; empty for a foreign model.
         warnings: sentences with codes.
         own_step: whether the file's own integrator is stable at the file's own step, in a sentence.
+        slews: of the hinges between bodies of a file that `embed` wrote, empty for others.
+        slew_advice: which integrator to take for large slews, in a sentence; empty without slews.
 
     Example:
         >>> import beamchain as bc
@@ -68,6 +71,8 @@ class StabilityStudy:
     large: dict[str, LargeMotion]
     warnings: list[str]
     own_step: str
+    slews: list[SlewRow] = field(default_factory=list[SlewRow])
+    slew_advice: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """For stability.json; `extremes` counts no cases:
@@ -81,6 +86,8 @@ class StabilityStudy:
             "budgets": [b.as_dict() for b in self.budgets],
             "own_step": self.own_step,
             "large_motion": [limit.as_dict() for limit in self.large.values()],
+            "slews": [row.as_dict() for row in self.slews],
+            "slew_advice": self.slew_advice,
             **warnings_record(self.warnings),
             "extremes": {"cases": 0, "passed": 0, "refused": 0, "failed": 0, "rows": []},
         }
@@ -105,13 +112,17 @@ def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
     """Step limits predicted and measured, damping that steps add, large motion,
     as `beamchain stability` does.
 
+    A file that `embed` wrote is also slewed at the spacecraft's own hinges, one by one, by 90
+    degrees in 5 and 10 periods of its slowest mode and by 180 degrees in 10: what the chains are
+    off in such large motion, and what the file's own step is.
+
     Args:
         source: a specification, or the path of a SPEC.toml or of any MuJoCo model (.xml).
         say: told what is being measured.
 
     Returns:
         The limits (`rows`), a step budget per model (`budgets`),
-        large-motion limits per plane (`large`) and warnings.
+        large-motion limits per plane (`large`), `slews` and warnings.
 
     Raises:
         InputError: the file cannot be used.
@@ -137,9 +148,13 @@ def stability(source: Spec | str | Path, say: Say = silent) -> StabilityStudy:
         limits = budget(model)
         name = NUMBERS[int(model.opt.integrator)]
         warnings = _warnings(limits, limits.timestep, name)
-        return StabilityStudy(
-            step_rows(model, limits, say), [limits], {}, warnings, _own_step(limits, name)
-        )
+        rows = step_rows(model, limits, say)
+        own_step = _own_step(limits, name)
+        if warnings or not limits.frequencies.size:
+            return StabilityStudy(rows, [limits], {}, warnings, own_step)
+        turned = slews(source, model, float(limits.frequencies[0]), say)
+        warnings += turned.warnings
+        return StabilityStudy(rows, [limits], {}, warnings, own_step, turned.rows, turned.advice)
     say("fitting the chain")
     return study_fit(fit(read_spec(source)), say)
 
