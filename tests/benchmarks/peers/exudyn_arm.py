@@ -1,9 +1,10 @@
-"""The two-link arm in Exudyn: floating frames with Craig-Bampton modes, and ANCF cables.
+"""The two-link arm in Exudyn, floating frames with Craig-Bampton modes and ANCF cables, beside
+embedded hinge chains: error against run time.
 
 Of the component modes only what bends in the plane is kept, as in the chains beside them: fewer
 coordinates than a user would have. The bus is part of the upper arm's body, elbow and hand of the
 forearm's, so that two bodies and one joint are all there is.
-Run: python tests/benchmarks/peers/exudyn_arm.py build/peers/arm_exudyn.json
+Run: python tests/benchmarks/peers/exudyn_arm.py build/peers/arm.json
 """
 
 import sys
@@ -13,13 +14,27 @@ from pathlib import Path
 
 import exudyn as exu
 import numpy as np
-from arm_task import ANGLE, ARM, BEAT, END, FORE, TORQUE, UPPER, ArmPeer, measure, write
-from arms import DENSITY, YOUNG
+from arm_chains import chains
+from arm_task import (
+    ANGLE,
+    ARM,
+    BEAT,
+    END,
+    FORE,
+    TORQUE,
+    UPPER,
+    ArmPeer,
+    measure,
+    table,
+    write,
+)
 from exudyn import itemInterface as item  # noqa: N813
 from exudyn.FEM import FEMinterface, ObjectFFRFreducedOrderInterface
 from exudyn_peers import settings
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix
+
+from arms import DENSITY, YOUNG
 
 STATIONS = 60  # Gauss points along a link, where its mass is: cubic shapes are integrated exactly
 CLAMPED_MODES = 40  # elements of the beam behind the component modes
@@ -67,9 +82,7 @@ def shapes_of(link, n):
     x = link.length * (points + 1.0) / 2.0
     element = np.minimum((x / size).astype(int), count - 1)
     local = hermite(x - size * element, size)
-    at_stations = np.array(
-        [local[i] @ basis[2 * e : 2 * e + 4] for i, e in enumerate(element)]
-    )
+    at_stations = np.array([local[i] @ basis[2 * e : 2 * e + 4] for i, e in enumerate(element)])
     return at_stations, stiffness, x, weights * mass * link.length / 2.0
 
 
@@ -80,12 +93,12 @@ def rigid_points(mass, inertia, at):
     return np.array(at) + offsets, np.full(6, mass / 6.0)
 
 
-def floating(mbs, link, n, axial, root, end, at, turn):
+def floating(mbs, link, n, root, end, at, turn):
     """A link as a floating frame: what is at its root and at its end (mass, inertia, place of the
     root body before the link's root); the nodes, and the numbers of the points at its end."""
     deflection, stiffness, x, mass = shapes_of(link, n)
-    _, stretching, per_length = straight(link)
-    count = 2 + n + axial
+    stretching = straight(link)[1]
+    count = 3 + n  # the last: stretching by a force at the end
     places, weights, rows = [], [], []
 
     def add(points, masses, moved):
@@ -96,19 +109,17 @@ def floating(mbs, link, n, axial, root, end, at, turn):
     add(*rigid_points(*root), np.zeros((6, 3, count)))
     field = np.zeros((STATIONS, 3, count))
     field[:, 1, : 2 + n] = deflection
-    if axial:
-        field[:, 0, -1] = x / link.length
+    field[:, 0, -1] = x / link.length
     begin = np.array(at)
     add(np.column_stack([begin[0] + x, 0.0 * x, 0.0 * x]), mass, field)
-    tip = begin + [link.length, 0.0, 0.0]
+    tip = begin + link.length * np.eye(3)[0]
 
     def of_end(points):
         moved = np.zeros((len(points), 3, count))
         moved[:, 1, 0] = 1.0
         moved[:, 0, 1] = -(points - tip)[:, 1]
         moved[:, 1, 1] = (points - tip)[:, 0]
-        if axial:
-            moved[:, 0, -1] = 1.0
+        moved[:, 0, -1] = 1.0
         return moved
 
     if end is not None:
@@ -121,8 +132,7 @@ def floating(mbs, link, n, axial, root, end, at, turn):
     weight3 = np.repeat(weights, 3)
     whole = np.zeros((count, count))
     whole[: 2 + n, : 2 + n] = stiffness
-    if axial:
-        whole[-1, -1] = stretching / link.length
+    whole[-1, -1] = stretching / link.length
     # only its projection on the modes is used
     inverse = np.linalg.inv(basis.T @ (weight3[:, None] * basis))
     spread = (weight3[:, None] * basis) @ inverse
@@ -147,14 +157,14 @@ def turned():
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def component_modes(n, axial, solver):
+def component_modes(n, solver):
     """Two floating frames and a revolute joint: large motion, three dimensions."""
     mbs = exu.SystemContainer().AddSystem()
     bus = (ARM.bus, ARM.bus_inertia, (0.0, 0.0, 0.0))
-    upper, held = floating(mbs, UPPER, n, axial, bus, None, ARM.at, ([0, 0, 0], np.eye(3)))
+    upper, held = floating(mbs, UPPER, n, bus, None, ARM.at, ([0, 0, 0], np.eye(3)))
     root = (FORE.mass, FORE.inertia, (0.0, 0.0, 0.0))
     hand = (ARM.hand, ARM.hand_inertia)
-    fore, _ = floating(mbs, FORE, n, axial, root, hand, (0.0, 0.0, 0.0), (elbow(), turned()))
+    fore, _ = floating(mbs, FORE, n, root, hand, (0.0, 0.0, 0.0), (elbow(), turned()))
     first = mbs.AddMarker(
         item.MarkerSuperElementRigid(
             bodyNumber=upper["oFFRFreducedOrder"],
@@ -163,7 +173,9 @@ def component_modes(n, axial, solver):
         )
     )
     second = mbs.AddMarker(item.MarkerNodeRigid(nodeNumber=fore["nRigidBody"]))
-    solver.join(mbs, first, second)
+    mbs.AddObject(
+        item.GenericJoint(markerNumbers=[first, second], constrainedAxes=[1, 1, 1, 1, 1, 0])
+    )
     node = upper["nRigidBody"]
     marker = mbs.AddMarker(item.MarkerNodeRigid(nodeNumber=node))
     load = mbs.AddLoad(item.LoadTorqueVector(markerNumber=marker, loadVector=[0, 0, 0]))
@@ -174,7 +186,8 @@ def component_modes(n, axial, solver):
     )
     mbs.Assemble()
     run = Run(mbs, load, sensor, solver)
-    return ArmPeer(f"Exudyn CMS{', axial' if axial else ''}", n, solver.name, run, "3-D")
+    name = "Exudyn CMS" + ("" if solver.iterates else ", one iteration")
+    return ArmPeer(name, n, solver.name, run, "3-D")
 
 
 def cables(n, solver):
@@ -244,23 +257,24 @@ def cables(n, solver):
         )
     )
     mbs.Assemble()
-    return ArmPeer("Exudyn ANCF", n, solver.name, Run(mbs, load, sensor, solver), "2-D")
+    name = "Exudyn ANCF" + ("" if solver.iterates else ", one iteration")
+    return ArmPeer(name, n, solver.name, Run(mbs, load, sensor, solver), "2-D")
 
 
 class Implicit:
-    """The implicit solver: generalised alpha, or the trapezoidal rule with constraints on velocities
-    ("index 2"), modified Newton; small systems are solved dense, as is quicker for them."""
+    """The implicit solver: generalised alpha, or the trapezoidal rule with constraints on
+    velocities ("index 2"); modified Newton; small systems are solved dense, which is quicker.
+
+    The explicit solvers take no constraints: with springs of 1e8 N/m in the elbow a step of RK44
+    takes twice as long, and 0.3 ms is unstable.
+    """
 
     solver = exu.MainSolverImplicitSecondOrder
 
-    def __init__(self, radius=None, *, dense=True, absolute=1e-9):
-        self.radius, self.dense, self.absolute = radius, dense, absolute
+    def __init__(self, radius=None, *, dense=True, absolute=1e-9, iterates=True):
+        self.radius, self.dense, self.absolute, self.iterates = radius, dense, absolute, iterates
         self.name = "trapezoidal" if radius is None else f"alpha {radius:g}"
-
-    def join(self, mbs, first, second):
-        mbs.AddObject(
-            item.GenericJoint(markerNumbers=[first, second], constrainedAxes=[1, 1, 1, 1, 1, 0])
-        )
+        self.name += "" if iterates else ", one iteration"
 
     def configure(self, given):
         alpha, newton = given.timeIntegration.generalizedAlpha, given.timeIntegration.newton
@@ -269,36 +283,12 @@ class Implicit:
         else:
             alpha.spectralRadius = self.radius
         newton.useModifiedNewton = True
+        newton.useNewtonSolver = self.iterates
         newton.relativeTolerance = 1e-6
         newton.absoluteTolerance = self.absolute
         given.linearSolverType = (
             exu.LinearSolverType.EXUdense if self.dense else exu.LinearSolverType.EigenSparse
         )
-
-
-class Explicit:
-    """Runge-Kutta 4; it has no constraints, so that springs hold the joint."""
-
-    solver = exu.MainSolverExplicit
-
-    def __init__(self, stiffness):
-        self.stiffness = stiffness
-        self.name = f"RK44, springs {stiffness:.0e}"
-
-    def join(self, mbs, first, second):
-        mbs.AddObject(
-            item.RigidBodySpringDamper(
-                markerNumbers=[first, second],
-                stiffness=np.diag([self.stiffness] * 5 + [0.0]),
-                damping=np.zeros((6, 6)),
-            )
-        )
-
-    def configure(self, given):
-        explicit = given.timeIntegration.explicitIntegration
-        explicit.dynamicSolverType = exu.DynamicSolverType.RK44
-        explicit.computeEndOfStepAccelerations = False
-        explicit.useLieGroupIntegration = False
 
 
 class Run:
@@ -341,3 +331,28 @@ class Run:
             state = mbs.systemData.GetSystemState()
             mbs.systemData.SetSystemState(state, configuration=exu.ConfigurationType.Initial)
         return (np.concatenate(out) if record else None), seconds
+
+
+def main(path: Path) -> None:
+    peers = [
+        chains("beamchain", n, f"xy = {n}\naxial = 1", integrator)
+        for n, integrator in ((2, "Euler"), (3, "Euler"), (4, "Euler"), (5, "Euler"), (6, "Euler"))
+        + ((3, "RK4"), (5, "RK4"))
+    ]
+    peers += [
+        chains("beamchain, 3-D", n, f"xy = {n}\nxz = {n}\ntorsion = 1\naxial = 1", "Euler")
+        for n in (3, 5)
+    ]
+    for iterates in (True, False):
+        # small motion lets the solver do with one iteration: no user can count on it
+        peers += [component_modes(n, Implicit(iterates=iterates)) for n in (3, 4, 5)]
+        # rounding of the stretching stiffness keeps Newton above 1e-6
+        several = {"dense": False, "absolute": 1e-5, "iterates": iterates}
+        peers += [cables(n, Implicit(**several)) for n in (8, 12)]
+    points = measure(peers)
+    write(points, path)
+    table(points)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,10 +1,6 @@
-"""The two-link arm as embedded hinge chains in MuJoCo, Euler exact in time and RK4.
-
-Run: python tests/benchmarks/peers/arm_ours.py build/peers/arm.json
-"""
+"""The two-link arm as embedded hinge chains in MuJoCo, Euler exact in time and RK4."""
 
 import re
-import sys
 import tempfile
 import time
 from itertools import pairwise
@@ -12,7 +8,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from arm_task import ANGLE, BEAT, END, EXAMPLES, TORQUE, ArmPeer, measure, write
+from arm_task import ANGLE, BEAT, END, EXAMPLES, TORQUE, ArmPeer
 
 import beamchain as bc
 
@@ -83,19 +79,6 @@ class Chains:
         return out
 
 
-def main(path: Path) -> None:
-    peers = []
-    for n in (1, 2, 3):
-        for name, modes in (
-            ("beamchain, plane", f"xy = {n}"),
-            ("beamchain, 3-D", f"xy = {n}\nxz = {n}\ntorsion = 1"),
-        ):
-            for integrator in INTEGRATORS:
-                model = embedded(modes)
-                note = f"{model.nv} degrees of freedom"
-                peers.append(ArmPeer(name, n, integrator, Chains(model, integrator), note))
-    write(measure(peers), path)
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+def chains(name: str, n: int, modes: str, integrator: str) -> ArmPeer:
+    model = embedded(modes)
+    return ArmPeer(name, n, integrator, Chains(model, integrator), f"{model.nv} coordinates")
