@@ -334,11 +334,8 @@ class Run:
 
 
 def main(path: Path) -> None:
-    peers = [
-        chains("beamchain", n, f"xy = {n}\naxial = 1", integrator)
-        for n, integrator in ((2, "Euler"), (3, "Euler"), (4, "Euler"), (5, "Euler"), (6, "Euler"))
-        + ((3, "RK4"), (5, "RK4"))
-    ]
+    kinds = [*((n, "Euler") for n in (2, 3, 4, 5, 6)), (3, "RK4"), (5, "RK4")]
+    peers = [chains("beamchain", n, f"xy = {n}\naxial = 1", kind) for n, kind in kinds]
     peers += [
         chains("beamchain, 3-D", n, f"xy = {n}\nxz = {n}\ntorsion = 1\naxial = 1", "Euler")
         for n in (3, 5)
