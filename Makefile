@@ -3,7 +3,7 @@
 # make test-full   wheel in an empty environment, notebooks, the long tests (under 50 minutes)
 # make hosts       the exported file in other simulators, each in an environment of its own; HOSTS="mjx warp" for more
 # make bench       print the timings that README and CHANGELOG quote
-# make bench-peers  the README's study beside Exudyn and Basilisk, a cantilever beside MuJoCo's own means, in an environment of its own under build/peers
+# make bench-peers  the README's study beside Exudyn and Basilisk, an arm of two links beside Exudyn, a cantilever beside MuJoCo's own means, in an environment of its own under build/peers
 # make fuzz        EXAMPLES hostile specifications, every reader with as many spoilt files, random craft, all from another seed every day, then coverage-guided where atheris installs
 # make extremes    1586 extreme appendages, each checked independently; counts and a map in build/extremes
 # make notebooks   run the notebooks in place, outputs kept small
@@ -60,6 +60,7 @@ bench-peers: $(VENV)/.installed
 	build/peers/venv/bin/python -W ignore tests/benchmarks/peers/exudyn_peers.py build/peers/exudyn.json
 	build/peers/venv/bin/python -W ignore tests/benchmarks/peers/basilisk_peer.py build/peers/basilisk.json
 	build/peers/venv/bin/python tests/benchmarks/peers/compare.py build/peers/study/study.json build/peers/exudyn.json build/peers/basilisk.json
+	build/peers/venv/bin/python -W ignore tests/benchmarks/peers/exudyn_arm.py build/peers/arm.json
 	build/peers/venv/bin/python -W ignore tests/benchmarks/time_exact.py
 	build/peers/venv/bin/python -W ignore tests/benchmarks/peers/cantilever.py
 

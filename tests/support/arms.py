@@ -16,7 +16,7 @@ from finite_elements import _rectangle_torsion
 from frames import Leg, _cross, _element
 
 YOUNG, DENSITY, POISSON = 7e10, 2700.0, 0.33
-ELEMENTS = 30  # of every link
+ELEMENTS = 30  # of every link, unless the arm says another number
 REACH = 60.0  # times the band: modes with the bus held that are kept one by one
 
 
@@ -69,6 +69,7 @@ class Arm:
     hand: float = 10.0
     hand_inertia: tuple = (0.4, 0.4, 0.4)
     ratio: float = 0.005
+    elements: int = ELEMENTS
     keys: dict = field(default_factory=dict)
 
 
@@ -145,7 +146,7 @@ def _matrices(arm, angles):
     and the number of hinges."""
     angles = angles or {}
     hinges = [link.name for link in arm.links if link.axis is not None]
-    size = 6 + len(hinges) + 6 * ELEMENTS * len(arm.links)
+    size = 6 + len(hinges) + 6 * arm.elements * len(arm.links)
     mass, stiffness, damping = (np.zeros((size, size)) for _ in range(3))
     rigid = np.vstack([np.eye(6), np.zeros((size - 6, 6))])  # all locked: the bus moves every node
     _add_body(mass, np.eye(6, size), arm.bus, np.diag(arm.bus_inertia))
@@ -164,14 +165,14 @@ def _matrices(arm, angles):
             turn = _rotation(axis, angles.get(link.name, 0.0)) @ turn
         _add_body(mass, root, link.mass, turn @ np.diag(link.inertia) @ turn.T)
         ends = [root]
-        for k in range(ELEMENTS):
+        for k in range(arm.elements):
             rows = np.zeros((6, size))
             here = slice(start + 6 * k, start + 6 * k + 6)
             rows[:, here] = np.eye(6)
             ends.append(rows)
-            node = place + link.length * (k + 1) / ELEMENTS * turn[:, 0]
+            node = place + link.length * (k + 1) / arm.elements * turn[:, 0]
             rigid[here] = _moved(np.eye(6), node)
-        start += 6 * ELEMENTS
+        start += 6 * arm.elements
         m, k, d = _beam(arm, link, place, turn)
         to_nodes = np.vstack(ends)
         mass += to_nodes.T @ m @ to_nodes
@@ -205,15 +206,15 @@ def _beam(arm, link, place, turn):
     The ratio is that of every mode with the root held, nothing at the end.
     """
     end = place + link.length * turn[:, 0]
-    leg = Leg(tuple(place), tuple(end), ELEMENTS, **link.stiffness_and_mass())
-    size = 6 * (ELEMENTS + 1)
+    leg = Leg(tuple(place), tuple(end), arm.elements, **link.stiffness_and_mass())
+    size = 6 * (arm.elements + 1)
     mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
-    nodes = [place + link.length * k / ELEMENTS * turn[:, 0] for k in range(ELEMENTS + 1)]
+    nodes = [place + link.length * k / arm.elements * turn[:, 0] for k in range(arm.elements + 1)]
     # an element along x, in the link's own axes: those of `frames` would not turn about it
-    along = np.array([link.length / ELEMENTS, 0.0, 0.0])
+    along = np.array([link.length / arm.elements, 0.0, 0.0])
     rows, _, strain = _element(np.zeros(3), along, leg)
     to_own = np.kron(np.eye(4), turn.T)
-    for k in range(ELEMENTS):
+    for k in range(arm.elements):
         both = slice(6 * k, 6 * k + 12)
         mass[both, both] += to_own.T @ (rows.T @ rows) @ to_own
         stiffness[both, both] += to_own.T @ (strain.T @ strain) @ to_own
@@ -258,3 +259,19 @@ def frequencies(side, count):
     """The lowest frequencies above zero [rad/s]."""
     values = eigh(side.stiffness, side.mass, eigvals_only=True)
     return np.sqrt(values[values > 0.01])[:count]
+
+
+def modes(arm, top, angles=None):
+    """Modes of the undamped arm at a pose up to `top` [rad/s]: frequencies `(n,)`, exactly zero
+    where nothing is deformed, and shapes `(dofs, n)` of unit modal mass. Rows of the shapes: the
+    bus's six motions, the hinges, then the nodes of each link behind its root, six motions each."""
+    mass, _, stiffness, _, _ = _matrices(arm, angles)
+    # of the inverse, so that slow modes keep their digits; motions without strain need the shift
+    shift = (top / REACH) ** 2
+    inverse, shapes = eigh(mass, stiffness + shift * mass)
+    values = 1.0 / inverse - shift
+    low = (inverse > 0.0) & (values < top**2)
+    inverse, values, shapes = inverse[low], values[low], shapes[:, low]
+    values = np.where(values < 1e-6 * shift, 0.0, values)
+    order = np.argsort(values)
+    return np.sqrt(values[order]), (shapes / np.sqrt(inverse))[:, order]

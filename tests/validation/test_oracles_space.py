@@ -5,6 +5,7 @@ Each figure is held twice: the closed form tightly, what somebody printed loosel
 The chains are read through MuJoCo.
 """
 
+import sys
 from math import pi
 
 import mpmath
@@ -24,6 +25,7 @@ from beamchain import (
     Rectangle,
     Root,
     Segment,
+    embed,
     fit,
     linearise,
 )
@@ -201,6 +203,60 @@ def test_o6_pinned_chain_through_mujoco(n):
     found = linearise(spec.compile()).frequencies()[:n]
     assert found == close(PINNED[:n], rel=MANIPULATOR)
     assert found == close(PUBLISHED[:n], rel=5e-3)
+
+
+# the same as a tree: the link knows nothing of the payload, a body of the craft on its port
+TREE_LINK = f"""name = "link"
+[[segment]]
+length = 3.372
+section = {{ shape = "equivalent", bending_stiffness_xy = {5.974**2 * 2.82!r}, linear_mass = 2.82 }}
+[[port]]
+name = "end"
+x = 3.372
+carries = ["payload"]
+[modes]
+"""
+PIN = '<joint name="pin" axis="0 0 1"/>'
+LIGHT, HEAVY = 1e-6, 1e9  # of the base [kg, kg m^2]: none to feel, and as good as the world
+
+
+def carried(folder, joint, base, modes):
+    """The link on its base with the payload on its port `end`."""
+    (folder / "link.toml").write_text(f"{TREE_LINK}xy = {modes}\n")
+    (folder / "craft.xml").write_text(f"""<mujoco>
+<option gravity="0 0 0" timestep="0.001" integrator="implicitfast"/>
+<worldbody><body name="base">{joint}
+<inertial pos="0 0 0" mass="{base}" diaginertia="{base} {base} {base}"/><site name="root"/>
+<body name="payload" pos="3.372 0 0">
+<inertial pos="0 0 0" mass="{5.18 * 2.82 * 3.372!r}" diaginertia="1e-6 1e-6 1e-6"/></body>
+</body></worldbody></mujoco>""")
+    return embed(folder / "craft.xml", {"root": folder / "link.toml"}, retime=False)
+
+
+# what a link of n clamped modes leaves out shows in the highest coupled ones first; 1.3e-5 and
+# 6.7e-4, 9.6e-4 in the fourth, 2.9e-4 in the fourth measured
+@pytest.mark.parametrize(
+    ("root", "modes", "wanted", "bounds"),
+    [
+        ("pinned", 3, PINNED, [2e-5, 1e-3]),
+        ("pinned", 6, PINNED, [MANIPULATOR, 2e-5, 2e-4, 1e-3]),
+        ("clamped", 4, CLAMPED, [MANIPULATOR, MANIPULATOR, MANIPULATOR, 4e-4]),
+    ],
+)
+def test_o6_payload_carried_on_a_port_through_mujoco(tmp_path, root, modes, wanted, bounds):
+    joint, base = (PIN, LIGHT) if root == "pinned" else ("<freejoint/>", HEAVY)
+    tree = carried(tmp_path, joint, base, modes)
+    stated = np.array([mode.exact for mode in tree.modes_at("rest") if mode.exact is not None])
+    count = len(bounds)
+    nearest = [stated[np.argmin(np.abs(stated - w))] for w in wanted[:count]]
+    assert nearest == close(wanted[:count], rel=MANIPULATOR)
+    found = linearise(tree.model).frequencies()
+    found = found[found > 1e-3][:count]  # a free base has six of its own near zero
+    for ours, true, bound in zip(found, wanted, bounds, strict=False):
+        sys.stdout.write(f"{root}, {modes} modes: {true} rad/s, {ours / true - 1.0:+.1e}\n")
+        assert ours == close(true, rel=bound)
+    if root == "pinned":
+        assert found == close(PUBLISHED[:count], rel=5e-3)
 
 
 # -- O7: rotating cantilever, hub radius 0 (Wright et al., J. Appl. Mech. 49 (1982) 197) ---
