@@ -30,6 +30,8 @@ class Link:
         mass, inertia: of the body at its root, which turns with the hinge.
         axis: of the hinge in the arm's rest pose; None: no hinge, the body is welded.
         stiffness, damping: of the hinge.
+        kp, kv: of a position servo on the hinge, where `servo` names how it is written: "position"
+            or "general".
     """
 
     name: str
@@ -41,6 +43,9 @@ class Link:
     axis: tuple | None = None
     stiffness: float = 0.0
     damping: float = 0.0
+    kp: float = 0.0
+    kv: float = 0.0
+    servo: str = ""
 
 
 @dataclass(frozen=True)
@@ -112,8 +117,20 @@ def mjcf(arm, timestep=0.0005, integrator="implicitfast"):
 <inertial pos="0 0 0" mass="{arm.bus!r}" diaginertia="{_words(arm.bus_inertia)}"/>
 {body}
 </body></worldbody>
+<actuator>{"".join(_servo(link) for link in arm.links if link.servo)}</actuator>
 <keyframe>{keys}</keyframe>
 </mujoco>"""
+
+
+def _servo(link):
+    """A position servo on a hinge, `force = kp (ctrl - angle) - kv rate`."""
+    hinge = f'joint="hinge_{link.name}"'
+    if link.servo == "position":
+        return f'<position {hinge} kp="{link.kp!r}" kv="{link.kv!r}"/>'
+    return (
+        f'<general {hinge} gainprm="{link.kp!r}" biastype="affine" '
+        f'biasprm="0 {-link.kp!r} {-link.kv!r}"/>'
+    )
 
 
 def _words(values):
@@ -155,8 +172,8 @@ def _matrices(arm, angles):
             root = root.copy()
             axis = turn @ np.array(link.axis, dtype=float)
             root[3:, own] += axis
-            stiffness[own, own] += link.stiffness
-            damping[own, own] += link.damping
+            stiffness[own, own] += link.stiffness + link.kp
+            damping[own, own] += link.damping + link.kv
             turn = _rotation(axis, angles.get(link.name, 0.0)) @ turn
         _add_body(mass, root, link.mass, turn @ np.diag(link.inertia) @ turn.T)
         ends = [root]
