@@ -12,6 +12,7 @@ from beamchain.late import importing
 if TYPE_CHECKING:
     from beamchain.craft.embedded import Embedded as Embedded
     from beamchain.craft.embedding import embed as embed
+    from beamchain.craft.proof import prove as prove
     from beamchain.engine.linear import Linear as Linear
     from beamchain.engine.linearise import Linearisation as Linearisation
     from beamchain.engine.linearise import linearise as linearise
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
 _PLACES = {
     "craft.embedded": ("Embedded",),
     "craft.embedding": ("embed",),
+    "craft.proof": ("prove",),
     "engine.linear": ("Linear",),
     "engine.linearise": (
         "Linearisation",

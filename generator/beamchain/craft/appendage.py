@@ -54,6 +54,8 @@ class Appendage:
         rigid: without joints and tendons.
         carries: names of bodies of the spacecraft by port.
         loads: what its ports carry, other appendages included.
+        elements: names of its elements per kind, where they were read from a file; None: those of
+            the fit.
     """
 
     at: str
@@ -66,6 +68,7 @@ class Appendage:
     rigid: bool = False
     carries: Carries = field(default_factory=dict)
     loads: tuple[Load, ...] = ()
+    elements: Mapping[str, frozenset[str]] | None = None
 
     def element(self) -> Element:
         """Its drop-in MJCF, exact in time where the spacecraft is."""
@@ -106,6 +109,10 @@ def names(appendages: Sequence[Appendage]) -> dict[str, set[str]]:
     )
     out: dict[str, set[str]] = {kind: set() for kind in kinds.values()}
     for a in appendages:
+        if a.elements is not None:
+            for kind, known in a.elements.items():
+                out[kind] |= known
+            continue
         for node in insert.with_prefix(
             a.fit.appendage(timed=False), a.fit.spec.name, a.prefix
         ).iter(*kinds):

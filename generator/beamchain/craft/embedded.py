@@ -83,7 +83,8 @@ class Embedded:
         return report.embedded_html(self)
 
     @cached_property
-    def _asked(self) -> JointRequest:
+    def asked(self) -> JointRequest:
+        """What the scenes of all appendages ask of the spacecraft together."""
         return joint_request([a.spec for a in self.appendages])
 
     @cached_property
@@ -92,7 +93,7 @@ class Embedded:
         """Coupled modes and the base body's accelerance at rest, exact and through MuJoCo:
         the promise's view of the rest pose."""
         exact = carried(self.model, self.appendages)
-        band = self._asked.band
+        band = self.asked.band
         return assembly_at_rest(self.craft, self.untimed, exact, self.promise, band, self._own)
 
     @cached_property
@@ -124,7 +125,7 @@ class Embedded:
     @cached_property
     def _exact_poses(self) -> dict[str, list[Pose]]:
         """Every pose of the bare craft with its exact answer."""
-        want = self._asked
+        want = self.asked
         exact = carried(self.model, self.appendages)
         band = want.band or kept_band(self.appendages)
         return craft_poses(self.craft, exact, band, want.motions, self._own)
@@ -137,7 +138,7 @@ class Embedded:
         pole of the same file with timing taken out; up to the scenes' largest bandwidth, or the
         last kept coupled mode.
         """
-        return craft_time_error(self.model, self.untimed, self.appendages, self._asked.band)
+        return craft_time_error(self.model, self.untimed, self.appendages, self.asked.band)
 
     @cached_property
     def sampled_poses(self) -> dict[str, SampledError]:
@@ -186,7 +187,7 @@ class Embedded:
     @property
     def tolerance(self) -> float | None:
         """Smallest tolerance of the scenes that state a bandwidth; None if there is none."""
-        return self._asked.tolerance
+        return self.asked.tolerance
 
     @property
     def met(self) -> bool | None:
@@ -313,6 +314,7 @@ class Embedded:
     def _files(self, folder: Path | None, stem: str) -> tuple[Craft, dict[str, str]]:
         if self.document is None:
             raise InputError(
-                "this was made from an MjSpec, which was changed in place; use its own to_xml()."
+                "this was made from an MjSpec, which was changed in place (use its own to_xml()), "
+                "or proves a file, which is there already."
             )
         return assemble(self.document, self.appendages, self.form, folder, stem, self._layout)

@@ -7,12 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from beamchain.caution import Caution, warnings_record
-from beamchain.craft.appendage import Appendage, carried
+from beamchain.craft.embedded import Embedded
 from beamchain.craft.embedding import marked_appendages
-from beamchain.craft.error import craft_poses
-from beamchain.craft.promise import joint_request, kept_band
-from beamchain.craft.sampled import craft_sampled_error
-from beamchain.engine.library import mujoco
+from beamchain.craft.proof import UNMARKED, proved
 from beamchain.engine.linearise import NUMBERS
 from beamchain.engine.operating_point import poses, quiet_copy
 from beamchain.errors import BeamchainError
@@ -22,8 +19,6 @@ from beamchain.steps.retime_file import RetimedFile, retimed_file
 from beamchain.steps.sampled import off_by
 from beamchain.steps.step_map import TimeError, time_error
 
-UNMARKED = "the file does not say what its appendages are (it was not written by embed)"
-
 
 @dataclass(frozen=True, eq=False)
 class RetimedCraft:
@@ -32,27 +27,25 @@ class RetimedCraft:
     Args:
         file: text, models, rows of modes, notes.
         timestep: [s]; 0: the timing was taken out.
-        craft, appendages: the bare spacecraft and the exact appendages by the marks of the file;
-            None: not known.
+        proof: the file against the exact appendages that its marks name; None: not known.
         unknown: why they are not known.
     """
 
     file: RetimedFile
     timestep: float
-    craft: "mujoco.MjModel | None"
-    appendages: tuple[Appendage, ...]
+    proof: Embedded | None
     unknown: str
 
-    @cached_property
+    @property
     def band(self) -> float | None:
         """The largest band that the scenes of its appendages ask for [rad/s];
         None where none is known."""
-        return joint_request([a.spec for a in self.appendages]).band
+        return None if self.proof is None else self.proof.asked.band
 
-    @cached_property
+    @property
     def tolerance(self) -> float | None:
         """The smallest tolerance of scenes with a band; None where none is known."""
-        return joint_request([a.spec for a in self.appendages]).tolerance
+        return None if self.proof is None else self.proof.tolerance
 
     @cached_property
     def time_error(self) -> TimeError | None:
@@ -67,18 +60,13 @@ class RetimedCraft:
             self.band,
         )
 
-    @cached_property
+    @property
     def sampled_error(self) -> float | None:
         """In-band error of the response at the step, worst of all poses;
         None where the exact appendages are not known."""
-        if self.timestep == 0.0 or self.craft is None:
+        if self.timestep == 0.0 or self.proof is None:
             return None
-        request = joint_request([a.spec for a in self.appendages])
-        exact = carried(None, self.appendages)
-        band = request.band or kept_band(self.appendages)
-        answers = craft_poses(self.craft, exact, band, request.motions)
-        errors = craft_sampled_error(self.craft, self.file.model, answers)
-        return max(error.error for error in errors.values())
+        return self.proof.sampled_error
 
     @property
     def met(self) -> bool | None:
@@ -132,10 +120,10 @@ def retime_craft(path: Path, timestep: float, integrator: str | None, folder: Pa
     and its errors there."""
     file = retimed_file(path, timestep, integrator, folder)
     if timestep == 0.0:
-        return RetimedCraft(file, timestep, None, (), "")
+        return RetimedCraft(file, timestep, None, "")
     try:
         known = marked_appendages(path)
+        proof = None if known is None else proved(*known, file.model)
     except BeamchainError as error:
-        return RetimedCraft(file, timestep, None, (), str(error).rstrip("."))
-    craft, appendages = known or (None, ())
-    return RetimedCraft(file, timestep, craft, appendages, "" if known else UNMARKED)
+        return RetimedCraft(file, timestep, None, str(error).rstrip("."))
+    return RetimedCraft(file, timestep, proof, "" if known else UNMARKED)
