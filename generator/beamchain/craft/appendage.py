@@ -3,13 +3,14 @@ its numbers and the spacecraft's are as they were."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from lxml import etree
 from lxml.etree import _Element as Element
 
 from beamchain.caution import Caution, at
+from beamchain.craft.bent_line import BentLine, bent_line
 from beamchain.craft.disturbances import TENDON_DAMPING, disturbances
 from beamchain.craft.error import Carried
 from beamchain.craft.loads import Carries, Load
@@ -19,7 +20,7 @@ from beamchain.engine.mount import Mount
 from beamchain.engine.operating_point import quiet_copy
 from beamchain.engine.unchanged import NAMED, Difference, differences, ids_of, in_order_of, others
 from beamchain.errors import EngineError, InputError
-from beamchain.fitting.exact import exact_appendage
+from beamchain.fitting.exact import ExactAppendage, exact_appendage
 from beamchain.fitting.hub import Hub
 from beamchain.fitting.result import Fit
 from beamchain.fitting.spec import Spec
@@ -298,8 +299,15 @@ def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> 
         own = {} if model is None else ids_of(model, names([a]))
         dofs = own.get("dof", [])
         alone = None if model is None or not a.loads else _mass_alone(model, own["body"], dofs)
-        out.append(Carried(a.mount, exact.model, exact.kept, dofs, band, a.loads, alone))
+        line = None if a.fit.space is not None else partial(_line, a, exact)
+        out.append(Carried(a.mount, exact.model, exact.kept, dofs, band, a.loads, alone, line))
     return out
+
+
+def _line(a: Appendage, exact: ExactAppendage, top: float) -> BentLine:
+    """How an appendage bends by its modes up to `top` [rad/s]."""
+    stations = [load.x for load in a.loads]
+    return bent_line(a.fit.spec.beam, exact.ports, exact.model.frequencies, stations, top)
 
 
 def _mass_alone(model: "mujoco.MjModel", bodies: Sequence[int], dofs: Sequence[int]) -> Array:

@@ -17,17 +17,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from beamchain.craft.bent_line import BentLine
 from beamchain.craft.loads import Load, Root, carrying_of
+from beamchain.craft.under_load import LoadedTree
 from beamchain.engine.library import mujoco
 from beamchain.engine.linear import Carrying, Linear, linear_at
-from beamchain.engine.mount import Mount, motion
+from beamchain.engine.loaded import Loading, check_pushes, loaded_linear, loading_at
+from beamchain.engine.mount import Mount, motion, root_frame
 from beamchain.engine.operating_point import (
     OperatingPoint,
     base_body,
     poses,
     quiet_copy,
     rest_point,
+    still_copy,
 )
+from beamchain.errors import InputError
 from beamchain.ports.compare import (
     DEFAULT_RATIO,
     grid_of,
@@ -42,6 +47,7 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, system_matrix
 
 RANK = 1e-9  # relative singular value below which a motion of the base is held
+FAR = 60.0  # times the band: exact modes beyond are gathered under a load, and do not bend
 STILLEST = 1e-12  # of the largest squared frequency, below which a motion is rigid
 
 
@@ -51,7 +57,8 @@ class Carried:
 
     `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the
     MuJoCo model; `band`: last kept cantilever frequency of each kept port [rad/s]; `loads`: what
-    its ports carry; `alone`: the mass of its degrees of freedom without that, where it carries.
+    its ports carry; `alone`: the mass of its degrees of freedom without that, where it carries;
+    `line`: how it bends by its modes up to a frequency, where it is a beam.
     """
 
     mount: Mount
@@ -61,6 +68,7 @@ class Carried:
     band: dict[str, float]
     loads: tuple[Load, ...] = ()
     alone: Array | None = None
+    line: Callable[[float], BentLine] | None = None
 
 
 @dataclass(frozen=True)
@@ -128,7 +136,8 @@ def _poles(mass: Array, damping: Array, stiffness: Array) -> NDArray[np.complex1
 
 
 def _modes(mass: Array, damping: Array, stiffness: Array) -> Array:
-    values, shapes = eigh(stiffness, mass)
+    # a thrust makes it unsymmetric, a little
+    values, shapes = eigh((stiffness + stiffness.T) / 2.0, mass)
     moving = values > STILLEST * max(float(np.max(values, initial=0.0)), 1e-300)
     w = np.sqrt(values[moving])
     shapes = shapes[:, moving]
@@ -154,7 +163,7 @@ class Pose:
 
     Motions of the base body that are `wanted` but that it cannot make are left out; `band`:
     upper end [rad/s]; `own`: the craft's own degrees of freedom in the compiled model, where left
-    out those that are not of `carried`.
+    out those that are not of `carried`; `loading`: what acts on the craft there, None for nothing.
     """
 
     def __init__(
@@ -165,7 +174,11 @@ class Pose:
         band: float,
         wanted: Sequence[int],
         own: Sequence[int] | None = None,
+        loading: Loading | None = None,
     ) -> None:
+        self.loading: Loading | None = loading
+        self._qpos: Array = qpos
+        self._model: mujoco.MjModel = craft
         self._own: Sequence[int] | None = own
         self.body: int = base_body(craft, carried[0].mount.body)
         #: as it is, and with damping where it has none
@@ -271,12 +284,48 @@ class Pose:
 
     @cached_property
     def with_exact(self) -> Linear:
-        """The craft with the exact appendages, all their modes for coordinates."""
-        return self.with_appendages(self.whole)
+        """The craft with the exact appendages, all their modes for coordinates; under its load,
+        where it has one."""
+        return self._under_load(self.whole)
+
+    @cached_property
+    def _near_under_load(self) -> Linear:
+        """The same with what lies far above the band gathered."""
+        models = [item.whole.condensed(FAR * self.band) for item in self.carried]
+        return self._under_load([with_damping(model) for model in models])
+
+    def _under_load(self, models: Sequence[PortModel]) -> Linear:
+        """The craft with the exact appendages `models`, which keep their modes up to FAR times the
+        band."""
+        craft = self.with_appendages(models)
+        if self.loading is None:
+            return craft
+        counts = [model.modes for model in models]
+        bases = self.bare.mass.shape[0] + np.cumsum([0, *counts])[:-1]
+        return self._tree.loaded(craft, bases.tolist())
+
+    @cached_property
+    def _tree(self) -> LoadedTree:
+        assert self.loading is not None
+        lines = [item.line(FAR * self.band) for item in self.carried if item.line is not None]
+        return LoadedTree(
+            self._model,
+            self._qpos,
+            self.roots,
+            [item.mount for item in self.carried],
+            lines,
+            [
+                item.whole.frequencies[line.rows] ** 2
+                for item, line in zip(self.carried, lines, strict=True)
+            ],
+            self.loading,
+        )
 
     @cached_property
     def peaks(self) -> Array:
         """`(k, 2)` peaks of the exact craft: frequency [rad/s] and damping ratio."""
+        if self.loading is not None:
+            return peaks_of_craft(self._near_under_load)
         return self._peaks(self.near)
 
     @cached_property
@@ -287,6 +336,8 @@ class Pose:
 
     def exact(self, omega: Array) -> NDArray[np.complex128]:
         """`response` with the exact appendages, all their modes."""
+        if self.loading is not None:
+            return self.accelerance(self._near_under_load, omega)
         return self.response(self.whole, omega)
 
     def of_models(self, models: Sequence[PortModel]) -> float:
@@ -296,8 +347,20 @@ class Pose:
 
     def of_mujoco(self, model: "mujoco.MjModel", qpos: Array, body: int) -> float:
         """In-band error of the compiled `model` at `qpos`, where the base is its `body`."""
-        compiled = self.comparable(craft_at(model, qpos, body))
+        compiled = self.compiled(model, qpos, body)
         return self._error(partial(self.accelerance, compiled), peaks_of_craft(compiled))
+
+    def compiled(self, model: "mujoco.MjModel", qpos: Array, body: int) -> Linear:
+        """The quiet compiled `model` at `qpos`, as it is compared with the exact craft; under its
+        load, where it has one."""
+        linear = self.comparable(craft_at(model, qpos, body))
+        if self.loading is None:
+            return linear
+        free = self.loading.free
+        if free is not None:
+            free = int(self.own_dofs(model.nv)[free])
+        dofs = [dof for item in self.carried for dof in item.dofs]
+        return loaded_linear(linear, model, qpos, dofs, replace(self.loading, free=free))
 
     def _peaks(self, models: Sequence[PortModel]) -> Array:
         return peaks_of_craft(self.with_appendages(models))
@@ -316,13 +379,8 @@ class Pose:
 
 def root_of(craft: "mujoco.MjModel", data: "mujoco.MjData", item: Carried) -> Root:
     """An appendage's root at a pose."""
-    body = item.mount.body
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, item.mount.quaternion / np.linalg.norm(item.mount.quaternion))
-    frame = data.xmat[body].reshape(3, 3)
-    origin = data.xpos[body] + frame @ item.mount.position
-    axes = frame @ turn.reshape(3, 3)
-    jacobian = motion(craft, data, body, origin, axes)
+    origin, axes = root_frame(item.mount, data)
+    jacobian = motion(craft, data, item.mount.body, origin, axes)
     return Root(item.mount.at, origin, axes, jacobian, item.loads)
 
 
@@ -332,19 +390,62 @@ def craft_poses(
     band: float,
     wanted: Sequence[int],
     own: Sequence[int] | None = None,
+    loaded: bool = False,
 ) -> dict[str, list[Pose]]:
     """Every pose of the craft with its exact answer, one per base body that carries appendages.
 
-    `own`: the craft's degrees of freedom in the compiled model, where that is compared.
+    `own`: the craft's degrees of freedom in the compiled model, where that is compared; `loaded`:
+    under its own gravity and the ctrl of its keyframes.
     """
-    craft = quiet_copy(craft)
+    quiet = quiet_copy(craft)
     groups: dict[int, list[Carried]] = {}
     for item in carried:
-        groups.setdefault(base_body(craft, item.mount.body), []).append(item)
+        groups.setdefault(base_body(quiet, item.mount.body), []).append(item)
+    loadings = loadings_of(craft, groups) if loaded else {}
     return {
-        name: [Pose(craft, qpos, group, band, wanted, own) for group in groups.values()]
-        for name, qpos in poses(craft).items()
+        name: [
+            Pose(quiet, qpos, group, band, wanted, own, loadings.get((name, base)))
+            for base, group in groups.items()
+        ]
+        for name, qpos in poses(quiet).items()
     }
+
+
+def loadings_of(
+    craft: "mujoco.MjModel", groups: Mapping[int, Sequence[Carried]]
+) -> dict[tuple[str, int], Loading]:
+    """What acts on the bare craft at each pose, by its name and the base body.
+
+    Raises:
+        InputError: nothing acts, or the exact spacecraft under it is not known.
+    """
+    still = still_copy(craft)
+    out: dict[tuple[str, int], Loading] = {}
+    for k, name in enumerate(poses(craft)):
+        key = None if k == 0 else k - 1
+        for base, group in groups.items():
+            mass = float(craft.body_subtreemass[base])
+            mass += sum(float(item.whole.rigid_mass[0, 0]) for item in group)
+            loading = loading_at(craft, still, key, base, mass)
+            if loading is None:
+                continue
+            for item in group:
+                if item.line is None:
+                    raise InputError(
+                        f"the appendage at {item.mount.at} is imported modes, which do not say how "
+                        "it stiffens under a load; leave the load out, or describe it as a beam."
+                    )
+            if key is not None:
+                bodies = {b for item in group for load in item.loads for b in load.bodies}
+                check_pushes(craft, key, sorted(bodies), name)
+            out[name, base] = loading
+    if not out:
+        raise InputError(
+            "no load acts on the spacecraft: its gravity is zero or its base is free and falls with "
+            "it, and no keyframe has a ctrl that pushes it; hold its base (no free joint), or give "
+            'a keyframe the thrust (<key name="burn" ctrl="22"/>).'
+        )
+    return out
 
 
 def craft_error(
