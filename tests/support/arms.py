@@ -8,6 +8,7 @@ its static response. Nothing is imported from the package.
 
 from dataclasses import dataclass, field
 
+import mujoco
 import numpy as np
 from scipy.linalg import eigh
 
@@ -58,6 +59,8 @@ class Arm:
     at: tuple = (0.5, 0.0, 0.0)
     hand: float = 10.0
     hand_inertia: tuple = (0.4, 0.4, 0.4)
+    hand_at: tuple = (0.0, 0.0, 0.0)
+    gravity: tuple = (0.0, 0.0, 0.0)
     ratio: float = 0.005
     keys: dict = field(default_factory=dict)
 
@@ -84,17 +87,32 @@ tolerance = {tolerance!r}
 {modes}"""
 
 
-def mjcf(arm, timestep=0.0005, integrator="implicitfast"):
-    """The craft with rigid links left out: every body where it is at rest."""
+def mjcf(
+    arm,
+    timestep=0.0005,
+    integrator="implicitfast",
+    base='<freejoint name="bus"/>',
+    quaternion="1 0 0 0",
+    ctrl="",
+    actuators="",
+):
+    """The craft with rigid links left out: every body where it is at rest.
+
+    `base`: joints of the bus; `quaternion`: how the arm is turned on it; `ctrl`: of a keyframe
+    `burn`, which `actuators` push at.
+    """
     body = f"""<body name="hand" pos="{arm.links[-1].length!r} 0 0">
-  <inertial pos="0 0 0" mass="{arm.hand!r}" diaginertia="{_words(arm.hand_inertia)}"/>
+  <inertial pos="{_words(arm.hand_at)}" mass="{arm.hand!r}" diaginertia="{_words(arm.hand_inertia)}"/>
 </body>"""
     for number, link in reversed(list(enumerate(arm.links))):
         site = f'<site name="place_{link.name}"/>'
         if number == 0:
-            site = f'<site name="place_{link.name}" pos="{_words(arm.at)}"/>'
-            end = np.add(arm.at, [link.length, 0.0, 0.0])
-            body = site + body.replace(f'pos="{link.length!r} 0 0"', f'pos="{_words(end)}"', 1)
+            turned = f'quat="{quaternion}"'
+            site = f'<site name="place_{link.name}" pos="{_words(arm.at)}" {turned}/>'
+            out = np.zeros(3)
+            mujoco.mju_rotVecQuat(out, [link.length, 0.0, 0.0], np.fromstring(quaternion, sep=" "))
+            place = f'pos="{_words(arm.at + out)}" {turned}'
+            body = site + body.replace(f'pos="{link.length!r} 0 0"', place, 1)
             continue
         joint = ""
         if link.axis is not None:
@@ -108,16 +126,19 @@ def mjcf(arm, timestep=0.0005, integrator="implicitfast"):
 <inertial pos="0 0 0" {inertial}/>{site}{body}</body>"""
     hinges = [link for link in arm.links if link.axis is not None]
     keys = ""
+    still = "0 0 0 1 0 0 0" if "freejoint" in base else "0 " * base.count("<joint")
     for name, angles in arm.keys.items():
         turned = _words([angles.get(hinge.name, 0.0) for hinge in hinges])
-        keys += f'<key name="{name}" qpos="0 0 0 1 0 0 0 {turned}"/>'
+        push = f'ctrl="{ctrl}"' if ctrl else ""
+        keys += f'<key name="{name}" qpos="{still} {turned}" {push}/>'
     return f"""<mujoco model="arm">
-<option timestep="{timestep!r}" gravity="0 0 0" integrator="{integrator}"/>
-<worldbody><body name="bus"><freejoint name="bus"/>
+<option timestep="{timestep!r}" gravity="{_words(arm.gravity)}" integrator="{integrator}"/>
+<worldbody><body name="bus">{base}
 <inertial pos="0 0 0" mass="{arm.bus!r}" diaginertia="{_words(arm.bus_inertia)}"/>
+<site name="thruster" pos="{_words(arm.at)}"/>
 {body}
 </body></worldbody>
-<actuator>{"".join(_servo(link) for link in arm.links if link.servo)}</actuator>
+<actuator>{actuators}{"".join(_servo(link) for link in arm.links if link.servo)}</actuator>
 <keyframe>{keys}</keyframe>
 </mujoco>"""
 

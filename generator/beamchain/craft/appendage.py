@@ -304,10 +304,16 @@ def carried(model: "mujoco.MjModel | None", appendages: Sequence[Appendage]) -> 
     return out
 
 
-def _line(a: Appendage, exact: ExactAppendage, top: float) -> BentLine:
-    """How an appendage bends by its modes up to `top` [rad/s]."""
-    stations = [load.x for load in a.loads]
-    return bent_line(a.fit.spec.beam, exact.ports, exact.model.frequencies, stations, top)
+def _line(a: Appendage, exact: ExactAppendage, band: float) -> BentLine:
+    """How an appendage bends up to a band [rad/s]."""
+    return bent_line(
+        a.fit.spec.beam,
+        exact.ports,
+        exact.model.rigid_mass,
+        stations=[load.x for load in a.loads],
+        columns=[load.column for load in a.loads],
+        band=band,
+    )
 
 
 def _mass_alone(model: "mujoco.MjModel", bodies: Sequence[int], dofs: Sequence[int]) -> Array:

@@ -1,9 +1,8 @@
 """A beam bent by its modes as far as it matters to forces that act on it: straight cells one behind
 the other, turned by the rotations of the modes.
 
-The line is inextensible. To second order in the modal coordinates its points move as those of the
-beam: they come nearer to the root as it bends (foreshortening), and twist turns the plane in which
-it is bent.
+To second order in the modal coordinates its points move as those of the beam: they come nearer to
+the root as it bends (foreshortening), and twist turns the plane in which it is bent.
 
 Theory: docs/theory.md, section 9.
 """
@@ -15,12 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from beamchain.ports.compose import model_in_space
 from beamchain.ports.model import PortModel
 from beamchain.ports.motions import PORTS, Array
 from beamchain.structure.beam import Beam
 
 CELLS = 40  # of a beam, besides the cuts at ports and hinge lines
-LOW = 10  # modes of each port that bend it: those beyond are too stiff to feel a load
+LOW = 6  # modes of each port that take part at least,
+HIGHER = 3.0  # those up to this many times the band,
+MORE = 3  # and some beyond
 SHORT = 1e-9  # of the length: places nearer than that are one
 
 
@@ -29,20 +31,24 @@ class BentLine:
     """A beam cut into cells.
 
     Args:
-        rows: `(m,)` numbers of its modes among those of the exact appendage.
+        model: its lowest modes, and the static shapes of loads on its ports, in six motions.
+        rows: `(m,)` numbers of the modes as they follow here, port by port.
         lengths, masses: `(c,)` of the cells; `centres` `(c,)`: from their starts [m].
         inertias: `(c, 3, 3)` about their centres.
-        turns: `(m, c, 3)` by how much each mode turns a cell against the one before.
+        turns: `(m, c, 3)` by how much each mode turns a cell against the one before; `stretches`
+            `(m, c)` [m]: by how much it lengthens a cell.
         ends: per port number of the cell that ends there, and `(m, 3)` the turn against it.
-        size: `(m,)` largest rotation in each mode.
+        size: `(m,)` largest rotation in each mode, or elongation over the length.
     """
 
+    model: PortModel
     rows: NDArray[np.intp]
     lengths: Array
     masses: Array
     centres: Array
     inertias: Array
     turns: Array
+    stretches: Array
     ends: tuple[tuple[int, Array], ...]
     size: Array
 
@@ -54,9 +60,10 @@ class BentLine:
         axes[:, 0] = steps[:, 0]
         for i in range(1, steps.shape[1]):
             axes[:, i] = axes[:, i - 1] @ steps[:, i]
-        along = axes[..., 0]
-        ends = np.cumsum(along * self.lengths[:, None], axis=1)
-        centres = ends - along * (self.lengths - self.centres)[:, None]
+        lengths = self.lengths + eta @ self.stretches
+        along = axes[..., 0] * lengths[..., None]
+        ends = np.cumsum(along, axis=1)
+        centres = ends - along * (1.0 - self.centres / self.lengths)[:, None]
         return axes, ends, centres
 
     def port(self, number: int, axes: Array, ends: Array, eta: Array) -> tuple[Array, Array]:
@@ -68,19 +75,23 @@ class BentLine:
 def bent_line(
     beam: Beam,
     ports: Mapping[str, PortModel],
-    frequencies: Array,
+    rigid_mass: Array,
     stations: Sequence[float],
-    top: float,
+    columns: Sequence[int],
+    band: float,
 ) -> BentLine:
     """A beam cut for its lowest modes.
 
     Args:
         beam: all of it.
         ports: its modes per port, as in `exact_appendage`.
-        frequencies: `(n,)` of all of them together, ascending.
+        rigid_mass: `(6, 6)` of it.
         stations: x of ports that carry something [m].
-        top: modes beyond do not bend it [rad/s].
+        columns: their numbers among the points of `tip`.
+        band: of interest [rad/s].
     """
+    low = {port: _lowest(model, port, columns, band) for port, model in ports.items()}
+    model = model_in_space(low, rigid_mass)
     lines = [x for port in PORTS if port != "axial" for x in beam.hinge_lines(port)]
     even = np.linspace(0.0, beam.length, CELLS + 1)
     wanted = np.sort(np.concatenate([even, lines, list(stations)]))
@@ -93,49 +104,70 @@ def bent_line(
     places = first / np.maximum(mass, 1e-300)
     about = second - mass * places**2
     diagonals = np.column_stack([polar, about + rotary_xz, about + rotary_xy])
-    numbers = _numbers(ports, frequencies)
+    numbers = _numbers(low)
     rows: list[NDArray[np.intp]] = []
     cells: list[Array] = []
     turned: list[Array] = []
-    for port in ("xy", "xz", "torsion"):
-        if port not in ports:
+    stretches: list[Array] = []
+    for port, part in low.items():
+        if not part.modes:
             continue
-        count = min(LOW, int(np.sum(ports[port].frequencies <= top)))
-        if count == 0:
-            continue
-        motion, slope = _motion(ports[port], count, x, sorted({0.0, *lines, beam.length}))
-        axis = {"xy": (0, 0, 1), "xz": (0, -1, 0), "torsion": (1, 0, 0)}[port]
+        motion, slope = _motion(part, x, sorted({0.0, *lines, beam.length}))
+        axis = {"xy": (0, 0, 1), "xz": (0, -1, 0), "torsion": (1, 0, 0), "axial": (0, 0, 0)}[port]
         if port == "torsion":
             along = (motion[:, 1:] + motion[:, :-1]) / 2.0
             at_nodes = motion
         else:
             along = np.diff(motion, axis=1) / np.diff(x)
             at_nodes = slope
-        rows.append(numbers[port][:count])
+        grows = np.diff(motion, axis=1)
+        stretches.append(grows if port == "axial" else 0.0 * grows)
+        rows.append(numbers[port])
         cells.append(along[:, :, None] * np.array(axis))
         turned.append(at_nodes[:, :, None] * np.array(axis))
     cell_turns = np.vstack([np.zeros((0, x.size - 1, 3)), *cells])
     node_turns = np.vstack([np.zeros((0, x.size, 3)), *turned])
+    longer = np.vstack([np.zeros((0, x.size - 1)), *stretches])
     ends = []
     for station in stations:
         node = int(np.argmin(np.abs(x - station)))
         ends.append((node - 1, node_turns[:, node] - cell_turns[:, node - 1]))
     return BentLine(
+        model,
         np.concatenate([np.zeros(0, np.intp), *rows]),
         np.diff(x),
         mass,
         places - x[:-1],
         np.einsum("ci,ij->cij", diagonals, np.eye(3)),
         np.diff(cell_turns, axis=1, prepend=0.0),
+        longer,
         tuple(ends),
-        np.abs(cell_turns).max(axis=(1, 2)),
+        np.maximum(
+            np.abs(cell_turns).max(axis=(1, 2)), np.abs(longer).sum(axis=1) / beam.length
+        ),
     )
 
 
-def _numbers(ports: Mapping[str, PortModel], frequencies: Array) -> dict[str, NDArray[np.intp]]:
+def _lowest(model: PortModel, port: str, columns: Sequence[int], band: float) -> PortModel:
+    """The lowest modes of a port, and the static shapes of loads on some points."""
+    near = int(np.sum(model.frequencies <= HIGHER * band)) + MORE
+    count = min(max(LOW, near), model.modes)
+    if not columns:
+        return model.truncated(count)
+    wide = 2 if port in ("xy", "xz") else 1
+    wanted = [wide * column + k for column in columns for k in range(wide)]
+    low = model.attached(count, wanted)
+    beyond = low.modes - count
+    mean = float(np.mean(model.damping[count:])) if beyond else 0.0
+    return low.replaced(
+        damping=np.concatenate([model.damping[:count], np.full(beyond, mean)]),
+        labels=(port,) * low.modes,
+    )
+
+
+def _numbers(ports: Mapping[str, PortModel]) -> dict[str, NDArray[np.intp]]:
     """Places of each port's modes among all of them together."""
     together = np.concatenate([model.frequencies for model in ports.values()])
-    assert together.size == frequencies.size
     rank = np.empty(together.size, dtype=np.intp)
     rank[np.argsort(together, kind="stable")] = np.arange(together.size)
     starts = np.cumsum([0, *(model.modes for model in ports.values())])
@@ -145,18 +177,17 @@ def _numbers(ports: Mapping[str, PortModel], frequencies: Array) -> dict[str, ND
     }
 
 
-def _motion(
-    model: PortModel, count: int, x: Array, breaks: Sequence[float]
-) -> tuple[Array, Array]:
-    """Motion of modes and its slope at `x`, both `(count, x)`: splines through the points where the
+def _motion(model: PortModel, x: Array, breaks: Sequence[float]) -> tuple[Array, Array]:
+    """Motion of modes and its slope at `x`, both `(modes, x)`: splines through the points where the
     beam has mass, one between each two of its hinge lines."""
     shapes = model.shapes
     assert shapes is not None
     known = shapes.moved > 0.0
     at, first = np.unique(shapes.x[known], return_index=True)
-    values = (shapes.values[:count, known] / shapes.moved[known])[:, first]
+    values = (shapes.values[:, known] / shapes.moved[known])[:, first]
+    count = len(values)
     at = np.concatenate([[0.0], at[at > 0.0]])
-    values = np.hstack([np.zeros((count, 1)), values[:, -(at.size - 1) :]])
+    values = np.hstack([np.zeros((count, 1)), values[:, values.shape[1] - (at.size - 1) :]])
     motion = np.zeros((count, x.size))
     slope = np.zeros((count, x.size))
     for low, high in zip(breaks[:-1], breaks[1:], strict=True):

@@ -70,7 +70,7 @@ def coupled_modes(pose: Pose, compiled: Linear, band: float) -> tuple[Mode, ...]
     compiled_parts = [own, *(np.array(item.dofs, dtype=np.intp) for item in pose.carried)]
     ours = _Modes(frequency, compiled_shapes[own], _shares(compiled_energy, compiled_parts))
 
-    asked_for = np.concatenate([np.ones(nv, np.bool_), *(item.kept for item in pose.carried)])
+    asked_for = np.concatenate([np.ones(nv, np.bool_), *pose.kept])
     kept = energy[asked_for].sum(axis=0) > 0.5 * energy.sum(axis=0)
     partner = _pairs(exact, ours, kept, pose.bare.mass)
     modes = [
@@ -145,7 +145,7 @@ def mode_words(pose: Pose, shape: Array) -> str:
     the exact appendages.
     """
     nv = pose.bare.mass.shape[0]
-    models = pose.whole
+    models = pose.models
     coordinates = [shape[part] for part in pose.modal_coordinates]
     # twice the strain energies
     own_energy = float(shape[:nv] @ pose.bare.stiffness @ shape[:nv])

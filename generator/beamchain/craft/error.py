@@ -47,7 +47,6 @@ from beamchain.ports.model import PortModel
 from beamchain.ports.motions import Array, system_matrix
 
 RANK = 1e-9  # relative singular value below which a motion of the base is held
-FAR = 60.0  # times the band: exact modes beyond are gathered under a load, and do not bend
 STILLEST = 1e-12  # of the largest squared frequency, below which a motion is rigid
 
 
@@ -58,7 +57,7 @@ class Carried:
     `kept` `(n,)`: which of them the chain was asked to keep; `dofs`: its degrees of freedom in the
     MuJoCo model; `band`: last kept cantilever frequency of each kept port [rad/s]; `loads`: what
     its ports carry; `alone`: the mass of its degrees of freedom without that, where it carries;
-    `line`: how it bends by its modes up to a frequency, where it is a beam.
+    `line`: how it bends up to a band, where it is a beam.
     """
 
     mount: Mount
@@ -224,7 +223,7 @@ class Pose:
     def modal_coordinates(self) -> list[NDArray[np.intp]]:
         """Places of the modes of each exact appendage, behind the craft's own coordinates."""
         nv = self.bare.mass.shape[0]
-        ends = nv + np.cumsum([0, *(item.whole.modes for item in self.carried)])
+        ends = nv + np.cumsum([0, *(model.modes for model in self.models)])
         return [np.arange(a, b) for a, b in pairwise(ends.tolist())]
 
     def own_dofs(self, count: int) -> NDArray[np.intp]:
@@ -284,40 +283,46 @@ class Pose:
 
     @cached_property
     def with_exact(self) -> Linear:
-        """The craft with the exact appendages, all their modes for coordinates; under its load,
+        """The craft with the exact appendages, their modes for coordinates; under its load,
         where it has one."""
-        return self._under_load(self.whole)
-
-    @cached_property
-    def _near_under_load(self) -> Linear:
-        """The same with what lies far above the band gathered."""
-        models = [item.whole.condensed(FAR * self.band) for item in self.carried]
-        return self._under_load([with_damping(model) for model in models])
-
-    def _under_load(self, models: Sequence[PortModel]) -> Linear:
-        """The craft with the exact appendages `models`, which keep their modes up to FAR times the
-        band."""
-        craft = self.with_appendages(models)
+        craft = self.with_appendages(self.models)
         if self.loading is None:
             return craft
-        counts = [model.modes for model in models]
+        counts = [model.modes for model in self.models]
         bases = self.bare.mass.shape[0] + np.cumsum([0, *counts])[:-1]
-        return self._tree.loaded(craft, bases.tolist())
+        return self._tree.loaded(craft, bases.tolist(), self.band)
+
+    @cached_property
+    def models(self) -> list[PortModel]:
+        """The exact appendages: all their modes or, under a load, those that feel it."""
+        if self.loading is None:
+            return self.whole
+        return [with_damping(line.model) for line in self._lines]
+
+    @cached_property
+    def kept(self) -> list[NDArray[np.bool_]]:
+        """Which modes of `models` the chains were asked to keep."""
+        if self.loading is None:
+            return [item.kept for item in self.carried]
+        return [
+            np.array([np.any(np.isclose(item.whole.frequencies[item.kept], w)) for w in each])
+            for item, model in zip(self.carried, self.models, strict=True)
+            for each in [model.frequencies]
+        ]
+
+    @cached_property
+    def _lines(self) -> list[BentLine]:
+        return [item.line(self.band) for item in self.carried if item.line is not None]
 
     @cached_property
     def _tree(self) -> LoadedTree:
         assert self.loading is not None
-        lines = [item.line(FAR * self.band) for item in self.carried if item.line is not None]
         return LoadedTree(
             self._model,
             self._qpos,
             self.roots,
             [item.mount for item in self.carried],
-            lines,
-            [
-                item.whole.frequencies[line.rows] ** 2
-                for item, line in zip(self.carried, lines, strict=True)
-            ],
+            self._lines,
             self.loading,
         )
 
@@ -325,7 +330,7 @@ class Pose:
     def peaks(self) -> Array:
         """`(k, 2)` peaks of the exact craft: frequency [rad/s] and damping ratio."""
         if self.loading is not None:
-            return peaks_of_craft(self._near_under_load)
+            return peaks_of_craft(self.with_exact)
         return self._peaks(self.near)
 
     @cached_property
@@ -337,7 +342,7 @@ class Pose:
     def exact(self, omega: Array) -> NDArray[np.complex128]:
         """`response` with the exact appendages, all their modes."""
         if self.loading is not None:
-            return self.accelerance(self._near_under_load, omega)
+            return self.accelerance(self.with_exact, omega)
         return self.response(self.whole, omega)
 
     def of_models(self, models: Sequence[PortModel]) -> float:

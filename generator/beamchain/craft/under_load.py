@@ -4,7 +4,7 @@ All mass is placed in space as a function of the spacecraft's joints q and the m
 of its appendages, rotations of any size; with V the potential of the field that acts in the
 spacecraft's own axes (gravity less acceleration), what the load adds to the linear model is
 
-    K += d2V/dz2,   M += M(eta_0) - M(0),   W^2 eta_0 = -dV/d eta   (z = (q, eta))
+    K += d2V/dz2,   M(0) -> M(eta_0),   W^2 eta_0 = -dV/d eta   (z = (q, eta))
 
 at the sag eta_0. The joints stay where the pose has them: what holds them is taken as in balance.
 
@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from beamchain.craft.bent_line import BentLine
 from beamchain.craft.loads import Root
@@ -30,6 +31,8 @@ from beamchain.ports.motions import Array
 STEP = 3e-3  # rad (m of slides) by which places are differenced
 ROUNDS = 30  # of the search for the sag
 SETTLED = 1e-12  # of the largest sag
+FEEL = (300.0, 100.0, 30.0, 10.0)  # times the band: modes whose inertia changes with the sag
+MOST = 0.9  # of the inertia of a mode that may be lost by the sag: more is rounding of stiff modes
 BATCH = 2000  # states worked on at a time
 
 
@@ -54,7 +57,6 @@ class LoadedTree:
     Args:
         craft: compiled; `qpos` `(nq,)` its pose.
         roots: of its appendages there, on their `mounts`; `lines`: how each bends.
-        squares: of the frequencies of the modes of each line.
         loading: the field and what pushes.
     """
 
@@ -63,7 +65,6 @@ class LoadedTree:
     roots: Sequence[Root]
     mounts: Sequence[Mount]
     lines: Sequence[BentLine]
-    squares: Sequence[Array]
     loading: Loading
 
     @cached_property
@@ -188,7 +189,8 @@ class LoadedTree:
         """`(n,)` coordinates at rest under the load: those of the joints are zero."""
         n = self._ends[-1]
         nv = self.craft.nv
-        spring = np.concatenate([np.zeros(nv), *self.squares])
+        squares = [line.model.frequencies[line.rows] ** 2 for line in self.lines]
+        spring = np.concatenate([np.zeros(nv), *squares])
         sag = np.zeros(n)
         bending = np.arange(nv, n)
         stiffness = np.diag(spring[bending]) + self._curvature(sag, bending, bending)
@@ -249,20 +251,34 @@ class LoadedTree:
         ) / (2.0 * twice)
         own = np.einsum("neji,nej->nei", np.broadcast_to(here.axes, relative.shape), turn)
         flat = (speed * np.sqrt(mass)[:, None]).reshape(n, -1)
-        return flat @ flat.T + np.einsum("nei,eij,mej->nm", own, inertia, own)
+        turning = own.reshape(n, -1) @ np.einsum("eij,nej->nei", inertia, own).reshape(n, -1).T
+        mass = flat @ flat.T + turning
+        nv = self.craft.nv
+        mass[np.arange(nv), np.arange(nv)] += self.craft.dof_armature
+        return mass
 
-    def loaded(self, craft: Linear, bases: Sequence[int]) -> Linear:
-        """A linear model of the straight spacecraft under the load; `bases`: where the modes of
-        each appendage begin among its coordinates."""
+    def loaded(self, craft: Linear, bases: Sequence[int], band: float) -> Linear:
+        """A linear model of the straight spacecraft under the load.
+
+        `bases`: where the modes of each appendage begin among its coordinates; `band`: of interest
+        [rad/s].
+        """
         nv = self.craft.nv
         rows = [base + line.rows for base, line in zip(bases, self.lines, strict=True)]
         to = np.concatenate([np.arange(nv), *rows])
         every = np.arange(self._ends[-1])
         curvature = self._curvature(self.sag, every, every)
         curvature[:nv, :nv] += self.loading.pushed
-        mass = craft.mass.copy()
+        heavier = self._mass_matrix(self.sag) - self._mass_matrix(np.zeros_like(self.sag))
         stiffness = craft.stiffness.copy()
-        straight = np.zeros_like(self.sag)
-        mass[np.ix_(to, to)] += self._mass_matrix(self.sag) - self._mass_matrix(straight)
         stiffness[np.ix_(to, to)] += self.loading.in_own_axes(curvature)
+        # of what is slow enough to feel it: y = B^T M z of the modes B of the straight spacecraft
+        squares, modes = eigh(craft.stiffness, craft.mass)
+        for share in FEEL:
+            slow = modes[:, squares < (share * band) ** 2]
+            changed = slow[to].T @ heavier @ slow[to]
+            if np.linalg.eigvalsh(changed)[0] > -MOST:
+                break
+        to_slow = slow.T @ craft.mass
+        mass = craft.mass + to_slow.T @ changed @ to_slow
         return replace(craft, mass=mass, stiffness=stiffness)
